@@ -257,35 +257,3 @@ fn the_files_of_the_map_exist() {
     }
     assert!(80 < checked, "only {checked} files seen");
 }
-
-/// A reader who knows the field reads no private dialect. Derivations, the changelog and code in backticks are left out.
-#[test]
-fn the_pages_use_the_words_of_the_field() {
-    const FOREIGN: [&str; 12] = [
-        "sentry", // earlier word
-        "cry wolf",
-        "knock",         // earlier word
-        "seed paper",    // earlier word
-        "carried about", // earlier word
-        "foretold",
-        "is told",  // earlier word
-        "are told", // earlier word
-        "rival",    // earlier word
-        "wobble",   // earlier word
-        "spoils",
-        "sightings", // earlier word
-    ];
-    let mut checked = 0;
-    for path in book_support::pages() {
-        let name = path.strip_prefix(book_support::root()).unwrap().display().to_string();
-        if name.starts_with("docs/math/") || name == "CHANGELOG.md" {
-            continue;
-        }
-        let prose = book_support::prose(&std::fs::read_to_string(&path).unwrap()).to_lowercase();
-        for word in FOREIGN {
-            assert!(!prose.contains(word), "{name} says `{word}`");
-        }
-        checked += 1;
-    }
-    assert!(30 < checked, "only {checked} pages seen");
-}

@@ -85,7 +85,7 @@ fn every_key_is_listed_and_is_a_flag() {
 /// A session file of version 1 means what it meant.
 #[test]
 fn keys_of_version_1_are_read() {
-    let text = "unseen_after_s = 7.0\n"; // earlier word
+    let text = "unseen_after_s = 7.0\n";
     let path = session("session_of_version_1", text);
     let (status, printed, said) = watch(&[path.to_str().expect("a name"), "--print-session"]);
     assert_eq!(status, 0, "{said}");

@@ -80,7 +80,7 @@ pub(super) fn additions(version: i64) -> String {
 /// The state in `column` by its name of today: programs of version 1 wrote others.
 pub(super) fn state(column: &str) -> String {
     let earlier =
-        "WHEN 'unseen' THEN 'stale' WHEN 'settling' THEN 'checking' WHEN 'followed' THEN 'tracking'"; // earlier word
+        "WHEN 'unseen' THEN 'stale' WHEN 'settling' THEN 'checking' WHEN 'followed' THEN 'tracking'";
     format!("CASE {column} {earlier} ELSE {column} END")
 }
 
@@ -322,12 +322,9 @@ mod tests {
     fn states_of_version_1_are_read() {
         let connection = Connection::open_in_memory().expect("a database");
         let select = format!("SELECT {}", state("?1"));
-        for (was, is) in [
-            ("unseen", "stale"),      // earlier word
-            ("settling", "checking"), // earlier word
-            ("followed", "tracking"), // earlier word
-            ("drifted", "drifted"),
-        ] {
+        for (was, is) in
+            [("unseen", "stale"), ("settling", "checking"), ("followed", "tracking"), ("drifted", "drifted")]
+        {
             let read: String = connection.query_row(&select, [was], |row| row.get(0)).expect("a state");
             assert_eq!(read, is);
         }

@@ -124,7 +124,7 @@ mod tests {
             diurnal: Matrix6::identity() * 0.25,
         };
         let text = to_text(&Reference { a_from_b: Pose::identity(), noise }).expect("text");
-        let earlier = text.replace("diurnal_covariance", "daily_covariance"); // earlier word
+        let earlier = text.replace("diurnal_covariance", "daily_covariance");
         assert_ne!(text, earlier);
         let path = std::env::temp_dir().join(format!("earlier-reference-{}.toml", std::process::id()));
         std::fs::write(&path, earlier).expect("written");

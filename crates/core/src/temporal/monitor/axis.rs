@@ -1,8 +1,8 @@
 //! What one coordinate of a camera's small motion does while nothing happens, and the filter that predicts it.
 //!
 //! ```text
-//!   y = m + b + w + n      m  the reference's own error, constant     b  an error that lasts: variance σ_b², forgotten within τ_b
-//!                          w  the diurnal variation, σ_w                    n  noise of this reading
+//!   y = m + b + w + n      m  the reference's own error, constant     b  a correlated error: variance σ_b², forgotten within τ_b
+//!                          w  the diurnal variation, σ_w               n  noise of this reading
 //!   x = [m, b, w, w⊥]      F transition over Δ   Q what it adds       h = [1, 1, 1, 0]
 //!   ν innovation, S its variance, K gain
 //! ```

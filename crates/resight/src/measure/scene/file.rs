@@ -118,11 +118,11 @@ mod tests {
     #[test]
     fn keys_of_version_1_are_read() {
         let text = [
-            "clicks = \"points.csv\"", // earlier word
-            "[[mark]]",                // earlier word
+            "clicks = \"points.csv\"",
+            "[[mark]]",
             "name = \"A\"\nx_m = 1.0\ny_m = 2.0",
             "[[photo]]\nname = \"south\"\ncamera = \"camera.toml\"",
-            "clicks = [{ point = \"A\", u_px = 1.0, v_px = 2.0 }]", // earlier word
+            "clicks = [{ point = \"A\", u_px = 1.0, v_px = 2.0 }]",
         ];
         let scene: SceneFile = toml::from_str(&text.join("\n")).expect("a scene");
         assert_eq!(scene.image_points, Some(PathBuf::from("points.csv")));

@@ -159,7 +159,7 @@ pub(in crate::live) fn settings(
     config: &LiveConfig,
 ) -> BTreeMap<String, String> {
     // States of version 1 hold the hash of a text in which the diurnal variation had another name.
-    let as_before = |reference| hash(&format!("{reference:?}").replace("diurnal: ", "daily: ")); // earlier word
+    let as_before = |reference| hash(&format!("{reference:?}").replace("diurnal: ", "daily: "));
     let reference = watched.reference.as_ref().map(as_before);
     let own = [
         ("target", digest(watched.target.as_ref())),
@@ -243,11 +243,8 @@ fn hash(text: &str) -> String {
 }
 
 /// The names of settings in states of version 1, and those of today.
-const EARLIER: [[&str; 2]; 3] = [
-    ["unseen_after_s", "stale_after_s"], // earlier word
-    ["daily", "diurnal"],                // earlier word
-    ["picture", "image"],                // earlier word
-];
+const EARLIER: [[&str; 2]; 3] =
+    [["unseen_after_s", "stale_after_s"], ["daily", "diurnal"], ["picture", "image"]];
 
 fn with_names_of_today(settings: &BTreeMap<String, String>) -> BTreeMap<String, String> {
     let today =
@@ -292,12 +289,12 @@ mod tests {
         let settings = |names: [&str; 3]| -> BTreeMap<String, String> {
             names.map(|name| (name.to_string(), "5".to_string())).into_iter().collect()
         };
-        let was = settings(["unseen_after_s", "daily", "learn_readings"]); // earlier word
+        let was = settings(["unseen_after_s", "daily", "learn_readings"]);
         assert_eq!(changed(&was, &settings(["stale_after_s", "diurnal", "learn_readings"])), None);
         let words = changed(&was, &settings(["stale_after_s", "diurnal", "motion"])).expect("a change");
         assert!(words.contains("learn_readings was 5"), "{words}");
         let text =
-            r#"{"name": "gate", "last_s": 1.0, "last_unix_s": 2.0, "last_picture": "ab", "pairs": []}"#; // earlier word
+            r#"{"name": "gate", "last_s": 1.0, "last_unix_s": 2.0, "last_picture": "ab", "pairs": []}"#;
         let record: CameraRecord = serde_json::from_str(text).expect("a record");
         assert_eq!(record.last_image.as_deref(), Some("ab"));
     }
