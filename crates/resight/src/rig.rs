@@ -16,6 +16,7 @@ pub mod relative;
 mod request;
 mod robot_poses;
 pub mod synchronise;
+mod uncertain_lens;
 
 pub use detections::{DetectionRow, DetectionSource, Detections};
 pub use hand_eye::{HandEyeRequest, HandEyeViews, hand_eye};
