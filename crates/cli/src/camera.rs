@@ -23,7 +23,7 @@ pub struct CameraArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["hfov_deg", "focal_mm"])]
     camera: Option<String>,
     /// Without a camera file: horizontal field of view of the lens, in degrees.
-    #[arg(long, help_heading = "Camera without a file", value_name = "DEG", conflicts_with = "focal_mm", allow_negative_numbers = true, value_parser = positive)]
+    #[arg(long, value_name = "DEG", conflicts_with = "focal_mm", allow_negative_numbers = true, value_parser = positive)]
     hfov_deg: Option<f64>,
     /// Without a camera file: focal length of the lens, with --sensor-width-mm.
     #[arg(long, hide_short_help = true, help_heading = "Camera without a file", value_name = "MM", requires = "sensor_width_mm", allow_negative_numbers = true, value_parser = positive)]

@@ -105,12 +105,14 @@ impl<'a> ImageLocator<'a> {
     }
 
     fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> PoseAnswer {
-        let with = |intrinsics_covariance: Option<&[f64]>| {
-            let config = Config { method: self.options.method, intrinsics_covariance, ..Config::default() };
-            locate_target(detections, self.target, camera, &config)
-        };
         let intrinsics = self.options.intrinsics.as_ref();
-        let found = with(intrinsics.map(|known| known.covariance(camera)).as_deref());
+        let intrinsics_covariance = intrinsics.map(|known| known.covariance(camera));
+        let config = Config {
+            method: self.options.method,
+            intrinsics_covariance: intrinsics_covariance.as_deref(),
+            ..Config::default()
+        };
+        let found = locate_target(detections, self.target, camera, &config);
         let names: Vec<String> = found.features.iter().map(|f| feature_name(*f, self.target)).collect();
         let mut verdict = verdict::of_target(&found, |i| names.get(i).cloned().unwrap_or_default());
         let scaled_from_px = self.scaled_from_px(camera);
@@ -123,7 +125,7 @@ impl<'a> ImageLocator<'a> {
         let (points, estimate) = (found.seen, found.estimate.ok());
         let intrinsics_cost = intrinsics
             .zip(estimate.as_ref())
-            .and_then(|(known, estimate)| known.cost(estimate, camera, |c| with(c).estimate.ok()));
+            .and_then(|(known, estimate)| known.cost(estimate, &points, camera));
         PoseAnswer {
             verdict,
             observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
@@ -209,20 +211,18 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
-    let with = |intrinsics_covariance: Option<&[f64]>| {
-        let config = Config {
-            method: options.method,
-            intrinsics_covariance,
-            priors: &options.priors,
-            ..Config::default()
-        };
-        match options.robust_threshold_px {
-            None => locate(&seen, camera, &config).map(|e| (e, None)),
-            Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
-        }
-    };
     let intrinsics = options.intrinsics.as_ref();
-    let solved = with(intrinsics.map(|known| known.covariance(camera)).as_deref());
+    let covariance = intrinsics.map(|known| known.covariance(camera));
+    let config = Config {
+        method: options.method,
+        intrinsics_covariance: covariance.as_deref(),
+        priors: &options.priors,
+        ..Config::default()
+    };
+    let solved = match options.robust_threshold_px {
+        None => locate(&seen, camera, &config).map(|e| (e, None)),
+        Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
+    };
     let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
         Ok((e, agreement)) => {
             let label = |i: usize| format!("point {}", points[i].label());
@@ -230,9 +230,8 @@ pub fn locate_points(
         }
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
-    let intrinsics_cost = intrinsics
-        .zip(estimate.as_ref())
-        .and_then(|(known, estimate)| known.cost(estimate, camera, |c| Some(with(c).ok()?.0)));
+    let intrinsics_cost =
+        intrinsics.zip(estimate.as_ref()).and_then(|(known, estimate)| known.cost(estimate, &seen, camera));
     PoseAnswer {
         verdict,
         observability: estimate.as_ref().map(|e| Observability::of(e, &seen)),

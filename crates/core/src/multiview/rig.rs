@@ -260,6 +260,7 @@ pub struct TargetScale {
 /// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,
 /// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
+    uncertain_lens::check(config.intrinsics, problem.cameras)?;
     let layout = layout::Layout::new(problem, config)?;
     let located_views = sighted::poses_of_observations(&layout);
     let start = start::start(&layout, &located_views)?;

@@ -4,9 +4,9 @@ use crate::error::Error;
 use crate::formats::NamedCamera;
 use crate::report::words::position_sigma_m;
 use nalgebra::DMatrix;
-use resight_core::Camera;
-use resight_core::locate::PoseEstimate;
+use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::multiview::intrinsics_check::Group;
+use resight_core::{Camera, Correspondence};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -83,13 +83,22 @@ impl IntrinsicsCovariance {
         self.names.iter().enumerate().map(sigma).filter(|(_, sigma)| 0.0 < *sigma).collect()
     }
 
-    /// What the uncertain intrinsics cost a pose. `with` solves again with another covariance of the intrinsics, none for exact ones.
+    /// What the uncertain intrinsics cost a pose: that of the same points where it puts them, solved with other covariances of the
+    /// intrinsics. Without residuals nothing is widened because a lens explains too little.
     pub(super) fn cost(
         &self,
         estimate: &PoseEstimate,
+        seen: &[Correspondence],
         camera: &Camera,
-        with: impl Fn(Option<&[f64]>) -> Option<PoseEstimate>,
     ) -> Option<IntrinsicsCost> {
+        let ideal = |c: &Correspondence| {
+            let pixel = camera.project(&(estimate.cam_from_target * c.x_in_target))?;
+            Some(Correspondence { pixel, bearing: camera.bearing(&pixel).ok()?, ..*c })
+        };
+        let ideal: Vec<Correspondence> = seen.iter().filter_map(ideal).collect();
+        let with = |intrinsics_covariance: Option<&[f64]>| {
+            locate(&ideal, camera, &Config { intrinsics_covariance, ..Config::default() }).ok()
+        };
         let sigma_m = |e: &PoseEstimate| position_sigma_m(&e.cam_from_target, &e.covariance).norm();
         let alone = |group: Group| {
             let covariance = self.rows(camera, |name| Group::of(name) == group);
