@@ -114,6 +114,7 @@ pub fn run(args: &Calibrate) -> Result<Outcome> {
 pub struct CalibrateObject {
     #[serde(flatten)]
     calibration: CalibrationObject,
+    /// With --against.
     #[serde(skip_serializing_if = "Option::is_none")]
     drift: Option<ComparedObject>,
 }

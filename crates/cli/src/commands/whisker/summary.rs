@@ -101,10 +101,12 @@ pub fn status_of(row: RowStatus) -> Status {
 /// A record of readings as a whole; comes after its contacts.
 #[derive(Serialize, JsonSchema)]
 pub struct RecordObject {
+    /// Tells it from a contact.
     #[schemars(extend("const" = "record"))]
     kind: &'static str,
     /// Whether readings and whisker agree.
     status: Status,
+    /// With and without a contact.
     n_readings: usize,
     /// Readings by their status.
     statuses: BTreeMap<&'static str, usize>,

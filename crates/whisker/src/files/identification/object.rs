@@ -27,7 +27,8 @@ pub struct IdentificationObject {
     /// What of the object was touched.
     coverage: CoverageObject,
     /// χ² per degree of freedom of the best hypothesis.
-    chi2_per_dof: Option<f64>,
+    #[serde(rename = "chi2_per_dof")]
+    chi2_per_degree_of_freedom: Option<f64>,
     /// Whether the best hypothesis explains the contacts.
     fits: bool,
     /// Why nothing is decided; null with a class.
@@ -39,6 +40,7 @@ pub struct IdentificationObject {
 /// A parameter of the outline.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct ParameterObject {
+    /// In `unit`.
     value: f64,
     /// Standard deviation.
     sigma: Option<f64>,
@@ -52,13 +54,15 @@ struct ParameterObject {
 struct HypothesisObject {
     /// A class, `corner`, or `polygon_N` with N corners.
     model: String,
+    /// Of its outline.
     n_parameters: usize,
     /// Bayesian information criterion; lower is better.
     bic: Option<f64>,
     /// Sum of the squared distances to the outline in standard deviations, each bounded as an outlier's is.
     chi2: Option<f64>,
     /// The same over the contacts that are no outliers to it, by degree of freedom.
-    chi2_per_dof: Option<f64>,
+    #[serde(rename = "chi2_per_dof")]
+    chi2_per_degree_of_freedom: Option<f64>,
     /// Contacts that are outliers to it.
     n_outliers: usize,
 }
@@ -90,6 +94,7 @@ enum ReasonObject {
     TooFewContacts {
         /// Usable ones.
         seen: usize,
+        /// Usable ones that are needed.
         needed: usize,
     },
     /// Everything seen is one place that the whisker leaned on: a corner of anything, or a small disc.
@@ -103,6 +108,7 @@ enum ReasonObject {
     },
     /// Two hypotheses explain the contacts about equally well.
     TwoHypotheses {
+        /// The better hypothesis.
         best: String,
         /// The second one.
         #[serde(rename = "rival")]
@@ -114,6 +120,7 @@ enum ReasonObject {
     },
     /// The ratio of the axes, or of the sides, is not known well enough to call them equal or different.
     RatioOpen {
+        /// The better hypothesis.
         best: String,
         /// The ratio that is not excluded, or its inverse.
         ratio: f64,
@@ -132,7 +139,8 @@ enum ReasonObject {
     /// No hypothesis explains the contacts.
     NothingFits {
         /// Of the best.
-        chi2_per_dof: Option<f64>,
+        #[serde(rename = "chi2_per_dof")]
+        chi2_per_degree_of_freedom: Option<f64>,
         /// Share of the contacts that are outliers to it, 0 to 1.
         outlier_share: f64,
     },
@@ -162,7 +170,7 @@ impl From<&Identification> for IdentificationObject {
             covariance: rows(&answer.covariance),
             scores: answer.scores.iter().map(HypothesisObject::from).collect(),
             coverage: (&answer.coverage).into(),
-            chi2_per_dof: finite(answer.chi2_per_degree_of_freedom),
+            chi2_per_degree_of_freedom: finite(answer.chi2_per_degree_of_freedom),
             fits: answer.fits,
             reason: answer.reason.as_ref().map(ReasonObject::from),
             advice: answer.advice.clone(),
@@ -183,7 +191,7 @@ impl From<&Score> for HypothesisObject {
             n_parameters: score.n_parameters,
             bic: finite(score.bic),
             chi2: finite(score.chi2),
-            chi2_per_dof: finite(score.chi2_per_degree_of_freedom),
+            chi2_per_degree_of_freedom: finite(score.chi2_per_degree_of_freedom),
             n_outliers: score.n_outliers,
         }
     }
@@ -227,9 +235,10 @@ impl From<&Reason> for ReasonObject {
             Reason::SidesUnseen { seen_rad, needed_rad } => {
                 ReasonObject::SidesUnseen { seen_rad, needed_rad }
             }
-            Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share } => {
-                ReasonObject::NothingFits { chi2_per_dof: finite(chi2_per_degree_of_freedom), outlier_share }
-            }
+            Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share } => ReasonObject::NothingFits {
+                chi2_per_degree_of_freedom: finite(chi2_per_degree_of_freedom),
+                outlier_share,
+            },
         }
     }
 }
