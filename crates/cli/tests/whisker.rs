@@ -36,6 +36,7 @@ fn solved(hub: &str, flags: &[&str]) -> Vec<Value> {
     let whisker = shipped("whisker.json");
     let run = resight(&[&["whisker", "solve", "--whisker", &whisker, hub, "--json"], flags].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
+    assert!(run.stdout.lines().all(|line| line.starts_with(r#"{"schema":2,"#)), "{}", run.stdout);
     json_lines(&run)
 }
 
