@@ -1,7 +1,7 @@
 //! `whisker`: readings to contacts to objects, every spelling of a file, every kind of bad line, and a stream that answers at once.
 
 use crate::recorded::recorded;
-use crate::support::{any_json_lines, folder, resight};
+use crate::support::{answer, folder, json_lines, resight};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -36,7 +36,8 @@ fn solved(hub: &str, flags: &[&str]) -> Vec<Value> {
     let whisker = shipped("whisker.json");
     let run = resight(&[&["whisker", "solve", "--whisker", &whisker, hub, "--json"], flags].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
-    any_json_lines(&run)
+    assert!(run.stdout.lines().all(|line| line.starts_with(r#"{"schema":2,"#)), "{}", run.stdout);
+    json_lines(&run)
 }
 
 fn number(value: &Value) -> f64 {
@@ -51,7 +52,7 @@ fn score<'a>(checked: &'a Value, group: &str) -> &'a Value {
 fn checked(arguments: &[&str]) -> Value {
     let run = resight(&[&["whisker", "check", "--json"], arguments].concat());
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
-    any_json_lines(&run).remove(0)
+    json_lines(&run).remove(0)
 }
 
 #[test]
@@ -76,6 +77,10 @@ fn readings_become_contacts_become_the_object() {
     assert!((1.4..2.6).contains(&number(&firm["nees"])), "{firm}");
     assert!(0.98 <= number(&firm["mode_right"]), "{firm}");
     assert_eq!(scores["n_false"], 0);
+    // Before the touch there is nothing to score: null, which the schema allows.
+    let free: String = text(shipped("truth.csv")).lines().take(3).map(|line| format!("{line}\n")).collect();
+    let untouched = checked(&[&contacts, &write(&folder, "free.csv", &free)]);
+    assert!(score(&untouched, "all")["rms_m"].is_null(), "{untouched}");
 
     let run = resight(&["whisker", "identify", &contacts, "-o", &object]);
     assert_eq!(run.code, 0, "{}{}", run.stdout, run.stderr);
@@ -98,6 +103,23 @@ fn sweep_mode_knows_the_place_along_the_whisker() {
     let record = rows.last().unwrap();
     let error = (number(&record["mu"]) - 0.2).abs();
     assert!(error < 5.0 * number(&record["mu_sigma"]), "{record}");
+}
+
+/// Whoever reads an answer finds each key's meaning in the schema: numbers with their unit, words with all there are.
+#[test]
+fn the_schema_describes_every_key_of_a_contact() {
+    let schema: Value = serde_json::from_str(&resight(&["schema"]).stdout).unwrap();
+    let reference = schema["answers"]["whisker_contact"]["$ref"].as_str().unwrap();
+    let contact = schema.pointer(reference.trim_start_matches('#')).unwrap();
+    assert!(contact["description"].as_str().unwrap().starts_with("The contact of one reading"), "{contact}");
+    let keys = contact["properties"].as_object().unwrap();
+    let rows = solved(&shipped("hub.csv"), &[]);
+    for key in rows[0].as_object().unwrap().keys().filter(|key| *key != "schema") {
+        assert!(keys[key]["description"].is_string(), "{key}");
+    }
+    for (key, word) in [("status", "beyond_tip"), ("mode", "mid"), ("side", "left"), ("event", "slip_off")] {
+        assert!(keys[key]["enum"].as_array().unwrap().contains(&word.into()), "{key}: {}", keys[key]);
+    }
 }
 
 /// Simulated again without noise, the raw contacts are where the simulator has them.
@@ -209,7 +231,7 @@ fn numbers_of_the_contacts_file_are_read_back_whole() {
     assert_eq!(a, b);
     let columns: Vec<String> = text(&csv).lines().next().unwrap().split(',').map(str::to_string).collect();
     for (row, line) in text(&csv).lines().skip(1).zip(text(&lines).lines()) {
-        let object: Value = serde_json::from_str(line).unwrap();
+        let object = answer(line);
         for (name, cell) in columns.iter().zip(row.split(',')) {
             if let Some(number) = object[name].as_f64() {
                 assert_eq!(cell.parse::<f64>().unwrap(), number, "{name}");
@@ -229,7 +251,7 @@ fn a_reading_with_an_empty_cell_keeps_its_row() {
     let hub = write(&folder, "hub.csv", &lines.join("\n"));
     let run = resight(&["whisker", "solve", "--whisker", &shipped("whisker.json"), &hub, "--json"]);
     assert_eq!(run.code, 1, "{}", run.stderr);
-    let rows = any_json_lines(&run);
+    let rows = json_lines(&run);
     assert_eq!(rows.len(), lines.len()); // A header less, a record more.
     for row in &rows[40..42] {
         assert_eq!((&row["status"], &row["contact"]), (&Value::from("missing"), &Value::from(0)));
@@ -305,7 +327,7 @@ fn a_flat_profile_is_the_uniform_whisker() {
     let run = resight(&["whisker", "solve", "--whisker", &profile, &hub, "--mode", "raw", "--json"]);
     let wanted =
         [solved(&hub, &["--mode", "raw"]), solved(&hub, &["--mode", "raw", "--method", "integrate"])];
-    let rows = any_json_lines(&run);
+    let rows = json_lines(&run);
     for (i, row) in rows.iter().enumerate().filter(|(_, row)| row["contact"] == 1 && row["status"] == "ok") {
         for wanted in &wanted {
             assert!((number(&row["x"]) - number(&wanted[i]["x"])).abs() < 1e-9, "{row}");
@@ -368,7 +390,7 @@ fn a_stream_answers_each_line_before_the_next() {
 #[test]
 fn a_bad_line_of_a_stream_is_answered_and_the_stream_goes_on() {
     let mut stream = Stream::start(&["--json"]);
-    let object = |answer: String| -> Value { serde_json::from_str(&answer).unwrap() };
+    let object = |line: String| answer(&line);
     let good = r#"{"sweep":3,"sample":7,"hub_angle[deg]":90,"hub_x":0,"hub_y":0,"fx":-0.02,"fy":0.15,"mz[N mm]":15}"#;
     assert_eq!(object(stream.ask(good))["status"], "ok");
     for bad in ["no JSON", &good.replace("0.15", "\"x\"")] {
@@ -450,7 +472,7 @@ fn slip_off_is_foreseen() {
         last = stream.ask(line);
     }
     assert_eq!(stream.end(), 0);
-    let steps = number(&serde_json::from_str::<Value>(&last).unwrap()["steps_to_slip_off"]);
+    let steps = number(&answer(&last)["steps_to_slip_off"]);
     // The same contacts but for a friction angle of fewer readings.
     assert!((steps - number(&ahead["steps"])).abs() < 1.0, "{steps} {ahead}");
 
@@ -564,7 +586,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
 
     let steady = calibrate(&another_record(&folder, "steady.csv", |_, _| ()), &against);
     assert_eq!(steady.code, 0, "{}{}", steady.stdout, steady.stderr);
-    let drift = &any_json_lines(&steady)[0]["drift"];
+    let drift = &json_lines(&steady)[0]["drift"];
     assert_eq!(
         (&drift["has_drifted"], drift["watch"].as_array().unwrap().len()),
         (&false.into(), 3),
@@ -578,7 +600,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
     });
     let moved = calibrate(&gain, &against);
     assert_eq!(moved.code, 3, "{}{}", moved.stdout, moved.stderr);
-    let change = &any_json_lines(&moved)[0]["drift"]["changes"][0];
+    let change = &json_lines(&moved)[0]["drift"]["changes"][0];
     assert_eq!(change["parameter"], "ln_torque_gain");
     let (by, sigma) = (number(&change["change"]), number(&change["sigma"]));
     assert!((by + 1.01_f64.ln()).abs() < 4.0 * sigma, "{change}"); // Torque over reading has fallen.
@@ -597,7 +619,7 @@ fn what_moved_since_an_earlier_calibration_is_reported() {
     });
     let watched = calibrate(&zero, &against);
     assert_eq!(watched.code, 3, "{}", watched.stderr);
-    let windows = any_json_lines(&watched).remove(0)["drift"]["watch"].clone();
+    let windows = json_lines(&watched).remove(0)["drift"]["watch"].clone();
     let verdicts: Vec<&str> =
         windows.as_array().unwrap().iter().map(|w| w["verdict"].as_str().unwrap()).collect();
     assert_eq!(verdicts[..2], ["steady", "drifted"], "{windows}");
@@ -689,7 +711,7 @@ fn six_axes_give_contacts_in_space() {
     let mut lines = six.lines();
     stream.say(lines.next().unwrap());
     for (line, wanted) in lines.zip(&rows).take(60) {
-        assert_eq!(&serde_json::from_str::<Value>(&stream.ask(line)).unwrap(), wanted);
+        assert_eq!(&answer(&stream.ask(line)), wanted);
     }
     assert_eq!(stream.end(), 0);
 }
@@ -712,7 +734,7 @@ fn six_axes_refuse_what_has_no_plane() {
     {
         let run = resight(&["whisker", "solve", "--whisker", meta, hub, "--json"]);
         assert_eq!(run.code, 1, "{}", run.stderr);
-        let rows = any_json_lines(&run);
+        let rows = json_lines(&run);
         let touching: Vec<&Value> = rows.iter().filter(|row| row["contact"] == 1).collect();
         assert!(150 < touching.len() && touching.iter().all(|row| row["status"] != "ok"));
         let reported = touching.iter().filter(|row| row["status"] == "inconsistent");
@@ -798,7 +820,7 @@ fn one_corner_is_no_object() {
     let few: Vec<String> = text(&contacts).lines().take(60).map(str::to_string).collect();
     let run = resight(&["whisker", "identify", &write(&folder, "few.csv", &few.join("\n")), "--json"]);
     assert_eq!(run.code, 1, "{}", run.stdout);
-    let answer = &any_json_lines(&run)[0];
+    let answer = &json_lines(&run)[0];
     assert_eq!(answer["verdict"], "insufficient_coverage");
     assert!(
         answer["reason"]["kind"].is_string() && !answer["advice"].as_str().unwrap().is_empty(),

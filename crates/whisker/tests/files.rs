@@ -5,9 +5,10 @@ use nalgebra::{Matrix3, Vector2};
 use resight_whisker::calibrate::{Calibration, Covariance, Gravity, Parameter, Values};
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::events::{Change, Label};
-use resight_whisker::files::contacts::{self, ContactRow, Figures, RowStatus, Side, Spatial};
+use resight_whisker::files::contacts::{self, ContactObject, ContactRow, Figures, RowStatus, Side, Spatial};
 use resight_whisker::files::hub::{Conventions, read_hub, write_hub};
 use resight_whisker::files::node::Node;
+use resight_whisker::files::object::OutlineObject;
 use resight_whisker::files::{calibration, object, whisker};
 use resight_whisker::rod::{IntrinsicCurvature, Stiffness};
 use resight_whisker::{HubLoad, PlanarPose, Rod, Sample, Shape};
@@ -92,10 +93,14 @@ fn contact(theta_is_known: bool) -> ContactRow {
     }
 }
 
+fn json(object: &impl serde::Serialize) -> String {
+    serde_json::to_string(object).expect("JSON")
+}
+
 #[test]
 fn contacts_are_written_and_read_back_whole() {
     let rows = [contact(true), ContactRow::missing(0, 1, Some(0.5), &["mz".to_string()])];
-    let lines: String = rows.iter().map(|row| format!("{}\n", contacts::to_json(row))).collect();
+    let lines: String = rows.iter().map(|row| json(&ContactObject::from(row)) + "\n").collect();
     for text in [contacts::write_csv(&rows), lines] {
         assert!(contacts::is_contacts(&text));
         assert_eq!(contacts::read(&text).expect("rows"), rows, "{text}");
@@ -121,7 +126,7 @@ fn objects_are_written_and_read_back() {
         Shape::Polygon { corners_m: vec![at, at + Vector2::x(), at + Vector2::y()] },
     ];
     for shape in shapes {
-        let read = object::read(&object::to_json(&shape).to_string()).expect("an object").shape;
+        let read = object::read(&json(&OutlineObject::from(&shape))).expect("an object").shape;
         for direction in [0.0_f64, 1.0, 2.5, 4.0] {
             let n = Vector2::new(direction.cos(), direction.sin());
             // Degrees and back cost an ulp.
@@ -146,8 +151,7 @@ fn a_calibration_is_written_and_read_back_whole() {
         calibration.covariance.row_mut(parameter.index()).fill(0.0);
         calibration.covariance.column_mut(parameter.index()).fill(0.0);
     }
-    let section = calibration::section(&calibration, &held);
-    let text = section.to_string();
+    let text = json(&calibration::section(&calibration, &held));
     let value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!(calibration::read(&Node::root(&value), &rod).expect("a calibration"), calibration);
 }

@@ -1,25 +1,31 @@
 //! `schema`: what the JSON of every answer looks like.
 
-use super::{demo, history};
+use super::{demo, history, whisker};
 use crate::output::{Outcome, print};
 use anyhow::Result;
 use clap::Args;
 use resight::answer::{Generate, json_schema};
 use resight_watch::outputs::history::StoredObject;
 use resight_watch::outputs::said::object::EventObject;
+use resight_whisker::files::contacts::ContactObject;
+use resight_whisker::files::identification::IdentificationObject;
 use schemars::SchemaGenerator;
 
 /// Answers of the crates above the library's.
-const FURTHER: [(&str, Generate); 5] = [
+const FURTHER: [(&str, Generate); 10] = [
     ("event", SchemaGenerator::subschema_for::<EventObject>),
     ("stored", SchemaGenerator::subschema_for::<StoredObject>),
     ("history", SchemaGenerator::subschema_for::<history::HistoryObject>),
     ("history_export", SchemaGenerator::subschema_for::<history::ExportedObject>),
     ("demo_pair", SchemaGenerator::subschema_for::<demo::Pair>),
+    ("whisker_contact", SchemaGenerator::subschema_for::<whisker::Answer<ContactObject>>),
+    ("whisker_record", SchemaGenerator::subschema_for::<whisker::Answer<whisker::RecordObject>>),
+    ("whisker_identification", SchemaGenerator::subschema_for::<whisker::Answer<IdentificationObject>>),
+    ("whisker_calibration", SchemaGenerator::subschema_for::<whisker::Answer<whisker::CalibrateObject>>),
+    ("whisker_check", SchemaGenerator::subschema_for::<whisker::Answer<whisker::CheckObject>>),
 ];
 
-/// Prints the JSON schema of every answer, generated from the types that write them (JSON Schema 2020-12); the whisker's answers are not in
-/// it.
+/// Prints the JSON schema of every answer, generated from the types that write them (JSON Schema 2020-12).
 ///
 /// Every JSON object has the key "schema" with the number 2. Under one number keys may be added, but none is renamed or given another
 /// meaning. The schema of one job's answer is at "#/answers/JOB", for example "#/answers/pose".

@@ -1,5 +1,6 @@
 //! `whisker`: object profiles by touch, one file per job.
 
+mod answer;
 mod calibrate;
 mod check;
 mod drift;
@@ -13,6 +14,11 @@ mod simulate;
 mod solve;
 mod stream;
 mod summary;
+
+pub use answer::Answer;
+pub use calibrate::CalibrateObject;
+pub use check::CheckObject;
+pub use summary::RecordObject;
 
 use crate::output::Outcome;
 use anyhow::Result;

@@ -39,21 +39,21 @@ pub fn resight(arguments: &[&str]) -> Run {
     }
 }
 
-/// Every line of stdout as JSON, whatever it holds: the whisker's answers have no schema.
-pub fn any_json_lines(run: &Run) -> Vec<serde_json::Value> {
-    run.stdout.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-}
-
 /// Every line of stdout as JSON, each an answer of the schema that `resight schema` prints.
 pub fn json_lines(run: &Run) -> Vec<serde_json::Value> {
-    let lines = any_json_lines(run);
-    lines.iter().for_each(follows_schema);
-    lines
+    run.stdout.lines().map(answer).collect()
+}
+
+/// An answer, which follows the schema.
+pub fn answer(line: &str) -> serde_json::Value {
+    let object = serde_json::from_str(line).unwrap();
+    follows_schema(&object);
+    object
 }
 
 /// Fails where an object has another number than that of the schema, lacks a key that the schema demands, or has one that it does not
 /// name.
-pub fn follows_schema(object: &serde_json::Value) {
+fn follows_schema(object: &serde_json::Value) {
     static SCHEMA: OnceLock<jsonschema::Validator> = OnceLock::new();
     let validator = SCHEMA.get_or_init(|| {
         let mut schema: serde_json::Value = serde_json::from_str(&resight(&["schema"]).stdout).unwrap();

@@ -1,7 +1,9 @@
 //! contacts.csv: one row for every reading, in its order, SI units, world frame; unknown cells are empty.
 
+mod object;
 mod read;
 
+pub use object::ContactObject;
 pub use read::read;
 
 use super::line::{self, Cells, Layout};
@@ -9,7 +11,8 @@ use crate::estimate::{ContactEstimate, Mode, Status};
 use crate::events::{Change, Label};
 use crate::{Rod, Sample};
 use nalgebra::{Matrix3, Vector2};
-use serde_json::{Map, Value, json};
+use object::COLUMNS;
+use serde_json::{Value, json};
 
 /// What is said of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,11 +45,17 @@ const FEATURES: [(Label, &str); 4] = [
 ];
 const EVENTS: [(Change, &str); 3] =
     [(Change::Touch, "touch"), (Change::Release, "release"), (Change::SlipOff, "slip_off")];
+const SIDES: [(Side, &str); 2] = [(Side::Left, "left"), (Side::Right, "right")];
+
+/// The file's word for a value; none where it has none.
+fn word<T: PartialEq>(table: &[(T, &'static str)], value: &T) -> Option<&'static str> {
+    table.iter().find(|(known, _)| known == value).map(|(_, word)| *word)
+}
 
 impl RowStatus {
     /// The file's word.
     pub fn name(self) -> &'static str {
-        STATUSES.iter().find(|(known, _)| *known == self).map_or("error", |(_, name)| name)
+        word(&STATUSES, &self).unwrap_or("error")
     }
 
     /// Every word there is, in the order in which they are counted.
@@ -62,7 +71,7 @@ impl RowStatus {
 
 /// The file's word for a mode.
 pub fn mode_name(mode: Mode) -> &'static str {
-    MODES.iter().find(|(known, _)| *known == mode).map_or("free", |(_, name)| name)
+    word(&MODES, &mode).unwrap_or("free")
 }
 
 /// On which side of the whisker, looking from clamp to tip, the object lies.
@@ -239,108 +248,15 @@ fn figures(rod: &Rod, contact: &crate::estimate::Contact) -> Figures {
     }
 }
 
-const COLUMNS: [&str; 39] = [
-    "sweep",
-    "sample",
-    "t",
-    "contact",
-    "x",
-    "y",
-    "s",
-    "theta",
-    "f_normal",
-    "f_tangent",
-    "friction_angle",
-    "k2",
-    "mode",
-    "mode_probability",
-    "cov_xx",
-    "cov_xy",
-    "cov_yy",
-    "cov_xtheta",
-    "cov_ytheta",
-    "cov_thetatheta",
-    "branch",
-    "status",
-    "side",
-    "s_sigma",
-    "friction_angle_sigma",
-    "radius",
-    "other_s",
-    "feature",
-    "event",
-    "steps_to_slip_off",
-    "steps_to_slip_off_sigma",
-    "z",
-    "cov_xz",
-    "cov_yz",
-    "cov_zz",
-    "roll",
-    "roll_sigma",
-    "plane_p",
-    "note",
-];
-
 /// The header line of a contacts file, without its end.
 pub fn header() -> String {
     COLUMNS.join(",")
 }
 
-/// A row as JSON: the same keys, null where a cell is empty.
-pub fn to_json(row: &ContactRow) -> Value {
-    let f = row.figures.as_ref();
-    let number = |n: u32| (row.status != RowStatus::Error).then_some(n); // A line that cannot be read has none.
-    let spatial = row.spatial.as_ref();
-    let with_z = |i: usize| spatial.and_then(|s| s.covariance_z).map(|covariance| covariance[i]);
-    let of = |value: fn(&Figures) -> f64| f.map(value).filter(|x| x.is_finite());
-    let values: [Value; 39] = [
-        json!(number(row.sweep)),
-        json!(number(row.sample)),
-        json!(row.t_s),
-        json!(u8::from(row.status.is_touching())),
-        json!(of(|f| f.x_in_world.x)),
-        json!(of(|f| f.x_in_world.y)),
-        json!(of(|f| f.s_m)),
-        json!(of(|f| f.theta_rad)),
-        json!(of(|f| f.f_normal_n)),
-        json!(of(|f| f.f_tangent_n)),
-        json!(of(|f| f.friction_angle_rad)),
-        json!(of(|f| f.k2)),
-        json!(mode_name(row.mode)),
-        json!(row.mode_probability),
-        json!(of(|f| f.covariance[(0, 0)])),
-        json!(of(|f| f.covariance[(0, 1)])),
-        json!(of(|f| f.covariance[(1, 1)])),
-        json!(of(|f| f.covariance[(0, 2)])),
-        json!(of(|f| f.covariance[(1, 2)])),
-        json!(of(|f| f.covariance[(2, 2)])),
-        json!(row.branch),
-        json!(row.status.name()),
-        json!(row.side.map(Side::name)),
-        json!(f.and_then(|f| f.s_sigma_m)),
-        json!(f.and_then(|f| f.friction_angle_sigma_rad)),
-        json!(of(|f| f.radius_m)),
-        json!(row.other_s_m),
-        json!(row.feature.and_then(|f| FEATURES.iter().find(|(known, _)| *known == f)).map(|(_, name)| name)),
-        json!(EVENTS.iter().find(|(known, _)| *known == row.event).map(|(_, name)| name)),
-        json!(row.steps_to_slip_off.map(|[steps, _]| steps)),
-        json!(row.steps_to_slip_off.map(|[_, sigma]| sigma)),
-        json!(spatial.and_then(|s| s.z_m)),
-        json!(with_z(0)),
-        json!(with_z(1)),
-        json!(with_z(2)),
-        json!(spatial.map(|s| s.roll_rad)),
-        json!(spatial.map(|s| s.roll_sigma_rad)),
-        json!(spatial.map(|s| s.plane_p)),
-        json!(row.note),
-    ];
-    Value::Object(COLUMNS.iter().map(|name| name.to_string()).zip(values).collect::<Map<_, _>>())
-}
-
 /// A row as a line of CSV, without its end. Numbers read back are the same numbers.
 pub fn to_csv(row: &ContactRow) -> String {
-    let json = to_json(row);
-    COLUMNS.map(|name| cell(&json[name])).join(",")
+    let json = json!(ContactObject::from(row));
+    COLUMNS.iter().map(|name| cell(&json[*name])).collect::<Vec<_>>().join(",")
 }
 
 fn cell(value: &Value) -> String {

@@ -1,10 +1,15 @@
 //! object.json: what was touched, as `identify` says it; `read` of `object` takes it back.
 
+mod object;
+
+pub use object::IdentificationObject;
+
 use super::contacts::{ContactRow, RowStatus};
 use crate::estimate::Status;
-use crate::identify::{Class, Coverage, Identification, Model, Reason, Score, Touch, Verdict};
-use nalgebra::{DMatrix, Vector2};
-use serde_json::{Map, Value, json};
+use crate::identify::{Class, Model, Reason, Touch, Verdict};
+use nalgebra::Vector2;
+
+const CLASSES: [Class; 5] = [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon];
 
 /// The word for a class.
 pub fn class_name(class: Class) -> &'static str {
@@ -19,9 +24,8 @@ pub fn class_name(class: Class) -> &'static str {
 
 /// The class of a word; `rect` is short for rectangle.
 pub fn parse_class(word: &str) -> Option<Class> {
-    let all = [Class::Circle, Class::Ellipse, Class::Square, Class::Rectangle, Class::Polygon];
     let word = if word == "rect" { "rectangle" } else { word };
-    all.into_iter().find(|class| class_name(*class) == word)
+    CLASSES.into_iter().find(|class| class_name(*class) == word)
 }
 
 /// The word for a hypothesis.
@@ -63,79 +67,6 @@ pub fn touch(row: &ContactRow) -> Option<Touch> {
         covariance,
         status: if covariance.iter().all(|x| x.is_finite()) { status } else { Status::LowForce },
     })
-}
-
-/// The whole answer.
-pub fn to_json(answer: &Identification) -> Value {
-    let parameter = |p: &crate::identify::Parameter| {
-        (p.name.clone(), json!({"value": p.value, "sigma": finite(p.sigma), "unit": p.unit}))
-    };
-    json!({
-        "verdict": verdict_name(answer.verdict),
-        "object": answer.shape.as_ref().map(super::object::to_json),
-        "parameters": Value::Object(answer.parameters.iter().map(parameter).collect::<Map<_, _>>()),
-        "parameter_order": answer.parameters.iter().map(|p| p.name.clone()).collect::<Vec<_>>(),
-        "covariance": matrix(&answer.covariance),
-        "scores": answer.scores.iter().map(score).collect::<Vec<_>>(),
-        "coverage": coverage(&answer.coverage),
-        "chi2_per_dof": finite(answer.chi2_per_degree_of_freedom),
-        "fits": answer.fits,
-        "reason": answer.reason.as_ref().map(reason),
-        "advice": answer.advice,
-    })
-}
-
-/// JSON has no word for infinity.
-fn finite(x: f64) -> Option<f64> {
-    Some(x).filter(|x| x.is_finite())
-}
-
-/// Row by row.
-fn matrix(m: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    m.row_iter().map(|row| row.iter().copied().collect()).collect()
-}
-
-fn score(score: &Score) -> Value {
-    json!({
-        "model": model_name(score.model), "n_parameters": score.n_parameters, "bic": finite(score.bic),
-        "chi2": finite(score.chi2), "chi2_per_dof": finite(score.chi2_per_degree_of_freedom), "n_outliers": score.n_outliers,
-    })
-}
-
-fn coverage(coverage: &Coverage) -> Value {
-    let corners: Vec<[f64; 2]> = coverage.corners_seen.iter().map(|c| [c.x, c.y]).collect();
-    json!({
-        "normals_range_rad": coverage.normals_range_rad, "gaps_rad": coverage.gaps_rad, "corners_seen_m": corners,
-        "faces_seen": coverage.faces_seen, "tip_contacts": coverage.tip_contacts, "used": coverage.used,
-        "gated": coverage.gated,
-    })
-}
-
-fn reason(reason: &Reason) -> Value {
-    match reason {
-        Reason::TooFewContacts { seen, needed } => {
-            json!({"kind": "too_few_contacts", "seen": seen, "needed": needed})
-        }
-        Reason::OneCorner { corner_in_world, covariance, radius_bound_m } => json!({
-            "kind": "one_corner", "corner_m": [corner_in_world.x, corner_in_world.y],
-            "covariance_m2": [[covariance[(0, 0)], covariance[(0, 1)]], [covariance[(1, 0)], covariance[(1, 1)]]],
-            "radius_bound_m": finite(*radius_bound_m),
-        }),
-        Reason::TwoHypotheses { best, alternative, delta_bic, needed } => json!({
-            "kind": "two_hypotheses", "best": model_name(*best), "rival": model_name(*alternative),
-            "delta_bic": finite(*delta_bic), "needed": needed,
-        }),
-        Reason::RatioOpen { best, ratio, delta_chi2, needed } => json!({
-            "kind": "ratio_open", "best": model_name(*best), "ratio": ratio, "delta_chi2": finite(*delta_chi2),
-            "needed": needed,
-        }),
-        Reason::SidesUnseen { seen_rad, needed_rad } => {
-            json!({"kind": "sides_unseen", "seen_rad": seen_rad, "needed_rad": needed_rad})
-        }
-        Reason::NothingFits { chi2_per_degree_of_freedom, outlier_share } => json!({
-            "kind": "nothing_fits", "chi2_per_dof": finite(*chi2_per_degree_of_freedom), "outlier_share": outlier_share,
-        }),
-    }
 }
 
 /// Why nothing is decided, as a sentence.

@@ -5,7 +5,9 @@ use super::node::Node;
 use crate::simulate::Motion;
 use crate::{PlanarPose, Shape};
 use nalgebra::Vector2;
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 
 /// An object and how rough it is.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,24 +86,75 @@ fn angle(node: &Node) -> Result<Option<f64>, String> {
     }
 }
 
-/// A shape as `read` takes it.
-pub fn to_json(shape: &Shape) -> Value {
-    let pair = |v: &Vector2<f64>| json!([v.x, v.y]);
-    match shape {
-        Shape::Circle { centre_m, radius_m } => {
-            json!({"type": "circle", "centre": pair(centre_m), "radius": radius_m})
-        }
-        Shape::Ellipse { centre_m, semi_axes_m, angle_rad } => {
-            json!({"type": "ellipse", "centre": pair(centre_m), "semi_axes": semi_axes_m, "angle_deg": angle_rad.to_degrees()})
-        }
-        Shape::Rectangle { centre_m, sides_m: [a, b], angle_rad } if a == b => {
-            json!({"type": "square", "centre": pair(centre_m), "side": a, "angle_deg": angle_rad.to_degrees()})
-        }
-        Shape::Rectangle { centre_m, sides_m, angle_rad } => {
-            json!({"type": "rectangle", "centre": pair(centre_m), "sides": sides_m, "angle_deg": angle_rad.to_degrees()})
-        }
-        Shape::Polygon { corners_m } => {
-            json!({"type": "polygon", "corners": corners_m.iter().map(pair).collect::<Vec<_>>()})
+/// The outline of an object in the world, as an object file states it.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum OutlineObject {
+    /// A disc.
+    Circle {
+        /// x and y, metres.
+        centre: [f64; 2],
+        /// Metres.
+        radius: f64,
+    },
+    /// An ellipse that is no circle.
+    Ellipse {
+        /// x and y, metres.
+        centre: [f64; 2],
+        /// The larger first, metres.
+        semi_axes: [f64; 2],
+        /// Direction of the larger semi-axis, counter-clockwise from the world's x axis, degrees.
+        angle_deg: f64,
+    },
+    /// A rectangle of equal sides.
+    Square {
+        /// x and y, metres.
+        centre: [f64; 2],
+        /// Metres.
+        side: f64,
+        /// Direction of a side, counter-clockwise from the world's x axis, degrees.
+        angle_deg: f64,
+    },
+    /// A rectangle that is no square.
+    Rectangle {
+        /// x and y, metres.
+        centre: [f64; 2],
+        /// Metres.
+        sides: [f64; 2],
+        /// Direction of the first side, counter-clockwise from the world's x axis, degrees.
+        angle_deg: f64,
+    },
+    /// A convex polygon.
+    Polygon {
+        /// x and y, metres, counter-clockwise.
+        corners: Vec<[f64; 2]>,
+    },
+}
+
+impl From<&Shape> for OutlineObject {
+    fn from(shape: &Shape) -> Self {
+        match shape {
+            Shape::Circle { centre_m, radius_m } => {
+                OutlineObject::Circle { centre: (*centre_m).into(), radius: *radius_m }
+            }
+            Shape::Ellipse { centre_m, semi_axes_m, angle_rad } => OutlineObject::Ellipse {
+                centre: (*centre_m).into(),
+                semi_axes: *semi_axes_m,
+                angle_deg: angle_rad.to_degrees(),
+            },
+            Shape::Rectangle { centre_m, sides_m: [a, b], angle_rad } if a == b => OutlineObject::Square {
+                centre: (*centre_m).into(),
+                side: *a,
+                angle_deg: angle_rad.to_degrees(),
+            },
+            Shape::Rectangle { centre_m, sides_m, angle_rad } => OutlineObject::Rectangle {
+                centre: (*centre_m).into(),
+                sides: *sides_m,
+                angle_deg: angle_rad.to_degrees(),
+            },
+            Shape::Polygon { corners_m } => {
+                OutlineObject::Polygon { corners: corners_m.iter().map(|corner| (*corner).into()).collect() }
+            }
         }
     }
 }

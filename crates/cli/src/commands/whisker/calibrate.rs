@@ -1,6 +1,7 @@
 //! `whisker calibrate`: stiffness, zeros, gains, angles and offsets from sweeps.
 
-use super::drift::{self, AgainstArgs, Compared};
+use super::answer;
+use super::drift::{self, AgainstArgs, Compared, ComparedObject};
 use super::input::{self, WhiskerArgs};
 use super::record::{MethodArg, parse_mu};
 use crate::output::{Outcome, print};
@@ -10,8 +11,12 @@ use resight::formats::write_atomically;
 use resight::report::verdict::Status;
 use resight_whisker::Sample;
 use resight_whisker::calibrate::{Calibrated, Gravity, Object, Options, Parameter, calibrate};
-use resight_whisker::files::{WhiskerFile, calibration, object};
+use resight_whisker::files::WhiskerFile;
+use resight_whisker::files::calibration::CalibrationObject;
+use resight_whisker::files::object::OutlineObject;
 use resight_whisker::friction::Mu;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Stiffness, load-cell zeros and gains, hub angle and offset, friction: from sweeps over an object that may be known.
@@ -93,7 +98,7 @@ pub fn run(args: &Calibrate) -> Result<Outcome> {
     let compared =
         reference.map(|reference| reference.compare(&calibrated, &file.cell, &samples)).transpose()?;
     match args.json {
-        true => print(&format!("{}\n", json(&calibrated, compared.as_ref())))?,
+        true => print(&answer::line(CalibrateObject::new(&calibrated, compared.as_ref()))?)?,
         false => print(&words(args, &file, &calibrated, n_missing, compared.as_ref()))?,
     }
     if compared.is_some_and(|compared| compared.has_drifted()) {
@@ -104,12 +109,20 @@ pub fn run(args: &Calibrate) -> Result<Outcome> {
     Ok(Outcome::of([fit, readings]))
 }
 
-fn json(calibrated: &Calibrated, compared: Option<&Compared>) -> serde_json::Value {
-    let mut object = calibration::to_json(calibrated);
-    if let Some(compared) = compared {
-        object["drift"] = compared.json();
+/// The calibration and, with --against, what has moved since an earlier one.
+#[derive(Serialize, JsonSchema)]
+pub struct CalibrateObject {
+    #[serde(flatten)]
+    calibration: CalibrationObject,
+    /// With --against.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drift: Option<ComparedObject>,
+}
+
+impl CalibrateObject {
+    fn new(calibrated: &Calibrated, compared: Option<&Compared>) -> Self {
+        CalibrateObject { calibration: calibrated.into(), drift: compared.map(ComparedObject::from) }
     }
-    object
 }
 
 impl Calibrate {
@@ -161,7 +174,7 @@ const WEIGHT_SIGMA_N: f64 = 0.05;
 /// The whisker file as it came, with this calibration in place of an older one.
 fn document(file: &WhiskerFile, calibrated: &Calibrated) -> serde_json::Value {
     let mut document = file.document.clone();
-    document["calibration"] = calibration::to_json(calibrated);
+    document["calibration"] = serde_json::json!(CalibrationObject::from(calibrated));
     document
 }
 
@@ -207,7 +220,7 @@ fn words(
         );
     }
     if let Some(shape) = &calibrated.object {
-        line("object", &object::to_json(shape).to_string());
+        line("object", &serde_json::json!(OutlineObject::from(shape)).to_string());
     }
     for (label, text) in compared.map(Compared::words).unwrap_or_default() {
         line(label, &text);

@@ -1,5 +1,6 @@
 //! `whisker check`: contacts beside the truth.
 
+use super::answer;
 use super::input::{self, ReadingArgs};
 use super::record::{self, SolvingArgs};
 use crate::output::{Outcome, print};
@@ -7,7 +8,9 @@ use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use resight_whisker::files::score::{Comparison, Group, Score, compare};
 use resight_whisker::files::{ContactRow, contacts, truth};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Contacts beside the truth: errors, whether the error bars hold, modes, what was missed.
@@ -42,7 +45,7 @@ pub fn run(args: &Check) -> Result<Outcome> {
         bail!("{} and {} have no sweep and sample in common", args.measured.display(), args.truth.display());
     }
     match args.json {
-        true => print(&format!("{}\n", json(&rows, &comparison)))?,
+        true => print(&answer::line(CheckObject::new(&rows, &comparison))?)?,
         false => print(&words(&rows, &comparison))?,
     }
     Ok(Outcome::Answered)
@@ -117,19 +120,73 @@ fn figure(value: f64) -> String {
     if value != 0.0 && value < 1e-3 { format!("{value:>9.1e}") } else { format!("{value:>9.3}") }
 }
 
-fn json(rows: &[ContactRow], comparison: &Comparison) -> Value {
-    let score = |s: &Score| {
-        json!({
-            "group": name(s.group), "n_true": s.n_true, "n_ok": s.n_scored, "rms_m": s.rms_m, "median_m": s.median_m,
-            "max_m": s.max_m, "s_rms_m": s.s_rms_m, "theta_rms_rad": s.theta_rms_rad, "nees": s.nees,
-            "mode_right": s.mode_right,
-        })
-    };
-    json!({
-        "scores": comparison.scores.iter().map(score).collect::<Vec<_>>(),
-        "n_firm_unanswered": comparison.n_firm_unanswered,
-        "n_false": comparison.n_false,
-        "n_unmatched": comparison.n_unmatched,
-        "statuses": super::summary::statuses_object(rows),
-    })
+/// Contacts beside the truth.
+#[derive(Serialize, JsonSchema)]
+pub struct CheckObject {
+    /// By group of true contacts.
+    scores: Vec<GroupScore>,
+    /// True contacts of 0.1 N or more to which no place, or a status other than ok, was given.
+    n_firm_unanswered: usize,
+    /// Contacts stated with status ok where nothing is touched.
+    n_false: usize,
+    /// Rows of the truth without a contact of their sweep and sample.
+    n_unmatched: usize,
+    /// Rows by their status.
+    statuses: BTreeMap<&'static str, usize>,
+}
+
+/// How far the contacts of a group that are ok are from the truth; null where there is none.
+#[derive(Serialize, JsonSchema)]
+struct GroupScore {
+    /// `firm` are those with a true force of 0.1 N or more: `firm_mid` between clamp and tip, `firm_tip` at the tip.
+    #[schemars(extend("enum" = Group::ALL.map(name)))]
+    group: &'static str,
+    /// True contacts.
+    n_true: usize,
+    /// Of those, with a place and status ok.
+    n_ok: usize,
+    /// Root mean square of the distance to the true point, metres.
+    rms_m: Option<f64>,
+    /// Half are nearer, metres.
+    median_m: Option<f64>,
+    /// The farthest, metres.
+    max_m: Option<f64>,
+    /// Root mean square error of the arc length, metres.
+    s_rms_m: Option<f64>,
+    /// Root mean square error of the whisker's direction, radians.
+    theta_rms_rad: Option<f64>,
+    /// Mean squared error in units of its covariance, two degrees of freedom: 2 where error bars are right.
+    nees: Option<f64>,
+    /// Share whose mode is right, 0 to 1.
+    mode_right: Option<f64>,
+}
+
+impl CheckObject {
+    fn new(rows: &[ContactRow], comparison: &Comparison) -> Self {
+        CheckObject {
+            scores: comparison.scores.iter().map(GroupScore::from).collect(),
+            n_firm_unanswered: comparison.n_firm_unanswered,
+            n_false: comparison.n_false,
+            n_unmatched: comparison.n_unmatched,
+            statuses: super::summary::statuses_by_name(rows),
+        }
+    }
+}
+
+impl From<&Score> for GroupScore {
+    fn from(s: &Score) -> Self {
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        GroupScore {
+            group: name(s.group),
+            n_true: s.n_true,
+            n_ok: s.n_scored,
+            rms_m: finite(s.rms_m),
+            median_m: finite(s.median_m),
+            max_m: finite(s.max_m),
+            s_rms_m: finite(s.s_rms_m),
+            theta_rms_rad: finite(s.theta_rms_rad),
+            nees: finite(s.nees),
+            mode_right: finite(s.mode_right),
+        }
+    }
 }

@@ -8,7 +8,8 @@ use resight_whisker::calibrate::{
 };
 use resight_whisker::files::{WhiskerFile, whisker};
 use resight_whisker::{Cell, Sample};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Comparison with an earlier calibration.
@@ -139,14 +140,100 @@ impl Compared {
             self.name, self.drift.chi2, self.drift.degrees_of_freedom, self.drift.p_value, self.alpha
         )
     }
+}
 
-    /// For a program.
-    pub fn json(&self) -> Value {
-        let mut object = json_of(&self.drift);
-        object["against"] = json!(self.name);
-        object["alpha"] = json!(self.alpha);
-        object["watch"] = json!(self.watched.iter().map(Watched::json).collect::<Vec<_>>());
-        object
+/// What has moved since an earlier calibration.
+#[derive(Serialize, JsonSchema)]
+pub struct ComparedObject {
+    #[serde(flatten)]
+    drift: CalibrationDrift,
+    /// The file of the earlier calibration.
+    against: String,
+    /// Probability of saying that something moved when nothing did, for each test.
+    alpha: f64,
+    /// With --watch: the windows of the record, in its order.
+    watch: Vec<WatchedObject>,
+}
+
+/// A test for change.
+#[derive(Serialize, JsonSchema)]
+struct CalibrationDrift {
+    /// Whether `p_value` is below `alpha`.
+    has_drifted: bool,
+    /// χ² of no change at all.
+    chi2: f64,
+    /// Its degrees of freedom: how many combinations of parameters the data determine.
+    degrees_of_freedom: usize,
+    /// Probability of as large a χ² without any change.
+    p_value: f64,
+    /// Every parameter as the only one that changed, the most likely first.
+    changes: Vec<ParameterChange>,
+}
+
+/// A parameter as the only one that changed.
+#[derive(Serialize, JsonSchema)]
+struct ParameterChange {
+    /// Its name, which ends in its unit; `ln_…` are logarithms of factors.
+    parameter: &'static str,
+    /// Later less earlier value, in that unit.
+    change: f64,
+    /// Standard deviation of `change`.
+    sigma: f64,
+    /// Probability of what it leaves unexplained.
+    p_value_of_rest: f64,
+}
+
+/// A window of the record against the earlier calibration.
+#[derive(Serialize, JsonSchema)]
+struct WatchedObject {
+    /// Sweep and sample of its first reading.
+    from: [u32; 2],
+    /// Sweep and sample of its last reading.
+    to: [u32; 2],
+    /// `stale`: too few of its readings are of use.
+    #[schemars(extend("enum" = ["stale", "steady", "drifted"]))]
+    verdict: &'static str,
+    /// Null where stale.
+    drift: Option<CalibrationDrift>,
+}
+
+impl From<&Compared> for ComparedObject {
+    fn from(compared: &Compared) -> Self {
+        ComparedObject {
+            drift: (&compared.drift).into(),
+            against: compared.name.clone(),
+            alpha: compared.alpha,
+            watch: compared.watched.iter().map(WatchedObject::from).collect(),
+        }
+    }
+}
+
+impl From<&Drift> for CalibrationDrift {
+    fn from(drift: &Drift) -> Self {
+        let change = |change: &Change| ParameterChange {
+            parameter: change.parameter.name(),
+            change: change.change,
+            sigma: change.sigma,
+            p_value_of_rest: change.p_value_of_rest,
+        };
+        CalibrationDrift {
+            has_drifted: drift.has_drifted,
+            chi2: drift.chi2,
+            degrees_of_freedom: drift.degrees_of_freedom,
+            p_value: drift.p_value,
+            changes: drift.changes.iter().map(change).collect(),
+        }
+    }
+}
+
+impl From<&Watched> for WatchedObject {
+    fn from(watched: &Watched) -> Self {
+        let (verdict, drift) = match &watched.watch {
+            Watch::Filling | Watch::Stale { .. } => ("stale", None),
+            Watch::Steady(drift) => ("steady", Some(drift.into())),
+            Watch::Drifted(drift) => ("drifted", Some(drift.into())),
+        };
+        WatchedObject { from: watched.from.into(), to: watched.to.into(), verdict, drift }
     }
 }
 
@@ -166,24 +253,6 @@ fn alone(change: &Change) -> String {
     )
 }
 
-fn json_of(drift: &Drift) -> Value {
-    let change = |change: &Change| {
-        json!({
-            "parameter": change.parameter.name(),
-            "change": change.change,
-            "sigma": change.sigma,
-            "p_value_of_rest": change.p_value_of_rest,
-        })
-    };
-    json!({
-        "has_drifted": drift.has_drifted,
-        "chi2": drift.chi2,
-        "degrees_of_freedom": drift.degrees_of_freedom,
-        "p_value": drift.p_value,
-        "changes": drift.changes.iter().map(change).collect::<Vec<_>>(),
-    })
-}
-
 impl Watched {
     fn words(&self) -> String {
         let span = format!(
@@ -200,15 +269,6 @@ impl Watched {
             }
         };
         format!("{span}: {said}")
-    }
-
-    fn json(&self) -> Value {
-        let (word, drift) = match &self.watch {
-            Watch::Filling | Watch::Stale { .. } => ("stale", None),
-            Watch::Steady(drift) => ("steady", Some(json_of(drift))),
-            Watch::Drifted(drift) => ("drifted", Some(json_of(drift))),
-        };
-        json!({"from": [self.from.0, self.from.1], "to": [self.to.0, self.to.1], "verdict": word, "drift": drift})
     }
 }
 

@@ -1,13 +1,13 @@
 //! `whisker identify`: the object behind the contacts, or what is missing to name it.
 
-use super::{input, picture};
+use super::{answer, input, picture};
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
 use resight::report::verdict::Status;
 use resight_whisker::files::identification::{
-    model_name, parse_class, reason_in_words, to_json, touch, verdict_name,
+    IdentificationObject, model_name, parse_class, reason_in_words, touch, verdict_name,
 };
 use resight_whisker::files::{ContactRow, contacts};
 use resight_whisker::identify::{Class, Config, Identification, Parameter, Touch, Verdict, identify};
@@ -61,7 +61,7 @@ pub fn run(args: &Identify) -> Result<Outcome> {
     let answer = identify(&touches, &config)?;
     let written = write(args, &rows, &answer)?;
     match args.json {
-        true => print(&format!("{}\n", to_json(&answer)))?,
+        true => print(&answer::line(IdentificationObject::from(&answer))?)?,
         false => print(&words(args, &answer, &written))?,
     }
     let is_named = matches!(answer.verdict, Verdict::Is(_));
@@ -71,7 +71,7 @@ pub fn run(args: &Identify) -> Result<Outcome> {
 fn write(args: &Identify, rows: &[ContactRow], answer: &Identification) -> Result<Vec<String>> {
     let mut written = Vec::new();
     if let Some(path) = &args.output {
-        let text = serde_json::to_string_pretty(&to_json(answer))? + "\n";
+        let text = serde_json::to_string_pretty(&IdentificationObject::from(answer))? + "\n";
         write_atomically(path, text.as_bytes())?;
         written.push(path.display().to_string());
     }

@@ -7,7 +7,8 @@ use resight_whisker::events::slip::HORIZON;
 use resight_whisker::events::{self, End, Prediction};
 use resight_whisker::friction::FrictionAngle;
 use resight_whisker::{ContactEstimate, Sample};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 
 /// Samples and estimates that a forecast looks back on, at most; see [`events::slip::WINDOW`].
 pub const WINDOW_READINGS: usize = events::slip::WINDOW;
@@ -97,21 +98,46 @@ pub fn words(forecast: &Forecast) -> String {
     format!("{ahead} (sweep {sweep} ends in contact; {left} of whisker beyond it)")
 }
 
-/// The same for a program.
-pub fn json(forecast: &Forecast) -> Value {
-    let prediction = &forecast.prediction;
-    json!({
-        "sweep": forecast.sweep,
-        "sample": forecast.sample,
-        "margin_m": prediction.margin_m,
-        "margin_sigma_m": prediction.margin_sigma_m,
-        "stability": prediction.stability,
-        "steps_to_tip": prediction.steps_to_tip,
-        "ending": prediction.ending.map(|ending| match ending.end {
-            End::Fold => "slip_off",
-            End::Release => "release",
-        }),
-        "steps": prediction.ending.map(|ending| ending.steps),
-        "steps_sigma": prediction.ending.map(|ending| ending.steps_sigma).filter(|sigma| *sigma < HORIZON),
-    })
+/// What lies ahead of a contact if the hub continues as it does.
+#[derive(Serialize, JsonSchema)]
+pub struct ForecastObject {
+    /// Sweep of the reading from which it is predicted.
+    sweep: u32,
+    /// Its sample.
+    sample: u32,
+    /// What is left of the whisker beyond the contact, metres.
+    margin_m: f64,
+    /// Its standard deviation, metres.
+    margin_sigma_m: f64,
+    /// Least singular value of the equilibrium's Jacobian, in units of the whisker; 0 where it slips off.
+    stability: f64,
+    /// Readings until the contact reaches the tip; null where it does not within the horizon.
+    steps_to_tip: Option<f64>,
+    /// How the contact ends; null where it does not within the horizon.
+    #[schemars(extend("enum" = ["slip_off", "release", null]))]
+    ending: Option<&'static str>,
+    /// Readings until then.
+    steps: Option<f64>,
+    /// Standard deviation of `steps`; null where it is not known.
+    steps_sigma: Option<f64>,
+}
+
+impl From<&Forecast> for ForecastObject {
+    fn from(forecast: &Forecast) -> Self {
+        let prediction = &forecast.prediction;
+        ForecastObject {
+            sweep: forecast.sweep,
+            sample: forecast.sample,
+            margin_m: prediction.margin_m,
+            margin_sigma_m: prediction.margin_sigma_m,
+            stability: prediction.stability,
+            steps_to_tip: prediction.steps_to_tip,
+            ending: prediction.ending.map(|ending| match ending.end {
+                End::Fold => "slip_off",
+                End::Release => "release",
+            }),
+            steps: prediction.ending.map(|ending| ending.steps),
+            steps_sigma: prediction.ending.map(|ending| ending.steps_sigma).filter(|sigma| *sigma < HORIZON),
+        }
+    }
 }

@@ -3,12 +3,13 @@
 use super::input::{self, WhiskerArgs};
 use super::record::{self, Solved, SolvingArgs};
 use super::rig::SIX_AXES;
-use super::{picture, summary};
+use super::summary::RecordObject;
+use super::{answer, picture, summary};
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
-use resight_whisker::files::contacts;
+use resight_whisker::files::contacts::{self, ContactObject};
 use std::path::{Path, PathBuf};
 
 /// The contact of every reading of a record, with its covariance and a verdict.
@@ -57,7 +58,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     }
     let mut written = Vec::new();
     if let Some(path) = &args.output {
-        write_atomically(path, contacts_text(path, &solved).as_bytes())?;
+        write_atomically(path, contacts_text(path, &solved)?.as_bytes())?;
         written.push(path.display().to_string());
     }
     if let Some(path) = &args.picture {
@@ -66,24 +67,20 @@ pub fn run(args: &Solve) -> Result<Outcome> {
         written.push(path.display().to_string());
     }
     match args.json {
-        true => print(&json(&solved))?,
+        true => print(&(lines(&solved)? + &answer::line(RecordObject::from(&solved))?))?,
         false => print(&words(args, &solved, &written))?,
     }
     let record = summary::status(&solved);
     Ok(Outcome::of(solved.rows.iter().map(|row| summary::status_of(row.status)).chain([record])))
 }
 
-fn contacts_text(path: &Path, solved: &Solved) -> String {
+fn contacts_text(path: &Path, solved: &Solved) -> Result<String> {
     let is_json = path.extension().is_some_and(|e| e == "jsonl" || e == "ndjson" || e == "json");
-    if is_json { lines(solved) } else { contacts::write_csv(&solved.rows) }
+    if is_json { lines(solved) } else { Ok(contacts::write_csv(&solved.rows)) }
 }
 
-fn lines(solved: &Solved) -> String {
-    solved.rows.iter().map(|row| format!("{}\n", contacts::to_json(row))).collect()
-}
-
-fn json(solved: &Solved) -> String {
-    format!("{}{}\n", lines(solved), summary::json(solved))
+fn lines(solved: &Solved) -> Result<String> {
+    solved.rows.iter().map(|row| answer::line(ContactObject::from(row))).collect()
 }
 
 fn words(args: &Solve, solved: &Solved, written: &[String]) -> String {

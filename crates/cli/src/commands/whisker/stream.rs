@@ -4,14 +4,14 @@ use super::input::{self, WhiskerArgs};
 use super::prediction::{self, WINDOW_READINGS};
 use super::record::{MethodArg, parse_mu};
 use super::rig::{Rig, SIX_AXES};
-use super::summary;
+use super::{answer, summary};
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use resight::formats::write_atomically;
 use resight_whisker::estimate::{Status, estimate};
 use resight_whisker::events::TouchDetector;
-use resight_whisker::files::contacts::{self, RowStatus};
+use resight_whisker::files::contacts::{self, ContactObject, RowStatus};
 use resight_whisker::files::hub::Conventions;
 use resight_whisker::files::line::is_silent;
 use resight_whisker::files::{ContactRow, HubFormat, HubRow, TextError};
@@ -247,7 +247,7 @@ impl<'a> Answering<'a> {
     fn print(&self, row: &ContactRow) -> Result<()> {
         let is_json = self.args.json || self.format.as_ref().is_some_and(HubFormat::is_json_lines);
         print(&match is_json {
-            true => format!("{}\n", contacts::to_json(row)),
+            true => answer::line(ContactObject::from(row))?,
             false => contacts::to_csv(row) + "\n",
         })
     }

@@ -1,12 +1,14 @@
 //! A record in a few lines, and as one JSON object.
 
-use super::prediction;
+use super::prediction::{self, ForecastObject};
 use super::record::Solved;
 use resight::report::verdict::Status;
 use resight_whisker::estimate::Status as Contact;
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::{RowStatus, mode_name};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// `298 ok, 63 no_contact`: words in their own order, those without a row left out.
 fn counts(
@@ -32,13 +34,9 @@ pub fn statuses_in_words(rows: &[ContactRow]) -> String {
     list(&statuses(rows))
 }
 
-/// The same as JSON.
-pub fn statuses_object(rows: &[ContactRow]) -> Value {
-    object(statuses(rows))
-}
-
-fn object(counts: Vec<(&'static str, usize)>) -> Value {
-    Value::Object(counts.into_iter().map(|(name, n)| (name.to_string(), json!(n))).collect())
+/// The same for a program.
+pub fn statuses_by_name(rows: &[ContactRow]) -> BTreeMap<&'static str, usize> {
+    statuses(rows).into_iter().collect()
 }
 
 fn list(counts: &[(&'static str, usize)]) -> String {
@@ -100,19 +98,48 @@ pub fn status_of(row: RowStatus) -> Status {
     }
 }
 
-/// For a program: the last object of `--json`.
-pub fn json(solved: &Solved) -> Value {
-    json!({
-        "kind": "record",
-        "status": status(solved).name(),
-        "n_readings": solved.rows.len(),
-        "statuses": object(statuses(&solved.rows)),
-        "modes": object(modes(&solved.rows)),
-        "mu": solved.friction.map(|f| f.mu),
-        "mu_sigma": solved.friction.map(|f| f.mu_sigma),
-        "mu_is_estimated": solved.friction.map(|f| f.is_estimated),
-        "median_sigma_m": median_sigma_m(&solved.rows),
-        "prediction": solved.forecasts.iter().map(prediction::json).collect::<Vec<_>>(),
-        "warnings": solved.warnings,
-    })
+/// A record of readings as a whole; comes after its contacts.
+#[derive(Serialize, JsonSchema)]
+pub struct RecordObject {
+    /// Tells it from a contact.
+    #[schemars(extend("const" = "record"))]
+    kind: &'static str,
+    /// Whether readings and whisker agree.
+    status: Status,
+    /// With and without a contact.
+    n_readings: usize,
+    /// Readings by their status.
+    statuses: BTreeMap<&'static str, usize>,
+    /// Contacts that are ok by where on the whisker they are.
+    modes: BTreeMap<&'static str, usize>,
+    /// Coulomb's coefficient of friction; null where it is not used.
+    mu: Option<f64>,
+    /// Its standard deviation; 0 where it was given.
+    mu_sigma: Option<f64>,
+    /// Whether it was estimated from the record.
+    mu_is_estimated: Option<bool>,
+    /// Half the contacts have a smaller standard deviation in the worst direction, metres.
+    median_sigma_m: Option<f64>,
+    /// Of each sweep that ends in contact.
+    prediction: Vec<ForecastObject>,
+    /// What the user should know.
+    warnings: Vec<String>,
+}
+
+impl From<&Solved> for RecordObject {
+    fn from(solved: &Solved) -> Self {
+        RecordObject {
+            kind: "record",
+            status: status(solved),
+            n_readings: solved.rows.len(),
+            statuses: statuses_by_name(&solved.rows),
+            modes: modes(&solved.rows).into_iter().collect(),
+            mu: solved.friction.map(|f| f.mu),
+            mu_sigma: solved.friction.map(|f| f.mu_sigma),
+            mu_is_estimated: solved.friction.map(|f| f.is_estimated),
+            median_sigma_m: median_sigma_m(&solved.rows),
+            prediction: solved.forecasts.iter().map(ForecastObject::from).collect(),
+            warnings: solved.warnings.clone(),
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! A contacts file read back: by the names of its columns, in any order.
 
-use super::{COLUMNS, ContactRow, EVENTS, FEATURES, Figures, MODES, RowStatus, STATUSES, Side, Spatial};
+use super::{COLUMNS, ContactRow, EVENTS, FEATURES, Figures, MODES, RowStatus, SIDES, STATUSES, Spatial};
 use crate::estimate::Mode;
 use crate::events::Change;
 use crate::files::line::{self, Cells, Layout};
@@ -83,7 +83,7 @@ impl Reader<'_> {
             mode: mode.unwrap_or(if figures.is_some() { Mode::Mid } else { Mode::Free }),
             mode_probability: self.number("mode_probability")?.unwrap_or(0.0),
             figures,
-            side: self.word("side", &[(Side::Left, "left"), (Side::Right, "right")])?,
+            side: self.word("side", &SIDES)?,
             branch: count("branch")?,
             other_s_m: self.other_s_m(),
             feature: self.word("feature", &FEATURES)?,
