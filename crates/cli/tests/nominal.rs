@@ -44,7 +44,10 @@ fn a_stated_field_of_view_is_honest() {
         let cost = &guessed["intrinsics_cost"];
         assert!((number(&cost["position_sigma_m"]) / total - 1.0).abs() < 1e-9, "{cost}");
         assert!(number(&cost["with_exact_intrinsics_m"]) < 0.2 * total, "{cost}");
-        assert!(["focal length", "principal point"].contains(&cost["mostly"].as_str().expect("a word")));
+        assert!(
+            ["focal length", "principal point", "distortion"]
+                .contains(&cost["mostly"].as_str().expect("a word"))
+        );
         let remarks = guessed["remarks"].to_string();
         assert!(remarks.contains("not calibrated") && remarks.contains("60°"), "{remarks}");
         assert!(known["intrinsics_cost"].is_null() && number(&guessed["intrinsics_sigma"]["fx_px"]) > 20.0);

@@ -14,14 +14,18 @@ fn covariance(answer: &Value) -> [[f64; 6]; 6] {
     serde_json::from_value(answer["covariance"].clone()).unwrap()
 }
 
-/// Rotation and translation of `cam_from_target`.
-fn pose(answer: &Value) -> ([[f64; 3]; 3], [f64; 3]) {
-    let m: [[f64; 4]; 4] = serde_json::from_value(answer["cam_from_target"]["matrix"].clone()).unwrap();
+/// Rotation and translation.
+fn pose(transform: &Value) -> ([[f64; 3]; 3], [f64; 3]) {
+    let m: [[f64; 4]; 4] = serde_json::from_value(transform["matrix"].clone()).unwrap();
     (std::array::from_fn(|i| std::array::from_fn(|j| m[i][j])), std::array::from_fn(|i| m[i][3]))
 }
 
-/// The small left motion ξ with b ≈ Exp(ξ) a, to first order.
+/// The small left motion ξ of `cam_from_target` with b ≈ Exp(ξ) a, to first order.
 fn motion(a: &Value, b: &Value) -> [f64; 6] {
+    motion_of(&a["cam_from_target"], &b["cam_from_target"])
+}
+
+fn motion_of(a: &Value, b: &Value) -> [f64; 6] {
     let ((ra, ta), (rb, tb)) = (pose(a), pose(b));
     let d: [[f64; 3]; 3] =
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| rb[i][k] * ra[j][k]).sum()));
@@ -196,4 +200,70 @@ fn locate_takes_uncertain_intrinsics_too() {
     // Two pixels in 742 of focal length are that share of 0.7 m, nearly all of it along the line of sight.
     assert!((1e-3..4e-3).contains(&depth(&uncertain)) && depth(&exact) < 2e-4, "{uncertain}");
     assert_eq!(uncertain["intrinsics_sigma"]["k1"], 0.01);
+}
+
+/// A camera's file says how well its intrinsics are known: the same as the flag, and a pose with its cost in words.
+#[test]
+fn the_camera_file_states_the_same_as_the_flag() {
+    let folder = folder("stated_in_file");
+    let points = data("points.csv");
+    let file = folder.join("camera.toml");
+    let text = std::fs::read_to_string(data("camera.toml")).unwrap();
+    std::fs::write(&file, format!("{text}\nintrinsics_sigma = {{ fx_px = 0.8, cy_px = 0.4 }}\n")).unwrap();
+    let file = file.display().to_string();
+    let by_file = solved(&points, &file, &[]);
+    let by_flag = solved(&points, &data("camera.toml"), &["--intrinsics-sigma", "fx_px=0.8,cy_px=0.4"]);
+    assert_eq!(by_file, by_flag);
+    let cost = &by_file["intrinsics_cost"];
+    let number = |key: &str| cost[key].as_f64().expect("a number");
+    assert!(number("with_exact_intrinsics_m") < number("position_sigma_m"), "{cost}");
+    assert!(number("by_that_alone_m") <= number("position_sigma_m") * 1.000_001, "{cost}");
+    let words = resight(&["solve", &points, "--camera", &file]).stdout;
+    assert!(words.contains("intrinsics  ") && words.contains("with exact ones"), "{words}");
+    // The printed procedure takes the intrinsics as exact, whatever their file says.
+    let printed = resight(&["solve", &points, "--camera", &file, "--method", "wang2004", "--json"]);
+    assert!(json_lines(&printed).iter().all(|answer| answer["intrinsics_sigma"].is_null()));
+}
+
+/// The camera's place on the gripper, where fx is known to 2 px: what the answer gains is what solving with fx ± 2 px says.
+#[test]
+fn hand_eye_holds_what_the_lens_does() {
+    let (folder, root) =
+        (folder("uncertain_hand_eye"), concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/hand_eye"));
+    let text = std::fs::read_to_string(format!("{root}/camera.toml")).unwrap();
+    let answer = |name: &str, camera: String| -> Value {
+        let file = folder.join(format!("{name}.toml"));
+        std::fs::write(&file, camera).unwrap();
+        let run = resight(&[
+            "hand-eye",
+            "--motions",
+            &format!("{root}/motions.csv"),
+            "--detections",
+            &format!("{root}/detections.csv"),
+            "--camera",
+            &format!("cam={}", file.display()),
+            "--json",
+        ]);
+        json_lines(&run).remove(0)
+    };
+    let exact = answer("exact", text.clone());
+    let uncertain = answer("uncertain", format!("{text}\nintrinsics_sigma = {{ fx_px = 2.0 }}\n"));
+    let with = |fx: &str| answer(fx, text.replace("fx_px = 800.0", &format!("fx_px = {fx}")));
+    let (plus, minus) = (with("802.0"), with("798.0"));
+    let key = "cam_from_gripper";
+    let change = motion_of(&minus[key], &plus[key]).map(|x| 0.5 * x);
+    let covariance = |answer: &Value| -> [[f64; 6]; 6] {
+        serde_json::from_value(answer[key]["covariance"].clone()).unwrap()
+    };
+    let (a, b) = (covariance(&exact), covariance(&uncertain));
+    let largest = change[3..].iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    for i in 3..6 {
+        let added = b[i][i] - a[i][i];
+        assert!(
+            (added - change[i] * change[i]).abs() < 0.1 * largest * largest,
+            "{i}: {added} {}",
+            change[i]
+        );
+    }
+    assert!(largest * largest > a[5][5], "the lens costs more than the pixels: {largest}");
 }

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 /// All pairs are weighed together; pairs that contradict the others are named. Without stated sigmas the noise of a pair is estimated
 /// from how well loops of pairs close.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "Example: resight pose-graph pairs.csv --reference cam1 -o rig.toml")]
+#[command(after_long_help = "Examples:
   resight pose-graph pairs.csv --reference cam1 -o rig.toml
   resight pose-graph stereograph.json --reference 8 --chain --json")]
 pub struct PoseGraphArgs {
@@ -51,7 +52,7 @@ pub struct PoseGraphArgs {
     /// Adds the joint covariance of all cameras to the JSON.
     ///
     /// `compare` uses it. The file of -o always holds it.
-    #[arg(long, help_heading = "Output")]
+    #[arg(long, hide_short_help = true, help_heading = "Output")]
     joint_covariance: bool,
     #[command(flatten)]
     output: AnswerArgs,

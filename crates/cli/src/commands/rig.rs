@@ -104,7 +104,7 @@ pub struct ObservationArgs {
     #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "TARGET,TARGET…")]
     fixed_together: Vec<String>,
     /// Standard deviation of u_px and v_px where the detections have no sigma_px [default: 0.5].
-    #[arg(long, help_heading = "Solving", value_name = "S", requires = "detections", allow_negative_numbers = true, value_parser = positive)]
+    #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "S", requires = "detections", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: Option<f64>,
     #[command(flatten)]
     corners: CornerArgs,

@@ -62,14 +62,14 @@ pub struct Watch {
     #[arg(skip)]
     pub printed: Option<String>,
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required_unless_present_any = ["rig", "landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present_any = ["rig", "landmarks", "hfov_deg", "focal_mm", "session", "print_session"], value_name = "[NAME=]FILE")]
     camera: Vec<String>,
     #[command(flatten)]
     lens: LensArgs,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
     ///
     /// Not needed with landmarks.
-    #[arg(long, required_unless_present_any = ["landmarks", "save_landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
+    #[arg(long, help_heading = None, required_unless_present_any = ["landmarks", "save_landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
     target: Vec<String>,
     #[command(flatten)]
     tags: TagArgs,
@@ -80,7 +80,7 @@ pub struct Watch {
     /// What a camera is compared with, written by --save-reference [default: learned].
     ///
     /// NAME is a camera, or CAMERA/TARGET where there are several targets.
-    #[arg(long, value_name = "[NAME=]FILE")]
+    #[arg(long, help_heading = None, value_name = "[NAME=]FILE")]
     reference: Vec<String>,
     /// Readings from which a missing reference is learned; with --moving-target, synchronised frame sets.
     #[arg(
@@ -101,7 +101,7 @@ pub struct Watch {
     #[arg(long, hide_short_help = true, value_name = "FILE", help_heading = "Reference and state")]
     state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
-    #[arg(long)]
+    #[arg(long, help_heading = None)]
     once: bool,
     #[command(flatten)]
     motion: MotionArgs,

@@ -31,7 +31,7 @@ pub struct ReadingArgs {
     force_frame: Option<FrameArg>,
     /// Whose force the cell reads: that of the whisker on the hub, or that of the hub on the whisker (its opposite)
     /// [default: as the whisker file says, else on-hub]
-    #[arg(long, value_name = "SIGN")]
+    #[arg(long, hide_short_help = true, value_name = "SIGN")]
     sign: Option<SignArg>,
 }
 
