@@ -31,6 +31,7 @@ mod history_faults;
 mod hostile_files;
 mod images;
 mod measure;
+mod print;
 mod rig;
 mod rig_faults;
 mod rig_known_poses;

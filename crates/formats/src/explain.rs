@@ -267,9 +267,8 @@ fn target_text(target: &Target) -> String {
 
 /// What the print does to the lengths above, which are those of the design.
 fn printed_text(scale: &PrintedScale) -> String {
-    let percent = |i: usize| {
-        format!("{:+.3} % ± {:.3} %", 100.0 * (scale.ratio[i] - 1.0), 100.0 * scale.sigma[i])
-    };
+    let percent =
+        |i: usize| format!("{:+.3} % ± {:.3} %", 100.0 * (scale.ratio[i] - 1.0), 100.0 * scale.sigma[i]);
     format!(
         "The lengths in the line above are designed; the print was measured and is longer by {} along x and {} along y (1σ). Points are placed \
             as printed, and poses carry the standard deviation.\n",

@@ -3,7 +3,9 @@
 use super::document::{Document, Fault, Syntax};
 use super::entry::{Entry, nearest};
 use super::{Format, TargetFormat, checks};
-use crate::core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap};
+use crate::core::target::{
+    AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
+};
 use crate::core::{Point, Pose, Target};
 
 pub(super) const FORMAT: TargetFormat = TargetFormat {
@@ -69,7 +71,16 @@ fn tag(root: &Entry<'_>) -> Result<Target, Fault> {
 }
 
 fn aprilgrid(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "rows", "columns", "tag_size_m", "tag_spacing_ratio", "first_id", PRINTED])?;
+    root.only(&[
+        "kind",
+        "family",
+        "rows",
+        "columns",
+        "tag_size_m",
+        "tag_spacing_ratio",
+        "first_id",
+        PRINTED,
+    ])?;
     Ok(Target::AprilGrid(AprilGrid {
         family: family(root)?,
         rows: root.need("rows")?.side(1)?,

@@ -75,8 +75,8 @@ pub use convert::{convert, explain};
 pub use error::{Error, FileError};
 pub use locate::{locate_image, locate_points};
 pub use measure::measure;
-pub use print::print_target;
 pub use points::locate_table;
+pub use print::print_target;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.

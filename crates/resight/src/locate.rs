@@ -130,6 +130,7 @@ impl<'a> ImageLocator<'a> {
             sigma_px: mean_square_root(points.iter().map(|c| c.sigma_px)),
             point_sigma_m: point_sigma_m(&points),
             intrinsics_sigma: self.options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+            printed_scale: self.target.printed_scale().map(Into::into),
             names,
             scaled_from_px,
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),

@@ -73,7 +73,8 @@ pub fn print_target(request: &PrintRequest) -> Result<PrintAnswer, Error> {
         return Err(Error::request("what the rulers say goes into the target file; have it written"));
     }
     let contents = content::contents(request)?;
-    let sheets = contents.iter().map(|c| layout::lay(c, &request.paper)).collect::<Result<Vec<Laid>, Error>>()?;
+    let sheets =
+        contents.iter().map(|c| layout::lay(c, &request.paper)).collect::<Result<Vec<Laid>, Error>>()?;
     let n_pages = sheets.iter().map(|sheet| sheet.pages.len()).sum();
     if MOST_PAGES < n_pages {
         return Err(too_many_pages(n_pages, &request.paper));
@@ -204,7 +205,9 @@ fn message(request: &PrintRequest, contents: &[Content], sheets: &[Laid], n_page
 fn comment(contents: &[Content], first: &Laid) -> String {
     let [x, y] = first.ruler_mm;
     let title = contents.first().map_or("", |c| c.title.as_str());
-    format!("{title}\nLengths are as designed. The rulers of the sheet are designed {x} mm long along x and {y} mm along y.")
+    format!(
+        "{title}\nLengths are as designed. The rulers of the sheet are designed {x} mm long along x and {y} mm along y."
+    )
 }
 
 #[cfg(test)]

@@ -96,7 +96,10 @@ impl Print {
     fn target(&self) -> Result<Target> {
         let Some(file) = &self.target else { return self.keys.target() };
         if let Some(flag) = self.keys.first_given() {
-            bail!("{flag} and --target exclude each other: the file {} states the target's keys", file.display());
+            bail!(
+                "{flag} and --target exclude each other: the file {} states the target's keys",
+                file.display()
+            );
         }
         Ok(super::target(file, &Default::default(), remark)?.0)
     }

@@ -78,8 +78,7 @@ const LITERAL_SCALE: Error = Error::WrongLayout {
 
 /// The procedure of Wang (2004) has no derivative to propagate them by.
 fn allowed_common<'a>(config: &Config<'a>, method: Method) -> Result<Common<'a>, Error> {
-    let common =
-        Common { intrinsics: config.intrinsics_covariance, scale_sigma: config.target_scale_sigma };
+    let common = Common { intrinsics: config.intrinsics_covariance, scale_sigma: config.target_scale_sigma };
     common.check()?;
     match method {
         Method::Wang2004 if common.intrinsics.is_some() => Err(LITERAL_INTRINSICS),

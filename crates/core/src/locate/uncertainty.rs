@@ -13,11 +13,7 @@ use crate::{Error, Matrix6, Pose};
 use num_traits::Float as _;
 
 /// From each χ² the part that uncertain intrinsics and scales explain is taken, and the minima are put in order again.
-pub(crate) fn allow_for_common(
-    minima: &mut Minima,
-    problem: &Problem,
-    common: &Common,
-) -> Result<(), Error> {
+pub(crate) fn allow_for_common(minima: &mut Minima, problem: &Problem, common: &Common) -> Result<(), Error> {
     if common.is_exact() {
         return Ok(());
     }

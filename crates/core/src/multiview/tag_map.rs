@@ -118,8 +118,9 @@ impl<'a> TagView<'a> {
             let group = RigidGroup {
                 first: 0,
                 n_points: corners.len(),
-                centre_in_target: printed
-                    .map_or(tag.world_from_tag.translation, |scale| scale.apply(&tag.world_from_tag.translation)),
+                centre_in_target: printed.map_or(tag.world_from_tag.translation, |scale| {
+                    scale.apply(&tag.world_from_tag.translation)
+                }),
                 sigma_m: tag.sigma_m,
                 sigma_rad: tag.sigma_rad,
             };

@@ -1,5 +1,6 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
+use super::print::PrintedScaleObject;
 use super::{Agreement, SchemaNumber};
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
@@ -38,6 +39,8 @@ pub struct PoseAnswer {
     pub point_sigma_m: Option<f64>,
     /// Standard deviations of the intrinsics used, as stated; none when they are exact.
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
+    /// The measured scale of a printed target; none where the target's file states none.
+    pub printed_scale: Option<PrintedScaleObject>,
     /// Name of the point with the largest residual, by index.
     pub names: Vec<String>,
     /// The image size that the intrinsics are of, where they were scaled to another.
@@ -179,6 +182,9 @@ pub struct PoseObject {
     image_unit: &'static str,
     point_sigma_m: Option<f64>,
     intrinsics_sigma: Option<BTreeMap<String, f64>>,
+    /// The measured scale of a printed target; the points lie as printed, and `covariance` holds its standard deviation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    printed_scale: Option<PrintedScaleObject>,
     /// The image size that the intrinsics are of, where they were scaled to this image's.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_scaled_from_px: Option<[u32; 2]>,
@@ -272,6 +278,7 @@ impl PoseAnswer {
             sigma_px: None,
             point_sigma_m: None,
             intrinsics_sigma: None,
+            printed_scale: None,
             names: Vec::new(),
             scaled_from_px: None,
             skipped: Vec::new(),
@@ -307,6 +314,7 @@ impl PoseAnswer {
             image_unit: self.image_unit,
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
+            printed_scale: self.printed_scale,
             intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),
             minima: e.map(|e| e.minima().map(minimum).collect()),

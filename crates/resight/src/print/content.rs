@@ -1,8 +1,8 @@
 //! What stands on one sheet besides the page: the target's ink in millimetres, the white it needs, and what is said of it.
 
+use super::PrintRequest;
 use super::shape::Shape;
 use super::text::latin;
-use super::PrintRequest;
 use crate::error::Error;
 use crate::render::Style;
 use crate::render::ink::{self, Ink, Sheet};
@@ -44,7 +44,9 @@ pub(super) fn contents(request: &PrintRequest) -> Result<Vec<Content>, Error> {
             check_dots(dots, dot_diameter_m)?;
             Ok(vec![one(request.target.design())?])
         }
-        Target::TagMap(map) if !is_one_sheet(map) => map.tags.iter().map(|tag| one(&lone(map, tag))).collect(),
+        Target::TagMap(map) if !is_one_sheet(map) => {
+            map.tags.iter().map(|tag| one(&lone(map, tag))).collect()
+        }
         design => Ok(vec![one(design)?]),
     }
 }
@@ -95,16 +97,27 @@ impl Content {
             Ink::Area(outlines) => {
                 Shape::Area(outlines.iter().map(|o| o.iter().map(|p| page(*p)).collect()).collect())
             }
-            Ink::Disc { centre_m, radius_m } => Shape::Disc { centre: page(*centre_m), radius: 1e3 * radius_m },
+            Ink::Disc { centre_m, radius_m } => {
+                Shape::Disc { centre: page(*centre_m), radius: 1e3 * radius_m }
+            }
         };
         let size = [1e3 * (high[0] - low[0]), 1e3 * (high[1] - low[1])];
         if !size.iter().all(|side| 0.0 < *side && side.is_finite()) {
-            return Err(Error::request(format!("the target is {} × {} mm; check number and unit", size[0], size[1])));
+            return Err(Error::request(format!(
+                "the target is {} × {} mm; check number and unit",
+                size[0], size[1]
+            )));
         }
         let mut shapes: Vec<Shape> = sheet.ink.iter().map(shape).collect();
         shapes.extend(ids(target, &page));
         let title = latin(&title(target));
-        Ok(Content { words: words(target, &title, request), title, shapes, size, white: white(target, &sheet) })
+        Ok(Content {
+            words: words(target, &title, request),
+            title,
+            shapes,
+            size,
+            white: white(target, &sheet),
+        })
     }
 }
 
@@ -133,13 +146,21 @@ fn ids(target: &Target, page: &dyn Fn([f64; 2]) -> [f64; 2]) -> Vec<Shape> {
 /// As much white as a detector wants, and as little as will do, mm.
 fn white(target: &Target, sheet: &Sheet) -> [f64; 2] {
     let (low, high) = sheet.ink_bounds();
-    let rim_m = [low[0] - sheet.low_m[0], low[1] - sheet.low_m[1], sheet.high_m[0] - high[0], sheet.high_m[1] - high[1]];
+    let rim_m = [
+        low[0] - sheet.low_m[0],
+        low[1] - sheet.low_m[1],
+        sheet.high_m[0] - high[0],
+        sheet.high_m[1] - high[1],
+    ];
     let rim = 1e3 * rim_m.into_iter().fold(0.0, f64::max);
     match target {
         // Where the board ends decides which corner is the first: docs/math/print.md section 3.
         Target::Chessboard(t) => [(500.0 * t.square_m).max(5.0), 5.0],
         Target::LinePlusOne(_) => {
-            let radius = sheet.ink.iter().map(|ink| if let Ink::Disc { radius_m, .. } = ink { *radius_m } else { 0.0 });
+            let radius = sheet
+                .ink
+                .iter()
+                .map(|ink| if let Ink::Disc { radius_m, .. } = ink { *radius_m } else { 0.0 });
             let diameter = 2e3 * radius.fold(0.0, f64::max);
             [diameter.max(6.0), (0.5 * diameter).max(4.0)]
         }
@@ -173,7 +194,12 @@ fn title(target: &Target) -> String {
             mm(t.tag_size_m * t.tag_spacing_ratio)
         ),
         Target::Chessboard(t) => {
-            format!("chessboard of {} rows × {} columns of inner corners, squares of {} mm", t.rows, t.columns, mm(t.square_m))
+            format!(
+                "chessboard of {} rows × {} columns of inner corners, squares of {} mm",
+                t.rows,
+                t.columns,
+                mm(t.square_m)
+            )
         }
         Target::Charuco(t) => format!(
             "ChArUco board of {} rows × {} columns of squares of {} mm, markers of {} mm from {}{}",
@@ -187,7 +213,14 @@ fn title(target: &Target) -> String {
         Target::TagMap(t) => {
             let id = |of: fn(u32, u32) -> u32| t.tags.iter().map(|tag| tag.id).reduce(of).unwrap_or(0);
             let size = t.tags.iter().map(|tag| tag.size_m).fold(0.0, f64::max);
-            format!("{} tags of {}, ids {} to {}, {} mm", t.tags.len(), t.family, id(u32::min), id(u32::max), mm(size))
+            format!(
+                "{} tags of {}, ids {} to {}, {} mm",
+                t.tags.len(),
+                t.family,
+                id(u32::min),
+                id(u32::max),
+                mm(size)
+            )
         }
         other => other.kind().to_owned(),
     }
@@ -197,7 +230,9 @@ fn words(target: &Target, title: &str, request: &PrintRequest) -> Vec<String> {
     let y = if let Target::AprilGrid(_) = target { "up" } else { "down" };
     let file = latin(&request.name);
     let mut first = title.to_owned();
-    if let Some(letter) = first.get_mut(..1).filter(|_| title.starts_with("four") || title.starts_with("chess")) {
+    if let Some(letter) =
+        first.get_mut(..1).filter(|_| title.starts_with("four") || title.starts_with("chess"))
+    {
         letter.make_ascii_uppercase();
     }
     vec![

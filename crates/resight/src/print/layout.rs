@@ -28,14 +28,20 @@ pub(super) struct Laid {
     pub tiles: Option<[usize; 2]>,
 }
 
+/// Shorter rulers are poor ones: other places are tried first.
+const GOOD_RULER_MM: f64 = 100.0;
+
 /// On one page where it fits, else on several.
 pub(super) fn lay(content: &Content, paper: &Paper) -> Result<Laid, Error> {
-    for white in content.white {
-        for page in paper.both_ways() {
-            for place in [beside, below] {
-                if let Some((shapes, ruler_mm)) = place(content, white, page) {
-                    let groups = vec![Group { clip: None, shapes }];
-                    return Ok(Laid { pages: vec![Page { size_mm: page, groups }], ruler_mm, tiles: None });
+    for least_ruler in [GOOD_RULER_MM, 0.0] {
+        for white in content.white {
+            for page in paper.both_ways() {
+                for place in [beside, below] {
+                    let placed = place(content, white, page);
+                    if let Some((shapes, ruler_mm)) = placed.filter(|(_, r)| least_ruler <= r[0].min(r[1])) {
+                        let groups = vec![Group { clip: None, shapes }];
+                        return Ok(Laid { pages: vec![Page { size_mm: page, groups }], ruler_mm, tiles: None });
+                    }
                 }
             }
         }
@@ -67,7 +73,7 @@ fn beside(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Pl
         bottom + TO_RULER_MM,
     ];
     let y_from = [origin[0] - white - TO_RULER_MM, start(origin[1], y_mm, MARGIN_MM, bottom)];
-    let mut shapes = placed(content, origin, white);
+    let mut shapes = on_page(placed(content, origin, white), [width, height]);
     shapes.extend(ruler(0, x_from, x_mm));
     shapes.extend(ruler(1, y_from, y_mm));
     shapes.extend(text_block(&lines, [MARGIN_MM, bottom + strip[0] + LINE_MM]));
@@ -87,7 +93,7 @@ fn below(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Pla
         return None;
     }
     let (x_mm, y_mm) = (longest_mm(width - MARGIN_MM - left - 3.0 * SLACK_MM)?, longest_mm(room - 2.0)?);
-    let mut shapes = placed(content, [0.5 * (width - w), edge], white);
+    let mut shapes = on_page(placed(content, [0.5 * (width - w), edge], white), [width, height]);
     shapes.extend(ruler(0, [left + SLACK_MM, top + 2.0], x_mm));
     shapes.extend(ruler(1, [MARGIN_MM + DEPTH_MM[1], top + 1.5], y_mm));
     shapes.extend(text_block(&lines, [left, top + 2.0 + DEPTH_MM[0] + LINE_MM]));
@@ -109,6 +115,16 @@ pub(super) fn placed(content: &Content, origin: [f64; 2], white: f64) -> Vec<Sha
         }
     }
     shapes
+}
+
+/// Without the cut marks that white up to the paper's edge leaves no room for.
+fn on_page(shapes: Vec<Shape>, page: [f64; 2]) -> Vec<Shape> {
+    let inside = |p: &[f64; 2]| (0..2).all(|i| 1.0 <= p[i] && p[i] <= page[i] - 1.0);
+    let shows = |shape: &Shape| match shape {
+        Shape::Line { from, to, .. } => inside(from) && inside(to),
+        _ => true,
+    };
+    shapes.into_iter().filter(shows).collect()
 }
 
 pub(super) fn text_block(lines: &[String], at: [f64; 2]) -> Vec<Shape> {

@@ -17,7 +17,12 @@ pub struct MeasuredRulers {
 
 impl MeasuredRulers {
     /// The target with the scale of its print.
-    pub(super) fn applied(&self, target: &Target, designed_mm: [f64; 2], n_sheets: usize) -> Result<Target, Error> {
+    pub(super) fn applied(
+        &self,
+        target: &Target,
+        designed_mm: [f64; 2],
+        n_sheets: usize,
+    ) -> Result<Target, Error> {
         if 1 < n_sheets {
             return Err(Error::request(format!(
                 "the {n_sheets} tags of this map are printed on sheets of their own, each with a scale of its own; state each tag's size_m as measured"
@@ -30,7 +35,8 @@ impl MeasuredRulers {
                 self.sigma_mm
             )));
         }
-        for (axis, measured, designed) in [("x", self.x_mm, designed_mm[0]), ("y", self.y_mm, designed_mm[1])] {
+        for (axis, measured, designed) in [("x", self.x_mm, designed_mm[0]), ("y", self.y_mm, designed_mm[1])]
+        {
             check(axis, measured, designed)?;
         }
         let scale = PrintedScale::from_rulers(designed_mm, [self.x_mm, self.y_mm], self.sigma_mm);

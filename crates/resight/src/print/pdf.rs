@@ -15,8 +15,10 @@ pub(super) fn document(pages: &[&Page]) -> Vec<u8> {
     let mut objects: Vec<Vec<u8>> = Vec::new();
     objects.push(b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>".to_vec());
     let kids: Vec<String> = (0..pages.len()).map(|i| format!("{} 0 R", 4 + 2 * i)).collect();
-    objects.push(format!("<< /Type /Pages /Kids [{}] /Count {} >>", kids.join(" "), pages.len()).into_bytes());
-    objects.push(b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>".to_vec());
+    objects
+        .push(format!("<< /Type /Pages /Kids [{}] /Count {} >>", kids.join(" "), pages.len()).into_bytes());
+    objects
+        .push(b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>".to_vec());
     for (i, page) in pages.iter().enumerate() {
         let [w, h] = page.size_mm.map(|side| number(side * POINTS_PER_MM));
         objects.push(
@@ -47,7 +49,8 @@ fn file(objects: &[Vec<u8>]) -> Vec<u8> {
     }
     let start = out.len();
     out.extend(table.into_bytes());
-    let trailer = format!("trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{start}\n%%EOF\n", objects.len() + 1);
+    let trailer =
+        format!("trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{start}\n%%EOF\n", objects.len() + 1);
     out.extend(trailer.into_bytes());
     out
 }
@@ -78,7 +81,8 @@ fn shape_into(shape: &Shape, out: &mut Vec<u8>) {
             let mut path = String::new();
             for outline in outlines {
                 for (i, p) in outline.iter().enumerate() {
-                    let _ = write!(path, "{} {} {} ", number(p[0]), number(p[1]), if i == 0 { "m" } else { "l" });
+                    let _ =
+                        write!(path, "{} {} {} ", number(p[0]), number(p[1]), if i == 0 { "m" } else { "l" });
                 }
                 path += "h\n";
             }

@@ -55,9 +55,13 @@ impl Shape {
     pub fn moved(&self, by: [f64; 2]) -> Shape {
         let place = |p: &[f64; 2]| [p[0] + by[0], p[1] + by[1]];
         match self {
-            Shape::Area(outlines) => Shape::Area(outlines.iter().map(|o| o.iter().map(place).collect()).collect()),
+            Shape::Area(outlines) => {
+                Shape::Area(outlines.iter().map(|o| o.iter().map(place).collect()).collect())
+            }
             Shape::Disc { centre, radius } => Shape::Disc { centre: place(centre), radius: *radius },
-            Shape::Line { from, to, width } => Shape::Line { from: place(from), to: place(to), width: *width },
+            Shape::Line { from, to, width } => {
+                Shape::Line { from: place(from), to: place(to), width: *width }
+            }
             Shape::Text { at, size, text } => Shape::Text { at: place(at), size: *size, text: text.clone() },
         }
     }

@@ -44,7 +44,8 @@ pub(super) fn tile(content: &Content, paper: &Paper) -> Result<Laid, Error> {
     if MOST_PAGES < n_pages {
         return Err(too_many_pages(n_pages, paper));
     }
-    let pages = (0..n_pages).map(|i| tiling.page(&whole, i / tiling.columns, i % tiling.columns, &content.title));
+    let pages =
+        (0..n_pages).map(|i| tiling.page(&whole, i / tiling.columns, i % tiling.columns, &content.title));
     let pages = pages.collect();
     Ok(Laid { pages, ruler_mm: whole.ruler_mm, tiles: Some([tiling.rows, tiling.columns]) })
 }
@@ -58,7 +59,9 @@ fn whole(content: &Content) -> Result<Whole, Error> {
     let bottom = origin[1] + h + white;
     let room = |length: f64| {
         longest_mm(length).ok_or_else(|| {
-            Error::request(format!("the target is {w:.1} × {h:.1} mm, which leaves no room for a ruler of 20 mm"))
+            Error::request(format!(
+                "the target is {w:.1} × {h:.1} mm, which leaves no room for a ruler of 20 mm"
+            ))
         })
     };
     let (x_mm, y_mm) = (room(w + white - 3.0 * SLACK_MM)?, room(h + white)?);

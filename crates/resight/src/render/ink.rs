@@ -49,7 +49,8 @@ pub fn sheet(target: &Target, style: &Style) -> Result<Sheet, RenderError> {
         Target::Chessboard(t) => down(pattern::chessboard(t)),
         Target::Charuco(t) => down(pattern::charuco(t)?),
         Target::TagMap(t) => {
-            let facing = t.sheet_facing().ok_or(RenderError::Unsupported { kind: "tag_map in several planes" })?;
+            let facing =
+                t.sheet_facing().ok_or(RenderError::Unsupported { kind: "tag_map in several planes" })?;
             let one = |tag: &resight_core::target::MapTag| {
                 let extent = pattern::tag(&t.family, tag.id, tag.size_m, style)?;
                 Ok(Sheet::of(&extent, false).moved(&tag.world_from_tag))
@@ -132,8 +133,13 @@ fn ink(pattern: &Pattern, low: [f64; 2], high: [f64; 2]) -> Vec<Ink> {
         Pattern::Charuco { markers, columns, square_m, marker_m, odd } => {
             let rows = markers.len() / columns.max(&1);
             let is_black = |row: usize, column: usize| (row + column) % 2 == *odd;
-            let squares =
-                Lattice { origin: [0.0; 2], step: [*square_m; 2], columns: *columns, rows, is_black: &is_black };
+            let squares = Lattice {
+                origin: [0.0; 2],
+                step: [*square_m; 2],
+                columns: *columns,
+                rows,
+                is_black: &is_black,
+            };
             let marker = |(i, cells): (usize, &Option<Cells>)| {
                 let cells = cells.as_ref()?;
                 let cell_m = marker_m / cells.per_size as f64;
@@ -170,7 +176,10 @@ fn grid(tags: &[Cells], columns: usize, size_m: f64, gap_m: f64) -> Vec<Ink> {
         let origin = [at(i % (columns + 1)), at(i / (columns + 1))];
         Lattice { origin, step: [gap_m; 2], columns: 1, rows: 1, is_black: &|_, _| true }.outlined()
     };
-    tags.iter().enumerate().map(tag).chain((0..(columns + 1) * (rows + 1)).map(square)).collect()
+    // One area: some rasterisers move a path that is a lone rectangle to whole pixels.
+    let all = tags.iter().enumerate().map(tag).chain((0..(columns + 1) * (rows + 1)).map(square));
+    let outlines = all.flat_map(|ink| if let Ink::Area(outlines) = ink { outlines } else { Vec::new() });
+    vec![Ink::Area(outlines.collect())]
 }
 
 /// Sides of a cell: towards greater column, greater row, lesser column, lesser row; each turns into the next by a right turn.
@@ -219,7 +228,8 @@ impl Lattice<'_> {
             }
             node = (node.0 + STEPS[side].0, node.1 + STEPS[side].1);
             // The right turn first: it stays with the same cell where two touch.
-            let Some(next) = [1, 0, 3].map(|turn| (side + turn) % 4).into_iter().find(|s| self.is_edge(node, *s))
+            let Some(next) =
+                [1, 0, 3].map(|turn| (side + turn) % 4).into_iter().find(|s| self.is_edge(node, *s))
             else {
                 break;
             };

@@ -107,7 +107,9 @@ impl TargetKeys {
     /// The target that the keys make, read as if they stood in a file.
     pub fn target(&self) -> Result<Target> {
         if self.kind.is_none() {
-            bail!("a target is needed: --target FILE, or --kind with the keys of a target, e.g. --kind tag --id 7 --size-m 0.1");
+            bail!(
+                "a target is needed: --target FILE, or --kind with the keys of a target, e.g. --kind tag --id 7 --size-m 0.1"
+            );
         }
         if let (Some("tag"), Some((first, last))) = (self.kind.as_deref(), self.range()?) {
             return self.sheet(first, last);
@@ -139,9 +141,14 @@ impl TargetKeys {
     fn sheet(&self, first: u32, last: u32) -> Result<Target> {
         let known = ["kind", "family", "id", "size_m", "columns", "tag_spacing_ratio"];
         if let Some((key, _)) = self.given().into_iter().find(|(key, _)| !known.contains(key)) {
-            bail!("--{} does not go with a sheet of tags; it has {}", key.replace('_', "-"), known.join(", "));
+            bail!(
+                "--{} does not go with a sheet of tags; it has {}",
+                key.replace('_', "-"),
+                known.join(", ")
+            );
         }
-        let size_m = self.size_m.context("a sheet of tags needs --size-m, the outer edge of the black square")?;
+        let size_m =
+            self.size_m.context("a sheet of tags needs --size-m, the outer edge of the black square")?;
         let family = self.family.as_deref().unwrap_or("tag36h11");
         Ok(sheet_of_tags(family, (first, last), size_m, self.columns, self.tag_spacing_ratio)?)
     }

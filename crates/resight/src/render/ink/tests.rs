@@ -5,7 +5,10 @@ use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};
 
 fn is_inside(outline: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
-    edges.filter(|(a, b)| (y < a[1]) != (y < b[1]) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])).count() % 2
+    edges
+        .filter(|(a, b)| (y < a[1]) != (y < b[1]) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+        .count()
+        % 2
         == 1
 }
 
@@ -30,7 +33,9 @@ fn targets() -> Vec<Target> {
     };
     let tags = vec![map_tag(3, Pose::identity()), map_tag(8, turned)];
     let mut all: Vec<Target> = APRILTAG_FAMILIES.iter().map(|family| tag(family, 5)).collect();
-    all.extend(["DICT_4X4_50", "DICT_5X5_100", "DICT_7X7_1000", "DICT_APRILTAG_36h11"].map(|family| tag(family, 5)));
+    all.extend(
+        ["DICT_4X4_50", "DICT_5X5_100", "DICT_7X7_1000", "DICT_APRILTAG_36h11"].map(|family| tag(family, 5)),
+    );
     all.extend([
         Target::LinePlusOne(LinePlusOne { line_m: [0.0, 0.1, 0.15], off_m: [0.0, 0.15] }),
         Target::AprilGrid(AprilGrid {
@@ -62,7 +67,14 @@ fn is_rendered_black(target: &Target, [x, y]: [f64; 2]) -> bool {
     };
     // An AprilGrid is seen from its other side: what is printed there is the same pattern, mirrored by the view.
     let flipped = crate::render::Placed {
-        cam_from_target: Pose::exp(&resight_core::Vector6::new(std::f64::consts::PI, 0.0, 0.0, 0.0, 0.0, 0.0)),
+        cam_from_target: Pose::exp(&resight_core::Vector6::new(
+            std::f64::consts::PI,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )),
         ..placed.clone()
     };
     let (placed, ray) = match target {
