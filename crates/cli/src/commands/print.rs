@@ -51,12 +51,12 @@ pub struct Print {
     /// Standard deviation of either length, in mm [default: 0.3].
     ///
     /// 0.3 mm is a good ruler read by eye; 0.1 mm is a steel ruler and a magnifier.
-    #[arg(long, help_heading = "Measured print", value_name = "MM", requires = "measured_x_mm", value_parser = positive)]
+    #[arg(long, hide_short_help = true, help_heading = "Measured print", value_name = "MM", requires = "measured_x_mm", value_parser = positive)]
     measured_sigma_mm: Option<f64>,
     /// Prints one JSON object on stdout.
     ///
     /// {"status", "kind", "files", "paper", "page_size_mm", "n_pages", "tiles", "ruler_mm", "printed_scale", "warnings", "message"}
-    #[arg(long, help_heading = "Output")]
+    #[arg(long)]
     json: bool,
 }
 

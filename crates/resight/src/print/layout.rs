@@ -40,7 +40,11 @@ pub(super) fn lay(content: &Content, paper: &Paper) -> Result<Laid, Error> {
                     let placed = place(content, white, page);
                     if let Some((shapes, ruler_mm)) = placed.filter(|(_, r)| least_ruler <= r[0].min(r[1])) {
                         let groups = vec![Group { clip: None, shapes }];
-                        return Ok(Laid { pages: vec![Page { size_mm: page, groups }], ruler_mm, tiles: None });
+                        return Ok(Laid {
+                            pages: vec![Page { size_mm: page, groups }],
+                            ruler_mm,
+                            tiles: None,
+                        });
                     }
                 }
             }

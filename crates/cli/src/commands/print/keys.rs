@@ -13,7 +13,7 @@ use std::path::Path;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Target without a file")]
 pub struct TargetKeys {
-    /// Kind: tag, aprilgrid, chessboard, charuco or line_plus_one.
+    /// Kind: tag, aprilgrid, chessboard, charuco or line_plus_one; --help lists the keys of each.
     #[arg(long, value_name = "KIND")]
     kind: Option<String>,
     /// Family of tags, such as tag36h11 or DICT_4X4_50 [default: tag36h11].
@@ -26,13 +26,13 @@ pub struct TargetKeys {
     #[arg(long, value_name = "M", value_parser = positive)]
     size_m: Option<f64>,
     /// Rows: of tags, of inner corners (chessboard) or of squares (charuco).
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     rows: Option<u32>,
     /// Columns, likewise.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide_short_help = true)]
     columns: Option<u32>,
     /// Edge of a square, in metres.
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", hide_short_help = true, value_parser = positive)]
     square_m: Option<f64>,
     /// Edge of a marker of a ChArUco board, in metres.
     #[arg(long, value_name = "M", hide_short_help = true, value_parser = positive)]
