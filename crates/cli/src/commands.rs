@@ -6,6 +6,7 @@ pub mod convert;
 pub mod demo;
 pub mod detect;
 pub mod explain;
+pub mod print;
 pub mod history;
 pub mod locate;
 pub mod rig;
@@ -33,4 +34,11 @@ fn target(path: &Path, tags: &TagArgs, mut remark: impl FnMut(&str)) -> Result<(
         remark(&format!("warning: {}: {warning}", path.display()));
     }
     Ok((file.target, file.warnings))
+}
+
+/// Says that the uncertain scale of a printed target is not in what a command answers.
+fn warn_of_scale(path: &Path, target: &Target, what: &str) {
+    if let Some(remark) = resight::print::scale_remark(target, what) {
+        crate::output::remark(&format!("warning: {}: {remark}", path.display()));
+    }
 }

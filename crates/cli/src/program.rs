@@ -2,7 +2,7 @@
 
 use crate::commands::{
     advise, compare, completions, convert, demo, detect, explain, hand_eye, history, landmarks, locate,
-    measure, pose_graph, rig, schema, solve, watch, whisker,
+    measure, pose_graph, print, rig, schema, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
@@ -86,6 +86,8 @@ pub enum Command {
     Convert(convert::Convert),
     /// Measures lengths, positions, angles, areas and heights in photographs, with 95 % intervals.
     Measure(measure::Measure),
+    /// Prints targets at exact scale as PDF or SVG, and takes the printer's error, measured, into the target file.
+    Print(print::Print),
     /// Explains in sentences what a camera or target file means.
     Explain(explain::Explain),
     /// Advises where to put the next point or target for the smallest uncertainty.
@@ -119,6 +121,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Measure(args) => measure::run(&args),
+        Command::Print(args) => print::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),

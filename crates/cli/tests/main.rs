@@ -32,6 +32,7 @@ mod hostile_files;
 mod images;
 mod measure;
 mod nominal;
+mod print;
 mod rig;
 mod rig_faults;
 mod rig_known_poses;

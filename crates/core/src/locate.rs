@@ -25,7 +25,7 @@ mod wang_covariance;
 pub(crate) mod classify;
 mod candidates;
 pub(crate) mod minima;
-pub(crate) mod intrinsics;
+pub(crate) mod common;
 mod shared_error;
 pub(crate) mod uncertainty;
 pub(crate) mod answer;
@@ -53,6 +53,9 @@ pub struct Config<'a> {
     /// Covariance of the camera's intrinsic parameters, row by row, in the order of `Camera::parameters`; adds their share
     /// to the pose covariance.
     pub intrinsics_covariance: Option<&'a [f64]>,
+    /// Standard deviation of the scale of a printed target along its x and y, relative; 0 when exact. All points share the error:
+    /// docs/math/printed_scale.md.
+    pub target_scale_sigma: [f64; 2],
     /// What is known about the pose besides the points: each joins the cost as a factor, and a start of the search.
     pub priors: &'a [Prior],
     /// What a point's residual costs; `Squared` is maximum likelihood for Gaussian noise.
@@ -68,6 +71,7 @@ impl Default for Config<'_> {
         Config {
             method: Method::default(),
             intrinsics_covariance: None,
+            target_scale_sigma: [0.0; 2],
             priors: &[],
             loss: Loss::default(),
             groups: &[],
@@ -85,7 +89,7 @@ pub struct PoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics included; of what they cost under
+    /// Sum of squared residuals over their variances, those of priors and of uncertain intrinsics and scales included; of what they cost under
     /// a robust loss.
     pub chi2: f64,
     /// Root mean square of the smooth displacement that all points share, along one axis of the image, px: a bent board, a lens not quite

@@ -5,6 +5,10 @@
 //! which keeps Kalibr's own frame (origin at the bottom-left tag, x right, y up, z towards the viewer).
 //! Images: CONVENTIONS.md.
 
+mod printed;
+
+pub use printed::{MOST_PRINTED_ERROR, Printed, PrintedScale};
+
 use crate::{Error, Point, Pose};
 
 /// Name of one known point of a target: `id` counts tags or points, `corner` the corners of a tag (else 0).
@@ -143,6 +147,8 @@ pub enum Target {
     TagMap(TagMap),
     /// Surveyed landmarks.
     Points(Vec<NamedPoint>),
+    /// Any of the others that is flat, with the measured scale of its print.
+    Printed(Printed),
 }
 
 impl Target {
@@ -156,6 +162,45 @@ impl Target {
             Target::Charuco(_) => "charuco",
             Target::TagMap(_) => "tag_map",
             Target::Points(_) => "points",
+            Target::Printed(t) => t.design.kind(),
+        }
+    }
+
+    /// The target as designed: of a print with a measured scale what it was printed from, else itself. Families, ids and numbers of rows
+    /// are those of the design; lengths are not.
+    pub fn design(&self) -> &Target {
+        match self {
+            Target::Printed(t) => &t.design,
+            itself => itself,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn design_mut(&mut self) -> &mut Target {
+        match self {
+            Target::Printed(t) => &mut t.design,
+            itself => itself,
+        }
+    }
+
+    /// The measured scale of the print, where there is one.
+    pub fn printed_scale(&self) -> Option<&PrintedScale> {
+        match self {
+            Target::Printed(t) => Some(&t.scale),
+            _ => None,
+        }
+    }
+
+    /// The same design printed at a scale, which replaces an earlier one.
+    pub fn printed_at(&self, scale: PrintedScale) -> Target {
+        Target::Printed(Printed { design: Box::new(self.design().clone()), scale })
+    }
+
+    /// The same with its printed scale taken as exact: for what is common to all views and must not be counted as noise of each.
+    pub fn with_exact_scale(&self) -> Target {
+        match self {
+            Target::Printed(t) => self.printed_at(PrintedScale { sigma: [0.0; 2], ..t.scale }),
+            other => other.clone(),
         }
     }
 
@@ -184,6 +229,10 @@ impl Target {
             Target::Points(points) => points
                 .get(feature.id as usize)
                 .map(|p| KnownPoint { position: p.position, sigma_m: p.sigma_m }),
+            Target::Printed(t) => {
+                let designed = t.design.point(feature)?;
+                Some(KnownPoint { position: t.scale.apply(&designed.position), ..designed })
+            }
         }
     }
 
@@ -205,12 +254,13 @@ impl Target {
                 tags(ids)
             }
             Target::Points(points) => simple(points.len() as u32),
+            Target::Printed(t) => t.design.features(),
         }
     }
 
     /// Whether its features are tag corners (`corner` 0..4).
     pub fn has_tag_corners(&self) -> bool {
-        matches!(self, Target::Tag(_) | Target::AprilGrid(_) | Target::TagMap(_))
+        matches!(self.design(), Target::Tag(_) | Target::AprilGrid(_) | Target::TagMap(_))
     }
 
     /// Refuses dimensions that cannot be right, naming the key.
@@ -257,6 +307,7 @@ impl Target {
                 check_sigma("sigma_rad", tag.sigma_rad)
             }),
             Target::Points(points) => check_points(points),
+            Target::Printed(t) => t.check(),
         }
     }
 }
@@ -310,6 +361,22 @@ impl AprilGrid {
         let (column, row) = ((index % self.columns) as f64, (index / self.columns) as f64);
         let (dx, dy) = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)][feature.corner as usize];
         Some(Point::new(column * pitch + dx * self.tag_size_m, row * pitch + dy * self.tag_size_m, 0.0))
+    }
+}
+
+impl TagMap {
+    /// Whether all tags lie in the map's plane z = 0 and face the same way, as on one sheet: 1 where that is the way of a lone tag
+    /// (z into the sheet), −1 where z points towards the viewer.
+    pub fn sheet_facing(&self) -> Option<f64> {
+        /// Tilts below 10 µrad and offsets below 10 µm are rounding of a file.
+        const FLAT: f64 = 1e-5;
+        let facing = self.tags.first()?.world_from_tag.rotation[(2, 2)].signum();
+        let in_sheet = |tag: &MapTag| {
+            let Pose { rotation, translation } = &tag.world_from_tag;
+            let tilt = rotation[(2, 0)].hypot(rotation[(2, 1)]);
+            translation.z.abs() <= FLAT && tilt <= FLAT && 0.0 < rotation[(2, 2)] * facing
+        };
+        self.tags.iter().all(in_sheet).then_some(facing)
     }
 }
 

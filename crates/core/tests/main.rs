@@ -52,6 +52,7 @@ mod monitor_noise_kinds;
 mod monitor_noise_rig;
 mod no_std;
 mod pose_graph;
+mod printed_scale;
 mod priors;
 mod pure_rotation;
 mod repeated;

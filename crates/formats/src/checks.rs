@@ -131,7 +131,7 @@ pub(super) fn unit_warning(what: &str, length: f64) -> Option<String> {
 
 /// Why a `line_plus_one` target is a poor choice, with the way out.
 pub(super) fn critical_plane_warning(target: &Target) -> Option<String> {
-    let Target::LinePlusOne(t) = target else { return None };
+    let Target::LinePlusOne(t) = target.design() else { return None };
     let ratio = t.foot_ratio();
     (0.2 < ratio && ratio < 0.8).then(|| {
         let min = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);

@@ -8,7 +8,7 @@ use super::table::{camera_format, target_format};
 use super::{ClockOffset, Contents, Format, NamedCamera, Placement, open};
 use crate::FileError;
 use crate::core::camera::ImageSize;
-use crate::core::target::MapTag;
+use crate::core::target::{MapTag, PrintedScale};
 use crate::core::{Camera, Lens, Pixel, Point, Target};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -257,7 +257,24 @@ fn target_text(target: &Target) -> String {
     let (w, h, d) = (extent(0), extent(1), extent(2));
     let size =
         if d == 0.0 { format!("{w:.1} × {h:.1} mm") } else { format!("{w:.1} × {h:.1} × {d:.1} mm") };
-    format!("Target of kind `{kind}`: {} known points over {size}.\n{}\n", points.len(), describe(target))
+    let printed = target.printed_scale().map_or_else(String::new, printed_text);
+    format!(
+        "Target of kind `{kind}`: {} known points over {size}.\n{}\n{printed}",
+        points.len(),
+        describe(target.design())
+    )
+}
+
+/// What the print does to the lengths above, which are those of the design.
+fn printed_text(scale: &PrintedScale) -> String {
+    let percent =
+        |i: usize| format!("{:+.3} % ± {:.3} %", 100.0 * (scale.ratio[i] - 1.0), 100.0 * scale.sigma[i]);
+    format!(
+        "The lengths in the line above are designed; the print was measured and is longer by {} along x and {} along y (1σ). Points are placed \
+            as printed, and poses carry the standard deviation.\n",
+        percent(0),
+        percent(1)
+    )
 }
 
 fn describe(target: &Target) -> String {

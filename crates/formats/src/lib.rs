@@ -69,6 +69,7 @@ mod tf_launch;
 mod colmap;
 mod own_camera;
 mod own_target;
+mod own_target_write;
 mod opencv_write;
 mod opencv;
 mod ros;
@@ -114,6 +115,7 @@ pub use file::{
 pub use format::Format;
 pub use frames::pose_between;
 pub use own_camera::status_keys;
+pub use own_target_write::own_target_file;
 pub use read::{
     read_camera, read_cameras, read_cameras_from_bytes, read_target, read_target_from_bytes, read_target_with,
 };

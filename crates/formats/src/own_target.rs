@@ -3,7 +3,9 @@
 use super::document::{Document, Fault, Syntax};
 use super::entry::{Entry, nearest};
 use super::{Format, TargetFormat, checks};
-use crate::core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, Tag, TagMap};
+use crate::core::target::{
+    AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
+};
 use crate::core::{Point, Pose, Target};
 
 pub(super) const FORMAT: TargetFormat = TargetFormat {
@@ -15,6 +17,8 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
 
 const KINDS: [&str; 7] = ["line_plus_one", "tag", "aprilgrid", "chessboard", "charuco", "tag_map", "points"];
 const FAMILY: &str = "tag36h11";
+/// The scale of the print: printed length over designed length along x and y, each with its standard deviation.
+pub(super) const PRINTED: &str = "printed_scale";
 /// More points or tags than any survey; keeps a hostile file from filling the memory later.
 const MOST_ENTRIES: usize = 10_000;
 
@@ -34,11 +38,20 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
             None => format!("unknown kind `{other}`; the kinds are {}", KINDS.join(", ")),
         })),
     }?;
-    Ok((target, Vec::new()))
+    Ok((printed(&root, target)?, Vec::new()))
+}
+
+/// Where the file states the scale of a print, the target is that print; a scale that cannot be is refused when the target is checked.
+fn printed(root: &Entry<'_>, design: Target) -> Result<Target, Fault> {
+    let Some(stated) = root.get(PRINTED) else { return Ok(design) };
+    stated.only(&["x", "y", "sigma_x", "sigma_y"])?;
+    let pair = |x: &str, y: &str| Ok([stated.need(x)?.number()?, stated.need(y)?.number()?]);
+    let scale = PrintedScale { ratio: pair("x", "y")?, sigma: pair("sigma_x", "sigma_y")? };
+    Ok(design.printed_at(scale))
 }
 
 fn line_plus_one(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "line_m", "off_m"])?;
+    root.only(&["kind", "line_m", "off_m", PRINTED])?;
     let line = root.need("line_m")?.exactly(3, "abscissae of the three points on the line")?;
     let off = root.need("off_m")?.exactly(2, "along and across the line")?;
     Ok(Target::LinePlusOne(LinePlusOne { line_m: [line[0], line[1], line[2]], off_m: [off[0], off[1]] }))
@@ -49,7 +62,7 @@ fn family(root: &Entry<'_>) -> Result<String, Fault> {
 }
 
 fn tag(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "id", "size_m"])?;
+    root.only(&["kind", "family", "id", "size_m", PRINTED])?;
     Ok(Target::Tag(Tag {
         family: family(root)?,
         id: root.need("id")?.id()?,
@@ -58,7 +71,16 @@ fn tag(root: &Entry<'_>) -> Result<Target, Fault> {
 }
 
 fn aprilgrid(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "rows", "columns", "tag_size_m", "tag_spacing_ratio", "first_id"])?;
+    root.only(&[
+        "kind",
+        "family",
+        "rows",
+        "columns",
+        "tag_size_m",
+        "tag_spacing_ratio",
+        "first_id",
+        PRINTED,
+    ])?;
     Ok(Target::AprilGrid(AprilGrid {
         family: family(root)?,
         rows: root.need("rows")?.side(1)?,
@@ -70,7 +92,7 @@ fn aprilgrid(root: &Entry<'_>) -> Result<Target, Fault> {
 }
 
 fn chessboard(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "rows", "columns", "square_m"])?;
+    root.only(&["kind", "rows", "columns", "square_m", PRINTED])?;
     let square_m = root.need("square_m")?.number()?;
     Ok(Target::Chessboard(Chessboard {
         rows: root.need("rows")?.side(2)?,
@@ -80,7 +102,7 @@ fn chessboard(root: &Entry<'_>) -> Result<Target, Fault> {
 }
 
 fn charuco(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "rows", "columns", "square_m", "marker_m", "dictionary", "legacy_pattern"])?;
+    root.only(&["kind", "rows", "columns", "square_m", "marker_m", "dictionary", "legacy_pattern", PRINTED])?;
     Ok(Target::Charuco(Charuco {
         rows: root.need("rows")?.side(2)?,
         columns: root.need("columns")?.side(2)?,
@@ -101,7 +123,7 @@ fn listed<'a>(root: &Entry<'a>, key: &str) -> Result<Vec<Entry<'a>>, Fault> {
 }
 
 fn tag_map(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "sigma_m", "sigma_rad", "tag"])?;
+    root.only(&["kind", "family", "sigma_m", "sigma_rad", "tag", PRINTED])?;
     let number = |entry: &Entry<'_>, key: &str, otherwise: f64| {
         entry.get(key).map_or(Ok(otherwise), |value| value.number())
     };

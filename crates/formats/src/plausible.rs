@@ -30,7 +30,7 @@ const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
 
 /// What a target's dimensions should be looked at for, in sentences; none where they can be metres.
 pub fn of_target(target: &Target) -> Vec<String> {
-    match target {
+    match target.design() {
         Target::LinePlusOne(line) => of_line(line).into_iter().collect(),
         Target::Tag(tag) => edge("size_m", tag.size_m, LARGEST_TAG_M).into_iter().collect(),
         Target::AprilGrid(grid) => edge("tag_size_m", grid.tag_size_m, LARGEST_TAG_M).into_iter().collect(),
@@ -45,7 +45,7 @@ pub fn of_target(target: &Target) -> Vec<String> {
 /// The extent of a printed target that is no size at all (metres): its points would leave the range of numbers.
 pub(super) fn absurd_extent_m(target: &Target) -> Option<f64> {
     const LARGEST_M: f64 = 1e9;
-    let extent_m = match target {
+    let extent_m = match target.design() {
         Target::Tag(tag) => tag.size_m,
         Target::AprilGrid(grid) => {
             grid.tag_size_m * (1.0 + grid.tag_spacing_ratio) * f64::from(grid.rows.max(grid.columns))

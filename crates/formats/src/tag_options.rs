@@ -30,11 +30,11 @@ pub(super) fn apply(
     target: &mut Target,
     options: &TagOptions,
 ) -> Result<Option<String>, Fault> {
-    let Target::TagMap(map) = target else {
+    let kind = target.kind();
+    let Target::TagMap(map) = target.design_mut() else {
         if options.is_empty() {
             return Ok(None);
         }
-        let kind = target.kind();
         return Err(Fault::new(format!(
             "--tag-family, --tag-size-m and --tag-sigma-m are for maps of tags; this target is of kind `{kind}` and states its own"
         )));

@@ -105,6 +105,12 @@ fn wpilib_tag_from_tag() -> Pose {
 ///
 /// Errors for other targets, tags of different sizes or tolerances, and fields without an extent.
 pub fn write_field_layout(target: &Target, field: &Field) -> Result<OutFile, WriteError> {
+    if let Some(scale) = target.printed_scale() {
+        let [x, y] = scale.ratio;
+        return Err(WriteError(format!(
+            "a WPILib layout has no place for a printed scale (x {x}, y {y}); take printed_scale out of the file and state sizes and positions as printed"
+        )));
+    }
     let Target::TagMap(map) = target else {
         let kind = target.kind();
         return Err(WriteError(format!("a WPILib layout holds a tag_map, not a target of kind `{kind}`")));

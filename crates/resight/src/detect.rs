@@ -124,7 +124,7 @@ const MIN_HALF_WINDOW_PX: u32 = 2;
 const MAX_HALF_WINDOW_PX: u32 = 50;
 
 fn check_window(target: &Target, window: CornerWindow) -> Result<(), DetectError> {
-    match (target, window) {
+    match (target.design(), window) {
         (_, CornerWindow::Clear) => Ok(()),
         (Target::Chessboard(_) | Target::Charuco(_), CornerWindow::Half(seen)) => {
             let possible = (MIN_HALF_WINDOW_PX..=MAX_HALF_WINDOW_PX).contains(&seen);
@@ -135,7 +135,7 @@ fn check_window(target: &Target, window: CornerWindow) -> Result<(), DetectError
 }
 
 fn check_extent(target: &Target) -> Result<(), DetectError> {
-    let (rows, columns) = match target {
+    let (rows, columns) = match target.design() {
         Target::AprilGrid(t) => (t.rows, t.columns),
         Target::Chessboard(t) => (t.rows, t.columns),
         Target::Charuco(t) => (t.rows, t.columns),
@@ -184,7 +184,8 @@ impl Detector {
         target.check()?;
         check_extent(target)?;
         check_window(target, window)?;
-        let finder = match target {
+        // A print that is a little longer along one axis is another view of the same plane to a detector.
+        let finder = match target.design() {
             Target::Tag(tag) => Finder::Tag(TagFinder::with_ids(&tag.family, &[tag.id])?),
             Target::TagMap(map) => {
                 let mut ids: Vec<u32> = map.tags.iter().map(|tag| tag.id).collect();

@@ -32,6 +32,7 @@
 //! | what moved between two calibrations | [`compare()`] |
 //! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
 //! | cameras and targets in other formats, and in sentences | [`convert()`], [`explain`] |
+//! | targets on paper at exact scale, and the printer's error | [`print_target`] |
 //! | cameras watched for motion | `run` of the crate `resight-watch` |
 //!
 //! Answers ([`answer`]) have a status and serialise to the JSON of the command line, whose schema is [`answer::json_schema`]. Errors of all jobs
@@ -62,6 +63,7 @@ pub mod advise;
 pub mod measure;
 pub mod compare;
 pub mod convert;
+pub mod print;
 pub mod landmarks;
 
 pub use self::image::GrayImage;
@@ -75,6 +77,7 @@ pub use error::{Error, FileError};
 pub use locate::{locate_image, locate_points};
 pub use measure::measure;
 pub use points::locate_table;
+pub use print::print_target;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
 /// The camera of a file in any supported format; `FILE#NAME` picks one of several.

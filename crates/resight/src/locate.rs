@@ -135,6 +135,7 @@ impl<'a> ImageLocator<'a> {
             point_sigma_m: point_sigma_m(&points),
             intrinsics_sigma: intrinsics.map(IntrinsicsCovariance::sigmas),
             intrinsics_cost,
+            printed_scale: self.target.printed_scale().map(Into::into),
             names,
             scaled_from_px,
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),

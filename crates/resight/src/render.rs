@@ -8,6 +8,7 @@ pub mod clutter;
 pub mod family;
 mod finish;
 mod pattern;
+pub mod ink;
 
 use crate::GrayImage;
 use pattern::Patch;

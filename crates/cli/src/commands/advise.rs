@@ -298,7 +298,9 @@ impl Advise {
     /// The target file; its warnings are printed.
     fn target(&self) -> Result<resight::core::Target> {
         let Some(path) = &self.target else { bail!("--target FILE is needed") };
-        Ok(super::target(path, &TagArgs::default(), remark)?.0)
+        let (target, _) = super::target(path, &TagArgs::default(), remark)?;
+        super::warn_of_scale(path, &target, "advice");
+        Ok(target)
     }
 
     /// Writes maps; says where.

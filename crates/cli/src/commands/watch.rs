@@ -288,9 +288,13 @@ fn lenses(
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {
-    let read =
-        |argument: &String| super::target(split(argument).1.as_ref(), &args.tags, crate::output::remark);
-    args.target.iter().map(|argument| Ok(Arc::new(read(argument)?.0))).collect()
+    let read = |argument: &String| {
+        let file: &Path = split(argument).1.as_ref();
+        let (target, _) = super::target(file, &args.tags, crate::output::remark)?;
+        super::warn_of_scale(file, &target, "a session");
+        Ok(Arc::new(target))
+    };
+    args.target.iter().map(read).collect()
 }
 
 fn config(args: &Watch, names: &Names, cameras: Option<&[NamedCamera]>) -> Result<LiveConfig> {

@@ -19,9 +19,9 @@ pub struct Change {
     pub enlarges_target: bool,
 }
 
-/// The changes worth trying, per kind of target; none for surveyed points and tag maps, which stand where they stand.
+/// The changes worth trying, per kind of target as designed (the changed one is not printed yet); none for surveyed points and tag maps, which stand where they stand.
 pub fn changes(target: &Target) -> Vec<Change> {
-    match target {
+    match target.design() {
         Target::LinePlusOne(t) => line_changes(t),
         Target::Tag(t) => {
             scaled("size_m", t.size_m, |to| Target::Tag(crate::target::Tag { size_m: to, ..t.clone() }))

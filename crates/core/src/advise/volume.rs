@@ -36,8 +36,8 @@ impl Shape {
     /// Of a target. Flat targets face −z (an AprilGrid +z); surveyed points and tag maps are taken as seen from above (+z).
     pub fn of(target: &Target) -> Self {
         let points = target.features().iter().filter_map(|f| target.point(*f)).collect();
-        let up = matches!(target, Target::AprilGrid(_) | Target::TagMap(_) | Target::Points(_));
-        let works_in_part = up || matches!(target, Target::Charuco(_));
+        let up = matches!(target.design(), Target::AprilGrid(_) | Target::TagMap(_) | Target::Points(_));
+        let works_in_part = up || matches!(target.design(), Target::Charuco(_));
         Shape { points, front_in_target: Vector3::z() * if up { 1.0 } else { -1.0 }, works_in_part }
     }
 

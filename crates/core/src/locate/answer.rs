@@ -11,7 +11,7 @@ use super::posterior::{lead_with_the_most_probable, weights};
 use super::problem::Problem;
 use super::refine::OVERFLOW;
 use super::sandwich::evidence;
-use super::uncertainty::{Doubts, Whole, allow_for_intrinsics, check_known};
+use super::uncertainty::{Doubts, Whole, allow_for_common, check_known};
 use crate::Error;
 
 /// The most probable of the minima, and whether another one second solutions it.
@@ -21,20 +21,20 @@ pub(crate) fn choose(view: &View, mut found: Found) -> Result<PoseEstimate, Erro
 
 /// The answer that the minima found amount to.
 pub(crate) fn conclude(view: &View, found: &mut Found) -> Result<PoseEstimate, Error> {
-    let View { problem, geometry, method, allowed: Allowed { intrinsics, shared_errors } } = *view;
+    let View { problem, geometry, method, allowed: Allowed { common, shared_errors } } = *view;
     let Found { minima, weakness, bends, refusal } = found;
     if let Some(refusal) = refusal.take() {
         return Err(refusal);
     }
     let problem = &problem;
-    allow_for_intrinsics(minima, problem, intrinsics)?;
+    allow_for_common(minima, problem, &common)?;
     let degrees_of_freedom = problem.degrees_of_freedom();
     let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
     let lowest = *minima.first().ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     let mut weights = weights(minima, noise_scale);
     lead_with_the_most_probable(minima, &mut weights, bends, noise_scale);
     let choice = of_minima(minima, problem.seen.len(), noise_scale)?;
-    let doubts = Doubts { problem, intrinsics, noise_scale, lowest, shared_errors };
+    let doubts = Doubts { problem, common, noise_scale, lowest, shared_errors };
     let others = doubts.others(minima, &weights, bends)?;
     let best = choice.best;
     let Whole { covariance, shared_error_px } = doubts.covariance(best, bends[0])?;

@@ -1,6 +1,7 @@
 //! The first line of `locate`: what the points allow, and the method for it.
 
 use super::Config;
+use super::common::Common;
 use super::method::{Method, resolve};
 use super::prior_start::may_hold;
 use super::problem::Problem;
@@ -27,7 +28,7 @@ impl View<'_> {
 /// What widens the covariance besides the pixels' sigmas.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Allowed<'a> {
-    pub(crate) intrinsics: Option<&'a [f64]>,
+    pub(crate) common: Common<'a>,
     pub(crate) shared_errors: bool,
 }
 
@@ -44,8 +45,8 @@ pub(crate) fn classify<'a>(
     let problem = Problem { priors, loss, groups, ..Problem::new(seen, camera) };
     problem.check()?;
     let (geometry, method) = layout(&problem, config.method)?;
-    let intrinsics = allowed_intrinsics(config, method)?;
-    let allowed = Allowed { intrinsics, shared_errors: config.shared_errors };
+    let common = allowed_common(config, method)?;
+    let allowed = Allowed { common, shared_errors: config.shared_errors };
     Ok(View { problem, geometry, method, allowed })
 }
 
@@ -70,10 +71,18 @@ const LITERAL_INTRINSICS: Error = Error::WrongLayout {
     reason: "the printed procedure does not propagate uncertain intrinsics",
 };
 
-/// The printed procedure has no derivative to propagate them by.
-fn allowed_intrinsics<'a>(config: &Config<'a>, method: Method) -> Result<Option<&'a [f64]>, Error> {
-    match config.intrinsics_covariance {
-        Some(_) if method == Method::Wang2004 => Err(LITERAL_INTRINSICS),
-        given => Ok(given),
+const LITERAL_SCALE: Error = Error::WrongLayout {
+    method: "wang2004",
+    reason: "the procedure of the paper does not propagate the uncertain scale of a printed target",
+};
+
+/// The procedure of Wang (2004) has no derivative to propagate them by.
+fn allowed_common<'a>(config: &Config<'a>, method: Method) -> Result<Common<'a>, Error> {
+    let common = Common { intrinsics: config.intrinsics_covariance, scale_sigma: config.target_scale_sigma };
+    common.check()?;
+    match method {
+        Method::Wang2004 if common.intrinsics.is_some() => Err(LITERAL_INTRINSICS),
+        Method::Wang2004 if !common.is_exact() => Err(LITERAL_SCALE),
+        _ => Ok(common),
     }
 }

@@ -46,7 +46,7 @@ pub(crate) fn refine(view: &View, start: &Start) -> Found {
         found.bends[0] = Some(is_bent_at_the_lowest(problem, &found.minima));
     }
     // Uncertain intrinsics move the minima: what was bent need not be.
-    if view.allowed.intrinsics.is_some() {
+    if !view.allowed.common.is_exact() {
         found.bends[0] = None;
     }
     found

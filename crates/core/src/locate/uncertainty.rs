@@ -1,9 +1,9 @@
-//! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics explain of their residuals.
+//! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics and scales explain of their residuals.
 
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
+use crate::locate::common::{Common, Dependence};
 use crate::locate::curvature::{self, Bends, with_curvature};
-use crate::locate::intrinsics::Dependence;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{refine_against, residual_sums};
 use crate::locate::shared_error::SharedError;
@@ -12,13 +12,11 @@ use crate::{Error, Matrix6, Pose};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// From each χ² the part that uncertain intrinsics explain is taken, and the minima are put in order again.
-pub(crate) fn allow_for_intrinsics(
-    minima: &mut Minima,
-    problem: &Problem,
-    intrinsics: Option<&[f64]>,
-) -> Result<(), Error> {
-    let Some(given) = intrinsics else { return Ok(()) };
+/// From each χ² the part that uncertain intrinsics and scales explain is taken, and the minima are put in order again.
+pub(crate) fn allow_for_common(minima: &mut Minima, problem: &Problem, common: &Common) -> Result<(), Error> {
+    if common.is_exact() {
+        return Ok(());
+    }
     let found = core::mem::take(minima);
     let lowest = found.first().map_or(0.0, |m| m.chi2);
     for m in &found {
@@ -28,7 +26,7 @@ pub(crate) fn allow_for_intrinsics(
         insert(minima, end.unwrap_or(*m));
     }
     for m in minima.iter_mut() {
-        let (explained, log_determinant) = Dependence::at(m, problem, given)?.explained(&m.covariance);
+        let (explained, log_determinant) = Dependence::at(m, problem, common)?.explained(&m.covariance);
         m.chi2 -= explained.min(m.chi2);
         m.log_determinant += log_determinant;
     }
@@ -69,7 +67,7 @@ pub(crate) fn check_known(
 /// What widens the covariance of a minimum beyond the pixels' share.
 pub(crate) struct Doubts<'a> {
     pub(crate) problem: &'a Problem<'a>,
-    pub(crate) intrinsics: Option<&'a [f64]>,
+    pub(crate) common: Common<'a>,
     pub(crate) noise_scale: f64,
     /// The lowest of the minima, which need not be the first.
     pub(crate) lowest: Minimum,
@@ -88,16 +86,16 @@ impl Doubts<'_> {
     /// The covariance of a minimum, whole. Whether its likelihood is bent is found out where it is not known yet.
     pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Whole, Error> {
         let problem = self.problem;
-        // The bend is that of the pixels' χ², without what intrinsics explain.
-        let chi2 =
-            if self.intrinsics.is_some() { residual_sums(&m.cam_from_target, problem).0 } else { m.chi2 };
+        // The bend is that of the pixels' χ², without what common parameters explain.
+        let is_exact = self.common.is_exact();
+        let chi2 = if is_exact { m.chi2 } else { residual_sums(&m.cam_from_target, problem).0 };
         let m = &Minimum { chi2, ..*m };
         let cost = &problem.held_at(&m.cam_from_target);
         let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, cost));
         let covariance = if is_bent { with_curvature(m, cost) } else { m.covariance };
-        let share = match self.intrinsics {
-            Some(given) => Dependence::at(m, problem, given)?.share(&covariance),
-            None => Matrix6::zeros(),
+        let share = match is_exact {
+            true => Matrix6::zeros(),
+            false => Dependence::at(m, problem, &self.common)?.share(&covariance),
         };
         let independent = symmetric(&((covariance + share) * self.noise_scale));
         Ok(match self.shared_errors.then(|| SharedError::at(m, problem)).flatten() {

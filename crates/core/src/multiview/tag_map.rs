@@ -10,7 +10,7 @@ use crate::correspondence::{Detection, Skipped, correspond};
 use crate::locate::consistency::{Consistency, inconsistent_above};
 use crate::locate::group::RigidGroup;
 use crate::locate::{Config, PoseEstimate, locate};
-use crate::target::{Feature, TagMap};
+use crate::target::{Feature, PrintedScale, TagMap};
 use crate::{Camera, Correspondence, Error, Target};
 use agreement::{Agreement, agreement, separate};
 pub use displaced::DisplacedTag;
@@ -36,7 +36,7 @@ pub struct TargetPose {
 ///
 /// The corners of a tag of a map share one displacement, as large as the map's tolerances say. With three tags or more, those that do
 /// not agree with the others are left out and named; with two that contradict each other the answer is `Inconsistent` and names both.
-/// `config.groups` is made here: what it holds is not used.
+/// `config.groups` and `config.target_scale_sigma` are made here, from the target: what they hold is not used.
 pub fn locate_target(
     detections: &[Detection],
     target: &Target,
@@ -44,9 +44,11 @@ pub fn locate_target(
     config: &Config,
 ) -> TargetPose {
     let (mut joined, skipped) = correspond(detections, target, camera);
-    let Target::TagMap(map) = target else {
+    let target_scale_sigma = target.printed_scale().map_or([0.0; 2], PrintedScale::relative_sigma);
+    let config = &Config { groups: &[], target_scale_sigma, ..*config };
+    let Target::TagMap(map) = target.design() else {
         let (features, seen): (Vec<_>, Vec<_>) = joined.into_iter().unzip();
-        let estimate = locate(&seen, camera, &Config { groups: &[], ..*config });
+        let estimate = locate(&seen, camera, config);
         return TargetPose {
             features,
             seen,
@@ -57,7 +59,7 @@ pub fn locate_target(
         };
     };
     joined.sort_by_key(|(feature, _)| *feature);
-    let view = TagView::new(&joined, map, camera, config);
+    let view = TagView::new(&joined, map, target.printed_scale(), camera, config);
     let answer = view.answer();
     let kept = |feature: &Feature| !answer.left_out.iter().any(|tag| tag.id == feature.id);
     let (features, seen) = joined.into_iter().filter(|(feature, _)| kept(feature)).unzip();
@@ -106,6 +108,7 @@ impl<'a> TagView<'a> {
     fn new(
         joined: &[(Feature, Correspondence)],
         map: &TagMap,
+        printed: Option<&PrintedScale>,
         camera: &'a Camera,
         config: &'a Config<'a>,
     ) -> Self {
@@ -115,7 +118,9 @@ impl<'a> TagView<'a> {
             let group = RigidGroup {
                 first: 0,
                 n_points: corners.len(),
-                centre_in_target: tag.world_from_tag.translation,
+                centre_in_target: printed.map_or(tag.world_from_tag.translation, |scale| {
+                    scale.apply(&tag.world_from_tag.translation)
+                }),
                 sigma_m: tag.sigma_m,
                 sigma_rad: tag.sigma_rad,
             };

@@ -1,6 +1,6 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
-use super::{advise, compare, detection, files, hand_eye, landmarks, measure, pose, pose_graph, rig};
+use super::{advise, compare, detection, files, hand_eye, landmarks, measure, pose, pose_graph, print, rig};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
@@ -36,7 +36,7 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer by the job that gives it.
-const ANSWERS: [(&str, Generate); 18] = [
+const ANSWERS: [(&str, Generate); 19] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),
@@ -46,6 +46,7 @@ const ANSWERS: [(&str, Generate); 18] = [
     ("detect", SchemaGenerator::subschema_for::<detection::DetectionAnswer>),
     ("explain", SchemaGenerator::subschema_for::<files::Explanation>),
     ("convert", SchemaGenerator::subschema_for::<files::ConvertAnswer>),
+    ("print", SchemaGenerator::subschema_for::<print::PrintAnswer>),
     ("advise_points", SchemaGenerator::subschema_for::<advise::PointsNow>),
     ("advise_point", SchemaGenerator::subschema_for::<advise::PointSuggestion>),
     ("advise_target", SchemaGenerator::subschema_for::<advise::VolumeOutlook>),

@@ -1,5 +1,6 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
+use super::print::PrintedScaleObject;
 use super::{Agreement, SchemaNumber};
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
@@ -41,6 +42,8 @@ pub struct PoseAnswer {
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
     /// What these cost the position.
     pub intrinsics_cost: Option<IntrinsicsCost>,
+    /// The measured scale of a printed target; none where the target's file states none.
+    pub printed_scale: Option<PrintedScaleObject>,
     /// Name of the point with the largest residual, by index.
     pub names: Vec<String>,
     /// The image size that the intrinsics are of, where they were scaled to another.
@@ -185,6 +188,9 @@ pub struct PoseObject {
     /// What uncertain intrinsics cost the position.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_cost: Option<IntrinsicsCost>,
+    /// The measured scale of a printed target; the points lie as printed, and `covariance` holds its standard deviation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    printed_scale: Option<PrintedScaleObject>,
     /// The image size that the intrinsics are of, where they were scaled to this image's.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_scaled_from_px: Option<[u32; 2]>,
@@ -279,6 +285,7 @@ impl PoseAnswer {
             point_sigma_m: None,
             intrinsics_sigma: None,
             intrinsics_cost: None,
+            printed_scale: None,
             names: Vec::new(),
             scaled_from_px: None,
             skipped: Vec::new(),
@@ -315,6 +322,7 @@ impl PoseAnswer {
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
             intrinsics_cost: self.intrinsics_cost,
+            printed_scale: self.printed_scale,
             intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),
             minima: e.map(|e| e.minima().map(minimum).collect()),

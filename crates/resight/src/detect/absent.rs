@@ -23,7 +23,7 @@ pub fn not_found(target: &Target, image: &GrayImage) -> String {
 
 /// What is looked for.
 fn wanted(target: &Target) -> String {
-    match target {
+    match target.design() {
         Target::Tag(t) => format!("tag target ({} id {}, size_m {})", t.family, t.id, t.size_m),
         Target::TagMap(map) => format!("tag of the map ({}, {} tags)", map.family, map.tags.len()),
         Target::AprilGrid(g) => format!(
@@ -55,7 +55,7 @@ fn last_id(first: u32, count: u32) -> u32 {
 
 /// What an image shows instead of a target, with the way out; none where nothing like it is seen.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
-    match target {
+    match target.design() {
         Target::Tag(tag) => other_tags(&tag.family, &format!("id {}", tag.id), "correct `family`", image),
         Target::TagMap(map) => {
             let way_out = "state the family in the map, or with --tag-family";

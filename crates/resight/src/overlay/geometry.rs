@@ -61,6 +61,10 @@ pub fn round_down_125(x: f64) -> f64 {
 
 /// Edges of the target, target frame.
 pub fn outline(target: &Target) -> Vec<(Point, Point)> {
+    if let Some(scale) = target.printed_scale() {
+        let as_printed = |(a, b): (Point, Point)| (scale.apply(&a), scale.apply(&b));
+        return outline(target.design()).into_iter().map(as_printed).collect();
+    }
     match target {
         Target::LinePlusOne(t) => {
             let least = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);

@@ -3,7 +3,7 @@
 use super::family::{self, Cells};
 use super::{Placed, RenderError, Style};
 use nalgebra::Matrix3;
-use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoint, Target};
+use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoint, PrintedScale, Target};
 use resight_core::{Point, Pose};
 
 /// One thing a ray can meet.
@@ -29,7 +29,7 @@ pub(super) struct Plane {
     paper: Option<f64>,
 }
 
-enum Pattern {
+pub(super) enum Pattern {
     Dots {
         centres: Vec<[f64; 2]>,
         radius_m: f64,
@@ -59,6 +59,21 @@ enum Pattern {
 }
 
 impl Patch {
+    /// The same patch of a print that is a little longer along the target's axes: what was at x in the target's frame is at S x.
+    fn printed_at(self, cam_from_target: &Pose, scale: &PrintedScale) -> Patch {
+        let Patch::Plane(plane) = self else { return self };
+        let target_from_cam = cam_from_target.inverse();
+        let place = |x: &Point| *cam_from_target * scale.apply(&(target_from_cam * *x));
+        let origin = plane.cam_from_plane.translation;
+        let axis = |i: usize| {
+            let end = origin + plane.cam_from_plane.rotation.column(i);
+            place(&end) - place(&origin)
+        };
+        let ray_from_plane = Matrix3::from_columns(&[axis(0), axis(1), place(&origin)]);
+        let plane_from_ray = ray_from_plane.try_inverse().unwrap_or(plane.plane_from_ray);
+        Patch::Plane(Plane { plane_from_ray, ..plane })
+    }
+
     /// (inverse depth along the ray, grey); none when the ray misses it.
     pub fn hit(&self, ray: &Point) -> Option<(f64, f64)> {
         match self {
@@ -104,7 +119,7 @@ impl Plane {
 }
 
 impl Pattern {
-    fn is_ink(&self, x: f64, y: f64) -> bool {
+    pub(super) fn is_ink(&self, x: f64, y: f64) -> bool {
         match self {
             Pattern::Dots { centres, radius_m } => {
                 let inside = |c: &[f64; 2]| (x - c[0]).powi(2) + (y - c[1]).powi(2) < radius_m * radius_m;
@@ -169,6 +184,10 @@ pub(super) fn patches(placed: &Placed) -> Result<Vec<Patch>, RenderError> {
     };
     let at = placed.cam_from_target;
     let one = |patch: Option<Patch>| patch.into_iter().collect();
+    if let Some(scale) = placed.target.printed_scale() {
+        let design = Placed { target: placed.target.design().clone(), ..placed.clone() };
+        return Ok(patches(&design)?.into_iter().map(|patch| patch.printed_at(&at, scale)).collect());
+    }
     Ok(match &placed.target {
         Target::LinePlusOne(t) => {
             let (low, high, pattern) = line_plus_one(t, style);
@@ -241,9 +260,9 @@ fn board_on_sheet(at: Pose, (low, high, pattern): Extent, style: &Style) -> Vec<
     plane_patch(at, low, high, pattern, 1.0, &exact).into_iter().chain(sheet).collect()
 }
 
-type Extent = ([f64; 2], [f64; 2], Pattern);
+pub(super) type Extent = ([f64; 2], [f64; 2], Pattern);
 
-fn line_plus_one(t: &LinePlusOne, style: &Style) -> Extent {
+pub(super) fn line_plus_one(t: &LinePlusOne, style: &Style) -> Extent {
     let centres: Vec<[f64; 2]> = t.line_m.iter().map(|x| [*x, 0.0]).chain([t.off_m]).collect();
     let radius_m = 0.5 * style.dot_diameter_m.unwrap_or_else(|| smallest_distance(&centres) / 3.0);
     let fold = |pick: fn(f64, f64) -> f64, start: f64| {
@@ -268,14 +287,14 @@ fn bordered(cells: Cells, bits: u32) -> Cells {
     if bits != 1 && cells.has_black_frame() { cells.with_border(bits) } else { cells }
 }
 
-fn tag(family: &str, id: u32, size_m: f64, style: &Style) -> Result<Extent, RenderError> {
+pub(super) fn tag(family: &str, id: u32, size_m: f64, style: &Style) -> Result<Extent, RenderError> {
     let cells = bordered(family::cells(family, id)?, style.tag_border_bits.unwrap_or(1));
     let cell_m = size_m / cells.per_size as f64;
     let half = 0.5 * cells.per_side as f64 * cell_m;
     Ok(([-half; 2], [half; 2], Pattern::Tag { cells, cell_m, origin_m: [-half; 2] }))
 }
 
-fn april_grid(t: &AprilGrid, style: &Style) -> Result<Extent, RenderError> {
+pub(super) fn april_grid(t: &AprilGrid, style: &Style) -> Result<Extent, RenderError> {
     let bits = style.tag_border_bits.unwrap_or(2);
     let ids = t.first_id..t.first_id + t.rows * t.columns;
     let tags: Result<Vec<_>, _> =
@@ -287,13 +306,13 @@ fn april_grid(t: &AprilGrid, style: &Style) -> Result<Extent, RenderError> {
 }
 
 /// The top-left outer square is black.
-fn chessboard(t: &Chessboard) -> Extent {
+pub(super) fn chessboard(t: &Chessboard) -> Extent {
     let extent = |n: u32| n as f64 * t.square_m;
     ([-t.square_m; 2], [extent(t.columns), extent(t.rows)], Pattern::Chess { square_m: t.square_m })
 }
 
 /// As OpenCV: the top-left square is black, in the legacy pattern with an even number of rows it is white.
-fn charuco(t: &Charuco) -> Result<Extent, RenderError> {
+pub(super) fn charuco(t: &Charuco) -> Result<Extent, RenderError> {
     let odd = usize::from(t.legacy_pattern && t.rows.is_multiple_of(2));
     let mut id = 0;
     let mut markers = Vec::new();

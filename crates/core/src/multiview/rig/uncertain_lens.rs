@@ -7,7 +7,7 @@ use super::adjust::Adjusted;
 use super::layout::Layout;
 use crate::covariance::is_covariance;
 use crate::least_squares::rig::{Common, Eliminated};
-use crate::locate::intrinsics::check_intrinsics_covariance;
+use crate::locate::common::check_intrinsics_covariance;
 use crate::locate::refine::whitening;
 use crate::{Camera, Error, Matrix6, Vector6};
 use nalgebra::{DMatrix, Matrix6xX};

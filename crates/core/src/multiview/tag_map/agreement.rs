@@ -42,7 +42,7 @@ pub(super) fn agreement(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> A
 
 /// T of each of the chosen tags; 0 where the others alone determine no pose.
 fn excess(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> Vec<f64> {
-    if view.config.intrinsics_covariance.is_some() {
+    if view.config.intrinsics_covariance.is_some() || view.config.target_scale_sigma != [0.0; 2] {
         return excess_by_solving(view, chosen, e);
     }
     let points = view.points(chosen);
@@ -67,7 +67,7 @@ fn excess(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> Vec<f64> {
     chosen.iter().map(|i| of_tag(i).filter(|t| t.is_finite()).unwrap_or(0.0)).collect()
 }
 
-/// As `excess`, each tag left out in turn: what uncertain intrinsics explain is then out of both χ².
+/// As `excess`, each tag left out in turn: what uncertain intrinsics and scales explain is then out of both χ².
 fn excess_by_solving(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> Vec<f64> {
     let without = |tag: &usize| {
         let rest: Vec<usize> = chosen.iter().copied().filter(|i| i != tag).collect();

@@ -82,7 +82,7 @@ impl BoardFollower {
 
 /// One and a half squares around the inner corners; an AprilGrid's corner squares reach beyond its tags.
 fn rim_share(target: &Target) -> f64 {
-    let (rim, spans) = match target {
+    let (rim, spans) = match target.design() {
         Target::Chessboard(board) => (1.5, board.rows.min(board.columns).saturating_sub(1)),
         Target::Charuco(board) => (1.5, board.rows.min(board.columns).saturating_sub(2)),
         Target::AprilGrid(grid) => (0.6, grid.rows.min(grid.columns)),

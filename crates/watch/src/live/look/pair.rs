@@ -90,7 +90,11 @@ impl Pair {
             camera: camera.clone(),
             follower: Follower::new(&watched.target)?,
             expectation: Expectation::new(&watched.target),
-            target: Arc::clone(&watched.target),
+            // The error of a printed scale is the same in every frame: no noise of a reading, and no motion.
+            target: match watched.target.printed_scale() {
+                Some(_) => Arc::new(watched.target.with_exact_scale()),
+                None => Arc::clone(&watched.target),
+            },
             tracker: Tracker::new(&config.track)?,
             stage,
             began: None,

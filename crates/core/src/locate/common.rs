@@ -1,10 +1,11 @@
-//! What uncertain intrinsics do to an answer: they widen its covariance, and they explain a part of its residual.
+//! What all points of a view share and nobody knows exactly, intrinsics and the scale of a printed target: it widens an answer's covariance,
+//! and it explains a part of the residual.
 //!
 //! ```text
 //!   K  derivative of the predicted pixels by the parameters θ, whitened  ·  J  the same by the pose  ·  r  whitened residual
 //!   G = JᵀK,  M = Kᵀ(1 − JΣJᵀ)K = KᵀK − GᵀΣG,  h = Kᵀr,  C = Cov(θ)
 //! ```
-//! Derivation: docs/math/refine.md eq. (9), docs/math/posterior.md eqs. (7)–(10).
+//! Derivation: docs/math/refine.md eq. (9), docs/math/posterior.md eqs. (7)–(10), docs/math/printed_scale.md eqs. (3), (4).
 
 use crate::camera::MAX_PARAMETERS;
 use crate::covariance::is_covariance;
@@ -14,17 +15,49 @@ use crate::locate::group::RigidGroup;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{information, normal_equations};
 use crate::{Correspondence, Error, Matrix6, Point, Vector6};
-use nalgebra::{SMatrix, SVector};
+use arrayvec::ArrayVec;
+use nalgebra::{SMatrix, SVector, Vector2};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-type Square = SMatrix<f64, MAX_PARAMETERS, MAX_PARAMETERS>;
-type Vector = SVector<f64, MAX_PARAMETERS>;
+/// The camera's, and the target's scale along x and y.
+const MOST_COMMON: usize = MAX_PARAMETERS + 2;
 
-/// How the residual depends on the intrinsics at one minimum. Rows and columns beyond the camera's parameters are zero.
+type Square = SMatrix<f64, MOST_COMMON, MOST_COMMON>;
+type Vector = SVector<f64, MOST_COMMON>;
+
+/// What all points of a view share, and how well it is known.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Common<'a> {
+    /// Covariance of the camera's parameters, row by row; none: exact.
+    pub(crate) intrinsics: Option<&'a [f64]>,
+    /// Standard deviations of the target's scale along its x and y, relative; 0 when exact.
+    pub(crate) scale_sigma: [f64; 2],
+}
+
+impl Common<'_> {
+    /// Whether there is nothing to allow for.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.intrinsics.is_none() && self.scale_sigma == [0.0; 2]
+    }
+
+    /// # Errors
+    /// `InvalidTarget` for standard deviations that cannot be. The intrinsics' covariance is checked where the camera's parameters are counted.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        match self.scale_sigma.into_iter().find(|sigma| !(0.0 <= *sigma && (sigma * sigma).is_finite())) {
+            Some(seen) => {
+                let needed = "the standard deviation of a printed scale is zero or positive";
+                Err(Error::InvalidTarget { parameter: "printed_scale sigma", seen, needed })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+/// How the residual depends on the common parameters at one minimum. Rows and columns beyond them are zero.
 pub(crate) struct Dependence {
     /// Columns of G.
-    by_parameter: [Vector6; MAX_PARAMETERS],
+    by_parameter: [Vector6; MOST_COMMON],
     /// KᵀK.
     information: Square,
     /// h.
@@ -32,14 +65,20 @@ pub(crate) struct Dependence {
     /// C.
     covariance: Square,
     n_parameters: usize,
+    /// Whether the camera's parameters come first.
+    has_intrinsics: bool,
 }
 
 impl Dependence {
-    /// At a minimum. `covariance` is that of the parameters, row by row.
-    pub(crate) fn at(m: &Minimum, problem: &Problem, covariance: &[f64]) -> Result<Self, Error> {
-        let mut dependence = Dependence::none();
+    /// At a minimum: the camera's parameters first, if they are uncertain, then the two of the scale.
+    pub(crate) fn at(m: &Minimum, problem: &Problem, common: &Common) -> Result<Self, Error> {
+        let mut dependence = Dependence::none(common.intrinsics.is_some());
         dependence.add_all(m, problem).ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
-        let n = dependence.n_parameters;
+        let n = dependence.n_parameters.saturating_sub(common.scale_sigma.len());
+        for (i, sigma) in common.scale_sigma.iter().enumerate() {
+            dependence.covariance[(n + i, n + i)] = sigma * sigma;
+        }
+        let Some(covariance) = common.intrinsics else { return Ok(dependence) };
         check_intrinsics_covariance(covariance, n)?;
         for (index, entry) in covariance.iter().enumerate() {
             dependence.covariance[(index / n, index % n)] = *entry;
@@ -52,13 +91,14 @@ impl Dependence {
         Ok(dependence)
     }
 
-    fn none() -> Self {
+    fn none(has_intrinsics: bool) -> Self {
         Dependence {
-            by_parameter: [Vector6::zeros(); MAX_PARAMETERS],
+            by_parameter: [Vector6::zeros(); MOST_COMMON],
             information: Square::zeros(),
             gradient: Vector::zeros(),
             covariance: Square::zeros(),
             n_parameters: 0,
+            has_intrinsics,
         }
     }
 
@@ -80,7 +120,7 @@ impl Dependence {
     /// docs/math/tag_map.md eq. (6).
     fn add_group(&mut self, m: &Minimum, group: &RigidGroup, problem: &Problem) -> Option<()> {
         let seen = problem.seen.get(group.first..group.end())?;
-        let mut own = Dependence::none();
+        let mut own = Dependence::none(self.has_intrinsics);
         own.add_each(m, seen, problem)?;
         let left = Problem { seen, priors: &[], groups: &[], ..*problem };
         let origin =
@@ -108,7 +148,13 @@ impl Dependence {
     fn add(&mut self, m: &Minimum, c: &Correspondence, problem: &Problem) -> Option<()> {
         let x = m.cam_from_target * c.x_in_target;
         let (pixel, jacobian) = problem.camera.project_with_jacobian(&x)?;
-        let columns = problem.camera.intrinsics_jacobian(&x)?;
+        let mut columns: ArrayVec<Vector2<f64>, MOST_COMMON> = ArrayVec::new();
+        if self.has_intrinsics {
+            columns.extend(problem.camera.intrinsics_jacobian(&x)?);
+        }
+        // docs/math/printed_scale.md eq. (3): a longer print moves a point along the target's axis by its own coordinate.
+        let rotation = &m.cam_from_target.rotation;
+        columns.extend([0, 1].map(|axis| jacobian * rotation.column(axis) * c.x_in_target[axis]));
         let weight = information(c, &jacobian);
         self.n_parameters = columns.len();
         for (i, column) in columns.iter().enumerate() {

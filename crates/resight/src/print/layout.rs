@@ -1,0 +1,141 @@
+//! Where everything stands on a page: rulers beside the target or below it, upright or turned, with as much white as there is room for.
+
+use super::content::Content;
+use super::paper::Paper;
+use super::ruler::{DEPTH_MM, SLACK_MM, longest_mm, ruler};
+use super::shape::{Group, Page, Shape};
+use super::text::wrapped;
+use super::tiles;
+use crate::error::Error;
+
+/// Most printers leave so much of the paper's edge blank.
+pub(super) const MARGIN_MM: f64 = 5.0;
+/// From the white around the target to a ruler: cut marks lie between.
+pub(super) const TO_RULER_MM: f64 = 4.5;
+pub(super) const FONT_MM: f64 = 2.4;
+pub(super) const LINE_MM: f64 = 3.2;
+/// Cut marks: from here to there, off the corner of the white.
+const CUT_MARK_MM: [f64; 2] = [0.8, 3.4];
+pub(super) const CUT_STROKE_MM: f64 = 0.15;
+
+/// A target on its pages.
+#[derive(Debug, Clone)]
+pub(super) struct Laid {
+    pub pages: Vec<Page>,
+    /// Designed lengths of the rulers along x and y.
+    pub ruler_mm: [f64; 2],
+    /// Rows and columns of pages, where it takes more than one.
+    pub tiles: Option<[usize; 2]>,
+}
+
+/// Shorter rulers are poor ones: other places are tried first.
+const GOOD_RULER_MM: f64 = 100.0;
+
+/// On one page where it fits, else on several.
+pub(super) fn lay(content: &Content, paper: &Paper) -> Result<Laid, Error> {
+    for least_ruler in [GOOD_RULER_MM, 0.0] {
+        for white in content.white {
+            for page in paper.both_ways() {
+                for place in [beside, below] {
+                    let placed = place(content, white, page);
+                    if let Some((shapes, ruler_mm)) = placed.filter(|(_, r)| least_ruler <= r[0].min(r[1])) {
+                        let groups = vec![Group { clip: None, shapes }];
+                        return Ok(Laid {
+                            pages: vec![Page { size_mm: page, groups }],
+                            ruler_mm,
+                            tiles: None,
+                        });
+                    }
+                }
+            }
+        }
+    }
+    tiles::tile(content, paper)
+}
+
+type Placed = (Vec<Shape>, [f64; 2]);
+
+/// The ruler along y to the left, the one along x below, words below that.
+fn beside(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Placed> {
+    let [w, h] = content.size;
+    let edge = white.max(MARGIN_MM);
+    let strip = [TO_RULER_MM + DEPTH_MM[0], TO_RULER_MM + DEPTH_MM[1]];
+    let lines = wrapped(&content.words, FONT_MM, width - 2.0 * MARGIN_MM);
+    let text = lines.len() as f64 * LINE_MM;
+    let free_x = width - (MARGIN_MM + strip[1] + white + w + edge);
+    let free_y = height - (edge + h + white + strip[0] + text + MARGIN_MM);
+    if free_x < 0.0 || free_y < 0.0 {
+        return None;
+    }
+    let origin = [MARGIN_MM + strip[1] + white + 0.5 * free_x, edge + 0.5 * free_y];
+    let bottom = origin[1] + h + white;
+    let x_mm = longest_mm(width - 2.0 * MARGIN_MM - 3.0 * SLACK_MM)?;
+    let y_mm = longest_mm(bottom - MARGIN_MM - 1.0)?;
+    let start = |at: f64, length: f64, least: f64, most: f64| at.min(most - length).max(least);
+    let x_from = [
+        start(origin[0], x_mm, MARGIN_MM + SLACK_MM, width - MARGIN_MM - 2.0 * SLACK_MM),
+        bottom + TO_RULER_MM,
+    ];
+    let y_from = [origin[0] - white - TO_RULER_MM, start(origin[1], y_mm, MARGIN_MM, bottom)];
+    let mut shapes = on_page(placed(content, origin, white), [width, height]);
+    shapes.extend(ruler(0, x_from, x_mm));
+    shapes.extend(ruler(1, y_from, y_mm));
+    shapes.extend(text_block(&lines, [MARGIN_MM, bottom + strip[0] + LINE_MM]));
+    Some((shapes, [x_mm, y_mm]))
+}
+
+/// The ruler along y below the target at the left, the other and the words to its right.
+fn below(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Placed> {
+    let [w, h] = content.size;
+    let edge = white.max(MARGIN_MM);
+    let top = edge + h + white + CUT_MARK_MM[1] + 1.0;
+    let left = MARGIN_MM + DEPTH_MM[1] + SLACK_MM;
+    let room = height - MARGIN_MM - top;
+    let lines = wrapped(&content.words, FONT_MM, width - MARGIN_MM - left);
+    let needed = DEPTH_MM[0] + 2.0 + lines.len() as f64 * LINE_MM;
+    if width < w + 2.0 * edge || room < needed {
+        return None;
+    }
+    let (x_mm, y_mm) = (longest_mm(width - MARGIN_MM - left - 3.0 * SLACK_MM)?, longest_mm(room - 2.0)?);
+    let mut shapes = on_page(placed(content, [0.5 * (width - w), edge], white), [width, height]);
+    shapes.extend(ruler(0, [left + SLACK_MM, top + 2.0], x_mm));
+    shapes.extend(ruler(1, [MARGIN_MM + DEPTH_MM[1], top + 1.5], y_mm));
+    shapes.extend(text_block(&lines, [left, top + 2.0 + DEPTH_MM[0] + LINE_MM]));
+    Some((shapes, [x_mm, y_mm]))
+}
+
+/// The target with its ink from `origin` on, and marks along which its white is cut out.
+pub(super) fn placed(content: &Content, origin: [f64; 2], white: f64) -> Vec<Shape> {
+    let mut shapes: Vec<Shape> = content.shapes.iter().map(|shape| shape.moved(origin)).collect();
+    let [w, h] = content.size;
+    let (left, right) = (origin[0] - white, origin[0] + w + white);
+    let (top, bottom) = (origin[1] - white, origin[1] + h + white);
+    for (x, outward_x) in [(left, -1.0), (right, 1.0)] {
+        for (y, outward_y) in [(top, -1.0), (bottom, 1.0)] {
+            let [near, far] = CUT_MARK_MM;
+            let mark = |from, to| Shape::Line { from, to, width: CUT_STROKE_MM };
+            shapes.push(mark([x + outward_x * near, y], [x + outward_x * far, y]));
+            shapes.push(mark([x, y + outward_y * near], [x, y + outward_y * far]));
+        }
+    }
+    shapes
+}
+
+/// Without the cut marks that white up to the paper's edge leaves no room for.
+fn on_page(shapes: Vec<Shape>, page: [f64; 2]) -> Vec<Shape> {
+    let inside = |p: &[f64; 2]| (0..2).all(|i| 1.0 <= p[i] && p[i] <= page[i] - 1.0);
+    let shows = |shape: &Shape| match shape {
+        Shape::Line { from, to, .. } => inside(from) && inside(to),
+        _ => true,
+    };
+    shapes.into_iter().filter(shows).collect()
+}
+
+pub(super) fn text_block(lines: &[String], at: [f64; 2]) -> Vec<Shape> {
+    let line = |(i, text): (usize, &String)| Shape::Text {
+        at: [at[0], at[1] + i as f64 * LINE_MM],
+        size: FONT_MM,
+        text: text.clone(),
+    };
+    lines.iter().enumerate().map(line).collect()
+}
