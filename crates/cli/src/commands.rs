@@ -9,6 +9,7 @@ pub mod explain;
 pub mod history;
 pub mod locate;
 pub mod rig;
+pub mod intrinsics;
 pub mod pose_graph;
 pub mod hand_eye;
 pub mod landmarks;

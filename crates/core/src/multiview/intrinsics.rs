@@ -43,7 +43,7 @@ use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
 use adjust::{Fit, Seen, Shape, Shared};
 use nalgebra::{DMatrix, Vector2};
 use robust::{Clean, clean};
-use select::{Tried, best, ladder, rms_px, undetermined};
+use select::{Local, Tried, best, ladder, rms_px, undetermined};
 
 /// What is asked for.
 #[derive(Debug, Clone, Copy, Default)]
@@ -196,9 +196,11 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
     let free = TargetShape::Free;
     let first = attempt(views, size, config)?;
     let deformed = match &first {
-        IntrinsicsOutcome::Solved(solved) if config.target_shape == TargetShape::ByEvidence => {
-            solved.findings.iter().filter(|f| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. })).count()
-        }
+        IntrinsicsOutcome::Solved(solved) if config.target_shape == TargetShape::ByEvidence => solved
+            .findings
+            .iter()
+            .filter(|f| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. }))
+            .count(),
         _ => 0,
     };
     if deformed == 0 {
@@ -224,16 +226,21 @@ fn attempt<V: AsRef<[Correspondence]>>(
     let refused = |findings| Ok(IntrinsicsOutcome::Refused(Refusal { findings, skipped: skipped.clone() }));
     if copies.n_distinct < LEAST_VIEWS {
         let n_views = usable.len() + copies.copies.len();
-        return refused(vec![Finding::FewViews { n_views, n_distinct: copies.n_distinct, needed: LEAST_VIEWS }]);
+        return refused(vec![Finding::FewViews {
+            n_views,
+            n_distinct: copies.n_distinct,
+            needed: LEAST_VIEWS,
+        }]);
     }
-    let shape = Shape::of(usable.iter().flat_map(|(_, points)| points.iter())).filter(|_| !config.several_targets);
+    let shape =
+        Shape::of(usable.iter().flat_map(|(_, points)| points.iter())).filter(|_| !config.several_targets);
     let free_shape = shape.filter(|_| config.target_shape == TargetShape::Free);
     let families = cleaned_families(&usable, size, config.models, free_shape);
     let Some(chosen) = choose(&families, free_shape) else {
-        return refused(judge::why_undetermined(&usable, families.first().map(|(_, clean)| &clean.fit)));
+        return refused(judge::why_undetermined(&usable, families.first().map(|first| &first.clean.fit)));
     };
     let start: Vec<Seen> = everything(&usable, &chosen.fit);
-    let Some(clean) = clean(start, chosen.fit.shared.clone()) else {
+    let Some(clean) = robust::cleaned_from(start, chosen.fit.shared.clone()) else {
         return refused(judge::why_undetermined(&usable, Some(&chosen.fit)));
     };
     if undetermined(&clean.fit).is_some() || clean.fit.seen.len() < LEAST_VIEWS {
@@ -293,6 +300,14 @@ fn prepared<V: AsRef<[Correspondence]>>(views: &[V]) -> Prepared<'_> {
     Prepared { views: usable, skipped, copies }
 }
 
+/// A family with its fit without gross errors.
+struct Cleaned {
+    family: Vec<LensChoice>,
+    clean: Clean,
+    /// The choice that was fitted, where the views determine it.
+    choice: Option<LensChoice>,
+}
+
 /// Every family with its fit without gross errors. A family after the first begins at the first's answer where that keeps nearly all corners
 /// and the family fits them no better: the search from nothing costs more than everything else.
 fn cleaned_families(
@@ -300,16 +315,17 @@ fn cleaned_families(
     size: ImageSize,
     models: Models,
     shape: Option<Shape>,
-) -> Vec<(Vec<LensChoice>, Clean)> {
+) -> Vec<Cleaned> {
     let n_numbers = 2 * views.iter().map(|(_, points)| points.len()).sum::<usize>();
-    let mut families: Vec<(Vec<LensChoice>, Clean)> = Vec::new();
+    let mut families: Vec<Cleaned> = Vec::new();
     for family in models.families() {
-        let first = families.first().map(|(_, clean)| clean).filter(|clean| {
+        let first = families.first().map(|first| &first.clean).filter(|clean| {
             NEARLY_ALL * n_numbers <= 100 * clean.fit.n_numbers() && undetermined(&clean.fit).is_none()
         });
         let near = first.and_then(|first| {
             let found = from_another(&first.fit, family.last()?, shape)?;
-            (first.fit.chi2() * MUCH_LOWER < found.chi2()).then(|| Clean { fit: found, bad: first.bad.clone() })
+            (first.fit.chi2() * MUCH_LOWER < found.chi2())
+                .then(|| Clean { fit: found, bad: first.bad.clone() })
         });
         let found = near.or_else(|| cleaned(views, size, &family, shape));
         families.extend(found.map(|found| (family, found)));
@@ -335,7 +351,7 @@ fn cleaned(
     size: ImageSize,
     family: &[LensChoice],
     shape: Option<Shape>,
-) -> Option<Clean> {
+) -> Option<(Clean, Option<LensChoice>)> {
     let points: Vec<&[Correspondence]> = views.iter().map(|(_, points)| *points).collect();
     let smallest = family.iter().find(|choice| !choice.coefficients.is_empty()).or(family.first())?;
     let camera = start::start(&points, size, smallest)?;
@@ -350,9 +366,9 @@ fn cleaned(
         let directions = choice.directions(&camera);
         let Some(found) = clean(seen.clone(), Shared { camera, shape, directions }) else { continue };
         if found.fit.converged && undetermined(&found.fit).is_none() {
-            return Some(found);
+            return Some((found, Some(*choice)));
         }
-        last = Some(found);
+        last = Some((found, None));
     }
     last
 }
@@ -366,34 +382,63 @@ struct Chosen {
     fit: Fit,
     /// Every choice that was tried.
     tried: Vec<Evidence>,
-    /// Other choices of its family that may be as right: their weights and fits, of those corners. The weights and its own add up to one.
-    others: Vec<(f64, Fit)>,
+    /// Other choices of its family that may be as right: their weights and parameters. The weights and its own add up to one.
+    others: Vec<(f64, Local)>,
+    /// Its own parameters, as those of the others were found.
+    own: Local,
 }
 
 /// The best choice of all families on the corners that the best family keeps.
-fn choose(families: &[(Vec<LensChoice>, Clean)], shape: Option<Shape>) -> Option<Chosen> {
+fn choose(families: &[Cleaned], shape: Option<Shape>) -> Option<Chosen> {
     let kept = |clean: &Clean| clean.fit.n_numbers();
-    let (_, widest) = families.iter().max_by_key(|(_, clean)| kept(clean))?;
-    let quality = |clean: &Clean| rms_px(&clean.fit);
+    let cleans = || families.iter().map(|one| &one.clean);
+    let widest = cleans().map(kept).max()?;
+    let quality = |clean: &&Clean| rms_px(&clean.fit);
     // Families that keep about as many corners are compared by their residuals.
-    let among = families.iter().filter(|(_, clean)| 95 * kept(widest) <= 100 * kept(clean));
-    let (_, common) = among.min_by(|a, b| quality(&a.1).total_cmp(&quality(&b.1)))?;
+    let among = cleans().filter(|clean| 95 * widest <= 100 * kept(clean));
+    let common = among.min_by(|a, b| quality(a).total_cmp(&quality(b)))?;
     let mut tried: Vec<Vec<Tried>> = Vec::new();
-    for (family, clean) in families {
-        let poses = |view: &Seen| {
-            let own = clean.fit.seen.iter().find(|other| other.view == view.view);
-            Seen { cam_from_target: own.map_or(view.cam_from_target, |own| own.cam_from_target), ..view.clone() }
-        };
-        let seen: Vec<Seen> = common.fit.seen.iter().map(poses).collect();
-        tried.push(ladder(family, &seen, &clean.fit.shared.camera, shape));
+    for Cleaned { family, clean, choice } in families {
+        // Of this family's own corners nothing has to be fitted anew.
+        let is_own = std::ptr::eq(clean, common) || same_corners(&clean.fit, &common.fit);
+        let known = choice.as_ref().filter(|_| is_own);
+        let quick = known.and_then(|choice| select::compared(family, choice, &clean.fit));
+        tried.push(quick.unwrap_or_else(|| {
+            let poses = |view: &Seen| {
+                let own = clean.fit.seen.iter().find(|other| other.view == view.view);
+                Seen {
+                    cam_from_target: own.map_or(view.cam_from_target, |own| own.cam_from_target),
+                    ..view.clone()
+                }
+            };
+            let seen: Vec<Seen> = common.fit.seen.iter().map(poses).collect();
+            ladder(family, &seen, &clean.fit.shared.camera, shape)
+        }));
     }
     let (family, at) = best(&mut tried)?;
     let weights = select::weights(&tried[family]);
-    let choice = tried[family][at].evidence.choice;
-    let fit = tried[family][at].fit.take()?;
-    let others = weights.into_iter().zip(&mut tried[family]).filter(|(weight, _)| 0.0 < *weight);
-    let others = others.filter_map(|(weight, one)| Some((weight, one.fit.take()?))).collect();
-    Some(Chosen { choice, fit, tried: tried.into_iter().flatten().map(|one| one.evidence).collect(), others })
+    let taken = &tried[family][at];
+    let choice = taken.evidence.choice;
+    let fit = select::fit_of(taken, &families[family].clean.fit)?;
+    let own = taken.local.clone()?;
+    let others = weights.into_iter().zip(&tried[family]).enumerate();
+    let others = others.filter(|(i, (weight, _))| *i != at && 0.0 < *weight);
+    let others = others.filter_map(|(_, (weight, one))| Some((weight, one.local.clone()?))).collect();
+    Some(Chosen {
+        choice,
+        fit,
+        tried: tried.into_iter().flatten().map(|one| one.evidence).collect(),
+        others,
+        own,
+    })
+}
+
+/// Whether two fits use the same corners of the same views.
+fn same_corners(a: &Fit, b: &Fit) -> bool {
+    let used = |fit: &Fit| -> Vec<(usize, Vec<bool>)> {
+        fit.seen.iter().map(|view| (view.view, view.weights.iter().map(|w| 0.0 < *w).collect())).collect()
+    };
+    used(a) == used(b)
 }
 
 /// All views under a fit's camera, at its poses where it has them: what was rejected may come back.

@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::formats::NamedCamera;
 use crate::rig::names::natural;
 use crate::rig::{
-    Collected, DetectionSource, Detections, LeftOut, OTHER_SIZE, RigRequest, camera_names, collect_detections,
-    collect_images, not_among,
+    Collected, DetectionSource, Detections, LeftOut, OTHER_SIZE, RigRequest, camera_names,
+    collect_detections, collect_images, not_among,
 };
 
 /// One target in one image.
@@ -62,7 +62,8 @@ pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
     check_sizes(&collected)?;
     let remarks = std::mem::take(&mut collected.remarks);
     let wanted = |name: &String| request.cameras.is_empty() || request.cameras.contains(name);
-    let cameras = (0..names.len()).filter(|i| wanted(&names[*i])).map(|i| of_camera(i, &collected, stated)).collect();
+    let cameras =
+        (0..names.len()).filter(|i| wanted(&names[*i])).map(|i| of_camera(i, &collected, stated)).collect();
     Ok(Gathered { cameras, remarks })
 }
 
@@ -85,7 +86,9 @@ fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
         return Ok(vec![named.unwrap_or_else(|| NAMELESS.to_string())]);
     }
     match request.cameras.iter().find(|name| !names.contains(name)) {
-        Some(unknown) => Err(Error::request(format!("--camera-name {unknown}: {}", not_among(unknown, "camera", &names)))),
+        Some(unknown) => {
+            Err(Error::request(format!("--camera-name {unknown}: {}", not_among(unknown, "camera", &names))))
+        }
         None => Ok(names),
     }
 }
@@ -117,7 +120,8 @@ fn of_camera(camera: usize, collected: &Collected, stated: Option<ImageSize>) ->
     let NamedCamera { name, camera: lens, .. } = &collected.cameras[camera];
     let mut frames: Vec<_> = collected.frames.iter().filter(|frame| frame.camera == camera).collect();
     frames.sort_by(|a, b| natural(&a.name, &b.name));
-    let mut used: Vec<usize> = frames.iter().flat_map(|frame| frame.targets.iter().map(|(t, _)| *t)).collect();
+    let mut used: Vec<usize> =
+        frames.iter().flat_map(|frame| frame.targets.iter().map(|(t, _)| *t)).collect();
     used.sort_unstable();
     used.dedup();
     let several_targets = 1 < used.len();
@@ -125,7 +129,8 @@ fn of_camera(camera: usize, collected: &Collected, stated: Option<ImageSize>) ->
     for frame in frames {
         for (target, points) in &frame.targets {
             let named = &collected.targets[*target];
-            let view = if several_targets { format!("{} {}", frame.name, named.name) } else { frame.name.clone() };
+            let view =
+                if several_targets { format!("{} {}", frame.name, named.name) } else { frame.name.clone() };
             views.push(NamedView {
                 name: view,
                 target: named.target.clone(),

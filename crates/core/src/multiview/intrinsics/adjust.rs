@@ -42,7 +42,8 @@ impl Seen {
 /// The pose of a view's points under a camera; bearings are derived anew, points outside the camera's field are left out.
 pub(super) fn pose(points: &[Correspondence], weights: &[f64], camera: &Camera) -> Result<Pose, Error> {
     let used = points.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight);
-    let rebased = used.filter_map(|(c, _)| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }));
+    let rebased =
+        used.filter_map(|(c, _)| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }));
     let seen: Vec<Correspondence> = rebased.collect();
     Ok(locate(&seen, camera, &Config::default())?.cam_from_target)
 }
@@ -114,7 +115,11 @@ impl Shared {
             let of_shape = change.iter().skip(self.directions.len());
             shape.values.iter_mut().zip(of_shape).for_each(|(value, change)| *value += change);
         }
-        Ok(Shared { camera: self.camera.with_parameters(&values)?, shape, directions: self.directions.clone() })
+        Ok(Shared {
+            camera: self.camera.with_parameters(&values)?,
+            shape,
+            directions: self.directions.clone(),
+        })
     }
 }
 
@@ -217,7 +222,8 @@ impl Fit {
 pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let place = |view: &Seen| PivotedPose::new(&view.cam_from_target, &view.pivot);
     let start = seen.iter().map(place).collect();
-    let evaluate = |state: &SharedState| equations(&seen, &state.places, &shared.changed(&state.change).ok()?);
+    let evaluate =
+        |state: &SharedState| equations(&seen, &state.places, &shared.changed(&state.change).ok()?);
     let found = minimize_shared(start, shared.n(), evaluate)?;
     let converged = found.is_minimum();
     let shared = shared.changed(&found.state.change).ok()?;
@@ -238,7 +244,9 @@ pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Opti
             let Ok(other) = pose(&view.points, &view.weights, &found.shared.camera) else { continue };
             let changed = Seen { cam_from_target: other, ..view.clone() };
             let place = PivotedPose::new(&other, &view.pivot);
-            let Some(alone) = equations(std::slice::from_ref(&changed), &[place], &found.shared) else { continue };
+            let Some(alone) = equations(std::slice::from_ref(&changed), &[place], &found.shared) else {
+                continue;
+            };
             // A pose beside the joint one may only be better by what the shared unknowns gain from it.
             if alone.chi2 < MUCH_BETTER * chi2 && MUCH < chi2 {
                 *view = changed;

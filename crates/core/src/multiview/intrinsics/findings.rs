@@ -135,7 +135,9 @@ impl Finding {
             | Finding::OneOrientation { .. }
             | Finding::NoCamera { .. }
             | Finding::Undetermined { .. } => Severity::Degenerate,
-            Finding::Stretched { taken_in: true, .. } | Finding::Bent { taken_in: true, .. } => Severity::Remark,
+            Finding::Stretched { taken_in: true, .. } | Finding::Bent { taken_in: true, .. } => {
+                Severity::Remark
+            }
             Finding::ManyBadViews { .. }
             | Finding::TwoCameras { .. }
             | Finding::Stretched { .. }
@@ -244,7 +246,11 @@ fn listed(views: &[usize], name_of: &impl Fn(usize) -> String) -> String {
     if more == 0 { some.join(", ") } else { format!("{} and {more} more", some.join(", ")) }
 }
 
-fn two_cameras(groups: &TwoGroups, focal_px: &[Option<[f64; 2]>; 2], name_of: impl Fn(usize) -> String) -> String {
+fn two_cameras(
+    groups: &TwoGroups,
+    focal_px: &[Option<[f64; 2]>; 2],
+    name_of: impl Fn(usize) -> String,
+) -> String {
     let focal = |focal: &Option<[f64; 2]>| match focal {
         Some([value, sigma]) => format!("focal length {value:.1} ± {sigma:.1} px"),
         None => "focal length open".to_string(),

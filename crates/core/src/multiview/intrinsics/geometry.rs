@@ -35,7 +35,8 @@ impl Coverage {
             (part.max(0.0) as usize).min(n - 1)
         };
         for pixel in corners {
-            counts[cell(pixel.y, size.height_px, rows) * columns + cell(pixel.x, size.width_px, columns)] += 1;
+            counts[cell(pixel.y, size.height_px, rows) * columns + cell(pixel.x, size.width_px, columns)] +=
+                1;
         }
         Coverage { columns, rows, counts }
     }
@@ -119,7 +120,8 @@ pub(super) fn tilts(seen: &[Seen]) -> Option<Tilts> {
         return None;
     }
     // The axis of either face: its sign does not count.
-    let normals: Vec<_> = seen.iter().map(|view| view.cam_from_target.rotation.column(2).into_owned()).collect();
+    let normals: Vec<_> =
+        seen.iter().map(|view| view.cam_from_target.rotation.column(2).into_owned()).collect();
     let angle = |c: f64| c.abs().min(1.0).acos();
     let largest_rad = normals.iter().map(|n| angle(n.z)).fold(0.0, f64::max);
     let pairs = normals.iter().enumerate().flat_map(|(i, a)| normals[..i].iter().map(move |b| (a, b)));

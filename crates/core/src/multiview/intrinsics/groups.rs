@@ -26,8 +26,8 @@ pub struct TwoGroups {
 pub const LEAST_TIMES: f64 = 1.6;
 /// Chance of such a split among all that are compared.
 const CHANCE: f64 = 1e-6;
-/// Quantile of χ² that views of one camera stay below.
-const WITHIN: f64 = 0.99;
+/// Chance that views of one camera seem to contradict each other.
+const WITHIN: f64 = 0.01;
 /// Rounds in which views go to the group that suits them; a bound on the work.
 const MAX_ROUNDS: usize = 20;
 /// A group has at least so many views.
@@ -58,10 +58,14 @@ pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {
     let times = chi2 / degrees.max(1) as f64 / left;
     let tried = if in_sequence { n as f64 } else { 2f64.powi(n.min(1000) as i32) };
     let is_beyond_chance = tail(k, gain / left) * tried < CHANCE;
-    if split.is_empty() || !is_beyond_chance || !(LEAST_TIMES <= times || judge.explains(&split, &inverse, left)) {
+    if split.is_empty()
+        || !is_beyond_chance
+        || !(LEAST_TIMES <= times || judge.explains(&split, &inverse, left))
+    {
         return None;
     }
-    let views = |side: bool| fit.seen.iter().zip(&split).filter(|(_, s)| **s == side).map(|(v, _)| v.view).collect();
+    let views =
+        |side: bool| fit.seen.iter().zip(&split).filter(|(_, s)| **s == side).map(|(v, _)| v.view).collect();
     Some(TwoGroups { first: views(true), second: views(false), in_sequence, times })
 }
 
@@ -109,7 +113,11 @@ impl Judge<'_> {
         let contradiction = |offset: &dyn Fn(usize) -> DVector<f64>| {
             self.by_view.iter().enumerate().fold((0.0, 0usize), |(chi2, rank), (i, one)| {
                 let gradient = &one.gradient - &one.information * offset(i);
-                let (own, seen) = alone(&Reduced { information: one.information.clone(), gradient }, &factor);
+                let (own, seen) = alone(
+                    &Reduced { information: one.information.clone(), gradient },
+                    &factor,
+                    self.by_view.len(),
+                );
                 (chi2 + own, rank + seen)
             })
         };
@@ -123,7 +131,8 @@ impl Judge<'_> {
     /// Splits by the sign of each view's score along the directions that matter most: P^½ s.
     fn starts(&self, inverse: &DMatrix<f64>) -> Vec<Vec<bool>> {
         let Some(factor) = inverse.clone().cholesky().map(|c| c.l()) else { return Vec::new() };
-        let whitened: Vec<DVector<f64>> = self.by_view.iter().map(|one| factor.transpose() * &one.gradient).collect();
+        let whitened: Vec<DVector<f64>> =
+            self.by_view.iter().map(|one| factor.transpose() * &one.gradient).collect();
         let k = inverse.nrows();
         let sum = whitened.iter().fold(DMatrix::zeros(k, k), |sum, y| sum + y * y.transpose());
         if !sum.iter().all(|x| x.is_finite()) {
@@ -141,7 +150,8 @@ impl Judge<'_> {
         for _ in 0..MAX_ROUNDS {
             let offsets = [self.offset(&split, false), self.offset(&split, true)];
             let suits = |one: &Reduced, side: usize| {
-                2.0 * one.gradient.dot(&offsets[side]) - offsets[side].dot(&(&one.information * &offsets[side]))
+                2.0 * one.gradient.dot(&offsets[side])
+                    - offsets[side].dot(&(&one.information * &offsets[side]))
             };
             let next: Vec<bool> = self.by_view.iter().map(|one| suits(one, 0) < suits(one, 1)).collect();
             if next == split || !is_fair(&next) {

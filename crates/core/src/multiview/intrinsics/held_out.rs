@@ -32,7 +32,8 @@ pub(super) fn held_out(whole: &Fit, widening: f64) -> Option<HeldOut> {
         sum += squared(&predicted);
     }
     let n = whole.n_numbers().max(1) as f64;
-    let values = |fit: &Fit| -> Vec<f64> { fit.shared.camera.parameters().iter().map(|(_, value)| *value).collect() };
+    let values =
+        |fit: &Fit| -> Vec<f64> { fit.shared.camera.parameters().iter().map(|(_, value)| *value).collect() };
     let (a, b) = (values(&halves[0]), values(&halves[1]));
     let k = whole.shared.directions.len();
     let difference = nalgebra::DVector::from_fn(k, |i, _| {

@@ -9,9 +9,9 @@ use super::next_view::next_view;
 use super::projection::Projection;
 use super::robust::{BadView, Clean};
 use super::scatter::{Noise, Spread, spread};
-use super::select::{rms_px, undetermined};
+use super::select::{Local, rms_px, undetermined};
 use super::{BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
-use crate::camera::{ImageSize, Parameters};
+use crate::camera::ImageSize;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::multiview::intrinsics_check::{MAX_RELATIVE_SIGMA, SkippedFrame};
 use crate::{Correspondence, Matrix6, Pixel, Point};
@@ -59,7 +59,11 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
         choice: context.chosen.choice,
         views,
         bad_corners: bad_corners(found),
-        bad_views: clean.bad.iter().map(|(view, reason)| (view.view, *reason)).collect::<Vec<(usize, BadView)>>(),
+        bad_views: clean
+            .bad
+            .iter()
+            .map(|(view, reason)| (view.view, *reason))
+            .collect::<Vec<(usize, BadView)>>(),
         skipped: context.skipped.to_vec(),
         rms_px: rms_px(found),
         degrees_of_freedom: found.degrees_of_freedom(),
@@ -90,7 +94,8 @@ pub(super) fn why_undetermined(views: &[(usize, &[Correspondence])], fit: Option
         return vec![Finding::NoCamera { n_views, n_posed }];
     }
     let open = undetermined(fit).unwrap_or((fit.shared.camera.parameters()[0].0, f64::INFINITY));
-    let undetermined = Finding::Undetermined { parameter: open.0, relative: open.1, needed: MAX_RELATIVE_SIGMA };
+    let undetermined =
+        Finding::Undetermined { parameter: open.0, relative: open.1, needed: MAX_RELATIVE_SIGMA };
     match tilts(&fit.seen) {
         Some(Tilts { largest_rad, .. }) if largest_rad < LEAST_TILT_RAD => {
             vec![Finding::NotTilted { largest_rad, needed_rad: LEAST_TILT_RAD }, undetermined]
@@ -119,21 +124,18 @@ fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&all + all.transpose())
 }
 
-/// The covariance of the parameters with what the choice of the model adds: docs/math/intrinsics.md eq. (10).
+/// The covariance of the parameters with what the choice of the model adds: docs/math/intrinsics.md eq. (8).
 fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
     let own = of_parameters(fit, &spread.covariance);
     let names = fit.shared.camera.parameters();
-    let reference: Vec<f64> = in_terms_of(&names, &chosen.fit);
+    let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+    let reference: Vec<f64> = in_terms_of(&names, &chosen.own);
     let mut total = DMatrix::zeros(own.nrows(), own.nrows());
     let mut weight_of_others = 0.0;
     for (weight, other) in &chosen.others {
-        let Some(inverse) = other.reduced().and_then(|r| r.information.cholesky()).map(|c| c.inverse()) else {
-            continue;
-        };
-        let conditional = of_parameters(other, &(inverse * (spread.noise * spread.contradiction)));
-        let theirs = other.shared.camera.parameters();
-        let at = |name: &str| theirs.iter().position(|(known, _)| *known == name);
-        let places: Vec<Option<usize>> = names.iter().map(|(name, _)| at(name)).collect();
+        let conditional = &other.covariance * (spread.noise * spread.contradiction);
+        let places: Vec<Option<usize>> =
+            names.iter().map(|name| other.names.iter().position(|known| known == name)).collect();
         let off: Vec<f64> = in_terms_of(&names, other).iter().zip(&reference).map(|(a, b)| a - b).collect();
         total += DMatrix::from_fn(own.nrows(), own.nrows(), |i, j| {
             let within = places[i].zip(places[j]).map_or(0.0, |(i, j)| conditional[(i, j)]);
@@ -145,10 +147,10 @@ fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
 }
 
 /// Parameters of another choice of the family by the names of this one; a coefficient that it does not have is zero.
-fn in_terms_of(names: &Parameters, fit: &Fit) -> Vec<f64> {
-    let known = fit.shared.camera.parameters();
-    let value = |name: &str| known.iter().find(|(other, _)| *other == name).map_or(0.0, |(_, value)| *value);
-    names.iter().map(|(name, _)| value(name)).collect()
+fn in_terms_of(names: &[&str], local: &Local) -> Vec<f64> {
+    let value =
+        |name: &&str| local.names.iter().position(|known| known == name).map_or(0.0, |i| local.values[i]);
+    names.iter().map(value).collect()
 }
 
 fn target_shape(fit: &Fit, covariance: &DMatrix<f64>) -> Option<[[f64; 2]; 3]> {
@@ -299,8 +301,7 @@ fn common_variance(clean: &Clean, views: &[usize]) -> f64 {
 fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Finding> {
     let Some(shape) = shape.filter(|_| found.shared.shape.is_none()) else { return Vec::new() };
     let shared = Shared { shape: Some(shape), ..found.shared.clone() };
-    let Some(free) = fit(found.seen.clone(), shared).filter(|fit| fit.converged && undetermined(fit).is_none())
-    else {
+    let Some(free) = fit(found.seen.clone(), shared) else {
         return Vec::new();
     };
     let Some(values) = spread(&free, noise).and_then(|spread| target_shape(&free, &spread.covariance)) else {
@@ -320,7 +321,8 @@ fn deformed(values: [[f64; 2]; 3], half_m: [f64; 2], taken_in: bool) -> Vec<Find
     if LEAST_STRETCH < stretch.abs() && REAL_SIGMAS * sigma < stretch.abs() {
         findings.push(Finding::Stretched { stretch, sigma, taken_in });
     }
-    let is_bent = |bend: f64, sigma: f64, half: f64| LEAST_BEND * half < bend.abs() && REAL_SIGMAS * sigma < bend.abs();
+    let is_bent =
+        |bend: f64, sigma: f64, half: f64| LEAST_BEND * half < bend.abs() && REAL_SIGMAS * sigma < bend.abs();
     if is_bent(x, sigma_x, half_m[0]) || is_bent(y, sigma_y, half_m[1]) {
         findings.push(Finding::Bent { bend_m: [x, y], sigma_m: [sigma_x, sigma_y], taken_in });
     }

@@ -38,10 +38,7 @@ pub const CHOICES: [LensChoice; 15] = [
     LensChoice { model: BrownConrady::NAME, coefficients: &["k1", "k2"] },
     LensChoice { model: BrownConrady::NAME, coefficients: &["k1", "k2", "p1", "p2"] },
     LensChoice { model: BrownConrady::NAME, coefficients: &["k1", "k2", "p1", "p2", "k3"] },
-    LensChoice {
-        model: BrownConrady::NAME,
-        coefficients: &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"],
-    },
+    LensChoice { model: BrownConrady::NAME, coefficients: &["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"] },
     LensChoice { model: KannalaBrandt::NAME, coefficients: &["k1"] },
     LensChoice { model: KannalaBrandt::NAME, coefficients: &["k1", "k2"] },
     LensChoice { model: KannalaBrandt::NAME, coefficients: &["k1", "k2", "k3"] },
@@ -141,10 +138,5 @@ pub(super) fn common_focal(parameters: &Parameters) -> Direction {
 /// Square pixels, principal point at the image's centre.
 pub(super) fn central_matrix(size: ImageSize, focal_px: f64) -> CameraMatrix {
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
-    CameraMatrix {
-        fx_px: focal_px,
-        fy_px: focal_px,
-        cx_px: 0.5 * (width - 1.0),
-        cy_px: 0.5 * (height - 1.0),
-    }
+    CameraMatrix { fx_px: focal_px, fy_px: focal_px, cx_px: 0.5 * (width - 1.0), cy_px: 0.5 * (height - 1.0) }
 }

@@ -37,7 +37,12 @@ const SIZES: [f64; 2] = [0.35, 0.7];
 const VISIBLE: f64 = 0.7;
 
 /// The best of the grid of views; none where no view shows the target, or the fit has no covariance.
-pub(super) fn next_view(fit: &Fit, size: ImageSize, covariance: &DMatrix<f64>, noise: f64) -> Option<NextView> {
+pub(super) fn next_view(
+    fit: &Fit,
+    size: ImageSize,
+    covariance: &DMatrix<f64>,
+    noise: f64,
+) -> Option<NextView> {
     let model = fit.seen.iter().max_by_key(|view| view.points.len())?;
     let information = covariance.clone().try_inverse()?;
     let n = fit.shared.camera.parameters().len();
@@ -47,9 +52,13 @@ pub(super) fn next_view(fit: &Fit, size: ImageSize, covariance: &DMatrix<f64>, n
     let rows: Vec<_> = grid(size, 9, 7).filter_map(|pixel| projection.by_parameters(&pixel)).collect();
     let rms_px = |covariance: &DMatrix<f64>| {
         let of_place = |row: &nalgebra::OMatrix<f64, nalgebra::U2, nalgebra::Dyn>| {
-            let small = nalgebra::OMatrix::<f64, nalgebra::U2, nalgebra::Dyn>::from_fn(covariance.nrows(), |i, j| {
-                fit.shared.directions.get(j).map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
-            });
+            let small =
+                nalgebra::OMatrix::<f64, nalgebra::U2, nalgebra::Dyn>::from_fn(covariance.nrows(), |i, j| {
+                    fit.shared
+                        .directions
+                        .get(j)
+                        .map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
+                });
             (&small * covariance * small.transpose()).trace()
         };
         (rows.iter().map(of_place).sum::<f64>() / rows.len().max(1) as f64).sqrt()
@@ -59,11 +68,14 @@ pub(super) fn next_view(fit: &Fit, size: ImageSize, covariance: &DMatrix<f64>, n
     for (centre, tilt_rad, axis_rad, part) in candidates(size) {
         let Some(view) = imagined(fit, model, size, centre, tilt_rad, axis_rad, part) else { continue };
         let place = PivotedPose::new(&view.cam_from_target, &view.pivot);
-        let Some(added) = equations(std::slice::from_ref(&view), &[place], &fit.shared).and_then(|e| e.reduced())
+        let Some(added) =
+            equations(std::slice::from_ref(&view), &[place], &fit.shared).and_then(|e| e.reduced())
         else {
             continue;
         };
-        let Some(then) = (&information + added.information / noise).cholesky().map(|c| c.inverse()) else { continue };
+        let Some(then) = (&information + added.information / noise).cholesky().map(|c| c.inverse()) else {
+            continue;
+        };
         let then_px = rms_px(&then);
         if best.is_none_or(|best| then_px < best.then_px) && then_px.is_finite() {
             let distance_m = (view.cam_from_target * view.pivot).norm();
@@ -75,7 +87,8 @@ pub(super) fn next_view(fit: &Fit, size: ImageSize, covariance: &DMatrix<f64>, n
 
 fn candidates(size: ImageSize) -> impl Iterator<Item = (Pixel, f64, f64, f64)> {
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
-    let places = PLACES.iter().flat_map(move |u| PLACES.iter().map(move |v| Pixel::new(u * width, v * height)));
+    let places =
+        PLACES.iter().flat_map(move |u| PLACES.iter().map(move |v| Pixel::new(u * width, v * height)));
     places.flat_map(|centre| {
         TILTS_RAD.iter().flat_map(move |tilt| {
             let axes = if *tilt == 0.0 { 1 } else { 2 * AXES };

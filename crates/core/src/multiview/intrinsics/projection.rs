@@ -5,7 +5,7 @@
 
 use crate::camera::ImageSize;
 use crate::{Bearing, Camera, Pixel};
-use nalgebra::{DMatrix, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Dyn, Vector3};
+use nalgebra::{DMatrix, Dyn, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Vector3};
 
 type Rows = OMatrix<f64, U2, Dyn>;
 
@@ -47,14 +47,18 @@ impl ProjectionUncertainty {
 pub struct Projection<'a> {
     camera: &'a Camera,
     covariance: &'a DMatrix<f64>,
-    /// The rotation that best undoes a change of the intrinsics, 3 × n: docs/math/intrinsics.md eq. (12).
+    /// The rotation that best undoes a change of the intrinsics, 3 × n: docs/math/intrinsics.md eq. (9).
     rotation_of_change: DMatrix<f64>,
 }
 
 impl<'a> Projection<'a> {
     /// `covariance`: of all parameters, in the order of `Camera::parameters`. `corners`: where the targets' points were seen; those outside the
     /// field do not count.
-    pub fn new(camera: &'a Camera, covariance: &'a DMatrix<f64>, corners: impl IntoIterator<Item = Pixel>) -> Self {
+    pub fn new(
+        camera: &'a Camera,
+        covariance: &'a DMatrix<f64>,
+        corners: impl IntoIterator<Item = Pixel>,
+    ) -> Self {
         let n = camera.parameters().len();
         let (mut rr, mut rk) = (Matrix3::zeros(), DMatrix::zeros(3, n));
         for pixel in corners {
@@ -63,9 +67,13 @@ impl<'a> Projection<'a> {
             rk += by_rotation.transpose() * by_parameters;
         }
         let inverse = rr.try_inverse().unwrap_or_else(Matrix3::zeros);
-        Projection { camera, covariance, rotation_of_change: DMatrix::from_fn(3, n, |i, j| {
-            -(0..3).map(|k| inverse[(i, k)] * rk[(k, j)]).sum::<f64>()
-        }) }
+        Projection {
+            camera,
+            covariance,
+            rotation_of_change: DMatrix::from_fn(3, n, |i, j| {
+                -(0..3).map(|k| inverse[(i, k)] * rk[(k, j)]).sum::<f64>()
+            }),
+        }
     }
 
     /// Covariance of the projection at a pixel, px²; none outside the field.
@@ -96,9 +104,13 @@ impl<'a> Projection<'a> {
 
 /// Places from corner to corner of an image, row by row.
 pub fn grid(size: ImageSize, columns: usize, rows: usize) -> impl Iterator<Item = Pixel> {
-    let along = |n: usize, i: usize, side: u32| f64::from(side.saturating_sub(1)) * i as f64 / (n.max(2) - 1) as f64;
+    let along =
+        |n: usize, i: usize, side: u32| f64::from(side.saturating_sub(1)) * i as f64 / (n.max(2) - 1) as f64;
     (0..rows * columns).map(move |i| {
-        Pixel::new(along(columns, i % columns.max(1), size.width_px), along(rows, i / columns.max(1), size.height_px))
+        Pixel::new(
+            along(columns, i % columns.max(1), size.width_px),
+            along(rows, i / columns.max(1), size.height_px),
+        )
     })
 }
 
@@ -151,12 +163,19 @@ pub fn projection_difference(a: &Camera, b: &Camera, size: ImageSize) -> Option<
             break;
         }
     }
-    let off = seen.iter().filter_map(|(pixel, bearing)| Some((b.project(&(b_from_a * bearing.into_inner()))? - pixel).norm()));
+    let off = seen
+        .iter()
+        .filter_map(|(pixel, bearing)| Some((b.project(&(b_from_a * bearing.into_inner()))? - pixel).norm()));
     let off: Vec<f64> = off.collect();
     if off.len() < 3 {
         return None;
     }
     let sum: f64 = off.iter().map(|px| px * px).sum();
     let largest_px = off.iter().copied().fold(0.0, f64::max);
-    Some(ProjectionDifference { rms_px: (sum / off.len() as f64).sqrt(), largest_px, n: off.len(), of: places.len() })
+    Some(ProjectionDifference {
+        rms_px: (sum / off.len() as f64).sqrt(),
+        largest_px,
+        n: off.len(),
+        of: places.len(),
+    })
 }

@@ -48,9 +48,21 @@ pub(super) struct Clean {
     pub(super) bad: Vec<(Seen, BadView)>,
 }
 
-/// Fits, weighing corners down that lie far off, then rejects gross errors until none is left and none comes back.
+/// Fits, weighing corners down that lie far off if there are any, then rejects gross errors until none is left and none comes back.
 pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
-    let mut found = softly(seen, shared)?;
+    let found = fit_with_second_solutions(seen, shared)?;
+    let limit = (GROSS_SIGMAS * noise(&found)).powi(2);
+    let is_far = |r: Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= limit);
+    let any = found.seen.iter().any(|view| found.residuals(view).into_iter().any(is_far));
+    without_gross_errors(if any { softly(found)? } else { found })
+}
+
+/// From an answer that gross errors hardly pull: rejects them, and takes those back that are none.
+pub(super) fn cleaned_from(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
+    without_gross_errors(fit(seen, shared)?)
+}
+
+fn without_gross_errors(mut found: Fit) -> Option<Clean> {
     let mut bad: Vec<(Seen, BadView)> = Vec::new();
     for _ in 0..MAX_ROUNDS {
         let sigma = noise(&found);
@@ -83,15 +95,15 @@ pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
 }
 
 /// A fit with weights that follow the residuals.
-fn softly(seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
-    let mut found = fit_with_second_solutions(seen, shared)?;
+fn softly(mut found: Fit) -> Option<Fit> {
     for _ in 0..MAX_ROUNDS {
         let scale = (SOFT * noise(&found)).powi(2);
         let mut largest = 0.0f64;
         let residuals: Vec<_> = found.seen.iter().map(|view| found.residuals(view)).collect();
         for (view, residuals) in found.seen.iter_mut().zip(residuals) {
             for (weight, residual) in view.weights.iter_mut().zip(residuals) {
-                let new = residual.map_or(LEAST_WEIGHT, |(_, d2)| (1.0 + d2 / scale).powi(-2).max(LEAST_WEIGHT));
+                let new =
+                    residual.map_or(LEAST_WEIGHT, |(_, d2)| (1.0 + d2 / scale).powi(-2).max(LEAST_WEIGHT));
                 largest = largest.max((new - *weight).abs());
                 *weight = new;
             }
@@ -109,8 +121,12 @@ const LEAST_WEIGHT: f64 = 1e-6;
 
 /// The residuals' standard deviation in units of the stated ones, by their median: half of them may be gross errors.
 fn noise(fit: &Fit) -> f64 {
-    let mut squared: Vec<f64> =
-        fit.seen.iter().flat_map(|view| fit.residuals(view)).map(|r| r.map_or(f64::INFINITY, |(_, d2)| d2)).collect();
+    let mut squared: Vec<f64> = fit
+        .seen
+        .iter()
+        .flat_map(|view| fit.residuals(view))
+        .map(|r| r.map_or(f64::INFINITY, |(_, d2)| d2))
+        .collect();
     squared.sort_by(f64::total_cmp);
     let median = squared.get(squared.len() / 2).copied().unwrap_or(0.0);
     // What the poses and the shared unknowns took up.
@@ -122,10 +138,12 @@ fn noise(fit: &Fit) -> f64 {
 /// A view with gross errors at weight 0 and all others at 1, and what is wrong with it as a whole.
 fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
     let residuals = fit.residuals(view);
-    let is_gross = |r: &Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= (GROSS_SIGMAS * sigma).powi(2));
+    let is_gross =
+        |r: &Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= (GROSS_SIGMAS * sigma).powi(2));
     let weights: Vec<f64> = residuals.iter().map(|r| if is_gross(r) { 0.0 } else { 1.0 }).collect();
     let (of, n) = (weights.len(), weights.iter().filter(|w| **w == 0.0).count());
-    let mut squared: Vec<(f64, f64)> = residuals.iter().flatten().map(|(e, d2)| (*d2, e.norm_squared())).collect();
+    let mut squared: Vec<(f64, f64)> =
+        residuals.iter().flatten().map(|(e, d2)| (*d2, e.norm_squared())).collect();
     squared.sort_by(|a, b| a.0.total_cmp(&b.0));
     let middle = squared.get(squared.len() / 2).copied().unwrap_or((0.0, 0.0));
     let times = (middle.0 / MEDIAN_CHI2).sqrt() / sigma;

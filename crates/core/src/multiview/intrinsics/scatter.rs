@@ -32,10 +32,11 @@ pub(super) struct Spread {
 const LEAST_REDUNDANCY: usize = 30;
 /// A view's leverage is kept this far below one.
 const RIDGE: f64 = 1e-6;
-/// Directions that a view shows to less than this part of what all show are not compared.
-const SEEN: f64 = 1e-8;
+/// Directions that a view shows to less than this part of its share of what all show are not compared: there the score follows the noise of the
+/// view's own pose (a frontal view says nothing of the focal length, but seems to), docs/math/frames.md section 3.
+const SEEN: f64 = 0.05;
 /// One in a hundred: the chance that views without a shared error seem to contradict each other.
-const CHANCE: f64 = 0.99;
+const CHANCE: f64 = 0.01;
 
 /// None where the views leave a direction open.
 pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
@@ -84,7 +85,7 @@ impl Scatter {
         let whitening = factor.clone().try_inverse()?;
         let (mut chi2, mut rank) = (0.0, 0);
         for one in by_view {
-            let (own, seen) = alone(one, &factor);
+            let (own, seen) = alone(one, &factor, by_view.len());
             chi2 += own;
             rank += seen;
         }
@@ -123,7 +124,8 @@ impl Scatter {
         }
         let most = (self.n_views as f64 - 1.0).max(1.0);
         let clusters = ((1.0 + 2.0 / p) * sum * sum / self.fourth).clamp(1.0, most);
-        let apart = (&self.whitened - DMatrix::identity(inverse.nrows(), inverse.nrows()) * factor).norm_squared();
+        let apart =
+            (&self.whitened - DMatrix::identity(inverse.nrows(), inverse.nrows()) * factor).norm_squared();
         let chance = (p * p + p - 2.0) * factor * factor / clusters;
         let share = if apart <= chance { 0.0 } else { 1.0 - chance / apart };
         let share = share.min((factor - base) / factor);
@@ -134,7 +136,7 @@ impl Scatter {
 }
 
 /// How far a view's own answer is from the common one, sᵀ S⁻¹ s, and in how many directions: those that S shows, in units of L of P = L Lᵀ.
-pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>) -> (f64, usize) {
+pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>, n_views: usize) -> (f64, usize) {
     let information = factor.transpose() * &one.information * factor;
     let score = factor.transpose() * &one.gradient;
     if !information.iter().chain(score.iter()).all(|x| x.is_finite()) {
@@ -143,7 +145,7 @@ pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>) -> (f64, usize) {
     let eigen = information.symmetric_eigen();
     let mut sum = (0.0, 0);
     for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        if SEEN < *value {
+        if SEEN < *value * n_views as f64 {
             sum.0 += vector.dot(&score).powi(2) / value;
             sum.1 += 1;
         }

@@ -5,6 +5,7 @@ use super::adjust::{Fit, Seen, Shape, Shared, fit};
 use super::model::LensChoice;
 use crate::Camera;
 use crate::multiview::intrinsics_check::{Group, MAX_RELATIVE_SIGMA, focal_length, weakest};
+use nalgebra::{DMatrix, DVector};
 
 /// A choice of another family must be better by this much (odds of 20 to 1): of two that fit about equally well the first stays.
 pub const FAMILY_MARGIN: f64 = 6.0;
@@ -24,24 +25,110 @@ pub struct Evidence {
     pub undetermined: Option<(&'static str, f64)>,
 }
 
-/// A fit of a choice with its evidence.
+/// A choice with its evidence.
 #[derive(Debug, Clone)]
 pub(super) struct Tried {
     pub(super) evidence: Evidence,
+    /// Its minimum, where it was sought.
     pub(super) fit: Option<Fit>,
+    /// Its parameters; none where it has no answer.
+    pub(super) local: Option<Local>,
+}
+
+/// Parameters of a choice and their covariance for noise as stated.
+#[derive(Debug, Clone)]
+pub(super) struct Local {
+    pub(super) names: Vec<&'static str>,
+    pub(super) values: Vec<f64>,
+    pub(super) covariance: DMatrix<f64>,
+}
+
+impl Local {
+    /// Of a minimum; none where it leaves a direction open.
+    fn of(fit: &Fit) -> Option<Self> {
+        let inverse = fit.reduced()?.information.cholesky()?.inverse();
+        let n = fit.shared.directions.len();
+        let parameters = fit.shared.camera.parameters();
+        let (names, values) = fit.shared.directions.iter().map(|d| parameters[d[0].0]).unzip();
+        Some(Local { names, values, covariance: inverse.view((0, 0), (n, n)).into_owned() })
+    }
+
+    /// With the coefficients that a smaller choice lacks held at zero, to second order; and by how much χ² grows:
+    /// docs/math/intrinsics.md eq. (12).
+    fn without(&self, choice: &LensChoice) -> Option<(Self, f64)> {
+        let (keep, drop): (Vec<usize>, Vec<usize>) =
+            (0..self.names.len()).partition(|i| choice.is_free(self.names[*i]));
+        let part = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| self.covariance[(rows[i], columns[j])])
+        };
+        let dropped = DVector::from_fn(drop.len(), |i, _| self.values[drop[i]]);
+        let factor = part(&drop, &drop).cholesky()?;
+        let (pull, gain) = (factor.solve(&dropped), part(&keep, &drop));
+        let moved = &gain * &pull;
+        let local = Local {
+            names: keep.iter().map(|i| self.names[*i]).collect(),
+            values: keep.iter().zip(moved.iter()).map(|(i, by)| self.values[*i] - by).collect(),
+            covariance: part(&keep, &keep) - &gain * factor.solve(&gain.transpose()),
+        };
+        Some((local, dropped.dot(&pull)))
+    }
+}
+
+/// Every choice of a family. Where a fit of a large choice is at hand, the evidence of smaller ones follows from it, and only the best of them
+/// is fitted; larger ones are fitted.
+pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> Option<Vec<Tried>> {
+    let own = Local::of(fit)?;
+    let is_within = |choice: &LensChoice| choice.coefficients.iter().all(|c| large.coefficients.contains(c));
+    let mut tried = Vec::with_capacity(family.len());
+    for choice in family {
+        if !is_within(choice) {
+            let found = fitted(choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape);
+            tried.push(with_fit(choice, found));
+            continue;
+        }
+        let n_dropped = large.coefficients.len() - choice.coefficients.len();
+        let (local, grown) = if n_dropped == 0 { (own.clone(), 0.0) } else { own.without(choice)? };
+        let times = (1.0 + grown / fit.chi2().max(f64::MIN_POSITIVE)).sqrt();
+        let aic = aic_of(fit.n_numbers(), fit.chi2() + grown, fit.shared.n() - n_dropped);
+        let rms_px = Some(rms_px(fit) * times);
+        let evidence = Evidence { choice: *choice, rms_px, aic: Some(aic), undetermined: None };
+        tried.push(Tried { evidence, fit: (n_dropped == 0).then(|| fit.clone()), local: Some(local) });
+    }
+    Some(tried)
+}
+
+/// The minimum of a choice that was compared only, from that of a larger one.
+pub(super) fn fit_of(one: &Tried, fit: &Fit) -> Option<Fit> {
+    if let Some(known) = &one.fit {
+        return Some(known.clone());
+    }
+    fitted(&one.evidence.choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape)
+        .filter(|found| found.converged && undetermined(found).is_none())
+}
+
+fn with_fit(choice: &LensChoice, found: Option<Fit>) -> Tried {
+    let (evidence, is_usable) = judged(choice, found.as_ref());
+    let fit = found.filter(|_| is_usable);
+    let local = fit.as_ref().and_then(Local::of);
+    Tried { evidence, fit, local }
 }
 
 /// Every choice of a family, the next from where the one before ended, until one is undetermined.
-pub(super) fn ladder(family: &[LensChoice], seen: &[Seen], camera: &Camera, shape: Option<Shape>) -> Vec<Tried> {
+pub(super) fn ladder(
+    family: &[LensChoice],
+    seen: &[Seen],
+    camera: &Camera,
+    shape: Option<Shape>,
+) -> Vec<Tried> {
     let (mut tried, mut views, mut from): (Vec<Tried>, Vec<Seen>, Camera) =
         (Vec::new(), seen.to_vec(), camera.clone());
     for choice in family {
-        let found = fitted(choice, views.clone(), &from, shape);
-        let (evidence, is_usable) = judged(choice, found.as_ref());
-        if let Some(fit) = found.as_ref().filter(|_| is_usable) {
+        let one = with_fit(choice, fitted(choice, views.clone(), &from, shape));
+        if let Some(fit) = &one.fit {
             (views, from) = (fit.seen.clone(), fit.shared.camera.clone());
         }
-        tried.push(Tried { evidence, fit: found.filter(|_| is_usable) });
+        let is_usable = one.fit.is_some();
+        tried.push(one);
         if !is_usable && tried.iter().any(|one| one.fit.is_some()) {
             break;
         }
@@ -55,7 +142,7 @@ fn fitted(choice: &LensChoice, seen: Vec<Seen>, from: &Camera, shape: Option<Sha
     fit(seen, Shared { camera, shape, directions })
 }
 
-/// Akaike's weights of a family's choices, of those that have a fit: docs/math/intrinsics.md eq. (9).
+/// Akaike's weights of a family's choices, of those that have a fit: docs/math/intrinsics.md eq. (7).
 pub(super) fn weights(tried: &[Tried]) -> Vec<f64> {
     let lowest = tried.iter().filter_map(|one| one.evidence.aic).fold(f64::INFINITY, f64::min);
     let raw = |one: &Tried| one.evidence.aic.map_or(0.0, |aic| (-0.5 * (aic - lowest)).exp());
@@ -71,7 +158,7 @@ fn judged(choice: &LensChoice, fit: Option<&Fit>) -> (Evidence, bool) {
     evidence.undetermined = undetermined(fit);
     let is_usable = fit.converged && evidence.undetermined.is_none();
     if is_usable {
-        evidence.aic = Some(aic(fit));
+        evidence.aic = Some(aic_of(fit.n_numbers(), fit.chi2(), fit.shared.n()));
     }
     (evidence, is_usable)
 }
@@ -127,10 +214,10 @@ pub(super) fn rms_px(fit: &Fit) -> f64 {
     (sum / n.max(1) as f64).sqrt()
 }
 
-/// Akaike's information criterion with the noise estimated, docs/math/intrinsics.md eq. (8).
-fn aic(fit: &Fit) -> f64 {
-    let n = fit.n_numbers() as f64;
-    n * (fit.chi2() / n).max(f64::MIN_POSITIVE).ln() + 2.0 * fit.shared.n() as f64
+/// Akaike's information criterion with the noise estimated, docs/math/intrinsics.md eq. (6).
+fn aic_of(n_numbers: usize, chi2: f64, n_shared: usize) -> f64 {
+    let n = n_numbers.max(1) as f64;
+    n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_shared as f64
 }
 
 /// The best of the families: index into them all. Evidence is counted from it.

@@ -56,20 +56,17 @@ fn rms_px(points: &[Correspondence], camera: &Camera) -> Option<f64> {
 }
 
 /// After the focal length alone, then with the first coefficient, were free; with its median residual.
-fn adjusted(
-    views: &[&[Correspondence]],
-    camera: Camera,
-    choice: &LensChoice,
-) -> Option<(f64, Camera)> {
+fn adjusted(views: &[&[Correspondence]], camera: Camera, choice: &LensChoice) -> Option<(f64, Camera)> {
     let located = |(view, points): (usize, &&[Correspondence])| {
         Seen::located(view, points, vec![1.0; points.len()], &camera).ok()
     };
     let seen: Vec<Seen> = views.iter().enumerate().filter_map(located).collect();
     let mut directions: arrayvec::ArrayVec<_, 2> = [common_focal(&camera.parameters())].into_iter().collect();
     let mut best = fit(seen, Shared { camera, shape: None, directions: directions.to_vec() })?;
-    let first = choice.coefficients.first().and_then(|name| {
-        best.shared.camera.parameters().iter().position(|(other, _)| other == name)
-    });
+    let first = choice
+        .coefficients
+        .first()
+        .and_then(|name| best.shared.camera.parameters().iter().position(|(other, _)| other == name));
     if let Some(index) = first {
         directions.push([(index, 1.0)].into_iter().collect());
         let shared = Shared { directions: directions.to_vec(), ..best.shared.clone() };
