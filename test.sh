@@ -73,7 +73,6 @@ frames() { # the recorded videos as images, once
 step "python environment" python_environment
 if [ "$mode" = everything ]; then
     step "derivations (SymPy, 50 digits)" derivations
-    step "files read by other programs" foreign_readers
 fi
 step "ffmpeg" ffmpeg_program
 export PATH=$PATH:$target/ffmpeg # An installed one comes first.
@@ -85,6 +84,11 @@ fi
 # Drawn inputs are the same ones in each run; `PROPTEST_RNG_SEED=$RANDOM ./test.sh` draws others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-20041}
 step "cargo test" tests
+if [ "$mode" = everything ]; then
+    # The program that the tests built: built by itself it has other features, and all crates would be built twice.
+    export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
+    step "files read by other programs" foreign_readers
+fi
 
 printf '\n== summary\n'
 printf '%s\n' "${summary[@]}"

@@ -14,6 +14,7 @@ import getpass
 import http.server
 import json
 import math
+import os
 import pathlib
 import queue
 import shutil
@@ -37,7 +38,9 @@ STATES = {"learning", "steady", "checking", "drifted", "stale", "inconsistent", 
 
 
 def program():
-    """The program, built from this checkout."""
+    """The program, built from this checkout unless RESIGHT_PROGRAM names one."""
+    if "RESIGHT_PROGRAM" in os.environ:
+        return os.environ["RESIGHT_PROGRAM"]
     build = ["cargo", "build", "--quiet", "-p", "resight-cli", "--message-format=json"]
     made = subprocess.run(build, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     found = [json.loads(line).get("executable") for line in made.splitlines()]

@@ -78,6 +78,13 @@ impl TagArgs {
     }
 }
 
+/// `640x480`, in pixels.
+pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let pair = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    pair.filter(|(w, h)| 0 < *w && 0 < *h)
+        .ok_or_else(|| "width and height are needed, e.g. 640x480".to_owned())
+}
+
 /// A number from 0 on.
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

@@ -22,15 +22,9 @@ pub mod schema;
 
 use crate::args::TagArgs;
 use anyhow::Result;
-use resight::core::{Camera, Target};
+use resight::core::Target;
 use resight::formats;
 use std::path::Path;
-
-/// Reads `FILE` or `FILE#NAME`.
-fn camera(argument: &str) -> Result<Camera> {
-    crate::files::camera_must_exist(argument)?;
-    Ok(formats::read_camera(argument)?.camera)
-}
 
 /// Reads a target, passes its warnings on and returns them.
 fn target(path: &Path, tags: &TagArgs, mut remark: impl FnMut(&str)) -> Result<(Target, Vec<String>)> {

@@ -12,7 +12,7 @@ pub struct GravityArgs {
     ///
     /// An accelerometer at rest reads up: give its negative reading, rotated into the camera frame. Every method uses the direction beside
     /// the points; `--method upright` needs it.
-    #[arg(long, help_heading = "Gravity", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
+    #[arg(long, hide_short_help = true, help_heading = "Gravity", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = direction)]
     gravity: Option<[f64; 3]>,
     /// Standard deviation of that direction about each axis across it, in degrees.
     #[arg(long, hide_short_help = true, help_heading = "Gravity", value_name = "S", requires = "gravity", default_value = "1", allow_negative_numbers = true, value_parser = sigma)]
@@ -20,7 +20,7 @@ pub struct GravityArgs {
     /// Direction of down in the target frame, which --gravity needs.
     ///
     /// It is 0,0,-1 where the target's z points up (surveyed points) and 0,1,0 for a printed target that hangs upright.
-    #[arg(long, help_heading = "Gravity", value_name = "X,Y,Z", requires = "gravity", allow_hyphen_values = true, value_parser = direction)]
+    #[arg(long, hide_short_help = true, help_heading = "Gravity", value_name = "X,Y,Z", requires = "gravity", allow_hyphen_values = true, value_parser = direction)]
     target_down: Option<[f64; 3]>,
 }
 

@@ -3,9 +3,9 @@
 #![warn(missing_docs)]
 
 mod args;
+mod camera;
 mod files;
 mod gravity;
-mod intrinsics;
 mod output;
 mod robust;
 mod stdio;

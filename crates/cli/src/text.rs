@@ -27,6 +27,9 @@ pub fn describe(answer: &PoseAnswer) -> String {
         }
         out.push_str(&fit(answer, estimate));
     }
+    if let Some(cost) = &answer.intrinsics_cost {
+        line(&mut out, "intrinsics", &cost.words());
+    }
     if let Some([w, h]) = answer.scaled_from_px {
         let text = format!(
             "scaled from {w} × {h} px to the size of this image: right where it is the whole image, resized; wrong for a crop"

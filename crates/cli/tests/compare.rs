@@ -277,7 +277,12 @@ fn files_in_which_nothing_moved_raise_no_alarm() {
             let covariance = Some(joint.fixed_view::<6, 6>(6 * i, 6 * i).into());
             let (b, a, b_from_a) = (names[i].clone(), "rig".to_string(), truth[i].moved(&noise));
             let placement = Some(Placement { b, a, b_from_a, covariance });
-            NamedCamera { name: names[i].clone(), camera: Camera { size, ..lens() }, placement }
+            NamedCamera {
+                name: names[i].clone(),
+                camera: Camera { size, ..lens() },
+                placement,
+                intrinsics_covariance: None,
+            }
         };
         let all: Vec<NamedCamera> = (0..3).map(camera).collect();
         let text = own_rig_file(&all, with_joint.then(|| JointCovariance::of(&names, &joint))).unwrap();

@@ -19,6 +19,28 @@ fn every_shell_completes_every_command() {
     assert!(run.stderr.contains("bash"), "{}", run.stderr);
 }
 
+/// `-h` of every command fits a terminal of 24 rows with the prompt's line to spare where it lists flags, and the list of commands one of 32;
+/// `--help` explains what it leaves out.
+#[test]
+fn short_help_fits_one_screen() {
+    let listed = |path: &[&str]| -> Vec<String> {
+        let help = resight(&[path, &["-h"]].concat()).stdout;
+        let commands = help.split("Commands:\n").nth(1).unwrap_or_default().split("\n\n").next();
+        let names = commands.unwrap_or_default().lines().filter_map(|line| line.split_whitespace().next());
+        names.filter(|name| *name != "help").map(str::to_string).collect()
+    };
+    let lines = |path: &[&str], flag: &str| resight(&[path, &[flag]].concat()).stdout.lines().count();
+    assert!(lines(&[], "-h") <= 32, "{}", lines(&[], "-h"));
+    let mut paths: Vec<Vec<String>> = listed(&[]).into_iter().map(|name| vec![name]).collect();
+    paths.extend(listed(&["whisker"]).into_iter().map(|name| vec!["whisker".into(), name]));
+    assert!(25 <= paths.len(), "{paths:?}");
+    for path in &paths {
+        let path: Vec<&str> = path.iter().map(String::as_str).collect();
+        let (short, long) = (lines(&path, "-h"), lines(&path, "--help"));
+        assert!(short <= 24 && short <= long, "{path:?}: {short} lines, --help {long}");
+    }
+}
+
 #[test]
 fn every_command_has_a_manual_page() {
     let pages = folder("man").join("man1");

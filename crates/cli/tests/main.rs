@@ -32,6 +32,7 @@ mod hostile_files;
 mod images;
 mod intrinsics;
 mod measure;
+mod nominal;
 mod rig;
 mod rig_faults;
 mod rig_known_poses;

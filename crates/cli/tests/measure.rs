@@ -365,7 +365,7 @@ fn mistakes_in_the_scene_are_named() {
     with("sigma_m = 0.005", "sigma_m = -1.0");
     refused(&scene, "sigma_m of the plane is -1");
     with("fx_px = 4.0", "fy = 4.0");
-    refused(&scene, "no parameter `fy`");
+    refused(&scene, "has no `fy`");
     with("clicks.csv", "camera.toml");
     refused(&scene, "no column photo, point, u_px, v_px");
     let start = good.find("[[known_distance]]").expect("distances");

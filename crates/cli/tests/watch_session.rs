@@ -113,15 +113,3 @@ fn what_is_wrong_with_a_session_file_is_named() {
     let (code, _, stderr) = watch(&["no/such/session.toml"]);
     assert!(code == 2 && stderr.contains("no/such/session.toml"), "{stderr}");
 }
-
-/// The common flags fit one screen; --help explains all.
-#[test]
-fn short_help_fits_one_screen() {
-    let short = resight(&["watch", "-h"]).stdout;
-    assert!(
-        short.lines().count() <= 60 && !short.contains("--mqtt-discovery"),
-        "{}\n{short}",
-        short.lines().count()
-    );
-    assert!(resight(&["watch", "--help"]).stdout.contains("--mqtt-discovery"));
-}

@@ -25,7 +25,7 @@ mod wang_covariance;
 pub(crate) mod classify;
 mod candidates;
 pub(crate) mod minima;
-mod intrinsics;
+pub(crate) mod intrinsics;
 mod shared_error;
 pub(crate) mod uncertainty;
 pub(crate) mod answer;

@@ -9,6 +9,7 @@ use super::table::camera_format;
 use super::write::write_rig;
 use super::{CameraFile, Contents, Format, NamedCamera, OutFile, Placement, WriteError, open};
 use crate::core::{Camera, Pixel, Pose};
+use nalgebra::DMatrix;
 use std::path::Path;
 
 /// What a conversion gives.
@@ -40,6 +41,7 @@ pub fn convert(rig: &CameraFile, to: Format, reference: Option<&str>) -> Result<
             "the covariance of all cameras together (joint_covariance); only resight files hold it".into(),
         );
     }
+    lost.extend(intrinsics(&rig.cameras, back.as_ref().map_or(&[], |back| &back.cameras)));
     match &back {
         Some(back) => compare(rig, back, &mut lost)?,
         None => lost.extend(covariances(certain(&rig.cameras, &rig.relations))),
@@ -125,6 +127,21 @@ fn compare(rig: &CameraFile, back: &Contents, lost: &mut Vec<String>) -> Result<
         }
     }
     Ok(())
+}
+
+/// How well the intrinsics are known, where what was written does not say so too; cameras keep their order.
+fn intrinsics(meant: &[NamedCamera], back: &[NamedCamera]) -> Option<String> {
+    let is_kept = |i: usize, c: &DMatrix<f64>| {
+        let kept = back.get(i).and_then(|camera| camera.intrinsics_covariance.as_ref());
+        kept.is_some_and(|kept| kept.shape() == c.shape() && (kept - c).amax() <= 1e-9 * c.amax())
+    };
+    let lost = meant.iter().enumerate().filter(|(i, camera)| {
+        camera.intrinsics_covariance.as_ref().is_some_and(|covariance| !is_kept(*i, covariance))
+    });
+    let names: Vec<String> = lost.map(|(_, camera)| format!("`{}`", camera.name)).collect();
+    (!names.is_empty()).then(|| {
+        format!("the covariance of the intrinsics of {}; only resight files hold it", names.join(", "))
+    })
 }
 
 /// How many poses have a covariance.

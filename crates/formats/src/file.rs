@@ -42,6 +42,8 @@ pub struct NamedCamera {
     pub camera: Camera,
     /// Where it is, when the file says so.
     pub placement: Option<Placement>,
+    /// Covariance of its intrinsics, rows and columns in the order of `Camera::parameters` and in their units, when the file states it.
+    pub intrinsics_covariance: Option<DMatrix<f64>>,
 }
 
 /// How a camera's clock runs against another sensor's: time there = the camera's time stamp + `offset_s`.

@@ -138,6 +138,7 @@ mod tests {
                 b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
                 covariance: None,
             }),
+            intrinsics_covariance: None,
         };
         let cameras = [cam("cam0", "imu", 0.1), cam("cam1", "cam0", 0.2), cam("cam2", "imu", 0.3)];
         let p = |i: usize| cameras[i].placement.as_ref().unwrap().b_from_a;

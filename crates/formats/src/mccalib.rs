@@ -54,7 +54,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
                 Some(Placement { b, a, b_from_a, covariance: None })
             }
         };
-        contents.cameras.push(NamedCamera { name, camera, placement });
+        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
     }
     Ok(contents)
 }

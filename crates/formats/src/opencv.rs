@@ -9,6 +9,7 @@ use super::lens::{self, LensNumbers};
 use super::{CameraFormat, Contents, Format, NamedCamera, Placement, Reads, Writer, checks, opencv_write};
 use crate::core::camera::ImageSize;
 use crate::core::{Camera, Pose};
+use nalgebra::{DMatrix, DVector};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::OpenCv,
@@ -100,7 +101,8 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         let name = stated
             .map(str::to_owned)
             .unwrap_or_else(|| if single { document.stem() } else { pair.matrix.path.clone() });
-        contents.cameras.push(NamedCamera { name, camera, placement: None });
+        let intrinsics_covariance = standard_deviations(&root, &pair, &camera)?;
+        contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance });
     }
     if size.is_none() && !contents.cameras.is_empty() {
         contents.warnings.push(
@@ -109,6 +111,33 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     }
     place(&root, &mut contents)?;
     Ok(contents)
+}
+
+/// Spellings of what `calibrateCameraExtended` returns as stdDeviationsIntrinsics: fx, fy, cx, cy, then its coefficients in order; 0 where
+/// a parameter was held.
+const DEVIATIONS: [&str; 4] =
+    ["stdDeviationsIntrinsics#", "std_deviations_intrinsics#", "std_dev_intrinsics#", "std_intrinsics#"];
+
+/// Independent of one another: the file says nothing of their correlations.
+fn standard_deviations(
+    root: &Entry<'_>,
+    pair: &Pair<'_>,
+    camera: &Camera,
+) -> Result<Option<DMatrix<f64>>, Fault> {
+    let found = DEVIATIONS.iter().find_map(|key| root.get(&key.replace('#', pair.number)));
+    let Some(entry) = found else { return Ok(None) };
+    let (sigmas, parameters) = (entry.numbers()?, camera.parameters());
+    if sigmas.len() < parameters.len() {
+        let (seen, needed) = (sigmas.len(), parameters.len());
+        return Err(
+            entry.fault(format!("holds {seen} standard deviations; this camera has {needed} parameters"))
+        );
+    }
+    if let Some(bad) = sigmas.iter().find(|s| **s < 0.0) {
+        return Err(entry.fault(format!("holds {bad}; a standard deviation is not negative")));
+    }
+    let variances: Vec<f64> = sigmas.iter().take(parameters.len()).map(|s| s * s).collect();
+    Ok(Some(DMatrix::from_diagonal(&DVector::from_vec(variances))))
 }
 
 fn image_size(root: &Entry<'_>) -> Result<Option<ImageSize>, Fault> {

@@ -5,6 +5,8 @@
 //! name = "right"
 //! model = "brown_conrady"
 //! …
+//! intrinsics_covariance = [[0.4], [0.4, 0.4], …]  # lower triangle; order: fx_px, fy_px, cx_px, cy_px, then the lens's own, as `distortion` has them
+//! # or, where the errors are independent, by name: intrinsics_sigma = { fx_px = 0.6, fy_px = 0.6 }
 //! [camera.placement]      # x_in_b = b_from_a · x_in_a
 //! b = "right"
 //! a = "left"
@@ -34,8 +36,9 @@ use super::{
     Placement, Reads, WriteError, Writer, Written, checks,
 };
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
+use crate::core::covariance::is_covariance;
 use crate::core::{Camera, Lens, Matrix6};
-use nalgebra::{DMatrix, RowVector6};
+use nalgebra::{DMatrix, DVector, RowVector6};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::Own,
@@ -55,7 +58,8 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
 
 const MODELS: [&str; 8] =
     ["pinhole", "brown_conrady", "kannala_brandt", "photogrammetric", "omni", "double_sphere", "eucm", "fov"];
-const COMMON: [&str; 4] = ["name", "model", "placement", "clock"];
+const COMMON: [&str; 6] =
+    ["name", "model", "placement", "clock", "intrinsics_covariance", "intrinsics_sigma"];
 const MATRIX: [&str; 6] = ["width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px"];
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -119,7 +123,56 @@ fn one_camera(
     };
     let camera = lens_of(entry, warnings)?;
     let placement = entry.get("placement").map(|p| placement(&p)).transpose()?;
-    Ok(NamedCamera { name, camera, placement })
+    let intrinsics_covariance = intrinsics_covariance(entry, &camera)?;
+    Ok(NamedCamera { name, camera, placement, intrinsics_covariance })
+}
+
+/// How well the file knows the intrinsics: a lower triangle, or standard deviations by name.
+fn intrinsics_covariance(entry: &Entry<'_>, camera: &Camera) -> Result<Option<DMatrix<f64>>, Fault> {
+    match (entry.get("intrinsics_covariance"), entry.get("intrinsics_sigma")) {
+        (Some(rows), None) => {
+            let names: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
+            let covariance =
+                lower_triangle(&rows, names.len(), &format!("one a parameter: {}", names.join(", ")))?;
+            if !is_covariance(&covariance) {
+                return Err(rows.fault("is no covariance: a direction has a negative variance"));
+            }
+            Ok(Some(covariance))
+        }
+        (None, Some(sigmas)) => {
+            let parameters = camera.parameters();
+            sigmas.only(&parameters.iter().map(|(name, _)| *name).collect::<Vec<_>>())?;
+            let variance = |(name, _): &(&str, f64)| -> Result<f64, Fault> {
+                let Some(sigma) = sigmas.get(name) else { return Ok(0.0) };
+                match sigma.number()? {
+                    s if 0.0 <= s => Ok(s * s),
+                    s => Err(sigma.fault(format!("is {s}; a standard deviation is not negative"))),
+                }
+            };
+            let variances: Vec<f64> = parameters.iter().map(variance).collect::<Result<_, _>>()?;
+            Ok(Some(DMatrix::from_diagonal(&DVector::from_vec(variances))))
+        }
+        (None, None) => Ok(None),
+        (Some(_), Some(sigmas)) => {
+            Err(sigmas.fault("and intrinsics_covariance state the same; remove one of them"))
+        }
+    }
+}
+
+/// A symmetric matrix of which row i states its first i + 1 numbers.
+fn lower_triangle(entry: &Entry<'_>, n: usize, meaning: &str) -> Result<DMatrix<f64>, Fault> {
+    let rows = entry.items()?;
+    if rows.len() != n {
+        return Err(entry.fault(format!("holds {} rows; {n} are needed ({meaning})", rows.len())));
+    }
+    let mut matrix = DMatrix::zeros(n, n);
+    for (i, row) in rows.iter().enumerate() {
+        for (j, value) in row.exactly(i + 1, "covariances")?.into_iter().enumerate() {
+            matrix[(i, j)] = value;
+            matrix[(j, i)] = value;
+        }
+    }
+    Ok(matrix)
 }
 
 fn lens_of(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Fault> {
@@ -268,19 +321,7 @@ fn joint_covariance(entry: &Entry<'_>) -> Result<JointCovariance, Fault> {
     let names = entry.need("cameras")?.items()?;
     let cameras: Vec<String> =
         names.iter().map(|n| Ok(n.text()?.to_owned())).collect::<Result<_, Fault>>()?;
-    let lower = entry.need("lower")?;
-    let rows = lower.items()?;
-    if rows.len() != 6 * cameras.len() {
-        let (seen, needed) = (rows.len(), 6 * cameras.len());
-        return Err(lower.fault(format!("holds {seen} rows; {} cameras have {needed}", cameras.len())));
-    }
-    let mut covariance = DMatrix::zeros(rows.len(), rows.len());
-    for (i, row) in rows.iter().enumerate() {
-        for (j, value) in row.exactly(i + 1, "covariances")?.into_iter().enumerate() {
-            covariance[(i, j)] = value;
-            covariance[(j, i)] = value;
-        }
-    }
+    let covariance = lower_triangle(&entry.need("lower")?, 6 * cameras.len(), "6 a camera")?;
     let noise_degrees_of_freedom = entry.get("noise_degrees_of_freedom").map(|e| degrees(&e)).transpose()?;
     Ok(JointCovariance { cameras, covariance, noise_degrees_of_freedom })
 }
@@ -295,8 +336,7 @@ fn degrees(entry: &Entry<'_>) -> Result<f64, Fault> {
 
 fn joint_text(joint: &JointCovariance) -> String {
     let names: Vec<String> = joint.cameras.iter().map(|name| quoted(name)).collect();
-    let row = |i: usize| (0..=i).map(|j| joint.covariance[(i, j)]).collect::<Vec<f64>>();
-    let rows: String = (0..joint.covariance.nrows()).map(|i| format!("  {},\n", list(&row(i)))).collect();
+    let rows = lower_rows(&joint.covariance);
     let degrees = joint.noise_degrees_of_freedom.map_or_else(String::new, |degrees| {
         format!(
             "noise_degrees_of_freedom = {} # the noise was estimated from so many redundant numbers\n",
@@ -308,6 +348,12 @@ fn joint_text(joint: &JointCovariance) -> String {
          cameras = [{}]\nlower = [\n{rows}]\n{degrees}",
         names.join(", ")
     )
+}
+
+/// A row a line, each up to the diagonal.
+fn lower_rows(matrix: &DMatrix<f64>) -> String {
+    let row = |i: usize| (0..=i).map(|j| matrix[(i, j)]).collect::<Vec<f64>>();
+    (0..matrix.nrows()).map(|i| format!("  {},\n", list(&row(i)))).collect()
 }
 
 /// Every model and every pose.
@@ -343,7 +389,8 @@ fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {
         let t = model.table();
         let scalars: String =
             [("f", t.f), ("xp", t.xp), ("yp", t.yp)].map(|(k, x)| format!("{k} = {}\n", number(x))).concat();
-        return Ok(format!("{head}{scalars}k = {}\np = {}\na = {}\n", list(&t.k), list(&t.p), list(&t.a)));
+        let lists = format!("k = {}\np = {}\na = {}\n", list(&t.k), list(&t.p), list(&t.a));
+        return Ok(format!("{head}{scalars}{lists}{}", intrinsics_covariance_text(camera)));
     }
     let (k, numbers) = lens::numbers_of(&camera.camera)?;
     let size = camera.camera.size.ok_or_else(|| {
@@ -353,7 +400,18 @@ fn camera_text(camera: &NamedCamera) -> Result<String, WriteError> {
     let matrix: String = [("fx_px", k.fx_px), ("fy_px", k.fy_px), ("cx_px", k.cx_px), ("cy_px", k.cy_px)]
         .map(|(key, x)| format!("{key} = {}\n", number(x)))
         .concat();
-    Ok(format!("{head}{size}{matrix}{}", model_text(&numbers)))
+    Ok(format!("{head}{size}{matrix}{}{}", model_text(&numbers), intrinsics_covariance_text(camera)))
+}
+
+fn intrinsics_covariance_text(camera: &NamedCamera) -> String {
+    camera.intrinsics_covariance.as_ref().map_or_else(String::new, |covariance| {
+        let names: Vec<&str> = camera.camera.parameters().iter().map(|(name, _)| *name).collect();
+        format!(
+            "intrinsics_covariance = [ # lower triangle; {}\n{}]\n",
+            names.join(", "),
+            lower_rows(covariance)
+        )
+    })
 }
 
 fn model_text(numbers: &LensNumbers) -> String {

@@ -50,7 +50,12 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     };
     let lens = lens_numbers(&root, &distortion)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-    contents.cameras.push(NamedCamera { name: document.stem(), camera, placement: None });
+    contents.cameras.push(NamedCamera {
+        name: document.stem(),
+        camera,
+        placement: None,
+        intrinsics_covariance: None,
+    });
     Ok(contents)
 }
 

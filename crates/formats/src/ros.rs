@@ -63,7 +63,7 @@ pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) ->
     let matrix = checks::camera_matrix(&k)?;
     let lens = lens_numbers(root)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-    contents.cameras.push(NamedCamera { name, camera, placement: None });
+    contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
     contents.notes.extend(baseline_note(root)?);
     Ok(())
 }

@@ -1,9 +1,10 @@
 //! What is written reads back the same, and says so in the same bytes every time.
 
+use nalgebra::DMatrix;
 use resight_formats::core::Matrix6;
 use resight_formats::{
-    CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, read_cameras, read_cameras_from_bytes,
-    write_atomically, write_cameras, write_rig,
+    CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, convert, read_cameras,
+    read_cameras_from_bytes, write_atomically, write_cameras, write_rig,
 };
 use std::path::{Path, PathBuf};
 
@@ -199,4 +200,67 @@ fn set_mode(permissions: &mut std::fs::Permissions) {
 #[cfg(not(unix))]
 fn set_mode(permissions: &mut std::fs::Permissions) {
     permissions.set_readonly(false);
+}
+
+/// The covariance of intrinsics survives in our own file; of another format it is named as lost.
+#[test]
+fn intrinsics_covariances_round_trip_or_are_named() {
+    let mut camera = cameras("opencv_single.yml").remove(0);
+    let n = camera.camera.parameters().len();
+    let factor = DMatrix::from_fn(n, n, |i, j| if j <= i { 0.3 + (i + 2 * j) as f64 * 0.01 } else { 0.0 });
+    camera.intrinsics_covariance = Some(&factor * factor.transpose());
+    let rig =
+        CameraFile { cameras: vec![camera.clone()], ..read_cameras(&example("opencv_single.yml")).unwrap() };
+    let own = convert(&rig, Format::Own, None).unwrap();
+    assert!(own.lost.is_empty(), "{:?}", own.lost);
+    let back = read_back(&own.files[0].text, Format::Own, "x").remove(0).intrinsics_covariance.expect("kept");
+    let error = (back - camera.intrinsics_covariance.as_ref().expect("given")).amax();
+    assert!(error < 1e-12, "{error}");
+    let lost = convert(&rig, Format::OpenCv, None).unwrap().lost;
+    assert!(lost.iter().any(|text| text.contains("covariance of the intrinsics of")), "{lost:?}");
+}
+
+/// Standard deviations by name, those of OpenCV, and what is no covariance.
+#[test]
+fn stated_uncertainties_of_intrinsics_are_read() {
+    let own = |more: &str| {
+        let text = format!(
+            "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 500.0\nfy_px = 501.0\ncx_px = 319.5\ncy_px = 239.5\n{more}\n"
+        );
+        read_cameras_from_bytes("camera.toml".as_ref(), text.into_bytes())
+    };
+    let covariance = |more: &str| own(more).unwrap().cameras.remove(0).intrinsics_covariance;
+    let diagonal = covariance("intrinsics_sigma = { fx_px = 2.0, cy_px = 0.5 }").expect("stated");
+    assert_eq!(diagonal.diagonal().as_slice(), [4.0, 0.0, 0.0, 0.25]);
+    let whole =
+        covariance("intrinsics_covariance = [[4.0], [3.9, 4.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]");
+    assert_eq!(whole.expect("stated")[(0, 1)], 3.9);
+    assert!(covariance("").is_none());
+    for (more, said) in [
+        (
+            "intrinsics_covariance = [[4.0], [5.0, 4.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]",
+            "no covariance",
+        ),
+        ("intrinsics_covariance = [[4.0], [0.0, 4.0]]", "holds 2 rows; 4 are needed"),
+        ("intrinsics_covariance = [[4.0], [0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]", "2 are needed"),
+        ("intrinsics_sigma = { fx_px = -1.0 }", "is not negative"),
+        ("intrinsics_sigma = { fx = 1.0 }", "`fx_px` (pixels)"),
+        ("intrinsics_sigma = { fx_px = 1.0 }\nintrinsics_covariance = []", "remove one of them"),
+    ] {
+        let refused = own(more).unwrap_err().to_string();
+        assert!(refused.contains(said), "{refused}");
+    }
+    let opencv = |sigmas: &str| {
+        let text = format!(
+            "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.2, 0.1, 0., 0., 0. ]\nstdDeviationsIntrinsics: [{sigmas}]\n"
+        );
+        read_cameras_from_bytes("camera.yml".as_ref(), text.into_bytes())
+    };
+    let read = opencv("1., 1., 2., 2., 0.01, 0.02, 0., 0., 0.03, 0., 0., 0.").unwrap().cameras.remove(0);
+    let sigma = read.intrinsics_covariance.expect("stated").diagonal().map(f64::sqrt);
+    assert!((sigma[2] - 2.0).abs() + (sigma[8] - 0.03).abs() < 1e-12 && sigma.len() == 9, "{sigma}");
+    assert!(opencv("1., 1., 2., 2.").unwrap_err().to_string().contains("9 parameters"));
+    assert!(
+        opencv("1., 1., 2., 2., 0.01, 0.02, 0., 0., -0.03").unwrap_err().to_string().contains("negative")
+    );
 }

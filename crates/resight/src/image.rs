@@ -4,6 +4,7 @@ use crate::FileError;
 use crate::input::{self, Kind};
 use std::path::Path;
 
+pub mod exif;
 mod frugal;
 
 /// An 8-bit grey image, row by row.
@@ -25,6 +26,17 @@ const MAX_DECODED_BYTES: u64 = 144_000_000;
 
 /// Largest JPEG in several passes: its decoder holds up to six bytes for each pixel besides.
 const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
+
+/// Width and height of a PNG or JPEG, pixels, by its header.
+///
+/// # Errors
+/// No such file, or no image.
+pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
+    let fault = |reason: String| FileError::new(path, reason);
+    let reader = ::image::ImageReader::open(path).map_err(|e| fault(e.to_string()))?;
+    let reader = reader.with_guessed_format().map_err(|e| fault(e.to_string()))?;
+    reader.into_dimensions().map_err(|_| fault("not a readable PNG or JPEG image".to_owned()))
+}
 
 impl GrayImage {
     /// A uniform image.

@@ -9,10 +9,12 @@
 mod draw;
 mod features;
 mod patch;
+mod lens_error;
 mod pyramid;
 mod select;
 
 use crate::GrayImage;
+use crate::locate::IntrinsicsCovariance;
 pub use draw::draw;
 use features::{Features, Pattern};
 use nalgebra::{Matrix2, Matrix3, Vector2};
@@ -34,6 +36,8 @@ pub struct Landmarks {
     features: Features,
     /// Directions of the features.
     bearings: Vec<Option<Bearing>>,
+    /// How well the intrinsics are known; none: exactly.
+    intrinsics: Option<IntrinsicsCovariance>,
 }
 
 /// What an image shows of the landmarks.
@@ -161,7 +165,13 @@ impl Landmarks {
         let features = Features::of(&reduced, &pattern);
         let bearings = features.pixels(&reduced).iter().map(|pixel| camera.bearing(pixel).ok()).collect();
         let size_px = [picture.width_px, picture.height_px];
-        Ok(Landmarks { camera, size_px, marks, pattern, features, bearings })
+        Ok(Landmarks { camera, size_px, marks, pattern, features, bearings, intrinsics: None })
+    }
+
+    /// Rotations measured from now on hold in their covariance what uncertain intrinsics do to them: docs/math/turn.md eq. (14).
+    pub fn with_intrinsics(mut self, intrinsics: Option<IntrinsicsCovariance>) -> Self {
+        self.intrinsics = intrinsics;
+        self
     }
 
     /// How many there are.
@@ -264,13 +274,24 @@ impl Landmarks {
         };
         let first = fit(&landmarks, near)?.now_from_reference;
         landmarks.iter_mut().for_each(|landmark| self.read_between_pixels(landmark, &first));
-        let relative_rotation = fit(&landmarks, &first)?;
+        let mut relative_rotation = fit(&landmarks, &first)?;
         let (agreeing, needed) =
             (relative_rotation.used.len(), LEAST.max((LEAST_SHARE * in_view as f64).ceil() as usize));
         if agreeing < needed {
             return Err(NotObserved::TooFew { agreeing, landmarks: in_view, needed });
         }
-        Ok(LandmarkObservation { shift: self.shift(&relative_rotation), relative_rotation, found, in_view })
+        let shift = self.shift(&relative_rotation);
+        if let Some(intrinsics) = &self.intrinsics {
+            let used: Vec<&Found> = relative_rotation.used.iter().filter_map(|i| found.get(*i)).collect();
+            let added = lens_error::covariance(
+                &used,
+                &relative_rotation.now_from_reference,
+                &self.camera,
+                intrinsics,
+            );
+            relative_rotation.covariance += added;
+        }
+        Ok(LandmarkObservation { shift, relative_rotation, found, in_view })
     }
 
     /// What reading between pixels may do to all landmarks alike, along rows and along columns: docs/math/turn.md eq. (12). By where the

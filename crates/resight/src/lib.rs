@@ -50,6 +50,7 @@ pub mod image;
 pub mod detect;
 pub mod answer;
 pub mod locate;
+pub mod nominal;
 pub mod points;
 pub mod overlay;
 pub mod drawing;

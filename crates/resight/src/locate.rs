@@ -16,7 +16,7 @@ use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
-pub use intrinsics::IntrinsicsSigma;
+pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
@@ -31,7 +31,7 @@ pub struct LocateOptions {
     /// The solver; `Auto` decides from the points.
     pub method: Method,
     /// How well the intrinsics are known; none: exactly.
-    pub intrinsics: Option<IntrinsicsSigma>,
+    pub intrinsics: Option<IntrinsicsCovariance>,
     /// Where corners of chessboards and ChArUco boards are refined.
     pub corner_window: CornerWindow,
 }
@@ -105,13 +105,12 @@ impl<'a> ImageLocator<'a> {
     }
 
     fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> PoseAnswer {
-        let intrinsics_covariance = self.options.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
-        let config = Config {
-            method: self.options.method,
-            intrinsics_covariance: intrinsics_covariance.as_deref(),
-            ..Config::default()
+        let with = |intrinsics_covariance: Option<&[f64]>| {
+            let config = Config { method: self.options.method, intrinsics_covariance, ..Config::default() };
+            locate_target(detections, self.target, camera, &config)
         };
-        let found = locate_target(detections, self.target, camera, &config);
+        let intrinsics = self.options.intrinsics.as_ref();
+        let found = with(intrinsics.map(|known| known.covariance(camera)).as_deref());
         let names: Vec<String> = found.features.iter().map(|f| feature_name(*f, self.target)).collect();
         let mut verdict = verdict::of_target(&found, |i| names.get(i).cloned().unwrap_or_default());
         let scaled_from_px = self.scaled_from_px(camera);
@@ -122,6 +121,9 @@ impl<'a> ImageLocator<'a> {
             );
         }
         let (points, estimate) = (found.seen, found.estimate.ok());
+        let intrinsics_cost = intrinsics
+            .zip(estimate.as_ref())
+            .and_then(|(known, estimate)| known.cost(estimate, camera, |c| with(c).estimate.ok()));
         PoseAnswer {
             verdict,
             observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
@@ -129,7 +131,8 @@ impl<'a> ImageLocator<'a> {
             n_points: points.len(),
             sigma_px: mean_square_root(points.iter().map(|c| c.sigma_px)),
             point_sigma_m: point_sigma_m(&points),
-            intrinsics_sigma: self.options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+            intrinsics_sigma: intrinsics.map(IntrinsicsCovariance::sigmas),
+            intrinsics_cost,
             names,
             scaled_from_px,
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
@@ -177,7 +180,7 @@ pub struct PointsOptions {
     /// The solver; `Auto` decides from the points.
     pub method: Method,
     /// How well the intrinsics are known; none: exactly.
-    pub intrinsics: Option<IntrinsicsSigma>,
+    pub intrinsics: Option<IntrinsicsCovariance>,
     /// What is known of the pose besides the points.
     pub priors: Vec<Prior>,
     /// How far off a point may be, in its own unit, to agree with the pose; none where every point is taken as right.
@@ -206,17 +209,20 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
-    let covariance = options.intrinsics.as_ref().map(|sigma| sigma.covariance(camera));
-    let config = Config {
-        method: options.method,
-        intrinsics_covariance: covariance.as_deref(),
-        priors: &options.priors,
-        ..Config::default()
+    let with = |intrinsics_covariance: Option<&[f64]>| {
+        let config = Config {
+            method: options.method,
+            intrinsics_covariance,
+            priors: &options.priors,
+            ..Config::default()
+        };
+        match options.robust_threshold_px {
+            None => locate(&seen, camera, &config).map(|e| (e, None)),
+            Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
+        }
     };
-    let solved = match options.robust_threshold_px {
-        None => locate(&seen, camera, &config).map(|e| (e, None)),
-        Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
-    };
+    let intrinsics = options.intrinsics.as_ref();
+    let solved = with(intrinsics.map(|known| known.covariance(camera)).as_deref());
     let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
         Ok((e, agreement)) => {
             let label = |i: usize| format!("point {}", points[i].label());
@@ -224,6 +230,9 @@ pub fn locate_points(
         }
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
+    let intrinsics_cost = intrinsics
+        .zip(estimate.as_ref())
+        .and_then(|(known, estimate)| known.cost(estimate, camera, |c| Some(with(c).ok()?.0)));
     PoseAnswer {
         verdict,
         observability: estimate.as_ref().map(|e| Observability::of(e, &seen)),
@@ -232,7 +241,8 @@ pub fn locate_points(
         image_unit: options.image_unit,
         sigma_px: mean_square_root(seen.iter().map(|c| c.sigma_px)),
         point_sigma_m: point_sigma_m(&seen),
-        intrinsics_sigma: options.intrinsics.as_ref().map(IntrinsicsSigma::stated),
+        intrinsics_sigma: intrinsics.map(IntrinsicsCovariance::sigmas),
+        intrinsics_cost,
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
         ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")

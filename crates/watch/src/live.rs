@@ -27,6 +27,7 @@ pub use state::StateFile;
 use crate::source::Source;
 use resight::GrayImage;
 use resight::landmarks::LandmarkObservation;
+use resight::locate::IntrinsicsCovariance;
 use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
@@ -65,6 +66,8 @@ pub struct Watched {
 pub struct WatchedLandmarks {
     /// The reference image; none: the first image with enough to see.
     pub reference_image: Option<GrayImage>,
+    /// How well the intrinsics are known; none: exactly. Rotations hold it in their covariance.
+    pub intrinsics: Option<IntrinsicsCovariance>,
 }
 
 /// How a session runs.

@@ -21,7 +21,7 @@ fn look(lens: &Camera) -> CameraWatcher {
         name: "webcam".to_string(),
         camera: lens.clone(),
         targets: Vec::new(),
-        landmarks: Some(WatchedLandmarks { reference_image: None }),
+        landmarks: Some(WatchedLandmarks { reference_image: None, intrinsics: None }),
         source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0 / RATE_HZ))),
     };
     CameraWatcher::new(&watched, &LiveConfig::default()).expect("a session")

@@ -26,7 +26,10 @@ use std::path::{Path, PathBuf};
 /// camera (how uncertain over a volume, and which change of the target helps?); --target with a file of several cameras (where should the
 /// next board go?). Every figure is one standard deviation; where a first-order figure does not hold, the answer says so.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    after_help = "Example: resight advise --camera camera.toml --points marks.csv --region-m -5,8,5,20 -o advice"
+)]
+#[command(after_long_help = "Examples:
   resight advise --camera camera.toml --points marks.csv --region-m -5,8,5,20 --length-m -1.5,13,2.3,14 -o advice
   resight advise --camera camera.toml --points marks.csv --pose pose.json --candidates places.csv --json
   resight advise --camera camera.toml --target dots.toml --distance-m 0.5..2 --tilt-deg 10..60 -o advice
@@ -48,10 +51,17 @@ pub struct Advise {
     #[arg(long, value_name = "S", default_value = "0.5", allow_negative_numbers = true, value_parser = positive)]
     sigma_px: f64,
     /// States about where the camera is, where the control points have no pixels yet.
-    #[arg(help_heading = "Next point", long, value_name = "FILE.json", requires = "points")]
+    #[arg(
+        hide_short_help = true,
+        help_heading = "Next point",
+        long,
+        value_name = "FILE.json",
+        requires = "points"
+    )]
     pose: Option<PathBuf>,
     /// Lists the places to choose from: columns x_m,y_m,z_m and optionally id, sigma_m [default: a grid over the region]
     #[arg(
+        hide_short_help = true,
         help_heading = "Next point",
         long,
         value_name = "FILE.csv",
@@ -60,7 +70,7 @@ pub struct Advise {
     )]
     candidates: Option<PathBuf>,
     /// States the height of the ground in the target frame.
-    #[arg(help_heading = "Next point", long, value_name = "Z", default_value = "0", allow_negative_numbers = true, value_parser = number)]
+    #[arg(hide_short_help = true, help_heading = "Next point", long, value_name = "Z", default_value = "0", allow_negative_numbers = true, value_parser = number)]
     ground_z_m: f64,
     /// States where on the ground the next point may go [default: around the control points]
     #[arg(help_heading = "Next point", long, value_name = "X0,Y0,X1,Y1", requires = "points", allow_hyphen_values = true, value_parser = region)]
@@ -69,7 +79,13 @@ pub struct Advise {
     #[arg(help_heading = "Next point", long, value_name = "X1,Y1,X2,Y2", requires = "points", allow_hyphen_values = true, value_parser = four)]
     length_m: Option<[f64; 4]>,
     /// Chooses the standard deviation to minimise [default: length where one is given, else position]
-    #[arg(help_heading = "Next point", long, value_name = "AIM", requires = "points")]
+    #[arg(
+        hide_short_help = true,
+        help_heading = "Next point",
+        long,
+        value_name = "AIM",
+        requires = "points"
+    )]
     minimise: Option<AimName>,
     /// States how far the camera is from the target, or the boards from the cameras.
     #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", allow_hyphen_values = true, value_parser = range)]
@@ -78,19 +94,37 @@ pub struct Advise {
     #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", default_value = "0..60", allow_hyphen_values = true, value_parser = tilts)]
     tilt_deg: [f64; 2],
     /// States the direction around the normal, from the target's x axis (0) towards its y axis (90).
-    #[arg(help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", default_value = "-180..180", allow_hyphen_values = true, value_parser = directions)]
+    #[arg(hide_short_help = true, help_heading = "Target over a volume", long, value_name = "A..B", requires = "target", default_value = "-180..180", allow_hyphen_values = true, value_parser = directions)]
     direction_deg: [f64; 2],
     /// Reads the boards seen so far, one object with rig_from_target a line.
-    #[arg(help_heading = "Next board of a rig", long, value_name = "FILE.jsonl", requires = "target")]
+    #[arg(
+        hide_short_help = true,
+        help_heading = "Next board of a rig",
+        long,
+        value_name = "FILE.jsonl",
+        requires = "target"
+    )]
     views: Option<PathBuf>,
     /// Plans so many boards, each with those before it taken as seen.
-    #[arg(help_heading = "Next board of a rig", long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=50))]
+    #[arg(hide_short_help = true, help_heading = "Next board of a rig", long, value_name = "N", default_value = "3", value_parser = clap::value_parser!(u8).range(1..=50))]
     next: u8,
     /// Chooses what to minimise.
-    #[arg(help_heading = "Next board of a rig", long, value_name = "WHAT", default_value = "worst")]
+    #[arg(
+        hide_short_help = true,
+        help_heading = "Next board of a rig",
+        long,
+        value_name = "WHAT",
+        default_value = "worst"
+    )]
     criterion: CriterionName,
     /// Names the camera whose frame is the rig's [default: the first]
-    #[arg(help_heading = "Next board of a rig", long, value_name = "NAME", requires = "target")]
+    #[arg(
+        hide_short_help = true,
+        help_heading = "Next board of a rig",
+        long,
+        value_name = "NAME",
+        requires = "target"
+    )]
     reference: Option<String>,
     /// Prints JSON Lines on stdout, one object per suggestion and nothing else.
     #[arg(long)]

@@ -29,7 +29,7 @@ pub struct Convert {
     #[arg(long, value_name = "NAME")]
     reference: Option<String>,
     /// States the image size of cameras whose files state none, in pixels
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = crate::args::parse_size)]
     image_size_px: Option<(u32, u32)>,
     /// States the length and width of the field, for `--to wpilib` and `--to wpilib-2027` [default: those of the layout read]
     #[arg(long, value_name = "LENGTHxWIDTH", value_parser = parse_field_size)]
@@ -52,12 +52,6 @@ fn parse_format(word: &str) -> Result<ConvertTo, String> {
         let list: Vec<&str> = Format::writable().filter_map(first).collect();
         format!("no such format; {hint}There are {}, and wpilib, wpilib-2027 for tag maps", list.join(", "))
     })
-}
-
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let pair = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    pair.filter(|(w, h)| 0 < *w && 0 < *h)
-        .ok_or_else(|| "width and height are needed, e.g. 640x480".to_owned())
 }
 
 /// Length and width of the field, `16.541x8.069`.

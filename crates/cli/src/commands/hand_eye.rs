@@ -18,7 +18,9 @@ use std::path::PathBuf;
 ///
 /// A rig of several cameras is solved first. The robot's own noise is estimated from the views unless it is given.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "Example:
+  resight hand-eye --motions motions.csv --camera cam=cam.yaml --target board.toml --images cam='*.jpg'")]
+#[command(after_long_help = "Examples:
   resight hand-eye --motions motions.csv --camera cam=cam.yaml --target board.toml --images cam='*.jpg' --json
   resight hand-eye --motions motions.csv --poses poses.jsonl
   resight hand-eye --motions motions.csv --poses poses.jsonl --eye-to-hand")]
@@ -41,17 +43,23 @@ pub struct HandEyeArgs {
     /// Standard deviation of the robot's orientation [default: estimated from the views].
     ///
     /// It is used where the file has no sigma_deg; 0 means an exact robot.
-    #[arg(long, help_heading = "Robot", value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
+    #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "DEG", requires = "robot_sigma_mm", value_parser = not_negative)]
     robot_sigma_deg: Option<f64>,
     /// Standard deviation of the robot's position [default: estimated from the views].
     ///
     /// It is used where the file has no sigma_mm; 0 means an exact robot.
-    #[arg(long, help_heading = "Robot", value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
+    #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "MM", requires = "robot_sigma_deg", value_parser = not_negative)]
     robot_sigma_mm: Option<f64>,
     /// Height of the camera above the gripper's origin, where the robot rotates about parallel axes only.
     ///
     /// It is the camera's position along --height-axis in metres, from the base's origin with --eye-to-hand. Vehicles need it.
-    #[arg(long, help_heading = "Robot", value_name = "M", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        hide_short_help = true,
+        help_heading = "Robot",
+        value_name = "M",
+        allow_negative_numbers = true
+    )]
     known_height_m: Option<f64>,
     /// Standard deviation of that height.
     #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "MM", requires = "known_height_m", default_value = "1", value_parser = positive)]

@@ -2,6 +2,7 @@
 
 use super::locate::picture_paths;
 use crate::args::OutputArgs;
+use crate::camera::CameraArgs;
 use crate::output::{Outcome, Printer};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -9,6 +10,7 @@ use resight::GrayImage;
 use resight::answer::SchemaNumber;
 use resight::answer::landmarks::{LandmarksAnswer, RotationObject};
 use resight::landmarks::{LandmarkObservation, Landmarks as Reference, NotObserved};
+use resight::locate::Method;
 use resight::report::turned;
 use resight::report::verdict::Status;
 use std::path::{Path, PathBuf};
@@ -27,9 +29,8 @@ pub struct Landmarks {
     /// PNG or JPEG images, or patterns such as 'night/*.png'.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<String>,
-    /// Camera file in any supported format.
-    #[arg(long, value_name = "FILE")]
-    camera: String,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Draws the landmarks of each image into this folder: green lines start where they were, red ones disagree.
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
@@ -49,10 +50,13 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     let images = crate::files::expand(&args.images)?;
     let drawn = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
     let mut printer = Printer::new(&args.output, images.len());
-    let camera = super::camera(&args.camera)?;
+    let given = args.camera.of_images(std::slice::from_ref(&args.reference), Method::Auto)?;
+    given.remark.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
+    let camera = given.camera;
     let picture = GrayImage::read(&args.reference)?;
     let reference =
         Reference::new(&picture, &camera).with_context(|| args.reference.display().to_string())?;
+    let reference = reference.with_intrinsics(given.intrinsics);
     let drawn = |i: usize| drawn.as_ref().and_then(|drawn| drawn.get(i).cloned());
     let jobs: Vec<(PathBuf, Option<PathBuf>)> =
         images.into_iter().enumerate().map(|(i, image)| (image, drawn(i))).collect();

@@ -1,7 +1,7 @@
 //! `locate`: from images to poses.
 
 use crate::args::{CornerArgs, OutputArgs, TagArgs, parse_method};
-use crate::intrinsics::IntrinsicsArgs;
+use crate::camera::{CameraArgs, GivenCamera};
 use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
@@ -22,9 +22,8 @@ pub struct Locate {
     /// PNG or JPEG images, or patterns such as 'photos/*.png'.
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<String>,
-    /// Camera file in any supported format; FILE#NAME picks one of several.
-    #[arg(long, value_name = "FILE")]
-    camera: String,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON.
     #[arg(long, value_name = "FILE")]
     target: PathBuf,
@@ -34,8 +33,6 @@ pub struct Locate {
     /// Solver: auto, wang2004, line_plus_one, p3p, planar or sqpnp.
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
-    #[command(flatten)]
-    intrinsics: IntrinsicsArgs,
     #[command(flatten)]
     corners: CornerArgs,
     #[command(flatten)]
@@ -48,10 +45,11 @@ pub struct Locate {
 pub fn run(args: &Locate) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
-    let camera = super::camera(&args.camera)?;
-    let intrinsics = args.intrinsics.check(&camera, args.method)?;
+    let GivenCamera { camera, intrinsics, remark } = args.camera.of_images(&images, args.method)?;
     let mut printer = Printer::new(&args.output, images.len());
-    let (target, remarks) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
+    let (target, mut remarks) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
+    remark.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
+    remarks.extend(remark);
     let pictures = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
     let jobs: Vec<(PathBuf, Option<PathBuf>)> = images
         .into_iter()

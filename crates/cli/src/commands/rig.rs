@@ -21,7 +21,10 @@ use std::path::PathBuf;
 /// Intrinsics stay as they are given. Move one or more targets so that cameras see them together; two cameras at a time are enough, and
 /// nothing needs to be surveyed. The answer is every camera's pose in the rig (the reference camera's frame) with its covariance.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "Example:
+  resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\
+      --images left='left*.jpg' --images right='right*.jpg' -o rig.toml")]
+#[command(after_long_help = "Examples:
   resight rig --camera left=left.yaml --camera right=right.yaml --target board.toml \\
       --images left='left*.jpg' --images right='right*.jpg' -o rig.toml
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
@@ -84,12 +87,18 @@ pub struct ObservationArgs {
     /// Times of the frames (CSV).
     ///
     /// The columns are camera,frame,t_s: frame is the image's name without its ending, or the number of the video's frame counted from 0.
-    #[arg(long, help_heading = "Synchronisation", value_name = "FILE.csv", requires = "images")]
+    #[arg(
+        long,
+        hide_short_help = true,
+        help_heading = "Synchronisation",
+        value_name = "FILE.csv",
+        requires = "images"
+    )]
     timestamps: Option<PathBuf>,
     /// Frames within this time of each other are one synchronised frame set.
     ///
     /// Their names do not count then; time stamps are needed.
-    #[arg(long, help_heading = "Synchronisation", value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
+    #[arg(long, hide_short_help = true, help_heading = "Synchronisation", value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
     sync_tolerance_s: Option<f64>,
     /// Targets on one rigid body, whose poses relative to each other are unknown but constant.
     #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "TARGET,TARGET…")]
@@ -105,7 +114,7 @@ pub struct ObservationArgs {
 #[derive(Debug, Args)]
 pub struct SolvingArgs {
     /// The camera whose frame is the rig's [default: the first by name].
-    #[arg(long, help_heading = "Solving", value_name = "NAME")]
+    #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "NAME")]
     reference: Option<String>,
     /// A measured distance between the centres of two cameras and its standard deviation, in metres.
     ///

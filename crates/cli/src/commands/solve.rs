@@ -1,14 +1,13 @@
 //! `solve`: poses from known correspondences.
 
 use crate::args::{OutputArgs, parse_method, positive};
+use crate::camera::{CameraArgs, GivenCamera, ImageSizeArgs};
 use crate::gravity::GravityArgs;
-use crate::intrinsics::IntrinsicsArgs;
 use crate::output::{Outcome, Printer};
 use crate::robust::RobustArgs;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::PoseAnswer;
-use resight::core::Camera;
 use resight::locate::{Method, PointsOptions};
 use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
 use std::path::PathBuf;
@@ -19,7 +18,8 @@ use std::path::PathBuf;
 /// sigma_m (of x, y, z; 0 when exact), by name and in any order. Each view gets one pose, in file order; rows of a view need not be
 /// adjacent.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "Example: resight solve points.csv --camera camera.toml --sigma-px 0.3")]
+#[command(after_long_help = "Examples:
   resight solve points.csv --camera camera.toml --sigma-px 0.3
   resight solve matches.csv --camera camera.toml --sigma-px 1 --robust 4
   resight solve points.csv --normalized --sigma-normalized 0.0005 --method line_plus_one --json")]
@@ -27,11 +27,12 @@ pub struct Solve {
     /// CSV file of points with a header line.
     #[arg(value_name = "POINTS.csv")]
     points: PathBuf,
-    /// Camera file in any supported format; FILE#NAME picks one of several.
-    #[arg(long, value_name = "FILE", required_unless_present = "normalized", conflicts_with = "normalized")]
-    camera: Option<String>,
+    #[command(flatten)]
+    camera: CameraArgs,
+    #[command(flatten)]
+    image_size: ImageSizeArgs,
     /// Reads columns xn,yn: undistorted coordinates on the plane z = 1, for which no camera is needed.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true, conflicts_with_all = ["camera", "hfov_deg", "focal_mm"])]
     normalized: bool,
     /// Solver: auto, wang2004, line_plus_one, p3p, planar, sqpnp or upright (2 points and --gravity).
     #[arg(long, default_value = "auto", value_parser = parse_method)]
@@ -49,21 +50,21 @@ pub struct Solve {
     #[command(flatten)]
     gravity: GravityArgs,
     #[command(flatten)]
-    intrinsics: IntrinsicsArgs,
-    #[command(flatten)]
     output: OutputArgs,
 }
 
 /// See `Solve`.
 pub fn run(args: &Solve) -> Result<Outcome> {
     args.output.check()?;
-    let locator = locator(args)?;
+    let (locator, lens_remark) = locator(args)?;
     crate::files::must_exist(&args.points)?;
     let views = read_views(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
-    let remarks = unit_remarks(&views);
+    let mut remarks = unit_remarks(&views);
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
+    lens_remark.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
+    remarks.extend(lens_remark);
     resight::parallel::in_order(
         &views,
         |view| locator.locate(view),
@@ -75,19 +76,24 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     printer.finish()
 }
 
-fn locator(args: &Solve) -> Result<TableLocator> {
-    let camera = args.camera.as_deref().map(super::camera).transpose()?;
-    if camera.is_none() && args.intrinsics.given() {
+/// The solver, and what is to be said of the lens.
+fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
+    if args.normalized && args.camera.has_sigma() {
         bail!("--intrinsics-sigma needs a camera; coordinates given with --normalized have none");
     }
+    let given = || args.camera.of_size(args.image_size.image_size_px, args.method);
+    let given = (!args.normalized).then(given).transpose()?;
     let sigma = if args.normalized { args.sigma_normalized } else { args.sigma_px };
-    let normalized = Camera::normalized();
+    let (camera, intrinsics, remark) = match given {
+        Some(GivenCamera { camera, intrinsics, remark }) => (Some(camera), intrinsics, remark),
+        None => (None, None, None),
+    };
     let options = PointsOptions {
         method: args.method,
-        intrinsics: args.intrinsics.check(camera.as_ref().unwrap_or(&normalized), args.method)?,
+        intrinsics,
         priors: args.gravity.check(args.method)?,
         robust_threshold_px: args.robust.threshold_px(),
         ..PointsOptions::default()
     };
-    Ok(TableLocator::new(camera, sigma, options))
+    Ok((TableLocator::new(camera, sigma, options), remark))
 }

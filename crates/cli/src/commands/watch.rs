@@ -2,6 +2,7 @@
 
 mod alarm;
 mod landmarks;
+mod lens;
 mod motion;
 mod outputs;
 mod rig;
@@ -11,15 +12,16 @@ mod sources;
 use crate::args::TagArgs;
 use crate::output::Outcome;
 use alarm::AlarmArgs;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
 use landmarks::LandmarkArgs;
+use lens::LensArgs;
 use motion::MotionArgs;
 use outputs::OutputArgs;
-use resight::core::Camera;
 use resight::core::temporal::monitor::learn::LEAST_READINGS;
-use resight::formats::NamedCamera;
-use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, reference};
+use resight::formats::{self, NamedCamera};
+use resight::locate::IntrinsicsCovariance;
+use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, WatchedLandmarks, reference};
 use resight_watch::names::{Names, by_name, split};
 use resight_watch::outputs::said::{self, Verdict};
 use resight_watch::{Ended, Error, Log, Request, signals};
@@ -33,9 +35,7 @@ use std::sync::atomic::AtomicBool;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     resight watch session.toml\n  \
-    resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
-    resight watch --camera gate.yaml --target tag.toml --source 'night/*.png' --period-s 1 --reference gate.ref.toml --once\n\n\
-    Every flag is also a key of the session file; --help explains all of them.")]
+    resight watch --camera gate.yaml --target tag.toml --source 'night/*.png' --reference gate.ref.toml --once")]
 #[command(after_long_help = "Examples:\n  \
     resight watch session.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
@@ -56,14 +56,16 @@ pub struct Watch {
     /// Prints the session file that the given flags mean, and ends.
     ///
     /// Every other key is there with its default, as a comment.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub print_session: bool,
     /// That file.
     #[arg(skip)]
     pub printed: Option<String>,
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required_unless_present_any = ["rig", "session", "print_session"], value_name = "[NAME=]FILE")]
+    #[arg(long, required_unless_present_any = ["rig", "landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
     camera: Vec<String>,
+    #[command(flatten)]
+    lens: LensArgs,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
     ///
     /// Not needed with landmarks.
@@ -78,22 +80,28 @@ pub struct Watch {
     /// What a camera is compared with, written by --save-reference [default: learned].
     ///
     /// NAME is a camera, or CAMERA/TARGET where there are several targets.
-    #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
+    #[arg(long, value_name = "[NAME=]FILE")]
     reference: Vec<String>,
     /// Readings from which a missing reference is learned; with --moving-target, synchronised frame sets.
-    #[arg(long, value_name = "N", default_value_t = 50, help_heading = "Reference and state")]
+    #[arg(
+        long,
+        hide_short_help = true,
+        value_name = "N",
+        default_value_t = 50,
+        help_heading = "Reference and state"
+    )]
     learn: usize,
     /// Where a learned reference is written.
-    #[arg(long, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
+    #[arg(long, hide_short_help = true, value_name = "[NAME=]FILE", help_heading = "Reference and state")]
     save_reference: Vec<String>,
     /// Keeps the state of the session in FILE, so that a restart loses nothing.
     ///
     /// Trackers, monitors and what is learned so far, about a second behind at most (the more cameras --moving-target has, the more: eight,
     /// fifteen seconds). One session at a time.
-    #[arg(long, value_name = "FILE", help_heading = "Reference and state")]
+    #[arg(long, hide_short_help = true, value_name = "FILE", help_heading = "Reference and state")]
     state: Option<PathBuf>,
     /// Reads the sources to their end and ends with a verdict.
-    #[arg(long, help_heading = "Reference and state")]
+    #[arg(long)]
     once: bool,
     #[command(flatten)]
     motion: MotionArgs,
@@ -130,7 +138,7 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let rig = args.rig.cameras()?;
     let names = match &rig {
         Some(rig) => Names::of_rig(rig, &args.target),
-        None => Names::new(&args.camera, &args.target),
+        None => Names::new(&stand_for_cameras(args), &args.target),
     };
     let names = names.distinct()?;
     let config = config(args, &names, rig.as_deref())?;
@@ -215,10 +223,10 @@ fn verdict(args: &Watch, names: &Names, ended: &Ended, log: &Log) -> Result<Outc
 }
 
 fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<LiveCamera>> {
-    let lenses = lenses(args, names, rig)?;
     let targets = targets(args)?;
     let references = by_name("--reference", &args.reference, &names.pairs())?;
     let mut landmarks = args.landmarks.read(names)?;
+    let lenses = lenses(args, names, rig, &landmarks)?;
     let opened = sources::open(&args.sources, &names.cameras, args.once)?;
     let mut cameras = Vec::new();
     for (i, ((name, source), camera)) in names.cameras.iter().zip(opened).zip(lenses).enumerate() {
@@ -228,7 +236,11 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
-        let landmarks = landmarks[i].take();
+        let mut landmarks = landmarks[i].take();
+        if let Some(landmarks) = &mut landmarks {
+            landmarks.intrinsics = IntrinsicsCovariance::of(&camera);
+        }
+        let camera = camera.camera;
         if targets.is_empty() && landmarks.is_none() {
             bail!("camera {name} has nothing to go by; give --target, or --landmarks {name}=PICTURE");
         }
@@ -237,13 +249,42 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
     Ok(cameras)
 }
 
-/// The lenses, from the rig's file or each from its own.
-fn lenses(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result<Vec<Camera>> {
+/// The arguments that name a camera each: files, or what is known of lenses; with neither, the reference images.
+fn stand_for_cameras(args: &Watch) -> Vec<String> {
+    let mut all: Vec<String> = args.camera.iter().chain(args.lens.arguments()).cloned().collect();
+    if all.is_empty() {
+        all.extend_from_slice(args.landmarks.images());
+    }
+    all
+}
+
+/// The lenses: from the rig's file, each from its own, or nominal ones where landmarks are all that is watched.
+fn lenses(
+    args: &Watch,
+    names: &Names,
+    rig: Option<Vec<NamedCamera>>,
+    landmarks: &[Option<WatchedLandmarks>],
+) -> Result<Vec<NamedCamera>> {
     if let Some(rig) = rig {
-        return Ok(rig.into_iter().map(|camera| camera.camera).collect());
+        return Ok(rig);
     }
     let files = by_name("--camera", &args.camera, &names.cameras)?;
-    files.iter().map(|file| super::camera(file.as_deref().context("a camera without a file")?)).collect()
+    let lens = |(i, file): (usize, &Option<String>)| match file {
+        Some(file) => {
+            crate::files::camera_must_exist(file)?;
+            Ok(formats::read_camera(file)?)
+        }
+        None if !args.target.is_empty() => bail!(
+            "camera {} has no file; a pose from a target needs one: --camera {}=FILE",
+            names.cameras[i],
+            names.cameras[i]
+        ),
+        None => {
+            let picture = args.landmarks.file(names, i);
+            args.lens.camera(names, i, landmarks[i].as_ref(), picture.as_deref())
+        }
+    };
+    files.iter().enumerate().map(lens).collect()
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {

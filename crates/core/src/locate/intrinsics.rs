@@ -156,7 +156,7 @@ impl Dependence {
 }
 
 /// Refuses a matrix that is no covariance: another size, not finite, a negative variance.
-fn check_intrinsics_covariance(covariance: &[f64], n_parameters: usize) -> Result<(), Error> {
+pub(crate) fn check_intrinsics_covariance(covariance: &[f64], n_parameters: usize) -> Result<(), Error> {
     let invalid = |parameter, seen, needed| Err(Error::InvalidCamera { parameter, seen, needed });
     if covariance.len() != n_parameters * n_parameters {
         let needed = "give its n × n covariance, n the number of parameters";

@@ -42,9 +42,11 @@ pub enum Group {
 }
 
 impl Group {
-    const ALL: [Group; 3] = [Group::FocalLength, Group::PrincipalPoint, Group::Distortion];
+    /// All of them.
+    pub const ALL: [Group; 3] = [Group::FocalLength, Group::PrincipalPoint, Group::Distortion];
 
-    pub(crate) fn of(parameter: &str) -> Group {
+    /// Of a parameter, by its name as of `Camera::parameters`.
+    pub fn of(parameter: &str) -> Group {
         match parameter {
             "fx_px" | "fy_px" | "f" => Group::FocalLength,
             "cx_px" | "cy_px" | "xp" | "yp" => Group::PrincipalPoint,

@@ -15,6 +15,7 @@ mod scale;
 mod lens;
 mod lens_score;
 mod lens_doubt;
+mod uncertain_lens;
 mod verdict;
 mod answer;
 
@@ -72,6 +73,9 @@ pub struct RigConfig<'a> {
     /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
     /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_sigma_m` says what they would make of it either way.
     pub lens_errors: bool,
+    /// How well each camera's intrinsics are known (covariance in the order of `Camera::parameters`; none: exactly), one entry a camera, or
+    /// none at all. They join every covariance, and what they explain is not held against a lens.
+    pub intrinsics: &'a [Option<DMatrix<f64>>],
 }
 
 /// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -87,6 +91,7 @@ impl Default for RigConfig<'_> {
             known_distances: &[],
             shared_errors: true,
             lens_errors: false,
+            intrinsics: &[],
         }
     }
 }

@@ -161,6 +161,7 @@ impl Model {
                     b_from_a: image.cam_from_world,
                     covariance: None,
                 }),
+                intrinsics_covariance: None,
             }));
         }
         let taken = |c: &NamedCamera| self.images.iter().any(|i| i.camera_id == c.name);
@@ -176,7 +177,12 @@ impl Model {
             let name = self.folder_of(&camera.name).unwrap_or_else(|| camera.name.clone());
             let sensor = self.sensors.iter().find(|s| s.is_camera() && s.id == camera.name);
             let placement = sensor.and_then(|s| s.placement(&name, &names));
-            contents.cameras.push(NamedCamera { name, camera: camera.camera.clone(), placement });
+            contents.cameras.push(NamedCamera {
+                name,
+                camera: camera.camera.clone(),
+                placement,
+                intrinsics_covariance: None,
+            });
         }
         let others = self.sensors.iter().filter(|s| !s.is_camera());
         contents.relations.extend(others.filter_map(|s| s.placement(&s.frame_name(), &names)));

@@ -9,6 +9,7 @@ use crate::core::multiview::tag_map::DisplacedTag;
 use crate::core::solve::configuration::{Configuration, Geometry, Measure};
 use crate::core::solve::line_plus_one::Weakness;
 use crate::core::{Matrix6, Pose};
+use crate::locate::IntrinsicsCost;
 use crate::report::truth::point_covariance;
 use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::sigmas;
@@ -38,6 +39,8 @@ pub struct PoseAnswer {
     pub point_sigma_m: Option<f64>,
     /// Standard deviations of the intrinsics used, as stated; none when they are exact.
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
+    /// What these cost the position.
+    pub intrinsics_cost: Option<IntrinsicsCost>,
     /// Name of the point with the largest residual, by index.
     pub names: Vec<String>,
     /// The image size that the intrinsics are of, where they were scaled to another.
@@ -179,6 +182,9 @@ pub struct PoseObject {
     image_unit: &'static str,
     point_sigma_m: Option<f64>,
     intrinsics_sigma: Option<BTreeMap<String, f64>>,
+    /// What uncertain intrinsics cost the position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    intrinsics_cost: Option<IntrinsicsCost>,
     /// The image size that the intrinsics are of, where they were scaled to this image's.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_scaled_from_px: Option<[u32; 2]>,
@@ -272,6 +278,7 @@ impl PoseAnswer {
             sigma_px: None,
             point_sigma_m: None,
             intrinsics_sigma: None,
+            intrinsics_cost: None,
             names: Vec::new(),
             scaled_from_px: None,
             skipped: Vec::new(),
@@ -307,6 +314,7 @@ impl PoseAnswer {
             image_unit: self.image_unit,
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
+            intrinsics_cost: self.intrinsics_cost,
             intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),
             minima: e.map(|e| e.minima().map(minimum).collect()),

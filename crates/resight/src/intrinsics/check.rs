@@ -94,8 +94,8 @@ fn answer(seen: &CameraViews, check: &IntrinsicsCheck) -> CameraCheck {
 /// "the focal length is off by 1.9 % ± 0.2 %; principal point and distortion fit".
 fn sentence(check: &IntrinsicsCheck) -> String {
     let mut parts: Vec<String> = check.blamed.iter().map(blame).collect();
-    let groups = [Group::FocalLength, Group::PrincipalPoint, Group::Distortion];
-    let is_tested = |group: Group| check.tested.iter().any(|p| group_of(p.name) == group);
+    let groups = Group::ALL;
+    let is_tested = |group: Group| check.tested.iter().any(|p| Group::of(p.name) == group);
     let fitting: Vec<&str> = groups
         .into_iter()
         .filter(|group| is_tested(*group) && check.blamed.iter().all(|b| b.group != *group))
@@ -136,13 +136,5 @@ fn blame(blame: &Blame) -> String {
             format!("the {name} does not fit ({} is off by {:+.4} ± {:.4})", p.name, -p.offset, p.sigma)
         }
         (_, None) => format!("the {name} does not fit"),
-    }
-}
-
-fn group_of(name: &str) -> Group {
-    match name {
-        "fx_px" | "fy_px" | "f" => Group::FocalLength,
-        "cx_px" | "cy_px" | "xp" | "yp" => Group::PrincipalPoint,
-        _ => Group::Distortion,
     }
 }

@@ -49,8 +49,12 @@ pub(super) fn described(
                 Severity::Inconsistent => Status::Inconsistent,
                 Severity::Degenerate => Status::Degenerate,
             };
-            let lens =
-                NamedCamera { name: camera.name.clone(), camera: solved.camera.clone(), placement: None };
+            let lens = NamedCamera {
+                name: camera.name.clone(),
+                camera: solved.camera.clone(),
+                placement: None,
+                intrinsics_covariance: Some(solved.covariance.clone()),
+            };
             CameraIntrinsics {
                 name: camera.name.clone(),
                 status,

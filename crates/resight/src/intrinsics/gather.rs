@@ -97,7 +97,7 @@ fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
 fn placeholder(name: &str) -> NamedCamera {
     let matrix = CameraMatrix { fx_px: 1e3, fy_px: 1e3, cx_px: 0.0, cy_px: 0.0 };
     let camera = Camera { lens: Pinhole { matrix }.into(), size: None };
-    NamedCamera { name: name.to_string(), camera, placement: None }
+    NamedCamera { name: name.to_string(), camera, placement: None, intrinsics_covariance: None }
 }
 
 /// One camera takes images of one size.

@@ -1,59 +1,146 @@
-//! How well the intrinsics are known.
+//! How well the intrinsics are known, and what that costs.
 
 use crate::error::Error;
+use crate::formats::NamedCamera;
+use crate::report::words::position_sigma_m;
+use nalgebra::DMatrix;
 use resight_core::Camera;
+use resight_core::locate::PoseEstimate;
+use resight_core::multiview::intrinsics_check::Group;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Standard deviations of a camera's parameters, independent of one another; those not named are exact.
-#[derive(Debug, Clone)]
-pub struct IntrinsicsSigma {
-    by_name: BTreeMap<String, f64>,
+/// The covariance of a camera's intrinsics, at the image size they were calibrated at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IntrinsicsCovariance {
+    /// In the order of `Camera::parameters`.
+    names: Vec<&'static str>,
+    covariance: DMatrix<f64>,
     /// fx of the camera file: images of another size have other pixels.
     stated_fx_px: Option<f64>,
 }
 
-impl IntrinsicsSigma {
-    /// Of a camera at the size it was calibrated at; names as of `Camera::parameters`, each in its parameter's unit.
+impl IntrinsicsCovariance {
+    /// Standard deviations by name, as of `Camera::parameters` and in their units; they are independent of one another, and those not named
+    /// are exact.
     ///
     /// # Errors
     /// `Intrinsics` for a parameter that the camera does not have, and for what is no standard deviation.
-    pub fn new(by_name: BTreeMap<String, f64>, camera: &Camera) -> Result<Self, Error> {
-        let known: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
-        for (name, sigma) in &by_name {
-            if !known.contains(&name.as_str()) {
+    pub fn independent(sigma_by_name: &BTreeMap<String, f64>, camera: &Camera) -> Result<Self, Error> {
+        let parameters = camera.parameters();
+        let names: Vec<&'static str> = parameters.iter().map(|(name, _)| *name).collect();
+        let mut covariance = DMatrix::zeros(names.len(), names.len());
+        for (name, sigma) in sigma_by_name {
+            let Some(i) = names.iter().position(|known| known == name) else {
                 let model = camera.model_name();
-                let reason = format!("this {model} camera has no `{name}`; it has {}", known.join(", "));
+                let reason = format!("this {model} camera has no `{name}`; it has {}", names.join(", "));
                 return Err(Error::Intrinsics { reason });
-            }
+            };
             if !(0.0 <= *sigma && sigma.is_finite()) {
                 let reason =
                     format!("the standard deviation of `{name}` is {sigma}; a number of 0 or more is needed");
                 return Err(Error::Intrinsics { reason });
             }
+            covariance[(i, i)] = sigma * sigma;
         }
-        Ok(IntrinsicsSigma { by_name, stated_fx_px: camera.matrix().map(|k| k.fx_px) })
+        Ok(IntrinsicsCovariance { names, covariance, stated_fx_px: camera.matrix().map(|k| k.fx_px) })
     }
 
-    /// The covariance matrix row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size
-    /// of the camera given.
+    /// What a camera file states; none where it states nothing.
+    pub fn of(camera: &NamedCamera) -> Option<Self> {
+        let covariance = camera.intrinsics_covariance.clone()?;
+        let names: Vec<&'static str> = camera.camera.parameters().iter().map(|(name, _)| *name).collect();
+        let fits = covariance.nrows() == names.len() && covariance.ncols() == names.len();
+        let stated_fx_px = camera.camera.matrix().map(|k| k.fx_px);
+        fits.then_some(IntrinsicsCovariance { names, covariance, stated_fx_px })
+    }
+
+    /// Row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size of the camera given.
     pub fn covariance(&self, camera: &Camera) -> Vec<f64> {
+        self.rows(camera, |_| true)
+    }
+
+    /// The same of one kind of parameters alone; the others are exact.
+    fn rows(&self, camera: &Camera, is_kept: impl Fn(&str) -> bool) -> Vec<f64> {
         let scale = match (self.stated_fx_px, camera.matrix()) {
             (Some(stated), Some(k)) => k.fx_px / stated,
             _ => 1.0,
         };
-        let parameters = camera.parameters();
-        let n = parameters.len();
-        let mut covariance = vec![0.0; n * n];
-        for (i, (name, _)) in parameters.iter().enumerate() {
-            let unit = if name.ends_with("_px") { scale } else { 1.0 };
-            let sigma = self.by_name.get(*name).copied().unwrap_or(0.0) * unit;
-            covariance[i * n + i] = sigma * sigma;
-        }
-        covariance
+        let unit = |name: &str| match (is_kept(name), name.ends_with("_px")) {
+            (false, _) => 0.0,
+            (true, true) => scale,
+            (true, false) => 1.0,
+        };
+        let units: Vec<f64> = self.names.iter().map(|name| unit(name)).collect();
+        let n = units.len();
+        (0..n * n).map(|k| self.covariance[(k / n, k % n)] * units[k / n] * units[k % n]).collect()
     }
 
-    /// As given, for the results.
-    pub fn stated(&self) -> BTreeMap<String, f64> {
-        self.by_name.clone()
+    /// The standard deviations that are not 0, by name, at the size of calibration.
+    pub fn sigmas(&self) -> BTreeMap<String, f64> {
+        let sigma = |(i, name): (usize, &&str)| ((*name).to_owned(), self.covariance[(i, i)].max(0.0).sqrt());
+        self.names.iter().enumerate().map(sigma).filter(|(_, sigma)| 0.0 < *sigma).collect()
+    }
+
+    /// What the uncertain intrinsics cost a pose. `with` solves again with another covariance of the intrinsics, none for exact ones.
+    pub(super) fn cost(
+        &self,
+        estimate: &PoseEstimate,
+        camera: &Camera,
+        with: impl Fn(Option<&[f64]>) -> Option<PoseEstimate>,
+    ) -> Option<IntrinsicsCost> {
+        let sigma_m = |e: &PoseEstimate| position_sigma_m(&e.cam_from_target, &e.covariance).norm();
+        let alone = |group: Group| {
+            let covariance = self.rows(camera, |name| Group::of(name) == group);
+            if covariance.iter().all(|x| *x == 0.0) {
+                return None;
+            }
+            Some((group, sigma_m(&with(Some(&covariance))?)))
+        };
+        let largest = Group::ALL.into_iter().filter_map(alone).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(IntrinsicsCost {
+            position_sigma_m: sigma_m(estimate),
+            with_exact_intrinsics_m: sigma_m(&with(None)?),
+            mostly: largest.0.name(),
+            by_that_alone_m: largest.1,
+        })
+    }
+}
+
+/// What uncertain intrinsics cost: standard deviations of the camera's position, the root of the sum over its three axes, metres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub struct IntrinsicsCost {
+    /// As answered.
+    pub position_sigma_m: f64,
+    /// If the intrinsics were exact.
+    pub with_exact_intrinsics_m: f64,
+    /// The kind of parameters that costs most: `focal length`, `principal point` or `distortion`.
+    pub mostly: &'static str,
+    /// If only these were uncertain.
+    pub by_that_alone_m: f64,
+}
+
+impl IntrinsicsCost {
+    /// In a sentence, with the calibration that would help.
+    pub fn words(&self) -> String {
+        let mm = |m: f64| crate::report::words::length(m);
+        let (now, exact) = (mm(self.position_sigma_m), mm(self.with_exact_intrinsics_m));
+        if self.position_sigma_m < 1.1 * self.with_exact_intrinsics_m {
+            return format!(
+                "their uncertainty costs little: the position is ± {now}, ± {exact} with exact ones"
+            );
+        }
+        let help = match self.mostly {
+            "focal length" => "views of a board tilted by 30° and more determine it",
+            "principal point" => {
+                "views of a board that is turned about the optical axis and tilted determine it"
+            }
+            _ => "views of a board that reaches the corners of the image determine it",
+        };
+        format!(
+            "their uncertainty makes the position ± {now}, ± {exact} with exact ones; mostly the {}: {help} (resight intrinsics)",
+            self.mostly
+        )
     }
 }

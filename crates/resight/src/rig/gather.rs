@@ -170,7 +170,12 @@ mod tests {
     use crate::core::{Camera, Pixel, Point};
 
     fn camera(name: &str) -> NamedCamera {
-        NamedCamera { name: name.into(), camera: Camera::normalized(), placement: None }
+        NamedCamera {
+            name: name.into(),
+            camera: Camera::normalized(),
+            placement: None,
+            intrinsics_covariance: None,
+        }
     }
 
     fn target(name: &str, body: usize) -> NamedTarget {

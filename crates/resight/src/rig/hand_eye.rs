@@ -2,12 +2,15 @@
 
 use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
+use super::{NamedRig, uncertain_lens};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
-use crate::core::multiview::hand_eye::{HandEyeConfig, HandEyeView, solve_hand_eye};
+use crate::core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
+use crate::core::multiview::rig::Observation;
 use crate::core::multiview::rig_pose::RigView;
-use crate::core::{Error as MathError, Pose};
+use crate::core::{Camera, Correspondence, Error as MathError, Pose};
 use crate::error::Error;
 use crate::report::rig::rig_verdict_sentence;
+use nalgebra::DVector;
 
 /// What a camera or rig observed while the robot moved.
 #[derive(Debug, Clone)]
@@ -61,7 +64,8 @@ pub fn hand_eye(request: HandEyeRequest) -> Result<HandEyeAnswer, Error> {
             let (robot_views, left_out) = joined(robot, poses);
             let views: Vec<HandEyeView> = robot_views.iter().map(|view| view.view(&[])).collect();
             let names = names(&robot_views);
-            Ok(solved(&views, &config, Named { eye: "cam", views: names, left_out, rig_contradiction: None }))
+            let named = Named { eye: "cam", views: names, left_out, rig_contradiction: None };
+            Ok(answer(solve_hand_eye(&views, &config), named))
         }
         HandEyeViews::Points(observed) => from_points(robot, *observed, &config),
     }
@@ -86,22 +90,51 @@ fn from_points(
     }
     let without_pose = |view: &String| ViewPoses { view: view.clone(), candidates: Vec::new() };
     let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect());
-    let of_view = |robot_view: &RobotView| -> Vec<RigView> {
-        let number = rig.views.iter().position(|view| *view == robot_view.view);
-        let observations = rig.observations.iter().filter(|s| Some(s.view) == number);
-        let view = observations.map(|s| RigView {
-            camera: &rig.lenses[s.camera],
-            cam_from_rig: cam_from_rig[s.camera],
-            cam_from_rig_covariance: None,
-            seen: &s.seen,
-        });
-        view.collect()
+    let solve = |rig: &NamedRig| {
+        let of_view = |robot_view: &RobotView| -> Vec<RigView> {
+            let number = rig.views.iter().position(|view| *view == robot_view.view);
+            let observations = rig.observations.iter().filter(|s| Some(s.view) == number);
+            let view = observations.map(|s| RigView {
+                camera: &rig.lenses[s.camera],
+                cam_from_rig: cam_from_rig[s.camera],
+                cam_from_rig_covariance: None,
+                seen: &s.seen,
+            });
+            view.collect()
+        };
+        let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
+        let views: Vec<HandEyeView> =
+            robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
+        solve_hand_eye(&views, config)
     };
-    let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
-    let views: Vec<HandEyeView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
+    let mut solution = solve(&rig);
+    if let (Ok(found), [camera]) = (&mut solution, &rig.cameras[..]) {
+        let start = found.clone();
+        let through = |lens: &Camera| {
+            let other = solve(&through(&rig, lens)?).ok()?;
+            let by_camera = (other.cam_from_carrier * start.cam_from_carrier.inverse()).log();
+            let by_target = (other.holder_from_target * start.holder_from_target.inverse()).log();
+            Some(DVector::from_iterator(12, by_camera.iter().chain(&by_target).copied()))
+        };
+        if let Some(share) = uncertain_lens::share(camera, through) {
+            found.carrier_covariance += share.fixed_view::<6, 6>(0, 0);
+            found.holder_covariance += share.fixed_view::<6, 6>(6, 6);
+            found.joint_covariance += share;
+        }
+    }
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
     let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction };
-    Ok(solved(&views, config, named))
+    Ok(answer(solution, named))
+}
+
+/// The same points through another lens of the only camera; none where one of them lies beyond its field.
+fn through(rig: &NamedRig, lens: &Camera) -> Option<NamedRig> {
+    let again = |c: &Correspondence| Some(Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c });
+    let observation = |s: &Observation| -> Option<Observation> {
+        Some(Observation { seen: s.seen.iter().map(again).collect::<Option<_>>()?, ..*s })
+    };
+    let observations = rig.observations.iter().map(observation).collect::<Option<_>>()?;
+    Some(NamedRig { lenses: vec![lens.clone()], observations, ..rig.clone() })
 }
 
 /// The cameras' poses in their rig, and what contradicts in it; a single camera is its own rig.
@@ -131,9 +164,9 @@ struct Named {
     rig_contradiction: Option<String>,
 }
 
-fn solved(views: &[HandEyeView], config: &HandEyeConfig, named: Named) -> HandEyeAnswer {
+fn answer(solution: Result<HandEye, MathError>, named: Named) -> HandEyeAnswer {
     let Named { eye, views: names, left_out, rig_contradiction } = named;
-    match solve_hand_eye(views, config) {
+    match solution {
         Ok(solution) => HandEyeAnswer::Solved(Box::new(SolvedHandEye {
             solution,
             eye,

@@ -152,11 +152,14 @@ impl ObservedRig {
 
     fn solved(self) -> Result<SolvedRig, Unsolved> {
         let Gathered { rig, taken_in, points, world_view } = self.gathered;
+        let intrinsics: Vec<_> =
+            rig.cameras.iter().map(|camera| camera.intrinsics_covariance.clone()).collect();
         // Poses between two cameras need what all have in common.
         let config = RigConfig {
             reference: self.reference,
             joint_covariance: true,
             known_distances: &self.known_distances,
+            intrinsics: &intrinsics,
             ..RigConfig::default()
         };
         let failed = |reason: MathError| Unsolved::new(Status::Error, in_names(&reason, &rig, &points));

@@ -165,7 +165,12 @@ mod tests {
             b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
             covariance: has_covariances.then(|| Matrix6::from_diagonal_element(1e-6)),
         });
-        NamedCamera { name: name.into(), camera: Camera::normalized(), placement }
+        NamedCamera {
+            name: name.into(),
+            camera: Camera::normalized(),
+            placement,
+            intrinsics_covariance: None,
+        }
     }
 
     /// A chain (Kalibr), a first camera without a pose (OpenCV), and a pose stated the other way round (EuRoC).

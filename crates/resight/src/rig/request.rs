@@ -53,7 +53,12 @@ pub struct CameraDistance {
 impl RigRequest {
     /// A camera by its name.
     pub fn add_camera(&mut self, name: impl Into<String>, camera: crate::core::Camera) {
-        self.cameras.push(NamedCamera { name: name.into(), camera, placement: None });
+        self.cameras.push(NamedCamera {
+            name: name.into(),
+            camera,
+            placement: None,
+            intrinsics_covariance: None,
+        });
     }
 
     /// A target by its name.

@@ -91,7 +91,12 @@ pub fn question(n_cameras: usize, n_views: usize, seed: u64) -> (NamedRig, Vec<P
         }
     }
     let board = Target::Chessboard(Chessboard { rows: ROWS, columns: COLUMNS, square_m: SQUARE_M });
-    let camera = |i| NamedCamera { name: camera_name(i), camera: lens.clone(), placement: None };
+    let camera = |i| NamedCamera {
+        name: camera_name(i),
+        camera: lens.clone(),
+        placement: None,
+        intrinsics_covariance: None,
+    };
     let rig = NamedRig {
         cameras: (0..n_cameras).map(camera).collect(),
         lenses: vec![lens.clone(); n_cameras],

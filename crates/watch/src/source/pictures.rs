@@ -1,7 +1,5 @@
 //! Images in files: a list, or a folder that fills up.
 
-mod exif;
-
 use super::{Content, Frame, Next, Source};
 use resight::{FileError, GrayImage};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -168,7 +166,7 @@ impl Source for Folder {
 
 fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
     let bytes = resight::input::read(path, resight::input::Kind::Image).map_err(|fault| fault.reason);
-    let taken_s = || exif::taken_s(bytes.as_ref().ok()?);
+    let taken_s = || resight::image::exif::taken_s(bytes.as_ref().ok()?);
     let capture_s = match clock {
         Clock::Every(period_s) => period_s * number as f64,
         Clock::Modified => modified_s(path),

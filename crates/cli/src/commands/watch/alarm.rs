@@ -10,7 +10,7 @@ use resight::core::temporal::monitor::learn::LearnConfig;
 #[command(next_help_heading = "Alarm")]
 pub struct AlarmArgs {
     /// False alarms a day, on average at most, for all cameras together [default: 1/30, one a month]
-    #[arg(long, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
+    #[arg(long, help_heading = None, hide_default_value = true, value_name = "N", default_value_t = 1.0 / 30.0, value_parser = crate::args::positive)]
     pub false_alarms_per_day: f64,
     /// A camera without a usable reading for this long is stale.
     #[arg(long, alias = "unseen-after-s", hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]

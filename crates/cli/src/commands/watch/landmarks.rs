@@ -14,7 +14,7 @@ pub struct LandmarkArgs {
     /// Reference image of a camera: while it sees no target, its rotation since then is watched.
     ///
     /// PNG or JPEG.
-    #[arg(long, value_name = "[NAME=]FILE")]
+    #[arg(long, help_heading = None, value_name = "[NAME=]FILE")]
     landmarks: Vec<String>,
     /// Takes the first image that shows enough as the reference image and writes it to this PNG file.
     ///
@@ -24,6 +24,11 @@ pub struct LandmarkArgs {
 }
 
 impl LandmarkArgs {
+    /// The arguments with a reference image.
+    pub fn images(&self) -> &[String] {
+        &self.landmarks
+    }
+
     /// How many cameras have them.
     pub fn count(&self) -> usize {
         self.landmarks.len() + self.save_landmarks.len()
@@ -42,13 +47,13 @@ impl LandmarkArgs {
             }
             (Some(file), None) => {
                 let reference_image = GrayImage::read(Path::new(&file))?;
-                Ok(Some(WatchedLandmarks { reference_image: Some(reference_image) }))
+                Ok(Some(WatchedLandmarks { reference_image: Some(reference_image), intrinsics: None }))
             }
             // Taken anew at each restart it would be an image from after whatever happened in between.
             (None, Some(file)) => {
                 let file = Path::new(file);
                 let reference_image = file.exists().then(|| GrayImage::read(file)).transpose()?;
-                Ok(Some(WatchedLandmarks { reference_image }))
+                Ok(Some(WatchedLandmarks { reference_image, intrinsics: None }))
             }
             (None, None) => Ok(None),
         };

@@ -22,7 +22,7 @@ use std::sync::Arc;
 #[command(next_help_heading = "Outputs")]
 pub struct OutputArgs {
     /// JSON Lines on stdout, one object per event and nothing else.
-    #[arg(long)]
+    #[arg(long, help_heading = None)]
     pub json: bool,
     /// Also says what every frame showed.
     #[arg(long, hide_short_help = true)]
@@ -117,7 +117,7 @@ pub struct HistoryArgs {
     ///
     /// Pose (or rotation by landmarks), covariance, residual and state of every frame.
     /// With --json an object {"event": "stored"} says what is on the disk for good.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, help_heading = None, value_name = "FILE")]
     history: Option<PathBuf>,
     /// Every frame is kept this long, then one row a minute.
     #[arg(long, hide_short_help = true, value_name = "DAYS", default_value_t = 7.0, value_parser = crate::args::positive, requires = "history")]
@@ -282,7 +282,7 @@ pub struct TuiArgs {
     /// Draws the session in the terminal instead of printing it.
     ///
     /// State, motion, times and scatter of every camera. q quits, r resets the statistics, the arrows choose a camera, Enter shows its details, p pauses the view. With --json, send that to a file.
-    #[arg(long)]
+    #[arg(long, help_heading = None)]
     pub tui: bool,
     /// Frames over which --tui takes medians, percentiles and standard deviations.
     #[arg(long, hide_short_help = true, value_name = "N", requires = "tui", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..=1000))]

@@ -16,12 +16,12 @@ pub struct RigArgs {
     /// Cameras with their names, intrinsics and extrinsics, instead of --camera.
     ///
     /// What `resight rig -o` writes, or any format it reads; several files are joined by their frames' names.
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "camera")]
+    #[arg(long, help_heading = None, value_name = "FILE", num_args = 1.., conflicts_with = "camera")]
     pub rig: Vec<PathBuf>,
     /// The target is hand-held, or the rig drives past it: only the cameras' relative poses are watched.
     ///
     /// In synchronised frame sets in which two of them see the target.
-    #[arg(long)]
+    #[arg(long, hide_short_help = true)]
     pub moving_target: bool,
     /// Frames of different cameras within this time are one synchronised frame set.
     #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 0.02, value_parser = crate::args::seconds)]

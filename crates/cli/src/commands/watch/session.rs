@@ -23,8 +23,17 @@ use std::path::Path;
 use toml::{Table, Value};
 
 /// Flags of `[camera.NAME]`; its `file` is `--camera`.
-const OF_CAMERA: [&str; 6] =
-    ["source", "reference", "save-reference", "landmarks", "save-landmarks", "ffmpeg-input-options"];
+const OF_CAMERA: [&str; 9] = [
+    "source",
+    "reference",
+    "save-reference",
+    "landmarks",
+    "save-landmarks",
+    "ffmpeg-input-options",
+    "hfov-deg",
+    "focal-mm",
+    "sensor-width-mm",
+];
 /// Flags that are about the file itself.
 const OWN: [&str; 3] = ["print-session", "help", "version"];
 

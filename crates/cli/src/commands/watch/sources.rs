@@ -23,7 +23,7 @@ pub struct SourceArgs {
     /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on
     /// stdin. NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
     /// read (@FILE) or from a variable (env:VARIABLE).
-    #[arg(long, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
+    #[arg(long, help_heading = None, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
     /// Images are this far apart [default: as they say themselves (EXIF), else as their files' times say].
     #[arg(long, hide_short_help = true, value_name = "SECONDS", value_parser = crate::args::seconds)]

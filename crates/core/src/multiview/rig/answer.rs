@@ -7,6 +7,7 @@ use super::lens_doubt::LensDoubts;
 use super::lens_score::{Shared, scores};
 use super::scale::scales;
 use super::sighted::LocatedViews;
+use super::uncertain_lens::UncertainLenses;
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
@@ -52,21 +53,25 @@ pub(super) fn answer(
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
+    let uncertain = UncertainLenses::new(config.intrinsics, layout, &adjusted, &eliminated);
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
+        uncertain.add_to_body(covariance, body);
         if config.lens_errors {
             doubts.add_to_body(covariance, body);
         }
     }
     let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
-    let mut with_lenses = held.covariance.clone();
+    let (mut of_shared, within) = (held.covariance, held.within);
+    uncertain.add_to_shared(&mut of_shared);
+    let mut with_lenses = of_shared.clone();
     doubts.add_to_shared(&mut with_lenses);
     let lens_sigma_m =
         (!doubts.is_empty()).then(|| largest_sigma_m(&cameras(layout, &adjusted, &tallies, &with_lenses)));
-    let shared = if config.lens_errors { with_lenses } else { held.covariance };
+    let shared = if config.lens_errors { with_lenses } else { of_shared };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
-    let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
+    let scales = scales(layout, &adjusted, &eliminated, within, !config.known_distances.is_empty());
     let evidence = Evidence {
         layout,
         located_views,
@@ -77,7 +82,7 @@ pub(super) fn answer(
         chi2,
         degrees_of_freedom,
         noise_scale,
-        view_scale: held.within / widened,
+        view_scale: within / widened,
     };
     let verdict = evidence.verdict();
     let solution = RigSolution {
@@ -96,7 +101,7 @@ pub(super) fn answer(
         n_used: total.n_used,
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
-        view_scale: held.within / widened,
+        view_scale: within / widened,
         lens_sigma_m,
         steps: adjusted.steps,
         verdict,

@@ -3,7 +3,7 @@
 //! Everything after this file works in the order view, body, camera, target: sums are taken in it, so that the answer does not depend on
 //! the order of the input, to the last bit.
 
-use super::{Observation, RigConfig, RigProblem};
+use super::{Observation, RigConfig, RigProblem, uncertain_lens};
 use crate::least_squares::rig::{RigGraph, RigLink};
 use crate::solve::configuration::check_numbers;
 use crate::{Camera, Error, Point};
@@ -28,6 +28,7 @@ pub(super) struct Layout<'a> {
 impl<'a> Layout<'a> {
     pub(super) fn new(problem: &'a RigProblem<'a>, config: &RigConfig) -> Result<Self, Error> {
         check(problem, config)?;
+        uncertain_lens::check(config.intrinsics, problem.cameras)?;
         let (observations, given_at) = in_order(problem);
         let first_target = first_targets(problem.body_of_target);
         let pivot_in_target = pivots(&observations, problem.body_of_target.len());

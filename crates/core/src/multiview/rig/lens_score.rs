@@ -152,8 +152,15 @@ pub(super) struct LensStep<const N: usize> {
 }
 
 impl LensScore {
-    /// The first three alone, then all four: distortion trades with the principal point where few points lie far out.
-    pub(super) fn offset(&self, variance: f64) -> Option<LensOffset> {
+    /// Root mean square of |d|³, docs/math/rig.md eq. (14): the displacement that distortion makes.
+    pub(super) fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// The first three alone, then all four: distortion trades with the principal point where few points lie far out. `stated` are the
+    /// standard deviations of focal length, principal point and distortion that are known beforehand: an offset within them is none.
+    pub(super) fn offset(&self, variance: f64, stated: &[f64; 3]) -> Option<LensOffset> {
+        let [focal, centre, distortion_stated] = *stated;
         let three = self.three(variance)?;
         let (sigma, four) = (three.sigma(), self.four(variance));
         let (distortion, sigma_distortion) = match &four {
@@ -162,11 +169,11 @@ impl LensScore {
         };
         Some(LensOffset {
             focal: three.x[0],
-            sigma_focal: sigma[0],
+            sigma_focal: sigma[0].hypot(focal),
             centre: [three.x[1], three.x[2]],
-            sigma_centre: [sigma[1], sigma[2]],
+            sigma_centre: [sigma[1].hypot(centre), sigma[2].hypot(centre)],
             distortion,
-            sigma_distortion,
+            sigma_distortion: sigma_distortion.hypot(distortion_stated),
             explained_chi2: four.map_or(three.chi2, |four| four.chi2),
         })
     }

@@ -8,6 +8,7 @@ use super::layout::Layout;
 use super::lens::LensOffset;
 use super::lens_score::LensScore;
 use super::sighted::{LocatedViews, fits_alone};
+use super::uncertain_lens::stated;
 use super::views::counts;
 use super::{Observation, RejectedObservation, RigConfig, TargetScale};
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
@@ -191,10 +192,20 @@ impl Evidence<'_> {
     fn lens_offsets(&self) -> Vec<Option<LensOffset>> {
         match self.config.loss {
             Loss::Squared | Loss::Truncated { .. } => {
-                self.lenses.iter().map(|lens| lens.as_ref()?.offset(self.noise_scale)).collect()
+                let offset = |(camera, lens): (usize, &Option<LensScore>)| {
+                    let lens = lens.as_ref()?;
+                    lens.offset(self.noise_scale, &self.stated_of_lens(camera, lens.reach()))
+                };
+                self.lenses.iter().enumerate().map(offset).collect()
             }
             _ => vec![None; self.layout.problem.cameras.len()],
         }
+    }
+
+    /// What is stated of a camera's intrinsics; nothing: they are exact.
+    fn stated_of_lens(&self, camera: usize, reach: f64) -> [f64; 3] {
+        let covariance = self.config.intrinsics.get(camera).and_then(Option::as_ref);
+        covariance.map_or([0.0; 3], |c| stated(&self.layout.problem.cameras[camera], c, reach))
     }
 
     fn cameras(&self, lens_offsets: &[Option<LensOffset>], targets: &[Losses]) -> Vec<Losses> {

@@ -3,11 +3,11 @@
 use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
-use crate::core::camera::Parameters;
 use crate::core::multiview::network::{Constraint, Plane};
 use crate::core::multiview::triangulate::isotropic;
 use crate::core::{Matrix6, Pixel, Point, Pose};
 use crate::formats;
+use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -123,43 +123,22 @@ impl Builder {
 
     fn camera(&self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
         let spec = self.folder.join(&photo.camera).display().to_string();
-        let stated = formats::read_camera(&spec)?.camera;
+        let named = formats::read_camera(&spec)?;
+        let stated = &named.camera;
         let camera = match size {
-            Some((width, height)) => formats::check_image_size(&stated, width, height)
+            Some((width, height)) => formats::check_image_size(stated, width, height)
                 .map_err(|reason| self.fault(format!("photo `{}`: {reason}", photo.name)))?,
             None => stated.clone(),
         };
-        let scale = match (stated.matrix(), camera.matrix()) {
-            (Some(stated), Some(scaled)) => scaled.fx_px / stated.fx_px,
-            _ => 1.0,
+        let known = match photo.intrinsics_sigma.is_empty() {
+            true => IntrinsicsCovariance::of(&named),
+            false => Some(
+                IntrinsicsCovariance::independent(&photo.intrinsics_sigma, stated)
+                    .map_err(|reason| self.fault(format!("intrinsics_sigma: {reason}")))?,
+            ),
         };
-        let covariance = self.covariance(&photo.intrinsics_sigma, &camera.parameters(), scale)?;
-        Ok(SceneCamera { camera, intrinsics_covariance: covariance })
-    }
-
-    fn covariance(
-        &self,
-        sigmas: &BTreeMap<String, f64>,
-        parameters: &Parameters,
-        scale: f64,
-    ) -> Result<Option<Vec<f64>>, FileError> {
-        let n = parameters.len();
-        let mut covariance = vec![0.0; n * n];
-        for (name, sigma) in sigmas {
-            let Some(i) = parameters.iter().position(|p| p.0 == name) else {
-                let known: Vec<&str> = parameters.iter().map(|p| p.0).collect();
-                return Err(self.fault(format!(
-                    "intrinsics_sigma: no parameter `{name}`; the camera has {}",
-                    known.join(", ")
-                )));
-            };
-            if !(0.0 <= *sigma && sigma.is_finite()) {
-                return Err(self.fault(format!("intrinsics_sigma: {name} is {sigma}; 0 or more is needed")));
-            }
-            let unit = if name.ends_with("_px") { scale } else { 1.0 };
-            covariance[i * n + i] = (sigma * unit).powi(2);
-        }
-        Ok((!sigmas.is_empty()).then_some(covariance))
+        let intrinsics_covariance = known.map(|known| known.covariance(&camera));
+        Ok(SceneCamera { camera, intrinsics_covariance })
     }
 
     fn pose(&self, photo: usize, pose: &PoseEntry) -> Result<Constraint, FileError> {

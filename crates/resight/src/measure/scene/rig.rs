@@ -6,6 +6,7 @@ use crate::FileError;
 use crate::core::Pose;
 use crate::core::multiview::network::Constraint;
 use crate::formats;
+use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::read_image_points;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +42,9 @@ pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Resu
 /// A camera of the rig as a photograph whose place is known.
 fn add_camera(builder: &mut Builder, named: &formats::NamedCamera) {
     let photo = builder.scene.photos.len();
-    builder.scene.cameras.push(SceneCamera { camera: named.camera.clone(), intrinsics_covariance: None });
+    let camera = named.camera.clone();
+    let intrinsics_covariance = IntrinsicsCovariance::of(named).map(|known| known.covariance(&camera));
+    builder.scene.cameras.push(SceneCamera { camera, intrinsics_covariance });
     builder.scene.camera_of_photo.push(photo);
     builder.scene.photos.push(ScenePhoto { name: named.name.clone(), file: None, camera: photo });
     let (cam_from_world, covariance) = match &named.placement {

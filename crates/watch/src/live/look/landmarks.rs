@@ -7,6 +7,7 @@ use crate::source::{Content, Frame};
 use nalgebra::{Matrix3, Vector3};
 use resight::GrayImage;
 use resight::landmarks::{LandmarkObservation, Landmarks};
+use resight::locate::IntrinsicsCovariance;
 use resight_core::temporal::monitor::{DriftNoise, Monitor, Reading, Reference};
 use resight_core::{Camera, Matrix6, Pose};
 use std::collections::BTreeMap;
@@ -24,6 +25,8 @@ pub(super) struct LandmarkWatch {
     /// When a reference image was last tried, seconds.
     tried_s: Option<f64>,
     config: LiveConfig,
+    /// How well the intrinsics are known.
+    intrinsics: Option<IntrinsicsCovariance>,
     /// What its state depends on; none where the image is this session's own.
     settings: Option<BTreeMap<String, String>>,
 }
@@ -48,6 +51,8 @@ impl LandmarkWatch {
     ) -> Result<Self, CameraWatcherError> {
         let landmarks =
             watched.reference_image.as_ref().map(|picture| Landmarks::new(picture, camera)).transpose()?;
+        let intrinsics = watched.intrinsics.clone();
+        let landmarks = landmarks.map(|landmarks| landmarks.with_intrinsics(intrinsics.clone()));
         let settings =
             watched.reference_image.as_ref().map(|picture| landmark_settings(camera, picture, config));
         let config = config.clone();
@@ -58,6 +63,7 @@ impl LandmarkWatch {
             first_s: None,
             tried_s: None,
             config,
+            intrinsics,
             settings,
         })
     }
@@ -196,7 +202,7 @@ impl LandmarkWatch {
         let started = Instant::now();
         let landmarks = Landmarks::new(image, lens);
         observation.times.detect_us += micros(started);
-        let landmarks = landmarks.map_err(|e| e.to_string())?;
+        let landmarks = landmarks.map_err(|e| e.to_string())?.with_intrinsics(self.intrinsics.clone());
         if observation.estimate.is_none() {
             observation.n_points = landmarks.count();
         }
@@ -315,7 +321,7 @@ mod tests {
     fn a_target_that_is_seen_speaks_for_itself() {
         let matrix = CameraMatrix { fx_px: 400.0, fy_px: 400.0, cx_px: 240.0, cy_px: 180.0 };
         let lens = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
-        let watched = WatchedLandmarks { reference_image: None };
+        let watched = WatchedLandmarks { reference_image: None, intrinsics: None };
         let landmarks = LandmarkWatch::new(&lens, &watched, &LiveConfig::default()).expect("landmarks");
         let learning = |readings| State::Learning { readings, needed: 50 };
         for seen in

@@ -1,28 +1,63 @@
-//! When an image was taken, as its EXIF says: `DateTimeOriginal` with its fractions and, where stated, its distance from UTC.
+//! When an image was taken and through what lens, as its EXIF says (CIPA DC-008).
 
 use std::io::Cursor;
 
-/// Tags of the EXIF standard (CIPA DC-008).
+/// Tags.
+const MAKE: u16 = 0x010f;
+const MODEL: u16 = 0x0110;
+const FOCAL_LENGTH_IN_35_MM_FILM: u16 = 0xa405;
 const EXIF_IFD: u16 = 0x8769;
 const DATE_TIME_ORIGINAL: u16 = 0x9003;
 const OFFSET_TIME_ORIGINAL: u16 = 0x9011;
 const SUB_SEC_TIME_ORIGINAL: u16 = 0x9291;
 /// Types of values.
 const ASCII: u16 = 2;
+const SHORT: u16 = 3;
 const LONG: u16 = 4;
 
 /// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
 /// UTC: differences between images of one camera are right.
-pub(super) fn taken_s(picture: &[u8]) -> Option<f64> {
-    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
-    let exif = ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()??;
-    of_exif(&exif)
+pub fn taken_s(picture: &[u8]) -> Option<f64> {
+    of_exif(&exif(picture)?)
 }
 
-fn of_exif(exif: &[u8]) -> Option<f64> {
+/// The lens a photograph was taken through.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExifLens {
+    /// `FocalLengthIn35mmFilm`: the focal length, in millimetres, that sees the same diagonal on film of 36 × 24 mm.
+    pub focal_35mm: u16,
+    /// Make and model of the camera, where stated.
+    pub camera: Option<String>,
+}
+
+/// The lens of a PNG or JPEG; none where it does not say.
+pub fn lens(picture: &[u8]) -> Option<ExifLens> {
+    lens_of(&exif(picture)?)
+}
+
+fn lens_of(exif: &[u8]) -> Option<ExifLens> {
+    let (tiff, first, details) = lists(exif)?;
+    let focal_35mm = tiff.u16(tiff.entry(details, FOCAL_LENGTH_IN_35_MM_FILM, SHORT)? + 8)?;
+    let words: Vec<String> = [MAKE, MODEL].into_iter().filter_map(|tag| tiff.text(first, tag)).collect();
+    let camera = (!words.is_empty()).then(|| words.join(" "));
+    (0 < focal_35mm).then_some(ExifLens { focal_35mm, camera })
+}
+
+fn exif(picture: &[u8]) -> Option<Vec<u8>> {
+    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
+    ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()?
+}
+
+/// The block, its first list and that of the details.
+fn lists(exif: &[u8]) -> Option<(Tiff<'_>, u32, u32)> {
     let tiff = Tiff::new(exif.strip_prefix(b"Exif\0\0").unwrap_or(exif))?;
     let first = tiff.u32(4)?;
     let details = tiff.u32(tiff.entry(first, EXIF_IFD, LONG)? + 8)?;
+    Some((tiff, first, details))
+}
+
+fn of_exif(exif: &[u8]) -> Option<f64> {
+    let (tiff, _, details) = lists(exif)?;
     let local_s = seconds(&tiff.text(details, DATE_TIME_ORIGINAL)?)?;
     let fraction_s = tiff.text(details, SUB_SEC_TIME_ORIGINAL).and_then(|digits| fraction(&digits));
     let offset_s = tiff.text(details, OFFSET_TIME_ORIGINAL).and_then(|text| offset(&text));
@@ -160,6 +195,32 @@ mod tests {
             assert_eq!(taken_s(&picture), Some(1_773_493_766.5));
             assert_eq!(taken_s(&picture[..picture.len() / 4]), None);
         }
+    }
+
+    /// A phone: make, model and a focal length of 26 mm.
+    #[test]
+    fn the_lens_is_read() {
+        for is_little in [true, false] {
+            let n = |value, size| number(value, size, is_little);
+            let entry =
+                |tag, kind, count, value: Vec<u8>| [n(tag, 2), n(kind, 2), n(count, 4), value].concat();
+            let begin = if is_little { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+            // The first list ends at 8 + 2 + 36 + 4 = 50, the second at 50 + 2 + 12 + 4 = 68.
+            let first = [
+                n(3, 2),
+                entry(0x010f, 2, 5, n(68, 4)),
+                entry(0x0110, 2, 3, b"X9\0\0".to_vec()),
+                entry(0x8769, 4, 1, n(50, 4)),
+                n(0, 4),
+            ];
+            let focal = [n(26, 2), n(0, 2)].concat();
+            let second = [n(1, 2), entry(0xa405, 3, 1, focal), n(0, 4)].concat();
+            let block = [begin, n(8, 4), first.concat(), second, b"Acme\0".to_vec()].concat();
+            let lens = ExifLens { focal_35mm: 26, camera: Some("Acme X9".into()) };
+            assert_eq!(lens_of(&block), Some(lens), "{is_little}");
+            assert_eq!((lens_of(&block[..60]), of_exif(&block)), (None, None));
+        }
+        assert_eq!(lens_of(&block(true)), None);
     }
 
     #[test]

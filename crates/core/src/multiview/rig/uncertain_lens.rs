@@ -1,0 +1,136 @@
+//! What stated uncertainties of the intrinsics add to a rig's covariances: docs/math/rig.md eq. (21).
+//!
+//! Every place follows each parameter as H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, and what follows adds
+//! D C Dᵀ. The intrinsics themselves stay as given: the minimum is that of the problem stated.
+
+use super::adjust::Adjusted;
+use super::layout::Layout;
+use crate::covariance::is_covariance;
+use crate::least_squares::rig::{Common, Eliminated};
+use crate::locate::intrinsics::check_intrinsics_covariance;
+use crate::locate::refine::whitening;
+use crate::{Camera, Error, Matrix6, Vector6};
+use nalgebra::{DMatrix, Matrix6xX};
+
+/// One camera's.
+struct Uncertain<'a> {
+    covariance: &'a DMatrix<f64>,
+    /// One a parameter.
+    following: Vec<Common>,
+}
+
+/// Those of all cameras that are not exact.
+pub(super) struct UncertainLenses<'a> {
+    each: Vec<Uncertain<'a>>,
+}
+
+impl<'a> UncertainLenses<'a> {
+    /// One entry a camera; an empty list: all exact.
+    pub(super) fn new(
+        covariances: &'a [Option<DMatrix<f64>>],
+        layout: &Layout,
+        adjusted: &Adjusted,
+        eliminated: &Eliminated,
+    ) -> Self {
+        let uncertain = |(camera, covariance): (usize, &'a Option<DMatrix<f64>>)| {
+            let covariance = covariance.as_ref()?;
+            let common = by_parameters(camera, layout, adjusted);
+            let following =
+                common.iter().map(|c| adjusted.equations.following(eliminated, c, true)).collect();
+            Some(Uncertain { covariance, following })
+        };
+        UncertainLenses { each: covariances.iter().enumerate().filter_map(uncertain).collect() }
+    }
+
+    /// Of the shared blocks.
+    pub(super) fn add_to_shared(&self, covariance: &mut DMatrix<f64>) {
+        for lens in &self.each {
+            let moved = DMatrix::from_fn(covariance.nrows(), lens.following.len(), |i, k| {
+                lens.following[k].shared[i]
+            });
+            *covariance += &moved * lens.covariance * moved.transpose();
+        }
+    }
+
+    /// Of a body in a view.
+    pub(super) fn add_to_body(&self, covariance: &mut Matrix6, body: usize) {
+        for lens in &self.each {
+            let columns: Vec<Vector6> = lens.following.iter().map(|f| f.bodies[body]).collect();
+            let moved = Matrix6xX::from_columns(&columns);
+            let added = &moved * lens.covariance * moved.transpose();
+            *covariance += added;
+        }
+    }
+}
+
+/// K of one camera, a column a parameter.
+fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Common> {
+    let (places, graph) = (&adjusted.places, &adjusted.graph);
+    let lens = &layout.problem.cameras[camera];
+    let n = lens.parameters().len();
+    let mut commons: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
+    for (i, link) in graph.links.iter().enumerate() {
+        if link.camera != camera || !graph.is_active[link.body] {
+            continue;
+        }
+        let place = places.of_link(link, graph);
+        let pivot = &layout.pivot_in_target[link.target];
+        let mut by_motion = vec![Vector6::zeros(); n];
+        for (c, _) in
+            layout.observations[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, used)| **used)
+        {
+            let arm = place.rotation * (c.x_in_target - pivot);
+            let x_in_cam = arm + place.pivot_in_cam;
+            let Some((_, jacobian)) = lens.project_with_jacobian(&x_in_cam) else { continue };
+            let Some(columns) = lens.intrinsics_jacobian(&x_in_cam) else { continue };
+            let (a, b, d) = whitening(c, &jacobian);
+            let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
+            for (j, p) in [(ju * a + jv * b, [a, b]), (jv * d, [0.0, d])] {
+                let turn = arm.cross(&j);
+                let by = Vector6::new(turn.x, turn.y, turn.z, j.x, j.y, j.z);
+                for (sum, column) in by_motion.iter_mut().zip(&columns) {
+                    *sum += by * (p[0] * column.x + p[1] * column.y);
+                }
+            }
+        }
+        for (common, by) in commons.iter_mut().zip(&by_motion) {
+            common.add(places, graph, link, by);
+        }
+    }
+    commons
+}
+
+/// Refuses what is no covariance of a camera's intrinsics.
+pub(super) fn check(covariances: &[Option<DMatrix<f64>>], cameras: &[Camera]) -> Result<(), Error> {
+    if !covariances.is_empty() && covariances.len() != cameras.len() {
+        let needed = "one entry a camera, or none at all";
+        let seen = covariances.len() as f64;
+        return Err(Error::InvalidCamera { parameter: "number of intrinsics covariances", seen, needed });
+    }
+    for (covariance, camera) in covariances.iter().zip(cameras) {
+        let Some(covariance) = covariance else { continue };
+        let rows: Vec<f64> = covariance.transpose().iter().copied().collect();
+        check_intrinsics_covariance(&rows, camera.parameters().len())?;
+        if !is_covariance(covariance) {
+            let seen = covariance.symmetric_eigenvalues().min();
+            let needed = "it must be symmetric, and its least eigenvalue not negative";
+            return Err(Error::InvalidCamera { parameter: "intrinsics covariance", seen, needed });
+        }
+    }
+    Ok(())
+}
+
+/// Standard deviations of focal length (relative), principal point (over the focal length) and distortion (the displacement it makes at
+/// `reach`, root mean square over the focal length) that a camera's covariance states.
+pub(super) fn stated(camera: &Camera, covariance: &DMatrix<f64>, reach: f64) -> [f64; 3] {
+    let parameters = camera.parameters();
+    let focal_px = camera.matrix().map_or(1.0, |k| k.fx_px);
+    let sigma = |name: &str| {
+        let i = parameters.iter().position(|(known, _)| *known == name);
+        i.map_or(0.0, |i| covariance[(i, i)].max(0.0).sqrt())
+    };
+    // Of the other parameters the first is that of the third power of the distance from the axis, where the model has one.
+    let distortion = parameters.get(4).map_or(0.0, |(name, _)| sigma(name));
+    let focal = sigma("fx_px").max(sigma("fy_px")) / focal_px;
+    [focal, sigma("cx_px").max(sigma("cy_px")) / focal_px, reach * distortion]
+}
