@@ -2,7 +2,7 @@
 
 mod words;
 
-use crate::args::{CornerArgs, positive};
+use crate::args::{CornerArgs, parse_size, positive};
 use crate::output::{Outcome, print_answer, remark};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
@@ -101,12 +101,7 @@ enum Shape {
 
 /// `WIDTHxHEIGHT`.
 fn size(text: &str) -> Result<ImageSize, String> {
-    let sides =
-        text.split_once(['x', '×']).and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)));
-    match sides {
-        Some((width_px, height_px)) if 0 < width_px && 0 < height_px => Ok(ImageSize { width_px, height_px }),
-        _ => Err("columns and rows are needed, e.g. 640x480".to_string()),
-    }
+    parse_size(text).map(|(width_px, height_px)| ImageSize { width_px, height_px })
 }
 
 fn model(text: &str) -> Result<Models, String> {

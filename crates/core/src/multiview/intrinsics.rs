@@ -323,12 +323,14 @@ fn cleaned_families(
             NEARLY_ALL * n_numbers <= 100 * clean.fit.n_numbers() && undetermined(&clean.fit).is_none()
         });
         let near = first.and_then(|first| {
-            let found = from_another(&first.fit, family.last()?, shape)?;
-            (first.fit.chi2() * MUCH_LOWER < found.chi2())
-                .then(|| Clean { fit: found, bad: first.bad.clone() })
+            let choice = *family.last()?;
+            let found = from_another(&first.fit, &choice, shape)?;
+            let is_near = first.fit.chi2() * MUCH_LOWER < found.chi2();
+            let choice = undetermined(&found).is_none().then_some(choice);
+            is_near.then(|| (Clean { fit: found, bad: first.bad.clone() }, choice))
         });
         let found = near.or_else(|| cleaned(views, size, &family, shape));
-        families.extend(found.map(|found| (family, found)));
+        families.extend(found.map(|(clean, choice)| Cleaned { family, clean, choice }));
     }
     families
 }

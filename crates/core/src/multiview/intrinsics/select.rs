@@ -82,8 +82,13 @@ pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> 
     let mut tried = Vec::with_capacity(family.len());
     for choice in family {
         if !is_within(choice) {
-            let found = fitted(choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape);
-            tried.push(with_fit(choice, found));
+            // More coefficients are worth a search only where all of the large choice's are needed.
+            let lowest =
+                tried.iter().filter_map(|one: &Tried| one.evidence.aic).fold(f64::INFINITY, f64::min);
+            if tried.iter().any(|one| one.evidence.choice == *large && one.evidence.aic == Some(lowest)) {
+                let found = fitted(choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape);
+                tried.push(with_fit(choice, found));
+            }
             continue;
         }
         let n_dropped = large.coefficients.len() - choice.coefficients.len();
