@@ -160,6 +160,30 @@ fn each_kind_of_lens_is_found_from_nothing() {
     }
 }
 
+/// The evidence of choices that were not fitted, from the largest choice's minimum, is that of their own fits.
+#[test]
+fn evidence_without_a_fit_is_that_of_a_fit() {
+    let mut rng = Rng::new(83);
+    let seen = views(&mut rng, &brown(&[-0.01, 0.004, 3e-4, -2e-4]), 10);
+    let found = solved(
+        &seen,
+        &IntrinsicsConfig { models: Models::Named("brown_conrady"), ..IntrinsicsConfig::default() },
+    );
+    let aic_of = |choice: LensChoice| {
+        let alone =
+            solved(&seen, &IntrinsicsConfig { models: Models::Only(choice), ..IntrinsicsConfig::default() });
+        let k = 4 + choice.coefficients.len();
+        let n = (alone.degrees_of_freedom + 6 * alone.views.len() + k) as f64;
+        n * (alone.chi2 / n).ln() + 2.0 * k as f64
+    };
+    let reference = aic_of(found.choice);
+    for one in found.tried.iter().filter(|one| one.aic.is_some()) {
+        let off = aic_of(one.choice) - reference - one.aic.expect("known");
+        println!("{}: AIC {:?}, off by {off:+.4}", one.choice.label(), one.aic);
+        assert!(off.abs() < 0.1, "{}: {off}", one.choice.label());
+    }
+}
+
 /// With the model given, squared errors are as large as the covariance says, in all eight parameters together and in f alone.
 #[test]
 fn covariance_is_as_large_as_the_errors() {
@@ -371,7 +395,8 @@ fn two_cameras_are_noticed() {
         sides.sort_by_key(|side| side.contains(&(if mixed { 1 } else { 15 })));
         let wrong = sides[1].iter().filter(|i| !is_other(**i)).count()
             + sides[0].iter().filter(|i| is_other(**i)).count();
-        assert!(wrong <= 1, "{by} {mixed}: {sides:?}");
+        // One per cent of focal length leaves a view or two undecided.
+        assert!(wrong <= if by < 1.02 { 2 } else { 0 }, "{by} {mixed}: {sides:?}");
     }
 }
 
