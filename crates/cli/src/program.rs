@@ -1,8 +1,8 @@
 //! The command line as a whole: its commands, and what runs each.
 
 use crate::commands::{
-    advise, compare, completions, convert, demo, detect, explain, hand_eye, history, landmarks, locate,
-    measure, pose_graph, print, rig, schema, solve, watch, whisker,
+    advise, compare, completions, convert, demo, detect, explain, hand_eye, history, intrinsics, landmarks,
+    locate, measure, pose_graph, print, rig, schema, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
@@ -74,6 +74,8 @@ pub enum Command {
     Detect(detect::Detect),
     /// Computes the camera's pose from known points and their pixels in a CSV file.
     Solve(solve::Solve),
+    /// Estimates a camera's intrinsics with their covariance from images of a target, or checks existing ones.
+    Intrinsics(intrinsics::Intrinsics),
     /// Computes the extrinsics of several cameras from targets that they see together.
     Rig(rig::Rig),
     /// Computes the extrinsics of several cameras from the relative poses of pairs of them.
@@ -115,6 +117,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Locate(args) => locate::run(&args),
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
+        Command::Intrinsics(args) => intrinsics::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::PoseGraph(args) => pose_graph::run(&args),
         Command::HandEye(args) => hand_eye::run(&args),

@@ -30,6 +30,7 @@ mod fuzz;
 mod history_faults;
 mod hostile_files;
 mod images;
+mod intrinsics;
 mod measure;
 mod nominal;
 mod print;

@@ -4,6 +4,8 @@
 pub mod tag_map;
 #[cfg(feature = "std")]
 pub mod intrinsics_check;
+#[cfg(feature = "std")]
+pub mod intrinsics;
 pub mod rig_pose;
 #[cfg(feature = "std")]
 pub mod triangulate;

@@ -35,6 +35,7 @@ mod hand_eye;
 mod hand_eye_noise;
 mod hand_eye_opencv;
 mod hostile;
+mod intrinsics;
 mod known_rotation;
 mod line_plus_one;
 mod lines;

@@ -28,6 +28,7 @@
 //! | images of several cameras to a rig | [`rig_from_images`]; points found already: [`rig_from_detections`] |
 //! | relative poses of pairs of cameras to a rig | [`pose_graph()`] |
 //! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye()`] |
+//! | images or detections of a target to a camera's intrinsics | [`intrinsics()`]; existing ones on new images: [`check_intrinsics`] |
 //! | lengths, positions and areas in photographs | [`measure()`] |
 //! | what moved between two calibrations | [`compare()`] |
 //! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
@@ -57,6 +58,7 @@ pub mod drawing;
 pub mod render;
 pub mod video;
 pub mod rig;
+pub mod intrinsics;
 pub mod scene;
 pub mod report;
 pub mod advise;
@@ -69,11 +71,13 @@ pub mod landmarks;
 pub use self::image::GrayImage;
 pub use advise::{advise_boards, advise_points, advise_target};
 pub use answer::{
-    CompareAnswer, HandEyeAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer, Status,
+    CompareAnswer, HandEyeAnswer, IntrinsicsAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer,
+    Status,
 };
 pub use compare::compare;
 pub use convert::{convert, explain};
 pub use error::{Error, FileError};
+pub use intrinsics::{check_intrinsics, intrinsics};
 pub use locate::{locate_image, locate_points};
 pub use measure::measure;
 pub use points::locate_table;

@@ -18,6 +18,10 @@ mod robot_poses;
 pub mod synchronise;
 mod uncertain_lens;
 
+pub(crate) use detections::{collect as collect_detections, table::camera_names};
+pub(crate) use images::{OTHER_SIZE, collect as collect_images};
+pub(crate) use observed::Collected;
+
 pub use detections::{DetectionRow, DetectionSource, Detections};
 pub use hand_eye::{HandEyeRequest, HandEyeViews, hand_eye};
 pub use images::{CameraImage, FrameTimes, ImageOptions};

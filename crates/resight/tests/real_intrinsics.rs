@@ -2,6 +2,8 @@
 
 use crate::real_support::*;
 use crate::recorded::recorded;
+use resight::core::camera::ImageSize;
+use resight::core::multiview::intrinsics::{IntrinsicsConfig, IntrinsicsOutcome, solve_intrinsics};
 use resight::core::multiview::intrinsics_check::{Focal, Free, Group, check_intrinsics, refine_intrinsics};
 use resight::core::{Camera, Correspondence};
 use serde_json::Value;
@@ -102,4 +104,75 @@ fn the_wrong_principal_point_is_named() {
     let ((name, cy), sigma) = (refined.camera.parameters()[3], refined.sigmas()[3]);
     println!("rotated tag, refined: {name} {cy:.2} ± {sigma:.2}, published 396, refit 374.2");
     assert!((cy - 374.2).abs() < sigma && 5.0 * sigma < 396.0 - cy);
+}
+
+/// From nothing, without the published cameras: the chessboards' and the webcams' focal lengths are those published, within their errors (the
+/// webcams' were calibrated from other images, 2 % is granted), and halves of each recording agree within theirs.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn intrinsics_from_nothing_are_those_published() {
+    let folder = recorded("opencv_stereo_chessboard");
+    let truth = json(&folder.join("truth.json"));
+    let rows = table(&folder.join("detections.csv"));
+    for side in ["left", "right"] {
+        let of_side: Vec<&Row> = rows.iter().filter(|row| row["camera"] == side).collect();
+        let k = &truth["reference_calibration_opencv5"][side]["K"];
+        from_nothing(side, &of_side, |row| row["view"].clone(), [640, 480], matrix_of(k).fx_px);
+    }
+    let folder = recorded("caliscope_4cam_charuco");
+    let rows = table(&folder.join("detections.csv"));
+    for (camera, published) in [("0", 894.53), ("1", 703.96), ("2", 637.23), ("3", 640.36)] {
+        let of_camera: Vec<&Row> = rows.iter().filter(|row| row["cam"] == camera).collect();
+        from_nothing(camera, &of_camera, |row| row["sync_index"].clone(), [1280, 720], published);
+    }
+}
+
+fn from_nothing(name: &str, rows: &[&Row], key: impl Fn(&Row) -> String, size: [u32; 2], published: f64) {
+    let size = ImageSize { width_px: size[0], height_px: size[1] };
+    let unused = Camera { size: Some(size), ..Camera::normalized() };
+    let views = frames(rows, &unused, key);
+    let even: Vec<_> = views.iter().step_by(2).cloned().collect();
+    let odd: Vec<_> = views.iter().skip(1).step_by(2).cloned().collect();
+    let focal = |views: &[Vec<Correspondence>]| match solve_intrinsics(
+        views,
+        size,
+        &IntrinsicsConfig::default(),
+    )
+    .unwrap()
+    {
+        IntrinsicsOutcome::Solved(found) => {
+            let (fx, sigma) = (found.camera.parameters()[0].1, found.sigmas()[0]);
+            println!(
+                "{name}: {} of {} views, {}, fx {fx:.2} ± {sigma:.2} (published {published:.2}), rms {:.3} px, contradiction {:.1}",
+                found.views.len(),
+                views.len(),
+                found.choice.label(),
+                found.rms_px,
+                found.contradiction
+            );
+            found
+                .findings
+                .iter()
+                .for_each(|finding| println!("   {}", finding.message(|view| view.to_string())));
+            println!("   {:?}", found.held_out);
+            Some((fx, sigma))
+        }
+        IntrinsicsOutcome::Refused(refusal) => {
+            refusal
+                .findings
+                .iter()
+                .for_each(|finding| println!("   {}", finding.message(|view| view.to_string())));
+            None
+        }
+    };
+    let (fx, sigma) = focal(&views).unwrap();
+    assert!(
+        (fx - published).abs() < 3.0 * sigma + 0.02 * published,
+        "{name}: {fx} ± {sigma}, published {published}"
+    );
+    if let (Some(a), Some(b)) = (focal(&even), focal(&odd)) {
+        let apart = (a.0 - b.0) / a.1.hypot(b.1);
+        println!("   halves differ by {apart:+.2} standard deviations");
+        assert!(apart.abs() < 3.5, "{name}: {apart}");
+    }
 }

@@ -120,13 +120,13 @@ fn scales(views: &[View], camera: &Camera) -> Vec<f64> {
     parameters.iter().zip(&reach).map(scale).collect()
 }
 
-fn focal_length(parameters: &Parameters) -> f64 {
+pub(crate) fn focal_length(parameters: &Parameters) -> f64 {
     let focal = parameters.iter().filter(|(name, _)| Group::of(name) == Group::FocalLength);
     focal.map(|(_, value)| *value).fold(0.0, f64::max)
 }
 
 /// The least determined of the parameters: its place and relative standard deviation, infinite where the matrix is singular.
-fn weakest(information: &DMatrix<f64>, scales: &[f64]) -> Option<(usize, f64)> {
+pub(crate) fn weakest(information: &DMatrix<f64>, scales: &[f64]) -> Option<(usize, f64)> {
     let n = scales.len();
     let Some(covariance) = information.clone().cholesky().map(|c| c.inverse()) else {
         return Some((missing(information, scales), f64::INFINITY));

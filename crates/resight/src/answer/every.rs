@@ -1,6 +1,8 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
-use super::{advise, compare, detection, files, hand_eye, landmarks, measure, pose, pose_graph, print, rig};
+use super::{
+    advise, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph, print, rig,
+};
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
@@ -36,11 +38,13 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer by the job that gives it.
-const ANSWERS: [(&str, Generate); 19] = [
+const ANSWERS: [(&str, Generate); 21] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),
     ("hand_eye", SchemaGenerator::subschema_for::<hand_eye::HandEyeAnswer>),
+    ("intrinsics", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsAnswer>),
+    ("intrinsics_check", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsCheckAnswer>),
     ("compare_rigs", SchemaGenerator::subschema_for::<compare::RigsCompared>),
     ("compare_poses", SchemaGenerator::subschema_for::<compare::ViewCompared>),
     ("detect", SchemaGenerator::subschema_for::<detection::DetectionAnswer>),

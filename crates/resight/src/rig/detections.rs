@@ -1,6 +1,6 @@
 //! Points that a detector found already, from rows in memory or CSV files, gathered into frames.
 
-mod table;
+pub(crate) mod table;
 
 use super::NamedTarget;
 use super::observed::{Collected, Frame, LeftOut};
@@ -103,7 +103,7 @@ struct Reader<'a> {
 }
 
 /// Turns detections into frames, and the targets that they name into `collected.targets`.
-pub(super) fn collect(detections: &Detections, collected: &mut Collected) -> Result<(), Error> {
+pub(crate) fn collect(detections: &Detections, collected: &mut Collected) -> Result<(), Error> {
     if let Some(sigma) = detections.sigma_px
         && !(0.0 < sigma && sigma <= LARGEST)
     {

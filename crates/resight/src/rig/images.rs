@@ -60,6 +60,9 @@ pub struct ImageOptions {
     pub corner_window: CornerWindow,
 }
 
+/// Why a frame is left out whose size differs.
+pub(crate) const OTHER_SIZE: &str = "its size is not that of the camera's other frames";
+
 /// A camera and its video file.
 type CameraVideo = (usize, PathBuf);
 
@@ -92,7 +95,7 @@ struct FoundTargets {
 }
 
 /// Looks for every target in every frame.
-pub(super) fn collect(
+pub(crate) fn collect(
     images: &[CameraImage],
     options: &ImageOptions,
     collected: &mut Collected,
@@ -232,8 +235,7 @@ impl Search<'_> {
         };
         let lens = self.lenses[camera].get_or_insert_with(|| found.lens.clone());
         if lens.size != found.lens.size {
-            let reason = "its size is not that of the camera's other frames".into();
-            return self.leave_out(camera, name, "frame", reason);
+            return self.leave_out(camera, name, "frame", OTHER_SIZE.into());
         }
         for (what, reason) in found.skipped {
             self.leave_out(camera, name.clone(), &what, reason);

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// What one frame shows.
 #[derive(Debug, Clone)]
-pub(super) struct Frame {
+pub(crate) struct Frame {
     /// Index into the cameras given.
     pub camera: usize,
     /// Its view, or the number of the frame.
@@ -36,7 +36,7 @@ pub struct LeftOut {
 
 /// All that was observed.
 #[derive(Debug)]
-pub(super) struct Collected {
+pub(crate) struct Collected {
     pub cameras: Vec<NamedCamera>,
     pub targets: Vec<NamedTarget>,
     pub frames: Vec<Frame>,

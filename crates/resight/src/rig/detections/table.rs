@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Where the columns are.
 struct Columns {
-    camera: usize,
+    camera: Option<usize>,
     view: Option<usize>,
     id: Option<usize>,
     corner: Option<usize>,
@@ -20,12 +20,27 @@ struct Columns {
     t_s: Option<usize>,
 }
 
+/// Names of the cameras in a file, in natural order; none where no column names them.
+pub(crate) fn camera_names(path: &Path) -> Result<Vec<String>, Error> {
+    let table = Table::open(path, "camera,view,id,x_m,y_m,z_m,u_px,v_px")?;
+    let Some(column) = table.find("camera") else { return Ok(Vec::new()) };
+    let mut names = std::collections::BTreeSet::new();
+    table.each(|cells| {
+        names.insert(cells.text(column).unwrap_or_default().to_string());
+        Ok::<(), Error>(())
+    })?;
+    let mut names: Vec<String> = names.into_iter().collect();
+    names.sort_by(|a, b| crate::rig::names::natural(a, b));
+    Ok(names)
+}
+
 /// Hands every row of a file to the reader.
 pub(super) fn read(path: &Path, reader: &mut Reader) -> Result<(), Error> {
     let table = Table::open(path, "camera,view,id,x_m,y_m,z_m,u_px,v_px")?;
     let columns = columns(&table, reader)?;
+    let only = reader.collected.cameras.first().map(|camera| camera.name.clone()).unwrap_or_default();
     table.each(|cells| {
-        let row = row(&columns, &cells, reader)?;
+        let row = row(&columns, &cells, reader, &only)?;
         reader.row(&row).map_err(|fault| Error::from(columns.complaint(&cells, fault)))
     })?;
     reader.collected.files.push(path.to_path_buf());
@@ -52,14 +67,23 @@ fn columns(table: &Table, reader: &Reader) -> Result<Columns, FileError> {
     if space.is_none() && id.is_none() {
         table.need("id", Some("which point of the target each row is"))?;
     }
-    let (camera, image) =
-        (table.need("camera", None)?, [table.need("u_px", None)?, table.need("v_px", None)?]);
+    // Rows of one camera need not name it.
+    let camera = match reader.collected.cameras.len() {
+        1 => table.find("camera"),
+        _ => Some(table.need("camera", None)?),
+    };
+    let image = [table.need("u_px", None)?, table.need("v_px", None)?];
     let (corner, body) = (table.find("corner"), table.find("body"));
     let (sigma_px, sigma_m) = (table.find("sigma_px"), table.find("sigma_m"));
     Ok(Columns { camera, view, id, corner, space, image, target, body, sigma_px, sigma_m, t_s })
 }
 
-fn row<'a>(columns: &Columns, cells: &'a TableRow, reader: &Reader) -> Result<DetectionRow<'a>, FileError> {
+fn row<'a>(
+    columns: &Columns,
+    cells: &'a TableRow,
+    reader: &Reader,
+    only: &'a str,
+) -> Result<DetectionRow<'a>, FileError> {
     let text = |column: Option<usize>| column.and_then(|i| cells.text(i));
     let target = text(columns.target);
     // Targets that only rows name have no points of their own.
@@ -79,7 +103,10 @@ fn row<'a>(columns: &Columns, cells: &'a TableRow, reader: &Reader) -> Result<De
         return Err(cells.complaint(view, "is empty; name the view"));
     };
     Ok(DetectionRow {
-        camera: cells.text(columns.camera).unwrap_or_default(),
+        camera: match columns.camera {
+            Some(column) => cells.text(column).unwrap_or_default(),
+            None => only,
+        },
         view: view_name,
         t_s: columns.t_s.map(|i| cells.number(i)).transpose()?,
         target,
@@ -110,6 +137,6 @@ impl Columns {
             "sigma_m" => self.sigma_m,
             _ => None,
         };
-        cells.complaint(column.unwrap_or(self.camera), &fault.what)
+        cells.complaint(column.or(self.camera).unwrap_or(self.image[0]), &fault.what)
     }
 }

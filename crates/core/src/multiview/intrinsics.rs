@@ -1,0 +1,455 @@
+//! The intrinsics of a camera from many views of known points, from nothing: focal length, principal point and as many coefficients of the lens
+//! as the views carry, with their covariance; bad corners and views named, and what the views cannot say.
+//!
+//! ```text
+//! start      a focal length and poses, from homographies and a grid of focal lengths
+//! robust     gross errors weighed down, then rejected
+//! select     every lens model that is asked for, coefficient by coefficient; the evidence picks one
+//! scatter    the covariance: noise as the residuals show it, contradictions between views
+//! findings   what is wrong or weak: too few tilts, two cameras, a stretched print
+//! ```
+//! Derivation: docs/math/intrinsics.md.
+
+mod model;
+mod adjust;
+mod start;
+mod robust;
+mod select;
+mod scatter;
+mod projection;
+mod geometry;
+mod groups;
+mod findings;
+mod next_view;
+mod held_out;
+mod judge;
+
+pub use findings::{Finding, Severity};
+pub use geometry::{COVERAGE_GRID, Copies, Coverage, Tilts};
+pub use groups::{LEAST_TIMES, TwoGroups};
+pub use held_out::HeldOut;
+pub use model::{CHOICES, LensChoice, Models, model_names};
+pub use next_view::NextView;
+pub use projection::{
+    Projection, ProjectionDifference, ProjectionSigma, ProjectionUncertainty, grid, projection_difference,
+};
+pub use robust::{BAD_VIEW_TIMES, BadView, GROSS_SIGMAS, LEAST_POINTS};
+pub use scatter::Noise;
+pub use select::{Evidence, FAMILY_MARGIN};
+
+use crate::camera::ImageSize;
+use crate::multiview::intrinsics_check::SkippedFrame;
+use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
+use adjust::{Fit, Seen, Shape, Shared};
+use nalgebra::{DMatrix, Vector2};
+use robust::{Clean, clean};
+use select::{Local, Tried, best, ladder, rms_px, undetermined};
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct IntrinsicsConfig {
+    /// Lens models.
+    pub models: Models,
+    /// Where the noise comes from.
+    pub noise: Noise,
+    /// Whether the stretch and the bend of a flat target are estimated with the camera.
+    pub target_shape: TargetShape,
+    /// Whether views show different targets; then nothing of their shapes is estimated or tested.
+    pub several_targets: bool,
+}
+
+/// Whether the stretch and the bend of a flat target are estimated with the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TargetShape {
+    /// Where they are beyond doubt; a finding says so.
+    #[default]
+    ByEvidence,
+    /// Always.
+    Free,
+    /// Never; where they are beyond doubt the answer is inconsistent.
+    Exact,
+}
+
+/// Fewest different views.
+pub const LEAST_VIEWS: usize = 3;
+/// Most points of all views; more are refused.
+pub const MOST_POINTS: usize = 2_000_000;
+
+/// What came of it.
+#[derive(Debug, Clone)]
+pub enum IntrinsicsOutcome {
+    /// A camera.
+    Solved(Box<SolvedIntrinsics>),
+    /// The views determine none.
+    Refused(Refusal),
+}
+
+/// Why there is no camera.
+#[derive(Debug, Clone)]
+pub struct Refusal {
+    /// Why: the first is the reason.
+    pub findings: Vec<Finding>,
+    /// Views that could not be used.
+    pub skipped: Vec<SkippedFrame>,
+}
+
+/// A corner that takes no part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BadCorner {
+    /// Its view.
+    pub view: usize,
+    /// Its index in that view.
+    pub point: usize,
+    /// Observed − predicted, px; none where the camera cannot see the point.
+    pub residual_px: Option<Vector2<f64>>,
+}
+
+/// A view that takes part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IntrinsicsView {
+    /// Index as given.
+    pub view: usize,
+    /// Its pose.
+    pub cam_from_target: Pose,
+    /// 6×6 covariance of its small left motion, the uncertainty of the intrinsics included.
+    pub covariance: Matrix6,
+    /// Root mean square of its residuals, px of one coordinate.
+    pub rms_px: f64,
+    /// Corners that take part: pixel and residual (observed − predicted), px.
+    pub residuals: Vec<(Pixel, Vector2<f64>)>,
+}
+
+/// A camera with what is known of it.
+#[derive(Debug, Clone)]
+pub struct SolvedIntrinsics {
+    /// The camera.
+    pub camera: Camera,
+    /// Which lens model, and its estimated coefficients.
+    pub choice: LensChoice,
+    /// Covariance of the parameters, in the order of `Camera::parameters`; zero for coefficients that are not estimated.
+    pub covariance: DMatrix<f64>,
+    /// Views that take part.
+    pub views: Vec<IntrinsicsView>,
+    /// Bad corners of those views.
+    pub bad_corners: Vec<BadCorner>,
+    /// Bad views, and why.
+    pub bad_views: Vec<(usize, BadView)>,
+    /// Views that could not be used.
+    pub skipped: Vec<SkippedFrame>,
+    /// Root mean square of all residuals, px of one coordinate.
+    pub rms_px: f64,
+    /// Two for each corner, less six for each view, less what the views share.
+    pub degrees_of_freedom: usize,
+    /// χ² with the stated sigmas.
+    pub chi2: f64,
+    /// Factor on the stated variances.
+    pub noise_scale: f64,
+    /// Factor by which variances grew further, since views contradict each other.
+    pub contradiction: f64,
+    /// Every choice that was tried.
+    pub tried: Vec<Evidence>,
+    /// Stretch (ratio), bends along x and y (metres) of the target with their standard deviations, where they were estimated; and its half
+    /// width and height, metres.
+    pub target_shape: Option<([[f64; 2]; 3], [f64; 2])>,
+    /// How far the target was tilted; none for targets that are not flat.
+    pub tilts: Option<Tilts>,
+    /// Where the corners are.
+    pub coverage: Coverage,
+    /// How well the projection is known over the image.
+    pub projection: ProjectionUncertainty,
+    /// How well views are predicted that took no part.
+    pub held_out: Option<HeldOut>,
+    /// The view to take next.
+    pub next_view: Option<NextView>,
+    /// What is wrong or weak, the worst first.
+    pub findings: Vec<Finding>,
+}
+
+impl SolvedIntrinsics {
+    /// Standard deviations, in the order of `Camera::parameters`.
+    pub fn sigmas(&self) -> Vec<f64> {
+        self.covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
+    }
+
+    /// Names of the estimated parameters.
+    pub fn estimated(&self) -> Vec<&'static str> {
+        let names = self.camera.parameters();
+        names.iter().map(|(name, _)| *name).filter(|name| self.choice.is_free(name)).collect()
+    }
+
+    /// The gravest finding's weight.
+    pub fn severity(&self) -> Severity {
+        self.findings.iter().map(Finding::severity).max().unwrap_or(Severity::Remark)
+    }
+}
+
+/// Calibrates a camera from views, each the correspondences of one target in one image; bearings are not used.
+///
+/// # Errors
+/// Numbers that are not finite or sigmas that are not positive; more points than can be held.
+pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
+    views: &[V],
+    size: ImageSize,
+    config: &IntrinsicsConfig,
+) -> Result<IntrinsicsOutcome, Error> {
+    check(views, size)?;
+    let free = TargetShape::Free;
+    let first = attempt(views, size, config)?;
+    let deformed = match &first {
+        IntrinsicsOutcome::Solved(solved) if config.target_shape == TargetShape::ByEvidence => solved
+            .findings
+            .iter()
+            .filter(|f| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. }))
+            .count(),
+        _ => 0,
+    };
+    if deformed == 0 {
+        return Ok(first);
+    }
+    // The target's shape is estimated with the camera then; what it is keeps being said.
+    match attempt(views, size, &IntrinsicsConfig { target_shape: free, ..*config })? {
+        IntrinsicsOutcome::Solved(mut solved) => {
+            let found = judge::deformations(&solved);
+            solved.findings.extend(found);
+            Ok(IntrinsicsOutcome::Solved(solved))
+        }
+        IntrinsicsOutcome::Refused(_) => Ok(first),
+    }
+}
+
+fn attempt<V: AsRef<[Correspondence]>>(
+    views: &[V],
+    size: ImageSize,
+    config: &IntrinsicsConfig,
+) -> Result<IntrinsicsOutcome, Error> {
+    let Prepared { views: usable, skipped, copies } = prepared(views);
+    let refused = |findings| Ok(IntrinsicsOutcome::Refused(Refusal { findings, skipped: skipped.clone() }));
+    if copies.n_distinct < LEAST_VIEWS {
+        let n_views = usable.len() + copies.copies.len();
+        return refused(vec![Finding::FewViews {
+            n_views,
+            n_distinct: copies.n_distinct,
+            needed: LEAST_VIEWS,
+        }]);
+    }
+    let shape =
+        Shape::of(usable.iter().flat_map(|(_, points)| points.iter())).filter(|_| !config.several_targets);
+    let free_shape = shape.filter(|_| config.target_shape == TargetShape::Free);
+    let families = cleaned_families(&usable, size, config.models, free_shape);
+    let Some(chosen) = choose(&families, free_shape) else {
+        return refused(judge::why_undetermined(&usable, families.first().map(|first| &first.clean.fit)));
+    };
+    let start: Vec<Seen> = everything(&usable, &chosen.fit);
+    let Some(clean) = robust::cleaned_from(start, chosen.fit.shared.clone()) else {
+        return refused(judge::why_undetermined(&usable, Some(&chosen.fit)));
+    };
+    if undetermined(&clean.fit).is_some() || clean.fit.seen.len() < LEAST_VIEWS {
+        return refused(judge::why_undetermined(&usable, Some(&clean.fit)));
+    }
+    let context = judge::Context { size, config, chosen: &chosen, shape, copies: &copies, skipped: &skipped };
+    match judge::answer(&clean, &context) {
+        Some(solved) => Ok(IntrinsicsOutcome::Solved(Box::new(solved))),
+        None => refused(judge::why_undetermined(&usable, Some(&clean.fit))),
+    }
+}
+
+fn check<V: AsRef<[Correspondence]>>(views: &[V], size: ImageSize) -> Result<(), Error> {
+    if size.width_px < 1 || size.height_px < 1 {
+        let needed = "an image has at least one row and one column";
+        let seen = f64::from(size.width_px.min(size.height_px));
+        return Err(Error::InvalidSetting { setting: "image size", seen, needed });
+    }
+    let n: usize = views.iter().map(|view| view.as_ref().len()).sum();
+    if MOST_POINTS < n {
+        let needed = "two million corners at most; leave out views";
+        return Err(Error::InvalidSetting { setting: "number of corners", seen: n as f64, needed });
+    }
+    for (index, c) in views.iter().flat_map(|view| view.as_ref()).enumerate() {
+        let numbers = [c.x_in_target.x, c.x_in_target.y, c.x_in_target.z, c.pixel.x, c.pixel.y, c.sigma_m];
+        if !numbers.iter().all(|x| x.abs() < 1e60) {
+            return Err(Error::NotFinite { what: "position or pixel", index });
+        }
+        if !(0.0 < c.sigma_px && c.sigma_px < 1e60 && 0.0 <= c.sigma_m) {
+            return Err(Error::NotPositive { index, seen: c.sigma_px });
+        }
+    }
+    Ok(())
+}
+
+/// Views that can be used, and why others cannot.
+struct Prepared<'a> {
+    views: Vec<(usize, &'a [Correspondence])>,
+    skipped: Vec<SkippedFrame>,
+    copies: Copies,
+}
+
+fn prepared<V: AsRef<[Correspondence]>>(views: &[V]) -> Prepared<'_> {
+    let (mut usable, mut skipped) = (Vec::new(), Vec::new());
+    for (frame, view) in views.iter().enumerate() {
+        let points = view.as_ref();
+        match points.len() < LEAST_POINTS {
+            true => {
+                let reason = Error::TooFewPoints { seen: points.len(), needed: LEAST_POINTS };
+                skipped.push(SkippedFrame { frame, reason });
+            }
+            false => usable.push((frame, points)),
+        }
+    }
+    let copies = geometry::copies(&usable);
+    usable.retain(|(view, _)| copies.copies.iter().all(|(copy, _)| copy != view));
+    Prepared { views: usable, skipped, copies }
+}
+
+/// A family with its fit without gross errors.
+struct Cleaned {
+    family: Vec<LensChoice>,
+    clean: Clean,
+    /// The choice that was fitted, where the views determine it.
+    choice: Option<LensChoice>,
+}
+
+/// Every family with its fit without gross errors. A family after the first begins at the first's answer where that keeps nearly all corners
+/// and the family fits them no better: the search from nothing costs more than everything else.
+fn cleaned_families(
+    views: &[(usize, &[Correspondence])],
+    size: ImageSize,
+    models: Models,
+    shape: Option<Shape>,
+) -> Vec<Cleaned> {
+    let n_numbers = 2 * views.iter().map(|(_, points)| points.len()).sum::<usize>();
+    let mut families: Vec<Cleaned> = Vec::new();
+    for family in models.families() {
+        let first = families.first().map(|first| &first.clean).filter(|clean| {
+            NEARLY_ALL * n_numbers <= 100 * clean.fit.n_numbers() && undetermined(&clean.fit).is_none()
+        });
+        let near = first.and_then(|first| {
+            let choice = *family.last()?;
+            let found = from_another(&first.fit, &choice, shape)?;
+            let is_near = first.fit.chi2() * MUCH_LOWER < found.chi2();
+            let choice = undetermined(&found).is_none().then_some(choice);
+            is_near.then(|| (Clean { fit: found, bad: first.bad.clone() }, choice))
+        });
+        let found = near.or_else(|| cleaned(views, size, &family, shape));
+        families.extend(found.map(|(clean, choice)| Cleaned { family, clean, choice }));
+    }
+    families
+}
+
+/// Per cent of the corners.
+const NEARLY_ALL: usize = 97;
+/// A family that lowers χ² below this part fits other corners too: it is searched from nothing.
+const MUCH_LOWER: f64 = 0.8;
+
+/// A choice fitted to the corners of another's fit, its focal length and poses first.
+fn from_another(other: &Fit, choice: &LensChoice, shape: Option<Shape>) -> Option<Fit> {
+    let camera = choice.camera(&other.shared.camera).ok()?;
+    let directions = choice.directions(&camera);
+    adjust::fit(other.seen.clone(), Shared { camera, shape, directions }).filter(|found| found.converged)
+}
+
+/// A family's fit without gross errors: with most of its coefficients where the views determine them, else with fewer.
+fn cleaned(
+    views: &[(usize, &[Correspondence])],
+    size: ImageSize,
+    family: &[LensChoice],
+    shape: Option<Shape>,
+) -> Option<(Clean, Option<LensChoice>)> {
+    let points: Vec<&[Correspondence]> = views.iter().map(|(_, points)| *points).collect();
+    let smallest = family.iter().find(|choice| !choice.coefficients.is_empty()).or(family.first())?;
+    let camera = start::start(&points, size, smallest)?;
+    let located = |(view, points): &(usize, &[Correspondence])| {
+        Seen::located(*view, points, vec![1.0; points.len()], &camera).ok()
+    };
+    let seen: Vec<Seen> = views.iter().filter_map(located).collect();
+    let most = family.iter().rev().find(|choice| choice.coefficients.len() <= MOST_AT_FIRST);
+    let mut last = None;
+    for choice in [most, Some(smallest), family.first()].into_iter().flatten() {
+        let Ok(camera) = choice.camera(&camera) else { continue };
+        let directions = choice.directions(&camera);
+        let Some(found) = clean(seen.clone(), Shared { camera, shape, directions }) else { continue };
+        if found.fit.converged && undetermined(&found.fit).is_none() {
+            return Some((found, Some(*choice)));
+        }
+        last = Some((found, None));
+    }
+    last
+}
+
+/// Coefficients while gross errors are sought: more are hardly ever determined before.
+const MOST_AT_FIRST: usize = 5;
+
+/// The choice that the evidence picks.
+struct Chosen {
+    choice: LensChoice,
+    fit: Fit,
+    /// Every choice that was tried.
+    tried: Vec<Evidence>,
+    /// Other choices of its family that may be as right: their weights and parameters. The weights and its own add up to one.
+    others: Vec<(f64, Local)>,
+    /// Its own parameters, as those of the others were found.
+    own: Local,
+}
+
+/// The best choice of all families on the corners that the best family keeps.
+fn choose(families: &[Cleaned], shape: Option<Shape>) -> Option<Chosen> {
+    let kept = |clean: &Clean| clean.fit.n_numbers();
+    let cleans = || families.iter().map(|one| &one.clean);
+    let widest = cleans().map(kept).max()?;
+    let quality = |clean: &&Clean| rms_px(&clean.fit);
+    // Families that keep about as many corners are compared by their residuals.
+    let among = cleans().filter(|clean| 95 * widest <= 100 * kept(clean));
+    let common = among.min_by(|a, b| quality(a).total_cmp(&quality(b)))?;
+    let mut tried: Vec<Vec<Tried>> = Vec::new();
+    for Cleaned { family, clean, choice } in families {
+        // Of this family's own corners nothing has to be fitted anew.
+        let is_own = std::ptr::eq(clean, common) || same_corners(&clean.fit, &common.fit);
+        let known = choice.as_ref().filter(|_| is_own);
+        let quick = known.and_then(|choice| select::compared(family, choice, &clean.fit));
+        tried.push(quick.unwrap_or_else(|| {
+            let poses = |view: &Seen| {
+                let own = clean.fit.seen.iter().find(|other| other.view == view.view);
+                Seen {
+                    cam_from_target: own.map_or(view.cam_from_target, |own| own.cam_from_target),
+                    ..view.clone()
+                }
+            };
+            let seen: Vec<Seen> = common.fit.seen.iter().map(poses).collect();
+            ladder(family, &seen, &clean.fit.shared.camera, shape)
+        }));
+    }
+    let (family, at) = best(&mut tried)?;
+    let weights = select::weights(&tried[family]);
+    let taken = &tried[family][at];
+    let choice = taken.evidence.choice;
+    let fit = select::fit_of(taken, &families[family].clean.fit)?;
+    let own = taken.local.clone()?;
+    let others = weights.into_iter().zip(&tried[family]).enumerate();
+    let others = others.filter(|(i, (weight, _))| *i != at && 0.0 < *weight);
+    let others = others.filter_map(|(_, (weight, one))| Some((weight, one.local.clone()?))).collect();
+    Some(Chosen {
+        choice,
+        fit,
+        tried: tried.into_iter().flatten().map(|one| one.evidence).collect(),
+        others,
+        own,
+    })
+}
+
+/// Whether two fits use the same corners of the same views.
+fn same_corners(a: &Fit, b: &Fit) -> bool {
+    let used = |fit: &Fit| -> Vec<(usize, Vec<bool>)> {
+        fit.seen.iter().map(|view| (view.view, view.weights.iter().map(|w| 0.0 < *w).collect())).collect()
+    };
+    used(a) == used(b)
+}
+
+/// All views under a fit's camera, at its poses where it has them: what was rejected may come back.
+fn everything(views: &[(usize, &[Correspondence])], fit: &Fit) -> Vec<Seen> {
+    let of_view = |(view, points): &(usize, &[Correspondence])| {
+        if let Some(known) = fit.seen.iter().find(|seen| seen.view == *view) {
+            return Some(known.clone());
+        }
+        Seen::located(*view, points, vec![1.0; points.len()], &fit.shared.camera).ok()
+    };
+    views.iter().filter_map(of_view).collect()
+}

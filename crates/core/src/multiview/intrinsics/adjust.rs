@@ -1,0 +1,269 @@
+//! The joint adjustment of every pose, the intrinsics and, where wanted, the shape of a flat target: docs/math/intrinsics.md section 2.
+
+use super::model::Direction;
+use crate::camera::MAX_PARAMETERS;
+use crate::least_squares::PivotedPose;
+use crate::least_squares::shared::{Reduced, SharedEquations, SharedState, minimize_shared};
+use crate::locate::refine::{centroid, information};
+use crate::locate::{Config, locate};
+use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
+use arrayvec::ArrayVec;
+use nalgebra::{DMatrix, DVector, Matrix2x6, Vector2};
+
+/// A view as the adjustment sees it.
+#[derive(Debug, Clone)]
+pub(super) struct Seen {
+    /// Index of the view as given.
+    pub(super) view: usize,
+    pub(super) points: Vec<Correspondence>,
+    /// Weight of each point; 0 takes no part.
+    pub(super) weights: Vec<f64>,
+    pub(super) pivot: Point,
+    pub(super) cam_from_target: Pose,
+}
+
+impl Seen {
+    /// A view with its pose under a camera, from those of its points that take part.
+    pub(super) fn located(
+        view: usize,
+        points: &[Correspondence],
+        weights: Vec<f64>,
+        camera: &Camera,
+    ) -> Result<Self, Error> {
+        let cam_from_target = pose(points, &weights, camera)?;
+        Ok(Seen { view, points: points.to_vec(), weights, pivot: centroid(points), cam_from_target })
+    }
+
+    pub(super) fn n_used(&self) -> usize {
+        self.weights.iter().filter(|w| 0.0 < **w).count()
+    }
+}
+
+/// The pose of a view's points under a camera; bearings are derived anew, points outside the camera's field are left out.
+pub(super) fn pose(points: &[Correspondence], weights: &[f64], camera: &Camera) -> Result<Pose, Error> {
+    let used = points.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight);
+    let rebased =
+        used.filter_map(|(c, _)| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }));
+    let seen: Vec<Correspondence> = rebased.collect();
+    Ok(locate(&seen, camera, &Config::default())?.cam_from_target)
+}
+
+/// What may be wrong with a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
+/// target's half width and height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shape {
+    pub(super) centre: Point,
+    pub(super) half_m: [f64; 2],
+    /// stretch, bend_x (m), bend_y (m).
+    pub(super) values: [f64; 3],
+}
+
+impl Shape {
+    /// Of points in one plane z = constant; none where they are not, or lie on a line.
+    pub(super) fn of<'a>(points: impl Iterator<Item = &'a Correspondence> + Clone) -> Option<Self> {
+        let fold = |best: fn(f64, f64) -> f64| {
+            points.clone().map(|c| c.x_in_target).reduce(|a, b| a.zip_map(&b, best))
+        };
+        let (low, high) = (fold(f64::min)?, fold(f64::max)?);
+        let (centre, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let is_flat = half.z <= 1e-9 * half.x && 0.1 * half.x < half.y && 0.1 * half.y < half.x;
+        is_flat.then_some(Shape { centre, half_m: [half.x, half.y], values: [0.0; 3] })
+    }
+
+    fn unit(&self, x: &Point) -> [f64; 2] {
+        [(x.x - self.centre.x) / self.half_m[0], (x.y - self.centre.y) / self.half_m[1]]
+    }
+
+    /// Where a point of the target is.
+    fn at(&self, x: &Point) -> Point {
+        let ([u, v], [stretch, bend_x, bend_y]) = (self.unit(x), self.values);
+        x + Point::new(0.0, stretch * v * self.half_m[1], bend_x * (1.0 - u * u) + bend_y * (1.0 - v * v))
+    }
+
+    /// Its derivatives by the three values.
+    fn derivatives(&self, x: &Point) -> [Point; 3] {
+        let [u, v] = self.unit(x);
+        let along_z = |z: f64| Point::new(0.0, 0.0, z);
+        [Point::new(0.0, v * self.half_m[1], 0.0), along_z(1.0 - u * u), along_z(1.0 - v * v)]
+    }
+}
+
+/// What all views share.
+#[derive(Debug, Clone)]
+pub(super) struct Shared {
+    pub(super) camera: Camera,
+    /// Estimated where there is one.
+    pub(super) shape: Option<Shape>,
+    pub(super) directions: Vec<Direction>,
+}
+
+impl Shared {
+    pub(super) fn n(&self) -> usize {
+        self.directions.len() + if self.shape.is_some() { 3 } else { 0 }
+    }
+
+    /// After a change along the directions, then of the shape.
+    fn changed(&self, change: &DVector<f64>) -> Result<Shared, Error> {
+        let mut values: Vec<f64> = self.camera.parameters().iter().map(|(_, value)| *value).collect();
+        for (direction, change) in self.directions.iter().zip(change.iter()) {
+            for (i, by) in direction {
+                values[*i] += by * change;
+            }
+        }
+        let mut shape = self.shape;
+        if let Some(shape) = &mut shape {
+            let of_shape = change.iter().skip(self.directions.len());
+            shape.values.iter_mut().zip(of_shape).for_each(|(value, change)| *value += change);
+        }
+        Ok(Shared {
+            camera: self.camera.with_parameters(&values)?,
+            shape,
+            directions: self.directions.clone(),
+        })
+    }
+}
+
+/// The normal equations of all views; none where a point that takes part leaves the camera's field.
+pub(super) fn equations(seen: &[Seen], places: &[PivotedPose], shared: &Shared) -> Option<SharedEquations> {
+    let mut sums = SharedEquations::new(shared.n());
+    for (view, place) in seen.iter().zip(places) {
+        sums.next_view();
+        for (c, weight) in view.points.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight) {
+            add(&mut sums, view, place, shared, c, *weight)?;
+        }
+    }
+    sums.chi2.is_finite().then_some(sums)
+}
+
+fn add(
+    sums: &mut SharedEquations,
+    view: &Seen,
+    place: &PivotedPose,
+    shared: &Shared,
+    c: &Correspondence,
+    weight: f64,
+) -> Option<()> {
+    let x_in_target = shared.shape.map_or(c.x_in_target, |shape| shape.at(&c.x_in_target));
+    let y = place.rotation * (x_in_target - view.pivot);
+    let x = y + place.pivot_in_cam;
+    let (pixel, jacobian) = shared.camera.project_with_jacobian(&x)?;
+    let columns = shared.camera.intrinsics_jacobian(&x)?;
+    let mut by_motion = Matrix2x6::zeros();
+    by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&(-jacobian * y.cross_matrix()));
+    by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&jacobian);
+    let along = |d: &Direction| d.iter().map(|(i, by)| columns[*i] * *by).sum::<Vector2<f64>>();
+    let mut by_shared: ArrayVec<Vector2<f64>, MAX_PARAMETERS> = shared.directions.iter().map(along).collect();
+    if let Some(shape) = &shared.shape {
+        let of_shape = shape.derivatives(&c.x_in_target).map(|d| jacobian * (place.rotation * d));
+        by_shared.try_extend_from_slice(&of_shape).ok()?;
+    }
+    sums.add(&(c.pixel - pixel), &(information(c, &jacobian) * weight), &by_motion, &by_shared);
+    Some(())
+}
+
+/// A joint minimum.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) shared: Shared,
+    /// The views at their poses.
+    pub(super) seen: Vec<Seen>,
+    pub(super) equations: SharedEquations,
+    /// Whether it is a minimum: a loop that ended early wandered along a direction that the views leave open.
+    pub(super) converged: bool,
+}
+
+impl Fit {
+    pub(super) fn chi2(&self) -> f64 {
+        self.equations.chi2
+    }
+
+    /// Two numbers a point that takes part.
+    pub(super) fn n_numbers(&self) -> usize {
+        2 * self.seen.iter().map(Seen::n_used).sum::<usize>()
+    }
+
+    pub(super) fn degrees_of_freedom(&self) -> usize {
+        self.n_numbers().saturating_sub(6 * self.seen.len() + self.shared.n())
+    }
+
+    /// Of the shared unknowns, every pose eliminated.
+    pub(super) fn reduced(&self) -> Option<Reduced> {
+        self.equations.reduced()
+    }
+
+    /// What each view alone says of the shared unknowns, at the common minimum.
+    pub(super) fn reduced_by_view(&self) -> Vec<Option<Reduced>> {
+        let alone = |view: &Seen| {
+            let place = PivotedPose::new(&view.cam_from_target, &view.pivot);
+            equations(std::slice::from_ref(view), &[place], &self.shared)?.reduced()
+        };
+        self.seen.iter().map(alone).collect()
+    }
+
+    /// Covariances of the poses' motions about the pivots.
+    pub(super) fn pose_covariances(&self, covariance: &DMatrix<f64>) -> Option<Vec<Matrix6>> {
+        self.equations.pose_covariances(covariance)
+    }
+
+    /// Residuals of every point, used or not: observed − predicted, and squared in units of its covariance; none out of the field.
+    pub(super) fn residuals(&self, view: &Seen) -> Vec<Option<(Vector2<f64>, f64)>> {
+        let of_point = |c: &Correspondence| {
+            let x = self.shared.shape.map_or(c.x_in_target, |shape| shape.at(&c.x_in_target));
+            let (pixel, jacobian) = self.shared.camera.project_with_jacobian(&(view.cam_from_target * x))?;
+            // `information` takes the derivative by the target's point, whose noise is the same in every direction.
+            let e = c.pixel - pixel;
+            Some((e, e.dot(&(information(c, &jacobian) * e))))
+        };
+        view.points.iter().map(of_point).collect()
+    }
+}
+
+/// The joint minimum near the views' poses and what they share; none where the start has no cost.
+pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
+    let place = |view: &Seen| PivotedPose::new(&view.cam_from_target, &view.pivot);
+    let start = seen.iter().map(place).collect();
+    let evaluate =
+        |state: &SharedState| equations(&seen, &state.places, &shared.changed(&state.change).ok()?);
+    let found = minimize_shared(start, shared.n(), evaluate)?;
+    let converged = found.is_minimum();
+    let shared = shared.changed(&found.state.change).ok()?;
+    for (view, place) in seen.iter_mut().zip(&found.state.places) {
+        view.cam_from_target = place.pose(&view.pivot);
+    }
+    Some(Fit { shared, seen, equations: found.equations, converged })
+}
+
+/// The same minimum with views solved again under its camera where that fits them better: wrong intrinsics can turn a view of a plane to its
+/// second solution.
+pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
+    let mut found = fit(seen, shared)?;
+    for _ in 0..MAX_ROUNDS {
+        let mut any = false;
+        let chi2: Vec<f64> = found.equations.chi2_of_views().collect();
+        for (view, chi2) in found.seen.iter_mut().zip(chi2) {
+            let Ok(other) = pose(&view.points, &view.weights, &found.shared.camera) else { continue };
+            let changed = Seen { cam_from_target: other, ..view.clone() };
+            let place = PivotedPose::new(&other, &view.pivot);
+            let Some(alone) = equations(std::slice::from_ref(&changed), &[place], &found.shared) else {
+                continue;
+            };
+            // A pose beside the joint one may only be better by what the shared unknowns gain from it.
+            if alone.chi2 < MUCH_BETTER * chi2 && MUCH < chi2 {
+                *view = changed;
+                any = true;
+            }
+        }
+        if !any {
+            return Some(found);
+        }
+        found = fit(found.seen, found.shared)?;
+    }
+    Some(found)
+}
+
+/// Rounds of looking for second solutions, a bound on the work.
+const MAX_ROUNDS: usize = 3;
+/// A view alone is worth a new start below this part of its χ², where that is …
+const MUCH_BETTER: f64 = 0.7;
+/// … larger than this.
+const MUCH: f64 = 10.0;

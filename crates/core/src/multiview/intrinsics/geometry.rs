@@ -1,0 +1,130 @@
+//! What the views show: how far the target was tilted, where in the image it was, and which views are copies of others.
+
+use super::adjust::Seen;
+use crate::camera::ImageSize;
+use crate::{Correspondence, Pixel};
+use std::collections::HashMap;
+
+/// Two views of one target with corners closer than this (root mean square) are one pose: the target did not move between them.
+const SAME_PLACE_PX: f64 = 2.0;
+/// … if they share at least this part of their corners.
+const SHARED: f64 = 0.8;
+/// Corners of exact copies.
+const COPY_PX: f64 = 1e-6;
+
+/// Columns and rows of the grid in which corners are counted.
+pub const COVERAGE_GRID: [usize; 2] = [10, 8];
+
+/// How many corners fall into each cell of a grid over the image, row by row.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Coverage {
+    /// Cells in a row.
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Corners by cell.
+    pub counts: Vec<usize>,
+}
+
+impl Coverage {
+    pub(super) fn of(corners: impl Iterator<Item = Pixel>, size: ImageSize) -> Self {
+        let [columns, rows] = COVERAGE_GRID;
+        let mut counts = vec![0; columns * rows];
+        let cell = |x: f64, side: u32, n: usize| {
+            let part = (x + 0.5) / f64::from(side.max(1)) * n as f64;
+            (part.max(0.0) as usize).min(n - 1)
+        };
+        for pixel in corners {
+            counts[cell(pixel.y, size.height_px, rows) * columns + cell(pixel.x, size.width_px, columns)] +=
+                1;
+        }
+        Coverage { columns, rows, counts }
+    }
+
+    /// Cells with a corner over all cells.
+    pub fn share(&self) -> f64 {
+        self.counts.iter().filter(|n| 0 < **n).count() as f64 / self.counts.len().max(1) as f64
+    }
+}
+
+/// Which views repeat an earlier one.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Copies {
+    /// Views that are exact copies of an earlier one, and of which.
+    pub copies: Vec<(usize, usize)>,
+    /// Number of views between which target or camera moved.
+    pub n_distinct: usize,
+}
+
+/// Compares every view with those before it that are not copies themselves.
+pub(super) fn copies(views: &[(usize, &[Correspondence])]) -> Copies {
+    let mut found = Copies::default();
+    let mut kept: Vec<(usize, HashMap<[u64; 3], Pixel>)> = Vec::new();
+    for (view, points) in views {
+        let mut is_new = true;
+        let mut copy_of = None;
+        for (other, places) in &kept {
+            let Some(px) = apart_px(points, places) else { continue };
+            is_new &= SAME_PLACE_PX <= px;
+            copy_of = copy_of.or((px < COPY_PX).then_some(*other));
+        }
+        found.n_distinct += usize::from(is_new);
+        match copy_of {
+            Some(other) => found.copies.push((*view, other)),
+            None => kept.push((*view, places(points))),
+        }
+    }
+    found
+}
+
+fn key(c: &Correspondence) -> [u64; 3] {
+    [c.x_in_target.x.to_bits(), c.x_in_target.y.to_bits(), c.x_in_target.z.to_bits()]
+}
+
+fn places(points: &[Correspondence]) -> HashMap<[u64; 3], Pixel> {
+    points.iter().map(|c| (key(c), c.pixel)).collect()
+}
+
+/// Root mean square distance of the corners that two views share; none where they share few. Ends at the first corner that is far off.
+fn apart_px(points: &[Correspondence], places: &HashMap<[u64; 3], Pixel>) -> Option<f64> {
+    let limit = SAME_PLACE_PX.powi(2) * points.len() as f64;
+    let (mut sum, mut n) = (0.0, 0usize);
+    for c in points {
+        let Some(pixel) = places.get(&key(c)) else { continue };
+        sum += (pixel - c.pixel).norm_squared();
+        n += 1;
+        if limit < sum {
+            return None;
+        }
+    }
+    let most = points.len().max(places.len());
+    (0 < n && SHARED * most as f64 <= n as f64).then(|| (sum / n as f64).sqrt())
+}
+
+/// How far flat targets were tilted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tilts {
+    /// Largest angle between a target's normal and the camera's axis, rad.
+    pub largest_rad: f64,
+    /// Largest angle between the normals of two views, camera frame, rad.
+    pub spread_rad: f64,
+}
+
+/// None where a target is not flat, z constant.
+pub(super) fn tilts(seen: &[Seen]) -> Option<Tilts> {
+    let is_flat = |view: &Seen| {
+        let z = view.points.first().map_or(0.0, |c| c.x_in_target.z);
+        view.points.iter().all(|c| (c.x_in_target.z - z).abs() <= 1e-9)
+    };
+    if seen.is_empty() || !seen.iter().all(is_flat) {
+        return None;
+    }
+    // The axis of either face: its sign does not count.
+    let normals: Vec<_> =
+        seen.iter().map(|view| view.cam_from_target.rotation.column(2).into_owned()).collect();
+    let angle = |c: f64| c.abs().min(1.0).acos();
+    let largest_rad = normals.iter().map(|n| angle(n.z)).fold(0.0, f64::max);
+    let pairs = normals.iter().enumerate().flat_map(|(i, a)| normals[..i].iter().map(move |b| (a, b)));
+    let spread_rad = pairs.map(|(a, b)| angle(a.dot(b))).fold(0.0, f64::max);
+    Some(Tilts { largest_rad, spread_rad })
+}

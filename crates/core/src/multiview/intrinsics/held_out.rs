@@ -1,0 +1,59 @@
+//! How well are views predicted that took no part? Each half of the views is predicted by the other half's camera.
+
+use super::adjust::{Fit, Seen, Shared, fit};
+use crate::statistics::chi_square::tail;
+
+/// Two halves, every other view each.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeldOut {
+    /// Residuals of views under the camera of the other half, only their poses being free: root mean square, px of one coordinate.
+    pub rms_px: f64,
+    /// The same views' residuals under the camera of all.
+    pub with_all_px: f64,
+    /// Chance that two halves of one camera's views differ as much, by their covariances.
+    pub p: f64,
+}
+
+/// Fewer views have no halves.
+const LEAST_VIEWS: usize = 6;
+
+/// `widening`: the factor on the inverse information of the answer. None with few views, or where a half leaves a direction open.
+pub(super) fn held_out(whole: &Fit, widening: f64) -> Option<HeldOut> {
+    if whole.seen.len() < LEAST_VIEWS {
+        return None;
+    }
+    let half = |odd: usize| -> Vec<Seen> { whole.seen.iter().skip(odd).step_by(2).cloned().collect() };
+    let halves = [fit(half(0), whole.shared.clone())?, fit(half(1), whole.shared.clone())?];
+    let mut sum = 0.0;
+    for (camera_of, views_of) in [(0, 1), (1, 0)] {
+        let shared = Shared { directions: Vec::new(), ..halves[camera_of].shared.clone() };
+        // Its shape, if estimated, stays free: it belongs to the target. The camera does not.
+        let predicted = fit(half(views_of), shared)?;
+        sum += squared(&predicted);
+    }
+    let n = whole.n_numbers().max(1) as f64;
+    let values =
+        |fit: &Fit| -> Vec<f64> { fit.shared.camera.parameters().iter().map(|(_, value)| *value).collect() };
+    let (a, b) = (values(&halves[0]), values(&halves[1]));
+    let k = whole.shared.directions.len();
+    let difference = nalgebra::DVector::from_fn(k, |i, _| {
+        let (index, _) = whole.shared.directions[i][0];
+        a[index] - b[index]
+    });
+    let mut covariance = nalgebra::DMatrix::zeros(k, k);
+    for half in &halves {
+        let inverse = half.reduced()?.information.cholesky()?.inverse();
+        covariance += inverse.view((0, 0), (k, k)) * widening;
+    }
+    let chi2 = difference.dot(&covariance.cholesky()?.solve(&difference));
+    Some(HeldOut { rms_px: (sum / n).sqrt(), with_all_px: (squared(whole) / n).sqrt(), p: tail(k, chi2) })
+}
+
+fn squared(fit: &Fit) -> f64 {
+    let of_view = |view: &Seen| -> f64 {
+        let residuals = fit.residuals(view);
+        let used = residuals.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight);
+        used.filter_map(|(residual, _)| residual.map(|(e, _)| e.norm_squared())).sum()
+    };
+    fit.seen.iter().map(of_view).sum()
+}

@@ -1,0 +1,330 @@
+//! The answer of a fit, with what is wrong or weak about it.
+
+use super::adjust::{Fit, Seen, Shape, Shared, fit};
+use super::findings::Finding;
+use super::geometry::{Copies, Coverage, Tilts, tilts};
+use super::groups::{TwoGroups, two_groups};
+use super::held_out::held_out;
+use super::next_view::next_view;
+use super::projection::Projection;
+use super::robust::{BadView, Clean};
+use super::scatter::{Noise, Spread, spread};
+use super::select::{Local, rms_px, undetermined};
+use super::{BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
+use crate::camera::ImageSize;
+use crate::locate::consistency::{is_inconsistent, loses_too_many};
+use crate::multiview::intrinsics_check::{MAX_RELATIVE_SIGMA, SkippedFrame};
+use crate::{Correspondence, Matrix6, Pixel, Point};
+use nalgebra::DMatrix;
+
+/// Tilts and differences of orientation below this separate focal length and distance only by noise.
+const LEAST_TILT_RAD: f64 = 0.26;
+const LEAST_SPREAD_RAD: f64 = 0.17;
+/// A focal length known worse than this is remarked on.
+const GOOD_FOCAL: f64 = 0.01;
+/// Corners in a smaller part of the image's cells are remarked on.
+const GOOD_COVERAGE: f64 = 0.6;
+/// A stretch is real beyond so many standard deviations, and if it exceeds what paper does in damp air.
+const REAL_SIGMAS: f64 = 5.0;
+const LEAST_STRETCH: f64 = 1.5e-3;
+/// A bend is remarked on beyond this part of the target's half width.
+const LEAST_BEND: f64 = 2e-3;
+/// Contradiction between views that is worth a remark: variances twice those of the noise.
+const LEAST_CONTRADICTION: f64 = 2.0;
+
+/// What the answer needs besides the fit.
+pub(super) struct Context<'a> {
+    pub(super) size: ImageSize,
+    pub(super) config: &'a IntrinsicsConfig,
+    pub(super) chosen: &'a Chosen,
+    pub(super) shape: Option<Shape>,
+    pub(super) copies: &'a Copies,
+    pub(super) skipped: &'a [SkippedFrame],
+}
+
+/// None where the covariance does not exist.
+pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsics> {
+    let found = &clean.fit;
+    let spread = spread(found, context.config.noise)?;
+    let covariance = over_choices(found, &spread, context.chosen);
+    let camera = found.shared.camera.clone();
+    let corners = || found.seen.iter().flat_map(used_pixels);
+    let projection = Projection::new(&camera, &covariance, corners()).over_image(context.size, 17, 13);
+    let views = views(found, &spread)?;
+    let widening = spread.noise * spread.contradiction;
+    let coverage = Coverage::of(corners(), context.size);
+    let tilts = tilts(&found.seen);
+    let findings = findings(clean, &spread, &covariance, &coverage, context);
+    Some(SolvedIntrinsics {
+        choice: context.chosen.choice,
+        views,
+        bad_corners: bad_corners(found),
+        bad_views: clean
+            .bad
+            .iter()
+            .map(|(view, reason)| (view.view, *reason))
+            .collect::<Vec<(usize, BadView)>>(),
+        skipped: context.skipped.to_vec(),
+        rms_px: rms_px(found),
+        degrees_of_freedom: found.degrees_of_freedom(),
+        chi2: found.chi2(),
+        noise_scale: spread.noise,
+        contradiction: spread.contradiction,
+        tried: context.chosen.tried.clone(),
+        target_shape: target_shape(found, &spread.covariance)
+            .zip(found.shared.shape)
+            .map(|(values, shape)| (values, shape.half_m)),
+        tilts,
+        coverage,
+        projection,
+        held_out: held_out(found, widening),
+        next_view: next_view(found, context.size, &spread.covariance, widening),
+        findings,
+        covariance,
+        camera,
+    })
+}
+
+/// Why views determine no camera: the first reason that applies, from the fit nearest to an answer.
+pub(super) fn why_undetermined(views: &[(usize, &[Correspondence])], fit: Option<&Fit>) -> Vec<Finding> {
+    let n_views = views.len();
+    let Some(fit) = fit else { return vec![Finding::NoCamera { n_views, n_posed: 0 }] };
+    let n_posed = fit.seen.len();
+    if 2 * n_posed < n_views || n_posed < super::LEAST_VIEWS {
+        return vec![Finding::NoCamera { n_views, n_posed }];
+    }
+    let open = undetermined(fit).unwrap_or((fit.shared.camera.parameters()[0].0, f64::INFINITY));
+    let undetermined =
+        Finding::Undetermined { parameter: open.0, relative: open.1, needed: MAX_RELATIVE_SIGMA };
+    match tilts(&fit.seen) {
+        Some(Tilts { largest_rad, .. }) if largest_rad < LEAST_TILT_RAD => {
+            vec![Finding::NotTilted { largest_rad, needed_rad: LEAST_TILT_RAD }, undetermined]
+        }
+        Some(Tilts { spread_rad, .. }) if spread_rad < LEAST_SPREAD_RAD => {
+            vec![Finding::OneOrientation { spread_rad, needed_rad: LEAST_SPREAD_RAD }, undetermined]
+        }
+        _ => vec![undetermined],
+    }
+}
+
+fn used_pixels(view: &Seen) -> impl Iterator<Item = Pixel> + '_ {
+    view.points.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight).map(|(c, _)| c.pixel)
+}
+
+/// From the free directions to all parameters: D Σ Dᵀ.
+fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = fit.shared.camera.parameters().len();
+    let mut map = DMatrix::zeros(n, covariance.nrows());
+    for (column, direction) in fit.shared.directions.iter().enumerate() {
+        for (row, by) in direction {
+            map[(*row, column)] = *by;
+        }
+    }
+    let all = &map * covariance * map.transpose();
+    0.5 * (&all + all.transpose())
+}
+
+/// The covariance of the parameters with what the choice of the model adds: docs/math/intrinsics.md eq. (8).
+fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
+    let own = of_parameters(fit, &spread.covariance);
+    let names = fit.shared.camera.parameters();
+    let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+    let reference: Vec<f64> = in_terms_of(&names, &chosen.own);
+    let mut total = DMatrix::zeros(own.nrows(), own.nrows());
+    let mut weight_of_others = 0.0;
+    for (weight, other) in &chosen.others {
+        let conditional = &other.covariance * (spread.noise * spread.contradiction);
+        let places: Vec<Option<usize>> =
+            names.iter().map(|name| other.names.iter().position(|known| known == name)).collect();
+        let off: Vec<f64> = in_terms_of(&names, other).iter().zip(&reference).map(|(a, b)| a - b).collect();
+        total += DMatrix::from_fn(own.nrows(), own.nrows(), |i, j| {
+            let within = places[i].zip(places[j]).map_or(0.0, |(i, j)| conditional[(i, j)]);
+            weight * (within + off[i] * off[j])
+        });
+        weight_of_others += weight;
+    }
+    own * (1.0 - weight_of_others).max(0.0) + total
+}
+
+/// Parameters of another choice of the family by the names of this one; a coefficient that it does not have is zero.
+fn in_terms_of(names: &[&str], local: &Local) -> Vec<f64> {
+    let value =
+        |name: &&str| local.names.iter().position(|known| known == name).map_or(0.0, |i| local.values[i]);
+    names.iter().map(value).collect()
+}
+
+fn target_shape(fit: &Fit, covariance: &DMatrix<f64>) -> Option<[[f64; 2]; 3]> {
+    let shape = fit.shared.shape?;
+    let first = fit.shared.directions.len();
+    Some([0, 1, 2].map(|i| [shape.values[i], covariance[(first + i, first + i)].max(0.0).sqrt()]))
+}
+
+fn views(fit: &Fit, spread: &Spread) -> Option<Vec<IntrinsicsView>> {
+    let poses = fit.pose_covariances(&(&spread.covariance / spread.noise))?;
+    let of_view = |(view, pose): (&Seen, &Matrix6)| {
+        let used = fit.residuals(view).into_iter().zip(view.points.iter().zip(&view.weights));
+        let residuals: Vec<_> = used
+            .filter(|(_, (_, weight))| 0.0 < **weight)
+            .filter_map(|(residual, (c, _))| Some((c.pixel, residual?.0)))
+            .collect();
+        let sum: f64 = residuals.iter().map(|(_, e)| e.norm_squared()).sum();
+        IntrinsicsView {
+            view: view.view,
+            cam_from_target: view.cam_from_target,
+            covariance: about_camera(pose, &(view.cam_from_target * view.pivot)) * spread.noise,
+            rms_px: (sum / (2 * residuals.len()).max(1) as f64).sqrt(),
+            residuals,
+        }
+    };
+    Some(fit.seen.iter().zip(&poses).map(of_view).collect())
+}
+
+/// The covariance of the left motion from that about the pivot: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
+fn about_camera(about_pivot: &Matrix6, pivot_in_cam: &Point) -> Matrix6 {
+    let mut to_camera = Matrix6::identity();
+    to_camera.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_cam.cross_matrix());
+    crate::pose::symmetric(&(to_camera * about_pivot * to_camera.transpose()))
+}
+
+fn bad_corners(fit: &Fit) -> Vec<BadCorner> {
+    let of_view = |view: &Seen| {
+        let residuals = fit.residuals(view).into_iter().zip(view.weights.clone()).enumerate();
+        let number = view.view;
+        residuals.filter(|(_, (_, weight))| *weight == 0.0).map(move |(point, (residual, _))| BadCorner {
+            view: number,
+            point,
+            residual_px: residual.map(|(e, _)| e),
+        })
+    };
+    fit.seen.iter().flat_map(of_view).collect()
+}
+
+fn findings(
+    clean: &Clean,
+    spread: &Spread,
+    covariance: &DMatrix<f64>,
+    coverage: &Coverage,
+    context: &Context,
+) -> Vec<Finding> {
+    let fit = &clean.fit;
+    let mut found = Vec::new();
+    found.extend(two_cameras(clean));
+    found.extend(many_bad(clean).filter(|_| found.is_empty()));
+    found.extend(shape_findings(fit, context.shape, context.config.noise));
+    found.extend(noisy(fit, spread));
+    let focal = fit.shared.camera.parameters()[0].1;
+    let relative = covariance[(0, 0)].max(0.0).sqrt() / focal;
+    if GOOD_FOCAL < relative {
+        found.push(Finding::RoughFocal { relative, needed: GOOD_FOCAL });
+    }
+    if !context.copies.copies.is_empty() {
+        let n = context.copies.copies.len();
+        found.push(Finding::Copies { n, n_distinct: context.copies.n_distinct });
+    }
+    if coverage.share() < GOOD_COVERAGE {
+        found.push(Finding::SmallCoverage { share: coverage.share(), needed: GOOD_COVERAGE });
+    }
+    if LEAST_CONTRADICTION < spread.contradiction {
+        found.push(Finding::ViewsContradict { times: spread.contradiction });
+    }
+    found.sort_by_key(|finding| std::cmp::Reverse(finding.severity()));
+    found
+}
+
+fn many_bad(clean: &Clean) -> Option<Finding> {
+    let (n, of) = (clean.bad.len(), clean.bad.len() + clean.fit.seen.len());
+    let of_corners: usize = clean.fit.seen.iter().map(|view| view.points.len()).sum();
+    let n_corners = of_corners - clean.fit.n_numbers() / 2;
+    let too_many = loses_too_many(n, of) || loses_too_many(n_corners, of_corners);
+    too_many.then_some(Finding::ManyBadViews { n, of, n_corners, of_corners })
+}
+
+/// Residuals far above what is stated, by the house's one rule.
+fn noisy(fit: &Fit, spread: &Spread) -> Option<Finding> {
+    let stated: f64 = fit.seen.iter().flat_map(|view| &view.points).map(|c| c.sigma_px * c.sigma_px).sum();
+    let n: usize = fit.seen.iter().map(|view| view.points.len()).sum();
+    let stated_px = (stated / n.max(1) as f64).sqrt();
+    is_inconsistent(fit.chi2(), fit.degrees_of_freedom())
+        .then(|| Finding::Noisy { seen_px: stated_px * spread.noise.sqrt(), stated_px })
+}
+
+/// Views of two cameras: either both are in the fit, or one of them is among the bad views.
+fn two_cameras(clean: &Clean) -> Option<Finding> {
+    let groups = two_groups(&clean.fit).or_else(|| second_camera(clean))?;
+    let focal = |views: &[usize]| {
+        let all = clean.fit.seen.iter().chain(clean.bad.iter().map(|(view, _)| view));
+        let seen: Vec<Seen> = all.filter(|view| views.contains(&view.view)).cloned().collect();
+        let alone = fit(seen, clean.fit.shared.clone()).filter(|fit| undetermined(fit).is_none())?;
+        let variance = alone.reduced()?.information.cholesky()?.inverse()[(0, 0)];
+        let noise = alone.chi2() / alone.degrees_of_freedom().max(1) as f64;
+        Some([alone.shared.camera.parameters()[0].1, (variance * noise).sqrt()])
+    };
+    let focal_px = [focal(&groups.first), focal(&groups.second)];
+    Some(Finding::TwoCameras { groups, focal_px })
+}
+
+/// Bad views that have a camera of their own which explains them about as well as the good ones.
+fn second_camera(clean: &Clean) -> Option<TwoGroups> {
+    if clean.bad.len() < super::LEAST_VIEWS {
+        return None;
+    }
+    let bad: Vec<Seen> = clean.bad.iter().map(|(view, _)| view.clone()).collect();
+    let shared: Shared = clean.fit.shared.clone();
+    let second: Clean = super::robust::clean(bad, shared)?;
+    let variance = |fit: &Fit| fit.chi2() / fit.degrees_of_freedom().max(1) as f64;
+    let is_good = 2 * clean.bad.len() <= 3 * second.fit.seen.len()
+        && super::LEAST_VIEWS <= second.fit.seen.len()
+        && variance(&second.fit) < SAME_QUALITY * variance(&clean.fit);
+    if !is_good {
+        return None;
+    }
+    let first: Vec<usize> = clean.fit.seen.iter().map(|view| view.view).collect();
+    let own: Vec<usize> = second.fit.seen.iter().map(|view| view.view).collect();
+    let (last, next) = (first.iter().max()?, own.iter().min()?);
+    let in_sequence = last < next || own.iter().max()? < first.iter().min()?;
+    let times = common_variance(clean, &own) / variance(&clean.fit);
+    (super::LEAST_TIMES < times).then_some(TwoGroups { first, second: own, in_sequence, times })
+}
+
+/// A second camera's residual variance is at most this many times the first's.
+const SAME_QUALITY: f64 = 4.0;
+
+/// Residual variance of views under the first camera, only their poses being free.
+fn common_variance(clean: &Clean, views: &[usize]) -> f64 {
+    let seen: Vec<Seen> =
+        clean.bad.iter().map(|(view, _)| view).filter(|view| views.contains(&view.view)).cloned().collect();
+    let shared = Shared { directions: Vec::new(), shape: None, ..clean.fit.shared.clone() };
+    fit(seen, shared).map_or(f64::INFINITY, |fit| fit.chi2() / fit.degrees_of_freedom().max(1) as f64)
+}
+
+/// One adjustment with the target's shape free tells whether it is stretched or bent.
+fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Finding> {
+    let Some(shape) = shape.filter(|_| found.shared.shape.is_none()) else { return Vec::new() };
+    let shared = Shared { shape: Some(shape), ..found.shared.clone() };
+    let Some(free) = fit(found.seen.clone(), shared) else {
+        return Vec::new();
+    };
+    let Some(values) = spread(&free, noise).and_then(|spread| target_shape(&free, &spread.covariance)) else {
+        return Vec::new();
+    };
+    deformed(values, shape.half_m, false)
+}
+
+/// The deformations of a target that were estimated and taken into account.
+pub(super) fn deformations(solved: &SolvedIntrinsics) -> Vec<Finding> {
+    solved.target_shape.map_or_else(Vec::new, |(values, half_m)| deformed(values, half_m, true))
+}
+
+fn deformed(values: [[f64; 2]; 3], half_m: [f64; 2], taken_in: bool) -> Vec<Finding> {
+    let [[stretch, sigma], [x, sigma_x], [y, sigma_y]] = values;
+    let mut findings = Vec::new();
+    if LEAST_STRETCH < stretch.abs() && REAL_SIGMAS * sigma < stretch.abs() {
+        findings.push(Finding::Stretched { stretch, sigma, taken_in });
+    }
+    let is_bent =
+        |bend: f64, sigma: f64, half: f64| LEAST_BEND * half < bend.abs() && REAL_SIGMAS * sigma < bend.abs();
+    if is_bent(x, sigma_x, half_m[0]) || is_bent(y, sigma_y, half_m[1]) {
+        findings.push(Finding::Bent { bend_m: [x, y], sigma_m: [sigma_x, sigma_y], taken_in });
+    }
+    findings
+}

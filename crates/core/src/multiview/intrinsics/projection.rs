@@ -1,0 +1,181 @@
+//! How well a camera's projection is known over its image, and by how much two cameras differ: docs/math/intrinsics.md section 7.
+//!
+//! A small rotation of the camera looks like a shift of its principal point. What is uncertain about a projection is therefore counted after
+//! the rotation that keeps the observed corners in place best has been taken out, as mrcal does.
+
+use crate::camera::ImageSize;
+use crate::{Bearing, Camera, Pixel};
+use nalgebra::{DMatrix, Dyn, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Vector3};
+
+type Rows = OMatrix<f64, U2, Dyn>;
+
+/// Standard deviation of the projection at one place of the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProjectionSigma {
+    /// Where.
+    pub pixel: Pixel,
+    /// Along the worse direction, px; none outside the lens model's field.
+    pub sigma_px: Option<f64>,
+}
+
+/// Standard deviations of the projection over a grid of `columns` × `rows` places, row by row, from corner to corner of the image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProjectionUncertainty {
+    /// Places in a row.
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Every place.
+    pub places: Vec<ProjectionSigma>,
+}
+
+impl ProjectionUncertainty {
+    /// Root mean square over the image, px; none where no place is in the field.
+    pub fn rms_px(&self) -> Option<f64> {
+        let known: Vec<f64> = self.places.iter().filter_map(|place| place.sigma_px).collect();
+        let sum: f64 = known.iter().map(|sigma| sigma * sigma).sum();
+        (!known.is_empty()).then(|| (sum / known.len() as f64).sqrt())
+    }
+
+    /// The largest, px.
+    pub fn largest_px(&self) -> Option<f64> {
+        self.places.iter().filter_map(|place| place.sigma_px).reduce(f64::max)
+    }
+}
+
+/// What the projection's covariance follows from: the intrinsics' covariance and the corners that hold the camera's rotation.
+pub struct Projection<'a> {
+    camera: &'a Camera,
+    covariance: &'a DMatrix<f64>,
+    /// The rotation that best undoes a change of the intrinsics, 3 × n: docs/math/intrinsics.md eq. (9).
+    rotation_of_change: DMatrix<f64>,
+}
+
+impl<'a> Projection<'a> {
+    /// `covariance`: of all parameters, in the order of `Camera::parameters`. `corners`: where the targets' points were seen; those outside the
+    /// field do not count.
+    pub fn new(
+        camera: &'a Camera,
+        covariance: &'a DMatrix<f64>,
+        corners: impl IntoIterator<Item = Pixel>,
+    ) -> Self {
+        let n = camera.parameters().len();
+        let (mut rr, mut rk) = (Matrix3::zeros(), DMatrix::zeros(3, n));
+        for pixel in corners {
+            let Some((by_rotation, by_parameters)) = derivatives(camera, &pixel) else { continue };
+            rr += by_rotation.transpose() * by_rotation;
+            rk += by_rotation.transpose() * by_parameters;
+        }
+        let inverse = rr.try_inverse().unwrap_or_else(Matrix3::zeros);
+        Projection {
+            camera,
+            covariance,
+            rotation_of_change: DMatrix::from_fn(3, n, |i, j| {
+                -(0..3).map(|k| inverse[(i, k)] * rk[(k, j)]).sum::<f64>()
+            }),
+        }
+    }
+
+    /// Covariance of the projection at a pixel, px²; none outside the field.
+    pub fn covariance_px2(&self, pixel: &Pixel) -> Option<nalgebra::Matrix2<f64>> {
+        let d = self.by_parameters(pixel)?;
+        Some(&d * self.covariance * d.transpose())
+    }
+
+    /// Derivative of the projection by the parameters, the rotation taken out; none outside the field.
+    pub fn by_parameters(&self, pixel: &Pixel) -> Option<Rows> {
+        let (by_rotation, by_parameters) = derivatives(self.camera, pixel)?;
+        Some(by_parameters + by_rotation * &self.rotation_of_change)
+    }
+
+    /// Over a grid of the image.
+    pub fn over_image(&self, size: ImageSize, columns: usize, rows: usize) -> ProjectionUncertainty {
+        let places = grid(size, columns, rows).map(|pixel| {
+            let largest = |c: nalgebra::Matrix2<f64>| {
+                let (mean, half) = (0.5 * (c.m11 + c.m22), 0.5 * (c.m11 - c.m22));
+                (mean + half.hypot(c.m12)).max(0.0).sqrt()
+            };
+            let sigma_px = self.covariance_px2(&pixel).map(largest).filter(|s| s.is_finite());
+            ProjectionSigma { pixel, sigma_px }
+        });
+        ProjectionUncertainty { columns, rows, places: places.collect() }
+    }
+}
+
+/// Places from corner to corner of an image, row by row.
+pub fn grid(size: ImageSize, columns: usize, rows: usize) -> impl Iterator<Item = Pixel> {
+    let along =
+        |n: usize, i: usize, side: u32| f64::from(side.saturating_sub(1)) * i as f64 / (n.max(2) - 1) as f64;
+    (0..rows * columns).map(move |i| {
+        Pixel::new(
+            along(columns, i % columns.max(1), size.width_px),
+            along(rows, i / columns.max(1), size.height_px),
+        )
+    })
+}
+
+/// Of the pixel of a far point seen there: by a rotation of the camera frame's points, and by the parameters.
+fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)> {
+    let x: Vector3<f64> = camera.bearing(pixel).ok()?.into_inner();
+    let (_, jacobian) = camera.project_with_jacobian(&x)?;
+    let columns = camera.intrinsics_jacobian(&x)?;
+    let rows = Rows::from_fn(columns.len(), |i, j| columns[j][i]);
+    Some((-jacobian * x.cross_matrix(), rows))
+}
+
+/// By how much the projections of two cameras differ over the image of the first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProjectionDifference {
+    /// Root mean square over the places compared, px.
+    pub rms_px: f64,
+    /// The largest, px.
+    pub largest_px: f64,
+    /// Places compared, of `of`: those in the fields of both.
+    pub n: usize,
+    /// Places of the grid.
+    pub of: usize,
+}
+
+/// Steps of the search for the rotation; it converges quadratically from a small angle.
+const MAX_STEPS: usize = 20;
+
+/// The difference left by the best rotation between the two cameras; none where their fields hardly overlap (three places are needed).
+pub fn projection_difference(a: &Camera, b: &Camera, size: ImageSize) -> Option<ProjectionDifference> {
+    let places: Vec<Pixel> = grid(size, 24, 18).collect();
+    let seen: Vec<(Pixel, Bearing)> =
+        places.iter().filter_map(|pixel| Some((*pixel, a.bearing(pixel).ok()?))).collect();
+    let mut b_from_a = Rotation3::identity();
+    for _ in 0..MAX_STEPS {
+        let (mut normal, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        for (pixel, bearing) in &seen {
+            let x = b_from_a * bearing.into_inner();
+            let Some((there, jacobian)) = b.project_with_jacobian(&x) else { continue };
+            let by_rotation = -jacobian * x.cross_matrix();
+            normal += by_rotation.transpose() * by_rotation;
+            pull += by_rotation.transpose() * (pixel - there);
+        }
+        let step = normal.try_inverse()? * pull;
+        if !step.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        b_from_a = Rotation3::from_scaled_axis(step) * b_from_a;
+        if step.norm() < 1e-12 {
+            break;
+        }
+    }
+    let off = seen
+        .iter()
+        .filter_map(|(pixel, bearing)| Some((b.project(&(b_from_a * bearing.into_inner()))? - pixel).norm()));
+    let off: Vec<f64> = off.collect();
+    if off.len() < 3 {
+        return None;
+    }
+    let sum: f64 = off.iter().map(|px| px * px).sum();
+    let largest_px = off.iter().copied().fold(0.0, f64::max);
+    Some(ProjectionDifference {
+        rms_px: (sum / off.len() as f64).sqrt(),
+        largest_px,
+        n: off.len(),
+        of: places.len(),
+    })
+}

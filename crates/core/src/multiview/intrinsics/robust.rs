@@ -1,0 +1,161 @@
+//! Which corners and views take part: gross errors are found from the residuals of a fit that they hardly pull, and named.
+//! docs/math/intrinsics.md section 4.
+
+use super::adjust::{Fit, Seen, Shared, fit, fit_with_second_solutions};
+use nalgebra::Vector2;
+
+/// A corner beyond this many standard deviations (of the noise that the residuals show) is a gross error: three in ten million good ones are.
+pub const GROSS_SIGMAS: f64 = 5.5;
+/// A view whose corners scatter this many times as much as the others' is bad as a whole …
+pub const BAD_VIEW_TIMES: f64 = 3.0;
+/// … as is one that keeps less than this part of its corners …
+const LEAST_SHARE: f64 = 0.6;
+/// … or fewer corners than this: a pose takes up most of what they say.
+pub const LEAST_POINTS: usize = 6;
+/// Rounds at most, of weighing and of rejecting.
+const MAX_ROUNDS: usize = 6;
+/// Median of χ² with two degrees of freedom.
+const MEDIAN_CHI2: f64 = 1.386_294_361_119_890_6;
+/// Corners half as far as a gross error already lose weight while weights are sought: (1 + d²/c²)⁻² with c in standard deviations.
+const SOFT: f64 = 3.0;
+/// Weights that change by less than this have settled.
+const SETTLED: f64 = 0.02;
+
+/// Why a view takes no part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BadView {
+    /// Its corners scatter far more than those of the others.
+    Scatters {
+        /// Root mean square of its residuals, px.
+        rms_px: f64,
+        /// The most accepted, px.
+        needed_px: f64,
+    },
+    /// Too many of its corners are gross errors.
+    GrossErrors {
+        /// Corners that are.
+        n: usize,
+        /// Of so many.
+        of: usize,
+    },
+}
+
+/// A fit without gross errors.
+#[derive(Debug, Clone)]
+pub(super) struct Clean {
+    pub(super) fit: Fit,
+    /// Bad views, as they were seen last.
+    pub(super) bad: Vec<(Seen, BadView)>,
+}
+
+/// Fits, weighing corners down that lie far off if there are any, then rejects gross errors until none is left and none comes back.
+pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
+    let found = fit_with_second_solutions(seen, shared)?;
+    let limit = (GROSS_SIGMAS * noise(&found)).powi(2);
+    let is_far = |r: Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= limit);
+    let any = found.seen.iter().any(|view| found.residuals(view).into_iter().any(is_far));
+    without_gross_errors(if any { softly(found)? } else { found })
+}
+
+/// From an answer that gross errors hardly pull: rejects them, and takes those back that are none.
+pub(super) fn cleaned_from(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
+    without_gross_errors(fit(seen, shared)?)
+}
+
+fn without_gross_errors(mut found: Fit) -> Option<Clean> {
+    let mut bad: Vec<(Seen, BadView)> = Vec::new();
+    for _ in 0..MAX_ROUNDS {
+        let sigma = noise(&found);
+        let (mut kept, mut changed) = (Vec::new(), false);
+        // Bad views may come back under a better camera.
+        let back: Vec<Seen> = std::mem::take(&mut bad).into_iter().map(|(view, _)| view).collect();
+        let n_in = found.seen.len();
+        for (number, view) in found.seen.iter().chain(&back).enumerate() {
+            let (weighed, reason) = judged(&found, view, sigma);
+            let was_in = number < n_in;
+            match reason {
+                Some(reason) => {
+                    changed |= was_in;
+                    bad.push((weighed, reason));
+                }
+                None => {
+                    changed |= !was_in || weighed.weights != view.weights;
+                    kept.push(weighed);
+                }
+            }
+        }
+        if !changed {
+            break;
+        }
+        kept.sort_by_key(|view| view.view);
+        found = fit(kept, found.shared)?;
+    }
+    bad.sort_by_key(|(view, _)| view.view);
+    Some(Clean { fit: found, bad })
+}
+
+/// A fit with weights that follow the residuals.
+fn softly(mut found: Fit) -> Option<Fit> {
+    for _ in 0..MAX_ROUNDS {
+        let scale = (SOFT * noise(&found)).powi(2);
+        let mut largest = 0.0f64;
+        let residuals: Vec<_> = found.seen.iter().map(|view| found.residuals(view)).collect();
+        for (view, residuals) in found.seen.iter_mut().zip(residuals) {
+            for (weight, residual) in view.weights.iter_mut().zip(residuals) {
+                let new =
+                    residual.map_or(LEAST_WEIGHT, |(_, d2)| (1.0 + d2 / scale).powi(-2).max(LEAST_WEIGHT));
+                largest = largest.max((new - *weight).abs());
+                *weight = new;
+            }
+        }
+        if largest < SETTLED {
+            break;
+        }
+        found = fit(found.seen, found.shared)?;
+    }
+    Some(found)
+}
+
+/// Keeps a far corner in sight.
+const LEAST_WEIGHT: f64 = 1e-6;
+
+/// The residuals' standard deviation in units of the stated ones, by their median: half of them may be gross errors.
+fn noise(fit: &Fit) -> f64 {
+    let mut squared: Vec<f64> = fit
+        .seen
+        .iter()
+        .flat_map(|view| fit.residuals(view))
+        .map(|r| r.map_or(f64::INFINITY, |(_, d2)| d2))
+        .collect();
+    squared.sort_by(f64::total_cmp);
+    let median = squared.get(squared.len() / 2).copied().unwrap_or(0.0);
+    // What the poses and the shared unknowns took up.
+    let n = fit.n_numbers().max(1) as f64;
+    let left = (fit.degrees_of_freedom().max(1) as f64 / n).min(1.0);
+    (median / MEDIAN_CHI2 / left).sqrt().clamp(f64::MIN_POSITIVE.sqrt(), 1e150)
+}
+
+/// A view with gross errors at weight 0 and all others at 1, and what is wrong with it as a whole.
+fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
+    let residuals = fit.residuals(view);
+    let is_gross =
+        |r: &Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= (GROSS_SIGMAS * sigma).powi(2));
+    let weights: Vec<f64> = residuals.iter().map(|r| if is_gross(r) { 0.0 } else { 1.0 }).collect();
+    let (of, n) = (weights.len(), weights.iter().filter(|w| **w == 0.0).count());
+    let mut squared: Vec<(f64, f64)> =
+        residuals.iter().flatten().map(|(e, d2)| (*d2, e.norm_squared())).collect();
+    squared.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let middle = squared.get(squared.len() / 2).copied().unwrap_or((0.0, 0.0));
+    let times = (middle.0 / MEDIAN_CHI2).sqrt() / sigma;
+    let reason = if BAD_VIEW_TIMES < times {
+        let rms_px = (squared.iter().map(|(_, px2)| px2).sum::<f64>() / (2 * squared.len()) as f64).sqrt();
+        Some(BadView::Scatters { rms_px, needed_px: rms_px * BAD_VIEW_TIMES / times })
+    } else if (of - n) < LEAST_POINTS || ((of - n) as f64) < LEAST_SHARE * of as f64 {
+        Some(BadView::GrossErrors { n, of })
+    } else {
+        None
+    };
+    // A bad view keeps the weights it had: all of its corners may come back.
+    let weights = if reason.is_some() { vec![1.0; of] } else { weights };
+    (Seen { weights, ..view.clone() }, reason)
+}

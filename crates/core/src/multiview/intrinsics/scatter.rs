@@ -1,0 +1,154 @@
+//! The covariance of what the views share: the noise that the residuals show, and what the views contradict each other by.
+//! docs/math/intrinsics.md section 6; the scatter of views as docs/math/clustered.md, for one block of any size.
+
+use super::adjust::Fit;
+use crate::least_squares::shared::Reduced;
+use crate::locate::consistency::noise_scale;
+use crate::statistics::chi_square::quantile;
+use nalgebra::{DMatrix, DVector};
+
+/// Where the noise of the corners comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Noise {
+    /// From the residuals; the stated sigmas are weights.
+    #[default]
+    Estimated,
+    /// The stated sigmas; larger where the residuals prove them too small.
+    Stated,
+}
+
+/// The covariance of what the views share, and what it is made of.
+#[derive(Debug, Clone)]
+pub(super) struct Spread {
+    /// Of the free directions and the shape.
+    pub(super) covariance: DMatrix<f64>,
+    /// Factor on the stated variances.
+    pub(super) noise: f64,
+    /// By how much variances grew further, since views contradict each other; 1 where they do not.
+    pub(super) contradiction: f64,
+}
+
+/// Fewer redundant numbers say too little about the noise: the stated sigmas count then.
+const LEAST_REDUNDANCY: usize = 30;
+/// A view's leverage is kept this far below one.
+const RIDGE: f64 = 1e-6;
+/// Directions that a view shows to less than this part of its share of what all show are not compared: there the score follows the noise of the
+/// view's own pose (a frontal view says nothing of the focal length, but seems to), docs/math/frames.md section 3.
+const SEEN: f64 = 0.05;
+/// One in a hundred: the chance that views without a shared error seem to contradict each other.
+const CHANCE: f64 = 0.01;
+
+/// None where the views leave a direction open.
+pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
+    let inverse = fit.reduced()?.information.cholesky()?.inverse();
+    let noise = noise_factor(fit, stated);
+    let by_view: Vec<Reduced> = scores(fit, &inverse);
+    let Some(scatter) = Scatter::of(&inverse, &by_view, noise) else {
+        return Some(Spread { covariance: inverse * noise, noise, contradiction: 1.0 });
+    };
+    let (covariance, contradiction) = scatter.covariance(&inverse, noise);
+    Some(Spread { covariance, noise, contradiction })
+}
+
+fn noise_factor(fit: &Fit, stated: Noise) -> f64 {
+    let degrees_of_freedom = fit.degrees_of_freedom();
+    match stated {
+        Noise::Estimated if LEAST_REDUNDANCY <= degrees_of_freedom => fit.chi2() / degrees_of_freedom as f64,
+        _ => noise_scale(fit.chi2(), degrees_of_freedom),
+    }
+}
+
+/// What each view says, at the minimum: the equations at hand stand one vanishing step before it.
+pub(super) fn scores(fit: &Fit, inverse: &DMatrix<f64>) -> Vec<Reduced> {
+    let mut by_view: Vec<Reduced> = fit.reduced_by_view().into_iter().flatten().collect();
+    let rest: DVector<f64> = by_view.iter().fold(DVector::zeros(inverse.nrows()), |sum, r| sum + &r.gradient);
+    let step = inverse * rest;
+    by_view.iter_mut().for_each(|r| r.gradient -= &r.information * &step);
+    by_view
+}
+
+/// How far the answers without one view scatter.
+struct Scatter {
+    /// P Σ w wᵀ P / e, docs/math/clustered.md eq. (5).
+    moved: DMatrix<f64>,
+    /// Its whitened form Σ y yᵀ, and Σ |y|⁴.
+    whitened: DMatrix<f64>,
+    fourth: f64,
+    n_views: usize,
+}
+
+impl Scatter {
+    /// None where the views do not contradict each other.
+    fn of(inverse: &DMatrix<f64>, by_view: &[Reduced], base: f64) -> Option<Self> {
+        let k = inverse.nrows();
+        let factor = inverse.clone().cholesky()?.l();
+        let whitening = factor.clone().try_inverse()?;
+        let (mut chi2, mut rank) = (0.0, 0);
+        for one in by_view {
+            let (own, seen) = alone(one, &factor, by_view.len());
+            chi2 += own;
+            rank += seen;
+        }
+        if rank <= k || chi2 <= base * quantile(rank - k, CHANCE) {
+            return None;
+        }
+        let (mut meat, mut expected, mut nominal) = (DMatrix::zeros(k, k), 0.0, 0.0);
+        let mut moves = Vec::with_capacity(by_view.len());
+        for one in by_view {
+            let leverage = &one.information * inverse;
+            let left = (DMatrix::identity(k, k) * (1.0 + RIDGE) - &leverage).try_inverse()?;
+            expected += (&leverage * &left).trace();
+            nominal += leverage.trace();
+            let w = left * &one.gradient;
+            meat += &w * w.transpose();
+            moves.push(inverse * w);
+        }
+        let excess = if 0.0 < nominal { expected / nominal } else { 1.0 };
+        let y = moves.iter().map(|moved| &whitening * moved / excess.sqrt());
+        let (mut whitened, mut fourth) = (DMatrix::zeros(k, k), 0.0);
+        for y in y {
+            whitened += &y * y.transpose();
+            fourth += y.norm_squared().powi(2);
+        }
+        let moved = inverse * meat * inverse / excess;
+        Some(Scatter { moved, whitened, fourth, n_views: by_view.len() })
+    }
+
+    /// docs/math/clustered.md eqs. (6) to (10) for one block; and its trace over that of `base` P.
+    fn covariance(&self, inverse: &DMatrix<f64>, base: f64) -> (DMatrix<f64>, f64) {
+        let p = inverse.nrows() as f64;
+        let sum = self.whitened.trace();
+        let factor = sum / p;
+        if !(base < factor && 0.0 < self.fourth) {
+            return (inverse * base, 1.0);
+        }
+        let most = (self.n_views as f64 - 1.0).max(1.0);
+        let clusters = ((1.0 + 2.0 / p) * sum * sum / self.fourth).clamp(1.0, most);
+        let apart =
+            (&self.whitened - DMatrix::identity(inverse.nrows(), inverse.nrows()) * factor).norm_squared();
+        let chance = (p * p + p - 2.0) * factor * factor / clusters;
+        let share = if apart <= chance { 0.0 } else { 1.0 - chance / apart };
+        let share = share.min((factor - base) / factor);
+        let widening = 1.0 + share * share * (p + 1.0) / clusters + 2.0 / (p * clusters);
+        let covariance = inverse * ((factor - share * factor) * widening) + &self.moved * (share * widening);
+        (covariance, factor * widening / base)
+    }
+}
+
+/// How far a view's own answer is from the common one, sᵀ S⁻¹ s, and in how many directions: those that S shows, in units of L of P = L Lᵀ.
+pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>, n_views: usize) -> (f64, usize) {
+    let information = factor.transpose() * &one.information * factor;
+    let score = factor.transpose() * &one.gradient;
+    if !information.iter().chain(score.iter()).all(|x| x.is_finite()) {
+        return (0.0, 0);
+    }
+    let eigen = information.symmetric_eigen();
+    let mut sum = (0.0, 0);
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if SEEN < *value * n_views as f64 {
+            sum.0 += vector.dot(&score).powi(2) / value;
+            sum.1 += 1;
+        }
+    }
+    sum
+}

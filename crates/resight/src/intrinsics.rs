@@ -1,0 +1,130 @@
+//! Intrinsics from images or detections of a target: the jobs behind `resight intrinsics`.
+
+mod gather;
+mod describe;
+mod check;
+
+pub use crate::core::multiview::intrinsics::{Models, Noise, TargetShape, model_names};
+pub use check::check_intrinsics;
+
+use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer};
+use crate::core::Target;
+use crate::core::camera::ImageSize;
+use crate::core::multiview::intrinsics::{IntrinsicsConfig, solve_intrinsics};
+use crate::error::Error;
+use crate::formats::{self, NamedCamera, TagOptions};
+use crate::rig::{CameraImage, ImageOptions};
+use gather::{CameraViews, gather};
+use std::path::{Path, PathBuf};
+
+/// What the cameras saw.
+#[derive(Debug, Clone)]
+pub enum IntrinsicsSource {
+    /// Images or videos in which the request's targets are looked for.
+    Images {
+        /// Each with the name of its camera.
+        images: Vec<CameraImage>,
+        /// How targets are found.
+        options: ImageOptions,
+    },
+    /// Points that a detector found already.
+    Detections {
+        /// CSV files with the columns of [`crate::rig::Detections`]; `camera` may be missing.
+        files: Vec<PathBuf>,
+        /// Standard deviation of each image coordinate, pixels, where a row has none; none: 0.5 is assumed.
+        sigma_px: Option<f64>,
+        /// Size of the images.
+        size: ImageSize,
+    },
+}
+
+/// What intrinsics are to be estimated from.
+#[derive(Debug, Clone)]
+pub struct IntrinsicsRequest {
+    /// What was seen.
+    pub source: IntrinsicsSource,
+    /// The targets by name.
+    pub targets: Vec<(String, Target)>,
+    /// Names of the cameras; those of images must be among them, rows of other cameras are not used. Empty with detections: all of the file.
+    pub cameras: Vec<String>,
+    /// Lens models that are tried.
+    pub models: Models,
+    /// Where the noise of the corners comes from.
+    pub noise: Noise,
+    /// Whether the stretch and the bend of a flat target are estimated too.
+    pub target_shape: TargetShape,
+    /// Cameras to be checked, for [`check_intrinsics`].
+    pub checked: Vec<NamedCamera>,
+}
+
+/// The name of a camera that has none.
+pub const NAMELESS: &str = "camera";
+
+impl IntrinsicsRequest {
+    /// From a source, with everything else as by default.
+    pub fn new(source: IntrinsicsSource) -> Self {
+        IntrinsicsRequest {
+            source,
+            targets: Vec::new(),
+            cameras: Vec::new(),
+            models: Models::default(),
+            noise: Noise::default(),
+            target_shape: TargetShape::default(),
+            checked: Vec::new(),
+        }
+    }
+
+    /// The target of a file, under the file's name without its ending; what is unusual about it.
+    ///
+    /// # Errors
+    /// What is wrong with the file, and where; a name that another target has.
+    pub fn read_target(&mut self, path: &Path) -> Result<Vec<String>, Error> {
+        let file = formats::read_target_with(path, &TagOptions::default())?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        if self.targets.iter().any(|(other, _)| *other == name) {
+            return Err(Error::request(format!("two targets are called `{name}`; rename one of the files")));
+        }
+        self.targets.push((name, file.target));
+        Ok(file.warnings.iter().map(|warning| format!("warning: {}: {warning}", path.display())).collect())
+    }
+}
+
+/// The intrinsics of one or several cameras with their covariance, from views of known points.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource};
+/// # let folder = std::env::temp_dir().join("resight-intrinsics-doc");
+/// # std::fs::create_dir_all(&folder)?;
+/// # let file = folder.join("corners.csv");
+/// # std::fs::write(&file, "view,id,x_m,y_m,z_m,u_px,v_px\n1,0,0,0,0,10,10\n")?;
+/// let size = resight::core::camera::ImageSize { width_px: 640, height_px: 480 };
+/// let source = IntrinsicsSource::Detections { files: vec![file], sigma_px: Some(0.2), size };
+/// let answer = resight::intrinsics(&IntrinsicsRequest::new(source))?;
+/// assert_eq!(answer.status, resight::Status::Degenerate); // One point of one view is not enough.
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// A file that cannot be read, a target that cannot be detected, a request that lacks something, images of several sizes. Views that do not
+/// determine the camera are an answer: its status is `Degenerate`, and it says what is missing.
+pub fn intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsAnswer, Error> {
+    let gathered = gather(request)?;
+    let cameras = gathered.cameras.iter().map(|camera| solved(camera, request)).collect::<Result<_, _>>()?;
+    Ok(IntrinsicsAnswer::new(cameras, gathered.remarks))
+}
+
+fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraIntrinsics, Error> {
+    let Some(size) = camera.size else {
+        return Ok(describe::not_found(camera));
+    };
+    let config = IntrinsicsConfig {
+        models: request.models,
+        noise: request.noise,
+        target_shape: request.target_shape,
+        several_targets: camera.several_targets,
+    };
+    let views: Vec<_> = camera.views.iter().map(|view| &view.points).collect();
+    Ok(describe::described(camera, size, solve_intrinsics(&views, size, &config)?))
+}

@@ -1,0 +1,144 @@
+//! What each camera saw, view by view: found in images or read from rows, without any intrinsics.
+
+use super::{IntrinsicsRequest, IntrinsicsSource, NAMELESS};
+use crate::core::camera::{ImageSize, Pinhole};
+use crate::core::{Camera, CameraMatrix, Correspondence, Target};
+use crate::error::Error;
+use crate::formats::NamedCamera;
+use crate::rig::names::natural;
+use crate::rig::{
+    Collected, DetectionSource, Detections, LeftOut, OTHER_SIZE, RigRequest, camera_names,
+    collect_detections, collect_images, not_among,
+};
+
+/// One target in one image.
+#[derive(Debug, Clone)]
+pub(super) struct NamedView {
+    /// Its name; with that of the target where there are several.
+    pub name: String,
+    /// Its target, where that is known.
+    pub target: Option<Target>,
+    /// Names of the points.
+    pub names: Vec<String>,
+    pub points: Vec<Correspondence>,
+}
+
+/// What one camera saw.
+#[derive(Debug, Clone)]
+pub(super) struct CameraViews {
+    pub name: String,
+    /// None where nothing was found.
+    pub size: Option<ImageSize>,
+    pub views: Vec<NamedView>,
+    pub left_out: Vec<LeftOut>,
+    pub several_targets: bool,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Gathered {
+    pub cameras: Vec<CameraViews>,
+    pub remarks: Vec<String>,
+}
+
+pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
+    let names = names(request)?;
+    let mut collected = Collected::new(&RigRequest {
+        cameras: names.iter().map(|name| placeholder(name)).collect(),
+        targets: request.targets.clone(),
+        ..RigRequest::default()
+    })?;
+    let stated = match &request.source {
+        IntrinsicsSource::Images { images, options } => {
+            collect_images(images, options, &mut collected)?;
+            None
+        }
+        IntrinsicsSource::Detections { files, sigma_px, size } => {
+            let detections = Detections { source: DetectionSource::Files(files), sigma_px: *sigma_px };
+            collect_detections(&detections, &mut collected)?;
+            Some(*size)
+        }
+    };
+    collected.check_duplicates()?;
+    check_sizes(&collected)?;
+    let remarks = std::mem::take(&mut collected.remarks);
+    let wanted = |name: &String| request.cameras.is_empty() || request.cameras.contains(name);
+    let cameras =
+        (0..names.len()).filter(|i| wanted(&names[*i])).map(|i| of_camera(i, &collected, stated)).collect();
+    Ok(Gathered { cameras, remarks })
+}
+
+/// Names of all cameras: stated, or those of the detections.
+fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
+    let IntrinsicsSource::Detections { files, .. } = &request.source else {
+        return Ok(match request.cameras.is_empty() {
+            true => vec![NAMELESS.to_string()],
+            false => request.cameras.clone(),
+        });
+    };
+    let mut names: Vec<String> = Vec::new();
+    for file in files {
+        names.extend(camera_names(file)?);
+    }
+    names.sort_by(|a, b| natural(a, b));
+    names.dedup();
+    if names.is_empty() {
+        let named = request.cameras.first().cloned();
+        return Ok(vec![named.unwrap_or_else(|| NAMELESS.to_string())]);
+    }
+    match request.cameras.iter().find(|name| !names.contains(name)) {
+        Some(unknown) => {
+            Err(Error::request(format!("--camera-name {unknown}: {}", not_among(unknown, "camera", &names))))
+        }
+        None => Ok(names),
+    }
+}
+
+/// Detectors and rows want a camera; this one has a bearing for every pixel, and none of it is used.
+fn placeholder(name: &str) -> NamedCamera {
+    let matrix = CameraMatrix { fx_px: 1e3, fy_px: 1e3, cx_px: 0.0, cy_px: 0.0 };
+    let camera = Camera { lens: Pinhole { matrix }.into(), size: None };
+    NamedCamera { name: name.to_string(), camera, placement: None, intrinsics_covariance: None }
+}
+
+/// One camera takes images of one size.
+fn check_sizes(collected: &Collected) -> Result<(), Error> {
+    let odd: Vec<&LeftOut> = collected.left_out.iter().filter(|one| one.reason == OTHER_SIZE).collect();
+    let Some(first) = odd.first() else { return Ok(()) };
+    let size = collected.cameras.iter().find(|c| c.name == first.camera).and_then(|c| c.camera.size);
+    let size = size.map_or_else(String::new, |s| format!(" of {} × {} px", s.width_px, s.height_px));
+    let n = collected.frames.iter().filter(|f| collected.cameras[f.camera].name == first.camera).count();
+    Err(Error::request(format!(
+        "camera {}: {} of {} images, {} first, have another size than the others{size}; calibrate images of each size apart, for they were cropped, scaled or taken by different cameras",
+        first.camera,
+        odd.len(),
+        odd.len() + n,
+        first.view
+    )))
+}
+
+fn of_camera(camera: usize, collected: &Collected, stated: Option<ImageSize>) -> CameraViews {
+    let NamedCamera { name, camera: lens, .. } = &collected.cameras[camera];
+    let mut frames: Vec<_> = collected.frames.iter().filter(|frame| frame.camera == camera).collect();
+    frames.sort_by(|a, b| natural(&a.name, &b.name));
+    let mut used: Vec<usize> =
+        frames.iter().flat_map(|frame| frame.targets.iter().map(|(t, _)| *t)).collect();
+    used.sort_unstable();
+    used.dedup();
+    let several_targets = 1 < used.len();
+    let mut views = Vec::new();
+    for frame in frames {
+        for (target, points) in &frame.targets {
+            let named = &collected.targets[*target];
+            let view =
+                if several_targets { format!("{} {}", frame.name, named.name) } else { frame.name.clone() };
+            views.push(NamedView {
+                name: view,
+                target: named.target.clone(),
+                names: points.iter().map(|(name, _)| name.clone()).collect(),
+                points: points.iter().map(|(_, c)| *c).collect(),
+            });
+        }
+    }
+    let left_out = collected.left_out.iter().filter(|one| one.camera == *name).cloned().collect();
+    CameraViews { name: name.clone(), size: stated.or(lens.size), views, left_out, several_targets }
+}
