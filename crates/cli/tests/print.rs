@@ -20,7 +20,7 @@ fn flags_make_a_sheet_and_its_target_file() {
         resight(&["print", "--kind", "tag", "--id", "7", "--size-m", "0.1", "-o", text(&pdf), "--json"]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     let answer = &json_lines(&run)[0];
-    assert_eq!(answer["ruler_mm"], serde_json::json!([150.0, 200.0]));
+    assert_eq!(answer["ruler_mm"], serde_json::json!([150.0, 150.0]));
     assert_eq!(answer["n_pages"], 1);
     assert!(std::fs::read(&pdf).unwrap().starts_with(b"%PDF-1.4"));
     let toml = std::fs::read_to_string(folder.join("tag.toml")).unwrap();

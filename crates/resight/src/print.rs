@@ -10,6 +10,7 @@ mod paper;
 mod pdf;
 mod ruler;
 pub mod shape;
+mod sheet;
 mod svg;
 mod tags;
 mod text;
@@ -20,10 +21,10 @@ use crate::answer::{SchemaNumber, Status};
 use crate::error::Error;
 use crate::formats;
 use content::Content;
-use layout::Laid;
 pub use measured::MeasuredRulers;
 pub use paper::Paper;
 use resight_core::Target;
+use sheet::Laid;
 pub use tags::sheet_of_tags;
 
 /// What to print, and on what.

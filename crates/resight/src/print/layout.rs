@@ -4,30 +4,13 @@ use super::content::Content;
 use super::paper::Paper;
 use super::ruler::{DEPTH_MM, SLACK_MM, longest_mm, ruler};
 use super::shape::{Group, Page, Shape};
+use super::sheet::{CUT_MARK_MM, FONT_MM, LINE_MM, Laid, TO_RULER_MM, placed, text_block};
 use super::text::wrapped;
 use super::tiles;
 use crate::error::Error;
 
 /// Most printers leave so much of the paper's edge blank.
-pub(super) const MARGIN_MM: f64 = 5.0;
-/// From the white around the target to a ruler: cut marks lie between.
-pub(super) const TO_RULER_MM: f64 = 4.5;
-pub(super) const FONT_MM: f64 = 2.4;
-pub(super) const LINE_MM: f64 = 3.2;
-/// Cut marks: from here to there, off the corner of the white.
-const CUT_MARK_MM: [f64; 2] = [0.8, 3.4];
-pub(super) const CUT_STROKE_MM: f64 = 0.15;
-
-/// A target on its pages.
-#[derive(Debug, Clone)]
-pub(super) struct Laid {
-    pub pages: Vec<Page>,
-    /// Designed lengths of the rulers along x and y.
-    pub ruler_mm: [f64; 2],
-    /// Rows and columns of pages, where it takes more than one.
-    pub tiles: Option<[usize; 2]>,
-}
-
+const MARGIN_MM: f64 = 5.0;
 /// Shorter rulers are poor ones: other places are tried first.
 const GOOD_RULER_MM: f64 = 100.0;
 
@@ -104,23 +87,6 @@ fn below(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Pla
     Some((shapes, [x_mm, y_mm]))
 }
 
-/// The target with its ink from `origin` on, and marks along which its white is cut out.
-pub(super) fn placed(content: &Content, origin: [f64; 2], white: f64) -> Vec<Shape> {
-    let mut shapes: Vec<Shape> = content.shapes.iter().map(|shape| shape.moved(origin)).collect();
-    let [w, h] = content.size;
-    let (left, right) = (origin[0] - white, origin[0] + w + white);
-    let (top, bottom) = (origin[1] - white, origin[1] + h + white);
-    for (x, outward_x) in [(left, -1.0), (right, 1.0)] {
-        for (y, outward_y) in [(top, -1.0), (bottom, 1.0)] {
-            let [near, far] = CUT_MARK_MM;
-            let mark = |from, to| Shape::Line { from, to, width: CUT_STROKE_MM };
-            shapes.push(mark([x + outward_x * near, y], [x + outward_x * far, y]));
-            shapes.push(mark([x, y + outward_y * near], [x, y + outward_y * far]));
-        }
-    }
-    shapes
-}
-
 /// Without the cut marks that white up to the paper's edge leaves no room for.
 fn on_page(shapes: Vec<Shape>, page: [f64; 2]) -> Vec<Shape> {
     let inside = |p: &[f64; 2]| (0..2).all(|i| 1.0 <= p[i] && p[i] <= page[i] - 1.0);
@@ -129,13 +95,4 @@ fn on_page(shapes: Vec<Shape>, page: [f64; 2]) -> Vec<Shape> {
         _ => true,
     };
     shapes.into_iter().filter(shows).collect()
-}
-
-pub(super) fn text_block(lines: &[String], at: [f64; 2]) -> Vec<Shape> {
-    let line = |(i, text): (usize, &String)| Shape::Text {
-        at: [at[0], at[1] + i as f64 * LINE_MM],
-        size: FONT_MM,
-        text: text.clone(),
-    };
-    lines.iter().enumerate().map(line).collect()
 }

@@ -1,10 +1,10 @@
 //! A target larger than its paper: pages that overlap, with marks by which they are put together.
 
 use super::content::Content;
-use super::layout::{CUT_STROKE_MM, FONT_MM, LINE_MM, Laid, TO_RULER_MM, placed, text_block};
 use super::paper::Paper;
 use super::ruler::{DEPTH_MM, SLACK_MM, longest_mm, ruler};
 use super::shape::{Group, Page, Shape};
+use super::sheet::{CUT_STROKE_MM, FONT_MM, LINE_MM, Laid, TO_RULER_MM, placed, text_block};
 use super::text::{width_mm, wrapped};
 use super::{MOST_PAGES, too_many_pages};
 use crate::error::Error;
