@@ -128,7 +128,7 @@ fn the_page_can_be_followed(file: &str, [commands_at_least, shown_at_least]: [us
 #[test]
 #[cfg(unix)]
 fn the_readme_can_be_followed() {
-    the_page_can_be_followed("README.md", [14, 1]);
+    the_page_can_be_followed("README.md", [15, 1]);
 }
 
 #[test]
