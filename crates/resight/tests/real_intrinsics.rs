@@ -106,8 +106,8 @@ fn the_wrong_principal_point_is_named() {
     assert!((cy - 374.2).abs() < sigma && 5.0 * sigma < 396.0 - cy);
 }
 
-/// From nothing, without the published cameras: the chessboards' and the webcams' focal lengths are those published, within their errors (the
-/// webcams' were calibrated from other images, 2 % is granted), and halves of each recording agree within theirs.
+/// From nothing, without the published cameras: the chessboards' focal lengths are those of OpenCV within 2 % (a bend of the board is estimated
+/// here and not there), and halves of each recording agree within their errors.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn intrinsics_from_nothing_are_those_published() {
@@ -118,12 +118,6 @@ fn intrinsics_from_nothing_are_those_published() {
         let of_side: Vec<&Row> = rows.iter().filter(|row| row["camera"] == side).collect();
         let k = &truth["reference_calibration_opencv5"][side]["K"];
         from_nothing(side, &of_side, |row| row["view"].clone(), [640, 480], matrix_of(k).fx_px);
-    }
-    let folder = recorded("caliscope_4cam_charuco");
-    let rows = table(&folder.join("detections.csv"));
-    for (camera, published) in [("0", 894.53), ("1", 703.96), ("2", 637.23), ("3", 640.36)] {
-        let of_camera: Vec<&Row> = rows.iter().filter(|row| row["cam"] == camera).collect();
-        from_nothing(camera, &of_camera, |row| row["sync_index"].clone(), [1280, 720], published);
     }
 }
 

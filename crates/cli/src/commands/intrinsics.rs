@@ -48,7 +48,7 @@ pub struct Intrinsics {
     #[arg(long, value_name = "WIDTHxHEIGHT", requires = "detections", value_parser = size)]
     image_size_px: Option<ImageSize>,
     /// Name of the camera; with --detections the cameras that are calibrated [default: all].
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, hide_short_help = true, value_name = "NAME")]
     camera_name: Vec<String>,
     /// Checks the intrinsics of an existing file on these images instead of estimating them.
     #[arg(long, value_name = "CAMERA")]
