@@ -33,9 +33,9 @@ use std::sync::atomic::AtomicBool;
 
 /// Watches cameras: a pose for every frame, and an alarm, at a stated rate of false ones, when a camera moved.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  \
-    resight watch session.toml\n  \
-    resight watch --camera gate.yaml --target tag.toml --source 'night/*.png' --reference gate.ref.toml --once")]
+#[command(
+    after_help = "Example: resight watch --camera gate.yaml --target tag.toml --source 'night/*.png' --reference gate.ref.toml --once"
+)]
 #[command(after_long_help = "Examples:\n  \
     resight watch session.toml\n  \
     resight watch --camera gate=gate.yaml --target tag.toml --source gate=snapshots/ --print-session > session.toml\n  \
