@@ -127,6 +127,6 @@ fn a_printed_scale_is_explained_and_not_lost() {
     assert!(said.contains("-0.400 % ± 0.100 % along x and +0.200 % ± 0.050 % along y"), "{said}");
     let map = targets()[5].printed_at(scale);
     let field = resight_formats::Field { length_m: 16.0, width_m: 8.0, keys_of_2027: false };
-    let reason = write_field_layout(&map, &field).err().expect("no place for it").to_string();
+    let reason = write_field_layout(&map, &field).expect_err("no place for it").to_string();
     assert!(reason.contains("printed scale"), "{reason}");
 }
