@@ -74,7 +74,7 @@ fn view_of(
     panic!("no view shows the board")
 }
 
-fn at(x_in_target: Point, pixel: Pixel, sigma_px: f64) -> Correspondence {
+pub(crate) fn at(x_in_target: Point, pixel: Pixel, sigma_px: f64) -> Correspondence {
     let bearing: Bearing = Vector3::z_axis();
     Correspondence { x_in_target, pixel, bearing, sigma_px, covariance_px2: None, sigma_m: 0.0 }
 }
@@ -90,7 +90,7 @@ fn solved(views: &[Vec<Correspondence>], config: &IntrinsicsConfig) -> SolvedInt
     }
 }
 
-fn report(name: &str, found: &SolvedIntrinsics) {
+pub(crate) fn report(name: &str, found: &SolvedIntrinsics) {
     println!(
         "{name}: {} rms {:.3} noise {:.3} contradiction {:.2} severity {:?}",
         found.choice.label(),
@@ -133,7 +133,8 @@ fn refusal(views: &[Vec<Correspondence>]) -> Vec<&'static str> {
         }
         IntrinsicsOutcome::Solved(found) => {
             report("not refused", &found);
-            Vec::new()
+            let degenerate = found.findings.iter().filter(|f| f.severity() == Severity::Degenerate);
+            degenerate.map(Finding::name).collect()
         }
     }
 }
@@ -177,10 +178,11 @@ fn evidence_without_a_fit_is_that_of_a_fit() {
         n * (alone.chi2 / n).ln() + 2.0 * k as f64
     };
     let reference = aic_of(found.choice);
+    // What is known of every lens takes up to a tenth of a coefficient away, which this formula counts whole.
     for one in found.tried.iter().filter(|one| one.aic.is_some()) {
         let off = aic_of(one.choice) - reference - one.aic.expect("known");
         println!("{}: AIC {:?}, off by {off:+.4}", one.choice.label(), one.aic);
-        assert!(off.abs() < 0.1, "{}: {off}", one.choice.label());
+        assert!(off.abs() < 0.25, "{}: {off}", one.choice.label());
     }
 }
 

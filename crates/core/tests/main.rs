@@ -36,6 +36,7 @@ mod hand_eye_noise;
 mod hand_eye_opencv;
 mod hostile;
 mod intrinsics;
+mod intrinsics_webcams;
 mod known_rotation;
 mod line_plus_one;
 mod lines;

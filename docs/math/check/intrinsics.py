@@ -51,6 +51,21 @@ assert np.isclose(square(z - A[:, keep] @ small) - square(z - A @ full), full[dr
 schur = inverse[np.ix_(keep, drop)] @ np.linalg.solve(inverse[np.ix_(drop, drop)], inverse[np.ix_(drop, keep)])
 assert np.allclose(np.linalg.inv(A[:, keep].T @ A[:, keep]), inverse[np.ix_(keep, keep)] - schur)
 
+# Eqs. (12) to (14) with what is known before: rows of it beside those of the views; k_eff is the trace of the hat matrix of the views.
+phi, mu, tau = 0.7, rng.normal(size=5), rng.uniform(0.5, 2, size=5)
+H = np.diag(tau**-2)
+S = A.T @ A
+total = np.linalg.inv(S + phi * H)
+full = total @ (A.T @ z + phi * H @ mu)
+cost = lambda x, columns: square(z - A[:, columns] @ x) + phi * square((x - mu[columns]) / tau[columns])
+mu[drop] = 0
+full = total @ (A.T @ z + phi * H @ mu)
+pull = np.linalg.solve(total[np.ix_(drop, drop)], full[drop])
+small = np.linalg.solve((S + phi * H)[np.ix_(keep, keep)], (A.T @ z + phi * H @ mu)[keep])
+assert np.allclose(small, full[keep] - total[np.ix_(keep, drop)] @ pull)
+assert np.isclose(cost(small, keep) - cost(full, keep + drop), full[drop] @ pull)
+assert np.isclose(np.trace(A @ total @ A.T), 5 - np.trace(phi * H @ total))
+
 # Eqs. (9), (10): the rotation is the least-squares one, and D sends to zero every change that a rotation makes.
 R = rng.normal(size=(20, 2, 3))
 K = rng.normal(size=(20, 2, 5))

@@ -14,8 +14,12 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Vector2};
 /// Gauss–Newton's view of the whole cost.
 #[derive(Debug, Clone)]
 pub struct SharedEquations {
-    /// Sum of squared whitened residuals over all views.
+    /// Sum of squared whitened residuals over all views, and of what was known of the shared parameters before.
     pub chi2: f64,
+    /// The part of `chi2` that what was known before brings.
+    pub prior_chi2: f64,
+    /// What was known before, k×k; part of C.
+    pub prior_information: DMatrix<f64>,
     views: Vec<ViewBlocks>,
     /// c.
     gradient: DVector<f64>,
@@ -59,15 +63,23 @@ struct Step {
     change: DVector<f64>,
 }
 
-struct SharedCost<F>(F);
+struct SharedCost<F, S, const STEPS: usize> {
+    evaluate: F,
+    settle: S,
+}
 
-impl<F: Fn(&SharedState) -> Option<SharedEquations>> LeastSquares for SharedCost<F> {
+impl<F, S, const STEPS: usize> LeastSquares for SharedCost<F, S, STEPS>
+where
+    F: Fn(&SharedState) -> Option<SharedEquations>,
+    S: Fn(SharedState) -> SharedState,
+{
     type State = SharedState;
     type Equations = SharedEquations;
     type Step = Step;
+    const MAX_STEPS: usize = STEPS;
 
     fn evaluate(&self, state: &SharedState) -> Option<SharedEquations> {
-        self.0(state)
+        (self.evaluate)(state)
     }
 
     fn chi2(equations: &SharedEquations) -> f64 {
@@ -80,7 +92,7 @@ impl<F: Fn(&SharedState) -> Option<SharedEquations>> LeastSquares for SharedCost
 
     fn apply(&self, state: &SharedState, step: &Step) -> Option<SharedState> {
         let places = state.places.iter().zip(&step.motions).map(|(place, motion)| place.moved(motion));
-        Some(SharedState { places: places.collect(), change: &state.change + &step.change })
+        Some((self.settle)(SharedState { places: places.collect(), change: &state.change + &step.change }))
     }
 }
 
@@ -92,14 +104,34 @@ pub fn minimize_shared(
     evaluate: impl Fn(&SharedState) -> Option<SharedEquations>,
 ) -> Option<SharedMinimum> {
     let start = SharedState { places, change: DVector::zeros(n_shared) };
-    minimize(&SharedCost(evaluate), start, &Tolerance::FINE)
+    minimize(&SharedCost::<_, _, STEPS> { evaluate, settle: |state| state }, start, &Tolerance::FINE)
+}
+
+/// Steps at most.
+const STEPS: usize = 100;
+
+/// The same from a state, with `settle` bringing each pose to its own minimum after every step. A frontal view of a plane, between its two
+/// solutions, is far from quadratic: the damping that it asks for would slow all others and what they share to a crawl.
+pub fn minimize_settled(
+    start: SharedState,
+    evaluate: impl Fn(&SharedState) -> Option<SharedEquations>,
+    settle: impl Fn(SharedState) -> SharedState,
+) -> Option<SharedMinimum> {
+    minimize(&SharedCost::<_, _, STEPS> { evaluate, settle }, start, &Tolerance::FINE)
 }
 
 impl SharedEquations {
     /// All zero, no view yet.
     pub fn new(n_shared: usize) -> Self {
         let (gradient, information) = (DVector::zeros(n_shared), DMatrix::zeros(n_shared, n_shared));
-        SharedEquations { chi2: 0.0, views: Vec::new(), gradient, information }
+        SharedEquations {
+            chi2: 0.0,
+            prior_chi2: 0.0,
+            prior_information: information.clone(),
+            views: Vec::new(),
+            gradient,
+            information,
+        }
     }
 
     /// What is added from now on belongs to the next view.
@@ -137,6 +169,18 @@ impl SharedEquations {
                 }
             }
         }
+    }
+
+    /// Adds what is known of the shared parameters without any view: a residual (known − current), the inverse variance of it, and its
+    /// derivatives by the shared parameters.
+    pub fn add_known(&mut self, residual: f64, weight: f64, by_shared: &DVector<f64>) {
+        let chi2 = weight * residual * residual;
+        self.chi2 += chi2;
+        self.prior_chi2 += chi2;
+        self.gradient += by_shared * (weight * residual);
+        let information = by_shared * by_shared.transpose() * weight;
+        self.information += &information;
+        self.prior_information += information;
     }
 
     /// χ² of each view.

@@ -11,6 +11,7 @@
 //! Derivation: docs/math/intrinsics.md.
 
 mod model;
+mod prior;
 mod adjust;
 mod start;
 mod robust;
@@ -236,7 +237,7 @@ fn attempt<V: AsRef<[Correspondence]>>(
         Shape::of(usable.iter().flat_map(|(_, points)| points.iter())).filter(|_| !config.several_targets);
     let free_shape = shape.filter(|_| config.target_shape == TargetShape::Free);
     let families = cleaned_families(&usable, size, config.models, free_shape);
-    let Some(chosen) = choose(&families, free_shape) else {
+    let Some(chosen) = choose(&families) else {
         return refused(judge::why_undetermined(&usable, families.first().map(|first| &first.clean.fit)));
     };
     let start: Vec<Seen> = everything(&usable, &chosen.fit);
@@ -344,7 +345,8 @@ const MUCH_LOWER: f64 = 0.8;
 fn from_another(other: &Fit, choice: &LensChoice, shape: Option<Shape>) -> Option<Fit> {
     let camera = choice.camera(&other.shared.camera).ok()?;
     let directions = choice.directions(&camera);
-    adjust::fit(other.seen.clone(), Shared { camera, shape, directions }).filter(|found| found.converged)
+    adjust::fit(other.seen.clone(), Shared { camera, shape, directions, noise: other.shared.noise })
+        .filter(|found| found.converged)
 }
 
 /// A family's fit without gross errors: with most of its coefficients where the views determine them, else with fewer.
@@ -366,7 +368,10 @@ fn cleaned(
     for choice in [most, Some(smallest), family.first()].into_iter().flatten() {
         let Ok(camera) = choice.camera(&camera) else { continue };
         let directions = choice.directions(&camera);
-        let Some(found) = clean(seen.clone(), Shared { camera, shape, directions }) else { continue };
+        let Some(found) = clean(seen.clone(), Shared { camera, shape, directions, noise: LEAST_NOISE })
+        else {
+            continue;
+        };
         if found.fit.converged && undetermined(&found.fit).is_none() {
             return Some((found, Some(*choice)));
         }
@@ -375,6 +380,8 @@ fn cleaned(
     last
 }
 
+/// Variance of the noise in units of the stated one before anything is known of it: what is known of every lens then hardly pulls.
+const LEAST_NOISE: f64 = 0.01;
 /// Coefficients while gross errors are sought: more are hardly ever determined before.
 const MOST_AT_FIRST: usize = 5;
 
@@ -391,7 +398,7 @@ struct Chosen {
 }
 
 /// The best choice of all families on the corners that the best family keeps.
-fn choose(families: &[Cleaned], shape: Option<Shape>) -> Option<Chosen> {
+fn choose(families: &[Cleaned]) -> Option<Chosen> {
     let kept = |clean: &Clean| clean.fit.n_numbers();
     let cleans = || families.iter().map(|one| &one.clean);
     let widest = cleans().map(kept).max()?;
@@ -414,7 +421,7 @@ fn choose(families: &[Cleaned], shape: Option<Shape>) -> Option<Chosen> {
                 }
             };
             let seen: Vec<Seen> = common.fit.seen.iter().map(poses).collect();
-            ladder(family, &seen, &clean.fit.shared.camera, shape)
+            ladder(family, &seen, &clean.fit.shared)
         }));
     }
     let (family, at) = best(&mut tried)?;

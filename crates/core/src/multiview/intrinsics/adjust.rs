@@ -1,9 +1,12 @@
 //! The joint adjustment of every pose, the intrinsics and, where wanted, the shape of a flat target: docs/math/intrinsics.md section 2.
 
 use super::model::Direction;
+use super::prior;
 use crate::camera::MAX_PARAMETERS;
 use crate::least_squares::PivotedPose;
-use crate::least_squares::shared::{Reduced, SharedEquations, SharedState, minimize_shared};
+use crate::least_squares::shared::{
+    Reduced, SharedEquations, SharedState, minimize_settled, minimize_shared,
+};
 use crate::locate::refine::{centroid, information};
 use crate::locate::{Config, locate};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
@@ -95,6 +98,8 @@ pub(super) struct Shared {
     /// Estimated where there is one.
     pub(super) shape: Option<Shape>,
     pub(super) directions: Vec<Direction>,
+    /// Variance of the noise in units of the stated one, against which what is known of every lens is weighed; 0 weighs nothing.
+    pub(super) noise: f64,
 }
 
 impl Shared {
@@ -119,6 +124,7 @@ impl Shared {
             camera: self.camera.with_parameters(&values)?,
             shape,
             directions: self.directions.clone(),
+            noise: self.noise,
         })
     }
 }
@@ -173,8 +179,9 @@ pub(super) struct Fit {
 }
 
 impl Fit {
+    /// Of the corners alone.
     pub(super) fn chi2(&self) -> f64 {
-        self.equations.chi2
+        self.equations.chi2 - self.equations.prior_chi2
     }
 
     /// Two numbers a point that takes part.
@@ -222,15 +229,43 @@ impl Fit {
 pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let place = |view: &Seen| PivotedPose::new(&view.cam_from_target, &view.pivot);
     let start = seen.iter().map(place).collect();
-    let evaluate =
-        |state: &SharedState| equations(&seen, &state.places, &shared.changed(&state.change).ok()?);
-    let found = minimize_shared(start, shared.n(), evaluate)?;
+    let known = prior::known(&shared.camera);
+    let evaluate = |state: &SharedState| {
+        let shared = shared.changed(&state.change).ok()?;
+        let mut sums = equations(&seen, &state.places, &shared)?;
+        prior::add(&mut sums, &known, &shared);
+        Some(sums)
+    };
+    let mut found = minimize_shared(start, shared.n(), evaluate)?;
+    if !found.is_minimum() {
+        let settle = |state: SharedState| settled(&seen, state, &shared);
+        found = minimize_settled(found.state, evaluate, settle)?;
+    }
     let converged = found.is_minimum();
     let shared = shared.changed(&found.state.change).ok()?;
     for (view, place) in seen.iter_mut().zip(&found.state.places) {
         view.cam_from_target = place.pose(&view.pivot);
     }
     Some(Fit { shared, seen, equations: found.equations, converged })
+}
+
+/// Each pose at its own minimum, what the views share being fixed.
+fn settled(seen: &[Seen], mut state: SharedState, shared: &Shared) -> SharedState {
+    let Ok(changed) = shared.changed(&state.change) else { return state };
+    let shape = changed.shape;
+    let fixed = Shared { directions: Vec::new(), shape: None, ..changed };
+    for (view, place) in seen.iter().zip(&mut state.places) {
+        let mut own = view.clone();
+        if let Some(shape) = shape {
+            own.points.iter_mut().for_each(|c| c.x_in_target = shape.at(&c.x_in_target));
+        }
+        let own = [own];
+        let evaluate = |state: &SharedState| equations(&own, &state.places, &fixed);
+        if let Some(found) = minimize_shared(vec![*place], 0, evaluate) {
+            *place = found.state.places[0];
+        }
+    }
+    state
 }
 
 /// The same minimum with views solved again under its camera where that fits them better: wrong intrinsics can turn a view of a plane to its

@@ -216,6 +216,12 @@ fn findings(
     let relative = covariance[(0, 0)].max(0.0).sqrt() / focal;
     if GOOD_FOCAL < relative {
         found.push(Finding::RoughFocal { relative, needed: GOOD_FOCAL });
+        // What is known of every lens carries such an answer: it may not be relied on.
+        let one_orientation = tilts(&fit.seen).filter(|tilts| tilts.spread_rad < LEAST_SPREAD_RAD);
+        found.extend(one_orientation.map(|tilts| Finding::OneOrientation {
+            spread_rad: tilts.spread_rad,
+            needed_rad: LEAST_SPREAD_RAD,
+        }));
     }
     if !context.copies.copies.is_empty() {
         let n = context.copies.copies.len();

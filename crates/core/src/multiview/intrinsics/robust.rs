@@ -50,7 +50,7 @@ pub(super) struct Clean {
 
 /// Fits, weighing corners down that lie far off if there are any, then rejects gross errors until none is left and none comes back.
 pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
-    let found = fit_with_second_solutions(seen, shared)?;
+    let found = weighed(fit_with_second_solutions(seen, shared)?)?;
     let limit = (GROSS_SIGMAS * noise(&found)).powi(2);
     let is_far = |r: Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= limit);
     let any = found.seen.iter().any(|view| found.residuals(view).into_iter().any(is_far));
@@ -88,11 +88,24 @@ fn without_gross_errors(mut found: Fit) -> Option<Clean> {
             break;
         }
         kept.sort_by_key(|view| view.view);
-        found = fit(kept, found.shared)?;
+        found = weighed(fit(kept, found.shared)?)?;
     }
     bad.sort_by_key(|(view, _)| view.view);
     Some(Clean { fit: found, bad })
 }
+
+/// A fit in which what is known of every lens is weighed against the noise that the residuals show.
+fn weighed(found: Fit) -> Option<Fit> {
+    let variance = noise(&found).powi(2);
+    let times = variance / found.shared.noise;
+    if !(0.0 < found.shared.noise) || (1.0 / SAME_NOISE..SAME_NOISE).contains(&times) {
+        return Some(found);
+    }
+    fit(found.seen, Shared { noise: variance, ..found.shared })
+}
+
+/// Variances within this factor weigh alike.
+const SAME_NOISE: f64 = 1.5;
 
 /// A fit with weights that follow the residuals.
 fn softly(mut found: Fit) -> Option<Fit> {

@@ -5,7 +5,7 @@ use super::adjust::Fit;
 use crate::least_squares::shared::Reduced;
 use crate::locate::consistency::noise_scale;
 use crate::statistics::chi_square::quantile;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Where the noise of the corners comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -61,8 +61,8 @@ fn noise_factor(fit: &Fit, stated: Noise) -> f64 {
 /// What each view says, at the minimum: the equations at hand stand one vanishing step before it.
 pub(super) fn scores(fit: &Fit, inverse: &DMatrix<f64>) -> Vec<Reduced> {
     let mut by_view: Vec<Reduced> = fit.reduced_by_view().into_iter().flatten().collect();
-    let rest: DVector<f64> = by_view.iter().fold(DVector::zeros(inverse.nrows()), |sum, r| sum + &r.gradient);
-    let step = inverse * rest;
+    let Some(total) = fit.reduced() else { return by_view };
+    let step = inverse * total.gradient;
     by_view.iter_mut().for_each(|r| r.gradient -= &r.information * &step);
     by_view
 }

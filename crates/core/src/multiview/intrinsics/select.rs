@@ -1,9 +1,8 @@
 //! How many coefficients the data carry: every choice of a family is fitted to the same corners, and the evidence (AIC) picks the one that is
 //! expected to predict further views best. docs/math/intrinsics.md section 5.
 
-use super::adjust::{Fit, Seen, Shape, Shared, fit};
+use super::adjust::{Fit, Seen, Shared, fit};
 use super::model::LensChoice;
-use crate::Camera;
 use crate::multiview::intrinsics_check::{Group, MAX_RELATIVE_SIGMA, focal_length, weakest};
 use nalgebra::{DMatrix, DVector};
 
@@ -41,6 +40,9 @@ pub(super) struct Local {
     pub(super) names: Vec<&'static str>,
     pub(super) values: Vec<f64>,
     pub(super) covariance: DMatrix<f64>,
+    /// What is known of them without the views: inverse covariance and mean.
+    known: DMatrix<f64>,
+    means: Vec<f64>,
 }
 
 impl Local {
@@ -50,10 +52,33 @@ impl Local {
         let n = fit.shared.directions.len();
         let parameters = fit.shared.camera.parameters();
         let (names, values) = fit.shared.directions.iter().map(|d| parameters[d[0].0]).unzip();
-        Some(Local { names, values, covariance: inverse.view((0, 0), (n, n)).into_owned() })
+        let known = fit.equations.prior_information.view((0, 0), (n, n)).into_owned();
+        let centre = fit.shared.camera.size.map(|size| super::model::central_matrix(size, 1.0));
+        let mean = |name: &&str| match (*name, centre) {
+            ("cx_px", Some(centre)) => centre.cx_px,
+            ("cy_px", Some(centre)) => centre.cy_px,
+            _ => 0.0,
+        };
+        let names: Vec<&'static str> = names;
+        let means = names.iter().map(mean).collect();
+        Some(Local { names, values, covariance: inverse.view((0, 0), (n, n)).into_owned(), known, means })
     }
 
-    /// With the coefficients that a smaller choice lacks held at zero, to second order; and by how much χ² grows:
+    /// Parameters that what is known leaves to the views: docs/math/intrinsics.md eq. (14).
+    fn n_effective(&self) -> f64 {
+        self.names.len() as f64 - self.known.component_mul(&self.covariance).sum()
+    }
+
+    /// How far the parameters are from what is known.
+    fn prior_chi2(&self) -> f64 {
+        let off = DVector::from_iterator(
+            self.values.len(),
+            self.values.iter().zip(&self.means).map(|(a, b)| a - b),
+        );
+        off.dot(&(&self.known * &off))
+    }
+
+    /// With the coefficients that a smaller choice lacks held at zero, to second order; and by how much the cost grows:
     /// docs/math/intrinsics.md eq. (12).
     fn without(&self, choice: &LensChoice) -> Option<(Self, f64)> {
         let (keep, drop): (Vec<usize>, Vec<usize>) =
@@ -69,6 +94,8 @@ impl Local {
             names: keep.iter().map(|i| self.names[*i]).collect(),
             values: keep.iter().zip(moved.iter()).map(|(i, by)| self.values[*i] - by).collect(),
             covariance: part(&keep, &keep) - &gain * factor.solve(&gain.transpose()),
+            known: DMatrix::from_fn(keep.len(), keep.len(), |i, j| self.known[(keep[i], keep[j])]),
+            means: keep.iter().map(|i| self.means[*i]).collect(),
         };
         Some((local, dropped.dot(&pull)))
     }
@@ -86,15 +113,17 @@ pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> 
             let lowest =
                 tried.iter().filter_map(|one: &Tried| one.evidence.aic).fold(f64::INFINITY, f64::min);
             if tried.iter().any(|one| one.evidence.choice == *large && one.evidence.aic == Some(lowest)) {
-                let found = fitted(choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape);
+                let found = fitted(choice, fit.seen.clone(), &fit.shared);
                 tried.push(with_fit(choice, found));
             }
             continue;
         }
         let n_dropped = large.coefficients.len() - choice.coefficients.len();
         let (local, grown) = if n_dropped == 0 { (own.clone(), 0.0) } else { own.without(choice)? };
-        let times = (1.0 + grown / fit.chi2().max(f64::MIN_POSITIVE)).sqrt();
-        let aic = aic_of(fit.n_numbers(), fit.chi2() + grown, fit.shared.n() - n_dropped);
+        // Of the corners alone: what the smaller choice no longer is off from what is known was no misfit of theirs.
+        let chi2 = (fit.equations.chi2 + grown - local.prior_chi2()).max(fit.chi2());
+        let times = (chi2 / fit.chi2().max(f64::MIN_POSITIVE)).sqrt();
+        let aic = aic_of(fit.n_numbers(), chi2, local.n_effective());
         let rms_px = Some(rms_px(fit) * times);
         let evidence = Evidence { choice: *choice, rms_px, aic: Some(aic), undetermined: None };
         tried.push(Tried { evidence, fit: (n_dropped == 0).then(|| fit.clone()), local: Some(local) });
@@ -107,30 +136,27 @@ pub(super) fn fit_of(one: &Tried, fit: &Fit) -> Option<Fit> {
     if let Some(known) = &one.fit {
         return Some(known.clone());
     }
-    fitted(&one.evidence.choice, fit.seen.clone(), &fit.shared.camera, fit.shared.shape)
+    fitted(&one.evidence.choice, fit.seen.clone(), &fit.shared)
         .filter(|found| found.converged && undetermined(found).is_none())
 }
 
 fn with_fit(choice: &LensChoice, found: Option<Fit>) -> Tried {
-    let (evidence, is_usable) = judged(choice, found.as_ref());
+    let (mut evidence, is_usable) = judged(choice, found.as_ref());
     let fit = found.filter(|_| is_usable);
     let local = fit.as_ref().and_then(Local::of);
+    let known = fit.as_ref().zip(local.as_ref());
+    evidence.aic = known.map(|(fit, local)| aic_of(fit.n_numbers(), fit.chi2(), local.n_effective()));
     Tried { evidence, fit, local }
 }
 
 /// Every choice of a family, the next from where the one before ended, until one is undetermined.
-pub(super) fn ladder(
-    family: &[LensChoice],
-    seen: &[Seen],
-    camera: &Camera,
-    shape: Option<Shape>,
-) -> Vec<Tried> {
-    let (mut tried, mut views, mut from): (Vec<Tried>, Vec<Seen>, Camera) =
-        (Vec::new(), seen.to_vec(), camera.clone());
+pub(super) fn ladder(family: &[LensChoice], seen: &[Seen], shared: &Shared) -> Vec<Tried> {
+    let (mut tried, mut views, mut from): (Vec<Tried>, Vec<Seen>, Shared) =
+        (Vec::new(), seen.to_vec(), shared.clone());
     for choice in family {
-        let one = with_fit(choice, fitted(choice, views.clone(), &from, shape));
+        let one = with_fit(choice, fitted(choice, views.clone(), &from));
         if let Some(fit) = &one.fit {
-            (views, from) = (fit.seen.clone(), fit.shared.camera.clone());
+            (views, from) = (fit.seen.clone(), fit.shared.clone());
         }
         let is_usable = one.fit.is_some();
         tried.push(one);
@@ -141,10 +167,10 @@ pub(super) fn ladder(
     tried
 }
 
-fn fitted(choice: &LensChoice, seen: Vec<Seen>, from: &Camera, shape: Option<Shape>) -> Option<Fit> {
-    let camera = choice.camera(from).ok()?;
+fn fitted(choice: &LensChoice, seen: Vec<Seen>, from: &Shared) -> Option<Fit> {
+    let camera = choice.camera(&from.camera).ok()?;
     let directions = choice.directions(&camera);
-    fit(seen, Shared { camera, shape, directions })
+    fit(seen, Shared { camera, directions, ..from.clone() })
 }
 
 /// Akaike's weights of a family's choices, of those that have a fit: docs/math/intrinsics.md eq. (7).
@@ -162,9 +188,6 @@ fn judged(choice: &LensChoice, fit: Option<&Fit>) -> (Evidence, bool) {
     evidence.rms_px = Some(rms_px(fit));
     evidence.undetermined = undetermined(fit);
     let is_usable = fit.converged && evidence.undetermined.is_none();
-    if is_usable {
-        evidence.aic = Some(aic_of(fit.n_numbers(), fit.chi2(), fit.shared.n()));
-    }
     (evidence, is_usable)
 }
 
@@ -220,9 +243,9 @@ pub(super) fn rms_px(fit: &Fit) -> f64 {
 }
 
 /// Akaike's information criterion with the noise estimated, docs/math/intrinsics.md eq. (6).
-fn aic_of(n_numbers: usize, chi2: f64, n_shared: usize) -> f64 {
+fn aic_of(n_numbers: usize, chi2: f64, n_parameters: f64) -> f64 {
     let n = n_numbers.max(1) as f64;
-    n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_shared as f64
+    n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_parameters
 }
 
 /// The best of the families: index into them all. Evidence is counted from it.

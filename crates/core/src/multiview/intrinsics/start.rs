@@ -62,7 +62,7 @@ fn adjusted(views: &[&[Correspondence]], camera: Camera, choice: &LensChoice) ->
     };
     let seen: Vec<Seen> = views.iter().enumerate().filter_map(located).collect();
     let mut directions: arrayvec::ArrayVec<_, 2> = [common_focal(&camera.parameters())].into_iter().collect();
-    let mut best = fit(seen, Shared { camera, shape: None, directions: directions.to_vec() })?;
+    let mut best = fit(seen, Shared { camera, shape: None, directions: directions.to_vec(), noise: 0.0 })?;
     let first = choice
         .coefficients
         .first()

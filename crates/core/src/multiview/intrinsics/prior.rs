@@ -1,0 +1,77 @@
+//! What is known of every lens before any view: pixels are about square, the principal point is near the middle, the distortion is bounded. Wide
+//! enough to say nothing where views do; where they do not, an answer stays a lens. docs/math/intrinsics.md section 3.
+
+use super::adjust::Shared;
+use crate::Camera;
+use crate::camera::{BrownConrady, KannalaBrandt};
+use crate::least_squares::shared::SharedEquations;
+use nalgebra::DVector;
+
+/// One standard deviation of fy/fx − 1, of the principal point in parts of the width, of tangential coefficients.
+const ASPECT: f64 = 0.008;
+const CENTRE: f64 = 0.04;
+const TANGENTIAL: f64 = 0.005;
+/// … of what a radial term moves the corner of the image by, in parts of its radius, at this horizontal field of view; in proportion at others.
+const RADIAL: f64 = 0.3;
+const FIELD_RAD: f64 = 1.2217;
+/// Radial coefficients in order; the rational model's denominators are left free.
+const RADIALS: [&str; 4] = ["k1", "k2", "k3", "k4"];
+
+/// Σ by·parameter is `mean` ± `sigma`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Known {
+    along: [(usize, f64); 2],
+    mean: f64,
+    sigma: f64,
+}
+
+/// What is known of a camera of this model, size and about this focal length; nothing without an image size.
+pub(super) fn known(camera: &Camera) -> Vec<Known> {
+    let (Some(size), Some(matrix)) = (camera.size, camera.matrix()) else { return Vec::new() };
+    let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
+    let focal = matrix.fx_px;
+    let one = |at: usize, mean: f64, sigma: f64| Known { along: [(at, 1.0), (at, 0.0)], mean, sigma };
+    let aspect = Known { along: [(0, -1.0 / focal), (1, 1.0 / focal)], mean: 0.0, sigma: ASPECT };
+    let mut all = vec![
+        aspect,
+        one(2, 0.5 * (width - 1.0), CENTRE * width),
+        one(3, 0.5 * (height - 1.0), CENTRE * width),
+    ];
+    let parameters = camera.parameters();
+    let is_rational = parameters.iter().any(|(name, _)| *name == "k6");
+    let is_series = [BrownConrady::NAME, KannalaBrandt::NAME].contains(&camera.model_name());
+    if is_rational || !is_series {
+        return all;
+    }
+    let corner = 0.5 * width.hypot(height) / focal;
+    let bend = RADIAL * 2.0 * (0.5 * width).atan2(focal) / FIELD_RAD;
+    for (at, (name, _)) in parameters.iter().enumerate() {
+        if let Some(order) = RADIALS.iter().position(|radial| radial == name) {
+            all.push(one(at, 0.0, bend / corner.powi(2 * (order as i32 + 1))));
+        } else if name.starts_with('p') {
+            all.push(one(at, 0.0, TANGENTIAL));
+        }
+    }
+    all
+}
+
+/// Adds what is known to the equations of all views, whose noise has `noise` times the stated variances.
+pub(super) fn add(sums: &mut SharedEquations, known: &[Known], shared: &Shared) {
+    if !(0.0 < shared.noise) || shared.directions.is_empty() {
+        return;
+    }
+    let parameters = shared.camera.parameters();
+    for Known { along, mean, sigma } in known {
+        let value: f64 = along.iter().map(|(i, by)| by * parameters[*i].1).sum();
+        let by_direction = |direction: &super::model::Direction| -> f64 {
+            let pairs =
+                direction.iter().flat_map(|(i, by)| along.iter().map(move |(j, times)| (i, by, j, times)));
+            pairs.filter(|(i, _, j, _)| i == j).map(|(_, by, _, times)| by * times).sum()
+        };
+        let by_shared =
+            DVector::from_fn(shared.n(), |k, _| shared.directions.get(k).map_or(0.0, by_direction));
+        if by_shared.amax() > 0.0 {
+            sums.add_known(mean - value, shared.noise / (sigma * sigma), &by_shared);
+        }
+    }
+}
