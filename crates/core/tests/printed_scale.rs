@@ -198,3 +198,31 @@ fn scales_that_no_print_has_are_refused() {
     let hostile = Config { target_scale_sigma: [f64::NAN, 0.0], ..Config::default() };
     assert!(matches!(locate(&points, &views::camera(), &hostile), Err(Error::InvalidTarget { .. })));
 }
+
+/// Two cameras whose rig comes from a print of uncertain scale: where the second is belongs to its covariance only with the scale's share.
+#[test]
+fn a_rig_from_a_print_is_as_uncertain_as_its_scale() {
+    use crate::common::rooms::{board, pair_with};
+    use resight_core::multiview::rig::RigConfig;
+    let (mut rng, sigma, n) = (Rng::new(97), 2e-3, 40);
+    let (mut with, mut without) = (0.0, 0.0);
+    for _ in 0..n {
+        let axes = [rng.normal() * sigma, rng.normal() * sigma];
+        let design = board(8, 6, 0.1);
+        let printed =
+            design.iter().map(|x| Point::new(x.x * (1.0 + axes[0]), x.y * (1.0 + axes[1]), x.z)).collect();
+        let room = pair_with(&mut rng, printed, 8, 0.1);
+        let mut observations = room.disturbed(&mut rng);
+        for seen in observations.iter_mut().flat_map(|o| &mut o.seen) {
+            seen.x_in_target.x /= 1.0 + axes[0];
+            seen.x_in_target.y /= 1.0 + axes[1];
+        }
+        // Of the mean of both axes: eq. (6).
+        let config = RigConfig { scale_sigma: sigma / 2f64.sqrt(), ..RigConfig::default() };
+        with += room.error(&room.solve(&observations, &config).expect("a rig"), 1).1 / f64::from(n);
+        without +=
+            room.error(&room.solve(&observations, &RigConfig::default()).expect("a rig"), 1).1 / f64::from(n);
+    }
+    println!("squared errors over the covariance, of 6: {with:.1} with the scale, {without:.1} without");
+    assert!((2.0..10.0).contains(&with) && 20.0 < without, "{with} {without}");
+}

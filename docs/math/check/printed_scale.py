@@ -1,7 +1,14 @@
-"""Checks docs/math/printed_scale.md: derivatives (3), the pose's answer (4), both axes alike (5), (6), the tilt (7); NEES by Monte Carlo. Needs NumPy, SymPy."""
+"""Checks docs/math/printed_scale.md: derivatives (3), the pose's answer (4), both axes alike (5), (6), the tilt (7), rigs (8); NEES by Monte Carlo. Needs NumPy, SymPy."""
 
 import numpy as np
 import sympy as sp
+
+# (8): every length of a rig longer by one part: each point in each camera is too, and so is each composed pose; no image changes.
+from_cam, to_cam = sp.Matrix(3, 3, sp.symbols("a:9")), sp.Matrix(sp.symbols("b:3"))
+far, grown = sp.Matrix(sp.symbols("q:3")), sp.Symbol("s", positive=True)
+near = from_cam * far + to_cam
+assert sp.simplify(from_cam * (grown * far) + grown * to_cam - grown * near) == sp.zeros(3, 1)
+assert all(sp.simplify(grown * near[i] / (grown * near[2]) - near[i] / near[2]) == 0 for i in range(2))
 
 # (3): the derivative of the image by the scale along an axis.
 x, y, ex, ey = sp.symbols("x y e_x e_y", real=True)

@@ -12,7 +12,7 @@ use resight::core::{Matrix6, Point, Pose};
 use resight::formats::write_atomically;
 use resight::report::words::{degrees, length, sigmas};
 use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
 ///
@@ -93,6 +93,9 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
         }
         None => {
             let request = rig::request(&args.observed, &args.solving)?;
+            for (name, target) in &request.targets {
+                super::warn_of_scale(Path::new(name), target, "hand-eye");
+            }
             HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request)?))
         }
     };

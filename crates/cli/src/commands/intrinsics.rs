@@ -7,11 +7,11 @@ use crate::output::{Outcome, print_answer, remark};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight::core::camera::ImageSize;
-use resight::formats::{own_file, read_cameras, write_atomically};
+use resight::formats::{NamedCamera, own_file, read_cameras, write_atomically};
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, Noise, TargetShape, model_names};
 use resight::report::intrinsics_page;
 use resight::rig::{CameraImage, ImageOptions};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Estimates a camera's intrinsics with their covariance from images of a target.
 ///
@@ -42,9 +42,9 @@ pub struct Intrinsics {
     ///
     /// The columns are view,id,x_m,y_m,z_m,u_px,v_px and optionally camera, target, corner, sigma_px, sigma_m; x_m,y_m,z_m may be missing where
     /// --target knows the id.
-    #[arg(long, value_name = "FILE.csv", conflicts_with = "inputs", requires = "image_size_px", num_args = 1..)]
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "inputs", num_args = 1..)]
     detections: Vec<PathBuf>,
-    /// Size of the images that the detections come from.
+    /// Size of the images that the detections come from [default: that of the camera of --check].
     #[arg(long, value_name = "WIDTHxHEIGHT", requires = "detections", value_parser = size)]
     image_size_px: Option<ImageSize>,
     /// Name of the camera; with --detections the cameras that are calibrated [default: all].
@@ -154,7 +154,8 @@ fn check(args: &Intrinsics, request: &IntrinsicsRequest) -> Result<Outcome> {
 }
 
 fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
-    let (source, cameras) = source(args)?;
+    let checked = args.check.as_deref().map(checked).transpose()?.unwrap_or_default();
+    let (source, cameras) = source(args, &checked)?;
     let mut request = IntrinsicsRequest {
         cameras,
         models: args.model,
@@ -164,26 +165,35 @@ fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
             Shape::Free => TargetShape::Free,
             Shape::Exact => TargetShape::Exact,
         },
+        checked,
         ..IntrinsicsRequest::new(source)
     };
     for path in &args.targets {
         crate::files::must_exist(path)?;
         request.read_target(path)?.iter().for_each(|text| remark(text));
     }
-    if let Some(path) = &args.check {
-        let file = path.to_string_lossy();
-        crate::files::camera_must_exist(&file)?;
-        request.checked = match file.contains('#') {
-            true => vec![resight::formats::read_camera(&file)?],
-            false => read_cameras(path)?.cameras,
-        };
-    }
     Ok(request)
 }
 
+/// The cameras of `--check`.
+fn checked(path: &Path) -> Result<Vec<NamedCamera>> {
+    let file = path.to_string_lossy();
+    crate::files::camera_must_exist(&file)?;
+    match file.contains('#') {
+        true => Ok(vec![resight::formats::read_camera(&file)?]),
+        false => Ok(read_cameras(path)?.cameras),
+    }
+}
+
 /// What is looked at, and the names of its cameras.
-fn source(args: &Intrinsics) -> Result<(IntrinsicsSource, Vec<String>)> {
-    if let Some(size) = args.image_size_px {
+fn source(args: &Intrinsics, checked: &[NamedCamera]) -> Result<(IntrinsicsSource, Vec<String>)> {
+    if !args.detections.is_empty() {
+        let of_camera = || checked.first().and_then(|known| known.camera.size);
+        let Some(size) = args.image_size_px.or_else(of_camera) else {
+            bail!(
+                "--detections: the size of the images is not known; say it with --image-size-px WIDTHxHEIGHT"
+            );
+        };
         args.detections.iter().try_for_each(|path| crate::files::must_exist(path))?;
         let source =
             IntrinsicsSource::Detections { files: args.detections.clone(), sigma_px: args.sigma_px, size };

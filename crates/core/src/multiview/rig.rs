@@ -12,6 +12,7 @@ mod distance;
 mod classify;
 mod adjust;
 mod scale;
+mod common_scale;
 mod lens;
 mod lens_score;
 mod lens_doubt;
@@ -76,6 +77,9 @@ pub struct RigConfig<'a> {
     /// How well each camera's intrinsics are known (covariance in the order of `Camera::parameters`; none: exactly), one entry a camera, or
     /// none at all. They join every covariance, and what they explain is not held against a lens.
     pub intrinsics: &'a [Option<DMatrix<f64>>],
+    /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It joins every
+    /// covariance: no view shows it, and none averages it.
+    pub scale_sigma: f64,
 }
 
 /// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -92,6 +96,7 @@ impl Default for RigConfig<'_> {
             shared_errors: true,
             lens_errors: false,
             intrinsics: &[],
+            scale_sigma: 0.0,
         }
     }
 }

@@ -7,7 +7,7 @@ use super::images::{self, CameraImage, ImageOptions};
 use super::observed::{Collected, LeftOut, observations};
 use super::relative::in_world;
 use super::request::RigRequest;
-use super::{InputFile, NamedRig, RigRun, digest};
+use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::Error as MathError;
 use crate::core::multiview::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
@@ -160,6 +160,7 @@ impl ObservedRig {
             joint_covariance: true,
             known_distances: &self.known_distances,
             intrinsics: &intrinsics,
+            scale_sigma: scale_sigma(&rig.targets),
             ..RigConfig::default()
         };
         let failed = |reason: MathError| Unsolved::new(Status::Error, in_names(&reason, &rig, &points));
@@ -182,6 +183,16 @@ impl ObservedRig {
             joint_covariance: self.joint_covariance,
         })
     }
+}
+
+/// What the printed scales leave open of all lengths together, docs/math/printed_scale.md eq. (6); of several prints the largest, as if all were
+/// wrong alike.
+fn scale_sigma(targets: &[NamedTarget]) -> f64 {
+    let of_target = |target: &NamedTarget| {
+        let [x, y] = target.target.as_ref()?.printed_scale()?.relative_sigma();
+        Some(0.5 * x.hypot(y))
+    };
+    targets.iter().filter_map(of_target).fold(0.0, f64::max)
 }
 
 fn camera_names(rig: &NamedRig) -> Vec<String> {

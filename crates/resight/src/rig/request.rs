@@ -222,11 +222,8 @@ fn duplicate<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.find(|name| !seen.insert(*name))
 }
 
-/// Tolerances of a map and the uncertain scale of a print are not part of a rig's answer.
+/// Tolerances of a map are not part of a rig's answer.
 fn tolerance_remark(path: &Path, target: &Target) -> Option<String> {
-    if let Some(remark) = crate::print::scale_remark(target, "a rig") {
-        return Some(format!("warning: {}: {remark}", path.display()));
-    }
     let Target::TagMap(map) = target.design() else { return None };
     let widest_m = map.tags.iter().map(|tag| tag.sigma_m).fold(0.0, f64::max);
     (0.0 < widest_m).then(|| {

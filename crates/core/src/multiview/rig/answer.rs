@@ -85,7 +85,7 @@ pub(super) fn answer(
         view_scale: within / widened,
     };
     let verdict = evidence.verdict();
-    let solution = RigSolution {
+    let mut solution = RigSolution {
         reference: layout.reference,
         weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),
         cameras,
@@ -106,6 +106,10 @@ pub(super) fn answer(
         steps: adjusted.steps,
         verdict,
     };
+    // A measured distance between cameras says how long everything is, whatever the targets are.
+    if 0.0 < config.scale_sigma && config.known_distances.is_empty() {
+        solution.add_scale(config.scale_sigma);
+    }
     let covariances = solution.cameras.iter().map(|camera| &camera.covariance);
     let is_finite = (solution.rms_px + solution.chi2 + solution.noise_scale).is_finite();
     if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }

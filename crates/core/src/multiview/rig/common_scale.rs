@@ -1,0 +1,29 @@
+//! What an uncertain size of the targets does to a rig: every length is longer or shorter together. docs/math/printed_scale.md section 3.
+
+use super::RigSolution;
+use crate::{Matrix6, Pose, Vector6};
+use nalgebra::DVector;
+
+/// The left motion of a pose for one unit of relative scale, eq. (8): its translation grows, its rotation stays.
+fn grows(b_from_a: &Pose) -> Vector6 {
+    let t = b_from_a.translation;
+    Vector6::new(0.0, 0.0, 0.0, t.x, t.y, t.z)
+}
+
+impl RigSolution {
+    /// Adds a common relative standard deviation of all lengths to every covariance.
+    pub(super) fn add_scale(&mut self, sigma: f64) {
+        let add = |covariance: &mut Matrix6, pose: &Pose| {
+            let by = grows(pose) * sigma;
+            *covariance += by * by.transpose();
+        };
+        self.cameras.iter_mut().for_each(|c| add(&mut c.covariance, &c.cam_from_rig));
+        self.targets.iter_mut().for_each(|t| add(&mut t.covariance, &t.body_from_target));
+        self.bodies.iter_mut().for_each(|b| add(&mut b.covariance, &b.rig_from_body));
+        if let Some(joint) = &mut self.joint_covariance {
+            let all = self.cameras.iter().flat_map(|c| (grows(&c.cam_from_rig) * sigma).data.0[0]);
+            let all = DVector::from_iterator(joint.nrows(), all);
+            *joint += &all * all.transpose();
+        }
+    }
+}
