@@ -26,6 +26,7 @@ mod completions;
 mod convert;
 mod examples;
 mod films;
+mod first_pose;
 mod fuzz;
 mod history_faults;
 mod hostile_files;

@@ -38,3 +38,4 @@ mod report_rig;
 mod rig_jobs;
 mod scene;
 mod tag_tolerance;
+mod mirrored;
