@@ -1,6 +1,6 @@
 """From an empty folder to a pose from a printed page: four commands, and a lens that nobody tells the program.
 
-    python scripts/judges/first_pose.py [--seeds N] [--save FOLDER] [-v]       needs the program: $RESIGHT, or target/release or target/debug
+    python scripts/judges/first_pose.py [--seeds N] [--first-seed N] [--save FOLDER] [-v]       needs the program: $RESIGHT, or target/release or target/debug
 
 `resight print` writes a page. PDFium rasterises it, and the page, a little longer or shorter than designed as printers make it, is photographed:
 through a Brown–Conrady lens, 2 × 2 rays a pixel of a page rasterised at 300 dpi, with uneven light, vignetting, blur, the noise of photons and of reading, the curve of sRGB
@@ -190,7 +190,8 @@ def run(seed, folder, save, verbose):
 
     measure(1.0)
     camera = json.loads(command("intrinsics", "photos/*.jpg", "--target", "board.toml", "-o", "camera.toml", "--json"))
-    assert camera["status"] == "ok", camera["cameras"][0]["message"]
+    if camera["status"] != "ok":
+        return None, None, None, [f"seed {seed}: intrinsics: {camera['cameras'][0]['message']}"]
     answer = locate()
     assert answer["status"] == "ok", answer["message"]
     assert commands <= 5, f"{commands} commands"
@@ -226,12 +227,13 @@ def main():
     option = lambda name, default: sys.argv[sys.argv.index(name) + 1] if name in sys.argv else default
     save = option("--save", None)
     results = []
-    for seed in range(int(option("--seeds", 1))):
+    first = int(option("--first-seed", 0))
+    for seed in range(first, first + int(option("--seeds", 1))):
         with tempfile.TemporaryDirectory() as folder:
             results.append(run(seed, pathlib.Path(folder), pathlib.Path(save) if save and seed == 0 else None, "-v" in sys.argv))
     faults = [fault for r in results for fault in r[3]]
-    chi2, off_m, focal = (np.array([r[i] for r in results]) for i in range(3))
-    print(f"{len(results)} first poses from a printed page, in 4 commands: {1e3 * off_m.max():.2f} mm off at most, χ² {chi2.mean():.1f} of 6 on average, focal length {np.abs(focal).max():.1f} σ off at most")
+    chi2, off_m, focal = (np.array([r[i] for r in results if r[0] is not None]) for i in range(3))
+    print(f"{len(chi2)} of {len(results)} first poses from a printed page, in 4 commands: {1e3 * off_m.max():.2f} mm off at most, χ² {chi2.mean():.1f} of 6 on average, focal length {np.abs(focal).max():.1f} σ off at most")
     for fault in faults:
         print(fault)
     sys.exit(bool(faults))
