@@ -38,6 +38,7 @@ mod print;
 mod rig;
 mod rig_faults;
 mod rig_known_poses;
+mod rig_pose;
 mod rig_real;
 mod robust;
 mod solve;
