@@ -16,6 +16,7 @@ use std::path::PathBuf;
 /// `resight demo`. `resight COMMAND -h` shows a command on one screen, `resight COMMAND --help` explains every flag.
 #[derive(Debug, Parser)]
 #[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
+#[command(disable_help_subcommand = true)] // `resight COMMAND --help` is one way; the list fits one screen.
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]

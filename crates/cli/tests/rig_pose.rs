@@ -93,7 +93,7 @@ fn a_rig_is_located_within_its_error_bar() {
     assert_eq!(run_all.code, 0, "{}{}", run_all.stdout, run_all.stderr);
     let all = answer(&run_all);
     let (error, sigma) = off(&all);
-    assert!(error < 3.5 * sigma && sigma < 0.002, "{error} ± {sigma}");
+    assert!(error < 3.5 * sigma && sigma < 0.004, "{error} ± {sigma}");
     assert_eq!((all["n_points"].as_u64(), all["cameras"].as_array().map(Vec::len)), (Some(36), Some(3)));
     assert!(all["sigma_exact_intrinsics_m"].is_null());
 
@@ -229,4 +229,31 @@ fn a_real_stereo_pair_agrees_with_each_of_its_cameras() {
         compared += 1;
     }
     assert_eq!(compared, 3);
+}
+
+/// The page's command runs as printed, in the root of the repository, and prints what the page shows.
+#[test]
+#[cfg(unix)]
+fn the_page_shows_what_the_command_prints() {
+    use crate::book_support::{self, Piece, is_shown};
+    let page = std::fs::read_to_string(book_support::root().join("docs/rigs.md")).unwrap();
+    let mut pieces = book_support::pieces(&page).into_iter();
+    let line = pieces.find_map(|piece| match piece {
+        Piece::Commands(commands) => {
+            commands.into_iter().map(|c| c.line).find(|line| line.starts_with("resight rig-pose"))
+        }
+        Piece::Printed(_) => None,
+    });
+    let Some(Piece::Printed(shown)) = pieces.next() else { panic!("the page shows no answer") };
+    let words = line.unwrap();
+    let program = assert_cmd::cargo::cargo_bin("resight");
+    let run = std::process::Command::new(program)
+        .args(words.split(' ').skip(1))
+        .current_dir(book_support::root())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert_eq!(run.status.code(), Some(0), "{said}{}", String::from_utf8_lossy(&run.stderr));
+    let (said, shown): (Vec<&str>, Vec<&str>) = (said.trim_end().lines().collect(), shown.lines().collect());
+    assert!(is_shown(&said, &shown), "printed {said:#?}\nshown {shown:#?}");
 }
