@@ -10,6 +10,7 @@ pub mod print;
 pub mod history;
 pub mod locate;
 pub mod rig;
+pub mod rig_pose;
 pub mod intrinsics;
 pub mod pose_graph;
 pub mod hand_eye;

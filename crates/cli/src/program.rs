@@ -2,7 +2,7 @@
 
 use crate::commands::{
     advise, compare, completions, convert, demo, detect, explain, hand_eye, history, intrinsics, landmarks,
-    locate, measure, pose_graph, print, rig, schema, solve, watch, whisker,
+    locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
@@ -16,6 +16,7 @@ use std::path::PathBuf;
 /// `resight demo`. `resight COMMAND -h` shows a command on one screen, `resight COMMAND --help` explains every flag.
 #[derive(Debug, Parser)]
 #[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
+#[command(disable_help_subcommand = true)] // `resight COMMAND --help` is one way; the list fits one screen.
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -78,6 +79,8 @@ pub enum Command {
     Intrinsics(intrinsics::Intrinsics),
     /// Computes the extrinsics of several cameras from targets that they see together.
     Rig(rig::Rig),
+    /// Computes where a known rig is, from points seen by any of its cameras.
+    RigPose(rig_pose::RigPose),
     /// Computes the extrinsics of several cameras from the relative poses of pairs of them.
     PoseGraph(pose_graph::PoseGraphArgs),
     /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
@@ -119,6 +122,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Solve(args) => solve::run(&args),
         Command::Intrinsics(args) => intrinsics::run(&args),
         Command::Rig(args) => rig::run(&args),
+        Command::RigPose(args) => rig_pose::run(&args),
         Command::PoseGraph(args) => pose_graph::run(&args),
         Command::HandEye(args) => hand_eye::run(&args),
         Command::Compare(args) => compare::run(&args),

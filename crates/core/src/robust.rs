@@ -5,7 +5,7 @@
 
 mod order;
 mod sights;
-mod evidence;
+pub(crate) mod evidence;
 mod sampling;
 mod search;
 mod settle;

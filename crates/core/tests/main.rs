@@ -59,6 +59,7 @@ mod priors;
 mod pure_rotation;
 mod repeated;
 mod rig_input;
+mod rig_consensus;
 mod rig_pose;
 mod rig_real_faults;
 mod rig_real_parts;

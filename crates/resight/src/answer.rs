@@ -14,6 +14,7 @@ pub mod pose;
 pub mod pose_graph;
 pub mod print;
 pub mod rig;
+pub mod rig_pose;
 pub mod schema;
 mod every;
 mod unsolved;
@@ -31,6 +32,7 @@ pub use pose::{PoseAnswer, PoseObject, TransformObject};
 pub use pose_graph::{PoseGraphAnswer, SolvedPoseGraph};
 pub use print::PrintAnswer;
 pub use rig::{RigAnswer, SolvedRig};
+pub use rig_pose::RigPoseAnswer;
 pub use schema::{SCHEMA, SchemaNumber};
 pub use unsolved::Unsolved;
 

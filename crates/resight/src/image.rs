@@ -111,6 +111,18 @@ impl GrayImage {
             .map_err(|e| e.to_string())?;
         Ok(bytes)
     }
+
+    /// The image as a camera saves it: JPEG, `quality` from 1 to 100.
+    ///
+    /// # Errors
+    /// What the encoder says of an image that is none.
+    pub fn jpeg(&self, quality: u8) -> Result<Vec<u8>, String> {
+        let mut bytes = Vec::new();
+        ::image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
+            .encode(&self.data, self.width_px, self.height_px, ::image::ExtendedColorType::L8)
+            .map_err(|e| e.to_string())?;
+        Ok(bytes)
+    }
 }
 
 #[cfg(test)]

@@ -58,6 +58,7 @@ pub mod drawing;
 pub mod render;
 pub mod video;
 pub mod rig;
+pub mod rig_pose;
 pub mod intrinsics;
 pub mod scene;
 pub mod report;

@@ -6,6 +6,7 @@ use crate::answer::{Agreement, PoseAnswer, Status};
 use crate::detect::{CornerWindow, Detector, absent};
 use crate::error::Error;
 use crate::overlay::{self, Tone};
+use crate::report::face;
 use crate::report::verdict::{self, Verdict};
 use resight_core::correspondence::{Detection, Skipped};
 use resight_core::locate::consistency::Consistency;
@@ -115,6 +116,9 @@ impl<'a> ImageLocator<'a> {
         let found = locate_target(detections, self.target, camera, &config);
         let names: Vec<String> = found.features.iter().map(|f| feature_name(*f, self.target)).collect();
         let mut verdict = verdict::of_target(&found, |i| names.get(i).cloned().unwrap_or_default());
+        if let Ok(estimate) = &found.estimate {
+            verdict = face::judged(verdict, self.target, &estimate.cam_from_target, &found.seen);
+        }
         let scaled_from_px = self.scaled_from_px(camera);
         if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
             verdict.message += &format!(

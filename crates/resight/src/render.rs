@@ -126,6 +126,8 @@ pub struct Finish {
     /// Relative change of the illumination from the left edge to the right and from the top to the bottom;
     /// `[0.5, 0.0]`: 25 % darker at the left, 25 % lighter at the right.
     pub illumination_gradient: [f64; 2],
+    /// Share of the light that the lens loses in the corners of the image, growing with the square of the distance from the centre.
+    pub vignetting: f64,
     /// Sub-pixels along each side of a pixel that is not uniform.
     pub samples_per_axis: u32,
 }
@@ -138,6 +140,7 @@ impl Default for Finish {
             noise_sigma: 2.0,
             seed: 1,
             illumination_gradient: [0.0; 2],
+            vignetting: 0.0,
             samples_per_axis: 4,
         }
     }
@@ -167,6 +170,7 @@ pub fn render(scene: &Scene, camera: &Camera, finish: &Finish) -> Result<GrayIma
     let small = small_dots(&patches, camera, width, height);
     trace(&patches, camera, finish.samples_per_axis.clamp(1, 64), &small, &mut grey, width);
     finish::illuminate(&mut grey, width, finish.illumination_gradient);
+    finish::vignette(&mut grey, width, finish.vignetting);
     finish::blur(&mut grey, width, finish.blur_sigma_px);
     let data = finish::expose(&grey, finish.noise_sigma, finish.seed);
     Ok(GrayImage { width_px: size.width_px, height_px: size.height_px, data })

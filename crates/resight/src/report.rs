@@ -1,5 +1,6 @@
 //! Answers for people: verdicts, numbers in words, and a self-contained page.
 
+pub mod face;
 pub mod html;
 pub mod intrinsics;
 pub mod rig;

@@ -16,7 +16,7 @@ pub mod relative;
 mod request;
 mod robot_poses;
 pub mod synchronise;
-mod uncertain_lens;
+pub(crate) mod uncertain_lens;
 
 pub(crate) use detections::{collect as collect_detections, table::camera_names};
 pub(crate) use images::{OTHER_SIZE, collect as collect_images};

@@ -82,6 +82,7 @@ fn run(case: &Case, camera: &resight_core::Camera) -> (usize, usize, f64, f64, f
             noise_sigma: case.noise_sigma,
             seed: i,
             illumination_gradient: [0.2, -0.1],
+            vignetting: 0.0,
             samples_per_axis: 8,
         };
         // The detector needs the surroundings of each dot.
@@ -183,6 +184,7 @@ fn illumination_gradient_does_not_move_the_centre() {
         let finish = Finish {
             noise_sigma: 0.0,
             illumination_gradient: gradient,
+            vignetting: 0.0,
             samples_per_axis: 8,
             ..Finish::default()
         };

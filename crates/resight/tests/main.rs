@@ -38,3 +38,5 @@ mod report_rig;
 mod rig_jobs;
 mod scene;
 mod tag_tolerance;
+mod target_table;
+mod mirrored;

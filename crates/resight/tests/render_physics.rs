@@ -10,6 +10,7 @@ const CLEAN: Finish = Finish {
     noise_sigma: 0.0,
     seed: 1,
     illumination_gradient: [0.0; 2],
+    vignetting: 0.0,
     samples_per_axis: 16,
 };
 
@@ -88,6 +89,9 @@ fn finish_does_what_it_says() {
     let sloped = Finish { illumination_gradient: [0.5, 0.0], ..CLEAN };
     let image = render(&blank, &camera(320, 240), &sloped).unwrap();
     assert_eq!((image.at(0, 100), image.at(160, 100), image.at(319, 100)), (90, 120, 150));
+    // In the corners a vignette of 40 % leaves 60 % of the light, in the middle of an edge of a 4 : 3 image 1 − 0.4 / 2.
+    let image = render(&blank, &camera(320, 240), &Finish { vignetting: 0.4, ..CLEAN }).unwrap();
+    assert_eq!((image.at(160, 120), image.at(0, 120), image.at(319, 239)), (120, 96, 72));
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! `demo`: the whole path on shipped images whose truth is known.
 
+mod first_pose;
+mod photographs;
 mod shipped;
 
 use super::locate::LocatedImage;
@@ -23,24 +25,37 @@ use serde::Serialize;
 use shipped::Truth;
 use std::path::{Path, PathBuf};
 
+pub use first_pose::FirstPose;
+
 /// Shows the main job on images that come with the program, without any arguments.
 ///
 /// It takes seconds. Two cameras see four dots and a grid of tags, and their true poses are known. The demo shows detection, poses with error bars beside the truth, the relative extrinsics of the two cameras, a view with two
 /// answers, and a camera file that is wrong; writes images and a page to look at.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:\n  resight demo -o resight-demo\n\n\
-    Exit status: 0 when every answer is as the known truth demands, also the two that are shown because they are not `ok`; 1 otherwise.")]
+#[command(
+    after_help = "Examples:\n  resight demo -o resight-demo\n  resight demo --first-pose -o first-pose\n\n\
+    Exit status: 0 when every answer is as the known truth demands, also the two that are shown because they are not `ok`; 1 otherwise."
+)]
 pub struct Demo {
     /// Folder for images, results and report.html.
     #[arg(short, long, value_name = "DIR", default_value = "resight-demo")]
     output: PathBuf,
-    /// Prints JSON Lines on stdout: the pose objects, then the relative extrinsics.
+    /// Instead follows the guide to a first pose: prints a page, photographs it, estimates the intrinsics, locates the camera.
+    ///
+    /// The photographs are rendered through a lens that no command is told. Every command is shown as one types it, and the answers stand
+    /// beside the truth.
+    #[arg(long)]
+    first_pose: bool,
+    /// Prints JSON Lines on stdout: the answers of each step, then the comparison with the truth.
     #[arg(long)]
     json: bool,
 }
 
 /// See `Demo`.
 pub fn run(args: &Demo) -> Result<Outcome> {
+    if args.first_pose {
+        return first_pose::run(&args.output, args.json);
+    }
     shipped::unpack(&args.output)?;
     let mut story = Story::new(args)?;
     story.introduction()?;

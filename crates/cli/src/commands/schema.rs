@@ -12,11 +12,12 @@ use resight_whisker::files::identification::IdentificationObject;
 use schemars::SchemaGenerator;
 
 /// Answers of the crates above the library's.
-const FURTHER: [(&str, Generate); 10] = [
+const FURTHER: [(&str, Generate); 11] = [
     ("event", SchemaGenerator::subschema_for::<EventObject>),
     ("stored", SchemaGenerator::subschema_for::<StoredObject>),
     ("history", SchemaGenerator::subschema_for::<history::HistoryObject>),
     ("history_export", SchemaGenerator::subschema_for::<history::ExportedObject>),
+    ("demo_first_pose", SchemaGenerator::subschema_for::<demo::FirstPose>),
     ("demo_pair", SchemaGenerator::subschema_for::<demo::Pair>),
     ("whisker_contact", SchemaGenerator::subschema_for::<whisker::Answer<ContactObject>>),
     ("whisker_record", SchemaGenerator::subschema_for::<whisker::Answer<whisker::RecordObject>>),

@@ -7,6 +7,8 @@
 mod cost;
 mod starts;
 mod check;
+#[cfg(feature = "std")]
+mod consensus;
 
 use crate::covariance::is_covariance;
 use crate::locate::choose::{Choice, Minima, Minimum, choose, insert};
@@ -18,6 +20,8 @@ use crate::locate::uncertainty::check_known;
 use crate::locate::{Config, PoseEstimate, locate};
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 pub(crate) use check::check_views;
+#[cfg(feature = "std")]
+pub use consensus::{RigConsensus, RigPoint, rig_consensus};
 pub(crate) use cost::RigCost;
 
 use check::check_points;

@@ -2,7 +2,7 @@
 
 /// What chance could do: the count of poses tried, the points that test them, the chance of each to agree.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Evidence {
+pub(crate) struct Evidence {
     /// Independent units: points, or groups that stand and fall together.
     pub n_units: usize,
     /// Units a sample takes, which agree by construction.
@@ -15,13 +15,13 @@ pub(super) struct Evidence {
 
 impl Evidence {
     /// ln of the expected number of poses with at least `n_agreeing` units among random labels, eq. (6).
-    pub(super) fn ln_false_alarms(&self, n_agreeing: usize) -> f64 {
+    pub(crate) fn ln_false_alarms(&self, n_agreeing: usize) -> f64 {
         let (n, k) = (self.n_units.saturating_sub(self.n_used), n_agreeing.saturating_sub(self.n_used));
         self.ln_poses + ln_tail(n, k, self.chance)
     }
 
     /// The least number of units with fewer false alarms than that; more than there are when none is enough.
-    pub(super) fn needed(&self, ln_max: f64) -> usize {
+    pub(crate) fn needed(&self, ln_max: f64) -> usize {
         let enough = |m: &usize| self.ln_false_alarms(*m) <= ln_max;
         (self.n_used + 1..=self.n_units).find(enough).unwrap_or(self.n_units + 1)
     }
@@ -40,18 +40,18 @@ fn ln_tail(n: usize, k: usize, p: f64) -> f64 {
 }
 
 /// ln of the number of triples of n.
-pub(super) fn ln_triples(n: usize) -> f64 {
+pub(crate) fn ln_triples(n: usize) -> f64 {
     let n = n as f64;
     (n * (n - 1.0) * (n - 2.0) / 6.0).max(1.0).ln()
 }
 
 /// Confidence that a consensus that a sample hits with probability `chance_per_sample` has been hit, eq. (9).
-pub(super) fn confidence(chance_per_sample: f64, n_samples: usize) -> f64 {
+pub(crate) fn confidence(chance_per_sample: f64, n_samples: usize) -> f64 {
     1.0 - (n_samples as f64 * (-chance_per_sample).ln_1p()).exp()
 }
 
 /// The number of samples for a confidence; none when no number is enough.
-pub(super) fn samples_for(confidence: f64, chance_per_sample: f64) -> Option<usize> {
+pub(crate) fn samples_for(confidence: f64, chance_per_sample: f64) -> Option<usize> {
     let n = (1.0 - confidence).ln() / (-chance_per_sample).ln_1p();
     (0.0 < chance_per_sample && n < 1e15).then(|| n.max(1.0).ceil() as usize)
 }

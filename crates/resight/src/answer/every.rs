@@ -1,7 +1,8 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
 use super::{
-    advise, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph, print, rig,
+    advise, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph, print,
+    rig, rig_pose,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -38,9 +39,10 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer by the job that gives it.
-const ANSWERS: [(&str, Generate); 21] = [
+const ANSWERS: [(&str, Generate); 22] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
+    ("rig_pose", SchemaGenerator::subschema_for::<rig_pose::RigPoseAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),
     ("hand_eye", SchemaGenerator::subschema_for::<hand_eye::HandEyeAnswer>),
     ("intrinsics", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsAnswer>),

@@ -8,8 +8,8 @@ use crate::core::multiview::intrinsics::{
     BadView, Finding, IntrinsicsOutcome, IntrinsicsView, NextView, Severity, SolvedIntrinsics,
 };
 use crate::core::multiview::intrinsics_check::SkippedFrame;
-use crate::core::{Pose, Target};
 use crate::formats::NamedCamera;
+use crate::report::face::is_from_behind;
 
 /// A camera that saw no target.
 pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
@@ -113,16 +113,7 @@ fn good(solved: &SolvedIntrinsics) -> String {
 fn mirrored(camera: &CameraViews, solved: &SolvedIntrinsics) -> Option<FindingObject> {
     let side = |view: &IntrinsicsView| -> Option<bool> {
         let NamedView { target, points, .. } = &camera.views[view.view];
-        // Into the surface, but for Kalibr's grid, whose z points to the viewer.
-        let sign = match target.as_ref()? {
-            Target::Chessboard(_) | Target::Charuco(_) | Target::Tag(_) | Target::LinePlusOne(_) => 1.0,
-            Target::AprilGrid(_) => -1.0,
-            _ => return None,
-        };
-        let Pose { rotation, .. } = view.cam_from_target;
-        let middle =
-            points.iter().map(|c| c.x_in_target).sum::<crate::core::Point>() / points.len().max(1) as f64;
-        Some(sign * rotation.column(2).dot(&(view.cam_from_target * middle)) < 0.0)
+        is_from_behind(target.as_ref()?, &view.cam_from_target, points)
     };
     let sides: Vec<bool> = solved.views.iter().filter_map(side).collect();
     let n = sides.iter().filter(|behind| **behind).count();

@@ -64,6 +64,21 @@ pub(super) fn illuminate(grey: &mut [f32], width: usize, [gx, gy]: [f64; 2]) {
     }
 }
 
+/// Multiplies by 1 − loss·ρ², where ρ is the distance from the centre of the image over that of its corners.
+pub(super) fn vignette(grey: &mut [f32], width: usize, loss: f64) {
+    if loss == 0.0 || width == 0 {
+        return;
+    }
+    let height = grey.len() / width;
+    let centred = |i: usize, n: usize| 2.0 * (i as f64 + 0.5) / n as f64 - 1.0;
+    for (v, row) in grey.chunks_mut(width).enumerate() {
+        let down = centred(v, height).powi(2);
+        for (u, value) in row.iter_mut().enumerate() {
+            *value *= (1.0 - 0.5 * loss * (down + centred(u, width).powi(2))) as f32;
+        }
+    }
+}
+
 /// Gaussian blur, separable, cut at 4 sigma, the border pixel repeated outwards.
 pub(super) fn blur(grey: &mut [f32], width: usize, sigma_px: f64) {
     if !(0.0 < sigma_px) || width == 0 {

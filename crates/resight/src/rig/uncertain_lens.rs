@@ -9,7 +9,7 @@ const STEP: f64 = 0.3;
 
 /// What the intrinsics add to the covariance of an answer, D C Dᵀ by central differences along the principal directions of C. `with` gives
 /// the change of the answer through another lens; none where it has none.
-pub(super) fn share(
+pub(crate) fn share(
     camera: &NamedCamera,
     with: impl Fn(&Camera) -> Option<DVector<f64>>,
 ) -> Option<DMatrix<f64>> {

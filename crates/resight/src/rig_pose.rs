@@ -1,0 +1,74 @@
+//! Where a known rig is, from points that any of its cameras see: the job behind `resight rig-pose`.
+
+mod read;
+mod solve;
+
+pub use read::{RigPointsView, read_rig_points};
+pub use solve::RigPoseRequest;
+
+use crate::answer::rig_pose::RigPoseAnswer;
+use crate::core::{Camera, Matrix6, Pose};
+use crate::error::Error;
+use crate::formats::{self, NamedCamera};
+use crate::rig::places::placed;
+use std::path::Path;
+
+/// A camera of a known rig.
+#[derive(Debug, Clone)]
+pub struct KnownCamera {
+    /// Name, lens, and how well its intrinsics are known.
+    pub named: NamedCamera,
+    /// x_in_cam = cam_from_rig · x_in_rig.
+    pub cam_from_rig: Pose,
+    /// Covariance of its small left motion, camera frame; none when exact, or not stated.
+    pub covariance: Option<Matrix6>,
+}
+
+impl KnownCamera {
+    fn camera(&self) -> &Camera {
+        &self.named.camera
+    }
+}
+
+/// The cameras of a rig file, in the frame that its poses have in common.
+///
+/// # Errors
+/// What is wrong with the file; a file of intrinsics only, or one whose poses do not join its cameras.
+pub fn read_known_rig(path: &Path) -> Result<Vec<KnownCamera>, Error> {
+    let cameras = formats::read_cameras(path)?.cameras;
+    let places = match cameras.as_slice() {
+        [_] if cameras[0].placement.is_none() => None,
+        several => {
+            Some(placed(several).map_err(|reason| Error::request(format!("{} {reason}", path.display())))?)
+        }
+    };
+    let known = |(i, named): (usize, NamedCamera)| {
+        let place = places.as_ref().map(|all| &all[i]);
+        let covariance = place.and_then(|p| p.covariance).filter(|c| *c != Matrix6::zeros());
+        KnownCamera { named, cam_from_rig: place.map_or_else(Pose::identity, |p| p.cam_from_rig), covariance }
+    };
+    Ok(cameras.into_iter().enumerate().map(known).collect())
+}
+
+/// The pose of a rig for each view, in file order.
+///
+/// ```no_run
+/// # fn main() -> Result<(), resight::Error> {
+/// use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses};
+/// let rig = read_known_rig("rig.toml".as_ref())?;
+/// let views = read_rig_points("points.csv".as_ref(), &rig)?;
+/// for answer in rig_poses(&rig, &views, &RigPoseRequest::default()) {
+///     println!("{} {}: {}", answer.view, answer.status.name(), answer.message);
+/// }
+/// # Ok(())
+/// # }
+/// ```
+pub fn rig_poses(
+    rig: &[KnownCamera],
+    views: &[RigPointsView],
+    request: &RigPoseRequest,
+) -> Vec<RigPoseAnswer> {
+    let remarks: Vec<String> = read::unit_remark(views).into_iter().collect();
+    let solved = |view| RigPoseAnswer { remarks: remarks.clone(), ..solve::solved(rig, view, request) };
+    views.iter().map(solved).collect()
+}
