@@ -15,6 +15,7 @@ pub mod pose_graph;
 pub mod print;
 pub mod rig;
 pub mod schema;
+pub mod focal;
 mod every;
 mod unsolved;
 
@@ -24,6 +25,7 @@ pub use consensus::Agreement;
 pub use detection::DetectionAnswer;
 pub use every::{Generate, json_schema};
 pub use files::{ConvertAnswer, Explanation};
+pub use focal::EstimatedFocal;
 pub use hand_eye::{HandEyeAnswer, SolvedHandEye};
 pub use intrinsics::{IntrinsicsAnswer, IntrinsicsCheckAnswer};
 pub use measure::MeasureAnswer;

@@ -1,7 +1,7 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
 use super::print::PrintedScaleObject;
-use super::{Agreement, SchemaNumber};
+use super::{Agreement, EstimatedFocal, SchemaNumber};
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
 use crate::core::locate::consistency::Consistency;
@@ -42,6 +42,8 @@ pub struct PoseAnswer {
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
     /// What these cost the position.
     pub intrinsics_cost: Option<IntrinsicsCost>,
+    /// The focal length, where it was estimated with the pose.
+    pub estimated_focal: Option<EstimatedFocal>,
     /// The measured scale of a printed target; none where the target's file states none.
     pub printed_scale: Option<PrintedScaleObject>,
     /// Name of the point with the largest residual, by index.
@@ -188,6 +190,9 @@ pub struct PoseObject {
     /// What uncertain intrinsics cost the position.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_cost: Option<IntrinsicsCost>,
+    /// The focal length, where it was estimated with the pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimated_focal: Option<EstimatedFocal>,
     /// The measured scale of a printed target; the points lie as printed, and `covariance` holds its standard deviation.
     #[serde(skip_serializing_if = "Option::is_none")]
     printed_scale: Option<PrintedScaleObject>,
@@ -285,6 +290,7 @@ impl PoseAnswer {
             point_sigma_m: None,
             intrinsics_sigma: None,
             intrinsics_cost: None,
+            estimated_focal: None,
             printed_scale: None,
             names: Vec::new(),
             scaled_from_px: None,
@@ -322,6 +328,7 @@ impl PoseAnswer {
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
             intrinsics_cost: self.intrinsics_cost,
+            estimated_focal: self.estimated_focal.clone(),
             printed_scale: self.printed_scale,
             intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),
