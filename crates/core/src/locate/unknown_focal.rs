@@ -5,6 +5,7 @@
 mod lens;
 mod cost;
 mod ridge;
+mod field;
 mod starts;
 mod layout;
 
@@ -169,8 +170,16 @@ impl FocalMinimum {
 struct Fitting<'a> {
     m: &'a FocalMinimum,
     probability: f64,
-    /// Its covariance with noise and bend.
+    /// Its covariance, whole.
     whole: JointCovariance,
+    /// What all points share along one axis of the image, px.
+    shared_error_px: f64,
+}
+
+impl Fitting<'_> {
+    fn pose_covariance(&self) -> Matrix6 {
+        crate::pose::symmetric(&self.whole.fixed_view::<6, 6>(0, 0).into_owned())
+    }
 }
 
 /// Squared distance of two ends of descents that rounding parts.
@@ -191,20 +200,16 @@ impl FocalView<'_> {
         let fitting: Vec<&FocalMinimum> =
             minima.iter().filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale)).collect();
         let probabilities = probabilities(&fitting, noise_scale);
+        let fitting = fitting.into_iter().zip(probabilities);
         let fitting: Vec<Fitting> = fitting
-            .into_iter()
-            .zip(probabilities)
-            .map(|(m, probability)| {
-                let whole = ridge::whole(&self.problem, &m.descent, &m.covariance, noise_scale);
-                Fitting { m, probability, whole }
-            })
-            .collect();
+            .map(|(m, probability)| self.whole(m, probability, lowest, noise_scale))
+            .collect::<Result<_, _>>()?;
         self.check(&fitting, noise_scale)?;
         let mut ordered = fitting;
         ordered.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let leading = ordered.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
         let first = leading.m;
-        let (covariance, shared_error_px) = self.covariance(leading, lowest, noise_scale)?;
+        let (covariance, shared_error_px) = (leading.pose_covariance(), leading.shared_error_px);
         let others = self.others(&ordered, lowest, noise_scale)?;
         let next = minima.iter().find(|m| !core::ptr::eq(*m, first));
         let ratio = next.map(|m| squared(m) / squared(first));
@@ -279,30 +284,36 @@ impl FocalView<'_> {
         }
     }
 
-    /// That of a pose, whole, and what all points share along one axis of the image, px.
-    fn covariance(
+    /// A minimum within the gate with its whole covariance: pixels and lens, the bends, and errors that the points share.
+    fn whole<'a>(
         &self,
-        fitting: &Fitting,
+        m: &'a FocalMinimum,
+        probability: f64,
         lowest: &FocalMinimum,
         noise_scale: f64,
-    ) -> Result<(Matrix6, f64), Error> {
-        let m = fitting.m;
+    ) -> Result<Fitting<'a>, Error> {
+        let mut whole = ridge::whole(&self.problem, &m.descent, &m.covariance, noise_scale);
+        let view = &Problem::new(&m.seen, &m.camera);
         let lens: LensCovariance = m.covariance.fixed_view::<5, 5>(6, 6).into_owned();
         let intrinsics = self.problem.lens.parameter_covariance(&m.descent.state.lens, &lens);
         let common = Common { intrinsics: Some(intrinsics.as_slice()), scale_sigma: self.target_scale_sigma };
-        let problem = &Problem::new(&m.seen, &m.camera);
-        let doubts = Doubts { problem, common, noise_scale, lowest: lowest.minimum, shared_errors: true };
-        let whole = doubts.covariance(&m.minimum, None)?;
-        // What the bend along the focal length adds.
-        let bend = fitting.whole - m.covariance * noise_scale;
-        Ok((whole.covariance + bend.fixed_view::<6, 6>(0, 0), whole.shared_error_px))
+        let doubts =
+            Doubts { problem: view, common, noise_scale, lowest: lowest.minimum, shared_errors: false };
+        // What the bend of the pose and a printed target's scale add to what is in `whole` already.
+        let pose = doubts.covariance(&m.minimum, None)?.covariance
+            - m.covariance.fixed_view::<6, 6>(0, 0) * noise_scale;
+        let mut block = whole.fixed_view_mut::<6, 6>(0, 0);
+        block += pose;
+        let shared = field::shared(&self.problem, &m.descent, &m.minimum, view);
+        let (field, shared_error_px) = shared.unwrap_or((JointCovariance::zeros(), 0.0));
+        Ok(Fitting { m, probability, whole: whole + field, shared_error_px })
     }
 
     fn others(&self, ordered: &[Fitting], lowest: &FocalMinimum, noise_scale: f64) -> Result<Others, Error> {
         let mut others = Others::default();
         for (place, fitting) in others.iter_mut().zip(ordered.iter().skip(1)) {
             let Fitting { m, probability, .. } = fitting;
-            let (covariance, _) = self.covariance(fitting, lowest, noise_scale)?;
+            let covariance = fitting.pose_covariance();
             *place = Some(Hypothesis {
                 minimum: Minimum { covariance, ..m.minimum },
                 delta_chi2: m.minimum.cost_above(&lowest.minimum, noise_scale),

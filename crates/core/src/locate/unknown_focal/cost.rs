@@ -6,7 +6,7 @@ use super::lens::{LENS, LensPrior, LensState};
 use crate::least_squares::PivotedPose;
 use crate::least_squares::dense::{DenseEquations, minimize_dense};
 use crate::locate::refine::{centroid, whitening};
-use crate::{Camera, Correspondence, Point, Pose, Vector6};
+use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, SMatrix, SVector};
 
 /// Pose and lens.
@@ -26,6 +26,15 @@ pub(super) struct FocalProblem<'a> {
 pub(super) struct FocalState {
     place: PivotedPose,
     pub(super) lens: LensState,
+}
+
+/// One point: what is predicted, whitened residuals and derivatives.
+pub(super) struct Rows {
+    pub(super) pixel: Pixel,
+    residuals: [f64; 2],
+    pub(super) by_unknown: [[f64; UNKNOWNS]; 2],
+    /// 1/σ² where noise is the same in u and v.
+    pub(super) weight: f64,
 }
 
 /// Weights that a descent holds.
@@ -95,7 +104,11 @@ impl<'a> FocalProblem<'a> {
         let camera = self.lens.camera(&state.lens)?;
         let mut equations = DenseEquations::new(UNKNOWNS);
         for c in self.seen {
-            self.add(&mut equations, c, state, &camera, held)?;
+            let rows = self.rows(c, state, &camera, held)?;
+            for (residual, by) in rows.residuals.into_iter().zip(&rows.by_unknown) {
+                let entries: [(usize, f64); UNKNOWNS] = core::array::from_fn(|i| (i, by[i]));
+                equations.add(residual, &entries);
+            }
         }
         for (i, residual, by) in self.lens.residuals(&state.lens, held.bend_sigma) {
             equations.add(residual, &[(6 + i, by)]);
@@ -104,14 +117,7 @@ impl<'a> FocalProblem<'a> {
     }
 
     /// Eq. (23).
-    fn add(
-        &self,
-        equations: &mut DenseEquations,
-        c: &Correspondence,
-        state: &FocalState,
-        camera: &Camera,
-        held: &Held,
-    ) -> Option<()> {
+    fn rows(&self, c: &Correspondence, state: &FocalState, camera: &Camera, held: &Held) -> Option<Rows> {
         let y = state.place.rotation * (c.x_in_target - self.pivot);
         let x = y + state.place.pivot_in_cam;
         let (pixel, jacobian) = camera.project_with_jacobian(&x)?;
@@ -120,24 +126,29 @@ impl<'a> FocalProblem<'a> {
             true => Matrix2x3::zeros(),
             false => held.camera.project_with_jacobian(&(held.cam_from_target * c.x_in_target))?.1,
         };
-        let (w00, w01, w11) = whitening(c, &held_jacobian);
+        let (a, b, d) = whitening(c, &held_jacobian);
         let e = c.pixel - pixel;
-        let rows = [[w00, w01], [0.0, w11]];
-        for [wu, wv] in rows {
+        let derivative = |[wu, wv]: [f64; 2]| {
             let j = (jacobian.row(0) * wu + jacobian.row(1) * wv).transpose();
             let by_rotation = y.cross(&j);
-            let mut entries = [(0, 0.0); UNKNOWNS];
-            for (i, entry) in entries.iter_mut().enumerate() {
-                let value = match i {
-                    0..3 => by_rotation[i],
-                    3..6 => j[i - 3],
-                    _ => by_lens[i - 6].x * wu + by_lens[i - 6].y * wv,
-                };
-                *entry = (i, value);
-            }
-            equations.add(e.x * wu + e.y * wv, &entries);
-        }
-        Some(())
+            core::array::from_fn(|i| match i {
+                0..3 => by_rotation[i],
+                3..6 => j[i - 3],
+                _ => by_lens[i - 6].x * wu + by_lens[i - 6].y * wv,
+            })
+        };
+        Some(Rows {
+            pixel,
+            residuals: [a * e.x + b * e.y, d * e.y],
+            by_unknown: [[a, b], [0.0, d]].map(derivative),
+            weight: a * d,
+        })
+    }
+
+    /// Of all points, each with its own weights.
+    pub(super) fn all_rows(&self, state: &FocalState) -> Option<Vec<Rows>> {
+        let held = self.held_at(state)?;
+        self.seen.iter().map(|c| self.rows(c, state, &held.camera, &held)).collect()
     }
 
     fn moved(&self, state: &FocalState, step: &DVector<f64>) -> Option<FocalState> {
@@ -200,11 +211,21 @@ impl<'a> FocalProblem<'a> {
 
     /// H⁻¹ of motions about the camera, eq. (25); none where a direction is open to rounding.
     pub(super) fn covariance(&self, descent: &Descent) -> Option<JointCovariance> {
+        Self::at_camera(descent, &scaled_inverse(&descent.information)?)
+    }
+
+    /// H⁻¹ S H⁻¹: what errors do to the answer whose scores Jᵀr have the covariance S, eq. (29).
+    pub(super) fn of_scores(&self, descent: &Descent, scores: &JointCovariance) -> Option<JointCovariance> {
         let inverse = scaled_inverse(&descent.information)?;
+        Self::at_camera(descent, &(inverse * scores * inverse))
+    }
+
+    /// From motions about the centroid to those about the camera.
+    fn at_camera(descent: &Descent, about_pivot: &JointCovariance) -> Option<JointCovariance> {
         let mut to_camera = JointCovariance::identity();
         let at = descent.state.place.pivot_in_cam.cross_matrix();
         to_camera.fixed_view_mut::<3, 3>(3, 0).copy_from(&at);
-        let covariance = to_camera * inverse * to_camera.transpose();
+        let covariance = to_camera * about_pivot * to_camera.transpose();
         let whole = (covariance + covariance.transpose()) * 0.5;
         whole.sum().is_finite().then_some(whole)
     }
@@ -217,4 +238,47 @@ fn scaled_inverse(information: &DMatrix<f64>) -> Option<JointCovariance> {
     let diagonal = JointCovariance::from_diagonal(&scale);
     let scaled: JointCovariance = diagonal * h * diagonal;
     Some(diagonal * scaled.cholesky()?.inverse() * diagonal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::ImageSize;
+
+    /// χ² and its gradient: the sixth digit of central differences, for every unknown, at a state that fits badly.
+    #[test]
+    fn the_gradient_is_that_of_chi2() {
+        let lens = LensPrior {
+            size: ImageSize { width_px: 640, height_px: 480 },
+            principal_point_sigma_px: 12.0,
+            aspect_sigma: 0.004,
+            bend_sigma_per_rad: 0.12,
+        };
+        let seen: Vec<Correspondence> = (0..9)
+            .map(|i| {
+                let (u, v) = (f64::from(i % 3), f64::from(i / 3));
+                let pixel = Pixel::new(180.0 + 130.0 * u + 7.0 * v * v, 120.0 + 110.0 * v - 9.0 * u * v);
+                let camera = Camera::normalized();
+                Correspondence::new(&camera, Point::new(u, v, 0.3 * u * v) * 0.2, pixel, 0.7)
+                    .expect("a point")
+            })
+            .collect();
+        let problem = FocalProblem::new(&seen, &lens);
+        let pose = Pose::exp(&Vector6::new(0.2, -0.3, 0.1, -0.15, -0.2, 1.1));
+        let mut state = problem.state(&pose, 600.0);
+        state.lens = state.lens.moved(&[0.0, 0.01, 5.0, -3.0, -0.1]).expect("a lens");
+        let held = problem.held_at(&state).expect("weights");
+        let at = |state: &FocalState| problem.evaluate(state, &held).expect("a cost");
+        let gradient = at(&state).gradient;
+        for i in 0..UNKNOWNS {
+            let h = if (8..10).contains(&i) { 1e-3 } else { 1e-6 };
+            let moved = |by: f64| {
+                let mut step = DVector::zeros(UNKNOWNS);
+                step[i] = by;
+                at(&problem.moved(&state, &step).expect("a state")).chi2
+            };
+            let difference = -0.25 * (moved(h) - moved(-h)) / h;
+            assert!((difference / gradient[i] - 1.0).abs() < 1e-5, "{i}: {difference} {}", gradient[i]);
+        }
+    }
 }
