@@ -28,7 +28,7 @@ pub fn describe(answer: &PoseAnswer) -> String {
         out.push_str(&fit(answer, estimate));
     }
     if let Some(focal) = &answer.estimated_focal {
-        line(&mut out, "focal length", &focal.words());
+        line(&mut out, "lens", &focal.words());
     }
     if let Some(cost) = &answer.intrinsics_cost {
         line(&mut out, "intrinsics", &cost.words());

@@ -24,6 +24,7 @@ mod book;
 mod compare;
 mod completions;
 mod convert;
+mod estimate_focal;
 mod examples;
 mod films;
 mod fuzz;

@@ -85,7 +85,7 @@ fn in_space(rng: &mut Rng, n: usize) -> Vec<Point> {
 
 /// Squared Mahalanobis distance of [pose; log f], seven numbers, and how many standard deviations f is off.
 fn miss(found: &FocalEstimate, view: &View) -> (f64, f64) {
-    let motion = (view.cam_from_target * found.pose.cam_from_target.inverse()).log();
+    let motion = (view.cam_from_target * found.estimate.cam_from_target.inverse()).log();
     let focal = (view.focal_px / found.focal_px).ln();
     let d = SVector::<f64, 7>::from_fn(|i, _| if i < 6 { motion[i] } else { focal });
     let inverse = found.covariance.try_inverse().expect("an inverse");
@@ -113,8 +113,8 @@ fn tally(seed: u64, n: usize, mut next: impl FnMut(&mut Rng) -> Option<View>) ->
         let Some(view) = next(&mut rng) else { continue };
         tally.views += 1;
         match estimate_focal(&view.seen, &prior()) {
-            Ok(found) if matches!(found.pose.ambiguity, Ambiguity::Ambiguous { .. }) => tally.ambiguous += 1,
-            Ok(found) if found.pose.consistency != Consistency::Consistent => tally.inconsistent += 1,
+            Ok(found) if matches!(found.estimate.ambiguity, Ambiguity::Ambiguous { .. }) => tally.ambiguous += 1,
+            Ok(found) if found.estimate.consistency != Consistency::Consistent => tally.inconsistent += 1,
             Ok(found) => {
                 let (nees, focal) = miss(&found, &view);
                 tally.unique += 1;
@@ -229,7 +229,7 @@ fn points_in_the_wrong_order_give_no_answer() {
         (0..6).for_each(|i| seen[i].pixel = seen[i + 1].pixel);
         seen[6].pixel = first;
         let is_refused = match estimate_focal(&seen, &prior()) {
-            Ok(found) => found.pose.consistency != Consistency::Consistent,
+            Ok(found) => found.estimate.consistency != Consistency::Consistent,
             Err(_) => true,
         };
         assert!(is_refused);

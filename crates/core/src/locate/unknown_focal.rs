@@ -29,18 +29,18 @@ use nalgebra::{DMatrix, SMatrix};
 #[derive(Debug, Clone, PartialEq)]
 pub struct FocalEstimate {
     /// The pose; its covariance holds that of the lens.
-    pub pose: PoseEstimate,
+    pub estimate: PoseEstimate,
     /// The focal length, px: that of both axes to the prior's aspect.
     pub focal_px: f64,
     /// Its standard deviation.
     pub sigma_px: f64,
-    /// Covariance of [rotation_rad; translation_m; log f], the motion as of `pose.covariance`.
+    /// Covariance of [rotation_rad; translation_m; log f], the motion as of `estimate.covariance`.
     pub covariance: SMatrix<f64, 7, 7>,
     /// The camera: the points move principal point, aspect and distortion from what is usual only as far as they show it.
     pub camera: Camera,
     /// Covariance of `camera.parameters`.
     pub intrinsics_covariance: DMatrix<f64>,
-    /// Focal lengths of the other poses, px, in the order of `pose.others`.
+    /// Focal lengths of the other poses, px, in the order of `estimate.others`.
     pub other_focal_px: Vec<f64>,
 }
 
@@ -253,7 +253,7 @@ impl FocalView<'_> {
         let lens: LensCovariance = whole.fixed_view::<5, 5>(6, 6).into_owned();
         let lens_state = &first.descent.state.lens;
         FocalEstimate {
-            pose,
+            estimate: pose,
             focal_px,
             sigma_px: focal_px * covariance[(6, 6)].sqrt(),
             covariance,

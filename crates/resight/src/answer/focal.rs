@@ -1,7 +1,6 @@
 //! A focal length that was estimated with the pose, as JSON has it.
 
 use crate::core::locate::unknown_focal::FocalEstimate;
-use crate::report::verdict::figures;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -43,17 +42,16 @@ impl EstimatedFocal {
         }
     }
 
-    /// In words: "1203 ± 14 px (estimated)".
+    /// In words: "focal length 1203 ± 14 px (estimated)".
     pub fn words(&self) -> String {
         let field = self.horizontal_field_of_view_rad.to_degrees();
-        let sigma = figures(self.sigma_px);
+        let digits = digits(self.sigma_px);
+        let (focal_px, sigma_px) = (self.focal_px, self.sigma_px);
         let mut words = format!(
-            "{:.*} ± {sigma} px (estimated), a horizontal field of view of {field:.1}°",
-            digits(self.sigma_px),
-            self.focal_px
+            "focal length {focal_px:.digits$} ± {sigma_px:.digits$} px (estimated), a horizontal field of view of {field:.1}°"
         );
         for other in &self.other_focal_px {
-            words += &format!("; with the next pose {:.*} px", digits(self.sigma_px), other);
+            words += &format!("; with the next pose {other:.digits$} px");
         }
         words
     }

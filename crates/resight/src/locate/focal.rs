@@ -30,10 +30,10 @@ pub(super) fn with_unknown_focal(
         Err(reason) => return (PoseAnswer { verdict: verdict::of_error(&reason), ..answer }, None),
     };
     let answer = PoseAnswer {
-        verdict: verdict_of(&found.pose, name_of),
-        observability: Some(Observability::of(&found.pose, seen)),
+        verdict: verdict_of(&found.estimate, name_of),
+        observability: Some(Observability::of(&found.estimate, seen)),
         estimated_focal: Some(EstimatedFocal::of(&found, lens.size.width_px)),
-        estimate: Some(found.pose),
+        estimate: Some(found.estimate),
         ..answer
     };
     (answer, Some(found.camera))
