@@ -41,6 +41,7 @@ mod rig_known_poses;
 mod rig_real;
 mod robust;
 mod solve;
+mod solve_lines;
 mod stranger;
 mod streams;
 mod streams_unconnected;

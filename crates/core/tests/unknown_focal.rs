@@ -113,7 +113,9 @@ fn tally(seed: u64, n: usize, mut next: impl FnMut(&mut Rng) -> Option<View>) ->
         let Some(view) = next(&mut rng) else { continue };
         tally.views += 1;
         match estimate_focal(&view.seen, &prior()) {
-            Ok(found) if matches!(found.estimate.ambiguity, Ambiguity::Ambiguous { .. }) => tally.ambiguous += 1,
+            Ok(found) if matches!(found.estimate.ambiguity, Ambiguity::Ambiguous { .. }) => {
+                tally.ambiguous += 1
+            }
             Ok(found) if found.estimate.consistency != Consistency::Consistent => tally.inconsistent += 1,
             Ok(found) => {
                 let (nees, focal) = miss(&found, &view);

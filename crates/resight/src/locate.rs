@@ -20,12 +20,14 @@ use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance};
+pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
 
 mod focal;
 mod intrinsics;
+mod lines;
 mod method;
 mod named_point;
 

@@ -17,7 +17,8 @@ use std::path::PathBuf;
 /// Computes the camera's pose from known points and their pixels in a CSV file.
 ///
 /// The columns are x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id, sigma_px (of u and v) and
-/// sigma_m (of x, y, z; 0 when exact), by name and in any order. Each view gets one pose, in file order; rows of a view need not be
+/// sigma_m (of x, y, z; 0 when exact), by name and in any order. A row whose columns x2_m,y2_m,z2_m,u2_px,v2_px are filled is a line: two points
+/// on it in the target, and two on its image, which need not be the same. Each view gets one pose, in file order; rows of a view need not be
 /// adjacent.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: resight solve points.csv --camera camera.toml --sigma-px 0.3")]

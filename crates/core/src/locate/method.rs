@@ -26,6 +26,8 @@ pub enum Method {
     Priors,
     /// Pose and focal length together: what `unknown_focal::estimate_focal` answers with, and nothing that can be asked of `locate`.
     UnknownFocal,
+    /// Lines, with points where there are any: what `lines::locate_lines` answers with.
+    Lines,
 }
 
 /// `Auto` becomes the method for the configuration; a method that does not fit it is refused.
@@ -48,6 +50,7 @@ pub(crate) fn resolve(method: Method, configuration: &Configuration) -> Result<M
         (Method::Priors, _) => {
             wrong("priors", "these points have a pose of their own; priors join it in any method")
         }
+        (Method::Lines, _) => wrong("lines", "they are points, not lines"),
         (Method::UnknownFocal, _) => {
             wrong("unknown_focal", "it estimates the focal length too, for which it needs no camera")
         }

@@ -32,6 +32,8 @@ pub struct PoseAnswer {
     pub observability: Option<Observability>,
     /// How many points there were.
     pub n_points: usize,
+    /// How many lines there were besides.
+    pub n_lines: usize,
     /// Unit of image coordinates: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
     /// Root mean square of the standard deviations used, in that unit.
@@ -168,6 +170,9 @@ pub struct PoseObject {
     status: Status,
     method: Option<&'static str>,
     n_points: usize,
+    /// Lines that took part, where there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_lines: Option<usize>,
     /// Of this pose among all that were found: its covariance holds only as far as it is the right one.
     probability: Option<f64>,
     cam_from_target: Option<TransformObject>,
@@ -285,6 +290,7 @@ impl PoseAnswer {
             estimate: None,
             observability: None,
             n_points: 0,
+            n_lines: 0,
             image_unit: "px",
             sigma_px: None,
             point_sigma_m: None,
@@ -311,7 +317,8 @@ impl PoseAnswer {
             view: self.view.clone(),
             status: self.verdict.status,
             method: e.map(|e| crate::locate::method_name(e.method)),
-            n_points: e.map_or(self.n_points, |e| e.n_points),
+            n_points: if self.n_lines == 0 { e.map_or(self.n_points, |e| e.n_points) } else { self.n_points },
+            n_lines: (0 < self.n_lines).then_some(self.n_lines),
             probability: e.map(|e| e.probability),
             cam_from_target: e.map(|e| e.cam_from_target.into()),
             target_from_cam: e.map(|e| e.cam_from_target.inverse().into()),

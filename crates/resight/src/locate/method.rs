@@ -2,7 +2,7 @@
 
 use resight_core::locate::Method;
 
-/// The solvers by their names in flags and JSON; `Priors` and `UnknownFocal` are chosen by themselves alone.
+/// The solvers by their names in flags and JSON; `Priors`, `UnknownFocal` and `Lines` are chosen by themselves alone.
 pub const METHODS: [(&str, Method); 7] = [
     ("auto", Method::Auto),
     ("wang2004", Method::Wang2004),
@@ -18,6 +18,7 @@ pub fn method_name(method: Method) -> &'static str {
     let chosen_alone = match method {
         Method::Priors => "priors",
         Method::UnknownFocal => "unknown_focal",
+        Method::Lines => "lines",
         _ => "auto",
     };
     METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
