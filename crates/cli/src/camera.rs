@@ -57,6 +57,16 @@ pub struct GivenCamera {
     pub remark: Option<String>,
 }
 
+impl GivenCamera {
+    /// Nothing is known of the camera; its rays stand for none.
+    pub fn of_unknown_focal(method: Method) -> Result<Self> {
+        if method != Method::Auto {
+            bail!("--estimate-focal has a method of its own; leave out --method");
+        }
+        Ok(GivenCamera { camera: Camera::normalized(), intrinsics: None, remark: None })
+    }
+}
+
 impl CameraArgs {
     /// Whether standard deviations were given.
     pub fn has_sigma(&self) -> bool {

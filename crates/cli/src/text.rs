@@ -27,6 +27,9 @@ pub fn describe(answer: &PoseAnswer) -> String {
         }
         out.push_str(&fit(answer, estimate));
     }
+    if let Some(focal) = &answer.estimated_focal {
+        line(&mut out, "lens", &focal.words());
+    }
     if let Some(cost) = &answer.intrinsics_cost {
         line(&mut out, "intrinsics", &cost.words());
     }
@@ -121,11 +124,14 @@ fn fit(answer: &PoseAnswer, e: &PoseEstimate) -> String {
         0 => "nothing left over to check it with".to_string(),
         degrees_of_freedom => format!("χ² {} for {degrees_of_freedom} degrees of freedom", figures(e.chi2)),
     };
+    let counted = match answer.n_lines {
+        0 => format!("{} points", e.n_points),
+        n => format!("{} points and {n} lines", answer.n_points),
+    };
     let of_which = if 1 < e.n_alternatives() { " (pose 1)" } else { "" };
     let text = format!(
-        "rms {} {unit} over {} points{sigma}, {chi2}, by {}{of_which}",
+        "rms {} {unit} over {counted}{sigma}, {chi2}, by {}{of_which}",
         figures(e.rms_px),
-        e.n_points,
         resight::locate::method_name(e.method)
     );
     line(&mut out, "fit", &text);

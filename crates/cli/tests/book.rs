@@ -141,6 +141,12 @@ fn the_guides_can_be_followed() {
     }
 }
 
+#[test]
+#[cfg(unix)]
+fn the_page_on_unknown_focal_lengths_can_be_followed() {
+    the_page_can_be_followed("docs/unknown-focal.md", [2, 1]);
+}
+
 /// Whoever opens the repository reads the first page to its end.
 #[test]
 fn the_readme_is_short() {

@@ -1,5 +1,9 @@
 //! One error type: what is wrong, the number seen, the number needed, the way out.
 
+mod focal;
+
+pub use focal::FocalRemedy;
+use focal::undetermined_focal;
 use thiserror::Error;
 
 /// Why there is no answer.
@@ -204,6 +208,26 @@ pub enum Error {
         seen: usize,
         /// How many are needed.
         needed: usize,
+    },
+    /// Points of one view that leave focal length and distance open: each fits with the other.
+    #[error("{}", undetermined_focal(*relative_sigma, *needed, remedy))]
+    UndeterminedFocal {
+        /// Standard deviation of the focal length over the focal length; infinite where nothing is known of it.
+        relative_sigma: f64,
+        /// The largest accepted.
+        needed: f64,
+        /// What the layout lacks.
+        remedy: FocalRemedy,
+    },
+    /// A focal length that fits the points best, but that no lens has.
+    #[error(
+        "the points fit best with a focal length of {focal_px:.0} px, a horizontal field of view of {:.1}°; one of 2° to 130° is needed: check that points and pixels are in the same order, the units of both, and the image size", field_of_view_rad.to_degrees()
+    )]
+    ImpossibleFocal {
+        /// The focal length.
+        focal_px: f64,
+        /// What it means.
+        field_of_view_rad: f64,
     },
     /// The frames say hardly anything about an intrinsic parameter.
     #[error(

@@ -67,7 +67,7 @@ impl ImageLine {
 
     /// Distances of the two ends from the image of a plane through the camera centre with normal `m`, in standard deviations,
     /// docs/math/lines.md eq. (2).
-    pub(crate) fn residuals(&self, m: &Vector3<f64>) -> [f64; 2] {
+    pub fn residuals(&self, m: &Vector3<f64>) -> [f64; 2] {
         [0, 1].map(|i| self.plane_residual(i, m).0)
     }
 

@@ -30,6 +30,8 @@ mod shared_error;
 pub(crate) mod uncertainty;
 pub(crate) mod answer;
 pub mod observability;
+#[cfg(feature = "std")]
+pub mod unknown_focal;
 
 use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;

@@ -87,6 +87,7 @@ mod words;
 mod track;
 mod triangulate;
 mod turn;
+mod unknown_focal;
 mod uncertain;
 mod upright;
 mod weak_views;

@@ -16,6 +16,7 @@ pub mod print;
 pub mod rig;
 pub mod rig_pose;
 pub mod schema;
+pub mod focal;
 mod every;
 mod unsolved;
 
@@ -25,6 +26,7 @@ pub use consensus::Agreement;
 pub use detection::DetectionAnswer;
 pub use every::{Generate, json_schema};
 pub use files::{ConvertAnswer, Explanation};
+pub use focal::EstimatedFocal;
 pub use hand_eye::{HandEyeAnswer, SolvedHandEye};
 pub use intrinsics::{IntrinsicsAnswer, IntrinsicsCheckAnswer};
 pub use measure::MeasureAnswer;

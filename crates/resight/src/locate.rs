@@ -5,24 +5,30 @@ use crate::answer::consensus::locate_most;
 use crate::answer::{Agreement, PoseAnswer, Status};
 use crate::detect::{CornerWindow, Detector, absent};
 use crate::error::Error;
+use crate::nominal::lens_of_unknown_focal;
 use crate::overlay::{self, Tone};
 use crate::report::face;
 use crate::report::verdict::{self, Verdict};
-use resight_core::correspondence::{Detection, Skipped};
+use resight_core::camera::ImageSize;
+use resight_core::correspondence::{Detection, Skipped, correspond};
 use resight_core::locate::consistency::Consistency;
 use resight_core::locate::observability::Observability;
 use resight_core::locate::prior::Prior;
+use resight_core::locate::unknown_focal::LensPrior;
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance};
+pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
 
+mod focal;
 mod intrinsics;
+mod lines;
 mod method;
 mod named_point;
 
@@ -35,6 +41,8 @@ pub struct LocateOptions {
     pub intrinsics: Option<IntrinsicsCovariance>,
     /// Where corners of chessboards and ChArUco boards are refined.
     pub corner_window: CornerWindow,
+    /// Whether the focal length is estimated with the pose of each image; nothing is then read of the camera.
+    pub estimate_focal: bool,
 }
 
 /// The pose of a camera from an image of a target.
@@ -82,6 +90,9 @@ impl<'a> ImageLocator<'a> {
 
     /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer.
     pub fn locate(&mut self, image: &GrayImage, view: String) -> Located {
+        if self.options.estimate_focal {
+            return self.locate_with_unknown_focal(image, view);
+        }
         let camera = match crate::formats::check_image_size(self.camera, image.width_px, image.height_px) {
             Ok(camera) => camera,
             Err(reason) => return Located::error(view, reason),
@@ -97,6 +108,33 @@ impl<'a> ImageLocator<'a> {
         };
         let remarks = self.detector.remarks().collect();
         Located { camera: Some(camera), detections, answer: PoseAnswer { remarks, ..answer } }
+    }
+
+    fn locate_with_unknown_focal(&mut self, image: &GrayImage, view: String) -> Located {
+        let lens = lens_of_unknown_focal(ImageSize { width_px: image.width_px, height_px: image.height_px });
+        let detections = match self.detector.detect(image) {
+            Ok(detections) => detections,
+            Err(reason) => return Located::error(view, reason.to_string()),
+        };
+        let remarks = self.detector.remarks().collect();
+        if detections.is_empty() {
+            let reason = absent::not_found(self.target, image);
+            let answer = PoseAnswer::without_pose(view, Status::NotFound, reason);
+            return Located { camera: None, detections, answer: PoseAnswer { remarks, ..answer } };
+        }
+        // Rays play no part in what is joined: without a lens there are none.
+        let (joined, skipped) = correspond(&detections, self.target, &Camera::normalized());
+        let (features, seen): (Vec<_>, Vec<_>) = joined.into_iter().unzip();
+        let name_of = |i: usize| features.get(i).map_or_else(String::new, |f| feature_name(*f, self.target));
+        let scale_sigma = self.target.printed_scale().map_or([0.0; 2], |scale| scale.relative_sigma());
+        let (answer, camera) = focal::with_unknown_focal(&view, &seen, &lens, scale_sigma, name_of);
+        let answer = PoseAnswer {
+            printed_scale: self.target.printed_scale().map(Into::into),
+            skipped: skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
+            remarks,
+            ..answer
+        };
+        Located { camera, detections, answer }
     }
 
     /// The size that the intrinsics are of, where `camera` is them at another.
@@ -192,6 +230,8 @@ pub struct PointsOptions {
     pub priors: Vec<Prior>,
     /// How far off a point may be, in its own unit, to agree with the pose; none where every point is taken as right.
     pub robust_threshold_px: Option<f64>,
+    /// What is known of the lens where its focal length is estimated with the pose; nothing is then read of the camera.
+    pub estimate_focal: Option<LensPrior>,
     /// Unit of image coordinates in the answer: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
 }
@@ -203,6 +243,7 @@ impl Default for PointsOptions {
             intrinsics: None,
             priors: Vec::new(),
             robust_threshold_px: None,
+            estimate_focal: None,
             image_unit: "px",
         }
     }
@@ -216,6 +257,9 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    if let Some(lens) = &options.estimate_focal {
+        return located_with_unknown_focal(view, points, &seen, lens);
+    }
     let intrinsics = options.intrinsics.as_ref();
     let covariance = intrinsics.map(|known| known.covariance(camera));
     let config = Config {
@@ -251,6 +295,17 @@ pub fn locate_points(
         agreement,
         ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
+}
+
+fn located_with_unknown_focal(
+    view: &str,
+    points: &[NamedPoint],
+    seen: &[Correspondence],
+    lens: &LensPrior,
+) -> PoseAnswer {
+    let label = |i: usize| format!("point {}", points[i].label());
+    let (answer, _) = focal::with_unknown_focal(view, seen, lens, [0.0; 2], label);
+    PoseAnswer { names: points.iter().map(|point| point.name.clone()).collect(), ..answer }
 }
 
 /// A refusal that speaks of two points names them.

@@ -13,11 +13,28 @@
 //! These are judgements; `nominal_cameras_are_within_their_sigmas` holds them against calibrated cameras.
 
 use crate::core::camera::{BrownConrady, CameraMatrix, ImageSize};
+use crate::core::locate::unknown_focal::LensPrior;
 use crate::core::{Camera, Lens};
 use crate::error::Error;
 use crate::formats::NamedCamera;
 use crate::image::exif::ExifLens;
 use nalgebra::DMatrix;
+
+/// One standard deviation of log fy/fx, of the principal point in widths of the image, and of the relative displacement of the corner by
+/// distortion at 70° of field of view.
+const ASPECT_SIGMA: f64 = 0.004;
+const PRINCIPAL_POINT_SIGMA: f64 = 0.02;
+const BEND_SIGMA_AT_70_DEG: f64 = 0.15;
+
+/// The lens of images of this size with nothing known of its focal length: what `estimate_focal` takes.
+pub fn lens_of_unknown_focal(size: ImageSize) -> LensPrior {
+    LensPrior {
+        size,
+        principal_point_sigma_px: PRINCIPAL_POINT_SIGMA * f64::from(size.width_px),
+        aspect_sigma: ASPECT_SIGMA,
+        bend_sigma_per_rad: BEND_SIGMA_AT_70_DEG / 70f64.to_radians(),
+    }
+}
 
 /// What is known of the lens.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,14 +96,14 @@ impl NominalLens {
         let lens = Lens::from(BrownConrady::new(matrix, &[0.0; 4])?);
         let camera = Camera::new(lens, Some(size))?;
         let corner = 0.5 * width.hypot(height) / f_px;
-        let bend = 0.15 * fov_deg / 70.0;
-        let (common, aspect) = ((relative_sigma * f_px).powi(2), (0.004 * f_px).powi(2));
+        let bend = BEND_SIGMA_AT_70_DEG * fov_deg / 70.0;
+        let (common, aspect) = ((relative_sigma * f_px).powi(2), (ASPECT_SIGMA * f_px).powi(2));
         let mut covariance = DMatrix::zeros(8, 8);
         for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             covariance[(i, j)] = common + if i == j { 0.25 * aspect } else { -0.25 * aspect };
         }
         for i in [2, 3] {
-            covariance[(i, i)] = (0.02 * width).powi(2);
+            covariance[(i, i)] = (PRINCIPAL_POINT_SIGMA * width).powi(2);
         }
         covariance[(4, 4)] = (bend / (corner * corner)).powi(2);
         let name = "nominal".to_owned();

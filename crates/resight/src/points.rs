@@ -4,8 +4,12 @@ use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
 use crate::input::table::{Table, TableRow};
-use crate::locate::{NamedPoint, PointsOptions, is_contradicted_by_priors, locate_points};
+use crate::locate::{
+    NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points, locate_points,
+};
 use crate::{Error, FileError};
+use nalgebra::Unit;
+use resight_core::line::{ImageLine, LineCorrespondence};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -55,15 +59,13 @@ impl TableLocator {
         let normalized = Camera::normalized();
         let camera = self.camera.as_ref().unwrap_or(&normalized);
         let PointsOptions { image_unit, .. } = self.options;
-        let points =
-            match view.rows.iter().map(|row| self.point(row, camera)).collect::<Result<Vec<_>, String>>() {
-                Ok(points) => points,
-                Err(reason) => {
-                    let answer = PoseAnswer::without_pose(view.name.clone(), Status::Error, reason);
-                    return PoseAnswer { n_points: view.rows.len(), image_unit, ..answer };
-                }
-            };
-        let mut answer = locate_points(&view.name, &points, camera, &self.options);
+        let mut answer = match self.solve(view, camera) {
+            Ok(answer) => answer,
+            Err(reason) => {
+                let answer = PoseAnswer::without_pose(view.name.clone(), Status::Error, reason);
+                return PoseAnswer { n_points: view.rows.len(), image_unit, ..answer };
+            }
+        };
         if is_contradicted_by_priors(&answer) {
             // The one prior of this command, by the name of its flags.
             answer.verdict.message =
@@ -78,6 +80,43 @@ impl TableLocator {
                 &format!("; σ {} {image_unit} is assumed, state yours with {flag}", self.sigma.0);
         }
         answer
+    }
+
+    fn solve(&self, view: &PointsView, camera: &Camera) -> Result<PoseAnswer, String> {
+        let points = view.rows.iter().filter(|row| row.line_end.is_none()).map(|row| self.point(row, camera));
+        let points = points.collect::<Result<Vec<_>, String>>()?;
+        let ends = view.rows.iter().filter_map(|row| Some((row, row.line_end.as_ref()?)));
+        let lines = ends.map(|(row, end)| self.line(row, end, camera)).collect::<Result<Vec<_>, String>>()?;
+        Ok(match lines.as_slice() {
+            [] => locate_points(&view.name, &points, camera, &self.options),
+            lines => locate_lines_and_points(&view.name, &points, lines, camera, &self.options),
+        })
+    }
+
+    /// The checks of both ends are those of points.
+    fn line(&self, row: &Row, end: &LineEnd, camera: &Camera) -> Result<NamedLine, String> {
+        let at = |reason: &str| format!("line {}: {reason}", row.line);
+        let PointsOptions { method, robust_threshold_px, estimate_focal, .. } = &self.options;
+        if *method != Method::Auto || robust_threshold_px.is_some() || estimate_focal.is_some() {
+            let reason = "this row is a line (x2_m is filled), which only method auto solves, without --robust and --estimate-focal";
+            return Err(at(reason));
+        }
+        if row.sigma_m.is_some_and(|sigma_m| sigma_m != 0.0) {
+            return Err(at(
+                "column `sigma_m` is for points; the lines of a target are taken as exact, leave it empty",
+            ));
+        }
+        let second = Row { x_in_target: end.x_in_target, image: end.image, line_end: None, ..row.clone() };
+        let [first, second] = [self.correspondence(row, camera)?, self.correspondence(&second, camera)?];
+        let along = second.x_in_target - first.x_in_target;
+        let direction_in_target = Unit::try_new(along, 1e-9).ok_or_else(|| {
+            at("the two points of the line are one in the target; two different ones are needed")
+        })?;
+        let seen = ImageLine::new(camera, [first.pixel, second.pixel], first.sigma_px).map_err(|_| {
+            at("the two points of the line are one in the image; two that are far apart are needed")
+        })?;
+        let seen = LineCorrespondence { point_in_target: Some(first.x_in_target), direction_in_target, seen };
+        Ok(NamedLine { name: row.name.clone(), line: Some(row.line), seen })
     }
 
     fn point(&self, row: &Row, camera: &Camera) -> Result<NamedPoint, String> {
@@ -136,6 +175,17 @@ pub struct Row {
     pub sigma: Option<f64>,
     /// Column `sigma_m`, where the cell is filled.
     pub sigma_m: Option<f64>,
+    /// Columns `x2_m, y2_m, z2_m, u2_px, v2_px` (without a camera `xn2, yn2`), where they are filled: the row is a line.
+    pub line_end: Option<LineEnd>,
+}
+
+/// A second point of a line, and a second point of its image: any, they need not belong together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LineEnd {
+    /// On the line in the target.
+    pub x_in_target: [f64; 3],
+    /// On its image.
+    pub image: [f64; 2],
 }
 
 /// The rows of one view, in file order.
@@ -155,6 +205,8 @@ struct Columns {
     id: Option<usize>,
     sigma: Option<usize>,
     sigma_m: Option<usize>,
+    /// Of a line's second point.
+    end: Option<[usize; 5]>,
 }
 
 /// The views of a table, without a camera those of columns `xn, yn`, in the order in which each first appears; rows of one view need not be adjacent.
@@ -190,7 +242,17 @@ fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
         false => "for columns xn,yn add --normalized",
     });
     let [u, v] = if normalized { ["xn", "yn"] } else { ["u_px", "v_px"] };
+    let [u2, v2] = if normalized { ["xn2", "yn2"] } else { ["u2_px", "v2_px"] };
+    let names = ["x2_m", "y2_m", "z2_m", u2, v2];
+    let need = |name: &str| {
+        table.need(name, Some("a line has all of x2_m,y2_m,z2_m and two more image coordinates"))
+    };
+    let end = match names.iter().any(|name| table.find(name).is_some()) {
+        true => Some([need(names[0])?, need(names[1])?, need(names[2])?, need(names[3])?, need(names[4])?]),
+        false => None,
+    };
     Ok(Columns {
+        end,
         space: [table.need("x_m", None)?, table.need("y_m", None)?, table.need("z_m", None)?],
         image: [table.need(u, hint)?, table.need(v, hint)?],
         view: table.find("view"),
@@ -211,7 +273,20 @@ fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileErr
         image: [cells.number(u)?, cells.number(v)?],
         sigma: cells.optional_number(columns.sigma)?,
         sigma_m: cells.optional_number(columns.sigma_m)?,
+        line_end: columns.end.map(|end| line_end(&end, cells)).transpose()?.flatten(),
     })
+}
+
+/// None where all five cells are empty: the row is a point.
+fn line_end(columns: &[usize; 5], cells: &TableRow<'_>) -> Result<Option<LineEnd>, FileError> {
+    if columns.iter().all(|i| cells.text(*i).is_none()) {
+        return Ok(None);
+    }
+    let [x, y, z, u, v] = *columns;
+    Ok(Some(LineEnd {
+        x_in_target: [cells.number(x)?, cells.number(y)?, cells.number(z)?],
+        image: [cells.number(u)?, cells.number(v)?],
+    }))
 }
 
 /// Two rows of a view with one name: corners of one tag, or a slip.

@@ -1,4 +1,4 @@
-"""Checks docs/math/focal.md: eqs. (3), (5)-(8), (10)-(15), (17)-(19) with rational scenes, (4) symbolically, the ranks of section 4 modulo a prime. Needs SymPy."""
+"""Checks docs/math/focal.md: eqs. (3), (5)-(8), (10)-(15), (17)-(19) with rational scenes, (4) symbolically, the ranks of section 4 modulo a prime; (21), (25)-(28), (30). Needs SymPy."""
 
 from itertools import product
 
@@ -266,5 +266,41 @@ assert w.dot(w) == 0 and w.dot(q) == 0
 S = (a**2 + b**2) * w * w.T
 others = (cross(q) * S - S * cross(q)).applyfunc(sp.expand)
 assert sp.expand(others[0, 0] - (a**2 + b**2) * sp.expand(others[0, 0].subs({a: 1, b: 0}))) == 0 and others != sp.zeros(3, 3)
+
+
+# (21): derivatives of the camera's parameters.
+lf, aspect, kappa, rho = sp.symbols("lf a kappa rho", real=True)
+focal = sp.exp(lf)
+fx, fy, k1 = focal * sp.exp(-aspect / 2), focal * sp.exp(aspect / 2), kappa * (focal / rho) ** 2
+assert sp.simplify(sp.diff(fx, lf) - fx) == 0 and sp.simplify(sp.diff(fx, aspect) + fx / 2) == 0
+assert sp.simplify(sp.diff(fy, lf) - fy) == 0 and sp.simplify(sp.diff(fy, aspect) - fy / 2) == 0
+assert sp.simplify(sp.diff(k1, lf) - 2 * k1) == 0 and sp.simplify(sp.diff(k1, kappa) - (focal / rho) ** 2) == 0
+
+# (25): a motion about the centroid p is the left motion [omega; nu + p x omega], and the pose's block of the joint inverse is that of
+# refine.md eq. (9) with the answer's own covariance of the lens.
+omega, shift, p, at = (sp.Matrix(sp.symbols(f"{name}1:4")) for name in ("o", "s", "p", "q"))
+moved = at + omega.cross(at - p) + shift
+assert (moved - (at + omega.cross(at) + shift + p.cross(omega))).expand() == sp.zeros(3, 1)
+joint = sp.Matrix(3, 3, [5, 1, 2, 1, 7, 3, 2, 3, 9])
+A, B = joint[:2, :2], joint[:2, 2:]
+inverse = joint.inv()
+assert inverse[:2, :2] - (A.inv() + A.inv() * B * inverse[2:, 2:] * B.T * A.inv()) == sp.zeros(2, 2)
+
+# (26)-(27): along s d + s^2 b the probes at +-2 give b, and the second moment is d d^T + 3 b b^T.
+sigma, d1, b1, d2, b2 = sp.symbols("sigma d1 b1 d2 b2")
+along = lambda q: sp.Matrix([q * d1 + q**2 * b1, q * d2 + q**2 * b2])
+assert ((along(2) + along(-2)) / 8 - sp.Matrix([b1, b2])).expand() == sp.zeros(2, 1)
+moments = {0: 1, 1: 0, 2: 1, 3: 0, 4: 3}
+square = (along(sigma) * along(sigma).T).expand()
+mean = square.applyfunc(lambda e: sum(sp.Poly(e, sigma).coeff_monomial(sigma**k) * m for k, m in moments.items()))
+D, Bend = sp.Matrix([d1, d2]), sp.Matrix([b1, b2])
+assert (mean - (D * D.T + 3 * Bend * Bend.T)).expand() == sp.zeros(2, 2)
+
+# (30): f = tan(arccos c)/g and its relative derivatives.
+c, g = sp.symbols("c g", positive=True)
+tau = sp.acos(c)
+by_c = sp.diff(sp.log(sp.tan(tau) / g), c)
+assert sp.simplify(by_c + 1 / (sp.cos(tau) * sp.sin(tau) ** 2)) == 0
+assert sp.simplify(sp.diff(sp.log(sp.tan(tau) / g), g) + 1 / g) == 0
 
 print("focal.md: all equations hold")

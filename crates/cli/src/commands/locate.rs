@@ -33,6 +33,12 @@ pub struct Locate {
     /// Solver: auto, wang2004, line_plus_one, p3p, planar or sqpnp.
     #[arg(long, default_value = "auto", value_parser = parse_method)]
     method: Method,
+    /// Without a camera: estimates the focal length of each image with the pose.
+    ///
+    /// The target must be tilted, or have points off a plane. The lens is taken as one of square pixels with the principal point in the
+    /// middle and little distortion, each as uncertain as such lenses are; every ± holds that.
+    #[arg(long, conflicts_with_all = ["camera", "hfov_deg", "focal_mm", "intrinsics_sigma"])]
+    estimate_focal: bool,
     #[command(flatten)]
     corners: CornerArgs,
     #[command(flatten)]
@@ -45,7 +51,10 @@ pub struct Locate {
 pub fn run(args: &Locate) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
-    let GivenCamera { camera, intrinsics, remark } = args.camera.of_images(&images, args.method)?;
+    let GivenCamera { camera, intrinsics, remark } = match args.estimate_focal {
+        true => GivenCamera::of_unknown_focal(args.method)?,
+        false => args.camera.of_images(&images, args.method)?,
+    };
     let mut printer = Printer::new(&args.output, images.len());
     let (target, mut remarks) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
     remark.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
@@ -57,7 +66,8 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         .map(|(i, image)| (image, pictures.as_ref().and_then(|p| p.get(i).cloned())))
         .collect();
     let corner_window = args.corners.window();
-    let options = LocateOptions { method: args.method, intrinsics, corner_window };
+    let options =
+        LocateOptions { method: args.method, intrinsics, corner_window, estimate_focal: args.estimate_focal };
     let work =
         |locator: &mut ImageLocator, (path, picture): &(PathBuf, Option<PathBuf>)| -> Result<PoseAnswer> {
             let mut seen = LocatedImage::look(locator, path);

@@ -8,14 +8,17 @@ use crate::robust::RobustArgs;
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::PoseAnswer;
+use resight::core::camera::ImageSize;
 use resight::locate::{Method, PointsOptions};
+use resight::nominal::lens_of_unknown_focal;
 use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
 use std::path::PathBuf;
 
 /// Computes the camera's pose from known points and their pixels in a CSV file.
 ///
 /// The columns are x_m,y_m,z_m,u_px,v_px (with --normalized: x_m,y_m,z_m,xn,yn) and optionally view, id, sigma_px (of u and v) and
-/// sigma_m (of x, y, z; 0 when exact), by name and in any order. Each view gets one pose, in file order; rows of a view need not be
+/// sigma_m (of x, y, z; 0 when exact), by name and in any order. A row whose columns x2_m,y2_m,z2_m,u2_px,v2_px are filled is a line: two points
+/// on it in the target, and two on its image, which need not be the same. Each view gets one pose, in file order; rows of a view need not be
 /// adjacent.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: resight solve points.csv --camera camera.toml --sigma-px 0.3")]
@@ -31,6 +34,12 @@ pub struct Solve {
     camera: CameraArgs,
     #[command(flatten)]
     image_size: ImageSizeArgs,
+    /// Without a camera: estimates the focal length of each view with its pose, from 4 points or more and --image-size-px.
+    ///
+    /// The points must not lie in one plane, or the plane must be tilted. The lens is taken as one of square pixels with the principal
+    /// point in the middle and little distortion, each as uncertain as such lenses are; every ± holds that.
+    #[arg(long, conflicts_with_all = ["camera", "hfov_deg", "focal_mm", "intrinsics_sigma", "normalized", "robust", "gravity"])]
+    estimate_focal: bool,
     /// Reads columns xn,yn: undistorted coordinates on the plane z = 1, for which no camera is needed.
     #[arg(long, hide_short_help = true, conflicts_with_all = ["camera", "hfov_deg", "focal_mm"])]
     normalized: bool,
@@ -81,8 +90,20 @@ fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
     if args.normalized && args.camera.has_sigma() {
         bail!("--intrinsics-sigma needs a camera; coordinates given with --normalized have none");
     }
-    let given = || args.camera.of_size(args.image_size.image_size_px, args.method);
+    let given = || match args.estimate_focal {
+        true => GivenCamera::of_unknown_focal(args.method),
+        false => args.camera.of_size(args.image_size.image_size_px, args.method),
+    };
     let given = (!args.normalized).then(given).transpose()?;
+    let unknown_lens = || {
+        let Some((width_px, height_px)) = args.image_size.image_size_px else {
+            bail!(
+                "--estimate-focal needs --image-size-px WIDTHxHEIGHT: the principal point is taken to be near the middle of the image"
+            )
+        };
+        Ok(lens_of_unknown_focal(ImageSize { width_px, height_px }))
+    };
+    let estimate_focal = args.estimate_focal.then(unknown_lens).transpose()?;
     let sigma = if args.normalized { args.sigma_normalized } else { args.sigma_px };
     let (camera, intrinsics, remark) = match given {
         Some(GivenCamera { camera, intrinsics, remark }) => (Some(camera), intrinsics, remark),
@@ -92,6 +113,7 @@ fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
         method: args.method,
         intrinsics,
         priors: args.gravity.check(args.method)?,
+        estimate_focal,
         robust_threshold_px: args.robust.threshold_px(),
         ..PointsOptions::default()
     };

@@ -87,6 +87,16 @@ pub(crate) fn noise_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
 /// The verdict, with the worst point.
 pub(crate) fn consistency(best: &Minimum, problem: &Problem) -> Consistency {
     let (chi2, degrees_of_freedom) = evidence(best, problem);
+    judged(best, problem, chi2, degrees_of_freedom)
+}
+
+/// The same where more than the pose was estimated: `best.chi2` has so many degrees of freedom.
+#[cfg(feature = "std")]
+pub(crate) fn consistency_of(best: &Minimum, problem: &Problem, degrees_of_freedom: usize) -> Consistency {
+    judged(best, problem, best.chi2, degrees_of_freedom)
+}
+
+fn judged(best: &Minimum, problem: &Problem, chi2: f64, degrees_of_freedom: usize) -> Consistency {
     if !is_inconsistent(chi2, degrees_of_freedom) {
         return Consistency::Consistent;
     }

@@ -24,6 +24,10 @@ pub enum Method {
     Upright,
     /// Too few points for a pose of their own, or points on one line: priors give the rest. Chosen by `Auto` alone.
     Priors,
+    /// Pose and focal length together: what `unknown_focal::estimate_focal` answers with, and nothing that can be asked of `locate`.
+    UnknownFocal,
+    /// Lines, with points where there are any: what `lines::locate_lines` answers with.
+    Lines,
 }
 
 /// `Auto` becomes the method for the configuration; a method that does not fit it is refused.
@@ -45,6 +49,10 @@ pub(crate) fn resolve(method: Method, configuration: &Configuration) -> Result<M
         }
         (Method::Priors, _) => {
             wrong("priors", "these points have a pose of their own; priors join it in any method")
+        }
+        (Method::Lines, _) => wrong("lines", "they are points, not lines"),
+        (Method::UnknownFocal, _) => {
+            wrong("unknown_focal", "it estimates the focal length too, for which it needs no camera")
         }
         (method, _) => Ok(method),
     }

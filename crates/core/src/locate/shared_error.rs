@@ -14,7 +14,7 @@ use crate::locate::loss::Loss;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, whitening};
 use crate::pose::symmetric;
-use crate::{Matrix6, Pixel, Point, Vector6};
+use crate::{Correspondence, Matrix6, Pixel, Point, Vector6};
 use nalgebra::SymmetricEigen;
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -22,7 +22,7 @@ use num_traits::Float as _;
 /// Highest degree of the displacement …
 const DEGREE: usize = 3;
 /// … and how many polynomials of two variables there are up to it.
-const FUNCTIONS: usize = 10;
+pub(crate) const FUNCTIONS: usize = 10;
 /// What every function is multiplied with: the derivatives of u and of v by the motion, and both residuals.
 const COLUMNS: usize = 14;
 /// Variance of one function over that of one of the degree below: 0.1 to 0.3 on recorded boards, docs/math/shared_error.md section 5.
@@ -50,6 +50,29 @@ pub(crate) struct SharedError {
     noise: f64,
     /// Root mean square of the displacement along one axis of the image, pixels.
     pub(crate) amplitude_px: f64,
+    /// Variance of one orthonormal polynomial of each degree, for those who estimate more than the pose.
+    #[cfg_attr(not(feature = "std"), allow(dead_code))]
+    of_degree: [f64; DEGREE + 1],
+}
+
+/// What the predicted pixels are measured by.
+#[cfg(feature = "std")]
+pub(crate) struct Scale {
+    mean: Pixel,
+    by: f64,
+}
+
+#[cfg(feature = "std")]
+impl Scale {
+    pub(crate) fn of(seen: &[Correspondence]) -> Self {
+        let (mean, by) = mean_and_scale(seen);
+        Scale { mean, by }
+    }
+
+    /// The polynomials at a predicted pixel, times the root of its weight.
+    pub(crate) fn polynomials(&self, pixel: &Pixel, weight: f64) -> [f64; FUNCTIONS] {
+        polynomials(&((pixel - self.mean) * self.by), weight.sqrt())
+    }
 }
 
 impl SharedError {
@@ -60,6 +83,12 @@ impl SharedError {
             return None;
         }
         shared_error(m, problem)
+    }
+
+    /// The variance of each of the polynomials that [`Scale::polynomials`] gives, made orthonormal in their order.
+    #[cfg(feature = "std")]
+    pub(crate) fn variance_of(&self, function: usize) -> f64 {
+        self.of_degree[degree_of(function)]
     }
 
     /// A covariance with what is shared added: that of independent noise as large as estimated, `pixels` per stated variance, and the
@@ -103,7 +132,12 @@ fn shared_error(m: &Minimum, problem: &Problem) -> Option<SharedError> {
     let transport = to_camera(&place.pivot_in_cam);
     let field = symmetric(&(transport * about_pivot * transport.transpose()));
     let is_finite = field.sum().is_finite() && amplitude_px.is_finite() && variances.noise.is_finite();
-    is_finite.then_some(SharedError { field, noise: variances.noise, amplitude_px })
+    is_finite.then_some(SharedError {
+        field,
+        noise: variances.noise,
+        amplitude_px,
+        of_degree: variances.of_function,
+    })
 }
 
 /// Small motions about a pivot as left motions of the camera frame: ν_left = ν + c × ω.
@@ -130,9 +164,7 @@ struct Products {
 impl Products {
     fn of(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<Self> {
         let seen = problem.seen;
-        let mean = seen.iter().map(|c| c.pixel).sum::<Pixel>() / seen.len() as f64;
-        let spread = seen.iter().map(|c| (c.pixel - mean).norm_squared()).sum::<f64>() / seen.len() as f64;
-        let scale = 1.0 / spread.sqrt();
+        let (mean, scale) = mean_and_scale(seen);
         let mut sums = Products {
             gram: [[0.0; FUNCTIONS]; FUNCTIONS],
             columns: [[0.0; COLUMNS]; FUNCTIONS],
@@ -196,6 +228,13 @@ impl Products {
         }
         (columns, is_new)
     }
+}
+
+/// Of the pixels: their mean, and one over how far they spread about it.
+fn mean_and_scale(seen: &[Correspondence]) -> (Pixel, f64) {
+    let mean = seen.iter().map(|c| c.pixel).sum::<Pixel>() / seen.len() as f64;
+    let spread = seen.iter().map(|c| (c.pixel - mean).norm_squared()).sum::<f64>() / seen.len() as f64;
+    (mean, 1.0 / spread.sqrt())
 }
 
 /// In the order of their degrees, so that `degree_of` tells them apart.

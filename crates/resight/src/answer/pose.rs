@@ -1,7 +1,7 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
 use super::print::PrintedScaleObject;
-use super::{Agreement, SchemaNumber};
+use super::{Agreement, EstimatedFocal, SchemaNumber};
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
 use crate::core::locate::consistency::Consistency;
@@ -32,6 +32,8 @@ pub struct PoseAnswer {
     pub observability: Option<Observability>,
     /// How many points there were.
     pub n_points: usize,
+    /// How many lines there were besides.
+    pub n_lines: usize,
     /// Unit of image coordinates: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
     /// Root mean square of the standard deviations used, in that unit.
@@ -42,6 +44,8 @@ pub struct PoseAnswer {
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
     /// What these cost the position.
     pub intrinsics_cost: Option<IntrinsicsCost>,
+    /// The focal length, where it was estimated with the pose.
+    pub estimated_focal: Option<EstimatedFocal>,
     /// The measured scale of a printed target; none where the target's file states none.
     pub printed_scale: Option<PrintedScaleObject>,
     /// Name of the point with the largest residual, by index.
@@ -166,6 +170,9 @@ pub struct PoseObject {
     status: Status,
     method: Option<&'static str>,
     n_points: usize,
+    /// Lines that took part, where there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    n_lines: Option<usize>,
     /// Of this pose among all that were found: its covariance holds only as far as it is the right one.
     probability: Option<f64>,
     cam_from_target: Option<TransformObject>,
@@ -188,6 +195,9 @@ pub struct PoseObject {
     /// What uncertain intrinsics cost the position.
     #[serde(skip_serializing_if = "Option::is_none")]
     intrinsics_cost: Option<IntrinsicsCost>,
+    /// The focal length, where it was estimated with the pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimated_focal: Option<EstimatedFocal>,
     /// The measured scale of a printed target; the points lie as printed, and `covariance` holds its standard deviation.
     #[serde(skip_serializing_if = "Option::is_none")]
     printed_scale: Option<PrintedScaleObject>,
@@ -280,11 +290,13 @@ impl PoseAnswer {
             estimate: None,
             observability: None,
             n_points: 0,
+            n_lines: 0,
             image_unit: "px",
             sigma_px: None,
             point_sigma_m: None,
             intrinsics_sigma: None,
             intrinsics_cost: None,
+            estimated_focal: None,
             printed_scale: None,
             names: Vec::new(),
             scaled_from_px: None,
@@ -305,7 +317,8 @@ impl PoseAnswer {
             view: self.view.clone(),
             status: self.verdict.status,
             method: e.map(|e| crate::locate::method_name(e.method)),
-            n_points: e.map_or(self.n_points, |e| e.n_points),
+            n_points: if self.n_lines == 0 { e.map_or(self.n_points, |e| e.n_points) } else { self.n_points },
+            n_lines: (0 < self.n_lines).then_some(self.n_lines),
             probability: e.map(|e| e.probability),
             cam_from_target: e.map(|e| e.cam_from_target.into()),
             target_from_cam: e.map(|e| e.cam_from_target.inverse().into()),
@@ -322,6 +335,7 @@ impl PoseAnswer {
             point_sigma_m: self.point_sigma_m,
             intrinsics_sigma: self.intrinsics_sigma.clone(),
             intrinsics_cost: self.intrinsics_cost,
+            estimated_focal: self.estimated_focal.clone(),
             printed_scale: self.printed_scale,
             intrinsics_scaled_from_px: self.scaled_from_px,
             ambiguity: e.map(ambiguity),

@@ -2,7 +2,7 @@
 
 use resight_core::locate::Method;
 
-/// The solvers by their names in flags and JSON; `Priors` is chosen by itself alone.
+/// The solvers by their names in flags and JSON; `Priors`, `UnknownFocal` and `Lines` are chosen by themselves alone.
 pub const METHODS: [(&str, Method); 7] = [
     ("auto", Method::Auto),
     ("wang2004", Method::Wang2004),
@@ -15,6 +15,11 @@ pub const METHODS: [(&str, Method); 7] = [
 
 /// The name of a solver in flags and JSON.
 pub fn method_name(method: Method) -> &'static str {
-    let chosen_alone = if method == Method::Priors { "priors" } else { "auto" };
+    let chosen_alone = match method {
+        Method::Priors => "priors",
+        Method::UnknownFocal => "unknown_focal",
+        Method::Lines => "lines",
+        _ => "auto",
+    };
     METHODS.iter().find(|(_, known)| *known == method).map_or(chosen_alone, |(name, _)| name)
 }

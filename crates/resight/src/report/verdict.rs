@@ -191,6 +191,7 @@ pub fn of_error(error: &Error) -> Verdict {
         Error::TooFewPoints { .. }
         | Error::Coincident { .. }
         | Error::Collinear { .. }
+        | Error::UndeterminedFocal { .. }
         | Error::DegenerateView { .. } => Status::Degenerate,
         _ => Status::Error,
     };
