@@ -113,7 +113,7 @@ fn a_rig_is_located_within_its_error_bar() {
 
 #[test]
 fn wrong_correspondences_are_found_or_not_ok() {
-    let third = |i: usize| i % 3 == 0;
+    let third = |i: usize| i.is_multiple_of(3);
     let plain = run("third", &rig_file(""), &rows(third, 1.0, ALL), &[]);
     assert_eq!(
         (plain.code, answer(&plain)["status"].as_str()),
