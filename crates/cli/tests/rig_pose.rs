@@ -127,7 +127,7 @@ fn wrong_correspondences_are_found_or_not_ok() {
     assert_eq!(robust.code, 0, "{found}");
     let inliers: Vec<u64> =
         found["agreement"]["inliers"].as_array().unwrap().iter().map(|i| i.as_u64().unwrap()).collect();
-    let good: Vec<u64> = (0..36).filter(|row| (row + 1) % 3 != 0).collect();
+    let good: Vec<u64> = (0..36).filter(|row: &u64| !(row + 1).is_multiple_of(3)).collect();
     assert_eq!(inliers, good);
     let (error, sigma) = off(&found);
     assert!(error < 3.5 * sigma, "{error} ± {sigma}");
