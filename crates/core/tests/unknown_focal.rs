@@ -49,8 +49,11 @@ struct View {
 fn view(rng: &mut Rng, points: &[Point], tilt_rad: [f64; 2], depth: [f64; 2], sigma_px: f64) -> Option<View> {
     let focal_px = (rng.uniform(640f64.ln(), 2000f64.ln())).exp();
     let camera = lens(rng, focal_px);
-    let (direction, spin, tilt) =
-        (rng.uniform(0.0, 6.28), rng.uniform(0.0, 6.28), rng.uniform(tilt_rad[0], tilt_rad[1]));
+    let (direction, spin, tilt) = (
+        rng.uniform(0.0, std::f64::consts::TAU),
+        rng.uniform(0.0, std::f64::consts::TAU),
+        rng.uniform(tilt_rad[0], tilt_rad[1]),
+    );
     let turn =
         |x: f64, y: f64, z: f64| Pose::exp(&resight_core::Vector6::new(x, y, z, 0.0, 0.0, 0.0)).rotation;
     let rotation = turn(tilt * direction.cos(), tilt * direction.sin(), 0.0) * turn(0.0, 0.0, spin);
