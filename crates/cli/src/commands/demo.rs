@@ -42,7 +42,7 @@ pub struct Demo {
     output: PathBuf,
     /// Instead follows the guide to a first pose: prints a page, photographs it, estimates the intrinsics, locates the camera.
     ///
-    /// The photographs are rendered through a lens that no command is told. Every command is shown as one types it, and the answers stand
+    /// The photographs are rendered through a lens that no command knows. Every command is shown as one types it, and the answers stand
     /// beside the truth.
     #[arg(long)]
     first_pose: bool,

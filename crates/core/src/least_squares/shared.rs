@@ -134,6 +134,11 @@ impl SharedEquations {
         }
     }
 
+    /// Number of shared parameters.
+    pub fn n_shared(&self) -> usize {
+        self.gradient.len()
+    }
+
     /// What is added from now on belongs to the next view.
     pub fn next_view(&mut self) {
         let pose_shared = self.gradient.iter().map(|_| Vector6::zeros()).collect();

@@ -75,7 +75,7 @@ pub fn run(folder: &Path, json: bool) -> Result<Outcome> {
     let mut guide = Guide { folder, json, typed: Vec::new(), outcome: Outcome::Answered };
     guide.tell(
         "From nothing to a pose. A page is printed, 0.4 % too narrow and 0.2 % too high as printers are; 14 photographs of it are rendered through a \
-         distorted lens that no command is told. The steps are those of docs/first-pose.md.",
+         distorted lens that no command knows. The steps are those of docs/first-pose.md.",
     )?;
     guide.step("1  Print the page", &format!("print {BOARD} -o @/board.pdf"))?;
     let truth = Truth::new()?;

@@ -7,6 +7,7 @@ use crate::least_squares::PivotedPose;
 use crate::least_squares::dense::{DenseEquations, minimize_dense};
 use crate::locate::refine::{centroid, whitening};
 use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
+use core::ops::RangeInclusive;
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, SMatrix, SVector};
 
 /// Pose and lens.
@@ -55,7 +56,7 @@ pub(super) struct Descent {
 }
 
 /// Focal lengths are sought within these horizontal fields of view, radians: a degree to 150.
-const FIELD_OF_VIEW_RAD: core::ops::RangeInclusive<f64> = 0.017..=2.6;
+const FIELD_OF_VIEW_RAD: RangeInclusive<f64> = 0.017..=2.6;
 /// Descents, each with the weights where the one before ended.
 const PASSES: usize = 4;
 /// A descent that lowers χ² by less than this with new weights is the last.
@@ -80,6 +81,15 @@ impl<'a> FocalProblem<'a> {
         let PivotedPose { rotation, pivot_in_cam } = state.place;
         let place = PivotedPose { rotation: turn * rotation, pivot_in_cam: pivot_in_cam * factor };
         FocalState { place, ..*state }
+    }
+
+    /// The state with focal length and distance changed together until the horizontal field of view lies within these limits.
+    pub(super) fn within_fields(&self, state: &FocalState, limits_rad: &RangeInclusive<f64>) -> FocalState {
+        let focal_px = state.lens.focal_px();
+        let field_rad = self.lens.field_of_view_rad(focal_px).clamp(*limits_rad.start(), *limits_rad.end());
+        let usual_px = self.lens.focal_of_field_px(field_rad);
+        let moved = self.displaced(state, &Matrix3::identity(), usual_px / focal_px);
+        FocalState { lens: LensState { log_focal: usual_px.ln(), ..state.lens }, ..moved }
     }
 
     /// How far the target's middle is from the camera.

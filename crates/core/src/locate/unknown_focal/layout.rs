@@ -13,6 +13,9 @@ const TILTS: i32 = 12;
 const NEARER: f64 = 0.85;
 const DISTANCES: i32 = 16;
 
+/// A view that says nothing of its focal length is judged as through a lens of one of these horizontal fields of view, radians: 15° to 100°.
+const USUAL_FIELD_RAD: core::ops::RangeInclusive<f64> = 0.261_799..=1.745_329;
+
 /// The remedy for a view in which log f has too large a standard deviation; `noise_scale` multiplies its variances.
 pub(super) fn remedy(
     problem: &FocalProblem,
@@ -20,6 +23,7 @@ pub(super) fn remedy(
     geometry: &Geometry,
     is_enough: impl Fn(&JointCovariance) -> bool,
 ) -> FocalRemedy {
+    let state = &problem.within_fields(state, &USUAL_FIELD_RAD);
     let is_enough_at = |state: &FocalState| {
         let descent = problem.equations(state).map(|equations| Descent {
             state: *state,

@@ -77,6 +77,11 @@ impl LensPrior {
         2.0 * (0.5 * self.width_px()).atan2(focal_px)
     }
 
+    /// Which gives this field of view.
+    pub(super) fn focal_of_field_px(&self, field_of_view_rad: f64) -> f64 {
+        0.5 * self.width_px() / (0.5 * field_of_view_rad).tan()
+    }
+
     fn radius_px(&self) -> f64 {
         0.5 * self.width_px().hypot(f64::from(self.size.height_px))
     }

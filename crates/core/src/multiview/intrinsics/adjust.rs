@@ -233,7 +233,7 @@ pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let evaluate = |state: &SharedState| {
         let shared = shared.changed(&state.change).ok()?;
         let mut sums = equations(&seen, &state.places, &shared)?;
-        prior::add(&mut sums, &known, &shared);
+        prior::add(&mut sums, &known, &shared.camera, &shared.directions, shared.noise);
         Some(sums)
     };
     let mut found = minimize_shared(start, shared.n(), evaluate)?;

@@ -1,7 +1,7 @@
 //! What is known of every lens before any view: pixels are about square, the principal point is near the middle, the distortion is bounded. Wide
 //! enough to say nothing where views do; where they do not, an answer stays a lens. docs/math/intrinsics.md section 3.
 
-use super::adjust::Shared;
+use super::model::Direction;
 use crate::Camera;
 use crate::camera::{BrownConrady, KannalaBrandt};
 use crate::least_squares::shared::SharedEquations;
@@ -55,23 +55,29 @@ pub(super) fn known(camera: &Camera) -> Vec<Known> {
     all
 }
 
-/// Adds what is known to the equations of all views, whose noise has `noise` times the stated variances.
-pub(super) fn add(sums: &mut SharedEquations, known: &[Known], shared: &Shared) {
-    if !(0.0 < shared.noise) || shared.directions.is_empty() {
+/// Adds what is known of `camera`, which may change along `directions`, to the equations of all views, whose noise has `noise` times the stated
+/// variances.
+pub(super) fn add(
+    sums: &mut SharedEquations,
+    known: &[Known],
+    camera: &Camera,
+    directions: &[Direction],
+    noise: f64,
+) {
+    if !(0.0 < noise) || directions.is_empty() {
         return;
     }
-    let parameters = shared.camera.parameters();
+    let parameters = camera.parameters();
     for Known { along, mean, sigma } in known {
         let value: f64 = along.iter().map(|(i, by)| by * parameters[*i].1).sum();
-        let by_direction = |direction: &super::model::Direction| -> f64 {
+        let by_direction = |direction: &Direction| -> f64 {
             let pairs =
                 direction.iter().flat_map(|(i, by)| along.iter().map(move |(j, times)| (i, by, j, times)));
             pairs.filter(|(i, _, j, _)| i == j).map(|(_, by, _, times)| by * times).sum()
         };
-        let by_shared =
-            DVector::from_fn(shared.n(), |k, _| shared.directions.get(k).map_or(0.0, by_direction));
+        let by_shared = DVector::from_fn(sums.n_shared(), |k, _| directions.get(k).map_or(0.0, by_direction));
         if by_shared.amax() > 0.0 {
-            sums.add_known(mean - value, shared.noise / (sigma * sigma), &by_shared);
+            sums.add_known(mean - value, noise / (sigma * sigma), &by_shared);
         }
     }
 }
