@@ -233,6 +233,8 @@ def main():
             results.append(run(seed, pathlib.Path(folder), pathlib.Path(save) if save and seed == 0 else None, "-v" in sys.argv))
     faults = [fault for r in results for fault in r[3]]
     chi2, off_m, focal = (np.array([r[i] for r in results if r[0] is not None]) for i in range(3))
+    if len(chi2) == 0:
+        sys.exit("\n".join(faults))
     print(f"{len(chi2)} of {len(results)} first poses from a printed page, in 4 commands: {1e3 * off_m.max():.2f} mm off at most, χ² {chi2.mean():.1f} of 6 on average, focal length {np.abs(focal).max():.1f} σ off at most")
     for fault in faults:
         print(fault)

@@ -325,6 +325,44 @@ fn shifted_view(rng: &mut Rng, camera: &Camera) -> Vec<Correspondence> {
     points.iter().filter_map(seen).collect()
 }
 
+/// A print is as exact as its rulers were measured: the stretch within that is estimated, and the covariance holds what is left of it. Taken as
+/// exact, quiet corners contradict each other. A stretch that the rulers exclude is named.
+#[test]
+fn a_measured_print_is_stretched_within_its_rulers() {
+    let (mut rng, camera) = (Rng::new(80), distorted());
+    let (sigma_px, scale_sigma) = (0.04, [1.3e-3, 0.8e-3]);
+    let measured = IntrinsicsConfig { scale_sigma, ..IntrinsicsConfig::default() };
+    let exact = IntrinsicsConfig { target_shape: TargetShape::Exact, ..IntrinsicsConfig::default() };
+    let mut printed = |stretch: f64| -> Vec<Vec<Correspondence>> {
+        let real: Vec<Point> = board().iter().map(|x| Point::new(x.x, (1.0 + stretch) * x.y, 0.0)).collect();
+        let mut seen: Vec<_> =
+            (0..12).map(|_| view_of(&mut rng, &camera, &real, [0.1, 0.85], sigma_px)).collect();
+        seen.iter_mut().flatten().for_each(|c| c.x_in_target.y /= 1.0 + stretch);
+        seen
+    };
+    let off = |found: &SolvedIntrinsics| (found.camera.parameters()[0].1 - TRUE.fx_px) / found.sigmas()[0];
+    let (mut sum, mut wrong, mut stretches) = (0.0, 0, Rng::new(81));
+    const N: usize = 24;
+    for _ in 0..N {
+        let stretch = stretches.normal() * scale_sigma[0].hypot(scale_sigma[1]);
+        let seen = printed(stretch);
+        let found = solved(&seen, &measured);
+        assert!(found.severity() == Severity::Remark || found.findings.is_empty(), "{:?}", found.findings);
+        let ([estimate, sigma], _) =
+            found.target_shape.map(|(values, half)| (values[0], half)).expect("free");
+        assert!((estimate - stretch).abs() < 4.0 * sigma && sigma < 3e-4, "{stretch} {estimate} ± {sigma}");
+        sum += off(&found).powi(2);
+        let taken_as_exact = solved(&seen, &exact);
+        wrong += usize::from(taken_as_exact.severity() == Severity::Inconsistent);
+    }
+    // χ² of 24: 99.9 % lies below 51.
+    assert!((0.4..2.13).contains(&(sum / N as f64)), "{}", sum / N as f64);
+    assert!(N / 3 <= wrong, "taken as exact, {wrong} of {N} are noticed");
+    let found = solved(&printed(0.02), &measured);
+    assert!(found.findings.iter().any(|f| matches!(f, Finding::Stretched { taken_in: true, .. })));
+    assert!(off(&found).abs() < 4.0, "{}", off(&found));
+}
+
 /// A print stretched by two per cent, a bent board: named with their size; estimated on request, with the right focal length then.
 #[test]
 fn a_wrong_target_is_noticed() {

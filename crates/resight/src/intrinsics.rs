@@ -124,6 +124,7 @@ fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraInt
         noise: request.noise,
         target_shape: request.target_shape,
         several_targets: camera.several_targets,
+        scale_sigma: camera.scale_sigma(),
     };
     let views: Vec<_> = camera.views.iter().map(|view| &view.points).collect();
     Ok(describe::described(camera, size, solve_intrinsics(&views, size, &config)?))

@@ -126,8 +126,7 @@ impl<'a> ImageLocator<'a> {
         let (joined, skipped) = correspond(&detections, self.target, &Camera::normalized());
         let (features, seen): (Vec<_>, Vec<_>) = joined.into_iter().unzip();
         let name_of = |i: usize| features.get(i).map_or_else(String::new, |f| feature_name(*f, self.target));
-        let scale_sigma = self.target.printed_scale().map_or([0.0; 2], |scale| scale.relative_sigma());
-        let (answer, camera) = focal::with_unknown_focal(&view, &seen, &lens, scale_sigma, name_of);
+        let (answer, camera) = focal::with_unknown_focal(&view, &seen, &lens, self.scale_sigma(), name_of);
         let answer = PoseAnswer {
             printed_scale: self.target.printed_scale().map(Into::into),
             skipped: skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
@@ -141,6 +140,11 @@ impl<'a> ImageLocator<'a> {
     fn scaled_from_px(&self, camera: &Camera) -> Option<[u32; 2]> {
         let calibrated = self.camera.size?;
         (camera.size != Some(calibrated)).then_some([calibrated.width_px, calibrated.height_px])
+    }
+
+    /// What the rulers leave open of a printed target's lengths along x and y; zeros where it is taken as exact.
+    fn scale_sigma(&self) -> [f64; 2] {
+        self.target.printed_scale().map_or([0.0; 2], |scale| scale.relative_sigma())
     }
 
     fn answer(&self, detections: &[Detection], camera: &Camera, view: String) -> PoseAnswer {
@@ -167,7 +171,7 @@ impl<'a> ImageLocator<'a> {
         let (points, estimate) = (found.seen, found.estimate.ok());
         let intrinsics_cost = intrinsics
             .zip(estimate.as_ref())
-            .and_then(|(known, estimate)| known.cost(estimate, &points, camera));
+            .and_then(|(known, estimate)| known.cost(estimate, &points, camera, self.scale_sigma()));
         PoseAnswer {
             verdict,
             observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
@@ -279,8 +283,9 @@ pub fn locate_points(
         }
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
-    let intrinsics_cost =
-        intrinsics.zip(estimate.as_ref()).and_then(|(known, estimate)| known.cost(estimate, &seen, camera));
+    let intrinsics_cost = intrinsics
+        .zip(estimate.as_ref())
+        .and_then(|(known, estimate)| known.cost(estimate, &seen, camera, [0.0; 2]));
     PoseAnswer {
         verdict,
         observability: estimate.as_ref().map(|e| Observability::of(e, &seen)),

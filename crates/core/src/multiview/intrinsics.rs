@@ -57,6 +57,9 @@ pub struct IntrinsicsConfig {
     pub target_shape: TargetShape,
     /// Whether views show different targets; then nothing of their shapes is estimated or tested.
     pub several_targets: bool,
+    /// Relative standard deviations of a printed target's lengths along x and y, as its rulers were measured; zeros where nobody did. The
+    /// stretch of the print is estimated within them then.
+    pub scale_sigma: [f64; 2],
 }
 
 /// Whether the stretch and the bend of a flat target are estimated with the camera.
@@ -194,27 +197,33 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
     config: &IntrinsicsConfig,
 ) -> Result<IntrinsicsOutcome, Error> {
     check(views, size)?;
+    if let Some(seen) = config.scale_sigma.into_iter().find(|sigma| !(0.0..1.0).contains(sigma)) {
+        let needed = "a relative standard deviation is at least 0 and less than 1";
+        return Err(Error::InvalidSetting { setting: "scale_sigma", seen, needed });
+    }
     let free = TargetShape::Free;
     let first = attempt(views, size, config)?;
-    let deformed = match &first {
-        IntrinsicsOutcome::Solved(solved) if config.target_shape == TargetShape::ByEvidence => solved
-            .findings
-            .iter()
-            .filter(|f| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. }))
-            .count(),
-        _ => 0,
-    };
-    if deformed == 0 {
-        return Ok(first);
+    let IntrinsicsOutcome::Solved(mut solved) = first else { return Ok(first) };
+    if config.target_shape != TargetShape::ByEvidence {
+        return Ok(IntrinsicsOutcome::Solved(solved));
     }
-    // The target's shape is estimated with the camera then; what it is keeps being said.
-    match attempt(views, size, &IntrinsicsConfig { target_shape: free, ..*config })? {
-        IntrinsicsOutcome::Solved(mut solved) => {
-            let found = judge::deformations(&solved);
-            solved.findings.extend(found);
-            Ok(IntrinsicsOutcome::Solved(solved))
+    let is_deformed = |f: &Finding| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. });
+    if solved.findings.iter().any(is_deformed) {
+        // The target's shape is estimated with the camera then.
+        match attempt(views, size, &IntrinsicsConfig { target_shape: free, ..*config })? {
+            IntrinsicsOutcome::Solved(better) => solved = better,
+            IntrinsicsOutcome::Refused(_) => return Ok(IntrinsicsOutcome::Solved(solved)),
         }
-        IntrinsicsOutcome::Refused(_) => Ok(first),
+    }
+    let found = judge::deformations(&solved, config.stretch_sigma());
+    solved.findings.extend(found);
+    Ok(IntrinsicsOutcome::Solved(solved))
+}
+
+impl IntrinsicsConfig {
+    /// What the rulers leave open of height over width; none where nobody measured.
+    fn stretch_sigma(&self) -> Option<f64> {
+        Some(self.scale_sigma[0].hypot(self.scale_sigma[1])).filter(|sigma| 0.0 < *sigma)
     }
 }
 
@@ -235,7 +244,15 @@ fn attempt<V: AsRef<[Correspondence]>>(
     }
     let shape =
         Shape::of(usable.iter().flat_map(|(_, points)| points.iter())).filter(|_| !config.several_targets);
-    let free_shape = shape.filter(|_| config.target_shape == TargetShape::Free);
+    let stretch_sigma = config.stretch_sigma();
+    let shape = shape.map(|shape| Shape { stretch_sigma, ..shape });
+    let free_shape = match config.target_shape {
+        TargetShape::Free => shape,
+        TargetShape::ByEvidence if stretch_sigma.is_some() => {
+            shape.map(|shape| Shape { is_bent: false, ..shape })
+        }
+        TargetShape::ByEvidence | TargetShape::Exact => None,
+    };
     let families = cleaned_families(&usable, size, config.models, free_shape);
     let Some(chosen) = choose(&families) else {
         return refused(judge::why_undetermined(&usable, families.first().map(|first| &first.clean.fit)));

@@ -218,10 +218,10 @@ pub struct BadCornerObject {
 pub struct TargetShapeObject {
     /// Height over width, less what is stated; and standard deviation.
     pub stretch: [f64; 2],
-    /// Height of the middle above the edges along x, metres; and standard deviation.
-    pub bend_x_m: [f64; 2],
+    /// Height of the middle above the edges along x, metres; and standard deviation. null where the target is taken as flat.
+    pub bend_x_m: Option<[f64; 2]>,
     /// The same along y.
-    pub bend_y_m: [f64; 2],
+    pub bend_y_m: Option<[f64; 2]>,
 }
 
 /// Corners by cell of a grid over the image, row by row.

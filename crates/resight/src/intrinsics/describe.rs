@@ -164,8 +164,8 @@ fn intrinsics(camera: &CameraViews, size: ImageSize, solved: &SolvedIntrinsics) 
             .collect(),
         target_shape: solved.target_shape.map(|([stretch, bend_x_m, bend_y_m], _)| TargetShapeObject {
             stretch,
-            bend_x_m,
-            bend_y_m,
+            bend_x_m: Some(bend_x_m).filter(|[_, sigma]| 0.0 < *sigma),
+            bend_y_m: Some(bend_y_m).filter(|[_, sigma]| 0.0 < *sigma),
         }),
         coverage: CoverageObject {
             columns: solved.coverage.columns,

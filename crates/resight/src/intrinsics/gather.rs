@@ -34,6 +34,14 @@ pub(super) struct CameraViews {
     pub several_targets: bool,
 }
 
+impl CameraViews {
+    /// What the rulers leave open of the printed target's lengths along x and y; zeros where nobody measured.
+    pub fn scale_sigma(&self) -> [f64; 2] {
+        let scale = |view: &NamedView| Some(view.target.as_ref()?.printed_scale()?.relative_sigma());
+        self.views.iter().find_map(scale).unwrap_or_default()
+    }
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Gathered {
     pub cameras: Vec<CameraViews>,

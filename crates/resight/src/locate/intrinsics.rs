@@ -84,12 +84,13 @@ impl IntrinsicsCovariance {
     }
 
     /// What the uncertain intrinsics cost a pose: that of the same points where it puts them, solved with other covariances of the
-    /// intrinsics. Without residuals nothing is widened because a lens explains too little.
+    /// intrinsics. Without residuals nothing is widened because a lens explains too little; a print stays as uncertain as it is.
     pub(super) fn cost(
         &self,
         estimate: &PoseEstimate,
         seen: &[Correspondence],
         camera: &Camera,
+        target_scale_sigma: [f64; 2],
     ) -> Option<IntrinsicsCost> {
         let ideal = |c: &Correspondence| {
             let pixel = camera.project(&(estimate.cam_from_target * c.x_in_target))?;
@@ -97,7 +98,8 @@ impl IntrinsicsCovariance {
         };
         let ideal: Vec<Correspondence> = seen.iter().filter_map(ideal).collect();
         let with = |intrinsics_covariance: Option<&[f64]>| {
-            locate(&ideal, camera, &Config { intrinsics_covariance, ..Config::default() }).ok()
+            locate(&ideal, camera, &Config { intrinsics_covariance, target_scale_sigma, ..Config::default() })
+                .ok()
         };
         let sigma_m = |e: &PoseEstimate| position_sigma_m(&e.cam_from_target, &e.covariance).norm();
         let alone = |group: Group| {

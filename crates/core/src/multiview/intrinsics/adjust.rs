@@ -59,6 +59,10 @@ pub(super) struct Shape {
     pub(super) half_m: [f64; 2],
     /// stretch, bend_x (m), bend_y (m).
     pub(super) values: [f64; 3],
+    /// What rulers on the print leave open of the stretch; none where nobody measured.
+    pub(super) stretch_sigma: Option<f64>,
+    /// Whether the bends are estimated too; else they are zero.
+    pub(super) is_bent: bool,
 }
 
 impl Shape {
@@ -70,7 +74,18 @@ impl Shape {
         let (low, high) = (fold(f64::min)?, fold(f64::max)?);
         let (centre, half) = (0.5 * (low + high), 0.5 * (high - low));
         let is_flat = half.z <= 1e-9 * half.x && 0.1 * half.x < half.y && 0.1 * half.y < half.x;
-        is_flat.then_some(Shape { centre, half_m: [half.x, half.y], values: [0.0; 3] })
+        is_flat.then_some(Shape {
+            centre,
+            half_m: [half.x, half.y],
+            values: [0.0; 3],
+            stretch_sigma: None,
+            is_bent: true,
+        })
+    }
+
+    /// How many of its values are estimated.
+    pub(super) fn n(&self) -> usize {
+        if self.is_bent { 3 } else { 1 }
     }
 
     fn unit(&self, x: &Point) -> [f64; 2] {
@@ -104,7 +119,7 @@ pub(super) struct Shared {
 
 impl Shared {
     pub(super) fn n(&self) -> usize {
-        self.directions.len() + if self.shape.is_some() { 3 } else { 0 }
+        self.directions.len() + self.shape.map_or(0, |shape| shape.n())
     }
 
     /// After a change along the directions, then of the shape.
@@ -161,7 +176,7 @@ fn add(
     let mut by_shared: ArrayVec<Vector2<f64>, MAX_PARAMETERS> = shared.directions.iter().map(along).collect();
     if let Some(shape) = &shared.shape {
         let of_shape = shape.derivatives(&c.x_in_target).map(|d| jacobian * (place.rotation * d));
-        by_shared.try_extend_from_slice(&of_shape).ok()?;
+        by_shared.try_extend_from_slice(&of_shape[..shape.n()]).ok()?;
     }
     sums.add(&(c.pixel - pixel), &(information(c, &jacobian) * weight), &by_motion, &by_shared);
     Some(())
@@ -234,6 +249,7 @@ pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
         let shared = shared.changed(&state.change).ok()?;
         let mut sums = equations(&seen, &state.places, &shared)?;
         prior::add(&mut sums, &known, &shared.camera, &shared.directions, shared.noise);
+        add_rulers(&mut sums, &shared);
         Some(sums)
     };
     let mut found = minimize_shared(start, shared.n(), evaluate)?;
@@ -247,6 +263,15 @@ pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
         view.cam_from_target = place.pose(&view.pivot);
     }
     Some(Fit { shared, seen, equations: found.equations, converged })
+}
+
+/// What was measured on the print says of its stretch: docs/math/intrinsics.md section 2.
+fn add_rulers(sums: &mut SharedEquations, shared: &Shared) {
+    let Some((shape, sigma)) = shared.shape.and_then(|shape| Some((shape, shape.stretch_sigma?))) else {
+        return;
+    };
+    let by_shared = DVector::from_fn(sums.n_shared(), |k, _| f64::from(k == shared.directions.len()));
+    sums.add_known(-shape.values[0], shared.noise / (sigma * sigma), &by_shared);
 }
 
 /// Each pose at its own minimum, what the views share being fixed.

@@ -57,27 +57,16 @@ pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {
     let left = (chi2 - gain).max(1e-12 * chi2) / degrees.saturating_sub(k).max(1) as f64;
     let times = chi2 / degrees.max(1) as f64 / left;
     let tried = if in_sequence { n as f64 } else { 2f64.powi(n.min(1000) as i32) };
-    let least = (SHARED_PX / stated_px(fit)).powi(2);
-    let is_beyond_chance = tail(k, gain / left.max(least)) * tried < CHANCE;
+    let is_beyond_chance = tail(k, gain / left) * tried < CHANCE;
     if split.is_empty()
         || !is_beyond_chance
-        || !(LEAST_TIMES <= times || judge.explains(&split, &inverse, left.max(least)))
+        || !(LEAST_TIMES <= times || judge.explains(&split, &inverse, left))
     {
         return None;
     }
     let views =
         |side: bool| fit.seen.iter().zip(&split).filter(|(_, s)| **s == side).map(|(v, _)| v.view).collect();
     Some(TwoGroups { first: views(true), second: views(false), in_sequence, times })
-}
-
-/// Corners of one image share errors of this size, by the light and by how pixels sample an edge, however quiet each of them is.
-const SHARED_PX: f64 = 0.05;
-
-/// Root mean square of the stated standard deviations.
-fn stated_px(fit: &Fit) -> f64 {
-    let points = || fit.seen.iter().flat_map(|view| &view.points);
-    let sum: f64 = points().map(|c| c.sigma_px * c.sigma_px).sum();
-    (sum / points().count().max(1) as f64).sqrt()
 }
 
 fn is_fair(split: &[bool]) -> bool {

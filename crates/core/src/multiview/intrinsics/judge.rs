@@ -27,6 +27,8 @@ const GOOD_COVERAGE: f64 = 0.6;
 /// A stretch is real beyond so many standard deviations, and if it exceeds what paper does in damp air.
 const REAL_SIGMAS: f64 = 5.0;
 const LEAST_STRETCH: f64 = 1.5e-3;
+/// A stretch beyond so many standard deviations of the rulers contradicts them.
+const RULER_SIGMAS: f64 = 3.0;
 /// A bend is remarked on beyond this part of the target's half width.
 const LEAST_BEND: f64 = 2e-3;
 /// Contradiction between views that is worth a remark: variances twice those of the noise.
@@ -156,7 +158,9 @@ fn in_terms_of(names: &[&str], local: &Local) -> Vec<f64> {
 fn target_shape(fit: &Fit, covariance: &DMatrix<f64>) -> Option<[[f64; 2]; 3]> {
     let shape = fit.shared.shape?;
     let first = fit.shared.directions.len();
-    Some([0, 1, 2].map(|i| [shape.values[i], covariance[(first + i, first + i)].max(0.0).sqrt()]))
+    let sigma =
+        |i: usize| if i < shape.n() { covariance[(first + i, first + i)].max(0.0).sqrt() } else { 0.0 };
+    Some([0, 1, 2].map(|i| [shape.values[i], sigma(i)]))
 }
 
 fn views(fit: &Fit, spread: &Spread) -> Option<Vec<IntrinsicsView>> {
@@ -305,7 +309,8 @@ fn common_variance(clean: &Clean, views: &[usize]) -> f64 {
 
 /// One adjustment with the target's shape free tells whether it is stretched or bent.
 fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Finding> {
-    let Some(shape) = shape.filter(|_| found.shared.shape.is_none()) else { return Vec::new() };
+    let is_free = found.shared.shape.is_some_and(|shape| shape.is_bent);
+    let Some(shape) = shape.filter(|_| !is_free) else { return Vec::new() };
     let shared = Shared { shape: Some(shape), ..found.shared.clone() };
     let Some(free) = fit(found.seen.clone(), shared) else {
         return Vec::new();
@@ -313,18 +318,22 @@ fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Findin
     let Some(values) = spread(&free, noise).and_then(|spread| target_shape(&free, &spread.covariance)) else {
         return Vec::new();
     };
-    deformed(values, shape.half_m, false)
+    let mut found_out = deformed(values, shape.half_m, LEAST_STRETCH, false);
+    // A stretch that is estimated already needs no further adjustment.
+    found_out.retain(|finding| found.shared.shape.is_none() || matches!(finding, Finding::Bent { .. }));
+    found_out
 }
 
-/// The deformations of a target that were estimated and taken into account.
-pub(super) fn deformations(solved: &SolvedIntrinsics) -> Vec<Finding> {
-    solved.target_shape.map_or_else(Vec::new, |(values, half_m)| deformed(values, half_m, true))
+/// The deformations of a target that were estimated and taken into account, as far as the rulers on it do not explain them.
+pub(super) fn deformations(solved: &SolvedIntrinsics, stretch_sigma: Option<f64>) -> Vec<Finding> {
+    let least = LEAST_STRETCH.max(RULER_SIGMAS * stretch_sigma.unwrap_or(0.0));
+    solved.target_shape.map_or_else(Vec::new, |(values, half_m)| deformed(values, half_m, least, true))
 }
 
-fn deformed(values: [[f64; 2]; 3], half_m: [f64; 2], taken_in: bool) -> Vec<Finding> {
+fn deformed(values: [[f64; 2]; 3], half_m: [f64; 2], least_stretch: f64, taken_in: bool) -> Vec<Finding> {
     let [[stretch, sigma], [x, sigma_x], [y, sigma_y]] = values;
     let mut findings = Vec::new();
-    if LEAST_STRETCH < stretch.abs() && REAL_SIGMAS * sigma < stretch.abs() {
+    if least_stretch < stretch.abs() && REAL_SIGMAS * sigma < stretch.abs() {
         findings.push(Finding::Stretched { stretch, sigma, taken_in });
     }
     let is_bent =

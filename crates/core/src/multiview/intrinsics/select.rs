@@ -200,7 +200,7 @@ pub(super) fn undetermined(fit: &Fit) -> Option<(&'static str, f64)> {
     let mut scales: Vec<f64> = scales(fit);
     // What the target's shape is known to: a tenth of its size is undetermined too.
     if let Some(shape) = &fit.shared.shape {
-        scales.extend([1.0, shape.half_m[0], shape.half_m[1]]);
+        scales.extend(&[1.0, shape.half_m[0], shape.half_m[1]][..shape.n()]);
     }
     let (at, relative) = weakest(&information, &scales)?;
     let name = fit.shared.directions.get(at).map_or("the target's shape", |d| parameters[d[0].0].0);
