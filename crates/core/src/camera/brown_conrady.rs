@@ -130,10 +130,8 @@ impl BrownConrady {
             Some(tilt) => tilt.apply_with_jacobian(&distorted)?,
         };
         let mut columns = self.matrix.columns(&on_sensor);
-        for i in 0..self.coefficients.len().min(12) {
-            let by_coefficient = by_distorted * self.plane.coefficient_derivative(&q, i);
-            columns.push(self.matrix.stretch(&by_coefficient));
-        }
+        let by_coefficient = self.plane.coefficient_derivatives(&q).into_iter().take(self.coefficients.len());
+        columns.extend(by_coefficient.map(|by| self.matrix.stretch(&(by_distorted * by))));
         if let [.., tau_x, tau_y] = self.coefficients[..]
             && self.coefficients.len() == 14
         {

@@ -136,7 +136,8 @@ impl Omni {
         let (distorted, by_q) = self.plane.apply_with_jacobian(&q);
         let mut columns = self.matrix.columns(&distorted);
         columns.push(self.matrix.stretch(&(by_q * q * (-d / depth))));
-        columns.extend((0..4).map(|i| self.matrix.stretch(&self.plane.coefficient_derivative(&q, i))));
+        let by_coefficient = self.plane.coefficient_derivatives(&q).into_iter().take(4);
+        columns.extend(by_coefficient.map(|by| self.matrix.stretch(&by)));
         Some(columns)
     }
 

@@ -194,26 +194,28 @@ impl PlaneDistortion {
         })
     }
 
-    /// Derivative of the distorted point by coefficient `i` (OpenCV's order, 0 to 11).
-    pub fn coefficient_derivative(&self, q: &Vector2<f64>, i: usize) -> Vector2<f64> {
+    /// Derivatives of the distorted point by the coefficients, in OpenCV's order.
+    #[inline]
+    pub fn coefficient_derivatives(&self, q: &Vector2<f64>) -> [Vector2<f64>; 12] {
         let r2 = q.norm_squared();
         let (r4, r6) = (r2 * r2, r2 * r2 * r2);
         let [k4, k5, k6] = self.denominator;
-        let d = 1.0 + k4 * r2 + k5 * r4 + k6 * r6;
+        let per_d = 1.0 / (1.0 + k4 * r2 + k5 * r4 + k6 * r6);
         let (g, _) = self.gain(r2);
-        match i {
-            0 => q * (r2 / d),
-            1 => q * (r4 / d),
-            2 => Vector2::new(2.0 * q.x * q.y, r2 + 2.0 * q.y * q.y),
-            3 => Vector2::new(r2 + 2.0 * q.x * q.x, 2.0 * q.x * q.y),
-            4 => q * (r6 / d),
-            5 => q * (-g * r2 / d),
-            6 => q * (-g * r4 / d),
-            7 => q * (-g * r6 / d),
-            8 => Vector2::new(r2, 0.0),
-            9 => Vector2::new(r4, 0.0),
-            10 => Vector2::new(0.0, r2),
-            _ => Vector2::new(0.0, r4),
-        }
+        let (upper, lower) = (q * per_d, q * (-g * per_d));
+        [
+            upper * r2,
+            upper * r4,
+            Vector2::new(2.0 * q.x * q.y, r2 + 2.0 * q.y * q.y),
+            Vector2::new(r2 + 2.0 * q.x * q.x, 2.0 * q.x * q.y),
+            upper * r6,
+            lower * r2,
+            lower * r4,
+            lower * r6,
+            Vector2::new(r2, 0.0),
+            Vector2::new(r4, 0.0),
+            Vector2::new(0.0, r2),
+            Vector2::new(0.0, r4),
+        ]
     }
 }

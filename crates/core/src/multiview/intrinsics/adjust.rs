@@ -7,8 +7,9 @@ use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::{
     Reduced, SharedEquations, SharedState, minimize_settled, minimize_shared,
 };
+use crate::locate::choose::Ambiguity;
 use crate::locate::refine::{centroid, information};
-use crate::locate::{Config, locate};
+use crate::locate::{Config, PoseEstimate, locate};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Matrix2x6, Vector2};
@@ -23,7 +24,12 @@ pub(super) struct Seen {
     pub(super) weights: Vec<f64>,
     pub(super) pivot: Point,
     pub(super) cam_from_target: Pose,
+    /// Whether another pose came near to it when it was located.
+    pub(super) has_rival: bool,
 }
+
+/// Another pose is near below this many times the residual sum of squares.
+const RIVAL: f64 = 25.0;
 
 impl Seen {
     /// A view with its pose under a camera, from those of its points that take part.
@@ -33,8 +39,13 @@ impl Seen {
         weights: Vec<f64>,
         camera: &Camera,
     ) -> Result<Self, Error> {
-        let cam_from_target = pose(points, &weights, camera)?;
-        Ok(Seen { view, points: points.to_vec(), weights, pivot: centroid(points), cam_from_target })
+        let found = located(points, &weights, camera)?;
+        let has_rival = match found.ambiguity {
+            Ambiguity::Unique { ratio } => ratio.is_some_and(|ratio| ratio < RIVAL),
+            Ambiguity::Ambiguous { .. } => true,
+        };
+        let (cam_from_target, pivot) = (found.cam_from_target, centroid(points));
+        Ok(Seen { view, points: points.to_vec(), weights, pivot, cam_from_target, has_rival })
     }
 
     pub(super) fn n_used(&self) -> usize {
@@ -43,12 +54,16 @@ impl Seen {
 }
 
 /// The pose of a view's points under a camera; bearings are derived anew, points outside the camera's field are left out.
-pub(super) fn pose(points: &[Correspondence], weights: &[f64], camera: &Camera) -> Result<Pose, Error> {
+pub(super) fn located(
+    points: &[Correspondence],
+    weights: &[f64],
+    camera: &Camera,
+) -> Result<PoseEstimate, Error> {
     let used = points.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight);
     let rebased =
         used.filter_map(|(c, _)| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }));
     let seen: Vec<Correspondence> = rebased.collect();
-    Ok(locate(&seen, camera, &Config::default())?.cam_from_target)
+    locate(&seen, camera, &Config { shared_errors: false, ..Config::default() })
 }
 
 /// What may be wrong with a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
@@ -172,13 +187,17 @@ fn add(
     let mut by_motion = Matrix2x6::zeros();
     by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&(-jacobian * y.cross_matrix()));
     by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&jacobian);
+    let (mut u, mut v) = (ArrayVec::<f64, MAX_PARAMETERS>::new(), ArrayVec::<f64, MAX_PARAMETERS>::new());
+    let of_shape = shared.shape.map(|shape| {
+        let by = shape.derivatives(&c.x_in_target).map(|d| jacobian * (place.rotation * d));
+        by.into_iter().take(shape.n())
+    });
     let along = |d: &Direction| d.iter().map(|(i, by)| columns[*i] * *by).sum::<Vector2<f64>>();
-    let mut by_shared: ArrayVec<Vector2<f64>, MAX_PARAMETERS> = shared.directions.iter().map(along).collect();
-    if let Some(shape) = &shared.shape {
-        let of_shape = shape.derivatives(&c.x_in_target).map(|d| jacobian * (place.rotation * d));
-        by_shared.try_extend_from_slice(&of_shape[..shape.n()]).ok()?;
+    for by in shared.directions.iter().map(along).chain(of_shape.into_iter().flatten()) {
+        u.try_push(by.x).ok()?;
+        v.try_push(by.y).ok()?;
     }
-    sums.add(&(c.pixel - pixel), &(information(c, &jacobian) * weight), &by_motion, &by_shared);
+    sums.add(&(c.pixel - pixel), &(information(c, &jacobian) * weight), &by_motion, [&u, &v]);
     Some(())
 }
 
@@ -294,16 +313,16 @@ fn settled(seen: &[Seen], mut state: SharedState, shared: &Shared) -> SharedStat
 }
 
 /// The same minimum with views solved again under its camera where that fits them better: wrong intrinsics can turn a view of a plane to its
-/// second solution.
+/// second solution, where that came near.
 pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let mut found = fit(seen, shared)?;
     for _ in 0..MAX_ROUNDS {
         let mut any = false;
         let chi2: Vec<f64> = found.equations.chi2_of_views().collect();
-        for (view, chi2) in found.seen.iter_mut().zip(chi2) {
-            let Ok(other) = pose(&view.points, &view.weights, &found.shared.camera) else { continue };
-            let changed = Seen { cam_from_target: other, ..view.clone() };
-            let place = PivotedPose::new(&other, &view.pivot);
+        for (view, chi2) in found.seen.iter_mut().zip(chi2).filter(|(view, _)| view.has_rival) {
+            let Ok(other) = located(&view.points, &view.weights, &found.shared.camera) else { continue };
+            let changed = Seen { cam_from_target: other.cam_from_target, ..view.clone() };
+            let place = PivotedPose::new(&changed.cam_from_target, &view.pivot);
             let Some(alone) = equations(std::slice::from_ref(&changed), &[place], &found.shared) else {
                 continue;
             };

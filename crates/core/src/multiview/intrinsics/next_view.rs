@@ -131,5 +131,5 @@ fn imagined(
     }
     let weights = vec![1.0; points.len()];
     let pivot = crate::locate::refine::centroid(&points);
-    Some(Seen { view: 0, points, weights, pivot, cam_from_target })
+    Some(Seen { view: 0, points, weights, pivot, cam_from_target, has_rival: false })
 }

@@ -1,7 +1,7 @@
 //! A first camera from nothing: focal lengths by the homographies of flat targets and from a grid, each with poses by the closed forms,
 //! the best of them after a short adjustment. docs/math/intrinsics.md section 1.
 
-use super::adjust::{Fit, Seen, Shared, fit, pose};
+use super::adjust::{Fit, Seen, Shared, fit, located};
 use super::model::{LensChoice, central_matrix, common_focal};
 use crate::camera::ImageSize;
 use crate::locate::refine::centroid;
@@ -23,19 +23,32 @@ pub(super) fn start(views: &[&[Correspondence]], size: ImageSize, choice: &LensC
     let some: Vec<&[Correspondence]> = views.iter().copied().step_by(step).collect();
     let side = f64::from(size.width_px.max(size.height_px));
     let by_homographies = focal_of_homographies(views, size).filter(|f| (0.05..20.0).contains(&(f / side)));
+    let camera = |focal_px: f64| -> Option<Camera> {
+        let lens: Lens = choice.lens(central_matrix(size, focal_px)).ok()?;
+        Some(Camera { lens, size: Some(size) })
+    };
+    // Where the homographies lead to an answer that fits, nothing else has to be tried.
+    let first = by_homographies.and_then(camera).and_then(|camera| adjusted(&some, camera, choice));
+    if let Some((_, camera)) = first.filter(|(badness, _)| *badness < good_px(&some, side)) {
+        return Some(camera);
+    }
     let focals = FOCALS.iter().map(|f| f * side).chain(by_homographies);
     let mut tried: Vec<(f64, Camera)> = focals
-        .filter_map(|focal_px| {
-            let lens: Lens = choice.lens(central_matrix(size, focal_px)).ok()?;
-            let camera = Camera { lens, size: Some(size) };
-            Some((badness(&some, &camera), camera))
-        })
+        .filter_map(camera)
+        .map(|camera| (badness(&some, &camera), camera))
         .filter(|(badness, _)| *badness < NO_POSE)
         .collect();
     tried.sort_by(|a, b| a.0.total_cmp(&b.0));
     let adjusted = tried.into_iter().take(TRIED).filter_map(|(_, camera)| adjusted(&some, camera, choice));
     let best = adjusted.min_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(_, camera)| camera)
+}
+
+/// A start that fits this well is taken: five standard deviations of the corners, at most a thousandth of the image's side.
+fn good_px(views: &[&[Correspondence]], side: f64) -> f64 {
+    let mut sigmas: Vec<f64> = views.iter().flat_map(|points| points.iter()).map(|c| c.sigma_px).collect();
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.get(sigmas.len() / 2).map_or(0.0, |sigma| (5.0 * sigma).min(1e-3 * side))
 }
 
 /// Median over the views of the root mean square residual, px: half of the views may be bad.
@@ -47,7 +60,7 @@ fn badness(views: &[&[Correspondence]], camera: &Camera) -> f64 {
 
 fn rms_px(points: &[Correspondence], camera: &Camera) -> Option<f64> {
     let weights = vec![1.0; points.len()];
-    let cam_from_target = pose(points, &weights, camera).ok()?;
+    let cam_from_target = located(points, &weights, camera).ok()?.cam_from_target;
     let squared = points.iter().map(|c| {
         camera.project(&(cam_from_target * c.x_in_target)).map(|pixel| (pixel - c.pixel).norm_squared())
     });

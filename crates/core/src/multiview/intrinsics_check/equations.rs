@@ -42,8 +42,9 @@ pub(super) fn equations(
             by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&(-jacobian * y.cross_matrix()));
             by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&jacobian);
             let along = |d: &Direction| d.iter().map(|(i, by)| columns[*i] * *by).sum::<Vector2<f64>>();
-            let by_shared: ArrayVec<Vector2<f64>, MAX_PARAMETERS> = directions.iter().map(along).collect();
-            sums.add(&(c.pixel - pixel), &information(c, &jacobian), &by_motion, &by_shared);
+            let (u, v): (ArrayVec<f64, MAX_PARAMETERS>, ArrayVec<f64, MAX_PARAMETERS>) =
+                directions.iter().map(along).map(|by| (by.x, by.y)).unzip();
+            sums.add(&(c.pixel - pixel), &information(c, &jacobian), &by_motion, [&u, &v]);
         }
     }
     sums.chi2.is_finite().then_some(sums)
