@@ -80,9 +80,10 @@ def resight(program, views, size):
 def projection_error(true_matrix, true_distortion, matrix, distortion, size):
     u, v = np.meshgrid(np.linspace(0, size[0] - 1, 24), np.linspace(0, size[1] - 1, 18))
     pixels = np.stack([u.ravel(), v.ravel()], 1)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
-    rays = cv2.undistortPointsIter(pixels, true_matrix, true_distortion, None, None, criteria)[:, 0]
-    rays = np.concatenate([rays, np.ones((len(rays), 1))], 1)
+    rays = np.linalg.solve(true_matrix, np.concatenate([pixels, np.ones((len(pixels), 1))], 1).T).T
+    for _ in range(200):
+        back = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), true_matrix, true_distortion)[0][:, 0]
+        rays[:, :2] += (pixels - back) / np.diag(true_matrix)[:2]
     off = lambda w: (cv2.projectPoints(rays, w, np.zeros(3), matrix, distortion)[0][:, 0] - pixels).ravel()
     fitted = least_squares(off, np.zeros(3)).fun.reshape(-1, 2)
     return float(np.sqrt((fitted**2).sum(1).mean()))
