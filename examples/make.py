@@ -108,6 +108,33 @@ def marks():
     Path("marks/camera.toml").write_text(CAMERA)
 
 
+def marked_lines():
+    """Kerbs, a stop line, posts: a road from 6.2 m, f = 980 px, k1 = -0.06, the principal point off the middle; marks to 0.8 px."""
+    lines = [
+        ("left kerb", "along", (1.2, 15, 0), (1.2, 50, 0)),
+        ("lane line", "along", (4.7, 14, 0), (4.7, 60, 0)),
+        ("right kerb", "along", (8.2, 17, 0), (8.2, 60, 0)),
+        ("stop line", "across", (1.2, 17, 0), (8.2, 17, 0)),
+        ("crossing", "across", (1.2, 26, 0), (8.2, 26, 0)),
+        ("bus bay", "across", (1.2, 40, 0), (11, 40, 0)),
+        ("lamp post", "up", (10, 24, 0), (10, 24, 5)),
+        ("sign", "up", (0.6, 22, 0), (0.6, 22, 2.5)),
+        ("house corner", "up", (15, 38, 0), (15, 38, 7)),
+    ]
+    tilt, roll, heading, height_m = np.radians(14), np.radians(-2), np.radians(18), 6.2
+    level = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    r = rotation([0, 0, -roll]) @ rotation([tilt, 0, 0]) @ level @ rotation([0, 0, heading])
+    rows = ["id,direction,u_px,v_px,u2_px,v2_px,length_m,length_sigma_m"]
+    for name, direction, *ends in lines:
+        x = (np.array(ends, float) - [0, 0, height_m]) @ r.T
+        q = x[:, :2] / x[:, 2:]
+        uv = 980 * q * (1 - 0.06 * (q**2).sum(1, keepdims=True)) + [652, 351] + chance.normal(0, 0.8, (2, 2))
+        length = "7,0.05" if name == "stop line" else ","
+        rows.append(f"{name},{direction},{uv[0, 0]:.1f},{uv[0, 1]:.1f},{uv[1, 0]:.1f},{uv[1, 1]:.1f},{length}")
+    Path("marked_lines/road.csv").write_text("\n".join(rows) + "\n")
+
+
 robot()
 gate()
 marks()
+marked_lines()

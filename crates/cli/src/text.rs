@@ -1,5 +1,7 @@
 //! An answer in words, for a person with ten minutes.
 
+pub mod scene;
+
 use resight::answer::PoseAnswer;
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};

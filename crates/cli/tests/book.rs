@@ -147,6 +147,12 @@ fn the_page_on_unknown_focal_lengths_can_be_followed() {
     the_page_can_be_followed("docs/unknown-focal.md", [2, 1]);
 }
 
+#[test]
+#[cfg(unix)]
+fn the_page_on_marked_lines_can_be_followed() {
+    the_page_can_be_followed("docs/marked-lines.md", [1, 1]);
+}
+
 /// Whoever opens the repository reads the first page to its end.
 #[test]
 fn the_readme_is_short() {

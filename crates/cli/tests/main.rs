@@ -33,6 +33,7 @@ mod history_faults;
 mod hostile_files;
 mod images;
 mod intrinsics;
+mod marked_lines;
 mod measure;
 mod nominal;
 mod print;

@@ -42,6 +42,7 @@ mod line_plus_one;
 mod lines;
 mod literal;
 mod losses;
+mod marked_lines;
 mod minimal_p3p;
 mod monitor;
 mod monitor_alarm;

@@ -15,6 +15,7 @@ pub mod pose_graph;
 pub mod print;
 pub mod rig;
 pub mod rig_pose;
+pub mod scene_view;
 pub mod schema;
 pub mod focal;
 mod every;
@@ -35,6 +36,7 @@ pub use pose_graph::{PoseGraphAnswer, SolvedPoseGraph};
 pub use print::PrintAnswer;
 pub use rig::{RigAnswer, SolvedRig};
 pub use rig_pose::RigPoseAnswer;
+pub use scene_view::SceneViewAnswer;
 pub use schema::{SCHEMA, SchemaNumber};
 pub use unsolved::Unsolved;
 

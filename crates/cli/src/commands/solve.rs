@@ -9,7 +9,9 @@ use anyhow::{Result, bail};
 use clap::Args;
 use resight::PoseAnswer;
 use resight::core::camera::ImageSize;
+use resight::core::locate::unknown_focal::LensPrior;
 use resight::locate::{Method, PointsOptions};
+use resight::marked_lines::{SceneLens, is_marked_lines, scene_views};
 use resight::nominal::lens_of_unknown_focal;
 use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
 use std::path::PathBuf;
@@ -20,6 +22,10 @@ use std::path::PathBuf;
 /// sigma_m (of x, y, z; 0 when exact), by name and in any order. A row whose columns x2_m,y2_m,z2_m,u2_px,v2_px are filled is a line: two points
 /// on it in the target, and two on its image, which need not be the same. Each view gets one pose, in file order; rows of a view need not be
 /// adjacent.
+///
+/// A file with the columns direction,u_px,v_px,u2_px,v2_px (direction: across, along or up) holds lines marked in a photograph, and optionally
+/// length_m: with --estimate-focal the answer is focal length, tilt, roll and, where a length is known, height; with a camera the same without
+/// the focal length.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: resight solve points.csv --camera camera.toml --sigma-px 0.3")]
 #[command(after_long_help = "Examples:
@@ -65,8 +71,11 @@ pub struct Solve {
 /// See `Solve`.
 pub fn run(args: &Solve) -> Result<Outcome> {
     args.output.check()?;
-    let (locator, lens_remark) = locator(args)?;
     crate::files::must_exist(&args.points)?;
+    if is_marked_lines(&args.points)? {
+        return marked_lines(args);
+    }
+    let (locator, lens_remark) = locator(args)?;
     let views = read_views(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
@@ -85,6 +94,42 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     printer.finish()
 }
 
+/// How the camera stands over a scene of marked lines.
+fn marked_lines(args: &Solve) -> Result<Outcome> {
+    let is_plain = args.method == Method::Auto && !args.normalized && args.robust.threshold_px().is_none();
+    if !is_plain || !args.gravity.check(args.method)?.is_empty() {
+        bail!(
+            "{}: marked lines (column `direction`) take no --method, --normalized, --robust and --gravity",
+            args.points.display()
+        );
+    }
+    let (lens, remark) = match args.estimate_focal {
+        true => (SceneLens::Unknown(unknown_lens(args)?), None),
+        false => {
+            let GivenCamera { camera, intrinsics, remark } =
+                args.camera.of_size(args.image_size.image_size_px, args.method)?;
+            (SceneLens::Known(camera, intrinsics), remark)
+        }
+    };
+    let answers = scene_views(&args.points, &lens, args.sigma_px)?;
+    let mut printer = Printer::new(&args.output, answers.len());
+    remark.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
+    for mut answer in answers {
+        answer.remarks.extend(remark.clone());
+        printer.result(&answer, &crate::text::scene::describe(&answer), answer.status)?;
+    }
+    printer.finish()
+}
+
+fn unknown_lens(args: &Solve) -> Result<LensPrior> {
+    let Some((width_px, height_px)) = args.image_size.image_size_px else {
+        bail!(
+            "--estimate-focal needs --image-size-px WIDTHxHEIGHT: the principal point is taken to be near the middle of the image"
+        )
+    };
+    Ok(lens_of_unknown_focal(ImageSize { width_px, height_px }))
+}
+
 /// The solver, and what is to be said of the lens.
 fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
     if args.normalized && args.camera.has_sigma() {
@@ -95,15 +140,7 @@ fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
         false => args.camera.of_size(args.image_size.image_size_px, args.method),
     };
     let given = (!args.normalized).then(given).transpose()?;
-    let unknown_lens = || {
-        let Some((width_px, height_px)) = args.image_size.image_size_px else {
-            bail!(
-                "--estimate-focal needs --image-size-px WIDTHxHEIGHT: the principal point is taken to be near the middle of the image"
-            )
-        };
-        Ok(lens_of_unknown_focal(ImageSize { width_px, height_px }))
-    };
-    let estimate_focal = args.estimate_focal.then(unknown_lens).transpose()?;
+    let estimate_focal = args.estimate_focal.then(|| unknown_lens(args)).transpose()?;
     let sigma = if args.normalized { args.sigma_normalized } else { args.sigma_px };
     let (camera, intrinsics, remark) = match given {
         Some(GivenCamera { camera, intrinsics, remark }) => (Some(camera), intrinsics, remark),

@@ -21,6 +21,8 @@ pub enum FocalRemedy {
         /// At which the focal length would be determined; none where nearer is not enough.
         needed_distance_m: Option<f64>,
     },
+    /// Marked lines of known directions, which converge too little.
+    Lines,
 }
 
 /// The sentence of `UndeterminedFocal`.
@@ -41,7 +43,10 @@ pub(super) fn undetermined_focal(
 impl core::fmt::Display for FocalSentence<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let needed = 100.0 * self.needed;
-        write!(f, "focal length and distance cannot be told apart: ")?;
+        match self.remedy {
+            FocalRemedy::Lines => write!(f, "the lines leave the focal length open: ")?,
+            _ => write!(f, "focal length and distance cannot be told apart: ")?,
+        }
         if self.relative_sigma.is_finite() {
             let seen = 100.0 * self.relative_sigma;
             write!(
@@ -55,6 +60,10 @@ impl core::fmt::Display for FocalSentence<'_> {
             )?;
         }
         match *self.remedy {
+            FocalRemedy::Lines => write!(
+                f,
+                "lines of two directions must converge in the image; mark lines that recede in a second direction and lie far apart, or give a camera file"
+            ),
             FocalRemedy::Tilt { tilt_rad, needed_tilt_rad, distance_m, needed_distance_m } => {
                 write!(
                     f,

@@ -8,6 +8,7 @@ mod ridge;
 mod field;
 mod starts;
 mod layout;
+pub mod marked_lines;
 
 use lens::LensCovariance;
 pub use lens::LensPrior;

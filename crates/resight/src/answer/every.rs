@@ -2,7 +2,7 @@
 
 use super::{
     advise, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph, print,
-    rig, rig_pose,
+    rig, rig_pose, scene_view,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -39,10 +39,11 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer by the job that gives it.
-const ANSWERS: [(&str, Generate); 22] = [
+const ANSWERS: [(&str, Generate); 23] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("rig_pose", SchemaGenerator::subschema_for::<rig_pose::RigPoseAnswer>),
+    ("scene_view", SchemaGenerator::subschema_for::<scene_view::SceneViewAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),
     ("hand_eye", SchemaGenerator::subschema_for::<hand_eye::HandEyeAnswer>),
     ("intrinsics", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsAnswer>),
