@@ -26,8 +26,9 @@ pub(super) fn noise_gray(image: &GrayImage) -> f64 {
         for u in (0..width - 2).step_by(EVERY) {
             let row = |r: &[u8]| r[u] as i32 - 2 * r[u + 1] as i32 + r[u + 2] as i32;
             let answer = (row(a) - 2 * row(b) + row(c)).unsigned_abs() as usize;
-            // Overexposed and black parts have no noise to see.
-            if !matches!(b[u + 1], 0 | 255) {
+            // Overexposed and black parts have no noise to see, and what lies between them is an edge.
+            let is_clipped = |r: &[u8]| r[u..u + 3].iter().any(|gray| matches!(gray, 0 | 255));
+            if ![a, b, c].into_iter().any(is_clipped) {
                 counts[answer.min(LARGEST)] += 1;
                 places += 1;
             }

@@ -13,7 +13,25 @@ pub(super) struct Part {
     gray: Vec<f32>,
 }
 
+/// Variance that smoothing adds along each axis, pixels².
+pub(super) const SMOOTHING_PX2: f64 = 1.0;
+
 impl Part {
+    /// The same part smoothed by 1 4 6 4 1 along rows and columns; what lies outside is as its edge. Noise keeps its effect on all that is wider.
+    pub fn smoothed(&self) -> Self {
+        let [width, height] = self.size;
+        let pass = |gray: &[f32], n: usize, step: usize| -> Vec<f32> {
+            let smooth = |k: usize| {
+                let i = k / step % n;
+                let at = |j: usize| gray[k + (j.clamp(2, n + 1) - 2) * step - i * step];
+                (at(i) + 4.0 * at(i + 1) + 6.0 * at(i + 2) + 4.0 * at(i + 3) + at(i + 4)) / 16.0
+            };
+            (0..gray.len()).map(smooth).collect()
+        };
+        let gray = pass(&pass(&self.gray, width, 1), height, width);
+        Part { reduce: self.reduce, first: self.first, size: self.size, gray }
+    }
+
     /// The part that holds these places of the image; none where nothing of it lies in the image.
     pub fn cut(image: &GrayImage, places: &[Pixel], reduce: usize) -> Option<Self> {
         let range = |axis: usize, n: u32| {
