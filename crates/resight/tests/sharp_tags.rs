@@ -94,6 +94,6 @@ fn corners_of_drawings_without_grey_are_within_what_they_show() {
     for family in ["tag36h11", "tag16h5", "tagStandard52h13", "tagCustom48h12"] {
         let (rms, largest, nees) = errors(family, 1);
         println!("{family}: rms {rms:.4} px, largest {largest:.3} px, NEES {nees:.2}");
-        assert!(rms < 0.3 && largest < 0.9, "{family}: rms {rms} px, largest {largest} px");
+        assert!(rms < 0.5 && largest < 1.1, "{family}: rms {rms} px, largest {largest} px");
     }
 }

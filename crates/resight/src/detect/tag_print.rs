@@ -45,10 +45,14 @@ const SETTLED_PX: f64 = 2e-3;
 /// Blur to begin with, without a pixel's own square, and its most, with it: standard deviations in pixels.
 const FIRST_BLUR_PX: f64 = 0.6;
 const MOST_BLUR_PX: f64 = 5.0;
+/// The least at the end of a photograph that is not smoothed: sharpened images are narrower than a pixel's square.
+const LEAST_BLUR_PX: f64 = 0.25;
 /// A narrower blur, with a pixel's own square (alone 0.289), is not smooth from pixel to pixel, pixels: of drawings, sharpened and reduced images.
 /// There an edge a tenth of a pixel off is as far from the print as something else, and a corner whose edges are left out is anywhere. Such a
 /// part is smoothed before the print is laid on it.
 const SHARP_PX: f64 = 0.42;
+/// Photographs have more noise, grey levels; sharpened ones stay as they are.
+const DRAWN_GRAY: f64 = 0.5;
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
 /// The same in robust standard deviations of the residuals.
@@ -87,6 +91,7 @@ pub(super) fn lay(
     let share = if n_tags < MANY { 1.0 } else { 0.5 };
     let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
     let mut part = Part::cut(image, &around(print, corners), reduce)?;
+    let is_drawn = noise_gray < DRAWN_GRAY;
     // The rounding of each grey level is noise too.
     let noise_gray = (noise_gray.powi(2) + 1.0 / 12.0).sqrt() / reduce as f64;
     let start = corners.map(|corner| part.reduced(&corner));
@@ -99,7 +104,7 @@ pub(super) fn lay(
         blur_px2: Matrix2::identity() * ((FIRST_BLUR_PX / reduce as f64).powi(2) + 1.0 / 12.0),
         x: None,
         foreign: FOREIGN.0,
-        least_blur_px: SHARP_PX,
+        least_blur_px: if is_drawn { SHARP_PX } else { LEAST_BLUR_PX },
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
     };
     let mut lines = Vec::new();
@@ -120,12 +125,13 @@ pub(super) fn lay(
         }
         // Not before the print lies where it is: else an edge that is a little off would be foreign.
         if moved_px < NEAR_PX && !is_strict {
-            if state.is_sharp() {
+            if is_drawn && state.is_sharp() {
                 part = part.smoothed();
                 state.blur_px2 += Matrix2::identity() * part::SMOOTHING_PX2;
                 state.least_blur_px = part::SMOOTHING_PX2.sqrt();
             } else {
                 state.foreign = FOREIGN.1;
+                state.least_blur_px = state.least_blur_px.min(LEAST_BLUR_PX);
             }
         }
     }
