@@ -84,16 +84,18 @@ fn corners_of_sharp_drawings_are_where_they_are_drawn() {
         let (rms, largest, nees) = errors(family, 16);
         println!("{family}: rms {rms:.4} px, largest {largest:.3} px, NEES {nees:.2}");
         assert!(rms < 0.03 && largest < 0.15, "{family}: rms {rms} px, largest {largest} px");
-        assert!(nees < 2.0, "{family}: {nees}");
+        assert!((0.1..2.0).contains(&nees), "{family}: {nees}");
     }
 }
 
-/// Black or white at each pixel's centre: an edge along the rows of pixels is then known to half a pixel only.
+/// Black or white at each pixel's centre: an edge along the rows of pixels is then anywhere within a pixel, and the stated sigma says so.
 #[test]
 fn corners_of_drawings_without_grey_are_within_what_they_show() {
     for family in ["tag36h11", "tag16h5", "tagStandard52h13", "tagCustom48h12"] {
         let (rms, largest, nees) = errors(family, 1);
         println!("{family}: rms {rms:.4} px, largest {largest:.3} px, NEES {nees:.2}");
-        assert!(rms < 0.5 && largest < 1.1, "{family}: rms {rms} px, largest {largest} px");
+        // Half a pixel along both axes, and what the fit leaves.
+        assert!(largest < 1.1, "{family}: largest {largest} px");
+        assert!((0.1..2.0).contains(&nees), "{family}: {nees}");
     }
 }

@@ -51,8 +51,9 @@ const LEAST_BLUR_PX: f64 = 0.25;
 /// There an edge a tenth of a pixel off is as far from the print as something else, and a corner whose edges are left out is anywhere. Such a
 /// part is smoothed before the print is laid on it.
 const SHARP_PX: f64 = 0.42;
-/// Photographs have more noise, grey levels; sharpened ones stay as they are.
-const DRAWN_GRAY: f64 = 0.5;
+/// In a drawing at least so many pixels have one of two grey levels; in photographs, whose light and noise differ from pixel to pixel, at most
+/// 0.22 of those around a tag (compressed films of webcams). Sharpened photographs stay as they are.
+const DRAWN_SHARE: f64 = 0.3;
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
 /// The same in robust standard deviations of the residuals.
@@ -76,7 +77,9 @@ const TAKEN_UP: f64 = 1.5;
 /// What the method itself leaves, standard deviation in pixels.
 const METHOD_PX: f64 = 0.003;
 /// The same of a drawing without any blur, whose pixels lie at a few places of their edges only.
-const SHARP_METHOD_PX: f64 = 0.012;
+const SHARP_METHOD_PX: f64 = 0.015;
+/// The same of black and white without a grey level between: an edge along a row of pixels is anywhere within a pixel, 1/√12.
+const TWO_VALUED_METHOD_PX: f64 = 0.289;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
@@ -91,7 +94,7 @@ pub(super) fn lay(
     let share = if n_tags < MANY { 1.0 } else { 0.5 };
     let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
     let mut part = Part::cut(image, &around(print, corners), reduce)?;
-    let is_drawn = noise_gray < DRAWN_GRAY;
+    let is_drawn = DRAWN_SHARE <= part.two_levels;
     // The rounding of each grey level is noise too.
     let noise_gray = (noise_gray.powi(2) + 1.0 / 12.0).sqrt() / reduce as f64;
     let start = corners.map(|corner| part.reduced(&corner));
@@ -105,6 +108,7 @@ pub(super) fn lay(
         x: None,
         foreign: FOREIGN.0,
         least_blur_px: if is_drawn { SHARP_PX } else { LEAST_BLUR_PX },
+        is_smoothed: false,
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
     };
     let mut lines = Vec::new();
@@ -129,6 +133,7 @@ pub(super) fn lay(
                 part = part.smoothed();
                 state.blur_px2 += Matrix2::identity() * part::SMOOTHING_PX2;
                 state.least_blur_px = part::SMOOTHING_PX2.sqrt();
+                state.is_smoothed = true;
             } else {
                 state.foreign = FOREIGN.1;
                 state.least_blur_px = state.least_blur_px.min(LEAST_BLUR_PX);
@@ -156,6 +161,8 @@ struct State {
     foreign: f64,
     /// The blur is not narrower, pixels.
     least_blur_px: f64,
+    /// The part is smoothed.
+    is_smoothed: bool,
     /// Longer side of the image, pixels of the part.
     view_px: f64,
 }
@@ -172,7 +179,7 @@ impl State {
     /// Whether edges are so sharp that they have to be smoothed; never of a part that is.
     fn is_sharp(&self) -> bool {
         let narrowest_px2 = self.blur_px2.symmetric_eigenvalues().min();
-        self.least_blur_px <= SHARP_PX && narrowest_px2 < 1.001 * SHARP_PX.powi(2)
+        !self.is_smoothed && narrowest_px2 < 1.001 * SHARP_PX.powi(2)
     }
 
     /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
@@ -313,8 +320,13 @@ fn conclude(
     let mut excesses = corners.map(|(by_residual, by_noise)| by_residual / by_noise);
     excesses.sort_by(f64::total_cmp);
     let common = (0.5 * (excesses[1] + excesses[2])).max(1.0);
-    let is_drawing = SHARP_PX < state.least_blur_px && part.scale() < 2.0;
-    let method_px = if is_drawing { SHARP_METHOD_PX } else { METHOD_PX };
+    let method_px = if 1.0 <= part.two_levels {
+        TWO_VALUED_METHOD_PX
+    } else if state.is_smoothed {
+        SHARP_METHOD_PX
+    } else {
+        METHOD_PX
+    };
     let sigma = |(by_residual, by_noise): (f64, f64)| {
         let is_own = super::print::OWN_EXCESS * common * by_noise < by_residual;
         let variance_px2 = 0.5 * if is_own { by_residual } else { common * by_noise };

@@ -3,6 +3,7 @@
 use crate::cameras::RATE_HZ;
 use crate::live_support::{camera, film, map, tag, tag_pose, trembling};
 use nalgebra::Vector6;
+use resight::GrayImage;
 use resight::core::{Pose, Target};
 use resight::detect::Detector;
 use resight::detect::follow::{Extent, Follower};
@@ -18,6 +19,57 @@ pub fn run() {
     }
     let wall = Pose::exp(&Vector6::new(0.25, -0.3, 0.1, 0.05, 0.0, 2.2));
     row("12 tags on a wall", &map(), wall);
+    println!("\nboards in an image of 1280 × 960, mean of {BOARD_ROUNDS} rounds");
+    (0..=crate::boards::TAKEN).for_each(board_row);
+}
+
+/// A board that trembles in its place, looked for near it and in the whole image, and images without it: what a camera costs that follows its board,
+/// and one that has lost it. Means of the time of this thread's processor, for the searches of a lost board differ from frame to frame.
+fn board_row(i: usize) {
+    let target = crate::boards::target(i);
+    let poses: Vec<Pose> = crate::boards::poses(i, &target).into_iter().take(PICTURES).collect();
+    let pictures = film(&target, &poses, 500);
+    let gone = film(&target, &[Pose::exp(&Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, -5.0))], 700);
+    let mut follower = Follower::new(&target).expect("a follower");
+    let mut detector = Detector::new(&target).expect("a detector");
+    let mut time_s = 0.0;
+    let mut follow = |picture: &GrayImage| {
+        time_s += 1.0 / RATE_HZ;
+        let found = follower.detect(picture, &camera(), time_s, &[]).expect("an answer");
+        !found.is_empty()
+    };
+    assert!(follow(&pictures[0]));
+    let near = mean_ms(&pictures, |picture| assert!(follow(picture)));
+    // The half second after it was lost.
+    let lost_frames: Vec<&GrayImage> = std::iter::repeat_n(&gone[0], BOARD_ROUNDS / 2).collect();
+    let lost: Vec<f64> = lost_frames
+        .iter()
+        .map(|picture| {
+            let started = Instant::now();
+            assert!(!follow(picture));
+            started.elapsed().as_secs_f64() * 1e3
+        })
+        .collect();
+    let whole = mean_ms(&pictures, |picture| assert!(!detector.detect(picture).expect("found").is_empty()));
+    let nothing = mean_ms(&gone, |picture| assert!(detector.detect(picture).expect("found").is_empty()));
+    let mean_lost = lost.iter().sum::<f64>() / lost.len() as f64;
+    let longest = lost.iter().copied().fold(0.0, f64::max);
+    println!(
+        "  {:<12} near {near:6.2} ms   whole {whole:6.2} ms   whole without it {nothing:6.2} ms   lost, a frame {mean_lost:6.2} ms, longest {longest:6.2} ms",
+        target.kind()
+    );
+}
+
+const BOARD_ROUNDS: usize = 30;
+
+fn mean_ms(pictures: &[GrayImage], mut look: impl FnMut(&GrayImage)) -> f64 {
+    let mut all = 0.0;
+    for i in 0..BOARD_ROUNDS {
+        let started = Instant::now();
+        look(&pictures[i % pictures.len()]);
+        all += started.elapsed().as_secs_f64() * 1e3;
+    }
+    all / BOARD_ROUNDS as f64
 }
 
 fn row(name: &str, target: &Target, cam_from_target: Pose) {
