@@ -5,9 +5,8 @@
 Each kind at 150 and 300 dpi: every corner is found, the scale of either axis is right to 0.02 %, and no axis has a bias above 0.05 px. The
 pages themselves are as large as their paper, and the viewer is told not to scale them.
 
-Boards and dots are read as rasterised. Tags are read by Resight through a blur of 1 px, as any lens has: edges that lie razor-sharp along the
-rows of pixels are no photograph, and corners of tags found by lines along them scatter by 0.1 px. OpenCV's refinement is better without the blur,
-and still scatters by 0.1 px: its bar for the scale of twelve tags is 0.04 %, of a lone one 0.2 %, of the bias 0.1 px.
+All are read as rasterised, without the blur of a lens. OpenCV finds corners of tags by lines along rows of pixels, where they scatter by 0.1 px: its
+bar for the scale of twelve tags is 0.04 %, of a lone one 0.2 %, of the bias 0.1 px.
 """
 
 import io
@@ -29,7 +28,6 @@ CANDIDATES = [os.environ.get("RESIGHT", ""), ROOT / "target/release/resight", RO
 PROGRAM = next((str(p) for p in CANDIDATES if p and pathlib.Path(p).is_file()), None)
 SCALE, BIAS_PX = 2e-4, 0.05
 OPENCV_TAGS = {True: (4e-4, 0.1), False: (2e-3, 0.1)}  # twelve, or a lone one
-LENS_BLUR_PX = 1.0
 # A reader finds a corner of a razor-sharp raster to some hundredths of a pixel; sheets of twelve tags average that, one tag alone does not.
 FAMILIES = {
     "tag36h11": "0.02",
@@ -200,7 +198,7 @@ def main():
                     assert np.allclose(size_mm, answer["page_size_mm"], atol=1e-4), (size_mm, answer["page_size_mm"])
                     png = folder / f"{kind}-{ending}-{dpi}.png"
                     is_tags = kind in FAMILIES or kind == "tag"
-                    cv2.imwrite(str(png), cv2.GaussianBlur(image, (0, 0), LENS_BLUR_PX) if is_tags else image)
+                    cv2.imwrite(str(png), image)
                     if save and dpi == 150:
                         save.mkdir(parents=True, exist_ok=True)
                         cv2.imwrite(str(save / png.name), image)

@@ -107,6 +107,57 @@ fn boards_found_near_have_the_corners_of_the_whole_picture() {
     }
 }
 
+fn chessboard() -> Target {
+    Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m: 0.03 })
+}
+
+/// A board with its first corner so far from the optical axis, at a depth; metres.
+fn at(x_m: f64, y_m: f64, depth_m: f64) -> Pose {
+    Pose::exp(&Vector6::new(0.0, 0.0, 0.0, x_m, y_m, depth_m))
+}
+
+/// A board of usual size is elsewhere in the next image, and found in it, with the corners that the whole image at full size shows.
+#[test]
+fn a_board_that_moved_is_found_in_the_same_frame() {
+    let target = chessboard();
+    let poses = [at(-0.3, -0.1, 0.8), at(-0.3, -0.1, 0.8), at(0.05, 0.0, 0.8), at(0.05, 0.0, 0.8)];
+    let pictures = film(&target, &poses, 130);
+    let mut follower = Follower::new(&target).expect("a follower");
+    let mut whole = Detector::new(&target).expect("a detector");
+    let seen = follow(&mut follower, &pictures, 0);
+    let extents: Vec<Extent> = seen.iter().map(|(_, extent)| *extent).collect();
+    assert_eq!(extents, [Extent::Whole, Extent::Near, Extent::Whole, Extent::Near]);
+    for ((found, _), picture) in seen.iter().zip(pictures.iter()) {
+        let (found, whole) = (found.as_ref().expect("found"), whole.detect(picture).expect("found"));
+        assert_eq!(found.len(), 54);
+        assert!(found.iter().zip(&whole).all(|(a, b)| (a.pixel - b.pixel).norm() < 5e-3));
+    }
+}
+
+/// A board that only the full size shows, gone and back elsewhere, is found within the time between two searches at full size; one of usual
+/// size at once, or within 0.2 s after a long time.
+#[test]
+fn a_board_that_was_gone_is_found_again() {
+    let target = chessboard();
+    let empty = film(&target, &[at(0.0, 0.0, -5.0)], 140);
+    // Squares of 7 px: half of that shows no board.
+    for (depth_m, n_gone, most) in [(0.8, 12, 0), (0.8, 60, 6), (3.6, 12, 8), (3.6, 60, 30)] {
+        let there = film(&target, &[at(-0.3, -0.1, depth_m), at(0.05, 0.0, depth_m)], 141);
+        let mut follower = Follower::new(&target).expect("a follower");
+        let gone: Vec<GrayImage> = std::iter::repeat_n(empty[0].clone(), n_gone).collect();
+        let back: Vec<GrayImage> = std::iter::repeat_n(there[1].clone(), most + 1).collect();
+        assert_eq!(follow(&mut follower, &there[..1], 0)[0].0.as_ref().expect("found").len(), 54);
+        assert!(
+            follow(&mut follower, &gone, 1).iter().all(|(found, _)| found.as_ref().is_ok_and(Vec::is_empty))
+        );
+        let found = follow(&mut follower, &back, 1 + n_gone)
+            .iter()
+            .position(|(found, _)| found.as_ref().is_ok_and(|f| f.len() == 54));
+        println!("depth {depth_m} m, gone for {n_gone} frames: found again after {found:?}");
+        assert!(found.is_some(), "depth {depth_m} m, gone for {n_gone} frames");
+    }
+}
+
 /// The sudden motion that the change detector is for: the tag is elsewhere in the next frame, and found in that frame.
 #[test]
 fn a_step_is_found_in_the_same_frame() {

@@ -37,6 +37,7 @@ mod render_physics;
 mod report_rig;
 mod rig_jobs;
 mod scene;
+mod sharp_tags;
 mod tag_tolerance;
 mod target_table;
 mod mirrored;

@@ -94,9 +94,9 @@ impl Follower {
 pub const ROUND_S: f64 = 2.0;
 /// A target that is gone is looked for in every whole image for this long, seconds,
 const SOON_S: f64 = 1.0;
-/// and then once in this time (of a tag; small tags, which show at full size only, within [`SMALL_ROUND_S`]),
+/// and then once in this time (small tags, which show at full size only, within [`SMALL_ROUND_S`]; boards at half the size of the image),
 const TAG_EVERY_S: f64 = 0.2;
-/// or once in this time, of a board: looking through a whole image for its corners takes some tenths of a second.
+/// or once in this time, of a board at full size: looking through a whole image for its corners takes some tenths of a second.
 const BOARD_EVERY_S: f64 = 1.0;
 /// The whole image is looked through at full size once in this time, seconds, while a tag is gone.
 const SMALL_ROUND_S: f64 = 1.0;

@@ -6,6 +6,8 @@ use crate::GrayImage;
 const EVERY: usize = 4;
 /// Fewest places that say anything.
 const MIN_PLACES: usize = 64;
+/// And so does a smaller share of an image: beside pure black and white, edges of letters.
+const MIN_SHARE: f64 = 0.002;
 /// Largest answer of the mask below, 8·255 in either direction.
 const LARGEST: usize = 2040;
 
@@ -20,20 +22,23 @@ pub(super) fn noise_gray(image: &GrayImage) -> f64 {
         return 0.0;
     }
     let mut counts = [0u32; LARGEST + 1];
-    let mut places = 0;
+    let (mut places, mut all) = (0, 0);
     for v in (0..height - 2).step_by(EVERY) {
         let [a, b, c] = [0, 1, 2].map(|i| &image.data[(v + i) * width..(v + i + 1) * width]);
         for u in (0..width - 2).step_by(EVERY) {
             let row = |r: &[u8]| r[u] as i32 - 2 * r[u + 1] as i32 + r[u + 2] as i32;
             let answer = (row(a) - 2 * row(b) + row(c)).unsigned_abs() as usize;
-            // Overexposed and black parts have no noise to see.
-            if !matches!(b[u + 1], 0 | 255) {
+            // Overexposed and black parts have no noise to see, and what lies between them is an edge.
+            let is_clipped = |r: &[u8]| r[u..u + 3].iter().any(|gray| matches!(gray, 0 | 255));
+            all += 1;
+            if ![a, b, c].into_iter().any(is_clipped) {
                 counts[answer.min(LARGEST)] += 1;
                 places += 1;
             }
         }
     }
-    if places < MIN_PLACES { 0.0 } else { median(&counts, places) / (6.0 * NORMAL_QUARTILE) }
+    let says_nothing = places < MIN_PLACES || (places as f64) < MIN_SHARE * all as f64;
+    if says_nothing { 0.0 } else { median(&counts, places) / (6.0 * NORMAL_QUARTILE) }
 }
 
 /// Half of the values of a standard normal distribution lie within this of zero.

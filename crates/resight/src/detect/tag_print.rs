@@ -42,10 +42,18 @@ const ROUNDS: usize = 40;
 const NEAR_PX: f64 = 0.1;
 /// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
 const SETTLED_PX: f64 = 2e-3;
-/// Blur to begin with, without a pixel's own square; its least and most, with it: standard deviations in pixels. A pixel's square alone is
-/// 0.289; drawings that sample it, and sharpened images, are narrower.
+/// Blur to begin with, without a pixel's own square, and its most, with it: standard deviations in pixels.
 const FIRST_BLUR_PX: f64 = 0.6;
-const BLUR_PX: (f64, f64) = (0.25, 5.0);
+const MOST_BLUR_PX: f64 = 5.0;
+/// The least at the end of a photograph that is not smoothed: sharpened images are narrower than a pixel's square.
+const LEAST_BLUR_PX: f64 = 0.25;
+/// A narrower blur, with a pixel's own square (alone 0.289), is not smooth from pixel to pixel, pixels: of drawings, sharpened and reduced images.
+/// There an edge a tenth of a pixel off is as far from the print as something else, and a corner whose edges are left out is anywhere. Such a
+/// part is smoothed before the print is laid on it.
+const SHARP_PX: f64 = 0.42;
+/// In a drawing at least so many pixels have one of two grey levels; in photographs, whose light and noise differ from pixel to pixel, at most
+/// 0.22 of those around a tag (compressed films of webcams). Sharpened photographs stay as they are.
+const DRAWN_SHARE: f64 = 0.3;
 /// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
 /// The same in robust standard deviations of the residuals.
@@ -68,6 +76,10 @@ const BOW_PRIOR: f64 = 0.02;
 const TAKEN_UP: f64 = 1.5;
 /// What the method itself leaves, standard deviation in pixels.
 const METHOD_PX: f64 = 0.003;
+/// The same of a drawing without any blur, whose pixels lie at a few places of their edges only.
+const SHARP_METHOD_PX: f64 = 0.015;
+/// The same of black and white without a grey level between: an edge along a row of pixels is anywhere within a pixel, 1/√12.
+const TWO_VALUED_METHOD_PX: f64 = 0.289;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
@@ -81,7 +93,8 @@ pub(super) fn lay(
 ) -> Option<LaidTag> {
     let share = if n_tags < MANY { 1.0 } else { 0.5 };
     let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
-    let part = Part::cut(image, &around(print, corners), reduce)?;
+    let mut part = Part::cut(image, &around(print, corners), reduce)?;
+    let is_drawn = DRAWN_SHARE <= part.two_levels;
     // The rounding of each grey level is noise too.
     let noise_gray = (noise_gray.powi(2) + 1.0 / 12.0).sqrt() / reduce as f64;
     let start = corners.map(|corner| part.reduced(&corner));
@@ -94,6 +107,8 @@ pub(super) fn lay(
         blur_px2: Matrix2::identity() * ((FIRST_BLUR_PX / reduce as f64).powi(2) + 1.0 / 12.0),
         x: None,
         foreign: FOREIGN.0,
+        least_blur_px: if is_drawn { SHARP_PX } else { LEAST_BLUR_PX },
+        is_smoothed: false,
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
     };
     let mut lines = Vec::new();
@@ -113,8 +128,16 @@ pub(super) fn lay(
             return conclude(&lines, &solved, &state, &part, noise_gray, every);
         }
         // Not before the print lies where it is: else an edge that is a little off would be foreign.
-        if moved_px < NEAR_PX {
-            state.foreign = FOREIGN.1;
+        if moved_px < NEAR_PX && !is_strict {
+            if is_drawn && state.is_sharp() {
+                part = part.smoothed();
+                state.blur_px2 += Matrix2::identity() * part::SMOOTHING_PX2;
+                state.least_blur_px = part::SMOOTHING_PX2.sqrt();
+                state.is_smoothed = true;
+            } else {
+                state.foreign = FOREIGN.1;
+                state.least_blur_px = state.least_blur_px.min(LEAST_BLUR_PX);
+            }
         }
     }
     None
@@ -136,6 +159,10 @@ struct State {
     x: Option<Row>,
     /// Contrasts beyond which a pixel is foreign.
     foreign: f64,
+    /// The blur is not narrower, pixels.
+    least_blur_px: f64,
+    /// The part is smoothed.
+    is_smoothed: bool,
     /// Longer side of the image, pixels of the part.
     view_px: f64,
 }
@@ -149,6 +176,12 @@ struct Solved {
 }
 
 impl State {
+    /// Whether edges are so sharp that they have to be smoothed; never of a part that is.
+    fn is_sharp(&self) -> bool {
+        let narrowest_px2 = self.blur_px2.symmetric_eigenvalues().min();
+        !self.is_smoothed && narrowest_px2 < 1.001 * SHARP_PX.powi(2)
+    }
+
     /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
     /// standard deviation, grey levels.
     fn weights(&self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
@@ -208,7 +241,7 @@ impl State {
         let next = self.blur_px2 + Matrix2::new(more[0], more[1], more[1], more[2]);
         let most = 4.0 * self.blur_px2.trace();
         let mut eigen = SymmetricEigen::new(next);
-        let (low, high) = (BLUR_PX.0.powi(2), BLUR_PX.1.powi(2).min(most));
+        let (low, high) = (self.least_blur_px.powi(2), MOST_BLUR_PX.powi(2).min(most));
         eigen.eigenvalues.apply(|x| *x = x.clamp(low, high));
         self.blur_px2 = eigen.recompose();
         self.x = Some(*x);
@@ -287,10 +320,17 @@ fn conclude(
     let mut excesses = corners.map(|(by_residual, by_noise)| by_residual / by_noise);
     excesses.sort_by(f64::total_cmp);
     let common = (0.5 * (excesses[1] + excesses[2])).max(1.0);
+    let method_px = if 1.0 <= part.two_levels {
+        TWO_VALUED_METHOD_PX
+    } else if state.is_smoothed {
+        SHARP_METHOD_PX
+    } else {
+        METHOD_PX
+    };
     let sigma = |(by_residual, by_noise): (f64, f64)| {
         let is_own = super::print::OWN_EXCESS * common * by_noise < by_residual;
         let variance_px2 = 0.5 * if is_own { by_residual } else { common * by_noise };
-        (part.scale().powi(2) * variance_px2 + METHOD_PX.powi(2)).sqrt()
+        (part.scale().powi(2) * variance_px2 + method_px.powi(2)).sqrt()
     };
     let sigmas_px = corners.map(sigma);
     let laid = LaidTag { corners: state.at.map(|corner| part.full(&corner)), sigmas_px };

@@ -13,14 +13,14 @@ const ROUND: u64 = 2 * (SHOWN + AWAY) as u64;
 /// Images of each board that stays.
 const PICTURES: usize = 16;
 /// The camera whose board is taken away.
-const TAKEN: usize = 3;
+pub const TAKEN: usize = 3;
 
 /// Whether a camera's image is without its board.
 pub fn is_away(camera: usize, number: u64) -> bool {
     camera == TAKEN && SHOWN as u64 <= number % (ROUND / 2)
 }
 
-fn target(camera: usize) -> Target {
+pub fn target(camera: usize) -> Target {
     let (family, dictionary) = ("tag36h11".to_string(), "DICT_4X4_50".to_string());
     match camera {
         0 => Target::AprilGrid(AprilGrid {
@@ -58,7 +58,7 @@ fn pose(target: &Target, edge_px: f64, u_px: f64, v_px: f64) -> Pose {
         * Pose::exp(&[0.0, 0.0, 0.0, -middle.x, -middle.y, 0.0].into())
 }
 
-fn poses(camera: usize, target: &Target) -> Vec<Pose> {
+pub fn poses(camera: usize, target: &Target) -> Vec<Pose> {
     match camera {
         0 => trembling(pose(target, 75.0, 150.0, -60.0), PICTURES),
         1 => trembling(pose(target, 75.0, -180.0, 90.0), PICTURES),

@@ -1,7 +1,11 @@
 //! A board from image to image: the part of the image that held it, and the whole image once it is not there.
+//!
+//! The whole image is looked through at half its size, a third of the time or less, and the board measured at full size where that shows it. What
+//! shows at full size only (squares of few pixels) is looked for more seldom, so that a camera without its board costs little more than one with it.
 
-use super::{Absence, BOARD_EVERY_S, Extent};
+use super::{Absence, BOARD_EVERY_S, Extent, SOON_S, TAG_EVERY_S, UNTIMED_S};
 use crate::GrayImage;
+use crate::detect::joints::halved;
 use crate::detect::region::{Region, longer_side_px};
 use crate::detect::{DetectError, Detector};
 use resight_core::correspondence::Detection;
@@ -16,6 +20,8 @@ pub(super) struct BoardFollower {
     /// Features found last.
     seen: Vec<Pixel>,
     absence: Absence,
+    /// Since the whole image was looked through at full size, seconds.
+    full_s: f64,
     /// The part searched last; its memory is used again.
     part: GrayImage,
 }
@@ -24,12 +30,15 @@ pub(super) struct BoardFollower {
 const REACH_PX: f64 = 24.0;
 /// A part of more than this share of the image saves nothing.
 const MOST_OF_IT: f64 = 0.8;
+/// A board lost just now is looked for in the whole image at full size once in this time, seconds, at half the size in every image.
+const FULL_EVERY_S: f64 = 0.25;
 
 impl BoardFollower {
     pub fn new(detector: Detector, target: &Target) -> Self {
-        let absence = Absence::new(BOARD_EVERY_S);
+        let absence = Absence::new(TAG_EVERY_S);
         let part = GrayImage::filled(0, 0, 0);
-        BoardFollower { detector, rim_share: rim_share(target), seen: Vec::new(), absence, part }
+        let full_s = f64::INFINITY;
+        BoardFollower { detector, rim_share: rim_share(target), seen: Vec::new(), absence, full_s, part }
     }
 
     pub fn detect(
@@ -39,12 +48,18 @@ impl BoardFollower {
         expected: &[(Feature, Pixel)],
     ) -> Result<(Vec<Detection>, Extent), DetectError> {
         self.absence.passed(elapsed_s);
-        let mut found = self.near(image, expected)?;
+        self.full_s += elapsed_s;
+        let near: Vec<Pixel> =
+            self.seen.iter().copied().chain(expected.iter().map(|(_, pixel)| *pixel)).collect();
+        let mut found = match self.region(image, &near) {
+            Some(region) => self.within(image, region)?,
+            None => Vec::new(),
+        };
         let mut extent = Extent::Near;
-        if self.seen.is_empty() || 2 * found.len() < self.seen.len() {
+        if self.is_lost(&found) {
             extent = Extent::Share;
             if self.absence.is_due() {
-                found = self.detector.detect(image)?;
+                found = self.elsewhere(image, found, elapsed_s)?;
                 extent = Extent::Whole;
             }
         }
@@ -56,12 +71,53 @@ impl BoardFollower {
         Ok((found, extent))
     }
 
-    fn near(
+    /// Whether this is much less of the board than was seen last, or nothing was.
+    fn is_lost(&self, found: &[Detection]) -> bool {
+        self.seen.is_empty() || self.is_less(found)
+    }
+
+    /// What the whole image shows: where half its size shows the board, else, when that is due, at full size. Images that come seldom are always
+    /// searched at full size.
+    fn elsewhere(
         &mut self,
         image: &GrayImage,
-        expected: &[(Feature, Pixel)],
+        found: Vec<Detection>,
+        elapsed_s: f64,
     ) -> Result<Vec<Detection>, DetectError> {
-        let Some(region) = self.region(image, expected) else { return Ok(Vec::new()) };
+        if elapsed_s < FULL_EVERY_S - UNTIMED_S {
+            let there = self.by_half(image)?;
+            if !there.is_empty() && !self.is_less(&there) {
+                return Ok(there);
+            }
+            let every_s = if self.absence.gone_s <= SOON_S { FULL_EVERY_S } else { BOARD_EVERY_S };
+            if self.full_s < every_s - UNTIMED_S {
+                return Ok(if found.len() < there.len() { there } else { found });
+            }
+        }
+        self.full_s = 0.0;
+        self.detector.detect(image)
+    }
+
+    /// The board at full size, where half the size of the whole image shows it.
+    fn by_half(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
+        let reduced = self.detector.detect(&halved(image))?;
+        // The middle of a pixel of the reduced image is the corner of four.
+        let enlarged = |detection: &Detection| 2.0 * detection.pixel + Pixel::new(0.5, 0.5);
+        let places: Vec<Pixel> = reduced.iter().map(enlarged).collect();
+        match self.region(image, &places) {
+            Some(region) => self.within(image, region),
+            None if places.is_empty() => Ok(Vec::new()),
+            None => self.detector.detect(image),
+        }
+    }
+
+    /// Whether this is much less of the board than was seen last.
+    fn is_less(&self, found: &[Detection]) -> bool {
+        2 * found.len() < self.seen.len()
+    }
+
+    /// The board in a part of the image.
+    fn within(&mut self, image: &GrayImage, region: Region) -> Result<Vec<Detection>, DetectError> {
         if region.cut(image, &mut self.part).is_none() {
             return Ok(Vec::new());
         }
@@ -70,12 +126,10 @@ impl BoardFollower {
         Ok(found)
     }
 
-    /// Where the board was last and where it is expected; none where that is most of the image, or nothing is known.
-    fn region(&self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Option<Region> {
-        let points: Vec<Pixel> =
-            self.seen.iter().copied().chain(expected.iter().map(|(_, pixel)| *pixel)).collect();
-        let margin_px = REACH_PX + self.rim_share * longer_side_px(&points);
-        let region = Region::around(&points, margin_px, [image.width_px, image.height_px])?;
+    /// The part of the image around places of a board; none where that is most of the image, or there is no place.
+    fn region(&self, image: &GrayImage, places: &[Pixel]) -> Option<Region> {
+        let margin_px = REACH_PX + self.rim_share * longer_side_px(places);
+        let region = Region::around(places, margin_px, [image.width_px, image.height_px])?;
         ((region.area_px() as f64) < MOST_OF_IT * image.data.len() as f64).then_some(region)
     }
 }

@@ -11,9 +11,29 @@ pub(super) struct Part {
     first: [usize; 2],
     size: [usize; 2],
     gray: Vec<f32>,
+    /// Share of the image's pixels here that have one of its two commonest grey levels: 1 where it is drawn or scanned black on white.
+    pub two_levels: f64,
 }
 
+/// Variance that smoothing adds along each axis, pixels².
+pub(super) const SMOOTHING_PX2: f64 = 1.0;
+
 impl Part {
+    /// The same part smoothed by 1 4 6 4 1 along rows and columns; what lies outside is as its edge. Noise keeps its effect on all that is wider.
+    pub fn smoothed(&self) -> Self {
+        let [width, height] = self.size;
+        let pass = |gray: &[f32], n: usize, step: usize| -> Vec<f32> {
+            let smooth = |k: usize| {
+                let i = k / step % n;
+                let at = |j: usize| gray[k + (j.clamp(2, n + 1) - 2) * step - i * step];
+                (at(i) + 4.0 * at(i + 1) + 6.0 * at(i + 2) + 4.0 * at(i + 3) + at(i + 4)) / 16.0
+            };
+            (0..gray.len()).map(smooth).collect()
+        };
+        let gray = pass(&pass(&self.gray, width, 1), height, width);
+        Part { gray, ..*self }
+    }
+
     /// The part that holds these places of the image; none where nothing of it lies in the image.
     pub fn cut(image: &GrayImage, places: &[Pixel], reduce: usize) -> Option<Self> {
         let range = |axis: usize, n: u32| {
@@ -34,7 +54,9 @@ impl Part {
             sum as f32 / (reduce * reduce) as f32 - 128.0
         };
         let gray = (0..width * height).map(mean).collect();
-        Some(Part { reduce, first: [u0, v0], size: [width, height], gray })
+        let rows = image.data.chunks(stride).skip(v0 * reduce).take(height * reduce);
+        let two_levels = share_of_two(rows.flat_map(|row| &row[u0 * reduce..][..width * reduce]));
+        Some(Part { reduce, first: [u0, v0], size: [width, height], gray, two_levels })
     }
 
     /// A place of the image on the grid.
@@ -71,4 +93,13 @@ impl Part {
             })
         })
     }
+}
+
+/// The share of the two commonest values.
+fn share_of_two<'a>(values: impl Iterator<Item = &'a u8>) -> f64 {
+    let mut counts = [0u32; 256];
+    values.for_each(|value| counts[*value as usize] += 1);
+    counts.sort_unstable();
+    let all: u32 = counts.iter().sum();
+    f64::from(counts[254] + counts[255]) / f64::from(all.max(1))
 }
