@@ -108,7 +108,8 @@ fn a_rig_is_located_within_its_error_bar() {
     let wide = answer(&run("uncertain", &uncertain, &rows(|_| false, 1.0, ALL), &[]));
     let exact: [f64; 3] = numbers(&wide["sigma_exact_intrinsics_m"]);
     assert!(2.0 * sigma < off(&wide).1, "{wide}");
-    assert!((exact.iter().map(|s| s * s).sum::<f64>().sqrt() - sigma).abs() < 1e-9);
+    // The pose is another one by less than its ±: the cameras weigh what their lenses allow.
+    assert!((exact.iter().map(|s| s * s).sum::<f64>().sqrt() / sigma - 1.0).abs() < 0.02, "{wide}");
 }
 
 #[test]

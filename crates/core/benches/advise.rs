@@ -29,9 +29,14 @@ fn bench_map(c: &mut Criterion) {
     let camera = camera();
     let control_points = [exact(-2.0, 10.0), exact(2.5, 11.0), exact(-1.0, 16.0)];
     let cam_from_target = views::looking_at_upright(Point::new(0.0, 0.0, 8.0), Point::new(0.5, 12.0, 0.0));
-    let next =
-        NextPoint::new(View { camera: &camera, cam_from_target, points: &control_points, sigma_px: 0.5 })
-            .expect("a view");
+    let next = NextPoint::new(View {
+        camera: &camera,
+        cam_from_target,
+        points: &control_points,
+        sigma_px: 0.5,
+        intrinsics_covariance: None,
+    })
+    .expect("a view");
     let cells: Vec<KnownPoint> =
         (0..CELLS).map(|k| exact(-3.0 + 0.06 * (k % 100) as f64, 9.0 + 0.08 * (k / 100) as f64)).collect();
     let mut group = c.benchmark_group("advise");
@@ -51,8 +56,13 @@ fn bench_map(c: &mut Criterion) {
     group.bench_function("views of a tag, 10,000", |b| {
         b.iter(|| {
             let worth = |pose: &Pose| {
-                let view =
-                    View { camera: &camera, cam_from_target: *pose, points: &tag.points, sigma_px: 0.4 };
+                let view = View {
+                    camera: &camera,
+                    cam_from_target: *pose,
+                    points: &tag.points,
+                    sigma_px: 0.4,
+                    intrinsics_covariance: None,
+                };
                 expect(&view).map_or(0.0, |e| e.bend_ratio)
             };
             views.iter().flatten().map(worth).sum::<f64>()
@@ -67,6 +77,7 @@ fn bench_board(c: &mut Criterion) {
     let place = |x: f64| RigCamera {
         camera: &camera,
         cam_from_rig: Pose::new(Pose::identity().rotation, Vector3::new(-x, 0.0, 0.0)),
+        intrinsics_covariance: None,
     };
     let cameras: Vec<RigCamera> = [0.0, 0.3, 0.6, 0.9].map(place).into();
     let plan = RigPlan { cameras: &cameras, reference: 0, board: &board, sigma_px: 0.3 };

@@ -22,4 +22,4 @@ pub mod volume;
 pub mod change;
 pub mod board;
 
-pub use expect::{Expectation, FirstOrderLimit, correspondences_in_view, expect};
+pub use expect::{Expectation, FirstOrderLimit, Optics, correspondences_in_view, expect};

@@ -9,8 +9,9 @@ use resight_core::advise::layout::{LayoutWarning, layout_warnings};
 use resight_core::advise::point::{Aim, NextPoint};
 use resight_core::advise::{FirstOrderLimit, volume::Shape};
 use resight_core::camera::ImageSize;
+use resight_core::locate::{Config, locate};
 use resight_core::target::{Chessboard, KnownPoint, Tag, Target};
-use resight_core::{Camera, Error, Point, Pose};
+use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
 /// Images of each view: the spread of six coordinates is then known to 1/√(12 · 1500) = 0.75 %.
 const N: usize = 1500;
@@ -27,7 +28,7 @@ fn control_points() -> Vec<KnownPoint> {
 }
 
 fn view<'a>(camera: &'a Camera, cam_from_target: Pose, points: &'a [KnownPoint]) -> View<'a> {
-    View { camera, cam_from_target, points, sigma_px: 0.5 }
+    View { camera, cam_from_target, points, sigma_px: 0.5, intrinsics_covariance: None }
 }
 
 fn with(points: &[KnownPoint], x: f64, y: f64) -> Vec<KnownPoint> {
@@ -242,8 +243,14 @@ fn frontal_views_lose_their_tilt_with_distance() {
     let dots = known(&[[-0.5, -0.2, 0.0], [0.0, -0.2, 0.0], [0.5, -0.2, 0.0], [-0.1, 0.4, 0.0]]);
     let tilt = |z: f64| {
         let pose = Pose::new(nalgebra::Matrix3::identity(), Vector3::new(0.0, 0.0, z));
-        let e =
-            expect(&View { camera: &camera, cam_from_target: pose, points: &dots, sigma_px: 0.3 }).unwrap();
+        let e = expect(&View {
+            camera: &camera,
+            cam_from_target: pose,
+            points: &dots,
+            sigma_px: 0.3,
+            intrinsics_covariance: None,
+        })
+        .unwrap();
         (worst_sigmas(&e.covariance).0.to_degrees(), e.first_order_limits())
     };
     let ((near, _), (far, first_order_limits)) = (tilt(3.0), tilt(10.0));
@@ -256,7 +263,8 @@ fn frontal_views_lose_their_tilt_with_distance() {
 fn faults_of_a_layout_are_named_with_their_numbers() {
     let camera = camera();
     let said = |cam_from_target: Pose, points: &[KnownPoint]| {
-        let view = View { camera: &camera, cam_from_target, points, sigma_px: 0.5 };
+        let view =
+            View { camera: &camera, cam_from_target, points, sigma_px: 0.5, intrinsics_covariance: None };
         layout_warnings(&view, &expect(&view).unwrap())
     };
     let road = above_the_road();
@@ -326,4 +334,47 @@ fn three_points_are_ambiguous() {
     let others = matches!(e.first_order_limits()[..], [FirstOrderLimit::Ambiguous { separation_sigma, .. }, ..] if separation_sigma < 1e-3);
     assert!(others || e.separation_sigma.is_infinite(), "{e:?}");
     let _: Matrix6<f64> = e.covariance;
+}
+
+/// The lens drawn from its covariance, the pixels from their noise: what `locate` answers lies within the ± foretold, and far outside that of
+/// an exact lens; `locate` states the same, and so does the adviser of a further point.
+#[test]
+fn an_uncertain_lens_is_in_what_is_foretold() {
+    let (camera, pose, points) =
+        (camera(), above_the_road(), with(&with(&control_points(), 3.0, 17.0), 0.0, 8.5));
+    let n_parameters = camera.parameters().len();
+    let sigmas: Vec<f64> = (0..n_parameters).map(|i| if i < 2 { 4.0 } else { 3.0 }).collect();
+    let mut stated = vec![0.0; n_parameters * n_parameters];
+    (0..n_parameters).for_each(|i| stated[i * n_parameters + i] = sigmas[i] * sigmas[i]);
+    let uncertain = View { intrinsics_covariance: Some(&stated), ..view(&camera, pose, &points) };
+    let e = expect(&uncertain).unwrap();
+    let exact = expect(&view(&camera, pose, &points)).unwrap();
+    assert_eq!(e.exact_intrinsics_covariance, exact.covariance);
+    assert_eq!(exact.exact_intrinsics_covariance, exact.covariance);
+    let next = NextPoint::new(View { points: &points[..points.len() - 1], ..uncertain }).unwrap();
+    let gain = next.with(&points[points.len() - 1]).expect("in sight");
+    assert!((gain.covariance - e.covariance).norm() < 1e-6 * e.covariance.norm());
+
+    let config = Config { intrinsics_covariance: Some(&stated), ..Config::default() };
+    let (mut rng, n) = (Rng::new(311), 1500);
+    let (mut foretold, mut as_exact) = (0.0, 0.0);
+    for _ in 0..n {
+        let values: Vec<f64> =
+            camera.parameters().iter().zip(&sigmas).map(|(p, s)| p.1 + s * rng.normal()).collect();
+        let took = camera.with_parameters(&values).unwrap();
+        let one = |p: &KnownPoint| {
+            let noise = Vector2::new(rng.normal(), rng.normal()) * uncertain.sigma_px;
+            let pixel = took.project(&(pose * p.position)).unwrap() + noise;
+            Correspondence::new(&camera, p.position, pixel, uncertain.sigma_px).unwrap()
+        };
+        let seen: Vec<Correspondence> = points.iter().map(one).collect();
+        let answer = locate(&seen, &camera, &config).unwrap();
+        let xi = (answer.cam_from_target * pose.inverse()).log();
+        let nees = |c: &Matrix6<f64>| xi.dot(&c.cholesky().unwrap().solve(&xi)) / f64::from(n);
+        foretold += nees(&e.covariance);
+        as_exact += nees(&exact.covariance);
+    }
+    println!("NEES {foretold:.2}, with the lens taken as exact {as_exact:.2}");
+    assert!((5.7..6.3).contains(&foretold), "{foretold}");
+    assert!(20.0 < as_exact, "{as_exact}");
 }

@@ -28,7 +28,7 @@ fn places() -> Vec<Pose> {
 }
 
 fn rig<'a>(camera: &'a Camera, places: &[Pose]) -> Vec<RigCamera<'a>> {
-    places.iter().map(|p| RigCamera { camera, cam_from_rig: *p }).collect()
+    places.iter().map(|p| RigCamera { camera, cam_from_rig: *p, intrinsics_covariance: None }).collect()
 }
 
 /// Two views to begin with, straight ahead.
@@ -260,4 +260,60 @@ fn what_cannot_be_is_refused() {
     assert!(candidates.is_empty());
     let refused = plan.next(&RigInformation::nothing(&plan), &candidates, Criterion::Worst, 1);
     assert!(matches!(refused, Err(Error::InvalidSetting { .. })));
+}
+
+/// Of 600 px: f to 2 px, the principal point to 1.5 px.
+fn lens_covariance() -> [f64; 16] {
+    [4.0, 4.0, 0.0, 0.0, 4.0, 4.0, 0.0, 0.0, 0.0, 0.0, 2.25, 0.0, 0.0, 0.0, 0.0, 2.25]
+}
+
+/// Each camera's lens is drawn from its covariance and keeps its error through all boards: the places scatter as foretold, and by far more
+/// than with exact lenses.
+#[test]
+fn uncertain_lenses_are_in_what_is_foretold() {
+    let (camera, shape, places, stated) = (camera(), board(), places(), lens_covariance());
+    let exact = rig(&camera, &places);
+    let uncertain: Vec<RigCamera> =
+        exact.iter().map(|c| RigCamera { intrinsics_covariance: Some(&stated), ..*c }).collect();
+    let plan_of = |cameras| RigPlan { cameras, reference: 0, board: &shape, sigma_px: SIGMA_PX };
+    let (plan, without) = (plan_of(&uncertain[..]), plan_of(&exact[..]));
+    let mut boards = first_views(&plan);
+    boards.push(plan.rig_from_board_at(&Point::new(-0.1, 0.0, 1.8), 0.6, 4.0, 2.0));
+    let foretold = information(&plan, &boards).cameras().unwrap();
+    let by_pixels = information(&without, &boards).cameras().unwrap();
+    let adjustment = Adjustment::new(&without, &boards);
+    let j = adjustment.jacobian();
+    let gain = (j.transpose() * &j).try_inverse().expect("determined") * j.transpose();
+    let (mut rng, n) = (Rng::new(97), 600);
+    let (mut nees, mut nees_by_pixels) = ([0.0; 2], [0.0; 2]);
+    for _ in 0..n {
+        let took: Vec<Camera> = (0..3)
+            .map(|_| {
+                let f = 2.0 * rng.normal();
+                let by = [f, f, 1.5 * rng.normal(), 1.5 * rng.normal()];
+                let values: Vec<f64> = camera.parameters().iter().zip(by).map(|(p, by)| p.1 + by).collect();
+                camera.with_parameters(&values).unwrap()
+            })
+            .collect();
+        let mut other = Adjustment::new(&without, &boards);
+        let state = other.start();
+        for s in &mut other.seen {
+            let pose = if s.0 == 0 { Pose::identity() } else { state[s.0 - 1] };
+            s.3 = took[s.0].project(&(pose * boards[s.1] * s.2)).unwrap();
+        }
+        let state = other.solve(&gain, &mut rng);
+        for i in 0..2 {
+            let xi = (state[i] * places[i + 1].inverse()).log();
+            let of = |c: &Matrix6<f64>| xi.dot(&c.cholesky().unwrap().solve(&xi)) / f64::from(n);
+            nees[i] += of(&foretold[i].covariance);
+            nees_by_pixels[i] += of(&by_pixels[i].covariance);
+        }
+    }
+    println!("NEES {nees:.2?}, with lenses taken as exact {nees_by_pixels:.2?}");
+    assert!(nees.iter().all(|x| (5.5..6.5).contains(x)), "{nees:?}");
+    assert!(nees_by_pixels.iter().all(|x| 20.0 < *x), "{nees_by_pixels:?}");
+    for (c, exact) in foretold.iter().zip(&by_pixels) {
+        assert_eq!(c.position_exact_intrinsics_m, Some(exact.position_m));
+        assert!(exact.position_exact_intrinsics_m.is_none() && exact.position_m < c.position_m);
+    }
 }

@@ -4,7 +4,7 @@ use crate::advise_support::{known, noisy};
 use crate::common::{Rng, views};
 use nalgebra::Matrix3;
 use resight_core::advise::change::{cost, tried};
-use resight_core::advise::expect::{View, expect, worst_sigmas};
+use resight_core::advise::expect::{Optics, View, expect, worst_sigmas};
 use resight_core::advise::volume::{Shape, Volume, outlook, poses};
 use resight_core::camera::{ImageSize, Pinhole};
 use resight_core::locate::choose::Ambiguity;
@@ -27,6 +27,10 @@ fn tag() -> Target {
 const ALL: [f64; 2] = [-std::f64::consts::PI, std::f64::consts::PI];
 const VOLUME: Volume = Volume { distance_m: [0.6, 2.0], tilt_rad: [0.0, 1.0], direction_rad: ALL };
 const SIGMA_PX: f64 = 0.4;
+
+fn optics(camera: &Camera) -> Optics<'_> {
+    Optics { camera, sigma_px: SIGMA_PX, intrinsics_covariance: None }
+}
 
 /// A pose of the volume by plain chance: shares nothing with the even filling but the rule "uniform in distance, tilt, direction,
 /// roll and place in the image, towards the middle in five steps until it is whole in the image".
@@ -52,13 +56,18 @@ fn shares_and_sigmas_over_a_volume_are_those_of_random_pictures() {
         [("dots, foot over the middle", dots(0.1)), ("dots, foot over an end", dots(0.0)), ("tag", tag())]
     {
         let shape = Shape::of(&target);
-        let o = outlook(&shape, &camera, SIGMA_PX, &poses(&shape, &camera, &VOLUME, 3000));
+        let o = outlook(&shape, &optics(&camera), &poses(&shape, &camera, &VOLUME, 3000));
         let (mut rng, n) = (Rng::new(71), 8000);
         let (mut ambiguous, mut wrong, mut places) = (0.0, 0.0, Vec::new());
         for _ in 0..n {
             let pose = random_pose(&mut rng, &shape).expect("it fits");
-            let view =
-                View { camera: &camera, cam_from_target: pose, points: &shape.points, sigma_px: SIGMA_PX };
+            let view = View {
+                camera: &camera,
+                cam_from_target: pose,
+                points: &shape.points,
+                sigma_px: SIGMA_PX,
+                intrinsics_covariance: None,
+            };
             // Known to a radian only: refused by name.
             let Ok(answer) = locate(&noisy(&mut rng, &view), &camera, &Config::default()) else { continue };
             let off = |p: &Pose| p.angle_to_rad(&pose);
@@ -109,8 +118,14 @@ fn critical_plane_costs_what_was_measured() {
             let x = rng.unit_vector().cross(&z).normalize();
             let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
             let pose = Pose::new(rotation, -(rotation * centre));
-            let e = expect(&View { camera: &camera, cam_from_target: pose, points: &points, sigma_px: 0.3 })
-                .unwrap();
+            let e = expect(&View {
+                camera: &camera,
+                cam_from_target: pose,
+                points: &points,
+                sigma_px: 0.3,
+                intrinsics_covariance: None,
+            })
+            .unwrap();
             said[0] += e.chance_wrong() / n as f64;
             said[1] += e.chance_ambiguous() / n as f64;
         }
@@ -135,9 +150,9 @@ fn the_fourth_dot_belongs_away_from_the_middle() {
     let shape = Shape::of(&target);
     let volume = Volume { distance_m: [0.55, 0.65], tilt_rad: [0.5, 1.2], direction_rad: [1.53, 1.61] };
     let views = poses(&shape, &camera, &volume, 600);
-    let now = outlook(&shape, &camera, SIGMA_PX, &views);
+    let now = outlook(&shape, &optics(&camera), &views);
     println!("now: cost {:.4}, ambiguous {:.3}", cost(&now), now.ambiguous);
-    let all = tried(&target, &camera, SIGMA_PX, &volume, 600);
+    let all = tried(&target, &optics(&camera), &volume, 600);
     for t in &all {
         let (c, ambiguous) = (&t.change, t.outlook.ambiguous);
         println!(
@@ -169,7 +184,7 @@ fn closer_and_larger_is_surer() {
     let at = |size_m: f64, near: f64| {
         let shape = Shape::of(&Target::Tag(Tag { family: "tag36h11".into(), id: 0, size_m }));
         let volume = Volume { distance_m: [near, 1.2 * near], tilt_rad: [0.3, 1.0], direction_rad: ALL };
-        let o = outlook(&shape, &camera, SIGMA_PX, &poses(&shape, &camera, &volume, 300));
+        let o = outlook(&shape, &optics(&camera), &poses(&shape, &camera, &volume, 300));
         (o.position_m.unwrap().median, o.ambiguous)
     };
     let (here, larger, closer) = (at(0.1, 2.0), at(0.2, 2.0), at(0.1, 1.0));
@@ -205,8 +220,7 @@ fn absurd_volumes_are_counted_not_hidden() {
     {
         let o = outlook(
             &shape,
-            &camera,
-            SIGMA_PX,
+            &optics(&camera),
             &poses(&shape, &camera, &Volume { distance_m, tilt_rad, direction_rad: ALL }, 50),
         );
         let spreads = [o.position_m, o.rotation_rad];

@@ -143,11 +143,15 @@ fn a_rig_does_not_allocate() {
     let covariance = Matrix6::identity() * 1e-6;
     for points in [views::three(), views::planar(), views::general(), many(64, 0.5)] {
         let seen = views::disturbed(&mut rng, &exact(&points));
-        for cam_from_rig_covariance in [None, Some(covariance)] {
+        let lens: [f64; 16] = core::array::from_fn(|i| if i % 5 == 0 { 4.0 } else { 0.0 });
+        for (cam_from_rig_covariance, intrinsics_covariance) in
+            [(None, None), (Some(covariance), None), (Some(covariance), Some(&lens[..]))]
+        {
             let view = |seen| RigView {
                 camera: &camera,
                 cam_from_rig: Pose::identity(),
                 cam_from_rig_covariance,
+                intrinsics_covariance,
                 seen,
             };
             let (one, other) = seen.split_at(seen.len() / 2);

@@ -70,11 +70,14 @@ fn locate_rig_answers_in_numbers() {
         let places = [Pose::identity(), pose(rng)];
         let truth = views::oblique();
         let seen = [seen(rng, &truth), if rng.index(2) == 0 { seen(rng, &truth) } else { Vec::new() }];
+        let lens: [f64; 16] =
+            core::array::from_fn(|i| if i % 5 == 0 { covariance(rng)[(0, 0)] } else { 0.0 });
         let views: Vec<RigView> = (0..2)
             .map(|i| RigView {
                 camera: &camera,
                 cam_from_rig: places[i],
                 cam_from_rig_covariance: (rng.index(2) == 0).then(|| covariance(rng)),
+                intrinsics_covariance: (rng.index(2) == 0).then_some(&lens[..]),
                 seen: &seen[i],
             })
             .collect();

@@ -237,7 +237,8 @@ fn expect_answers_in_numbers() {
         let near = Pose::exp(&Vector6::from_fn(|_, _| 0.2 * rng.normal()));
         let cam_from_target = if rng.index(3) == 0 { pose(rng) } else { near } * views::oblique();
         let sigma_px = if rng.index(4) == 0 { number(rng) } else { 0.3 };
-        let view = View { camera: &camera, cam_from_target, points: &points, sigma_px };
+        let view =
+            View { camera: &camera, cam_from_target, points: &points, sigma_px, intrinsics_covariance: None };
         let Ok(e) = expect(&view) else { return false };
         assert!(is_covariance(&e.covariance) && is_covariance(&e.stated_covariance), "{view:?} {e:?}");
         let chances = [e.chance_ambiguous(), e.chance_wrong()];

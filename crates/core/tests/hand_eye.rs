@@ -122,6 +122,7 @@ fn pixels_give_an_honest_covariance() {
                     camera: &camera,
                     cam_from_rig,
                     cam_from_rig_covariance: None,
+                    intrinsics_covariance: None,
                     seen,
                 })
             })

@@ -48,6 +48,7 @@ mod monitor;
 mod monitor_alarm;
 mod monitor_delay;
 mod monitor_learn;
+mod monitor_lens;
 mod monitor_noise;
 mod monitor_rig;
 mod n_points;

@@ -55,6 +55,12 @@ fn any_noise(rng: &mut Rng, coarse: f64) -> Noise {
     }
 }
 
+/// Of the intrinsics: fx and fy share their error.
+fn covariance_of(noise: Noise) -> [f64; 16] {
+    let (f, c) = (noise.f_px.powi(2), noise.c_px.powi(2));
+    [f, f, 0.0, 0.0, f, f, 0.0, 0.0, 0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, c]
+}
+
 fn any_pose(rng: &mut Rng) -> Pose {
     let z = rng.uniform(1.5, 6.0);
     Pose::new(rng.rotation(), Vector3::new(rng.uniform(-0.3, 0.3) * z, rng.uniform(-0.2, 0.2) * z, z))
@@ -62,11 +68,7 @@ fn any_pose(rng: &mut Rng) -> Pose {
 
 /// The true points by the true camera, labelled as they are known.
 fn observe(rng: &mut Rng, pose: &Pose, known: &[Point], noise: Noise) -> Option<Vec<Correspondence>> {
-    let solves = views::camera();
-    let f = rng.normal() * noise.f_px;
-    let by = [f, f, rng.normal() * noise.c_px, rng.normal() * noise.c_px];
-    let values: Vec<f64> = solves.parameters().iter().zip(by).map(|((_, value), by)| value + by).collect();
-    let took: Camera = solves.with_parameters(&values).ok()?;
+    let (solves, took) = (views::camera(), drawn_lens(rng, noise)?);
     let observed = |x: &Point| {
         let true_x = x + Vector3::new(rng.normal(), rng.normal(), rng.normal()) * noise.m;
         let pixel = took.project(&(pose * &true_x))? + Vector2::new(rng.normal(), rng.normal()) * noise.px;
@@ -117,27 +119,48 @@ fn tally(layout: &str, n: usize, coarse: f64, seed: u64) -> Tally {
         let (pose, known) = (any_pose(&mut rng), points(layout, &mut rng));
         let noise = any_noise(&mut rng, coarse);
         let Some(seen) = observe(&mut rng, &pose, &known, noise) else { continue };
-        let (f, c) = (noise.f_px.powi(2), noise.c_px.powi(2));
-        // fx and fy share their error.
-        let covariance = [f, f, 0.0, 0.0, f, f, 0.0, 0.0, 0.0, 0.0, c, 0.0, 0.0, 0.0, 0.0, c];
+        let covariance = covariance_of(noise);
         let config = Config { intrinsics_covariance: Some(&covariance), ..Config::default() };
         tally.count(&locate(&seen, &views::camera(), &config), &pose);
     }
     tally
 }
 
-/// Two cameras of exact intrinsics, half a metre and 0.3 rad apart; each sees every other point.
+/// How the lenses of a rig are known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Lenses {
+    Exact,
+    /// Each off by a draw of its own from the covariance that is stated, or that is not.
+    Stated,
+    Unstated,
+}
+
+/// The camera that took the images: f and the principal point off by as much as they are uncertain.
+fn drawn_lens(rng: &mut Rng, noise: Noise) -> Option<Camera> {
+    let f = rng.normal() * noise.f_px;
+    let by = [f, f, rng.normal() * noise.c_px, rng.normal() * noise.c_px];
+    let known = views::camera();
+    let values: Vec<f64> = known.parameters().iter().zip(by).map(|((_, value), by)| value + by).collect();
+    known.with_parameters(&values).ok()
+}
+
+/// Two cameras half a metre and 0.3 rad apart; each sees every other point.
 fn observe_by_two(
     rng: &mut Rng,
     pose: &Pose,
     known: &[Point],
     noise: Noise,
+    lenses: Lenses,
 ) -> Option<[Vec<Correspondence>; 2]> {
     let camera = views::camera();
+    let took = match lenses {
+        Lenses::Exact => [camera.clone(), camera.clone()],
+        _ => [drawn_lens(rng, noise)?, drawn_lens(rng, noise)?],
+    };
     let mut seen = [Vec::new(), Vec::new()];
     for (i, x) in known.iter().enumerate() {
         let true_x = x + Vector3::new(rng.normal(), rng.normal(), rng.normal()) * noise.m;
-        let pixel = camera.project(&(cam_from_rig(i % 2) * *pose * true_x))?;
+        let pixel = took[i % 2].project(&(cam_from_rig(i % 2) * *pose * true_x))?;
         let pixel = pixel + Vector2::new(rng.normal(), rng.normal()) * noise.px;
         let c = Correspondence::new(&camera, *x, pixel, noise.px).ok()?;
         seen[i % 2].push(Correspondence { sigma_m: noise.m, ..c });
@@ -150,44 +173,74 @@ fn cam_from_rig(camera: usize) -> Pose {
     Pose::exp(&Vector6::new(0.0, 0.3 * along, 0.0, -0.5 * along, 0.0, 0.1 * along))
 }
 
-/// NEES of the answers of a rig that are `ok`: how many, mean, largest.
-fn rig_nees(layout: &str, n: usize, coarse: f64, seed: u64) -> (usize, f64, f64) {
+/// What became of a rig's scenes: answers, those that are `ok`, and the NEES of these, mean and largest.
+#[derive(Debug, Default)]
+struct RigTally {
+    answers: usize,
+    inconsistent: usize,
+    ok: usize,
+    nees: f64,
+    worst: f64,
+}
+
+fn rig_nees(layout: &str, n: usize, coarse: f64, lenses: Lenses, seed: u64) -> RigTally {
     let (mut rng, camera) = (Rng::new(seed), views::camera());
-    let (mut scenes, mut ok, mut mean, mut worst) = (0, 0, 0.0, 0.0);
+    let (mut scenes, mut tally) = (0, RigTally::default());
     while scenes < n {
         let (pose, known) = (any_pose(&mut rng), points(layout, &mut rng));
         let noise = any_noise(&mut rng, coarse);
-        let Some(seen) = observe_by_two(&mut rng, &pose, &known, noise) else { continue };
+        let Some(seen) = observe_by_two(&mut rng, &pose, &known, noise, lenses) else { continue };
         scenes += 1;
+        let stated = covariance_of(noise);
         let view = |i: usize| RigView {
             camera: &camera,
             cam_from_rig: cam_from_rig(i),
             cam_from_rig_covariance: None,
+            intrinsics_covariance: (lenses == Lenses::Stated).then_some(&stated),
             seen: &seen[i],
         };
         let Ok(e) = locate_rig(&[view(0), view(1)]) else { continue };
+        tally.answers += 1;
+        tally.inconsistent += usize::from(e.consistency != RigConsistency::Consistent);
         let is_unique = matches!(e.ambiguity, RigAmbiguity::Unique { .. });
         if !is_unique || e.consistency != RigConsistency::Consistent {
             continue;
         }
         let error = (e.rig_from_target * pose.inverse()).log();
         let nees = error.dot(&e.covariance.cholesky().expect("positive definite").solve(&error));
-        ok += 1;
-        mean += (nees - mean) / f64::from(ok);
-        worst = f64::max(worst, nees);
+        tally.ok += 1;
+        tally.nees += (nees - tally.nees) / tally.ok as f64;
+        tally.worst = f64::max(tally.worst, nees);
     }
-    (ok as usize, mean, worst)
+    tally
+}
+
+/// Each lens of a rig has an error of its own: stated, it is in the covariance and the verdict, whatever the layout; not stated, poses are
+/// far off and `ok`, or the rig is called inconsistent.
+#[test]
+fn a_rig_of_two_cameras_is_as_sure_as_it_says_where_lenses_are_uncertain() {
+    let n = scenes() / 5;
+    for (k, layout) in LAYOUTS.iter().enumerate() {
+        let t = rig_nees(layout, n, 1.0, Lenses::Stated, 431 + k as u64);
+        println!("{layout}, lenses uncertain: {t:?}");
+        assert!((5.7..6.3).contains(&t.nees) && t.worst < 1000.0, "{layout}: {t:?}");
+        let least_ok = if *layout == "line plus one" { 0.35 } else { 0.75 };
+        assert!(least_ok * n as f64 <= t.ok as f64 && 400 * t.inconsistent <= t.answers, "{layout}: {t:?}");
+        let t = rig_nees(layout, n / 8, 1.0, Lenses::Unstated, 431 + k as u64);
+        println!("{layout}, not stated: {t:?}");
+        assert!(20.0 < t.nees, "{layout}: {t:?}");
+    }
 }
 
 #[test]
 fn a_rig_of_two_cameras_is_as_sure_as_it_says_where_points_are_uncertain() {
     let n = scenes() / 2;
     for (k, layout) in LAYOUTS.iter().enumerate() {
-        let (ok, mean, worst) = rig_nees(layout, n, 1.0, 231 + k as u64);
+        let RigTally { ok, nees: mean, worst, .. } = rig_nees(layout, n, 1.0, Lenses::Exact, 231 + k as u64);
         println!("{layout}: {ok} of {n} ok, NEES {mean:.3}, worst {worst:.0}");
         assert!(0.75 * n as f64 <= ok as f64, "{layout}: {ok} of {n}");
         assert!((5.7..6.3).contains(&mean) && worst < 1000.0, "{layout}: {mean} {worst}");
-        let (ok, mean, worst) = rig_nees(layout, n, 4.0, 331 + k as u64);
+        let RigTally { ok, nees: mean, worst, .. } = rig_nees(layout, n, 4.0, Lenses::Exact, 331 + k as u64);
         println!("{layout}, four times as uncertain: {ok} of {n} ok, NEES {mean:.3}, worst {worst:.0}");
         assert!(worst < 1000.0, "{layout}: {worst}");
     }

@@ -33,7 +33,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn solved(session: &Session) -> Result<HandEye, Box<dyn Error>> {
     let camera = session.camera.as_ref().ok_or("no camera")?;
     let cam_from_rig = Pose::identity();
-    let rig = |seen| [RigView { camera, cam_from_rig, cam_from_rig_covariance: None, seen }];
+    let rig = |seen| {
+        [RigView { camera, cam_from_rig, cam_from_rig_covariance: None, intrinsics_covariance: None, seen }]
+    };
     let rigs: Vec<[RigView; 1]> = session.seen.iter().map(|seen| rig(seen.as_slice())).collect();
     let view = |(base_from_gripper, seen)| HandEyeView {
         base_from_gripper,

@@ -46,6 +46,13 @@ pub struct NamedCamera {
     pub intrinsics_covariance: Option<DMatrix<f64>>,
 }
 
+impl NamedCamera {
+    /// `intrinsics_covariance` row by row, as the mathematics takes it.
+    pub fn intrinsics_rows(&self) -> Option<Vec<f64>> {
+        Some(self.intrinsics_covariance.as_ref()?.transpose().iter().copied().collect())
+    }
+}
+
 /// How a camera's clock runs against another sensor's: time there = the camera's time stamp + `offset_s`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockOffset {

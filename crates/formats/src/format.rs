@@ -22,6 +22,8 @@ pub enum Format {
     Mrcal,
     /// PhotonVision or Limelight calibration JSON.
     PhotonVision,
+    /// Kalibr's text report, `results-cam.txt`; read only.
+    KalibrReport,
     /// Basalt calibration JSON.
     Basalt,
     /// Caliscope `camera_array.toml`.
@@ -77,6 +79,7 @@ impl Format {
             Format::RosCameraInfo => "ROS camera_info",
             Format::Mcap => "MCAP recording",
             Format::Kalibr => "Kalibr camera chain",
+            Format::KalibrReport => "Kalibr report (results-cam.txt)",
             Format::Euroc => "EuRoC sensor.yaml",
             Format::Colmap => "COLMAP text model",
             Format::Mrcal => "mrcal .cameramodel",

@@ -123,8 +123,17 @@ pub(super) fn camera_of(
     coefficients: &str,
     warnings: &mut Vec<String>,
 ) -> Result<Camera, Fault> {
-    let intrinsics = entry.need("intrinsics")?;
     let size = checks::size_pair(&entry.need("resolution")?)?;
+    let (intrinsics, lens, matrix) = lens_of(entry, coefficients)?;
+    lens::camera(&intrinsics, &lens, matrix, Some(size), warnings)
+}
+
+/// The lens of a camera's entry, and the entry of its intrinsics; also of Kalibr's report.
+pub(super) fn lens_of<'a>(
+    entry: &Entry<'a>,
+    coefficients: &str,
+) -> Result<(Entry<'a>, LensNumbers, CameraMatrix), Fault> {
+    let intrinsics = entry.need("intrinsics")?;
     let d = match entry.get(coefficients) {
         Some(d) => d.numbers()?,
         None => Vec::new(),
@@ -137,7 +146,7 @@ pub(super) fn camera_of(
     };
     let (projection, matrix) = projection(entry, model, &intrinsics)?;
     let lens = with_distortion(entry, &at, projection, distortion, d)?;
-    lens::camera(&intrinsics, &lens, matrix, Some(size), warnings)
+    Ok((intrinsics, lens, matrix))
 }
 
 /// The model without its distortion, and fu fv pu pv, which come last.

@@ -74,6 +74,7 @@ mod opencv_write;
 mod opencv;
 mod ros;
 mod kalibr;
+mod kalibr_report;
 mod kalibr_target;
 mod euroc;
 mod mrcal;

@@ -54,6 +54,13 @@ fn read(document: &Document) -> Result<Contents, Fault> {
                 .into(),
         );
     }
+    if ["optimization_inputs", "optimization_inputs_base64"].iter().any(|key| root.has(key)) {
+        contents.notes.push(
+            "The file holds its calibration's inputs, from which mrcal computes how uncertain the intrinsics are; they are not read here. The \
+            intrinsics count as exact unless you state intrinsics_sigma or calibrate with `resight intrinsics`."
+                .into(),
+        );
+    }
     Ok(contents)
 }
 

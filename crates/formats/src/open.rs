@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::tree::{Fault, Node, Value};
-use super::{colmap, syntax, tf_launch};
+use super::{colmap, kalibr_report, syntax, tf_launch};
 use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
@@ -61,7 +61,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
 
 /// By content: the first line that is neither blank nor a comment decides.
 fn syntax_of(text: &str) -> Syntax {
-    if colmap::is_points_table(text) {
+    if colmap::is_points_table(text) || kalibr_report::is_report(text) {
         return Syntax::Lines;
     }
     let significant = |line: &&str| !line.is_empty() && !line.starts_with('#');

@@ -5,8 +5,8 @@
 use super::document::Document;
 use super::{
     CameraFormat, Format, Reads, TargetFormat, Writer, basalt, blender, caliscope, caliscope_target, colmap,
-    euroc, fspy, gltf, handeye, kalibr, kalibr_target, kitti, mccalib, mrcal, multical, nuscenes, opencv,
-    own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
+    euroc, fspy, gltf, handeye, kalibr, kalibr_report, kalibr_target, kitti, mccalib, mrcal, multical,
+    nuscenes, opencv, own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
 };
 
 /// In the order they are tried: the most particular keys first, OpenCV's many spellings last.
@@ -21,6 +21,7 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     mccalib::FORMAT,
     euroc::FORMAT,
     kalibr::FORMAT,
+    kalibr_report::FORMAT,
     photonvision::FORMAT,
     tf::FORMAT,
     tf::YAML,

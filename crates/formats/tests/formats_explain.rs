@@ -87,7 +87,18 @@ fn each_format_names_its_trap() {
         &["poses only", "x_second = R x_first + t", "94.0 long", "divide by 1000"],
     );
     assert_explains("cameras.txt", &["0.5 px was subtracted", "world → camera"]);
-    assert_explains("left.cameramodel", &["rt_cam_ref", "x_left = R x_reference + t"]);
+    assert_explains(
+        "left.cameramodel",
+        &[
+            "rt_cam_ref",
+            "x_left = R x_reference + t",
+            "from which mrcal computes how uncertain the intrinsics are",
+        ],
+    );
+    assert_explains(
+        "kalibr_results_cam.txt",
+        &["poses between cameras are in camchain.yaml", "no correlations"],
+    );
     assert_explains("caliscope.toml", &["cam_10 comes before cam_2", "x_2 = R x_world + t"]);
     assert_explains("photonvision_old.json", &["cameraExtrinsics"]);
     assert_explains("wpilib_2024.json", &["welded and AndyMark", "165.1 mm"]);

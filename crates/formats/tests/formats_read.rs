@@ -121,6 +121,60 @@ fn kalibr_models_and_chain() {
     assert_eq!((fov.w_rad(), fov.matrix().fy_px), (0.93, 251.0));
 }
 
+/// What only the report holds: a standard deviation for every parameter, wherever numpy broke the line.
+#[test]
+fn kalibr_report_keeps_its_standard_deviations() {
+    let all = cameras("kalibr_results_cam.txt", Format::KalibrReport);
+    let sigmas = |i: usize| -> Vec<f64> {
+        let covariance = all[i].intrinsics_covariance.as_ref().expect("stated");
+        assert_eq!(covariance.sum(), covariance.trace(), "no correlations");
+        covariance.diagonal().iter().map(|variance| variance.sqrt()).collect()
+    };
+    let close = |found: Vec<f64>, expected: &[f64]| {
+        assert_eq!(found.len(), expected.len());
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+    };
+    let radtan = [
+        458.71532104,
+        457.30128847,
+        367.20814422,
+        248.37219931,
+        -0.28410231,
+        0.07563082,
+        0.00019327,
+        -0.00002571,
+    ];
+    assert_camera(&all[0].camera, "brown_conrady", None, &radtan);
+    close(
+        sigmas(0),
+        &[0.15120844, 0.14963018, 0.21877342, 0.19045513, 0.00061204, 0.00049377, 0.00006412, 0.00005198],
+    );
+    // Kalibr's omni has xi before its focal lengths.
+    let Lens::Omni(omni) = &all[1].camera.lens else { panic!("{:?}", all[1].camera) };
+    assert_eq!((omni.xi(), omni.matrix().cy_px), (1.87112032, 251.77430812));
+    let by_name: Vec<(&str, f64)> =
+        all[1].camera.parameters().iter().zip(sigmas(1)).map(|((name, _), sigma)| (*name, sigma)).collect();
+    let of = |name: &str| by_name.iter().find(|(known, _)| *known == name).map(|(_, sigma)| *sigma).unwrap();
+    for (name, sigma) in
+        [("fx_px", 3.10422871), ("cy_px", 0.28811904), ("xi", 0.00711093), ("k1", 0.00215033)]
+    {
+        assert!((of(name) - sigma).abs() < 1e-12, "{name}: {by_name:?}");
+    }
+    assert!(all.iter().all(|camera| camera.placement.is_none()));
+
+    let text = std::fs::read_to_string(example("kalibr_results_cam.txt")).unwrap();
+    let refused = |from: &str, to: &str, reason: &str| {
+        let bytes = text.replace(from, to).into_bytes();
+        let fault =
+            resight_formats::read_cameras_from_bytes(&example("x.txt"), bytes).unwrap_err().to_string();
+        assert!(fault.contains(reason), "{fault}");
+    };
+    refused(" +- [0.15120844 ", " +- [", "4 numbers and 3 standard deviations");
+    refused("+- [0.15120844", "+- [-0.15120844", "is not negative");
+    refused("+- [0.15120844", "+- [nan", "[standard deviations]");
+    refused("DistortedOmniCamera", "DistortedToyCamera", "DistortedToyCameraGeometry");
+}
+
 #[test]
 fn kalibr_imu_pose_and_a_key_that_lies() {
     let file = read_cameras(&example("kalibr_imucam.yaml")).unwrap();

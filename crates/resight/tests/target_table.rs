@@ -1,5 +1,6 @@
 //! The table of docs/targets.md: what each target is worth at each distance, in the adviser's own figures. `RESIGHT_BLESS=1` writes it anew.
 
+use resight_core::advise::Optics;
 use resight_core::advise::volume::{Shape, Volume, outlook, poses};
 use resight_core::camera::{CameraMatrix, ImageSize, Pinhole};
 use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};
@@ -14,6 +15,10 @@ const VIEWS: usize = 160;
 const TILT_RAD: [f64; 2] = [PI / 9.0, PI / 3.0];
 /// What corners of a photograph with some noise and blur have, model errors of an ordinary lens included.
 const SIGMA_PX: f64 = 0.2;
+
+fn optics(camera: &Camera) -> Optics<'_> {
+    Optics { camera, sigma_px: SIGMA_PX, intrinsics_covariance: None }
+}
 /// Pixels that the smallest feature needs, as the sweep of docs/targets.md found: edge of a tag or square, diameter of a dot.
 const LEAST_TAG_PX: f64 = 16.0;
 const LEAST_DOT_PX: f64 = 4.0;
@@ -71,7 +76,7 @@ fn cell(target: &Target, camera: &Camera, distance_m: f64) -> String {
     let shape = Shape::of(target);
     let volume = Volume { distance_m: [distance_m; 2], tilt_rad: TILT_RAD, direction_rad: [-PI, PI] };
     let views = poses(&shape, camera, &volume, VIEWS);
-    let o = outlook(&shape, camera, SIGMA_PX, &views);
+    let o = outlook(&shape, &optics(camera), &views);
     let (Some(position_m), Some(rotation_rad)) = (o.position_m, o.rotation_rad) else {
         return "too near".into();
     };
@@ -132,7 +137,7 @@ fn uncertainty_grows_with_the_square_of_the_distance() {
     let at = |distance_m: f64| {
         let volume = Volume { distance_m: [distance_m; 2], tilt_rad: TILT_RAD, direction_rad: [-PI, PI] };
         let shape = Shape::of(board);
-        outlook(&shape, &camera, SIGMA_PX, &poses(&shape, &camera, &volume, VIEWS)).position_m.unwrap().median
+        outlook(&shape, &optics(&camera), &poses(&shape, &camera, &volume, VIEWS)).position_m.unwrap().median
     };
     let ratio = at(2.0) / at(1.0);
     assert!((3.4..4.6).contains(&ratio), "{ratio}");

@@ -104,4 +104,25 @@ inverse_adjoint = adjoint**-1
 in_rig = inverse_adjoint.T * information * inverse_adjoint
 assert mp.norm(in_rig**-1 + adjoint * camera_covariance * adjoint.T - carried) < 1e-20
 
+# (8)-(10): elimination of the unknown parameters, alone and after the unknown motion, and the determinant.
+by_lens = matrix(14, 4)
+half = matrix(4, 3)
+c = half * half.T  # Of rank three: no inverse.
+for place in (mp.zeros(6), s):
+    base = (mp.eye(14) + jac * place * jac.T) ** -1
+    q = (mp.eye(6) + n * place) ** -1
+    g_lens = q * (jac.T * by_lens)
+    m = by_lens.T * by_lens - (jac.T * by_lens).T * place * q * (jac.T * by_lens)
+    h = by_lens.T * res - (jac.T * by_lens).T * place * q * (jac.T * res)
+    assert mp.norm(m - by_lens.T * base * by_lens) < 1e-20
+    assert mp.norm(h - by_lens.T * base * res) < 1e-20
+    e = (mp.eye(4) + c * m) ** -1 * c
+    whole = (mp.eye(14) + jac * place * jac.T + by_lens * c * by_lens.T) ** -1
+    left = (res.T * base * res)[0] - (h.T * e * h)[0]
+    assert abs(left - (res.T * whole * res)[0]) < 1e-20
+    assert mp.norm(jac.T * base * res - g_lens * e * h - jac.T * whole * res) < 1e-20
+    assert mp.norm(jac.T * base * jac - g_lens * e * g_lens.T - jac.T * whole * jac) < 1e-20
+    ratio = mp.det(base) / mp.det(whole)
+    assert abs(mp.log(ratio) - mp.log(mp.det(mp.eye(4) + m * c))) < 1e-20
+
 print("rig_pose.md: all equations hold")

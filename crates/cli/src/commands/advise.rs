@@ -12,9 +12,9 @@ use resight::advise::{
     advise_target, read_points, read_poses,
 };
 use resight::answer::advise::Picture;
+use resight::core::Pose;
 use resight::core::advise::board::Criterion;
 use resight::core::advise::volume::Volume;
-use resight::core::{Camera, Pose};
 use resight::formats::{self, NamedCamera};
 use resight::report::verdict::Status;
 use serde::Serialize;
@@ -184,7 +184,7 @@ pub fn run(args: &Advise) -> Result<Outcome> {
     }
     let cameras = cameras(&args.camera)?;
     match (&args.points, cameras.as_slice()) {
-        (Some(file), [one]) => points(args, &one.camera, file),
+        (Some(file), [one]) => points(args, one, file),
         (Some(_), several) => bail!(
             "{}: holds {} cameras; control points are seen by one, pick it: {}#{}",
             args.camera,
@@ -192,17 +192,19 @@ pub fn run(args: &Advise) -> Result<Outcome> {
             args.camera,
             several[0].name
         ),
-        (None, [one]) => target(args, &one.camera),
+        (None, [one]) => target(args, one),
         (None, several) => boards(args, several),
     }
 }
 
-fn points(args: &Advise, camera: &Camera, file: &Path) -> Result<Outcome> {
+fn points(args: &Advise, named: &NamedCamera, file: &Path) -> Result<Outcome> {
     let points = measured_points(file)?;
     let candidates = args.candidates.as_deref().map(measured_points).transpose()?;
     let pose = args.pose.as_deref().map(|path| poses(path, &["cam_from_target"])).transpose()?;
+    let rows = named.intrinsics_rows();
     let advice = advise_points(&NextPointRequest {
-        camera,
+        camera: &named.camera,
+        intrinsics_covariance: rows.as_deref(),
         points: &points,
         sigma_px: args.sigma_px,
         pose: pose.and_then(|poses| poses.first().copied()),
@@ -223,7 +225,7 @@ fn points(args: &Advise, camera: &Camera, file: &Path) -> Result<Outcome> {
     Ok(Outcome::of([advice.now.status]))
 }
 
-fn target(args: &Advise, camera: &Camera) -> Result<Outcome> {
+fn target(args: &Advise, named: &NamedCamera) -> Result<Outcome> {
     let target = args.target()?;
     let distance_m =
         args.distance_m.context("--distance-m A..B is needed: how far the camera is from the target")?;
@@ -231,7 +233,15 @@ fn target(args: &Advise, camera: &Camera) -> Result<Outcome> {
     let volume =
         Volume { distance_m, tilt_rad: radians(args.tilt_deg), direction_rad: radians(args.direction_deg) };
     let pictures = args.output.is_some();
-    let request = TargetRequest { camera, target: &target, sigma_px: args.sigma_px, volume, pictures };
+    let rows = named.intrinsics_rows();
+    let request = TargetRequest {
+        camera: &named.camera,
+        intrinsics_covariance: rows.as_deref(),
+        target: &target,
+        sigma_px: args.sigma_px,
+        volume,
+        pictures,
+    };
     let advice = advise_target(&request).with_context(|| args.camera.clone())?;
     print(&match args.json {
         true => json(&advice.outlooks)? + &json(&advice.changes)?,

@@ -1,14 +1,16 @@
 //! Where should the next board of a rig go? Each view has an unknown board pose of its own, which is eliminated:
 //! docs/math/advise.md eqs. (14)–(17).
 
-use super::expect::{FirstOrderLimit, View, correspondence_of, expect};
+use super::expect::{FirstOrderLimit, Optics, correspondence_of, expect};
 use super::volume::{Shape, pixel_of_image_share};
 use crate::least_squares::PivotedPose;
+use crate::locate::choose::Minimum;
+use crate::locate::common::{Common, Dependence};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, normal_equations};
 use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Matrix6xX};
 
 /// A camera of a rig, about where it sits.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +19,8 @@ pub struct RigCamera<'a> {
     pub camera: &'a Camera,
     /// x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
+    /// Covariance of its intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    pub intrinsics_covariance: Option<&'a [f64]>,
 }
 
 /// A rig being calibrated by views of one board.
@@ -50,6 +54,15 @@ pub enum Criterion {
 pub struct RigInformation {
     matrix: DMatrix<f64>,
     reference: usize,
+    lenses: Vec<LensInformation>,
+}
+
+/// How the places follow a camera's uncertain intrinsics: K and C of docs/math/advise.md eq. (18).
+#[derive(Debug, Clone, PartialEq)]
+struct LensInformation {
+    camera: usize,
+    by_places: DMatrix<f64>,
+    covariance: DMatrix<f64>,
 }
 
 /// How well one camera is known relative to the reference.
@@ -63,6 +76,8 @@ pub struct CameraOutlook {
     pub rotation_rad: f64,
     /// Greatest standard deviation of place.
     pub position_m: f64,
+    /// The same if all intrinsics were exact; none where they are.
+    pub position_exact_intrinsics_m: Option<f64>,
     /// Whether the views tell its rotation at all (to better than half a radian).
     pub is_determined: bool,
 }
@@ -97,13 +112,40 @@ impl RigInformation {
         let n = 6 * plan.cameras.len().saturating_sub(1);
         let variance = |i: usize| if i % 6 < 3 { UNKNOWN[0] } else { UNKNOWN[1] };
         let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 / variance(i) } else { 0.0 });
-        RigInformation { matrix, reference: plan.reference }
+        let lens = |(camera, own): (usize, &RigCamera)| {
+            let n_parameters = own.camera.parameters().len();
+            // One of another size is refused where a view is expected.
+            let rows = own.intrinsics_covariance.filter(|rows| rows.len() == n_parameters * n_parameters)?;
+            let covariance = DMatrix::from_row_slice(n_parameters, n_parameters, rows);
+            Some(LensInformation { camera, by_places: DMatrix::zeros(n, n_parameters), covariance })
+        };
+        let lenses = plan.cameras.iter().enumerate().filter_map(lens).collect();
+        RigInformation { matrix, reference: plan.reference, lenses }
+    }
+
+    /// Of all places together: the views' share and what uncertain intrinsics add, docs/math/advise.md eq. (18).
+    fn covariance(&self) -> Option<DMatrix<f64>> {
+        let by_views = self.matrix.clone().cholesky()?.inverse();
+        let mut covariance = by_views.clone();
+        for lens in &self.lenses {
+            let moved = &by_views * &lens.by_places;
+            covariance += &moved * &lens.covariance * moved.transpose();
+        }
+        Some(covariance)
     }
 
     /// How well each camera but the reference is known.
     pub fn cameras(&self) -> Option<Vec<CameraOutlook>> {
-        let covariance = self.matrix.clone().cholesky()?.inverse();
-        Some((0..covariance.nrows() / 6).map(|i| self.camera(i, &covariance)).collect())
+        let covariance = self.covariance()?;
+        let mut cameras: Vec<CameraOutlook> =
+            (0..covariance.nrows() / 6).map(|i| self.camera(i, &covariance)).collect();
+        if !self.lenses.is_empty() {
+            let exact = self.matrix.clone().cholesky()?.inverse();
+            for (i, camera) in cameras.iter_mut().enumerate() {
+                camera.position_exact_intrinsics_m = Some(self.camera(i, &exact).position_m);
+            }
+        }
+        Some(cameras)
     }
 
     fn camera(&self, row: usize, joint: &DMatrix<f64>) -> CameraOutlook {
@@ -115,13 +157,17 @@ impl RigInformation {
             covariance,
             rotation_rad,
             position_m,
+            position_exact_intrinsics_m: None,
             is_determined: rotation_rad < DETERMINED_RAD,
         }
     }
 
-    /// ln det of the information.
+    /// Minus ln det of the covariance.
     fn log_determinant(&self) -> f64 {
-        let root = self.matrix.clone().cholesky();
+        let root = match self.lenses.is_empty() {
+            true => self.matrix.clone().cholesky(),
+            false => self.covariance().and_then(|c| c.cholesky()?.inverse().cholesky()),
+        };
         root.map_or(f64::NEG_INFINITY, |c| 2.0 * c.l().diagonal().iter().map(|x| x.ln()).sum::<f64>())
     }
 }
@@ -130,6 +176,8 @@ impl RigInformation {
 struct Share {
     camera: usize,
     information: Matrix6,
+    /// How the pose follows uncertain intrinsics: G of docs/math/refine.md eq. (9), a column a parameter; none where they are exact.
+    lens: Option<Matrix6xX<f64>>,
 }
 
 impl RigPlan<'_> {
@@ -160,8 +208,19 @@ impl RigPlan<'_> {
                 place += block;
             }
         }
+        let mut lenses = so_far.lenses.clone();
+        for (a, lens) in shares.iter().filter_map(|s| Some((s, s.lens.as_ref()?))) {
+            let Some(sum) = lenses.iter_mut().find(|l| l.camera == a.camera) else { continue };
+            let by_board = self.cameras[a.camera].cam_from_rig.adjoint().transpose() * lens;
+            for (b, cb) in shares.iter().zip(&coupled) {
+                let Some(i) = self.row(b.camera) else { continue };
+                let own = if a.camera == b.camera { lens.clone() } else { Matrix6xX::zeros(lens.ncols()) };
+                let mut place = sum.by_places.rows_mut(6 * i, 6);
+                place += own - cb * board * &by_board;
+            }
+        }
         let seen_by = shares.iter().map(|s| s.camera).collect();
-        Some((RigInformation { matrix, reference: self.reference }, seen_by))
+        Some((RigInformation { matrix, reference: self.reference, lenses }, seen_by))
     }
 
     /// The row of a camera among those that are estimated; none for the reference.
@@ -174,9 +233,18 @@ impl RigPlan<'_> {
             let seen = self.seen(camera, rig_from_board)?;
             let own = &self.cameras[camera];
             let cam_from_board = own.cam_from_rig * *rig_from_board;
-            Some(Share { camera, information: information(&cam_from_board, &seen, own.camera)? })
+            let lens = match own.intrinsics_covariance {
+                Some(rows) => Some(lens(&cam_from_board, &seen, own.camera, rows)?),
+                None => None,
+            };
+            Some(Share { camera, information: information(&cam_from_board, &seen, own.camera)?, lens })
         };
         (0..self.cameras.len()).filter_map(share).collect()
+    }
+
+    fn optics(&self, camera: usize) -> Optics<'_> {
+        let RigCamera { camera, intrinsics_covariance, .. } = self.cameras[camera];
+        Optics { camera, sigma_px: self.sigma_px, intrinsics_covariance }
     }
 
     /// What a camera sees of a board: whole, or six points where its points have names; its front not too flat.
@@ -188,8 +256,7 @@ impl RigPlan<'_> {
         if to_camera.dot(&shape.front_in_target) < LEAST_COSINE {
             return None;
         }
-        let view =
-            View { camera: own.camera, cam_from_target, points: &shape.points, sigma_px: self.sigma_px };
+        let view = self.optics(camera).view(cam_from_target, &shape.points);
         let seen: Vec<Correspondence> =
             shape.points.iter().filter_map(|p| correspondence_of(&view, p)).collect();
         let whole = seen.len() == shape.points.len() && 4 <= seen.len();
@@ -303,7 +370,7 @@ impl RigPlan<'_> {
         let points: Vec<KnownPoint> = seen.iter().map(known).collect();
         let own = &self.cameras[camera];
         let cam_from_target = own.cam_from_rig * *rig_from_board;
-        let view = View { camera: own.camera, cam_from_target, points: &points, sigma_px: self.sigma_px };
+        let view = self.optics(camera).view(cam_from_target, &points);
         expect(&view).map(|e| e.first_order_limits()).unwrap_or_default()
     }
 }
@@ -319,6 +386,18 @@ fn score(information: &RigInformation, criterion: Criterion) -> Option<(usize, f
         Criterion::Determinant => -information.log_determinant(),
     };
     Some((undetermined, value))
+}
+
+/// G of a view of the board.
+fn lens(
+    cam_from_board: &Pose,
+    seen: &[Correspondence],
+    camera: &Camera,
+    rows: &[f64],
+) -> Option<Matrix6xX<f64>> {
+    let common = Common { intrinsics: Some(rows), scale_sigma: [0.0; 2] };
+    let dependence = Dependence::at(&Minimum::assumed(cam_from_board), &Problem::new(seen, camera), &common);
+    Some(Matrix6xX::from_columns(dependence.ok()?.by_intrinsics()))
 }
 
 /// Information of small left motions of `cam_from_board`, summed about the points' centre and carried to the camera.

@@ -1,7 +1,7 @@
 //! Other dimensions of a target, one change at a time: which would help?
 
+use super::expect::Optics;
 use super::volume::{Outlook, Shape, Volume, outlook, poses};
-use crate::Camera;
 use crate::target::{LinePlusOne, Target};
 
 /// One dimension of a target changed; keys as in target.toml.
@@ -98,10 +98,10 @@ pub struct Tried {
 }
 
 /// Every change over `n` views of the volume, the best first by [`cost`].
-pub fn tried(target: &Target, camera: &Camera, sigma_px: f64, volume: &Volume, n: usize) -> Vec<Tried> {
+pub fn tried(target: &Target, optics: &Optics, volume: &Volume, n: usize) -> Vec<Tried> {
     let one = |change: Change| {
         let shape = Shape::of(&change.target);
-        Tried { outlook: outlook(&shape, camera, sigma_px, &poses(&shape, camera, volume, n)), change }
+        Tried { outlook: outlook(&shape, optics, &poses(&shape, optics.camera, volume, n)), change }
     };
     let mut all: Vec<Tried> = changes(target).into_iter().map(one).collect();
     all.sort_by(|a, b| cost(&a.outlook).total_cmp(&cost(&b.outlook)));

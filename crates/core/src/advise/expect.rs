@@ -1,10 +1,12 @@
 //! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
 
-use crate::locate::choose::{AMBIGUITY_GATE_CHI2, DUPLICATE_SIGMAS, Minimum};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, DUPLICATE_SIGMAS, Minimum, UNCERTAIN_GATE_CHI2};
+use crate::locate::common::{Common, Dependence};
 use crate::locate::curvature::with_curvature;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, refine};
 use crate::locate::{Config, locate};
+use crate::pose::symmetric;
 use crate::solve::line_plus_one::Weakness;
 use crate::statistics::normal::upper_tail;
 use crate::target::KnownPoint;
@@ -21,6 +23,34 @@ pub struct View<'a> {
     pub points: &'a [KnownPoint],
     /// Standard deviation of each pixel coordinate.
     pub sigma_px: f64,
+    /// Covariance of the camera's intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    pub intrinsics_covariance: Option<&'a [f64]>,
+}
+
+/// A camera, how well points are found in its image, and how well it is known.
+#[derive(Debug, Clone, Copy)]
+pub struct Optics<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Standard deviation of each pixel coordinate.
+    pub sigma_px: f64,
+    /// As of [`View::intrinsics_covariance`].
+    pub intrinsics_covariance: Option<&'a [f64]>,
+}
+
+impl<'a> Optics<'a> {
+    /// What it sees from a pose.
+    pub fn view(&self, cam_from_target: Pose, points: &'a [KnownPoint]) -> View<'a> {
+        let Optics { camera, sigma_px, intrinsics_covariance } = *self;
+        View { camera, cam_from_target, points, sigma_px, intrinsics_covariance }
+    }
+}
+
+impl<'a> View<'a> {
+    /// How `locate` takes such an image.
+    pub(crate) fn config(&self) -> Config<'a> {
+        Config { intrinsics_covariance: self.intrinsics_covariance, ..Config::default() }
+    }
 }
 
 /// Why the first-order figures of a view are not to be trusted.
@@ -52,14 +82,20 @@ pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 /// What a view will be worth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expectation {
-    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound.
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound of the pixels, and what
+    /// uncertain intrinsics add.
     pub covariance: Matrix6,
-    /// The same, widened by the bend of the likelihood: what `locate` will state on average.
+    /// The same if the intrinsics were exact.
+    pub exact_intrinsics_covariance: Matrix6,
+    /// `covariance`, widened by the bend of the likelihood: what `locate` will state on average.
     pub stated_covariance: Matrix6,
     /// Greatest standard deviation that the bend adds, as a factor of the first-order one: 1 where nothing is bent.
     pub bend_ratio: f64,
-    /// How far apart the nearest other pose shows the points, in standard deviations of the pixels; infinite where there is none.
+    /// How far apart the nearest other pose shows the points, in standard deviations of the pixels, what uncertain intrinsics would explain of
+    /// it left out; infinite where there is none.
     pub separation_sigma: f64,
+    /// Where the two poses are as probable as `locate` will call ambiguous: its gate of Δχ².
+    pub gate_chi2: f64,
     /// What makes a line and one point off it weak from here.
     pub weakness: Option<Weakness>,
 }
@@ -67,7 +103,7 @@ pub struct Expectation {
 impl Expectation {
     /// How probable it is that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
     pub fn chance_ambiguous(&self) -> f64 {
-        chance_below(self.separation_sigma, AMBIGUITY_GATE_CHI2)
+        chance_below(self.separation_sigma, self.gate_chi2)
     }
 
     /// How probable it is that the wrong pose will fit better: docs/math/advise.md eq. (4).
@@ -126,23 +162,31 @@ pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspon
 /// points on a line, …
 pub fn expect(view: &View) -> Result<Expectation, Error> {
     let seen = correspondences_in_view(view).ok_or_else(|| out_of_view(view))?;
-    let estimate = locate(&seen, view.camera, &Config::default())?;
+    let estimate = locate(&seen, view.camera, &view.config())?;
     let minimum = refine(&view.cam_from_target, &seen, view.camera)?;
     let turns: f64 = (0..3).map(|i| minimum.covariance[(i, i)]).sum();
     let is_other =
         |m: &Minimum| DUPLICATE_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target);
     let others = estimate.minima().map(|h| h.minimum).filter(is_other);
     let nearest = others.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let stated_covariance = with_curvature(&minimum, &Problem::new(&seen, view.camera));
-    let bend_ratio = greatest_ratio(&stated_covariance, &minimum.covariance);
+    let problem = Problem::new(&seen, view.camera);
+    let by_pixels = with_curvature(&minimum, &problem);
+    let bend_ratio = greatest_ratio(&by_pixels, &minimum.covariance);
     if !bend_ratio.is_finite() {
         return Err(OVERFLOW);
     }
+    let common = Common { intrinsics: view.intrinsics_covariance, scale_sigma: [0.0; 2] };
+    let lens = Dependence::at(&minimum, &problem, &common)?;
     Ok(Expectation {
-        covariance: minimum.covariance,
-        stated_covariance,
+        covariance: symmetric(&(minimum.covariance + lens.share(&minimum.covariance))),
+        exact_intrinsics_covariance: minimum.covariance,
+        stated_covariance: symmetric(&(by_pixels + lens.share(&by_pixels))),
         bend_ratio,
         separation_sigma: nearest.map_or(f64::INFINITY, |m| m.chi2.max(0.0).sqrt()),
+        gate_chi2: match view.intrinsics_covariance {
+            None => AMBIGUITY_GATE_CHI2,
+            Some(_) => UNCERTAIN_GATE_CHI2,
+        },
         weakness: estimate.weakness,
     })
 }

@@ -6,9 +6,10 @@ use super::expect::{
 use super::ground::GroundLength;
 use crate::least_squares::PivotedPose;
 use crate::locate::choose::{DUPLICATE_SIGMAS, Minimum};
+use crate::locate::common::{Common, Dependence};
+use crate::locate::locate;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, normal_equations};
-use crate::locate::{Config, locate};
 use crate::target::KnownPoint;
 use crate::{Error, Matrix6, Point};
 use nalgebra::{Matrix2, Matrix2x6, Vector2};
@@ -53,6 +54,10 @@ pub struct NextPoint<'a> {
     information: Matrix6,
     /// The other poses that the points so far leave possible.
     alternatives: Vec<Minimum>,
+    /// The pose assumed.
+    at: Minimum,
+    /// How the points so far depend on the intrinsics.
+    lens: Dependence,
 }
 
 impl<'a> NextPoint<'a> {
@@ -62,7 +67,7 @@ impl<'a> NextPoint<'a> {
     /// Those of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is out of sight.
     pub fn new(view: View<'a>) -> Result<Self, Error> {
         let seen = correspondences_in_view(&view).ok_or_else(|| super::expect::out_of_view(&view))?;
-        let estimate = locate(&seen, view.camera, &Config::default())?;
+        let estimate = locate(&seen, view.camera, &view.config())?;
         let pivot = centroid(&seen);
         let place = PivotedPose::new(&view.cam_from_target, &pivot);
         let normal = normal_equations(&place, &pivot, &Problem::new(&seen, view.camera));
@@ -72,12 +77,15 @@ impl<'a> NextPoint<'a> {
             DUPLICATE_SIGMAS * turns.sqrt() < m.cam_from_target.angle_to_rad(&view.cam_from_target)
         };
         let alternatives = estimate.minima().map(|h| h.minimum).filter(is_other).collect();
-        Ok(NextPoint { view, pivot, place, information, alternatives })
+        let at = Minimum::assumed(&view.cam_from_target);
+        let common = Common { intrinsics: view.intrinsics_covariance, scale_sigma: [0.0; 2] };
+        let lens = Dependence::at(&at, &Problem::new(&seen, view.camera), &common)?;
+        Ok(NextPoint { view, pivot, place, information, alternatives, at, lens })
     }
 
     /// The covariance by the points so far; none where they do not determine the pose.
     pub fn covariance(&self) -> Option<Matrix6> {
-        self.at_camera(&self.information)
+        self.at_camera(&self.information, &self.lens)
     }
 
     /// What a further point would make of it; none where the camera cannot see it.
@@ -85,7 +93,8 @@ impl<'a> NextPoint<'a> {
         let c = correspondence_of(&self.view, further)?;
         let problem = Problem::new(core::slice::from_ref(&c), self.view.camera);
         let added = normal_equations(&self.place, &self.pivot, &problem)?.information();
-        let covariance = self.at_camera(&(self.information + added))?;
+        let lens = self.lens.and(&self.at, &c, &problem)?;
+        let covariance = self.at_camera(&(self.information + added), &lens)?;
         let separation = |m: &Minimum| self.separation_squared(m, further, &c.pixel);
         let least = self.alternatives.iter().map(separation).fold(f64::INFINITY, f64::min);
         Some(Gain { covariance, separation_sigma: least.max(0.0).sqrt() })
@@ -101,12 +110,13 @@ impl<'a> NextPoint<'a> {
         keyed.into_iter().map(|(_, _, i, gain)| (i, gain)).collect()
     }
 
-    /// The covariance of left motions from the information about the pivot: docs/math/refine.md eq. (7).
-    fn at_camera(&self, information: &Matrix6) -> Option<Matrix6> {
+    /// The covariance of left motions from the information about the pivot, docs/math/refine.md eq. (7), and what the intrinsics add, eq. (9).
+    fn at_camera(&self, information: &Matrix6, lens: &Dependence) -> Option<Matrix6> {
         let about_pivot = information.cholesky()?.inverse();
         let mut u = Matrix6::identity();
         u.fixed_view_mut::<3, 3>(3, 0).copy_from(&self.place.pivot_in_cam.cross_matrix());
         let covariance = crate::pose::symmetric(&(u * about_pivot * u.transpose()));
+        let covariance = crate::pose::symmetric(&(covariance + lens.share(&covariance)));
         covariance.sum().is_finite().then_some(covariance)
     }
 

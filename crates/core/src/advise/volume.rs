@@ -1,9 +1,9 @@
 //! A target over a volume: views of every distance, tilt, roll and place in the image, and what they are worth.
 //! docs/math/advise.md section 5.
 
-use super::expect::{ALLOWED_BEND, Expectation, View, correspondences_in_view, expect, worst_sigmas};
+use super::expect::{ALLOWED_BEND, Expectation, Optics, View, correspondences_in_view, expect, worst_sigmas};
 use crate::locate::choose::Ambiguity;
-use crate::locate::{Config, locate};
+use crate::locate::locate;
 use crate::statistics::SplitMix64;
 use crate::target::{KnownPoint, Target};
 use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
@@ -90,7 +90,8 @@ pub fn poses(shape: &Shape, camera: &Camera, volume: &Volume, n: usize) -> Vec<O
             let pixel = pixel_of_image_share(camera, 0.5 + (u - 0.5) * outwards, 0.5 + (v - 0.5) * outwards);
             let centre_in_cam = camera.bearing(&pixel).ok()?.into_inner() * distance_m;
             let cam_from_target = shape.cam_from_target(&centre_in_cam, tilt_rad, direction_rad, roll_rad);
-            let view = View { camera, cam_from_target, points: &shape.points, sigma_px: 1.0 };
+            let optics = Optics { camera, sigma_px: 1.0, intrinsics_covariance: None };
+            let view = optics.view(cam_from_target, &shape.points);
             correspondences_in_view(&view).map(|_| cam_from_target)
         })
     };
@@ -129,6 +130,8 @@ pub struct Outlook {
     pub rotation_rad: Option<Spread>,
     /// Greatest standard deviation of the camera's position, metres.
     pub position_m: Option<Spread>,
+    /// The same if the intrinsics were exact; none where they are.
+    pub position_exact_intrinsics_m: Option<Spread>,
     /// Share of the answers, 0 to 1, that will be `ambiguous`.
     pub ambiguous: f64,
     /// Share of the answers whose first pose will be the wrong one.
@@ -141,19 +144,26 @@ pub struct Outlook {
 const DRAWS: usize = 12;
 
 /// What a target is worth over views of it; none stands for a view in which it cannot be seen.
-pub fn outlook(shape: &Shape, camera: &Camera, sigma_px: f64, views: &[Option<Pose>]) -> Outlook {
+///
+/// Images of views whose likelihood is bent are drawn through the lens as it is stated; the covariance that they are given holds its uncertainty.
+pub fn outlook(shape: &Shape, optics: &Optics, views: &[Option<Pose>]) -> Outlook {
     let mut chance = SplitMix64::scattered(0x5EED);
     let (mut tally, mut n_out_of_view, mut n_undetermined) = (Tally::default(), 0, 0);
     for pose in views {
-        let view =
-            pose.map(|cam_from_target| View { camera, cam_from_target, points: &shape.points, sigma_px });
+        let view = pose.map(|cam_from_target| optics.view(cam_from_target, &shape.points));
         let Some((view, seen)) = view.and_then(|view| Some((view, correspondences_in_view(&view)?))) else {
             n_out_of_view += 1;
             continue;
         };
         match expect(&view) {
-            Ok(e) if e.bend_ratio <= ALLOWED_BEND => tally.predicted(&e),
-            Ok(_) => tally.tried(&view, &seen, &mut chance),
+            Ok(e) => {
+                let exact = worst_sigmas(&e.exact_intrinsics_covariance).1;
+                tally.exact_places.extend(optics.intrinsics_covariance.map(|_| (exact, 1.0)));
+                match e.bend_ratio <= ALLOWED_BEND {
+                    true => tally.predicted(&e),
+                    false => tally.tried(&view, &seen, &mut chance),
+                }
+            }
             Err(_) => n_undetermined += 1,
         }
     }
@@ -165,6 +175,7 @@ pub fn outlook(shape: &Shape, camera: &Camera, sigma_px: f64, views: &[Option<Po
 struct Tally {
     turns: Vec<(f64, f64)>,
     places: Vec<(f64, f64)>,
+    exact_places: Vec<(f64, f64)>,
     ambiguous: f64,
     wrong: f64,
     first_order_fails: f64,
@@ -188,7 +199,7 @@ impl Tally {
         self.n += 1.0;
         for _ in 0..DRAWS {
             let Some(seen) = disturbed(view, exact, chance) else { continue };
-            let Ok(answer) = locate(&seen, view.camera, &Config::default()) else { continue };
+            let Ok(answer) = locate(&seen, view.camera, &view.config()) else { continue };
             let off = |pose: &Pose| pose.angle_to_rad(&view.cam_from_target);
             let nearer = |pose: &Pose| off(pose) < off(&answer.cam_from_target);
             let is_wrong = answer.minima().any(|h| nearer(&h.minimum.cam_from_target));
@@ -216,6 +227,7 @@ impl Tally {
             n_undetermined,
             rotation_rad,
             position_m,
+            position_exact_intrinsics_m: spread(self.exact_places),
             ambiguous,
             wrong,
             first_order_fails,

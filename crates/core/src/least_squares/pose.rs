@@ -176,19 +176,25 @@ impl NormalEquations {
         let share = (Matrix6::identity() + information * covariance).try_inverse()?;
         let eliminated = share * gradient;
         let information = share * information;
+        let chi2 = self.chi2 - gradient.dot(&(covariance * eliminated));
+        Some(NormalEquations::from_parts(chi2, &eliminated, &information))
+    }
+
+    /// From χ², Jᵀr and JᵀJ, which rounding may have left not quite symmetric.
+    pub(crate) fn from_parts(chi2: f64, gradient: &Vector6, information: &Matrix6) -> Self {
         let symmetric = |at: usize| {
             let entry =
                 |i: usize, j: usize| 0.5 * (information[(at + i, at + j)] + information[(at + j, at + i)]);
             Symmetric3([entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)])
         };
-        Some(NormalEquations {
-            chi2: self.chi2 - gradient.dot(&(covariance * eliminated)),
-            gradient_rotation: eliminated.fixed_rows::<3>(0).into(),
-            gradient_translation: eliminated.fixed_rows::<3>(3).into(),
+        NormalEquations {
+            chi2,
+            gradient_rotation: gradient.fixed_rows::<3>(0).into(),
+            gradient_translation: gradient.fixed_rows::<3>(3).into(),
             rotation_rotation: symmetric(0),
             rotation_translation: information.fixed_view::<3, 3>(0, 3).into(),
             translation_translation: symmetric(3),
-        })
+        }
     }
 
     /// Jᵀr.

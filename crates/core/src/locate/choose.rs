@@ -24,6 +24,13 @@ pub struct Minimum {
 }
 
 impl Minimum {
+    /// A pose that is assumed, nothing seen yet.
+    #[cfg(feature = "std")]
+    pub(crate) fn assumed(cam_from_target: &Pose) -> Self {
+        let (covariance, cam_from_target) = (Matrix6::zeros(), *cam_from_target);
+        Minimum { cam_from_target, covariance, chi2: 0.0, rms_px: 0.0, log_determinant: 0.0 }
+    }
+
     /// Minus twice its log-likelihood, up to a constant.
     pub(crate) fn cost(&self) -> f64 {
         self.chi2 + self.log_determinant

@@ -55,6 +55,7 @@ impl Common<'_> {
 }
 
 /// How the residual depends on the common parameters at one minimum. Rows and columns beyond them are zero.
+#[derive(Clone)]
 pub(crate) struct Dependence {
     /// Columns of G.
     by_parameter: [Vector6; MOST_COMMON],
@@ -89,6 +90,21 @@ impl Dependence {
             return Err(Error::InvalidCamera { parameter: "intrinsics covariance", seen, needed });
         }
         Ok(dependence)
+    }
+
+    /// With one more point; none where it leaves the field.
+    #[cfg(feature = "std")]
+    pub(crate) fn and(&self, m: &Minimum, c: &Correspondence, problem: &Problem) -> Option<Self> {
+        let mut more = self.clone();
+        more.add(m, c, problem)?;
+        Some(more)
+    }
+
+    /// Columns of G by the camera's parameters; none where these are exact.
+    #[cfg(feature = "std")]
+    pub(crate) fn by_intrinsics(&self) -> &[Vector6] {
+        let n = if self.has_intrinsics { self.n_parameters.saturating_sub(2) } else { 0 };
+        &self.by_parameter[..n]
     }
 
     fn none(has_intrinsics: bool) -> Self {

@@ -4,6 +4,7 @@
 //! other minima, verdict.
 //! Derivation: docs/math/rig_pose.md.
 
+mod uncertain_lens;
 mod cost;
 mod starts;
 mod check;
@@ -38,8 +39,18 @@ pub struct RigView<'a> {
     /// independent of the other cameras'; none when exact.
     /// Its share enters the weights, the covariance and the consistency verdict.
     pub cam_from_rig_covariance: Option<Matrix6>,
+    /// Covariance of this camera's intrinsics, row by row, in the order of `Camera::parameters`, taken as independent of the other cameras';
+    /// none when exact. Its share enters the weights, the covariance and the consistency verdict.
+    pub intrinsics_covariance: Option<&'a [f64]>,
     /// Known points and where this camera sees them; may be empty.
     pub seen: &'a [Correspondence],
+}
+
+impl RigView<'_> {
+    /// Whether its place and its intrinsics are.
+    fn is_exact(&self) -> bool {
+        self.cam_from_rig_covariance.is_none() && self.intrinsics_covariance.is_none()
+    }
 }
 
 /// A minimum of the rig's reprojection error.
@@ -101,7 +112,7 @@ pub struct RigPoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances.
+    /// Sum of squared residuals over their variances, those of uncertain places and intrinsics included.
     pub chi2: f64,
     /// 2 n − 6.
     pub degrees_of_freedom: usize,
@@ -131,7 +142,8 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let n_cameras = views.iter().filter(|view| !view.seen.is_empty()).count();
     if let (1, Some(view)) = (n_cameras, views.iter().find(|view| !view.seen.is_empty())) {
         let camera = views.iter().position(|v| core::ptr::eq(v, view)).unwrap_or(0);
-        let found = locate(view.seen, view.camera, &Config::default())?;
+        let config = Config { intrinsics_covariance: view.intrinsics_covariance, ..Config::default() };
+        let found = locate(view.seen, view.camera, &config)?;
         return checked(seen_by_one(&found, view, camera));
     }
     let extents = check_points(cost)?;
@@ -203,7 +215,8 @@ fn minima(cost: &RigCost, extents: &Extents) -> Result<Minima, Error> {
 fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<Error> {
     let mut failure = None;
     for (chi2, start) in starts {
-        let alternative = minima.first().map(|m| m.chi2);
+        // An uncertain lens may explain what the pixels' sigmas cannot: there nothing is hopeless.
+        let alternative = minima.first().map(|m| m.chi2).filter(|_| cost.has_exact_lenses());
         if alternative.is_some_and(|alternative| alternative + HOPELESS_CHI2 < *chi2) {
             break;
         }

@@ -31,6 +31,7 @@ pub fn views_of<'a>(
         camera,
         cam_from_rig: m.cam_from_rig,
         cam_from_rig_covariance: covariance,
+        intrinsics_covariance: None,
         seen: &m.seen,
     };
     cameras.iter().map(view).collect()

@@ -106,7 +106,13 @@ pub fn solved(
     let identity = Pose::identity();
     let mut rigs: Vec<[RigView; 1]> = Vec::new();
     for seen in seen {
-        rigs.push([RigView { camera, cam_from_rig: identity, cam_from_rig_covariance: None, seen }]);
+        rigs.push([RigView {
+            camera,
+            cam_from_rig: identity,
+            cam_from_rig_covariance: None,
+            intrinsics_covariance: None,
+            seen,
+        }]);
     }
     let mut views: Vec<HandEyeView> = Vec::new();
     for (base_from_gripper, seen) in reported.iter().zip(&rigs) {

@@ -48,7 +48,8 @@ pub fn advise_boards(request: &NextBoardRequest) -> Result<BoardAdvice, Error> {
             .map_err(|reason| Error::request(format!("camera {}: {reason}", camera.name)))?;
     }
     let reference = reference(request)?;
-    let placed = placed(request, reference)?;
+    let rows: Vec<Option<Vec<f64>>> = request.cameras.iter().map(NamedCamera::intrinsics_rows).collect();
+    let placed = placed(request, reference, &rows)?;
     let shape = Shape::of(request.target);
     let plan = RigPlan { cameras: &placed, reference, board: &shape, sigma_px: request.sigma_px };
     let names = request.cameras.iter().map(|c| c.name.clone()).collect();
@@ -64,9 +65,13 @@ fn reference(request: &NextBoardRequest) -> Result<usize, Error> {
 }
 
 /// Every camera in the frame of the reference.
-fn placed<'a>(request: &NextBoardRequest<'a>, reference: usize) -> Result<Vec<RigCamera<'a>>, Error> {
+fn placed<'a>(
+    request: &NextBoardRequest<'a>,
+    reference: usize,
+    rows: &'a [Option<Vec<f64>>],
+) -> Result<Vec<RigCamera<'a>>, Error> {
     let name = &request.cameras[reference].name;
-    let one = |c: &'a NamedCamera| {
+    let one = |(c, rows): (&'a NamedCamera, &'a Option<Vec<f64>>)| {
         let cam_from_rig = match c.name == *name {
             true => Some(Pose::identity()),
             false => pose_between(request.cameras, &c.name, name),
@@ -74,9 +79,9 @@ fn placed<'a>(request: &NextBoardRequest<'a>, reference: usize) -> Result<Vec<Ri
         let unknown =
             || format!("nothing says where camera `{}` is relative to `{name}`; about is enough", c.name);
         let cam_from_rig = cam_from_rig.ok_or_else(|| Error::request(unknown()))?;
-        Ok(RigCamera { camera: &c.camera, cam_from_rig })
+        Ok(RigCamera { camera: &c.camera, cam_from_rig, intrinsics_covariance: rows.as_deref() })
     };
-    request.cameras.iter().map(one).collect()
+    request.cameras.iter().zip(rows).map(one).collect()
 }
 
 struct Planning<'a> {
@@ -125,6 +130,7 @@ impl Planning<'_> {
             let figures = CameraFigures {
                 determined: c.is_determined,
                 sigma_position_m: c.position_m,
+                sigma_position_exact_intrinsics_m: c.position_exact_intrinsics_m,
                 sigma_rotation_rad: c.rotation_rad,
             };
             (self.names[c.camera].clone(), figures)

@@ -5,7 +5,7 @@ mod boards;
 pub use boards::BoardMaps;
 
 use super::heat::{Figure, HeatMap, MapMarker, MapMarkerKind, Under};
-use crate::core::advise::expect::{NEEDED_SEPARATION_SIGMA, View, expect, worst_sigmas};
+use crate::core::advise::expect::{NEEDED_SEPARATION_SIGMA, Optics, View, expect, worst_sigmas};
 use crate::core::advise::ground::Plane;
 use crate::core::advise::point::{Aim, NextPoint};
 use crate::core::advise::volume::{Shape, Volume};
@@ -221,10 +221,8 @@ const MOST_BENT: f64 = 1.5;
 pub struct TargetMaps<'a> {
     /// The target.
     pub shape: &'a Shape,
-    /// The camera.
-    pub camera: &'a Camera,
-    /// Standard deviation of each pixel coordinate.
-    pub sigma_px: f64,
+    /// The camera, and how well it is known.
+    pub optics: Optics<'a>,
     /// Where the camera may be.
     pub volume: Volume,
 }
@@ -232,12 +230,7 @@ pub struct TargetMaps<'a> {
 impl TargetMaps<'_> {
     /// 2σ of the camera's position; none out of sight, where answers will be ambiguous, or where the likelihood is badly bent.
     fn value(&self, cam_from_target: Pose) -> Option<f64> {
-        let view = View {
-            camera: self.camera,
-            cam_from_target,
-            points: &self.shape.points,
-            sigma_px: self.sigma_px,
-        };
+        let view = self.optics.view(cam_from_target, &self.shape.points);
         let e = expect(&view).ok()?;
         let is_clear = NEEDED_SEPARATION_SIGMA <= e.separation_sigma && e.bend_ratio < MOST_BENT;
         is_clear.then(|| 2.0 * worst_sigmas(&e.stated_covariance).1)
@@ -249,11 +242,11 @@ impl TargetMaps<'_> {
 
     /// Over the image: the target's centre at the pixel, at the middle distance, tilt and direction of the volume.
     pub fn over_image(&self) -> Option<HeatMap> {
-        let (columns, centres, under) = image_cells(self.camera)?;
+        let (columns, centres, under) = image_cells(self.optics.camera)?;
         let v = &self.volume;
         let [distance_m, tilt, direction] = [v.distance_m, v.tilt_rad, v.direction_rad].map(Self::middle);
         let at = |c: &[f64; 2]| {
-            let ray = self.camera.bearing(&Pixel::new(c[0], c[1])).ok()?.into_inner();
+            let ray = self.optics.camera.bearing(&Pixel::new(c[0], c[1])).ok()?.into_inner();
             self.value(self.shape.cam_from_target(&(ray * distance_m), tilt, direction, 0.0))
         };
         let values = centres.iter().map(at).collect();

@@ -38,6 +38,8 @@ pub enum AimFor {
 pub struct NextPointRequest<'a> {
     /// The camera.
     pub camera: &'a Camera,
+    /// Covariance of its intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    pub intrinsics_covariance: Option<&'a [f64]>,
     /// Points measured so far.
     pub points: &'a [MeasuredPoint],
     /// Standard deviation of u and v.
@@ -107,7 +109,9 @@ fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, E
         Ok(Correspondence { sigma_m: point.known.sigma_m, ..c })
     };
     let seen: Vec<Correspondence> = request.points.iter().map(one).collect::<Result<_, Error>>()?;
-    let answer = locate(&seen, request.camera, &Config::default())
+    let intrinsics_covariance = request.intrinsics_covariance;
+    let config = Config { intrinsics_covariance, ..Config::default() };
+    let answer = locate(&seen, request.camera, &config)
         .map_err(|reason| Error::request(format!("the control points' pixels give no pose: {reason}")))?;
     let all: Vec<Pose> =
         answer.minima().filter(|h| h.is_alternative).map(|h| h.minimum.cam_from_target).collect();
@@ -149,6 +153,7 @@ impl Question<'_> {
             cam_from_target: self.cam_from_target,
             points,
             sigma_px: self.request.sigma_px,
+            intrinsics_covariance: self.request.intrinsics_covariance,
         }
     }
 

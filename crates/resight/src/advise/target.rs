@@ -4,6 +4,7 @@ use super::maps::TargetMaps;
 use crate::Error;
 use crate::answer::advise::{OutlookObject, TargetAdvice, TargetChange, VolumeOutlook};
 use crate::answer::{SchemaNumber, Status};
+use crate::core::advise::Optics;
 use crate::core::advise::change::{Tried, cost, tried};
 use crate::core::advise::volume::{Outlook, Shape, Volume, outlook, poses};
 use crate::core::{Camera, Target};
@@ -20,6 +21,8 @@ const PARTS: usize = 3;
 pub struct TargetRequest<'a> {
     /// The camera.
     pub camera: &'a Camera,
+    /// Covariance of its intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    pub intrinsics_covariance: Option<&'a [f64]>,
     /// The target.
     pub target: &'a Target,
     /// Standard deviation of u and v.
@@ -36,14 +39,15 @@ pub struct TargetRequest<'a> {
 /// A camera without an image size.
 pub fn advise_target(request: &TargetRequest) -> Result<TargetAdvice, Error> {
     super::must_have_image(request.camera)?;
-    let TargetRequest { camera, target, sigma_px, volume, pictures } = *request;
+    let TargetRequest { camera, target, sigma_px, volume, pictures, intrinsics_covariance } = *request;
+    let optics = Optics { camera, sigma_px, intrinsics_covariance };
     let shape = Shape::of(target);
-    let over = |volume: &Volume, n| outlook(&shape, camera, sigma_px, &poses(&shape, camera, volume, n));
+    let over = |volume: &Volume, n| outlook(&shape, &optics, &poses(&shape, camera, volume, n));
     let whole = over(&volume, VIEWS);
     let parts = parts(&volume).into_iter().map(|part| row(&part, &over(&part, VIEWS_OF_PART)));
-    let all = tried(target, camera, sigma_px, &volume, VIEWS_OF_CHANGE);
+    let all = tried(target, &optics, &volume, VIEWS_OF_CHANGE);
     let changes = all.into_iter().enumerate().map(|(i, tried)| change(i + 1, tried, &whole)).collect();
-    let maps = TargetMaps { shape: &shape, camera, sigma_px, volume };
+    let maps = TargetMaps { shape: &shape, optics, volume };
     Ok(TargetAdvice {
         target: (target.kind(), shape.points.len()),
         outlooks: std::iter::once(row(&volume, &whole)).chain(parts).collect(),

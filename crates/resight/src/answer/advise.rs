@@ -16,6 +16,9 @@ use std::collections::BTreeMap;
 pub struct Figures {
     /// Greatest of the camera's position over all directions; null where the points do not determine it.
     pub sigma_position_m: Option<f64>,
+    /// The same if the camera's intrinsics were exact; only where they are not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_position_exact_intrinsics_m: Option<f64>,
     /// Greatest of its rotation over all axes.
     pub sigma_rotation_rad: Option<f64>,
     /// Of the length asked for.
@@ -40,8 +43,11 @@ impl Figures {
     ) -> Self {
         let (rotation, place) = crate::core::advise::expect::worst_sigmas(&e.covariance);
         let first_order_limits = first_order_limits(&e.first_order_limits());
+        let exact = crate::core::advise::expect::worst_sigmas(&e.exact_intrinsics_covariance).1;
         Figures {
             sigma_position_m: Some(place),
+            sigma_position_exact_intrinsics_m: (e.covariance != e.exact_intrinsics_covariance)
+                .then_some(exact),
             sigma_rotation_rad: Some(rotation),
             sigma_length_m,
             separation_sigma: Some(e.separation_sigma).filter(|d| d.is_finite()),
@@ -172,6 +178,9 @@ pub struct OutlookObject {
     pub n_undetermined: usize,
     /// Of the camera's position, worst direction, over the views.
     pub sigma_position_m: Option<SpreadObject>,
+    /// Of the camera's position if its intrinsics were exact; only where they are not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_position_exact_intrinsics_m: Option<SpreadObject>,
     /// Of its rotation, worst axis.
     pub sigma_rotation_rad: Option<SpreadObject>,
     /// Share of answers that will be ambiguous.
@@ -189,6 +198,7 @@ impl From<&Outlook> for OutlookObject {
             n_out_of_view: o.n_out_of_view,
             n_undetermined: o.n_undetermined,
             sigma_position_m: o.position_m.map(SpreadObject::from),
+            sigma_position_exact_intrinsics_m: o.position_exact_intrinsics_m.map(SpreadObject::from),
             sigma_rotation_rad: o.rotation_rad.map(SpreadObject::from),
             ambiguous: o.ambiguous,
             wrong: o.wrong,
@@ -264,6 +274,9 @@ pub struct CameraFigures {
     pub determined: bool,
     /// Worst direction, relative to the reference.
     pub sigma_position_m: f64,
+    /// The same if all intrinsics were exact; only where some are not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_position_exact_intrinsics_m: Option<f64>,
     /// Worst axis.
     pub sigma_rotation_rad: f64,
 }

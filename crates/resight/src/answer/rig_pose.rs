@@ -2,8 +2,8 @@
 
 use super::pose::rows;
 use super::{SchemaNumber, Status, TransformObject};
+use crate::core::Pose;
 use crate::core::multiview::rig_pose::{RigAmbiguity, RigPoseEstimate};
-use crate::core::{Matrix6, Pose};
 use crate::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -123,9 +123,12 @@ impl RigPoseAnswer {
         }
     }
 
-    pub(crate) fn with_estimate(self, e: &RigPoseEstimate, lens: Option<Matrix6>) -> Self {
-        let covariance = e.covariance + lens.unwrap_or_else(Matrix6::zeros);
-        let (sigma_rad, sigma_m) = sigmas(&covariance);
+    pub(crate) fn with_estimate(
+        self,
+        e: &RigPoseEstimate,
+        sigma_exact_intrinsics_m: Option<[f64; 3]>,
+    ) -> Self {
+        let (sigma_rad, sigma_m) = sigmas(&e.covariance);
         let ambiguity = match e.ambiguity {
             RigAmbiguity::Unique { ratio } => RigAmbiguityObject { verdict: "unique", ratio, other: None },
             RigAmbiguity::Ambiguous { ratio, other } => RigAmbiguityObject {
@@ -137,10 +140,10 @@ impl RigPoseAnswer {
         RigPoseAnswer {
             rig_from_target: Some(e.rig_from_target.into()),
             target_from_rig: Some(e.rig_from_target.inverse().into()),
-            covariance: Some(rows(&covariance)),
+            covariance: Some(rows(&e.covariance)),
             sigma_rad: Some(sigma_rad),
             sigma_m: Some(sigma_m),
-            sigma_exact_intrinsics_m: lens.map(|_| sigmas(&e.covariance).1),
+            sigma_exact_intrinsics_m,
             rms_px: Some(e.rms_px),
             chi2: Some(e.chi2),
             degrees_of_freedom: Some(e.degrees_of_freedom),

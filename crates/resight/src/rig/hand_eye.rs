@@ -5,12 +5,11 @@ use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
 use super::{NamedRig, uncertain_lens};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
 use crate::core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
-use crate::core::multiview::rig::Observation;
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Camera, Correspondence, Error as MathError, Pose};
 use crate::error::Error;
 use crate::report::rig::rig_verdict_sentence;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// What a camera or rig observed while the robot moved.
 #[derive(Debug, Clone)]
@@ -78,7 +77,7 @@ fn from_points(
     config: &HandEyeConfig,
 ) -> Result<HandEyeAnswer, Error> {
     let rig = observed.gathered.rig.clone();
-    let (cam_from_rig, rig_contradiction) = match cameras(observed) {
+    let (cam_from_rig, rig_contradiction) = match cameras(observed.clone()) {
         Ok(placed) => placed,
         Err(unsolved) => return Ok(HandEyeAnswer::Unsolved(unsolved)),
     };
@@ -90,51 +89,83 @@ fn from_points(
     }
     let without_pose = |view: &String| ViewPoses { view: view.clone(), candidates: Vec::new() };
     let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect());
-    let solve = |rig: &NamedRig| {
-        let of_view = |robot_view: &RobotView| -> Vec<RigView> {
-            let number = rig.views.iter().position(|view| *view == robot_view.view);
-            let observations = rig.observations.iter().filter(|s| Some(s.view) == number);
-            let view = observations.map(|s| RigView {
-                camera: &rig.lenses[s.camera],
-                cam_from_rig: cam_from_rig[s.camera],
-                cam_from_rig_covariance: None,
-                seen: &s.seen,
-            });
-            view.collect()
-        };
-        let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
-        let views: Vec<HandEyeView> =
-            robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
-        solve_hand_eye(&views, config)
-    };
-    let mut solution = solve(&rig);
-    if let (Ok(found), [camera]) = (&mut solution, &rig.cameras[..]) {
-        let start = found.clone();
-        let through = |lens: &Camera| {
-            let other = solve(&through(&rig, lens)?).ok()?;
-            let by_camera = (other.cam_from_carrier * start.cam_from_carrier.inverse()).log();
-            let by_target = (other.holder_from_target * start.holder_from_target.inverse()).log();
-            Some(DVector::from_iterator(12, by_camera.iter().chain(&by_target).copied()))
-        };
-        if let Some(share) = uncertain_lens::share(camera, through) {
-            found.carrier_covariance += share.fixed_view::<6, 6>(0, 0);
-            found.holder_covariance += share.fixed_view::<6, 6>(6, 6);
-            found.joint_covariance += share;
-        }
+    let mut solution = mounted(&rig, &cam_from_rig, &robot_views, config);
+    if let Ok(found) = &mut solution
+        && let Some(share) = lens_share(found, &observed, &robot_views, config)
+    {
+        found.carrier_covariance += share.fixed_view::<6, 6>(0, 0);
+        found.holder_covariance += share.fixed_view::<6, 6>(6, 6);
+        found.joint_covariance += share;
     }
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
     let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction };
     Ok(answer(solution, named))
 }
 
-/// The same points through another lens of the only camera; none where one of them lies beyond its field.
-fn through(rig: &NamedRig, lens: &Camera) -> Option<NamedRig> {
-    let again = |c: &Correspondence| Some(Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c });
-    let observation = |s: &Observation| -> Option<Observation> {
-        Some(Observation { seen: s.seen.iter().map(again).collect::<Option<_>>()?, ..*s })
+/// Hand–eye of a rig whose cameras are at known places in it.
+fn mounted(
+    rig: &NamedRig,
+    cam_from_rig: &[Pose],
+    robot_views: &[RobotView],
+    config: &HandEyeConfig,
+) -> Result<HandEye, MathError> {
+    let of_view = |robot_view: &RobotView| -> Vec<RigView> {
+        let number = rig.views.iter().position(|view| *view == robot_view.view);
+        let observations = rig.observations.iter().filter(|s| Some(s.view) == number);
+        let view = observations.map(|s| RigView {
+            camera: &rig.lenses[s.camera],
+            cam_from_rig: cam_from_rig[s.camera],
+            cam_from_rig_covariance: None,
+            // One error for all views: `lens_share` adds it once, at the end.
+            intrinsics_covariance: None,
+            seen: &s.seen,
+        });
+        view.collect()
     };
-    let observations = rig.observations.iter().map(observation).collect::<Option<_>>()?;
-    Some(NamedRig { lenses: vec![lens.clone()], observations, ..rig.clone() })
+    let rigs: Vec<Vec<RigView>> = robot_views.iter().map(of_view).collect();
+    let views: Vec<HandEyeView> = robot_views.iter().zip(&rigs).map(|(view, seen)| view.view(seen)).collect();
+    solve_hand_eye(&views, config)
+}
+
+/// What the uncertain intrinsics of each camera add, docs/math/hand_eye.md eq. (27): the rig and its mounting are found again through other
+/// lenses of it.
+fn lens_share(
+    found: &HandEye,
+    observed: &ObservedRig,
+    robot_views: &[RobotView],
+    config: &HandEyeConfig,
+) -> Option<DMatrix<f64>> {
+    let mut sum: Option<DMatrix<f64>> = None;
+    for (i, camera) in observed.gathered.rig.cameras.iter().enumerate() {
+        let through = |lens: &Camera| {
+            let again = through(observed, i, lens)?;
+            let rig = again.gathered.rig.clone();
+            let (cam_from_rig, _) = cameras(again).ok()?;
+            let other = mounted(&rig, &cam_from_rig, robot_views, config).ok()?;
+            let by_camera = (other.cam_from_carrier * found.cam_from_carrier.inverse()).log();
+            let by_target = (other.holder_from_target * found.holder_from_target.inverse()).log();
+            Some(DVector::from_iterator(12, by_camera.iter().chain(&by_target).copied()))
+        };
+        let Some(share) = uncertain_lens::share(camera, through) else { continue };
+        sum = Some(sum.map_or_else(|| share.clone(), |sum| sum + &share));
+    }
+    sum
+}
+
+/// The same points through another lens of one camera; none where one of them lies beyond its field.
+fn through(observed: &ObservedRig, camera: usize, lens: &Camera) -> Option<ObservedRig> {
+    let mut again = observed.clone();
+    let rig = &mut again.gathered.rig;
+    rig.lenses[camera] = lens.clone();
+    rig.cameras[camera].camera = lens.clone();
+    for observation in rig.observations.iter_mut().filter(|s| s.camera == camera) {
+        for c in &mut observation.seen {
+            *c = Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c };
+        }
+    }
+    // What a lens does to the places needs no covariance of them.
+    rig.cameras.iter_mut().for_each(|camera| camera.intrinsics_covariance = None);
+    Some(again)
 }
 
 /// The cameras' poses in their rig, and what contradicts in it; a single camera is its own rig.

@@ -7,10 +7,9 @@ use crate::answer::rig_pose::{RigAgreement, RigCameraFit, RigPoseAnswer};
 use crate::core::multiview::rig_pose::{
     RigAmbiguity, RigConsistency, RigPoseEstimate, RigView, locate_rig, rig_consensus,
 };
-use crate::core::{Camera, Correspondence, Error as MathError, Matrix6, Pixel, Point};
+use crate::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 use crate::report::verdict::{self, figures};
-use crate::rig::uncertain_lens::share;
-use nalgebra::DVector;
+use crate::report::words::sigmas;
 
 /// Squares of larger numbers, and their products, leave the range of numbers.
 const LARGEST: f64 = 1e60;
@@ -44,7 +43,8 @@ pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPos
         Ok(seen) => seen,
         Err(reason) => return RigPoseAnswer { message: reason, ..answer },
     };
-    let views = rig_views(rig, &seen.points);
+    let lenses: Vec<Option<Vec<f64>>> = rig.iter().map(|known| known.named.intrinsics_rows()).collect();
+    let views = rig_views(rig, &seen.points, &lenses);
     let found = match request.robust_threshold_px {
         None => locate_rig(&views).map(|estimate| (estimate, None)),
         Some(limit) => rig_consensus(&views, limit).map(|c| (c.estimate, Some(c))),
@@ -75,23 +75,30 @@ pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPos
             seen.points[c].iter().zip(&seen.rows[c]).filter(|(_, row)| used(**row)).map(|(p, _)| *p).collect()
         })
         .collect();
-    let lens = lens_share(rig, &kept, &estimate);
+    let truncation = answer.agreement.as_ref().map_or(1.0, |a| a.truncation);
+    let exact = sigma_with_exact_lenses(rig, &kept, &estimate, truncation);
     answer.cameras = (0..rig.len())
         .filter(|c| !seen.points[*c].is_empty())
         .map(|c| fit(&rig[c], &seen.points[c], &kept[c], &estimate))
         .collect();
     (answer.status, answer.message) = judged(&estimate, &answer, &seen, view, rig);
-    answer.with_estimate(&estimate, lens)
+    answer.with_estimate(&estimate, exact)
 }
 
-fn rig_views<'a>(rig: &'a [KnownCamera], points: &'a [Vec<Correspondence>]) -> Vec<RigView<'a>> {
-    let view = |(known, seen): (&'a KnownCamera, &'a Vec<Correspondence>)| RigView {
-        camera: known.camera(),
-        cam_from_rig: known.cam_from_rig,
-        cam_from_rig_covariance: known.covariance,
-        seen,
-    };
-    rig.iter().zip(points).map(view).collect()
+fn rig_views<'a>(
+    rig: &'a [KnownCamera],
+    points: &'a [Vec<Correspondence>],
+    lenses: &'a [Option<Vec<f64>>],
+) -> Vec<RigView<'a>> {
+    let view =
+        |((known, seen), lens): ((&'a KnownCamera, &'a Vec<Correspondence>), &'a Option<Vec<f64>>)| RigView {
+            camera: known.camera(),
+            cam_from_rig: known.cam_from_rig,
+            cam_from_rig_covariance: known.covariance,
+            intrinsics_covariance: lens.as_deref(),
+            seen,
+        };
+    rig.iter().zip(points).zip(lenses).map(view).collect()
 }
 
 fn seen(rig: &[KnownCamera], view: &RigPointsView, request: &RigPoseRequest) -> Result<Seen, String> {
@@ -138,33 +145,31 @@ fn correspondence(
         .map_err(|reason| format!("line {}: {reason}", row.line))
 }
 
-/// What uncertain intrinsics of the cameras that see anything add to the covariance: the rig is located again through other lenses.
-fn lens_share(
+/// Standard deviations of the rig's position if all intrinsics were exact: those of the same points where the pose puts them, so that no
+/// residual widens them which the lenses explain. None where every lens that sees anything is exact.
+fn sigma_with_exact_lenses(
     rig: &[KnownCamera],
     kept: &[Vec<Correspondence>],
     estimate: &RigPoseEstimate,
-) -> Option<Matrix6> {
-    let mut sum: Option<Matrix6> = None;
-    for (i, known) in rig.iter().enumerate().filter(|(i, _)| !kept[*i].is_empty()) {
-        let with = |lens: &Camera| {
-            let through = |c: &Correspondence| {
-                let moved = Correspondence::new(lens, c.x_in_target, c.pixel, c.sigma_px).ok()?;
-                Some(Correspondence { sigma_m: c.sigma_m, ..moved })
-            };
-            let mut points = kept.to_vec();
-            points[i] = kept[i].iter().map(through).collect::<Option<_>>()?;
-            let mut views = rig_views(rig, &points);
-            views[i].camera = lens;
-            let found = locate_rig(&views).ok()?;
-            let change = (found.rig_from_target * estimate.rig_from_target.inverse()).log();
-            Some(DVector::from_column_slice(change.as_slice()))
-        };
-        if let Some(added) = share(&known.named, with) {
-            let added = Matrix6::from_fn(|r, c| added[(r, c)]);
-            sum = Some(sum.map_or(added, |sum| sum + added));
-        }
+    truncation: f64,
+) -> Option<[f64; 3]> {
+    let is_uncertain = |(known, seen): (&KnownCamera, &Vec<Correspondence>)| {
+        known.named.intrinsics_covariance.is_some() && !seen.is_empty()
+    };
+    if !rig.iter().zip(kept).any(is_uncertain) {
+        return None;
     }
-    sum
+    let ideal = |known: &KnownCamera, c: &Correspondence| {
+        let x_in_cam = known.cam_from_rig * estimate.rig_from_target * c.x_in_target;
+        let pixel = known.camera().project(&x_in_cam)?;
+        Some(Correspondence { pixel, bearing: known.camera().bearing(&pixel).ok()?, ..*c })
+    };
+    let of_camera = |(known, seen): (&KnownCamera, &Vec<Correspondence>)| {
+        seen.iter().filter_map(|c| ideal(known, c)).collect::<Vec<_>>()
+    };
+    let points: Vec<Vec<Correspondence>> = rig.iter().zip(kept).map(of_camera).collect();
+    let exact = locate_rig(&rig_views(rig, &points, &vec![None; rig.len()])).ok()?;
+    Some(sigmas(&(exact.covariance / truncation)).1)
 }
 
 fn fit(

@@ -14,7 +14,8 @@ pub fn points(advice: &PointsAdvice) -> String {
         now.n_points,
         now.sigma_px,
         figures(&now.figures),
-        warnings(&now.figures),
+        lens(now.figures.sigma_position_m, now.figures.sigma_position_exact_intrinsics_m)
+            + &warnings(&now.figures),
         advice.aim
     );
     for s in &advice.suggestions {
@@ -48,6 +49,16 @@ fn figures(f: &Figures) -> String {
     format!("place ± {place}   rotation ± {rotation}{length}")
 }
 
+/// What uncertain intrinsics cost; nothing where they are exact.
+fn lens(now: Option<f64>, exact: Option<f64>) -> String {
+    let Some((now, exact)) = now.zip(exact) else { return String::new() };
+    format!(
+        "    the camera's intrinsics are uncertain: place ± {}, ± {} with exact ones\n",
+        sigma_m(now),
+        sigma_m(exact)
+    )
+}
+
 /// Doubts and faults, one a line.
 fn warnings(f: &Figures) -> String {
     f.layout_warnings.iter().chain(&f.first_order_limits).map(|text| format!("    ! {text}\n")).collect()
@@ -68,7 +79,11 @@ pub fn target(advice: &TargetAdvice, sigma_px: f64) -> String {
         };
         out += &outlook(&name, &row.outlook);
     }
-    out += &advice.outlooks.first().map_or(String::new(), |whole| target_remarks(&whole.outlook));
+    out += &advice.outlooks.first().map_or(String::new(), |whole| {
+        let median = |s: Option<SpreadObject>| s.map(|s| s.median);
+        let o = &whole.outlook;
+        lens(median(o.sigma_position_m), median(o.sigma_position_exact_intrinsics_m)) + &target_remarks(o)
+    });
     if !advice.changes.is_empty() {
         out += &format!("\n{}", header("changes, best first"));
     }

@@ -3,6 +3,7 @@
 use super::RigView;
 use super::cost::RigCost;
 use super::starts::Extents;
+use super::uncertain_lens;
 use crate::covariance::is_covariance;
 use crate::solve::configuration::{MIN_WIDTH, check_numbers};
 use crate::{Error, Matrix6};
@@ -38,6 +39,7 @@ pub(crate) fn check_views(views: &[RigView]) -> Result<(), Error> {
         if let Some(covariance) = &view.cam_from_rig_covariance {
             check_covariance(camera, covariance)?;
         }
+        uncertain_lens::check(view)?;
         check_numbers(view.seen).map_err(|error| in_camera(camera, error))?;
     }
     Ok(())

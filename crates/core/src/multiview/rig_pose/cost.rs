@@ -1,4 +1,4 @@
-//! The reprojection error of a rig: the residuals of all its cameras, one pose. Derivation: docs/math/rig_pose.md eqs. (1)–(6).
+//! The reprojection error of a rig: the residuals of all its cameras, one pose. Derivation: docs/math/rig_pose.md eqs. (1)–(6), (8)–(10).
 //!
 //! ```text
 //!   r = W (observed − π(x_c)),   x_c = R_c x + t_c,   x = R (X − X̄) + c,   y = x − c
@@ -6,6 +6,7 @@
 //! ```
 
 use super::RigView;
+use super::uncertain_lens::UncertainLens;
 use crate::least_squares::{NormalEquations, PivotedPose, minimize_pose};
 use crate::locate::choose::Minimum;
 use crate::locate::curvature::Cost;
@@ -39,6 +40,11 @@ impl<'a> RigCost<'a> {
         self.points().any(|(_, c)| c.sigma_m != 0.0)
     }
 
+    /// Whether every camera's intrinsics are.
+    pub fn has_exact_lenses(&self) -> bool {
+        self.views.iter().all(|view| view.intrinsics_covariance.is_none())
+    }
+
     /// The pose of one camera at which its uncertain points are weighed.
     fn weights_of(&self, view: &RigView) -> Option<Pose> {
         self.weights_at.map(|pose| view.cam_from_rig * pose)
@@ -53,7 +59,7 @@ impl<'a> RigCost<'a> {
         self.views.iter().flat_map(|view| view.seen.iter().map(move |c| (view, c)))
     }
 
-    /// χ² and root mean square distance, px, with the cameras where they are said to be; infinite where a point leaves a field.
+    /// χ² and root mean square distance, px, with the cameras where and the lenses as they are said to be; infinite where a point leaves a field.
     pub fn residual_sums(&self, rig_from_target: &Pose) -> (f64, f64) {
         let (mut chi2, mut sum) = (0.0, 0.0);
         for view in self.views {
@@ -77,7 +83,23 @@ impl<'a> RigCost<'a> {
             let cam_from_target = view.cam_from_rig * *rig_from_target;
             log_determinant(&cam_from_target, &Problem::new(view.seen, view.camera))
         };
-        self.views.iter().map(of_view).sum()
+        self.views.iter().map(of_view).sum::<f64>() + self.log_determinant_of_lenses(rig_from_target)
+    }
+
+    /// What uncertain intrinsics add to it, eq. (10).
+    fn log_determinant_of_lenses(&self, rig_from_target: &Pose) -> f64 {
+        let pivot = self.pivot();
+        let place = PivotedPose::new(rig_from_target, &pivot);
+        let of_view = |view: &RigView| {
+            let weights_at = Some(view.cam_from_rig * *rig_from_target);
+            let lens = UncertainLens::at(view, weights_at, &place, &pivot)??;
+            let Some(covariance) = &view.cam_from_rig_covariance else { return lens.log_determinant() };
+            let mut own = NormalEquations::zero();
+            add_view(&mut own, view, weights_at, &place, &pivot)?;
+            let motion = as_pivoted_motion(view, covariance, &place.pivot_in_cam);
+            lens.with_uncertain_motion(&own, &motion)?.log_determinant()
+        };
+        self.views.iter().filter_map(of_view).sum()
     }
 
     /// Refines `start` to the nearest minimum, with its covariance. A flat valley is given where the loop left it:
@@ -116,26 +138,48 @@ impl Cost for RigCost<'_> {
     fn normal_equations(&self, place: &PivotedPose, pivot: &Point) -> Option<NormalEquations> {
         let mut normal = NormalEquations::zero();
         for view in self.views {
-            match &view.cam_from_rig_covariance {
-                None => add_view(&mut normal, view, self.weights_of(view), place, pivot)?,
-                Some(covariance) => {
-                    let mut own = NormalEquations::zero();
-                    add_view(&mut own, view, self.weights_of(view), place, pivot)?;
-                    let motion = as_pivoted_motion(view, covariance, &place.pivot_in_cam);
-                    normal.merge(&own.with_uncertain_motion(&motion)?);
-                }
+            match view.is_exact() {
+                true => add_view(&mut normal, view, self.weights_of(view), place, pivot)?,
+                false => normal.merge(&view_equations(view, self.weights_of(view), place, pivot)?),
             }
         }
         normal.chi2.is_finite().then_some(normal)
     }
 
     fn chi2(&self, rig_from_target: &Pose) -> f64 {
-        if self.views.iter().all(|view| view.cam_from_rig_covariance.is_none()) {
+        if self.views.iter().all(RigView::is_exact) {
             return self.residual_sums(rig_from_target).0;
         }
         let pivot = self.pivot();
         let normal = self.normal_equations(&PivotedPose::new(rig_from_target, &pivot), &pivot);
         normal.map_or(f64::INFINITY, |normal| normal.chi2)
+    }
+}
+
+/// The equations of one camera alone, its unknown motion and its unknown intrinsics eliminated where its place or its lens is uncertain.
+fn view_equations(
+    view: &RigView,
+    weights_at: Option<Pose>,
+    place: &PivotedPose,
+    pivot: &Point,
+) -> Option<NormalEquations> {
+    let mut own = NormalEquations::zero();
+    add_view(&mut own, view, weights_at, place, pivot)?;
+    let motion = view.cam_from_rig_covariance.map(|c| as_pivoted_motion(view, &c, &place.pivot_in_cam));
+    let lens = UncertainLens::at(view, weights_at, place, pivot)?;
+    let (own, lens) = match (motion, lens) {
+        (Some(motion), lens) => {
+            let lens = match lens {
+                Some(lens) => Some(lens.with_uncertain_motion(&own, &motion)?),
+                None => None,
+            };
+            (own.with_uncertain_motion(&motion)?, lens)
+        }
+        (None, lens) => (own, lens),
+    };
+    match lens {
+        Some(lens) => lens.eliminated_from(&own),
+        None => Some(own),
     }
 }
 
