@@ -27,7 +27,7 @@ pub enum SceneLens {
     /// Nothing: the focal length is estimated.
     Unknown(LensPrior),
     /// The camera, and how well its intrinsics are known; none: exactly.
-    Known(Camera, Option<IntrinsicsCovariance>),
+    Known(Box<Camera>, Option<IntrinsicsCovariance>),
 }
 
 /// A row of the file.
@@ -137,7 +137,7 @@ pub fn scene_view_of(view: &MarkedView, lens: &SceneLens) -> SceneViewAnswer {
     let lines: Vec<MarkedLine> = view.lines.iter().map(|named| named.line).collect();
     let n_lengths = lines.iter().filter(|line| line.length.is_some()).count();
     let unsolved = SceneViewAnswer::unsolved(view.name.clone(), lines.len(), n_lengths);
-    let (known, covariance, width_px);
+    let (covariance, width_px);
     let line_camera = match lens {
         SceneLens::Unknown(prior) => {
             width_px = Some(prior.size.width_px);
@@ -145,9 +145,8 @@ pub fn scene_view_of(view: &MarkedView, lens: &SceneLens) -> SceneViewAnswer {
         }
         SceneLens::Known(camera, intrinsics) => {
             width_px = camera.size.map(|size| size.width_px);
-            known = camera.clone();
-            covariance = intrinsics.as_ref().map(|intrinsics| intrinsics.covariance(&known));
-            LineCamera::Known(&known, covariance.as_deref())
+            covariance = intrinsics.as_ref().map(|intrinsics| intrinsics.covariance(camera));
+            LineCamera::Known(camera, covariance.as_deref())
         }
     };
     let name_of = |i: usize| view.lines.get(i).map_or_else(String::new, |named| named.name.clone());

@@ -108,7 +108,7 @@ fn marked_lines(args: &Solve) -> Result<Outcome> {
         false => {
             let GivenCamera { camera, intrinsics, remark } =
                 args.camera.of_size(args.image_size.image_size_px, args.method)?;
-            (SceneLens::Known(camera, intrinsics), remark)
+            (SceneLens::Known(Box::new(camera), intrinsics), remark)
         }
     };
     let answers = scene_views(&args.points, &lens, args.sigma_px)?;
