@@ -32,7 +32,7 @@ pub enum SceneLens {
 
 /// A row of the file.
 #[derive(Debug, Clone)]
-pub struct NamedMark {
+pub struct NamedMarkedLine {
     /// Column `id`, or the line of the file.
     pub name: String,
     /// The line; its `sigma_px` is that of column `sigma_px`, or the default.
@@ -45,7 +45,7 @@ pub struct MarkedView {
     /// Column `view`, or the file's name.
     pub name: String,
     /// At least one.
-    pub lines: Vec<NamedMark>,
+    pub lines: Vec<NamedMarkedLine>,
 }
 
 /// Whether a file holds marked lines: its header has a column `direction`.
@@ -101,7 +101,7 @@ pub fn read_marked_lines(path: &Path, sigma_px: Option<f64>) -> Result<Vec<Marke
             views.push(MarkedView { name: view.to_string(), lines: Vec::new() });
             views.len() - 1
         });
-        views[at].lines.push(NamedMark { name, line });
+        views[at].lines.push(NamedMarkedLine { name, line });
         Ok(())
     })?;
     Ok(views)

@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Watched { name: "grid".into(), target: resight::read_target(target)?.into(), reference: None };
     let frames = vec!["testdata/demo/left.png".into(); 60]; // One a second; a stream or a folder in earnest.
     let source = Box::new(ImageFiles::new(frames, Clock::Every(1.0)));
-    let camera = LiveCamera { name: "gate".into(), camera, targets: vec![target], landmarks: None, source };
+    let camera = LiveCamera { targets: vec![target], ..LiveCamera::new("gate", camera, source) };
     let request = Request::new(vec![camera], LiveConfig { learn_readings: 20, ..Default::default() });
     let ended = run(request, &Log::default(), &Default::default(), |event| {
         if let Event::StateChanged { t_s, state, .. } = event {

@@ -11,13 +11,9 @@
 //!
 //! let target = Watched { name: "grid".into(), target: resight::read_target("grid.toml")?.into(), reference: None };
 //! let frames = vec!["left.png".into(); 60]; // A still camera at one frame a second.
-//! let camera = LiveCamera {
-//!     name: "gate".into(),
-//!     camera: resight::read_camera("left.toml")?,
-//!     targets: vec![target],
-//!     landmarks: None,
-//!     source: Box::new(ImageFiles::new(frames, Clock::Every(1.0))),
-//! };
+//! let source = Box::new(ImageFiles::new(frames, Clock::Every(1.0)));
+//! let camera = resight::read_camera("left.toml")?;
+//! let camera = LiveCamera { targets: vec![target], ..LiveCamera::new("gate", camera, source) };
 //! let request = Request::new(vec![camera], LiveConfig { learn_readings: 20, ..LiveConfig::default() });
 //! let mut n_events = 0;
 //! let ended = run(request, &Log::default(), &Default::default(), |_event| {

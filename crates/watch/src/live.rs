@@ -44,12 +44,29 @@ pub struct LiveCamera {
     pub name: String,
     /// Its lens.
     pub camera: Camera,
+    /// How well its intrinsics are known; none: exactly. Rotations of landmarks hold it in their covariance; a target's reading is judged by
+    /// it, its covariance is that of the pixels, for all readings have the lens in common.
+    pub intrinsics: Option<IntrinsicsCovariance>,
     /// What it looks at; with several, a target that was removed is distinguished from a camera that moved.
     pub targets: Vec<Watched>,
     /// What it goes by while it sees no target; alone (without targets) it counts as target 0.
     pub landmarks: Option<WatchedLandmarks>,
     /// Where its frames come from.
     pub source: Box<dyn Source>,
+}
+
+impl LiveCamera {
+    /// With exact intrinsics, and nothing to look at yet.
+    pub fn new(name: impl Into<String>, camera: Camera, source: Box<dyn Source>) -> Self {
+        LiveCamera {
+            name: name.into(),
+            camera,
+            intrinsics: None,
+            targets: Vec::new(),
+            landmarks: None,
+            source,
+        }
+    }
 }
 
 /// A target that a camera watches.
@@ -66,8 +83,6 @@ pub struct Watched {
 pub struct WatchedLandmarks {
     /// The reference image; none: the first image with enough to see.
     pub reference_image: Option<GrayImage>,
-    /// How well the intrinsics are known; none: exactly. Rotations hold it in their covariance.
-    pub intrinsics: Option<IntrinsicsCovariance>,
 }
 
 /// How a session runs.

@@ -21,7 +21,8 @@ fn look(picture: Option<GrayImage>, false_alarms_per_day: f64) -> CameraWatcher 
         name: "gate".to_string(),
         camera: small(),
         targets: Vec::new(),
-        landmarks: Some(WatchedLandmarks { reference_image: picture, intrinsics: None }),
+        intrinsics: None,
+        landmarks: Some(WatchedLandmarks { reference_image: picture }),
         source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0))),
     };
     let monitor = MonitorConfig { false_alarms_per_day, ..MonitorConfig::default() };
@@ -153,10 +154,8 @@ fn a_reference_that_shows_nothing_is_refused() {
         name: "gate".to_string(),
         camera: small(),
         targets: Vec::new(),
-        landmarks: Some(WatchedLandmarks {
-            reference_image: Some(GrayImage::filled(480, 360, 90)),
-            intrinsics: None,
-        }),
+        intrinsics: None,
+        landmarks: Some(WatchedLandmarks { reference_image: Some(GrayImage::filled(480, 360, 90)) }),
         source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0))),
     };
     let reason = CameraWatcher::new(&watched, &LiveConfig::default()).err().expect("refused").to_string();
@@ -185,7 +184,8 @@ fn look_at_tag() -> CameraWatcher {
         name: "gate".to_string(),
         camera: small(),
         targets: vec![Watched { name: "tag".to_string(), target: Arc::new(tag()), reference: None }],
-        landmarks: Some(WatchedLandmarks { reference_image: None, intrinsics: None }),
+        intrinsics: None,
+        landmarks: Some(WatchedLandmarks { reference_image: None }),
         source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0))),
     };
     CameraWatcher::new(&watched, &LiveConfig { learn_readings: 20, ..LiveConfig::default() })

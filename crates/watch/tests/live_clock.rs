@@ -70,8 +70,14 @@ fn watch(frames: Vec<Frame>, pace: Option<Duration>) -> Vec<Event> {
 fn watch_from(frames: Vec<Frame>, pace: Option<Duration>, state: Option<&StateFile>) -> Vec<Event> {
     let source = Box::new(Script { frames: frames.into(), pace });
     let targets = vec![Watched { name: "tag".to_string(), target: Arc::new(target()), reference: None }];
-    let cameras =
-        vec![LiveCamera { name: "gate".to_string(), camera: camera(), targets, landmarks: None, source }];
+    let cameras = vec![LiveCamera {
+        name: "gate".to_string(),
+        camera: camera(),
+        targets,
+        intrinsics: None,
+        landmarks: None,
+        source,
+    }];
     let config = LiveConfig { queue_frames: 1000, retry_s: 0.1, ..LiveConfig::default() };
     let mut events = Vec::new();
     run_from(cameras, &config, &Arc::new(AtomicBool::new(false)), state, |event| {

@@ -3,6 +3,7 @@
 use crate::live_support::{camera, config, tag, tag_pose, watched};
 use resight::core::Pixel;
 use resight::core::correspondence::Detection;
+use resight::locate::IntrinsicsCovariance;
 use resight::render::Pcg;
 use resight_watch::live::rig::RigConfig;
 use resight_watch::live::{self, Event, LiveCamera, LiveConfig, State, StateFile};
@@ -76,6 +77,31 @@ fn named(name: &str, corners: Corners) -> LiveCamera {
 fn rig() -> LiveConfig {
     let rig = RigConfig { reference: None, sync_tolerance_s: 0.02 };
     LiveConfig { rig: Some(rig), learn_readings: 20, ..config() }
+}
+
+/// A lens that is 6 % off contradicts its corners. Where its file says that it may be, the reference is learned all the same.
+#[test]
+fn a_lens_that_is_stated_uncertain_learns_its_reference() {
+    let sigmas = [("fx_px", 0.05), ("fy_px", 0.05)];
+    let fx_px = camera().matrix().expect("a matrix").fx_px;
+    let sigmas = sigmas.into_iter().map(|(name, part)| (name.to_owned(), part * fx_px)).collect();
+    let stated = IntrinsicsCovariance::independent(&sigmas, &camera()).expect("standard deviations");
+    let mut values: Vec<f64> = camera().parameters().iter().map(|(_, value)| *value).collect();
+    values[..2].iter_mut().for_each(|f| *f *= 1.06);
+    let off = camera().with_parameters(&values).expect("a camera");
+    let has_learned = |intrinsics: Option<IntrinsicsCovariance>| {
+        let watched =
+            LiveCamera { camera: off.clone(), intrinsics, ..named("gate", Corners::new(1, 80, After::End)) };
+        let (stop, mut learned) = (Arc::new(AtomicBool::new(false)), false);
+        live::run_from(vec![watched], &config(), &stop, None, |event| {
+            learned |= matches!(event, Event::Learned { .. });
+            true
+        })
+        .expect("a session");
+        learned
+    };
+    assert!(!has_learned(None), "taken as exact, the corners contradict it");
+    assert!(has_learned(Some(stated)));
 }
 
 /// What is in the state file was reported, the reference that was learned too.

@@ -21,7 +21,8 @@ fn look(lens: &Camera) -> CameraWatcher {
         name: "webcam".to_string(),
         camera: lens.clone(),
         targets: Vec::new(),
-        landmarks: Some(WatchedLandmarks { reference_image: None, intrinsics: None }),
+        intrinsics: None,
+        landmarks: Some(WatchedLandmarks { reference_image: None }),
         source: Box::new(ImageFiles::new(Vec::new(), Clock::Every(1.0 / RATE_HZ))),
     };
     CameraWatcher::new(&watched, &LiveConfig::default()).expect("a session")

@@ -236,15 +236,12 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;
-        let mut landmarks = landmarks[i].take();
-        if let Some(landmarks) = &mut landmarks {
-            landmarks.intrinsics = IntrinsicsCovariance::of(&camera);
-        }
+        let (landmarks, intrinsics) = (landmarks[i].take(), IntrinsicsCovariance::of(&camera));
         let camera = camera.camera;
         if targets.is_empty() && landmarks.is_none() {
             bail!("camera {name} has nothing to go by; give --target, or --landmarks {name}=PICTURE");
         }
-        cameras.push(LiveCamera { name: name.clone(), camera, targets, landmarks, source });
+        cameras.push(LiveCamera { name: name.clone(), camera, intrinsics, targets, landmarks, source });
     }
     Ok(cameras)
 }

@@ -46,11 +46,13 @@ impl CameraWatcher {
     /// # Errors
     /// A target that no detector knows, a reference image with too little to see, or a setting that cannot be.
     pub fn new(camera: &LiveCamera, config: &LiveConfig) -> Result<Self, CameraWatcherError> {
-        let pair = |watched| Pair::new(&camera.camera, watched, config);
+        let pair = |watched| Pair::new(&camera.camera, camera.intrinsics.as_ref(), watched, config);
         let pairs = camera.targets.iter().map(pair).collect::<Result<Vec<_>, _>>()?;
         let landmarks = camera.landmarks.as_ref();
-        let landmarks =
-            landmarks.map(|watched| LandmarkWatch::new(&camera.camera, watched, config)).transpose()?;
+        let intrinsics = camera.intrinsics.as_ref();
+        let landmarks = landmarks
+            .map(|watched| LandmarkWatch::new(&camera.camera, intrinsics, watched, config))
+            .transpose()?;
         Ok(CameraWatcher {
             camera: camera.camera.clone(),
             pairs,

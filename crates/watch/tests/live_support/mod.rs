@@ -25,6 +25,7 @@ pub fn watched(target: &Target, source: impl Source + 'static) -> LiveCamera {
         name: "camera".to_string(),
         camera: camera(),
         targets: vec![watched],
+        intrinsics: None,
         landmarks: None,
         source: Box::new(source),
     }

@@ -47,13 +47,13 @@ impl LandmarkArgs {
             }
             (Some(file), None) => {
                 let reference_image = GrayImage::read(Path::new(&file))?;
-                Ok(Some(WatchedLandmarks { reference_image: Some(reference_image), intrinsics: None }))
+                Ok(Some(WatchedLandmarks { reference_image: Some(reference_image) }))
             }
             // Taken anew at each restart it would be an image from after whatever happened in between.
             (None, Some(file)) => {
                 let file = Path::new(file);
                 let reference_image = file.exists().then(|| GrayImage::read(file)).transpose()?;
-                Ok(Some(WatchedLandmarks { reference_image, intrinsics: None }))
+                Ok(Some(WatchedLandmarks { reference_image }))
             }
             (None, None) => Ok(None),
         };

@@ -46,12 +46,13 @@ impl LandmarkWatch {
     /// A reference image with too little to see, or of another size than the camera's.
     pub fn new(
         camera: &Camera,
+        intrinsics: Option<&IntrinsicsCovariance>,
         watched: &WatchedLandmarks,
         config: &LiveConfig,
     ) -> Result<Self, CameraWatcherError> {
         let landmarks =
             watched.reference_image.as_ref().map(|picture| Landmarks::new(picture, camera)).transpose()?;
-        let intrinsics = watched.intrinsics.clone();
+        let intrinsics = intrinsics.cloned();
         let landmarks = landmarks.map(|landmarks| landmarks.with_intrinsics(intrinsics.clone()));
         let settings =
             watched.reference_image.as_ref().map(|picture| landmark_settings(camera, picture, config));
@@ -321,8 +322,8 @@ mod tests {
     fn a_target_that_is_seen_speaks_for_itself() {
         let matrix = CameraMatrix { fx_px: 400.0, fy_px: 400.0, cx_px: 240.0, cy_px: 180.0 };
         let lens = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
-        let watched = WatchedLandmarks { reference_image: None, intrinsics: None };
-        let landmarks = LandmarkWatch::new(&lens, &watched, &LiveConfig::default()).expect("landmarks");
+        let watched = WatchedLandmarks { reference_image: None };
+        let landmarks = LandmarkWatch::new(&lens, None, &watched, &LiveConfig::default()).expect("landmarks");
         let learning = |readings| State::Learning { readings, needed: 50 };
         for seen in
             [State::Checking(CheckingReason::Different), State::Steady, State::Inconsistent, learning(1)]

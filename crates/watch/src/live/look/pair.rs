@@ -8,6 +8,7 @@ use crate::live::{CheckingReason, LiveConfig, Observation, Promise, State, Watch
 use crate::source::{Content, Frame};
 use resight::GrayImage;
 use resight::detect::follow::Follower;
+use resight::locate::IntrinsicsCovariance;
 use resight_core::correspondence::Detection;
 use resight_core::locate::consistency::Consistency;
 use resight_core::locate::{Config, PoseEstimate};
@@ -24,6 +25,7 @@ use std::time::Instant;
 /// What a camera watches one target with.
 pub(super) struct Pair {
     camera: Camera,
+    intrinsics: Option<IntrinsicsCovariance>,
     target: Arc<Target>,
     follower: Follower,
     expectation: Expectation,
@@ -73,7 +75,12 @@ impl<'a> FrameContent<'a> {
 impl Pair {
     /// # Errors
     /// A target that no detector knows, or a setting that cannot be.
-    pub fn new(camera: &Camera, watched: &Watched, config: &LiveConfig) -> Result<Self, CameraWatcherError> {
+    pub fn new(
+        camera: &Camera,
+        intrinsics: Option<&IntrinsicsCovariance>,
+        watched: &Watched,
+        config: &LiveConfig,
+    ) -> Result<Self, CameraWatcherError> {
         // Said now: a monitor that cannot be would only show as learning that never ends.
         config.monitor.check()?;
         config.correlated.check()?;
@@ -88,6 +95,7 @@ impl Pair {
         };
         Ok(Pair {
             camera: camera.clone(),
+            intrinsics: intrinsics.cloned(),
             follower: Follower::new(&watched.target)?,
             expectation: Expectation::new(&watched.target),
             // The error of a printed scale is the same in every frame: no noise of a reading, and no motion.
@@ -279,13 +287,25 @@ impl Pair {
         }
         let candidates = candidates(&estimate);
         observation.tracked = self.tracker.push(frame.capture_s, &candidates);
-        let reading = |tracked| reading(frame, &estimate, &candidates, tracked);
+        let is_consistent = self.is_consistent(&estimate, &detections, lens);
+        let reading = |tracked| reading(frame, is_consistent, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
         if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
             reading.is_consistent &= !is_fault(&mut self.disagreement, monitor, reading, &points, lens);
         }
         observation.times.decide_us = micros(started);
         Ok(())
+    }
+
+    /// By the verdict that uncertain intrinsics allow. The covariance of a reading stays that of the pixels: all readings have the lens in common.
+    fn is_consistent(&self, estimate: &PoseEstimate, detections: &[Detection], lens: &Camera) -> bool {
+        let is_consistent = |e: &PoseEstimate| matches!(e.consistency, Consistency::Consistent);
+        let uncertain = || {
+            let covariance = self.intrinsics.as_ref()?.covariance(lens);
+            let config = Config { intrinsics_covariance: Some(&covariance), ..Config::default() };
+            locate_target(detections, &self.target, lens, &config).estimate.ok()
+        };
+        is_consistent(estimate) || uncertain().is_some_and(|e| is_consistent(&e))
     }
 
     fn detections<'a>(&mut self, t_s: f64, sight: &FrameContent<'a>) -> Result<Cow<'a, [Detection]>, String> {
@@ -422,13 +442,13 @@ fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
 }
 
 /// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
-fn reading(frame: &Frame, estimate: &PoseEstimate, all: &[Candidate], tracked: &Tracked) -> Reading {
+fn reading(frame: &Frame, is_consistent: bool, all: &[Candidate], tracked: &Tracked) -> Reading {
     let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
     Reading {
         t_s: frame.capture_s,
         a_from_b: chosen.cam_from_target,
         covariance: chosen.covariance,
-        is_consistent: matches!(estimate.consistency, Consistency::Consistent),
+        is_consistent,
     }
 }
 
