@@ -72,17 +72,20 @@ fn a_photographed_board_gives_the_calibrated_focal_length() {
             &text,
             &["--estimate-focal", "--image-size-px", "640x480", "--sigma-px", "0.2"],
         );
-        if found["status"] == "ok" {
+        if found["focal_px"].is_number() {
+            // The board lies on its side in some; then its columns are not up, which the answer says.
+            let is_on_its_side = number(&found["roll_rad"]).abs() > std::f64::consts::FRAC_PI_4;
+            assert_eq!(found["status"], if is_on_its_side { "inconsistent" } else { "ok" }, "{found}");
             let (value, sigma) = (number(&found["focal_px"]), number(&found["focal_sigma_px"]));
             println!("{name}: {value:.1} ± {sigma:.1}");
             assert!((value - 536.0).abs() < 3.0 * sigma, "{name}: {value} ± {sigma}");
             squares += ((value - 536.0) / sigma).powi(2);
             answered += 1;
         } else {
-            println!("{name}: {}", found["message"]);
+            assert_eq!(found["status"], "degenerate", "{found}");
         }
     }
-    assert!(3 <= answered && squares < 3.0 * f64::from(answered), "{answered} {squares}");
+    assert!(4 <= answered && squares < 3.0 * f64::from(answered), "{answered} {squares}");
 }
 
 /// Wrong labels, units, marks and files: never `ok`, and the line is named.
@@ -112,7 +115,7 @@ fn what_is_wrong_is_named() {
     assert_eq!(found["status"], "inconsistent", "{found}");
     for (text, needed) in [
         (road.replace("sign,up", "sign,down"), "across, along or up"),
-        (road.replace(",480.9,", ",nan,"), "u2_px"),
+        (road.replace(",480.9,", ",nan,"), "right kerb"),
         (road.replace("u2_px", "u3_px"), "u2_px"),
         ("direction,u_px,v_px,u2_px,v2_px\n".to_string(), "no"),
     ] {

@@ -79,15 +79,15 @@ fn rig() -> LiveConfig {
     LiveConfig { rig: Some(rig), learn_readings: 20, ..config() }
 }
 
-/// A lens that is 6 % off contradicts its corners. Where its file says that it may be, the reference is learned all the same.
+/// A lens that is 8 % too wide contradicts its corners. Where its file says that it may be, the reference is learned all the same.
 #[test]
 fn a_lens_that_is_stated_uncertain_learns_its_reference() {
-    let sigmas = [("fx_px", 0.05), ("fy_px", 0.05)];
+    let sigmas = [("fx_px", 0.08), ("fy_px", 0.08)];
     let fx_px = camera().matrix().expect("a matrix").fx_px;
     let sigmas = sigmas.into_iter().map(|(name, part)| (name.to_owned(), part * fx_px)).collect();
     let stated = IntrinsicsCovariance::independent(&sigmas, &camera()).expect("standard deviations");
     let mut values: Vec<f64> = camera().parameters().iter().map(|(_, value)| *value).collect();
-    values[..2].iter_mut().for_each(|f| *f *= 1.06);
+    values[0] *= 1.08;
     let off = camera().with_parameters(&values).expect("a camera");
     let has_learned = |intrinsics: Option<IntrinsicsCovariance>| {
         let watched =
