@@ -1,12 +1,14 @@
 """From an empty folder to a pose from a printed page: four commands, and a lens that nobody tells the program.
 
-    python scripts/judges/first_pose.py [--seeds N] [--first-seed N] [--save FOLDER] [-v]       needs the program: $RESIGHT, or target/release or target/debug
+    python scripts/judges/first_pose.py [--kind charuco|aprilgrid|chessboard|tags] [--seeds N] [--first-seed N] [--save FOLDER] [-v]       needs the program: $RESIGHT, or target/release or target/debug
 
 `resight print` writes a page. PDFium rasterises it, and the page, a little longer or shorter than designed as printers make it, is photographed:
 through a Brown–Conrady lens, 2 × 2 rays a pixel of a page rasterised at 300 dpi, with uneven light, vignetting, blur, the noise of photons and of reading, the curve of sRGB
 and JPEG. The user then does what docs/first-pose.md says: measures the rulers (with an error of his own), runs `resight intrinsics` and
 `resight locate`. No file is written by hand. For each seed the pose is within its covariance of the truth (χ² of six numbers, 99.9 %), every
 coordinate of the camera within four standard deviations, the focal length within four of its own, and the position within 1 % of the distance.
+
+Of the other kinds the intrinsics are judged: the focal length, the principal point and k1 within four of their standard deviations.
 
 Two that must be seen: rulers measured 2 % too long move the camera by 2 % of its distance, and the page mirrored is not `ok`.
 """
@@ -25,7 +27,12 @@ import pypdfium2
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CANDIDATES = [os.environ.get("RESIGHT", ""), ROOT / "target/release/resight", ROOT / "target/debug/resight"]
 PROGRAM = next((str(p) for p in CANDIDATES if p and pathlib.Path(p).is_file()), None)
-BOARD = "--kind charuco --rows 8 --columns 5 --square-m 0.03 --marker-m 0.022 --dictionary DICT_5X5_100"
+BOARDS = {
+    "charuco": "--kind charuco --rows 8 --columns 5 --square-m 0.03 --marker-m 0.022 --dictionary DICT_5X5_100",
+    "aprilgrid": "--kind aprilgrid --rows 6 --columns 4 --tag-size-m 0.03 --tag-spacing-ratio 0.3",
+    "chessboard": "--kind chessboard --rows 8 --columns 5 --square-m 0.026",
+    "tags": "--kind tag --id 0-11 --size-m 0.035",
+}
 CENTRE_MM = np.array([75.0, 120.0])  # of the board, from its outer top-left corner
 SIZE, FINE = (960, 720), 2
 DPI = 300
@@ -118,7 +125,7 @@ def photograph(page, page_from_board, lens, pose, rng):
     return np.clip(np.round(255 * srgb(np.clip(light, 0, 1))), 0, 255).astype(np.uint8)
 
 
-def printed_page(folder):
+def printed_page(folder, kind):
     """Linear reflectance of the page, and the homography from the design's millimetres to its pixels (edges, not centres)."""
     page = pypdfium2.PdfDocument(folder / "board.pdf")[0]
     width_mm = page.get_width() * 25.4 / 72
@@ -129,7 +136,7 @@ def printed_page(folder):
     numbers = [d.split('"')[0].replace("M", " ").replace("L", " ").replace("Z", " ").split() for d in (folder / "truth.svg").read_text().split(' d="')[1:]]
     (folder / "truth.svg").unlink()
     left, top = min(float(x) for d in numbers for x in d[0::2]), min(float(y) for d in numbers for y in d[1::2])
-    assert raster[int((top + 15) * per_mm), int((left + 15) * per_mm)] < 0.1 < 0.9 < raster[int((top - 2) * per_mm), int((left + 15) * per_mm)]
+    assert kind != "charuco" or raster[int((top + 15) * per_mm), int((left + 15) * per_mm)] < 0.1 < 0.9 < raster[int((top - 2) * per_mm), int((left + 15) * per_mm)]
     return 0.04 + 0.76 * raster, np.array([[per_mm, 0, left * per_mm], [0, per_mm, top * per_mm], [0, 0, 1]])
 
 
@@ -154,7 +161,7 @@ def compare(answer, pose):
     return xi @ np.linalg.solve(covariance, xi), np.abs(error / np.sqrt(np.diag(position))).max(), np.linalg.norm(error)
 
 
-def run(seed, folder, save, verbose):
+def run(seed, folder, kind, save, verbose):
     rng = np.random.default_rng(seed)
     commands = 0
 
@@ -163,8 +170,8 @@ def run(seed, folder, save, verbose):
         commands += 1
         return resight(folder, *words)
 
-    printed = json.loads(command("print", *BOARD.split(), "-o", "board.pdf", "--json"))
-    page, page_from_design = printed_page(folder)
+    printed = json.loads(command("print", *BOARDS[kind].split(), "-o", "board.pdf", "--json"))
+    page, page_from_design = printed_page(folder, kind)
     scale = 1 + rng.normal(0, PRINTER, 2)
     page_from_board = page_from_design @ np.diag([*(1 / scale), 1])
     lens = Lens(rng)
@@ -192,6 +199,15 @@ def run(seed, folder, save, verbose):
     camera = json.loads(command("intrinsics", "photos/*.jpg", "--target", "board.toml", "-o", "camera.toml", "--json"))
     if camera["status"] != "ok":
         return None, None, None, [f"seed {seed}: intrinsics: {camera['cameras'][0]['message']}"]
+    if kind != "charuco":
+        parameters = {p["name"]: p for p in camera["cameras"][0]["intrinsics"]["parameters"]}
+        truth = {"fx_px": lens.matrix[0, 0], "cx_px": lens.matrix[0, 2], "cy_px": lens.matrix[1, 2], "k1": lens.distortion[0]}
+        off = {name: (parameters[name]["value"] - value) / parameters[name]["sigma"] for name, value in truth.items()}
+        f = parameters["fx_px"]
+        words = ", ".join(f"{name} {z:+.1f} σ" for name, z in off.items())
+        if verbose:
+            print(f"seed {seed}: f {f['value']:.2f} ± {f['sigma']:.2f}, in truth {truth['fx_px']:.2f}; {words}")
+        return None, None, None, [f"seed {seed}: {words}"] if max(map(abs, off.values())) > SIGMAS else []
     answer = locate()
     assert answer["status"] == "ok", answer["message"]
     assert commands <= 5, f"{commands} commands"
@@ -227,14 +243,15 @@ def main():
     option = lambda name, default: sys.argv[sys.argv.index(name) + 1] if name in sys.argv else default
     save = option("--save", None)
     results = []
-    first = int(option("--first-seed", 0))
+    first, kind = int(option("--first-seed", 0)), option("--kind", "charuco")
     for seed in range(first, first + int(option("--seeds", 1))):
         with tempfile.TemporaryDirectory() as folder:
-            results.append(run(seed, pathlib.Path(folder), pathlib.Path(save) if save and seed == 0 else None, "-v" in sys.argv))
+            results.append(run(seed, pathlib.Path(folder), kind, pathlib.Path(save) if save and seed == 0 else None, "-v" in sys.argv))
     faults = [fault for r in results for fault in r[3]]
     chi2, off_m, focal = (np.array([r[i] for r in results if r[0] is not None]) for i in range(3))
     if len(chi2) == 0:
-        sys.exit("\n".join(faults))
+        print("\n".join(faults) if faults else f"{len(results)} cameras from pages with {kind}: every parameter within {SIGMAS:.0f} σ")
+        sys.exit(bool(faults))
     print(f"{len(chi2)} of {len(results)} first poses from a printed page, in 4 commands: {1e3 * off_m.max():.2f} mm off at most, χ² {chi2.mean():.1f} of 6 on average, focal length {np.abs(focal).max():.1f} σ off at most")
     for fault in faults:
         print(fault)
