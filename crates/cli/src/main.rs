@@ -1,32 +1,8 @@
-//! The program: parse, call, print. No mathematics.
+//! The binary: everything is in the library beside it.
 #![forbid(unsafe_code)]
-#![warn(missing_docs)]
-
-mod args;
-mod camera;
-mod files;
-mod gravity;
-mod output;
-mod robust;
-mod stdio;
-mod text;
-mod commands;
-mod program;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let run = |arguments: program::Arguments| {
-        if arguments.quiet {
-            output::be_quiet();
-        }
-        program::run(arguments.command)
-    };
-    match program::Arguments::read().and_then(run) {
-        Ok(outcome) => outcome.into(),
-        Err(reason) => {
-            output::error(&format!("error: {reason:#}"));
-            ExitCode::from(2)
-        }
-    }
+    ExitCode::from(resight_cli::main(std::env::args_os()))
 }

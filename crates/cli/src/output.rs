@@ -10,7 +10,6 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::io::IsTerminal;
-use std::process::ExitCode;
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,22 +32,21 @@ impl Outcome {
         }
     }
 
+    /// The exit status.
+    pub fn status(self) -> u8 {
+        match self {
+            Outcome::Answered => 0,
+            Outcome::SomeUnanswered => 1,
+            Outcome::Moved => 3,
+        }
+    }
+
     /// Of two parts of one run.
     pub fn and(self, other: Outcome) -> Self {
         match (self, other) {
             (Outcome::Moved, _) | (_, Outcome::Moved) => Outcome::Moved,
             (Outcome::SomeUnanswered, _) | (_, Outcome::SomeUnanswered) => Outcome::SomeUnanswered,
             (Outcome::Answered, Outcome::Answered) => Outcome::Answered,
-        }
-    }
-}
-
-impl From<Outcome> for ExitCode {
-    fn from(outcome: Outcome) -> Self {
-        match outcome {
-            Outcome::Answered => ExitCode::SUCCESS,
-            Outcome::SomeUnanswered => ExitCode::from(1),
-            Outcome::Moved => ExitCode::from(3),
         }
     }
 }

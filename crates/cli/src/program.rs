@@ -8,6 +8,7 @@ use crate::output::Outcome;
 use anyhow::{Result, anyhow};
 use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// Resight finds where cameras are, with the uncertainty of every answer.
@@ -30,10 +31,10 @@ impl Arguments {
     /// From the command line, and for `watch SESSION.toml` from the session file.
     ///
     /// # Errors
-    /// What is wrong with the session file. Ends the program where the command line asks for help or is wrong.
-    pub fn read() -> anyhow::Result<Self> {
+    /// What is wrong with the session file or the command line, or the help that it asks for.
+    pub fn read(words: &[OsString]) -> anyhow::Result<Self> {
         let command = Arguments::command();
-        let mut matches = command.clone().get_matches();
+        let mut matches = command.clone().try_get_matches_from(words)?;
         let (mut printed, mut session) = (None, None);
         if let (Some(("watch", given)), Some(watch)) =
             (matches.subcommand(), command.find_subcommand("watch"))

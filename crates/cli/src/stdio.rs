@@ -1,8 +1,23 @@
-//! What reaches stdout and stderr.
+//! What reaches the program, stdout and stderr.
 
 use anyhow::Result;
+use std::ffi::OsString;
 use std::io::Write;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The command line, its first word included: not that of the process where another program runs this one.
+static ARGUMENTS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Keeps the command line, once.
+pub fn set_arguments(arguments: Vec<OsString>) {
+    let _ = ARGUMENTS.set(arguments); // The program runs once a process.
+}
+
+/// The command line.
+pub fn arguments() -> &'static [OsString] {
+    ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
 
 /// Whether remarks and progress are left out.
 static QUIET: AtomicBool = AtomicBool::new(false);

@@ -261,7 +261,9 @@ fn command_line() -> String {
             false => format!("'{}'", argument.replace('\'', "'\\''")),
         }
     };
-    let arguments =
-        std::env::args_os().skip(1).map(|argument| quoted(argument.to_string_lossy().into_owned()));
+    let arguments = crate::stdio::arguments()
+        .iter()
+        .skip(1)
+        .map(|argument| quoted(argument.to_string_lossy().into_owned()));
     std::iter::once("resight".to_string()).chain(arguments).collect::<Vec<_>>().join(" ")
 }

@@ -1,0 +1,67 @@
+"""Where cameras are, from a few known points, with the uncertainty of every answer.
+
+>>> import resight
+>>> camera = resight.read_camera("camera.yaml")
+>>> answer = resight.locate_image("photo.jpg", camera, resight.read_target("tag.toml"))
+>>> answer.status, answer.cam_from_target, answer.sigma_m
+
+Poses are `b_from_a`: x_in_b = b_from_a @ x_in_a. Lengths are metres, angles radians, pixels count from the centre of the first one. A
+covariance (6, 6) is that of the small motion `[rotation_rad; translation_m]` of a pose in the camera frame. Every answer has a `status`;
+only `ok` may be used unseen.
+"""
+
+from ._answer import Answer
+from ._error import Error
+from ._jobs import (
+    check_intrinsics,
+    compare,
+    detect,
+    explain,
+    intrinsics,
+    measure,
+    pose_graph,
+    read_camera,
+    read_target,
+    rig_from_detections,
+    rig_from_images,
+)
+from ._native import (
+    Camera,
+    Pose,
+    PoseAnswer,
+    Poses,
+    Target,
+    __version__,
+    locate_image,
+    locate_images,
+    solve,
+    solve_many,
+    solve_table,
+)
+
+__all__ = [
+    "Answer",
+    "Camera",
+    "Error",
+    "Pose",
+    "PoseAnswer",
+    "Poses",
+    "Target",
+    "__version__",
+    "check_intrinsics",
+    "compare",
+    "detect",
+    "explain",
+    "intrinsics",
+    "locate_image",
+    "locate_images",
+    "measure",
+    "pose_graph",
+    "read_camera",
+    "read_target",
+    "rig_from_detections",
+    "rig_from_images",
+    "solve",
+    "solve_many",
+    "solve_table",
+]

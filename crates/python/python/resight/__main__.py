@@ -1,0 +1,16 @@
+"""The program `resight`, as the wheel installs it."""
+
+import signal
+import sys
+
+from ._native import main as run
+
+
+def main() -> int:
+    """Runs the program with the arguments of this process; its exit status."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it as it ends the binary; `watch` has a handler of its own.
+    return run(["resight", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

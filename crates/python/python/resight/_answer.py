@@ -1,0 +1,103 @@
+"""Answers of jobs: the JSON objects of the program, with attributes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+
+class Answer:
+    """The answer of a job. Its keys are those of the program's `--json`, which `resight schema` describes with their units.
+
+    `answer.status`, `answer["status"]` and `answer.to_dict()["status"]` are the same. As attributes, lists of numbers are NumPy arrays of
+    float64 and objects are answers themselves.
+    """
+
+    __slots__ = ("_json", "_keys", "_file")
+
+    def __init__(self, text: str, file: str | None = None) -> None:
+        self._json = text
+        self._keys: dict[str, Any] = json.loads(text)
+        self._file = file
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON object as plain Python values; a new one at each call."""
+        keys: dict[str, Any] = json.loads(self._json)
+        return keys
+
+    def to_json(self) -> str:
+        """The line that the program prints with `--json`."""
+        return self._json
+
+    def save(self, path: Any) -> None:
+        """Writes what the command's `-o` writes: the TOML file of a rig or of cameras where there is one, else the JSON line.
+
+        Raises `Error` of kind `request` for an answer without a result, which must not be taken for one.
+        """
+        from ._native import write_atomically
+
+        if self.status not in ("ok", "ambiguous", "inconsistent"):
+            from ._error import Error
+
+            raise Error(f"this answer is {self.status}: {self._keys.get('message')}; nothing is written", "request")
+        write_atomically(path, self._file if self._file is not None else self._json + "\n")
+
+    @property
+    def status(self) -> str:
+        """`ok`, or why the answer must not be used unseen: `ambiguous`, `inconsistent`, `degenerate`, `not_found`, …"""
+        return str(self._keys.get("status", self._keys.get("verdict", "ok")))
+
+    def keys(self) -> list[str]:
+        """Names of what the answer holds."""
+        return list(self._keys)
+
+    def __getitem__(self, key: str) -> Any:
+        return self._keys[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._keys)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._keys
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return _value(self._keys[name])
+        except KeyError:
+            known = ", ".join(self._keys)
+            raise AttributeError(f"this answer has no `{name}`; it has {known}") from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._keys]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Answer) and self._json == other._json
+
+    def __hash__(self) -> int:
+        return hash(self._json)
+
+    def __repr__(self) -> str:
+        message = self._keys.get("message")
+        return f"Answer({self.status}{f': {message}' if message else ''}; {', '.join(self._keys)})"
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, dict):
+        return Answer(json.dumps(value))
+    if isinstance(value, list) and value:
+        if _is_numeric(value):
+            return np.array(value, dtype=np.float64)
+        return [_value(item) for item in value]
+    return value
+
+
+def _is_numeric(value: Any) -> bool:
+    if not isinstance(value, list):
+        return isinstance(value, (int, float)) and not isinstance(value, bool)
+    sizes = {len(item) if isinstance(item, list) else -1 for item in value}
+    return len(sizes) == 1 and all(_is_numeric(item) for item in value)

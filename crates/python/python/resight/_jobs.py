@@ -1,0 +1,224 @@
+"""Jobs over several images or files, with the names of the Rust library."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _native
+from ._answer import Answer
+from ._error import Error
+
+
+def read_camera(file: Any) -> _native.Camera:
+    """The camera of a file in any supported format; `FILE#NAME` picks one of several."""
+    return _native.Camera.read(os.fspath(file))
+
+
+def read_target(file: Any) -> _native.Target:
+    """The target of a file: own TOML, Kalibr YAML or WPILib JSON."""
+    return _native.Target.read(os.fspath(file))
+
+
+def detect(image: Any, target: Any = None, *, family: str | None = None, corner_half_px: int | None = None,
+           view: str = "image") -> Answer:
+    """The points of a target in an image, or with `family` every tag of that family (`any`: of all)."""
+    known = None if target is None else _target(target)
+    return Answer(_native.detect(image, known, family=family, corner_half_px=corner_half_px, view=view))
+
+
+def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, reference: str | None = None,
+                    world: str | None = None, fixed_together: Sequence[Sequence[str]] = (),
+                    known_distances_m: Sequence[tuple[str, str, float, float]] = (),
+                    joint_covariance: bool = False, corner_half_px: int | None = None) -> Answer:
+    """The extrinsics of several cameras from images of targets that they see together.
+
+    `cameras`: names to cameras or files, or one file of several cameras. `targets`: one target or file, a list of them, or names to them.
+    `images`: names of cameras to a pattern such as `left*.jpg`, a list of paths, or names of views to grey arrays (height, width) of uint8;
+    images of one name are one view. `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
+    """
+    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance)
+    taken = _taken(images)
+    lines = _native.rig_from_images(_named("cameras", cameras), _named("targets", targets), taken, solving, corner_half_px)
+    return Answer(*lines)
+
+
+def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sigma_px: float | None = None,
+                        reference: str | None = None, world: str | None = None,
+                        fixed_together: Sequence[Sequence[str]] = (),
+                        known_distances_m: Sequence[tuple[str, str, float, float]] = (),
+                        joint_covariance: bool = False) -> Answer:
+    """The same from points that were detected already.
+
+    `detections`: CSV files, or a table (a dictionary of columns, pandas, Polars, Arrow) with the columns camera, view, id, u_px, v_px and
+    optionally target, x_m, y_m, z_m (where no target knows the id) and sigma_px.
+    """
+    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance)
+    named = _named("cameras", cameras), _named("targets", targets)
+    if _is_paths(detections):
+        return Answer(*_native.rig_from_detections(*named, _paths(detections), sigma_px, solving))
+    return Answer(*_native.rig_from_rows(*named, _rows(detections), sigma_px, solving))
+
+
+def pose_graph(file: Any, *, reference: str | None = None, joint_covariance: bool = False) -> Answer:
+    """The extrinsics of several cameras from the relative poses of pairs of them, in a file that `resight pose-graph` reads."""
+    return Answer(*_native.pose_graph(os.fspath(file), reference, joint_covariance))
+
+
+def intrinsics(targets: Any = (), images: Any = None, *, detections: Any = None,
+               image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None,
+               model: str = "auto") -> Answer:
+    """Focal length, principal point and distortion of cameras with their covariance.
+
+    `images`: a pattern or a list of one camera's, or names of cameras to them as of `rig_from_images`. Or `detections`: CSV files, with the
+    size of their images. `answer.save("camera.toml")` writes cameras that may be relied on.
+    """
+    source = _source(targets, images, detections)
+    return Answer(*_native.intrinsics(*source, image_size_px, sigma_px, model))
+
+
+def check_intrinsics(cameras: Any, targets: Any = (), images: Any = None, *, detections: Any = None,
+                     image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None) -> Answer:
+    """Whether existing intrinsics fit new images; arguments as of `intrinsics`."""
+    source = _source(targets, images, detections)
+    return Answer(*_native.check_intrinsics(_named("cameras", cameras), *source, image_size_px, sigma_px))
+
+
+def compare(before: Any, after: Any, *, alpha: float = 1e-3, sigma_m: float | None = None,
+            sigma_rad: float | None = None) -> list[Answer]:
+    """What moved between two rigs (one answer) or two files of poses (one a view). `alpha`: the chance of a false alarm."""
+    if (sigma_m is None) != (sigma_rad is None):
+        raise Error("sigma_m and sigma_rad are needed together")
+    sigmas = None if sigma_m is None or sigma_rad is None else (sigma_m, sigma_rad)
+    lines = _native.compare(os.fspath(before), os.fspath(after), alpha, sigmas)
+    return [Answer(line) for line in lines]
+
+
+def measure(scene: Any) -> list[Answer]:
+    """Lengths, positions, angles, areas and heights in photographs: one answer a query, then one for the whole network."""
+    return [Answer(line) for line in _native.measure(os.fspath(scene))]
+
+
+def explain(file: Any) -> Answer:
+    """What a camera or target file means, in sentences."""
+    return Answer(*_native.explain(os.fspath(file)))
+
+
+def _target(value: Any) -> _native.Target:
+    return value if isinstance(value, _native.Target) else read_target(value)
+
+
+def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
+             known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool) -> dict[str, Any]:
+    return {
+        "reference": reference,
+        "world": world,
+        "fixed_together": [list(names) for names in fixed_together],
+        "known_distances_m": [tuple(distance) for distance in known_distances_m],
+        "sync_tolerance_s": None,
+        "joint_covariance": joint_covariance,
+    }
+
+
+def _named(what: str, values: Any) -> list[tuple[str | None, Any]]:
+    if isinstance(values, Mapping):
+        return [(str(name), value) for name, value in values.items()]
+    if isinstance(values, (str, os.PathLike, _native.Camera, _native.Target)):
+        return [(None, values)]
+    if isinstance(values, Iterable):
+        return [(None, value) for value in values]
+    raise Error(f"{what}: a dictionary, a list or one of them is needed, not {type(values).__name__}")
+
+
+Taken = tuple[str, str | None, str | None, Any]
+
+
+def _taken(images: Mapping[str, Any]) -> list[Taken]:
+    if not isinstance(images, Mapping):
+        raise Error("images: a dictionary from the names of the cameras is needed")
+    return [image for camera, given in images.items() for image in _of_camera(str(camera), given)]
+
+
+def _of_camera(camera: str, given: Any) -> list[Taken]:
+    if isinstance(given, Mapping):
+        return [(camera, str(view), None, image) for view, image in given.items()]
+    if isinstance(given, (str, os.PathLike)):
+        pattern = os.fspath(given)
+        if not any(c in pattern for c in "*?["):
+            return [(camera, None, pattern, pattern)]
+        paths = sorted(glob.glob(pattern))
+        if not paths:
+            raise Error(f"images of {camera}: no file matches {pattern}", "file")
+        return [(camera, None, pattern, path) for path in paths]
+    return [(camera, f"{i:06}", None, image) for i, image in enumerate(given)]
+
+
+def _source(targets: Any, images: Any, detections: Any) -> tuple[list[tuple[str | None, Any]], list[Taken], list[str]]:
+    if (images is None) == (detections is None):
+        raise Error("either images or detections are needed")
+    if images is not None and not isinstance(images, Mapping):
+        images = {"camera": images}
+    files = [] if detections is None else _paths(detections)
+    return _named("targets", targets), [] if images is None else _taken(images), files
+
+
+def _is_paths(values: Any) -> bool:
+    if isinstance(values, (str, os.PathLike)):
+        return True
+    return isinstance(values, (list, tuple)) and all(isinstance(value, (str, os.PathLike)) for value in values)
+
+
+def _paths(values: Any) -> list[str]:
+    if not _is_paths(values):
+        raise Error("detections: paths of CSV files are needed")
+    if isinstance(values, (str, os.PathLike)):
+        return [os.fspath(values)]
+    return [os.fspath(value) for value in values]
+
+
+def _columns(table: Any) -> dict[str, list[Any]]:
+    if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # Arrow
+        table = table.to_pydict()
+    elif hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):
+        import pyarrow
+
+        table = pyarrow.table(table).to_pydict()
+    names = list(table.keys()) if isinstance(table, Mapping) else list(getattr(table, "columns", []))
+    if not names:
+        raise Error(f"detections: CSV files or a table with columns are needed, not {type(table).__name__}")
+    return {str(name): list(table[name]) for name in names}
+
+
+def _rows(table: Any) -> list[tuple[Any, ...]]:
+    columns = _columns(table)
+    missing = [name for name in ("camera", "view", "u_px", "v_px") if name not in columns]
+    if missing:
+        raise Error(f"detections: column {missing[0]} is missing; there are {', '.join(columns)}")
+    known = {"camera", "view", "id", "target", "x_m", "y_m", "z_m", "u_px", "v_px", "sigma_px"}
+    other = [name for name in columns if name not in known]
+    if other:
+        raise Error(f"detections: column {other[0]} is not known; known are {', '.join(sorted(known))}")
+    n = len(columns["camera"])
+    if any(len(values) != n for values in columns.values()):
+        raise Error("detections: columns of different lengths")
+
+    def at(name: str, i: int) -> Any:
+        value = columns[name][i] if name in columns else None
+        return None if value is None or value != value else value
+
+    def word(name: str, i: int) -> str | None:
+        value = at(name, i)
+        return None if value is None else str(int(value) if isinstance(value, (float, np.floating)) else value)
+
+    def row(i: int) -> tuple[Any, ...]:
+        x, y, z = at("x_m", i), at("y_m", i), at("z_m", i)
+        position = None if x is None or y is None or z is None else (float(x), float(y), float(z))
+        pixel = (float(columns["u_px"][i]), float(columns["v_px"][i]))
+        camera, view = str(columns["camera"][i]), str(columns["view"][i])
+        return camera, view, word("target", i), word("id", i), position, pixel, at("sigma_px", i)
+
+    return [row(i) for i in range(n)]

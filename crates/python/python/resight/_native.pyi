@@ -1,0 +1,394 @@
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Image = str | os.PathLike[str] | bytes | NDArray[np.uint8]
+
+__version__: str
+
+@final
+class Camera:
+    """A lens with its image size, and how well its intrinsics are known.
+
+    `Camera("brown_conrady", width_px=640, height_px=480, fx_px=535.4, fy_px=535.9, cx_px=341.8, cy_px=234.2,
+    distortion=[-0.2, 0.1, 0, 0])` takes the keys of camera.toml. Pixels count from the centre of the first one. Raises `Error` for a key that
+    the model does not have, and for numbers that no camera has.
+    """
+
+    def __new__(cls, model: str, **keys: Any) -> Camera: ...
+    @staticmethod
+    def from_matrix(
+        matrix: ArrayLike,
+        distortion: ArrayLike | None = None,
+        *,
+        image_size_px: tuple[int, int] | None = None,
+        fisheye: bool = False,
+    ) -> Camera:
+        """From OpenCV's `cameraMatrix` (3, 3) and `distCoeffs` (0, 4, 5, 8, 12 or 14; of `cv2.fisheye` 4). Raises `Error` for skew."""
+
+    @staticmethod
+    def parse(text: str) -> Camera:
+        """From the text of a camera file in any supported format that holds one camera."""
+
+    @staticmethod
+    def read(file: str | os.PathLike[str]) -> Camera:
+        """From a file in any supported format; `FILE#NAME` picks one of several cameras."""
+
+    @staticmethod
+    def read_all(file: str | os.PathLike[str]) -> dict[str, Camera]:
+        """All cameras of a file, by name."""
+
+    @staticmethod
+    def nominal(
+        *,
+        image_size_px: tuple[int, int],
+        hfov_deg: float | None = None,
+        focal_mm: float | None = None,
+        sensor_width_mm: float | None = None,
+    ) -> Camera:
+        """A camera that nobody calibrated, with the covariance that such figures have: every answer is widened by it and says so."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def model(self) -> str:
+        """`pinhole`, `brown_conrady`, `kannala_brandt`, …"""
+
+    @property
+    def image_size_px(self) -> tuple[int, int] | None:
+        """Width and height; None where the file states none."""
+
+    @property
+    def remark(self) -> str | None:
+        """That it is not calibrated, say."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Intrinsic parameters by name, with the unit in the name; the order is that of `intrinsics_covariance`."""
+
+    @property
+    def matrix(self) -> Array | None:
+        """OpenCV's camera matrix (3, 3), px; None for the photogrammetric model."""
+
+    @property
+    def intrinsics_covariance(self) -> Array | None:
+        """Covariance of `parameters`, (n, n); None where they are taken as exact."""
+
+    def project(self, points_in_cam_m: ArrayLike) -> Array:
+        """Pixels (n, 2) of points (n, 3) in the camera frame, metres. Raises `Error` (`outside_field`) for a point that has none."""
+
+    def sees(self, points_in_cam_m: ArrayLike) -> list[bool]:
+        """Which of the points (n, 3) in the camera frame, metres, have a pixel by the lens model, whatever the size of the image."""
+
+    def bearings(self, pixels: ArrayLike) -> Array:
+        """Unit vectors (n, 3) in the camera frame towards what is seen at pixels (n, 2). Raises `Error` (`outside_field`)."""
+
+    def to_toml(self) -> str:
+        """The camera as a camera.toml."""
+
+@final
+class Target:
+    """What is looked for in images: points whose places are known.
+
+    `Target("tag", family="tag36h11", id=7, size_m=0.1)` takes the keys of target.toml, lengths in metres. Raises `Error` for a key that the
+    kind does not have, and for sizes that no target has.
+    """
+
+    def __new__(cls, kind: str, **keys: Any) -> Target: ...
+    @staticmethod
+    def parse(text: str) -> Target:
+        """From the text of a target file: own TOML, Kalibr YAML or WPILib JSON."""
+
+    @staticmethod
+    def read(file: str | os.PathLike[str]) -> Target:
+        """From a target file: own TOML, Kalibr YAML or WPILib JSON."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def warnings(self) -> list[str]:
+        """What is unusual about it, in sentences; every answer repeats them."""
+
+    @property
+    def features(self) -> list[tuple[int, int]]:
+        """Id and corner of each point, in the order of `points_m`."""
+
+    @property
+    def points_m(self) -> Array:
+        """Places of its points in the target frame, (n, 3), metres."""
+
+    def to_toml(self) -> str:
+        """The target as a target.toml."""
+
+@final
+class Pose:
+    """A rigid transform between two named frames: x_in_b = b_from_a @ x_in_a."""
+
+    @staticmethod
+    def from_matrix(matrix: ArrayLike, *, b: str = "b", a: str = "a") -> Pose:
+        """From a homogeneous matrix (4, 4). Raises `Error` for one that is no rigid transform (to 1e-6)."""
+
+    @staticmethod
+    def from_vectors(rotation_vector: ArrayLike, translation_m: ArrayLike, *, b: str = "b", a: str = "a") -> Pose:
+        """From OpenCV's `rvec` (axis times angle, radians) and `tvec` (metres), (3,) each."""
+
+    @property
+    def b(self) -> str: ...
+    @property
+    def a(self) -> str: ...
+    @property
+    def matrix(self) -> Array:
+        """Homogeneous matrix (4, 4)."""
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrix (3, 3)."""
+
+    @property
+    def translation_m(self) -> Array:
+        """Translation (3,), metres: the origin of frame a seen in frame b."""
+
+    @property
+    def rotation_wxyz(self) -> list[float]:
+        """Unit quaternion w, x, y, z with w ≥ 0."""
+
+    @property
+    def rotation_vector(self) -> Array:
+        """OpenCV's `rvec`: axis times angle, radians, (3,)."""
+
+    def inverse(self) -> Pose:
+        """a_from_b."""
+
+    def __matmul__(self, other: Any) -> Any:
+        """`c_from_b @ b_from_a` is the pose c_from_a; `b_from_a @ points` (n, 3) are the points in b. Raises `Error` where frames differ."""
+
+@final
+class PoseAnswer:
+    """The answer about one view: status and sentence, and the pose where there is one."""
+
+    @property
+    def status(self) -> str:
+        """`ok`, `ambiguous`, `inconsistent`, `degenerate`, `not_found` or `error`; only `ok` may be used unseen."""
+
+    @property
+    def message(self) -> str:
+        """Why, with the numbers seen and needed."""
+
+    @property
+    def view(self) -> str:
+        """Name of the image or view."""
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is unusual about the input."""
+
+    @property
+    def method(self) -> str | None:
+        """The solver that answered."""
+
+    @property
+    def n_points(self) -> int: ...
+    @property
+    def cam_from_target(self) -> Pose | None:
+        """The most probable pose; None where there is none."""
+
+    @property
+    def target_from_cam(self) -> Pose | None:
+        """Its inverse: the camera's place in the target frame."""
+
+    @property
+    def covariance(self) -> Array | None:
+        """Covariance (6, 6) of the small left motion `[rotation_rad; translation_m]` of `cam_from_target`, camera frame."""
+
+    @property
+    def sigma_rad(self) -> Array | None:
+        """Standard deviations of the camera's rotation about its axes, (3,), radians."""
+
+    @property
+    def sigma_m(self) -> Array | None:
+        """Standard deviations of the camera's place along its axes, (3,), metres."""
+
+    @property
+    def probability(self) -> float | None:
+        """Of this pose among all that were found."""
+
+    @property
+    def rms_px(self) -> float | None:
+        """Root mean square reprojection error over points."""
+
+    @property
+    def chi2(self) -> float | None:
+        """Sum of squared residuals over their variances."""
+
+    @property
+    def degrees_of_freedom(self) -> int | None: ...
+    @property
+    def other_cam_from_target(self) -> Pose | None:
+        """The other pose that fits as well, where the answer is ambiguous."""
+
+    @property
+    def minima(self) -> Array:
+        """Every minimum as a homogeneous matrix, (k, 4, 4), the answer first."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON object of the program's `--json` as plain Python values."""
+
+    def to_json(self) -> str:
+        """The line that the program prints with `--json`."""
+
+@final
+class Poses:
+    """Poses of many views, cam_from_target, as arrays. Rows of views without a pose are zero, and their status says why."""
+
+    def __len__(self) -> int: ...
+    @property
+    def cam_from_target(self) -> Array:
+        """Homogeneous matrices, (n, 4, 4)."""
+
+    @property
+    def covariance(self) -> Array:
+        """Covariances of `[rotation_rad; translation_m]`, camera frame, (n, 6, 6)."""
+
+    @property
+    def probability(self) -> Array:
+        """Of each pose among all that were found, (n,)."""
+
+    @property
+    def chi2(self) -> Array:
+        """Sums of squared residuals over their variances, (n,)."""
+
+    @property
+    def rms_px(self) -> Array:
+        """Root mean square reprojection errors, (n,)."""
+
+    @property
+    def status(self) -> list[str]:
+        """Of each view, as of `PoseAnswer`."""
+
+    @property
+    def is_ok(self) -> NDArray[np.bool_]:
+        """Which views are `ok`, (n,)."""
+
+    def error(self, view: int) -> str | None:
+        """Why a view has no pose; None where it has one."""
+
+def solve(
+    points_m: ArrayLike,
+    pixels: ArrayLike,
+    camera: Camera,
+    *,
+    sigma_px: ArrayLike | None = None,
+    sigma_m: ArrayLike | None = None,
+    method: str = "auto",
+    gravity: tuple[Sequence[float], Sequence[float], float] | None = None,
+    robust_threshold_px: float | None = None,
+    names: Sequence[str] | None = None,
+    view: str = "",
+) -> PoseAnswer:
+    """The pose of a camera from points (n, 3) in the target frame, metres, and their pixels (n, 2).
+
+    `sigma_px` (0.5 where not given) and `sigma_m` (0: exact): standard deviations, one for all or (n,). `gravity`: down in the target frame,
+    down in the camera frame, and the standard deviation of the angle between them, degrees. `robust_threshold_px`: how far off a point may be
+    to agree, where some are wrong. `names`: what points are called in messages. Points that determine no pose are no exception: the answer's
+    status and message say so. Raises `Error` for arrays of another shape or kind and for pixels outside the lens's field.
+    """
+
+def solve_many(
+    points_m: ArrayLike,
+    pixels: ArrayLike,
+    camera: Camera,
+    *,
+    offsets: Sequence[int] | None = None,
+    sigma_px: float = 0.5,
+) -> Poses:
+    """Poses of many views by one camera, three and four points on the vector kernel.
+
+    `pixels` (n, k, 2), `points_m` (k, 3) for all views or (n, k, 3). With `offsets` (n + 1 of them) `points_m` (m, 3) and `pixels` (m, 2) are
+    the views one after another. C-contiguous float64 arrays are read where they are. Raises `Error` for a camera whose intrinsics are
+    uncertain: the kernel takes them as exact.
+    """
+
+def solve_table(
+    file: str | os.PathLike[str],
+    camera: Camera,
+    *,
+    sigma_px: float | None = None,
+    method: str = "auto",
+    robust_threshold_px: float | None = None,
+) -> list[PoseAnswer]:
+    """The poses of a CSV file of points as `resight solve` reads it, one a view."""
+
+def locate_image(
+    image: Image,
+    camera: Camera | None,
+    target: Target,
+    *,
+    method: str = "auto",
+    corner_half_px: int | None = None,
+    view: str = "image",
+) -> PoseAnswer:
+    """The pose of a camera from an image of a target.
+
+    `image`: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8, called `view` in the answer. Without a camera its
+    focal length is estimated with the pose.
+    """
+
+def locate_images(
+    images: Sequence[Image],
+    camera: Camera | None,
+    target: Target,
+    *,
+    method: str = "auto",
+    corner_half_px: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> list[PoseAnswer]:
+    """The same for many images on all cores, answers in their order. `progress(done, total)` is called after each; Ctrl-C ends the work."""
+
+def detect(
+    image: Image,
+    target: Target | None = None,
+    *,
+    family: str | None = None,
+    corner_half_px: int | None = None,
+    view: str = "image",
+) -> str: ...
+
+Named = list[tuple[str | None, Any]]
+Taken = list[tuple[str, str | None, str | None, Any]]
+
+def rig_from_images(
+    cameras: Named, targets: Named, images: Taken, solving: dict[str, Any], corner_half_px: int | None
+) -> list[str]: ...
+def rig_from_detections(
+    cameras: Named, targets: Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
+) -> list[str]: ...
+def rig_from_rows(
+    cameras: Named, targets: Named, rows: list[tuple[Any, ...]], sigma_px: float | None, solving: dict[str, Any]
+) -> list[str]: ...
+def pose_graph(file: str, reference: str | None, joint_covariance: bool) -> list[str]: ...
+def intrinsics(
+    targets: Named,
+    images: Taken,
+    files: list[str],
+    image_size_px: tuple[int, int] | None,
+    sigma_px: float | None,
+    model: str,
+) -> list[str]: ...
+def check_intrinsics(
+    cameras: Named,
+    targets: Named,
+    images: Taken,
+    files: list[str],
+    image_size_px: tuple[int, int] | None,
+    sigma_px: float | None,
+) -> list[str]: ...
+def compare(before: str, after: str, alpha: float, sigmas: tuple[float, float] | None) -> list[str]: ...
+def measure(scene: str) -> list[str]: ...
+def explain(file: str) -> list[str]: ...
+def schema() -> str: ...
+def write_atomically(path: str | os.PathLike[str], text: str) -> None: ...
+def main(arguments: list[str]) -> int: ...

@@ -1,0 +1,217 @@
+//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) of uint8.
+
+use crate::answer::PoseAnswer;
+use crate::camera::Camera;
+use crate::error;
+use crate::points::method;
+use crate::run::run;
+use crate::target::Target;
+use numpy::{PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use resight::GrayImage;
+use resight::answer::DetectionAnswer;
+use resight::detect::every_tag::EveryTagFinder;
+use resight::detect::job::{detect_every_tag, detect_target};
+use resight::detect::{CornerWindow, Detector};
+use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method};
+use std::path::PathBuf;
+
+/// An image, and what it is called in answers.
+pub enum Input {
+    File(PathBuf),
+    Memory(String, GrayImage),
+}
+
+impl Input {
+    /// # Errors
+    /// `input` for what is no grey image.
+    pub fn new(value: &Bound<'_, PyAny>, view: &str) -> PyResult<Self> {
+        let py = value.py();
+        if let Ok(array) = value.cast::<PyArray2<u8>>() {
+            let [rows, columns] = *numpy::PyUntypedArrayMethods::shape(array) else {
+                return Err(error::input(py, "image: no image"));
+            };
+            let size = (u32::try_from(columns), u32::try_from(rows));
+            let (Ok(width_px), Ok(height_px)) = size else {
+                return Err(error::input(py, format!("image: {columns} x {rows} px is too large")));
+            };
+            if rows == 0 || columns == 0 {
+                return Err(error::input(py, "image: an array without pixels"));
+            }
+            let busy = |_| error::input(py, "image: the array is being written to elsewhere");
+            let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
+            return Ok(Input::Memory(view.to_owned(), GrayImage { width_px, height_px, data }));
+        }
+        if let Ok(bytes) = value.cast::<PyBytes>() {
+            let image = GrayImage::decode(bytes.as_bytes())
+                .map_err(|reason| error::input(py, format!("image: {reason}")))?;
+            return Ok(Input::Memory(view.to_owned(), image));
+        }
+        value.extract::<PathBuf>().map(Input::File).map_err(|_| {
+            let message = "image: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8 is needed; \
+                           make grey ones of colour by cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) or PIL's convert(\"L\")";
+            error::input(py, message)
+        })
+    }
+
+    /// The name in answers, and the image or why there is none.
+    pub fn read(&self) -> (String, Result<std::borrow::Cow<'_, GrayImage>, String>) {
+        match self {
+            Input::File(path) => {
+                let image = GrayImage::read(path).map(std::borrow::Cow::Owned).map_err(|e| e.to_string());
+                (path.display().to_string(), image)
+            }
+            Input::Memory(view, image) => (view.clone(), Ok(std::borrow::Cow::Borrowed(image))),
+        }
+    }
+}
+
+/// Half width of the window in which corners are refined; none: what is printed around them is laid on the image.
+pub fn corner_window(half_px: Option<u32>) -> CornerWindow {
+    half_px.map_or(CornerWindow::default(), CornerWindow::Half)
+}
+
+/// What one image is asked, owned by the thread that answers.
+struct Request {
+    camera: resight::core::Camera,
+    target: resight::core::Target,
+    options: LocateOptions,
+    remarks: Vec<String>,
+}
+
+impl Request {
+    fn new(
+        py: Python<'_>,
+        camera: Option<&Camera>,
+        target: &Target,
+        method_name: &str,
+        corner_half_px: Option<u32>,
+    ) -> PyResult<Self> {
+        let method = method(py, method_name)?;
+        if camera.is_none() && method != Method::Auto {
+            return Err(error::input(
+                py,
+                "method: without a camera the focal length is estimated, which has a method of its own",
+            ));
+        }
+        let intrinsics: Option<IntrinsicsCovariance> = camera.and_then(Camera::intrinsics);
+        let mut remarks = target.warnings.clone();
+        remarks.extend(camera.and_then(|camera| camera.remark.clone()));
+        Ok(Request {
+            camera: camera
+                .map_or_else(resight::core::Camera::normalized, |camera| camera.known.camera.clone()),
+            target: target.target.clone(),
+            options: LocateOptions {
+                method,
+                intrinsics: intrinsics.filter(|_| method != Method::Wang2004),
+                corner_window: corner_window(corner_half_px),
+                estimate_focal: camera.is_none(),
+            },
+            remarks,
+        })
+    }
+
+    fn answer(&self, locator: &mut ImageLocator, image: &Input) -> resight::PoseAnswer {
+        let (view, image) = image.read();
+        let mut located = match image {
+            Ok(image) => locator.locate(&image, view),
+            Err(reason) => Located::error(view, reason),
+        };
+        located.answer.remarks.splice(..0, self.remarks.iter().cloned());
+        located.answer
+    }
+}
+
+/// The pose of a camera from an image of a target; without a camera its focal length is estimated too.
+#[pyfunction]
+#[pyo3(signature = (image, camera, target, *, method="auto", corner_half_px=None, view="image"))]
+pub fn locate_image(
+    py: Python<'_>,
+    image: &Bound<'_, PyAny>,
+    camera: Option<&Camera>,
+    target: &Target,
+    method: &str,
+    corner_half_px: Option<u32>,
+    view: &str,
+) -> PyResult<PoseAnswer> {
+    let request = Request::new(py, camera, target, method, corner_half_px)?;
+    let image = Input::new(image, view)?;
+    let answer = run(py, None, 1, move |_| -> Result<resight::PoseAnswer, resight::Error> {
+        let mut locator = ImageLocator::new(&request.camera, &request.target, &request.options)?;
+        Ok(request.answer(&mut locator, &image))
+    })?;
+    Ok(answer.map_err(|reason| error::job(py, &reason))?.into())
+}
+
+/// The same for many images, on all cores; answers in the order of the images.
+#[pyfunction]
+#[pyo3(signature = (images, camera, target, *, method="auto", corner_half_px=None, progress=None))]
+pub fn locate_images(
+    py: Python<'_>,
+    images: Vec<Bound<'_, PyAny>>,
+    camera: Option<&Camera>,
+    target: &Target,
+    method: &str,
+    corner_half_px: Option<u32>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<PoseAnswer>> {
+    let request = Request::new(py, camera, target, method, corner_half_px)?;
+    let inputs = images.iter().enumerate().map(|(i, image)| Input::new(image, &format!("image {i}")));
+    let inputs: Vec<Input> = inputs.collect::<PyResult<_>>()?;
+    let total = inputs.len();
+    let answers =
+        run(py, progress, total, move |reporter| -> Result<Vec<resight::PoseAnswer>, resight::Error> {
+            let mut answers = Vec::with_capacity(inputs.len());
+            resight::parallel::detect_in_order(
+                &inputs,
+                || ImageLocator::new(&request.camera, &request.target, &request.options),
+                |locator: &mut ImageLocator, input: &Input| request.answer(locator, input),
+                |answer| -> Result<(), resight::Error> {
+                    answers.push(answer);
+                    match reporter.done(answers.len()) {
+                        true => Ok(()),
+                        false => Err(resight::Error::request("nobody waits for the rest")),
+                    }
+                },
+            )?;
+            Ok(answers)
+        })?;
+    let answers = answers.map_err(|reason| error::job(py, &reason))?;
+    Ok(answers.into_iter().map(PoseAnswer::from).collect())
+}
+
+/// The points of a target, or every tag of a family, in an image; the line that the program prints with --json.
+#[pyfunction]
+#[pyo3(signature = (image, target=None, *, family=None, corner_half_px=None, view="image"))]
+pub fn detect(
+    py: Python<'_>,
+    image: &Bound<'_, PyAny>,
+    target: Option<&Target>,
+    family: Option<String>,
+    corner_half_px: Option<u32>,
+    view: &str,
+) -> PyResult<String> {
+    let image = Input::new(image, view)?;
+    let target = target.map(|target| target.target.clone());
+    let found = run(py, None, 1, move |_| -> Result<DetectionAnswer, resight::Error> {
+        let (view, image) = image.read();
+        let image = match image {
+            Ok(image) => image,
+            Err(reason) => return Ok(DetectionAnswer::error(&view, reason)),
+        };
+        match (target, family) {
+            (Some(target), None) => {
+                let mut detector = Detector::with_corner_window(&target, corner_window(corner_half_px))?;
+                Ok(detect_target(&mut detector, &target, &view, &image))
+            }
+            (None, Some(family)) => {
+                let mut finder = EveryTagFinder::new(&family)?;
+                Ok(detect_every_tag(&mut finder, &family, &view, &image))
+            }
+            _ => Err(resight::Error::request("give a target, or the family of the tags")),
+        }
+    })?;
+    let found = found.map_err(|reason| error::job(py, &reason))?;
+    serde_json::to_string(&found).map_err(|reason| error::error(py, "write", reason.to_string()))
+}

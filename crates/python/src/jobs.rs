@@ -1,0 +1,342 @@
+//! Jobs over several images or files. Each returns the JSON line that the program prints with --json; `python/resight` makes answers of it.
+
+use crate::camera::Camera;
+use crate::error;
+use crate::image::{Input, corner_window};
+use crate::run::run;
+use crate::target::Target;
+use pyo3::prelude::*;
+use resight::answer::{CompareAnswer, IntrinsicsAnswer, IntrinsicsCheckAnswer, PoseGraphAnswer, RigAnswer};
+use resight::compare::CompareOptions;
+use resight::core::camera::ImageSize;
+use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, model_names};
+use resight::rig::pairs::read_pairs;
+use resight::rig::{
+    CameraDistance, CameraImage, DetectionRow, Detections, ImageOptions, PoseGraphRequest, RigRequest,
+};
+use std::path::PathBuf;
+
+type JobResult<T> = Result<T, resight::Error>;
+
+/// Runs a job and writes its answer.
+fn answered(
+    py: Python<'_>,
+    job: impl FnOnce() -> JobResult<Vec<String>> + Send + 'static,
+) -> PyResult<Vec<String>> {
+    run(py, None, 1, move |_| job())?.map_err(|reason| error::job(py, &reason))
+}
+
+fn line(answer: &impl serde::Serialize) -> JobResult<String> {
+    serde_json::to_string(answer).map_err(|reason| resight::Error::request(reason.to_string()))
+}
+
+/// A camera or target: its name where it has one, and the object or its file.
+type Named<'py> = (Option<String>, Bound<'py, PyAny>);
+
+/// What every rig is asked.
+fn request(cameras: Vec<Named<'_>>, targets: Vec<Named<'_>>) -> PyResult<RigRequest> {
+    let mut request = RigRequest::default();
+    for (name, camera) in cameras {
+        let py = camera.py();
+        if let Ok(camera) = camera.cast::<Camera>() {
+            let known = camera.get().known.clone();
+            let name = name.unwrap_or_else(|| known.name.clone());
+            request.cameras.push(resight::formats::NamedCamera { name, ..known });
+            continue;
+        }
+        let file: PathBuf =
+            camera.extract().map_err(|_| error::input(py, "cameras: a Camera or a path is needed"))?;
+        let read = request.read_camera(name.as_deref(), &file.to_string_lossy());
+        read.map_err(|reason| error::job(py, &reason))?;
+    }
+    for (name, target) in targets {
+        let py = target.py();
+        if let Ok(target) = target.cast::<Target>() {
+            let name = name.unwrap_or_else(|| target.get().target.kind().to_owned());
+            request.add_target(name, target.get().target.clone());
+            continue;
+        }
+        let file: PathBuf =
+            target.extract().map_err(|_| error::input(py, "targets: a Target or a path is needed"))?;
+        request.read_target(name.as_deref(), &file).map_err(|reason| error::job(py, &reason))?;
+    }
+    Ok(request)
+}
+
+/// Two cameras, their distance and its standard deviation, metres.
+type Distance = (String, String, f64, f64);
+
+/// How a rig is solved, as `resight rig` has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Solving {
+    reference: Option<String>,
+    world: Option<String>,
+    fixed_together: Vec<Vec<String>>,
+    known_distances_m: Vec<Distance>,
+    sync_tolerance_s: Option<f64>,
+    joint_covariance: bool,
+}
+
+impl Solving {
+    fn of(self, request: RigRequest) -> RigRequest {
+        let distance = |(a, b, distance_m, sigma_m)| CameraDistance { a, b, distance_m, sigma_m };
+        RigRequest {
+            reference: self.reference,
+            world: self.world,
+            fixed_together: self.fixed_together,
+            known_distances: self.known_distances_m.into_iter().map(distance).collect(),
+            sync_tolerance_s: self.sync_tolerance_s,
+            joint_covariance: self.joint_covariance,
+            ..request
+        }
+    }
+}
+
+/// The answer, and the file that `resight rig -o` writes where there is a rig.
+fn rig_lines(answer: &RigAnswer) -> JobResult<Vec<String>> {
+    match answer {
+        RigAnswer::Solved(solved) => Ok(vec![line(solved)?, solved.file()?]),
+        RigAnswer::Unsolved(reason) => Ok(vec![line(reason)?]),
+    }
+}
+
+/// An image of a camera: its name, the view's name in memory, the pattern of its file, and the image or its path.
+type Taken<'py> = (String, Option<String>, Option<String>, Bound<'py, PyAny>);
+
+fn taken(images: Vec<Taken<'_>>) -> PyResult<Vec<CameraImage>> {
+    let one = |(camera, view, pattern, image): Taken<'_>| {
+        let view = view.unwrap_or_default();
+        Ok(match (Input::new(&image, &view)?, pattern) {
+            (Input::File(path), Some(pattern)) => CameraImage::matched(camera, path, pattern),
+            (Input::File(path), None) => CameraImage::file(camera, path),
+            (Input::Memory(view, image), _) => CameraImage::in_memory(camera, view, image),
+        })
+    };
+    images.into_iter().map(one).collect()
+}
+
+#[pyfunction]
+pub fn rig_from_images(
+    py: Python<'_>,
+    cameras: Vec<Named<'_>>,
+    targets: Vec<Named<'_>>,
+    images: Vec<Taken<'_>>,
+    solving: Solving,
+    corner_half_px: Option<u32>,
+) -> PyResult<Vec<String>> {
+    let request = solving.of(request(cameras, targets)?);
+    let images = taken(images)?;
+    let options = ImageOptions { times: None, corner_window: corner_window(corner_half_px) };
+    answered(py, move || rig_lines(&resight::rig_from_images(&images, &options, &request)?))
+}
+
+#[pyfunction]
+pub fn rig_from_detections(
+    py: Python<'_>,
+    cameras: Vec<Named<'_>>,
+    targets: Vec<Named<'_>>,
+    files: Vec<PathBuf>,
+    sigma_px: Option<f64>,
+    solving: Solving,
+) -> PyResult<Vec<String>> {
+    let request = solving.of(request(cameras, targets)?);
+    answered(py, move || {
+        let detections = Detections { sigma_px, ..Detections::files(&files) };
+        rig_lines(&resight::rig_from_detections(&detections, &request)?)
+    })
+}
+
+/// A point in one frame of one camera: camera, view, target, id, position (m), pixel, standard deviation (px).
+type Row = (String, String, Option<String>, Option<String>, Option<[f64; 3]>, [f64; 2], Option<f64>);
+
+fn row_of((camera, view, target, id, position_m, image_px, sigma_px): &Row) -> DetectionRow<'_> {
+    DetectionRow {
+        camera,
+        view,
+        target: target.as_deref(),
+        id: id.as_deref(),
+        position_m: *position_m,
+        image_px: *image_px,
+        sigma_px: *sigma_px,
+        ..DetectionRow::default()
+    }
+}
+
+#[pyfunction]
+pub fn rig_from_rows(
+    py: Python<'_>,
+    cameras: Vec<Named<'_>>,
+    targets: Vec<Named<'_>>,
+    rows: Vec<Row>,
+    sigma_px: Option<f64>,
+    solving: Solving,
+) -> PyResult<Vec<String>> {
+    let request = solving.of(request(cameras, targets)?);
+    answered(py, move || {
+        let seen: Vec<DetectionRow> = rows.iter().map(row_of).collect();
+        let detections = Detections { sigma_px, ..Detections::rows(&seen) };
+        rig_lines(&resight::rig_from_detections(&detections, &request)?)
+    })
+}
+
+/// Writes a text whole or not at all.
+#[pyfunction]
+pub fn write_atomically(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
+    resight::formats::write_atomically(&path, text.as_bytes()).map_err(|reason| error::file(py, &reason))
+}
+
+#[pyfunction]
+pub fn pose_graph(
+    py: Python<'_>,
+    file: PathBuf,
+    reference: Option<String>,
+    joint_covariance: bool,
+) -> PyResult<Vec<String>> {
+    answered(py, move || {
+        let pairs = read_pairs(&file)?;
+        let request = PoseGraphRequest { reference, joint_covariance, ..PoseGraphRequest::new(pairs) };
+        Ok(vec![match resight::pose_graph(&request)? {
+            PoseGraphAnswer::Solved(solved) => line(&solved)?,
+            PoseGraphAnswer::Unsolved(reason) => line(&reason)?,
+        }])
+    })
+}
+
+fn models(py: Python<'_>, name: &str) -> PyResult<Models> {
+    if name == "auto" {
+        return Ok(Models::ByEvidence);
+    }
+    let names = model_names();
+    let found = names.iter().find(|known| **known == name);
+    found.map(|known| Models::Named(known)).ok_or_else(|| {
+        error::input(py, format!("model: there is no `{name}`; there are auto, {}", names.join(", ")))
+    })
+}
+
+/// What `intrinsics` and its check look at: images with targets, or files of detections with the size of their images.
+fn intrinsics_request(
+    targets: Vec<Named<'_>>,
+    images: Vec<Taken<'_>>,
+    files: Vec<PathBuf>,
+    image_size_px: Option<(u32, u32)>,
+    sigma_px: Option<f64>,
+    py: Python<'_>,
+) -> PyResult<IntrinsicsRequest> {
+    let (source, cameras) = match (files.is_empty(), image_size_px) {
+        (true, _) => {
+            let mut cameras: Vec<String> = Vec::new();
+            for (camera, ..) in &images {
+                if !cameras.contains(camera) {
+                    cameras.push(camera.clone());
+                }
+            }
+            let images = taken(images)?;
+            (IntrinsicsSource::Images { images, options: ImageOptions::default() }, cameras)
+        }
+        (false, Some((width_px, height_px))) => {
+            let size = ImageSize { width_px, height_px };
+            (IntrinsicsSource::Detections { files, sigma_px, size }, Vec::new())
+        }
+        (false, None) => {
+            return Err(error::input(py, "image_size_px: detections need the size of their images"));
+        }
+    };
+    let targets = request(Vec::new(), targets)?.targets;
+    Ok(IntrinsicsRequest { cameras, targets, ..IntrinsicsRequest::new(source) })
+}
+
+/// The answer, and the camera file where there is a camera to rely on.
+fn intrinsics_lines(answer: &IntrinsicsAnswer) -> JobResult<Vec<String>> {
+    let reliable = answer.reliable();
+    let mut lines = vec![line(answer)?];
+    if !reliable.is_empty() {
+        lines.push(resight::formats::own_file(&reliable)?);
+    }
+    Ok(lines)
+}
+
+#[pyfunction]
+#[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
+pub fn intrinsics(
+    py: Python<'_>,
+    targets: Vec<Named<'_>>,
+    images: Vec<Taken<'_>>,
+    files: Vec<PathBuf>,
+    image_size_px: Option<(u32, u32)>,
+    sigma_px: Option<f64>,
+    model: &str,
+) -> PyResult<Vec<String>> {
+    let request = intrinsics_request(targets, images, files, image_size_px, sigma_px, py)?;
+    let request = IntrinsicsRequest { models: models(py, model)?, ..request };
+    answered(py, move || intrinsics_lines(&resight::intrinsics(&request)?))
+}
+
+#[pyfunction]
+#[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
+pub fn check_intrinsics(
+    py: Python<'_>,
+    cameras: Vec<Named<'_>>,
+    targets: Vec<Named<'_>>,
+    images: Vec<Taken<'_>>,
+    files: Vec<PathBuf>,
+    image_size_px: Option<(u32, u32)>,
+    sigma_px: Option<f64>,
+) -> PyResult<Vec<String>> {
+    let checked = request(cameras, Vec::new())?.cameras;
+    let of_camera = || checked.first()?.camera.size.map(|size| (size.width_px, size.height_px));
+    let size = image_size_px.or_else(of_camera);
+    let request = intrinsics_request(targets, images, files, size, sigma_px, py)?;
+    let request = IntrinsicsRequest { checked, ..request };
+    answered(py, move || {
+        let answer: IntrinsicsCheckAnswer = resight::check_intrinsics(&request)?;
+        Ok(vec![line(&answer)?])
+    })
+}
+
+#[pyfunction]
+pub fn compare(
+    py: Python<'_>,
+    before: PathBuf,
+    after: PathBuf,
+    alpha: f64,
+    sigmas: Option<(f64, f64)>,
+) -> PyResult<Vec<String>> {
+    if !(0.0 < alpha && alpha < 1.0) {
+        return Err(error::input(py, format!("alpha: {alpha} is given, a chance between 0 and 1 is needed")));
+    }
+    let options = CompareOptions { alpha, ..CompareOptions::default() };
+    let options = match sigmas {
+        Some((sigma_m, sigma_rad)) => options.with_sigmas(sigma_m, sigma_rad),
+        None => options,
+    };
+    answered(py, move || {
+        let (before, after) = (resight::compare::read(&before)?.0, resight::compare::read(&after)?.0);
+        match resight::compare(&before, &after, &options)? {
+            CompareAnswer::Rigs(rigs) => Ok(vec![line(&rigs)?]),
+            CompareAnswer::Views(views) => views.iter().map(line).collect(),
+        }
+    })
+}
+
+/// One line a query, then one for the whole network.
+#[pyfunction]
+pub fn measure(py: Python<'_>, scene: PathBuf) -> PyResult<Vec<String>> {
+    answered(py, move || {
+        let scene = resight::measure::read_scene(&scene)?;
+        let answer = resight::measure(&scene)?;
+        answer.answers.iter().map(line).chain([line(&answer.network)]).collect()
+    })
+}
+
+#[pyfunction]
+pub fn explain(py: Python<'_>, file: PathBuf) -> PyResult<Vec<String>> {
+    answered(py, move || Ok(vec![line(&resight::explain(&file)?)?]))
+}
+
+/// The JSON schema of every answer.
+#[pyfunction]
+pub fn schema(py: Python<'_>) -> PyResult<String> {
+    serde_json::to_string(&resight::answer::json_schema(&[]))
+        .map_err(|reason| error::error(py, "write", reason.to_string()))
+}

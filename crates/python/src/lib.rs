@@ -1,0 +1,51 @@
+//! The Python package `resight`: the jobs and answers of the library `resight`, for NumPy arrays and files. A door: no mathematics.
+//!
+//! `python/resight` names what users see; this module, `resight._native`, is what they are made of.
+#![forbid(unsafe_code)]
+
+mod error;
+mod arrays;
+mod run;
+mod camera;
+mod target;
+mod pose;
+mod answer;
+mod points;
+mod many;
+mod image;
+mod jobs;
+mod program;
+
+use pyo3::prelude::*;
+
+#[pymodule(gil_used = false)]
+mod _native {
+    #[pymodule_export]
+    use super::answer::PoseAnswer;
+    #[pymodule_export]
+    use super::camera::Camera;
+    #[pymodule_export]
+    use super::image::{detect, locate_image, locate_images};
+    #[pymodule_export]
+    use super::jobs::{
+        check_intrinsics, compare, explain, intrinsics, measure, pose_graph, rig_from_detections,
+        rig_from_images, rig_from_rows, schema, write_atomically,
+    };
+    #[pymodule_export]
+    use super::many::{Poses, solve_many};
+    #[pymodule_export]
+    use super::points::{solve, solve_table};
+    #[pymodule_export]
+    use super::pose::Pose;
+    #[pymodule_export]
+    use super::program::main;
+    #[pymodule_export]
+    use super::target::Target;
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

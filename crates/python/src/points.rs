@@ -1,0 +1,128 @@
+//! Known points to a pose.
+
+use crate::answer::PoseAnswer;
+use crate::arrays::{Numbers, each};
+use crate::camera::Camera;
+use crate::error;
+use pyo3::prelude::*;
+use resight::core::locate::prior::Prior;
+use resight::core::{Correspondence, Pixel, Point};
+use resight::locate::{METHODS, Method, NamedPoint, PointsOptions, locate_points};
+use resight::points::{TableLocator, read_views, unit_remarks};
+use std::path::PathBuf;
+
+/// The solver of this name.
+///
+/// # Errors
+/// `input` for any other word, with the names that there are.
+pub fn method(py: Python<'_>, name: &str) -> PyResult<Method> {
+    let found = METHODS.iter().find(|(known, _)| *known == name);
+    found.map(|(_, method)| *method).ok_or_else(|| {
+        let names = METHODS.map(|(known, _)| known).join(", ");
+        error::input(py, format!("method: there is no `{name}`; there are {names}"))
+    })
+}
+
+/// Directions of down in target and camera, and the standard deviation of the angle between them.
+type Gravity = ([f64; 3], [f64; 3], f64);
+
+fn priors(py: Python<'_>, gravity: Option<Gravity>) -> PyResult<Vec<Prior>> {
+    let Some((down_in_target, down_in_cam, sigma_deg)) = gravity else { return Ok(Vec::new()) };
+    let unit = |name: &str, direction: [f64; 3]| {
+        let length = direction.iter().fold(0.0_f64, |sum, x| sum.hypot(*x));
+        match length.is_normal() {
+            true => Ok(direction.map(|x| x / length)),
+            false => {
+                Err(error::input(py, format!("gravity: {name} must be three numbers that are not all zero")))
+            }
+        }
+    };
+    if !(0.0 < sigma_deg && sigma_deg < 90.0) {
+        return Err(error::input(py, format!("gravity: sigma_deg is {sigma_deg}; 0 to 90 is needed")));
+    }
+    Ok(vec![Prior::Gravity {
+        down_in_target: unit("down_in_target", down_in_target)?.into(),
+        down_in_cam: unit("down_in_cam", down_in_cam)?.into(),
+        sigma_rad: sigma_deg.to_radians(),
+    }])
+}
+
+/// The pose of a camera from points (n, 3) in the target frame and their pixels (n, 2).
+#[pyfunction]
+#[pyo3(signature = (points_m, pixels, camera, *, sigma_px=None, sigma_m=None, method="auto", gravity=None, robust_threshold_px=None, names=None, view=""))]
+#[allow(clippy::too_many_arguments)] // As the function has them in Python, by keyword.
+pub fn solve(
+    py: Python<'_>,
+    points_m: &Bound<'_, PyAny>,
+    pixels: &Bound<'_, PyAny>,
+    camera: &Camera,
+    sigma_px: Option<&Bound<'_, PyAny>>,
+    sigma_m: Option<&Bound<'_, PyAny>>,
+    method: &str,
+    gravity: Option<Gravity>,
+    robust_threshold_px: Option<f64>,
+    names: Option<Vec<String>>,
+    view: &str,
+) -> PyResult<PoseAnswer> {
+    let (points, seen) = (Numbers::new("points_m", points_m)?, Numbers::new("pixels", pixels)?);
+    let (points, seen) = (points.rows::<3>("points_m")?, seen.rows::<2>("pixels")?);
+    if points.len() != seen.len() {
+        let message = format!(
+            "{} points_m and {} pixels are given; one pixel for each point is needed",
+            points.len(),
+            seen.len()
+        );
+        return Err(error::input(py, message));
+    }
+    let n = points.len();
+    let sigmas_px = sigma_px.map_or_else(|| Ok(vec![0.5; n]), |value| each("sigma_px", value, n))?;
+    let sigmas_m = sigma_m.map_or_else(|| Ok(vec![0.0; n]), |value| each("sigma_m", value, n))?;
+    if names.as_ref().is_some_and(|names| names.len() != n) {
+        return Err(error::input(py, format!("names: one for each of {n} points is needed")));
+    }
+    let mut named = Vec::with_capacity(n);
+    for k in 0..n {
+        let (x, [u, v]) = (Point::from(points[k]), seen[k]);
+        let seen = Correspondence::new(&camera.known.camera, x, Pixel::new(u, v), sigmas_px[k]);
+        let seen = seen
+            .map_err(|reason| error::error(py, &error::math_kind(&reason), format!("point {k}: {reason}")))?;
+        let name = names.as_ref().map_or_else(|| k.to_string(), |names| names[k].clone());
+        named.push(NamedPoint { name, line: None, seen: Correspondence { sigma_m: sigmas_m[k], ..seen } });
+    }
+    let method = self::method(py, method)?;
+    let options = PointsOptions {
+        method,
+        intrinsics: camera.intrinsics().filter(|_| method != Method::Wang2004),
+        priors: priors(py, gravity)?,
+        robust_threshold_px,
+        ..PointsOptions::default()
+    };
+    let mut answer = locate_points(view, &named, &camera.known.camera, &options);
+    answer.remarks.extend(camera.remark.clone());
+    Ok(answer.into())
+}
+
+/// The poses of a CSV file of points, one a view.
+#[pyfunction]
+#[pyo3(signature = (file, camera, *, sigma_px=None, method="auto", robust_threshold_px=None))]
+pub fn solve_table(
+    py: Python<'_>,
+    file: PathBuf,
+    camera: &Camera,
+    sigma_px: Option<f64>,
+    method: &str,
+    robust_threshold_px: Option<f64>,
+) -> PyResult<Vec<PoseAnswer>> {
+    let method = self::method(py, method)?;
+    let intrinsics = camera.intrinsics().filter(|_| method != Method::Wang2004);
+    let options = PointsOptions { method, intrinsics, robust_threshold_px, ..PointsOptions::default() };
+    let locator = TableLocator::new(Some(camera.known.camera.clone()), sigma_px, options);
+    let views = read_views(&file, false).map_err(|reason| error::file(py, &reason))?;
+    let mut remarks = unit_remarks(&views);
+    remarks.extend(camera.remark.clone());
+    let answers = crate::run::run(py, None, views.len(), move |_| {
+        let answer = |view| resight::PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) };
+        views.iter().map(answer).collect::<Vec<_>>()
+    })?;
+    Ok(answers.into_iter().map(PoseAnswer::from).collect())
+}

@@ -1,0 +1,134 @@
+"""Cameras, targets, images, answers and errors; threads, signals and interpreters."""
+
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import resight
+from conftest import ROOT
+
+
+def test_cameras_come_and_go_as_files(tmp_path):
+    read = resight.read_camera("examples/photo/left.yml")
+    (tmp_path / "camera.toml").write_text(read.to_toml())
+    again = resight.read_camera(tmp_path / "camera.toml")
+    assert again.parameters == read.parameters and again.image_size_px == read.image_size_px == (640, 480)
+    made = resight.Camera(read.model, width_px=640, height_px=480, **{k: v for k, v in read.parameters.items() if k.endswith("_px")},
+                          distortion=[v for k, v in read.parameters.items() if not k.endswith("_px")])
+    assert made.parameters == read.parameters
+    of_matrix = resight.Camera.from_matrix(read.matrix, made_distortion(read), image_size_px=(640, 480))
+    assert of_matrix.parameters == read.parameters
+
+
+def made_distortion(camera):
+    return np.array([[v for k, v in camera.parameters.items() if not k.endswith("_px")]])
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda: resight.Camera("pinhole", width_px=640, height_px=480, fx_px=-1, fy_px=1, cx_px=1, cy_px=1), "fx_px"),
+    (lambda: resight.Camera("pinhole", width_px=640, height_px=480, f_px=1, fy_px=1, cx_px=1, cy_px=1), "f_px"),
+    (lambda: resight.Camera("magic", width_px=640, height_px=480), "magic"),
+    (lambda: resight.Camera("pinhole", width_px=640, height_px=480, fx_px=float("nan"), fy_px=1, cx_px=1, cy_px=1), "finite"),
+    (lambda: resight.Camera("pinhole", fx_px={1}), "fx_px"),
+    (lambda: resight.Camera.from_matrix(np.eye(2)), "(3, 3)"),
+    (lambda: resight.Camera.from_matrix([[1, 2, 3], [0, 1, 3], [0, 0, 1]]), "skew"),
+    (lambda: resight.Camera.nominal(image_size_px=(640, 480), hfov_deg=170), "field of view"),
+    (lambda: resight.Camera.nominal(image_size_px=(0, 480), hfov_deg=60), "size"),
+    (lambda: resight.read_camera("no such file.yml"), "no such file.yml"),
+    (lambda: resight.read_camera("examples/photo/board.toml"), "this is a target"),
+    (lambda: resight.Target("tag", family="tag36h11", id=7), "size_m"),
+    (lambda: resight.Target("tag", family="tag36h11\"\n[x]", id=7, size_m=0.1), "family"),
+    (lambda: resight.read_target("examples/photo/left.yml"), "left.yml"),
+])
+def test_what_is_no_camera_or_target_is_named(make, words):
+    with pytest.raises(resight.Error) as caught:
+        make()
+    assert words in str(caught.value)
+
+
+def test_images_in_memory_and_on_disk_are_one():
+    cv2 = pytest.importorskip("cv2")
+    camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target("examples/photo/board.toml")
+    path = "examples/photo/left01.jpg"
+    of_file = resight.locate_image(path, camera, target).to_dict()
+    of_bytes = resight.locate_image(open(path, "rb").read(), camera, target, view=path).to_dict()
+    assert of_bytes == of_file
+    gray = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
+    of_array = resight.locate_image(gray, camera, target)
+    assert np.allclose(of_array.cam_from_target.matrix, of_file["cam_from_target"]["matrix"], atol=1e-3)
+    flipped = np.asfortranarray(gray)
+    assert resight.locate_image(flipped, camera, target).to_json() == of_array.to_json()
+    assert resight.locate_image(gray[:, :600], camera, target).status == "error"
+    for wrong in (cv2.imread(path), gray.astype(float), np.zeros((0, 5), np.uint8), 3, b"no image", np.zeros((2, 2, 2, 2), np.uint8)):
+        with pytest.raises(resight.Error):
+            resight.locate_image(wrong, camera, target)
+    assert resight.locate_image("missing.jpg", camera, target).status == "error"
+    assert resight.locate_image(np.zeros((480, 640), np.uint8), camera, target).status == "not_found"
+
+
+def test_answers_have_attributes_and_keys():
+    found = resight.detect("examples/photo/left01.jpg", "examples/photo/board.toml")
+    assert found.status == "ok" and len(found.detections) == len(found["detections"]) == 54
+    assert found.detections[0].u_px == found.to_dict()["detections"][0]["u_px"]
+    with pytest.raises(AttributeError, match="it has"):
+        found.corners
+    assert pickle.loads(pickle.dumps(resight.Error("words", "kind"))).kind == "kind"
+
+
+def test_progress_is_reported_and_may_end_the_work():
+    camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target("examples/photo/board.toml")
+    images, seen = ["examples/photo/left01.jpg"] * 8, []
+    resight.locate_images(images, camera, target, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(i, 8) for i in range(1, 9)]
+
+    def enough(done, total):
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        resight.locate_images(images, camera, target, progress=enough)
+
+
+def test_other_threads_run_meanwhile():
+    camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target("examples/photo/board.toml")
+    ticks, stop = [], threading.Event()
+
+    def tick():
+        while not stop.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.002)
+
+    other = threading.Thread(target=tick)
+    other.start()
+    resight.locate_images(["examples/photo/left01.jpg"] * 40, camera, target)
+    stop.set()
+    other.join()
+    assert 5 < len(ticks)
+
+
+def test_ctrl_c_ends_a_long_job():
+    script = textwrap.dedent("""
+        import resight
+        camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target("examples/photo/board.toml")
+        print("begun", flush=True)
+        resight.locate_images(["examples/photo/left01.jpg"] * 20000, camera, target)
+    """)
+    running = subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert running.stdout.readline() == "begun\n"
+    time.sleep(1)
+    running.send_signal(signal.SIGINT)
+    _, words = running.communicate(timeout=30)
+    assert "KeyboardInterrupt" in words and running.returncode != 0
+
+
+def test_a_second_interpreter_is_refused_clearly():
+    interpreters = pytest.importorskip("_xxsubinterpreters")
+    other = interpreters.create(isolated=False)
+    with pytest.raises(Exception, match="(?i)interpreter"):
+        interpreters.run_string(other, "import importlib.util, sys\nimport resight._native")

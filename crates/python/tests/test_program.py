@@ -1,0 +1,104 @@
+"""Same input, same answer: every job of the package gives the bytes that the program of the wheel prints with --json."""
+
+import glob
+import json
+import subprocess
+import sys
+
+import pytest
+
+import resight
+from conftest import ROOT, program
+
+LEFT = sorted(glob.glob("examples/photo/left0*.jpg", root_dir=ROOT))
+BOARD = "examples/photo/board.toml"
+
+
+def without(lines, *keys):
+    """The objects without keys that say who asked."""
+    return [{k: v for k, v in json.loads(line).items() if k not in keys} for line in lines]
+
+
+def test_locate():
+    camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target(BOARD)
+    answers = resight.locate_images(LEFT, camera, target)
+    assert [a.to_json() for a in answers] == program("locate", *LEFT, "--camera", "examples/photo/left.yml", "--target", BOARD)
+    one = resight.locate_image(LEFT[0], camera, target)
+    assert one.to_json() == answers[0].to_json() and one.status == "ok"
+
+
+def test_locate_without_a_camera_file():
+    camera = resight.Camera.nominal(image_size_px=(640, 480), hfov_deg=60)
+    answers = resight.locate_images(LEFT[:3], camera, resight.read_target(BOARD))
+    assert [a.to_json() for a in answers] == program("locate", *LEFT[:3], "--hfov-deg", 60, "--target", BOARD)
+    answers = resight.locate_images(LEFT[:3], None, resight.read_target(BOARD))
+    assert [a.to_json() for a in answers] == program("locate", *LEFT[:3], "--estimate-focal", "--target", BOARD)
+
+
+def test_detect():
+    found = [resight.detect(image, BOARD).to_json() for image in LEFT[:3]]
+    assert found == program("detect", *LEFT[:3], "--target", BOARD)
+
+
+def test_solve():
+    camera = resight.read_camera("examples/marks/camera.toml")
+    table = "testdata/python/points.csv"
+    answers = resight.solve_table(table, camera, sigma_px=0.3)
+    lines = program("solve", table, "--camera", "examples/marks/camera.toml", "--sigma-px", 0.3)
+    assert [a.to_json() for a in answers] == lines and len(lines) == 2
+
+
+def rig_arguments():
+    cameras = ["--camera", "left=examples/photo/left.yml", "right=examples/photo/right.yml"]
+    images = ["--images", "left=examples/photo/left*.jpg", "right=examples/photo/right*.jpg"]
+    return [*cameras, "--target", BOARD, *images]
+
+
+def test_rig(tmp_path):
+    cameras = {"left": "examples/photo/left.yml", "right": "examples/photo/right.yml"}
+    images = {"left": "examples/photo/left*.jpg", "right": "examples/photo/right*.jpg"}
+    answer = resight.rig_from_images(cameras, BOARD, images)
+    assert without([answer.to_json()], "command") == without(program("rig", *rig_arguments()), "command")
+    answer.save(tmp_path / "python.toml")
+    program("rig", *rig_arguments(), "-o", tmp_path / "program.toml")
+    written = (tmp_path / "program.toml").read_text().splitlines()
+    assert (tmp_path / "python.toml").read_text().splitlines()[1:] == written[1:]
+    assert resight.compare(tmp_path / "python.toml", tmp_path / "program.toml")[0].verdict == "unmoved"
+
+
+def test_intrinsics(tmp_path):
+    answer = resight.intrinsics(BOARD, "examples/photo/left0*.jpg")
+    lines = program("intrinsics", *LEFT, "--target", BOARD, "-o", tmp_path / "left.toml")
+    assert [answer.to_json()] == lines
+    answer.save(tmp_path / "python.toml")
+    assert (tmp_path / "python.toml").read_bytes() == (tmp_path / "left.toml").read_bytes()
+    check = resight.check_intrinsics("examples/photo/left.yml", BOARD, "examples/photo/left0*.jpg")
+    assert [check.to_json()] == program("intrinsics", *LEFT, "--target", BOARD, "--check", "examples/photo/left.yml")
+
+
+def test_compare():
+    files = "examples/photo/rig_before.toml", "examples/photo/rig_before.toml"
+    assert [a.to_json() for a in resight.compare(*files)] == program("compare", *files)
+
+
+@pytest.mark.parametrize("scene", sorted(glob.glob("testdata/measure/*.toml", root_dir=ROOT))[:6])
+def test_measure(scene):
+    try:
+        lines = [a.to_json() for a in resight.measure(scene)]
+    except resight.Error as reason:
+        ended = subprocess.run([sys.executable, "-m", "resight", "measure", scene, "--json"], capture_output=True, text=True)
+        assert ended.returncode == 2 and str(reason) in ended.stderr
+    else:
+        assert lines == program("measure", scene)
+
+
+@pytest.mark.parametrize("file", ["examples/photo/left.yml", BOARD, "testdata/formats/kalibr_camchain.yaml"])
+def test_explain(file):
+    assert [resight.explain(file).to_json()] == program("explain", file)
+
+
+def test_the_program_takes_wrong_usage_as_the_binary_does():
+    run = lambda *words: subprocess.run([sys.executable, "-m", "resight", *words], capture_output=True, text=True)  # noqa: E731
+    assert run("locate").returncode == 2 and "Usage: resight locate" in run("locate").stderr
+    assert run("--version").stdout.strip() == f"resight {resight.__version__}"
+    assert run("solve", "missing.csv", "--hfov-deg", "60").returncode == 2
