@@ -93,10 +93,10 @@ impl Solving {
     }
 }
 
-/// The answer, and the file that `resight rig -o` writes where there is a rig.
+/// The answer, and the file that `resight rig -o` writes where there is a rig; empty where cameras do not say how large their images are.
 fn rig_lines(answer: &RigAnswer) -> JobResult<Vec<String>> {
     match answer {
-        RigAnswer::Solved(solved) => Ok(vec![line(solved)?, solved.file()?]),
+        RigAnswer::Solved(solved) => Ok(vec![line(solved)?, solved.file().unwrap_or_default()]),
         RigAnswer::Unsolved(reason) => Ok(vec![line(reason)?]),
     }
 }

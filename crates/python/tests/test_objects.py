@@ -44,7 +44,7 @@ def made_distortion(camera):
     (lambda: resight.read_camera("no such file.yml"), "no such file.yml"),
     (lambda: resight.read_camera("examples/photo/board.toml"), "this is a target"),
     (lambda: resight.Target("tag", family="tag36h11", id=7), "size_m"),
-    (lambda: resight.Target("tag", family="tag36h11\"\n[x]", id=7, size_m=0.1), "family"),
+    (lambda: resight.detect("examples/photo/left01.jpg", resight.Target("tag", family="t\"\n[x]", id=7, size_m=0.1)), "unknown tag family"),
     (lambda: resight.read_target("examples/photo/left.yml"), "left.yml"),
 ])
 def test_what_is_no_camera_or_target_is_named(make, words):
@@ -130,5 +130,5 @@ def test_ctrl_c_ends_a_long_job():
 def test_a_second_interpreter_is_refused_clearly():
     interpreters = pytest.importorskip("_xxsubinterpreters")
     other = interpreters.create(isolated=False)
-    with pytest.raises(Exception, match="(?i)interpreter"):
-        interpreters.run_string(other, "import importlib.util, sys\nimport resight._native")
+    with pytest.raises(Exception, match="interpreter|more than once per process"):
+        interpreters.run_string(other, "import resight._native")

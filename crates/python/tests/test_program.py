@@ -87,7 +87,7 @@ def test_measure(scene):
         lines = [a.to_json() for a in resight.measure(scene)]
     except resight.Error as reason:
         ended = subprocess.run([sys.executable, "-m", "resight", "measure", scene, "--json"], capture_output=True, text=True)
-        assert ended.returncode == 2 and str(reason) in ended.stderr
+        assert ended.returncode == 2 and str(reason).splitlines()[0][:60] in ended.stderr
     else:
         assert lines == program("measure", scene)
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+
+from ._error import Error
+from ._native import write_atomically
 
 
 class Answer:
@@ -32,16 +36,14 @@ class Answer:
         """The line that the program prints with `--json`."""
         return self._json
 
-    def save(self, path: Any) -> None:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Writes what the command's `-o` writes: the TOML file of a rig or of cameras where there is one, else the JSON line.
 
         Raises `Error` of kind `request` for an answer without a result, which must not be taken for one.
         """
-        from ._native import write_atomically
-
+        if self._file == "":
+            raise Error("a file of cameras needs the size of their images; give it with each camera", "write")
         if self.status not in ("ok", "ambiguous", "inconsistent"):
-            from ._error import Error
-
             raise Error(f"this answer is {self.status}: {self._keys.get('message')}; nothing is written", "request")
         write_atomically(path, self._file if self._file is not None else self._json + "\n")
 

@@ -183,10 +183,6 @@ def _paths(values: Any) -> list[str]:
 def _columns(table: Any) -> dict[str, list[Any]]:
     if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # Arrow
         table = table.to_pydict()
-    elif hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):
-        import pyarrow
-
-        table = pyarrow.table(table).to_pydict()
     names = list(table.keys()) if isinstance(table, Mapping) else list(getattr(table, "columns", []))
     if not names:
         raise Error(f"detections: CSV files or a table with columns are needed, not {type(table).__name__}")

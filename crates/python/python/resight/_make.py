@@ -61,13 +61,26 @@ def matrix_text(matrix: Any, distortion: Any, image_size_px: tuple[int, int] | N
     if k[0, 1] != 0 or k[1, 0] != 0 or not np.array_equal(k[2], [0, 0, 1]):
         raise Error("matrix: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] is needed; no lens model here has skew")
     d = _numbers("distortion", [] if distortion is None else distortion).ravel()
+    if image_size_px is None:
+        return _opencv_document(k, d, fisheye)
     keys: dict[str, Any] = {"fx_px": k[0, 0], "fy_px": k[1, 1], "cx_px": k[0, 2], "cy_px": k[1, 2]}
-    if image_size_px is not None:
-        keys |= {"width_px": int(image_size_px[0]), "height_px": int(image_size_px[1])}
+    keys |= {"width_px": int(image_size_px[0]), "height_px": int(image_size_px[1])}
     model = "kannala_brandt" if fisheye else "brown_conrady"
     if fisheye or d.any():
         return _document({"model": model, **keys, "distortion": d})
     return _document({"model": "pinhole", **keys})
+
+
+def _opencv_document(k: np.ndarray, d: np.ndarray, fisheye: bool) -> str:
+    """OpenCV's own file, which need not say how large the images are."""
+    def matrix(values: np.ndarray) -> str:
+        rows, columns = values.shape
+        data = ", ".join(_toml(value, "matrix") for value in values.ravel())
+        return f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [{data}]\n"
+
+    model = "camera_model: fisheye\n" if fisheye else ""
+    distortion = d.reshape(-1, 1) if d.size else np.zeros((4, 1))
+    return f"%YAML:1.0\n---\n{model}camera_matrix: {matrix(k)}distortion_coefficients: {matrix(distortion)}"
 
 
 def _numbers(name: str, value: Any) -> np.ndarray:

@@ -1,12 +1,39 @@
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
-Image = str | os.PathLike[str] | bytes | NDArray[np.uint8]
+_Array: TypeAlias = NDArray[np.float64]
+_Image: TypeAlias = str | os.PathLike[str] | bytes | NDArray[np.uint8]
+
+__all__ = [
+    "Camera",
+    "Pose",
+    "PoseAnswer",
+    "Poses",
+    "Target",
+    "__version__",
+    "check_intrinsics",
+    "compare",
+    "detect",
+    "explain",
+    "intrinsics",
+    "locate_image",
+    "locate_images",
+    "main",
+    "measure",
+    "pose_graph",
+    "rig_from_detections",
+    "rig_from_images",
+    "rig_from_rows",
+    "schema",
+    "solve",
+    "solve_many",
+    "solve_table",
+    "write_atomically",
+]
 
 __version__: str
 
@@ -71,20 +98,20 @@ class Camera:
         """Intrinsic parameters by name, with the unit in the name; the order is that of `intrinsics_covariance`."""
 
     @property
-    def matrix(self) -> Array | None:
+    def matrix(self) -> _Array | None:
         """OpenCV's camera matrix (3, 3), px; None for the photogrammetric model."""
 
     @property
-    def intrinsics_covariance(self) -> Array | None:
+    def intrinsics_covariance(self) -> _Array | None:
         """Covariance of `parameters`, (n, n); None where they are taken as exact."""
 
-    def project(self, points_in_cam_m: ArrayLike) -> Array:
+    def project(self, points_in_cam_m: ArrayLike) -> _Array:
         """Pixels (n, 2) of points (n, 3) in the camera frame, metres. Raises `Error` (`outside_field`) for a point that has none."""
 
     def sees(self, points_in_cam_m: ArrayLike) -> list[bool]:
         """Which of the points (n, 3) in the camera frame, metres, have a pixel by the lens model, whatever the size of the image."""
 
-    def bearings(self, pixels: ArrayLike) -> Array:
+    def bearings(self, pixels: ArrayLike) -> _Array:
         """Unit vectors (n, 3) in the camera frame towards what is seen at pixels (n, 2). Raises `Error` (`outside_field`)."""
 
     def to_toml(self) -> str:
@@ -118,7 +145,7 @@ class Target:
         """Id and corner of each point, in the order of `points_m`."""
 
     @property
-    def points_m(self) -> Array:
+    def points_m(self) -> _Array:
         """Places of its points in the target frame, (n, 3), metres."""
 
     def to_toml(self) -> str:
@@ -141,15 +168,15 @@ class Pose:
     @property
     def a(self) -> str: ...
     @property
-    def matrix(self) -> Array:
+    def matrix(self) -> _Array:
         """Homogeneous matrix (4, 4)."""
 
     @property
-    def rotation(self) -> Array:
+    def rotation(self) -> _Array:
         """Rotation matrix (3, 3)."""
 
     @property
-    def translation_m(self) -> Array:
+    def translation_m(self) -> _Array:
         """Translation (3,), metres: the origin of frame a seen in frame b."""
 
     @property
@@ -157,14 +184,16 @@ class Pose:
         """Unit quaternion w, x, y, z with w ≥ 0."""
 
     @property
-    def rotation_vector(self) -> Array:
+    def rotation_vector(self) -> _Array:
         """OpenCV's `rvec`: axis times angle, radians, (3,)."""
 
     def inverse(self) -> Pose:
         """a_from_b."""
 
-    def __matmul__(self, other: Any) -> Any:
+    def __matmul__(self, value: Any, /) -> Any:
         """`c_from_b @ b_from_a` is the pose c_from_a; `b_from_a @ points` (n, 3) are the points in b. Raises `Error` where frames differ."""
+
+    def __rmatmul__(self, value: Any, /) -> Any: ...
 
 @final
 class PoseAnswer:
@@ -201,15 +230,15 @@ class PoseAnswer:
         """Its inverse: the camera's place in the target frame."""
 
     @property
-    def covariance(self) -> Array | None:
+    def covariance(self) -> _Array | None:
         """Covariance (6, 6) of the small left motion `[rotation_rad; translation_m]` of `cam_from_target`, camera frame."""
 
     @property
-    def sigma_rad(self) -> Array | None:
+    def sigma_rad(self) -> _Array | None:
         """Standard deviations of the camera's rotation about its axes, (3,), radians."""
 
     @property
-    def sigma_m(self) -> Array | None:
+    def sigma_m(self) -> _Array | None:
         """Standard deviations of the camera's place along its axes, (3,), metres."""
 
     @property
@@ -231,7 +260,7 @@ class PoseAnswer:
         """The other pose that fits as well, where the answer is ambiguous."""
 
     @property
-    def minima(self) -> Array:
+    def minima(self) -> _Array:
         """Every minimum as a homogeneous matrix, (k, 4, 4), the answer first."""
 
     def to_dict(self) -> dict[str, Any]:
@@ -246,23 +275,23 @@ class Poses:
 
     def __len__(self) -> int: ...
     @property
-    def cam_from_target(self) -> Array:
+    def cam_from_target(self) -> _Array:
         """Homogeneous matrices, (n, 4, 4)."""
 
     @property
-    def covariance(self) -> Array:
+    def covariance(self) -> _Array:
         """Covariances of `[rotation_rad; translation_m]`, camera frame, (n, 6, 6)."""
 
     @property
-    def probability(self) -> Array:
+    def probability(self) -> _Array:
         """Of each pose among all that were found, (n,)."""
 
     @property
-    def chi2(self) -> Array:
+    def chi2(self) -> _Array:
         """Sums of squared residuals over their variances, (n,)."""
 
     @property
-    def rms_px(self) -> Array:
+    def rms_px(self) -> _Array:
         """Root mean square reprojection errors, (n,)."""
 
     @property
@@ -323,7 +352,7 @@ def solve_table(
     """The poses of a CSV file of points as `resight solve` reads it, one a view."""
 
 def locate_image(
-    image: Image,
+    image: _Image,
     camera: Camera | None,
     target: Target,
     *,
@@ -338,7 +367,7 @@ def locate_image(
     """
 
 def locate_images(
-    images: Sequence[Image],
+    images: Sequence[_Image],
     camera: Camera | None,
     target: Target,
     *,
@@ -349,7 +378,7 @@ def locate_images(
     """The same for many images on all cores, answers in their order. `progress(done, total)` is called after each; Ctrl-C ends the work."""
 
 def detect(
-    image: Image,
+    image: _Image,
     target: Target | None = None,
     *,
     family: str | None = None,
@@ -357,31 +386,31 @@ def detect(
     view: str = "image",
 ) -> str: ...
 
-Named = list[tuple[str | None, Any]]
-Taken = list[tuple[str, str | None, str | None, Any]]
+_Named: TypeAlias = list[tuple[str | None, Any]]
+_Taken: TypeAlias = list[tuple[str, str | None, str | None, Any]]
 
 def rig_from_images(
-    cameras: Named, targets: Named, images: Taken, solving: dict[str, Any], corner_half_px: int | None
+    cameras: _Named, targets: _Named, images: _Taken, solving: dict[str, Any], corner_half_px: int | None
 ) -> list[str]: ...
 def rig_from_detections(
-    cameras: Named, targets: Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
+    cameras: _Named, targets: _Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
 def rig_from_rows(
-    cameras: Named, targets: Named, rows: list[tuple[Any, ...]], sigma_px: float | None, solving: dict[str, Any]
+    cameras: _Named, targets: _Named, rows: list[tuple[Any, ...]], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
 def pose_graph(file: str, reference: str | None, joint_covariance: bool) -> list[str]: ...
 def intrinsics(
-    targets: Named,
-    images: Taken,
+    targets: _Named,
+    images: _Taken,
     files: list[str],
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
     model: str,
 ) -> list[str]: ...
 def check_intrinsics(
-    cameras: Named,
-    targets: Named,
-    images: Taken,
+    cameras: _Named,
+    targets: _Named,
+    images: _Taken,
     files: list[str],
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,

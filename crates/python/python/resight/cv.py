@@ -119,7 +119,7 @@ def stereoExtrinsics(objectPoints: Any, imagePoints1: Any, imagePoints2: Any, ca
                      cameraMatrix2: Any, distCoeffs2: Any, *, sigma_px: float = 0.5) -> Result:
     """`(retval, R, T)` of `cv2.stereoCalibrate` with CALIB_FIX_INTRINSIC: x_in_2 = R x_in_1 + T; retval is the reprojection error, px.
 
-    One list item a view. `.covariance` is that of the pose of camera 2. `retval` is NaN-free: None where there is no rig.
+    One list item a view. `.covariance` is that of camera 2 in camera 1. All three are None where there is no rig.
     """
     columns: dict[str, list[Any]] = {name: [] for name in ("camera", "view", "id", "x_m", "y_m", "z_m", "u_px", "v_px")}
     if not len(objectPoints) == len(imagePoints1) == len(imagePoints2):
@@ -136,8 +136,8 @@ def stereoExtrinsics(objectPoints: Any, imagePoints1: Any, imagePoints2: Any, ca
                     columns[name].append(value)
     cameras = {"1": _of_matrix(cameraMatrix1, distCoeffs1), "2": _of_matrix(cameraMatrix2, distCoeffs2)}
     answer = rig_from_detections(cameras, columns, sigma_px=sigma_px, reference="1")
-    second = next((c for c in answer.to_dict().get("cameras", []) if c["name"] == "2"), None)
-    if second is None:
+    second = answer.to_dict().get("cameras", {}).get("2")
+    if second is None or second["cam_from_rig"] is None:
         return Result.of((None, None, None), answer, None)
     pose = Pose.from_matrix(second["cam_from_rig"]["matrix"])
     covariance = second.get("covariance")
