@@ -66,6 +66,25 @@ tests() { # all, or those that are not slow
     cargo test --workspace --no-fail-fast -- "${slow[@]}"
 }
 
+wheel() { # the Python package as it is released, for glibc 2.28 where the linker for that is to be had
+    local venv=$target/wheel-build portable=()
+    [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r crates/python/requirements-build.txt || return 1
+    [ "$(uname -sm)" != "Linux x86_64" ] || portable=(--zig --compatibility manylinux_2_28 --target x86_64-unknown-linux-gnu)
+    rm -rf "$target/wheels"
+    PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build --release "${portable[@]}" --out "$target/wheels"
+}
+
+wheel_tests() { # in a virtual environment that has nothing else of this repository
+    local venv=$target/wheel-test python=$target/wheel-test/bin/python package
+    rm -rf "$venv"
+    python3 -m venv "$venv" || return 1
+    "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
+    package=$("$python" -c 'import pathlib, resight; print(pathlib.Path(resight.__file__).parent)') || return 1
+    (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict "$package" ../examples &&
+        "$venv/bin/pyright" --pythonpath "$python" "$package" ../examples && "$python" -m pytest -q --no-header .)
+}
+
 frames() { # the recorded videos as images, once
     sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
@@ -88,6 +107,8 @@ if [ "$mode" = everything ]; then
     # The program that the tests built: built by itself it has other features, and all crates would be built twice.
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
     step "files read by other programs" foreign_readers
+    step "python wheel" wheel
+    step "tests of the wheel" wheel_tests
 fi
 
 printf '\n== summary\n'

@@ -9,6 +9,7 @@
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
 #   benches/peers/run.sh hand-eye       where a camera sits on a robot, against the seven methods of OpenCV, on held-out views
 #   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
+#   benches/peers/run.sh python         calls from Python, all overheads included, against OpenCV, PoseLib and COLMAP
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 #   benches/peers/run.sh faults         wrong files for recorded pairs of cameras, beside OpenCV; needs RESIGHT_DATA
 set -eu
@@ -47,6 +48,13 @@ four-points)
     build -p resight-core --example bench_four_points
     compare four_points.py "$folder/resight" "$folder/examples/bench_four_points" "$@"
     ;;
+python)
+    pip ../../crates/python/requirements-build.txt
+    (cd "$root" && PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target maturin build --quiet --release --out "$target/peers")
+    "$venv/bin/python" -m pip install --quiet --force-reinstall --no-deps "$target"/peers/resight-*.whl
+    build -p resight --example bench_points
+    compare python.py --rust "$folder/examples/bench_points" "$@"
+    ;;
 family)
     build -p resight-core --example bench_family
     compare solvers.py "$folder/examples/bench_family" "$@"
@@ -81,13 +89,13 @@ faults)
     compare faults.py "$folder/resight" --data "$RESIGHT_DATA" "$@"
     ;;
 all)
-    for table in tag detect four-points family rig hand-eye whisker bad-inputs faults; do
+    for table in tag detect four-points python family rig hand-eye whisker bad-inputs faults; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, detect, four-points, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, detect, four-points, python, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
     exit 2
     ;;
 esac

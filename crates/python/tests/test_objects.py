@@ -132,3 +132,13 @@ def test_a_second_interpreter_is_refused_clearly():
     other = interpreters.create(isolated=False)
     with pytest.raises(Exception, match="interpreter|more than once per process"):
         interpreters.run_string(other, "import resight._native")
+
+
+@pytest.mark.parametrize("name", ["photograph", "points", "rig"])
+def test_the_examples_run(name, tmp_path):
+    """Each is at most twenty lines and says `ok`; files are written beside nothing of the repository."""
+    script = ROOT / "crates/python/examples" / f"{name}.py"
+    assert len(script.read_text().splitlines()) <= 20
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    ended = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 0 and "ok" in ended.stdout, ended.stderr
