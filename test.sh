@@ -81,7 +81,7 @@ wheel_tests() { # in a virtual environment that has nothing else of this reposit
     python3 -m venv "$venv" || return 1
     "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
     package=$("$python" -c 'import pathlib, resight; print(pathlib.Path(resight.__file__).parent)') || return 1
-    (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict "$package" ../examples &&
+    (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict -p resight && "$python" -m mypy --strict ../examples &&
         "$venv/bin/pyright" --pythonpath "$python" "$package" ../examples && "$python" -m pytest -q --no-header .)
 }
 

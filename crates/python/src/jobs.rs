@@ -16,25 +16,25 @@ use resight::rig::{
 };
 use std::path::PathBuf;
 
-type JobResult<T> = Result<T, resight::Error>;
+pub type JobResult<T> = Result<T, resight::Error>;
 
 /// Runs a job and writes its answer.
-fn answered(
+pub fn answered(
     py: Python<'_>,
     job: impl FnOnce() -> JobResult<Vec<String>> + Send + 'static,
 ) -> PyResult<Vec<String>> {
     run(py, None, 1, move |_| job())?.map_err(|reason| error::job(py, &reason))
 }
 
-fn line(answer: &impl serde::Serialize) -> JobResult<String> {
+pub fn line(answer: &impl serde::Serialize) -> JobResult<String> {
     serde_json::to_string(answer).map_err(|reason| resight::Error::request(reason.to_string()))
 }
 
 /// A camera or target: its name where it has one, and the object or its file.
-type Named<'py> = (Option<String>, Bound<'py, PyAny>);
+pub type Named<'py> = (Option<String>, Bound<'py, PyAny>);
 
 /// What every rig is asked.
-fn request(cameras: Vec<Named<'_>>, targets: Vec<Named<'_>>) -> PyResult<RigRequest> {
+pub fn request(cameras: Vec<Named<'_>>, targets: Vec<Named<'_>>) -> PyResult<RigRequest> {
     let mut request = RigRequest::default();
     for (name, camera) in cameras {
         let py = camera.py();
@@ -79,7 +79,7 @@ pub struct Solving {
 }
 
 impl Solving {
-    fn of(self, request: RigRequest) -> RigRequest {
+    pub fn of(self, request: RigRequest) -> RigRequest {
         let distance = |(a, b, distance_m, sigma_m)| CameraDistance { a, b, distance_m, sigma_m };
         RigRequest {
             reference: self.reference,
@@ -102,9 +102,9 @@ fn rig_lines(answer: &RigAnswer) -> JobResult<Vec<String>> {
 }
 
 /// An image of a camera: its name, the view's name in memory, the pattern of its file, and the image or its path.
-type Taken<'py> = (String, Option<String>, Option<String>, Bound<'py, PyAny>);
+pub type Taken<'py> = (String, Option<String>, Option<String>, Bound<'py, PyAny>);
 
-fn taken(images: Vec<Taken<'_>>) -> PyResult<Vec<CameraImage>> {
+pub fn taken(images: Vec<Taken<'_>>) -> PyResult<Vec<CameraImage>> {
     let one = |(camera, view, pattern, image): Taken<'_>| {
         let view = view.unwrap_or_default();
         Ok(match (Input::new(&image, &view)?, pattern) {

@@ -14,12 +14,16 @@ mod points;
 mod many;
 mod image;
 mod jobs;
+mod robot;
+mod advice;
 mod program;
 
 use pyo3::prelude::*;
 
 #[pymodule(gil_used = false)]
 mod _native {
+    #[pymodule_export]
+    use super::advice::{advise_boards, advise_points, advise_target};
     #[pymodule_export]
     use super::answer::PoseAnswer;
     #[pymodule_export]
@@ -39,6 +43,8 @@ mod _native {
     use super::pose::Pose;
     #[pymodule_export]
     use super::program::main;
+    #[pymodule_export]
+    use super::robot::{hand_eye, hand_eye_of_poses, rig_pose};
     #[pymodule_export]
     use super::target::Target;
 

@@ -4,7 +4,9 @@ import glob
 import json
 import subprocess
 import sys
+import tomllib
 
+import numpy as np
 import pytest
 
 import resight
@@ -48,6 +50,22 @@ def test_solve():
     assert [a.to_json() for a in answers] == lines and len(lines) == 2
 
 
+def poses_of(rig):
+    """cam_from_rig by name, as the program explains the file."""
+    table = tomllib.loads((ROOT / rig).read_text())
+    poses = {}
+    for camera in table["camera"]:
+        given = camera["placement"]
+        w, x, y, z = given["rotation_wxyz"]
+        turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = turn, given["translation_m"]
+        poses[camera["name"]] = resight.Pose.from_matrix(matrix, b=camera["name"], a="rig")
+    return poses
+
+
 def rig_arguments():
     cameras = ["--camera", "left=examples/photo/left.yml", "right=examples/photo/right.yml"]
     images = ["--images", "left=examples/photo/left*.jpg", "right=examples/photo/right*.jpg"]
@@ -74,6 +92,47 @@ def test_intrinsics(tmp_path):
     assert (tmp_path / "python.toml").read_bytes() == (tmp_path / "left.toml").read_bytes()
     check = resight.check_intrinsics("examples/photo/left.yml", BOARD, "examples/photo/left0*.jpg")
     assert [check.to_json()] == program("intrinsics", *LEFT, "--target", BOARD, "--check", "examples/photo/left.yml")
+
+
+def test_hand_eye(tmp_path):
+    files = "examples/robot/motions.csv", "examples/robot/camera.toml", "examples/robot/corners.csv"
+    answer = resight.hand_eye(files[0], cameras={"cam": files[1]}, detections=files[2])
+    lines = program("hand-eye", "--motions", files[0], "--camera", f"cam={files[1]}", "--detections", files[2])
+    assert without([answer.to_json()], "command") == without(lines, "command") and answer.status == "ok"
+    answer.save(tmp_path / "mounting.json")
+    with pytest.raises(resight.Error, match="one of poses"):
+        resight.hand_eye(files[0])
+
+
+def test_rig_pose(tmp_path):
+    """Points of the world that both cameras of a rig see, drawn from a pose of the rig."""
+    rig = "examples/photo/rig_before.toml"
+    cameras = resight.Camera.read_all(rig)
+    poses = poses_of(rig)
+    world = np.random.default_rng(2).uniform([-0.3, -0.2, 1.0], [0.3, 0.2, 1.6], (12, 3))
+    rows = ["camera,id,x_m,y_m,z_m,u_px,v_px"]
+    for name, camera in cameras.items():
+        seen = camera.project(poses[name] @ world)
+        rows += [f"{name},{i},{x},{y},{z},{u:.3f},{v:.3f}" for i, ((x, y, z), (u, v)) in enumerate(zip(world, seen))]
+    (tmp_path / "points.csv").write_text("\n".join(rows) + "\n")
+    answers = resight.rig_pose(tmp_path / "points.csv", rig, sigma_px=0.3)
+    assert [a.to_json() for a in answers] == program("rig-pose", tmp_path / "points.csv", "--rig", rig, "--sigma-px", 0.3)
+    assert answers[0].status == "ok"
+
+
+def test_advise():
+    camera, points = "examples/marks/camera.toml", "examples/marks/marks.csv"
+    region = ["--region-m", "-5,8,5,25"]
+    answers = resight.advise_points(camera, points, region_m=(-5, 8, 5, 25))
+    assert [a.to_json() for a in answers] == program("advise", "--camera", camera, "--points", points, *region)
+    answers = resight.advise_target("examples/photo/left.yml", BOARD, (0.5, 2), tilt_deg=(10, 60))
+    lines = program("advise", "--camera", "examples/photo/left.yml", "--target", BOARD, "--distance-m", "0.5..2", "--tilt-deg", "10..60")
+    assert [a.to_json() for a in answers] == lines
+    rig = "examples/photo/rig_before.toml"
+    answers = resight.advise_boards(rig, BOARD, (0.5, 2))
+    assert [a.to_json() for a in answers] == program("advise", "--camera", rig, "--target", BOARD, "--distance-m", "0.5..2")
+    with pytest.raises(resight.Error, match="distance_m"):
+        resight.advise_boards(rig, BOARD, (2, 0.5))
 
 
 def test_compare():

@@ -13,10 +13,14 @@ only `ok` may be used unseen.
 from ._answer import Answer
 from ._error import Error
 from ._jobs import (
+    advise_boards,
+    advise_points,
+    advise_target,
     check_intrinsics,
     compare,
     detect,
     explain,
+    hand_eye,
     intrinsics,
     measure,
     pose_graph,
@@ -24,6 +28,7 @@ from ._jobs import (
     read_target,
     rig_from_detections,
     rig_from_images,
+    rig_pose,
 )
 from ._native import (
     Camera,
@@ -48,10 +53,14 @@ __all__ = [
     "Poses",
     "Target",
     "__version__",
+    "advise_boards",
+    "advise_points",
+    "advise_target",
     "check_intrinsics",
     "compare",
     "detect",
     "explain",
+    "hand_eye",
     "intrinsics",
     "locate_image",
     "locate_images",
@@ -61,6 +70,7 @@ __all__ = [
     "read_target",
     "rig_from_detections",
     "rig_from_images",
+    "rig_pose",
     "solve",
     "solve_many",
     "solve_table",

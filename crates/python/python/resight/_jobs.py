@@ -69,6 +69,67 @@ def pose_graph(file: Any, *, reference: str | None = None, joint_covariance: boo
     return Answer(*_native.pose_graph(os.fspath(file), reference, joint_covariance))
 
 
+def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any = (),
+             images: Mapping[str, Any] | None = None, detections: Any = None, sigma_px: float | None = None,
+             reference: str | None = None, eye_to_hand: bool = False, robot_sigma_rad: float | None = None,
+             robot_sigma_m: float | None = None, height_m: float | None = None, height_sigma_m: float = 1e-3,
+             height_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> Answer:
+    """Where a camera or rig is mounted on a robot or vehicle.
+
+    `motions`: a CSV file of the gripper's poses as `resight hand-eye` reads it. Either `poses` (JSON Lines of `locate` or `solve`), or
+    `cameras` with `targets` and `images`, or with `detections` (CSV files). `robot_sigma_rad`, `robot_sigma_m`: the robot's own noise, estimated
+    from the views where not given. `height_m`: a known coordinate of the camera along `height_axis` in the gripper's frame, metres.
+    """
+    robot = {"eye_to_hand": eye_to_hand, "sigma_rad": robot_sigma_rad, "sigma_m": robot_sigma_m, "height_m": height_m,
+             "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis)}
+    if sum(given is not None for given in (poses, images, detections)) != 1:
+        raise Error("one of poses, images and detections is needed")
+    if poses is not None:
+        return Answer(*_native.hand_eye_of_poses(os.fspath(motions), os.fspath(poses), robot))
+    taken = [] if images is None else _taken(images)
+    files = [] if detections is None else _paths(detections)
+    named = _named("cameras", cameras), _named("targets", targets)
+    solving = _solving(reference, None, (), (), False)
+    return Answer(*_native.hand_eye(os.fspath(motions), *named, taken, files, sigma_px, solving, robot))
+
+
+def rig_pose(points: Any, rig: Any, *, sigma_px: float = 0.5, robust_threshold_px: float | None = None) -> list[Answer]:
+    """Where a known rig is, from a CSV file of points seen by any of its cameras: one answer a view. `rig`: a file of cameras with poses."""
+    lines = _native.rig_pose(os.fspath(points), os.fspath(rig), sigma_px, robust_threshold_px)
+    return [Answer(line) for line in lines]
+
+
+def advise_points(camera: Any, points: Any, *, sigma_px: float = 0.5, pose: Any = None, candidates: Any = None,
+                  ground_z_m: float = 0.0, region_m: tuple[float, float, float, float] | None = None,
+                  length_m: tuple[float, float, float, float] | None = None) -> list[Answer]:
+    """Where the next control point should go: what is known now, then suggestions, the best first.
+
+    `points`: a CSV file of the points measured so far. `pose`: a JSON file of about where the camera is, where they have no pixels.
+    `region_m`: x0, y0, x1, y1 on the ground at `ground_z_m`; `length_m`: x1, y1, x2, y2 of a length that is to be measured there.
+    """
+    path = None if pose is None else os.fspath(pose)
+    places = None if candidates is None else os.fspath(candidates)
+    lines = _native.advise_points(_camera(camera), os.fspath(points), sigma_px, path, places, ground_z_m, region_m, length_m)
+    return [Answer(line) for line in lines]
+
+
+def advise_target(camera: Any, target: Any, distance_m: tuple[float, float], *,
+                  tilt_deg: tuple[float, float] = (0.0, 60.0), direction_deg: tuple[float, float] = (-180.0, 180.0),
+                  sigma_px: float = 0.5) -> list[Answer]:
+    """How uncertain poses will be over a volume and its parts, then which change of the target helps. Ranges are from and to."""
+    known = _camera(camera), _target(target)
+    lines = _native.advise_target(*known, distance_m, tilt_deg, direction_deg, sigma_px)
+    return [Answer(line) for line in lines]
+
+
+def advise_boards(rig: Any, target: Any, distance_m: tuple[float, float], *, views: Any = None,
+                  reference: str | None = None, n_boards: int = 3, sigma_px: float = 0.5) -> list[Answer]:
+    """Where to show the next boards to a rig: what is known now, then one answer a board. `views`: JSON Lines of the boards seen so far."""
+    path = None if views is None else os.fspath(views)
+    lines = _native.advise_boards(os.fspath(rig), _target(target), distance_m, path, reference, n_boards, sigma_px)
+    return [Answer(line) for line in lines]
+
+
 def intrinsics(targets: Any = (), images: Any = None, *, detections: Any = None,
                image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None,
                model: str = "auto") -> Answer:
@@ -106,6 +167,10 @@ def measure(scene: Any) -> list[Answer]:
 def explain(file: Any) -> Answer:
     """What a camera or target file means, in sentences."""
     return Answer(*_native.explain(os.fspath(file)))
+
+
+def _camera(value: Any) -> _native.Camera:
+    return value if isinstance(value, _native.Camera) else read_camera(value)
 
 
 def _target(value: Any) -> _native.Target:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ._error import Error
-from ._native import Camera as _Camera
-from ._native import Target as _Target
 
 
 def _toml(value: Any, key: str) -> str:
@@ -88,13 +85,3 @@ def _numbers(name: str, value: Any) -> np.ndarray:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as reason:
         raise Error(f"{name}: numbers are needed ({reason})") from None
-
-
-def as_camera(value: Any) -> _Camera:
-    """A camera, or that of a file."""
-    return value if isinstance(value, _Camera) else _Camera.read(os.fspath(value))
-
-
-def as_target(value: Any) -> _Target:
-    """A target, or that of a file."""
-    return value if isinstance(value, _Target) else _Target.read(os.fspath(value))

@@ -15,10 +15,15 @@ __all__ = [
     "Poses",
     "Target",
     "__version__",
+    "advise_boards",
+    "advise_points",
+    "advise_target",
     "check_intrinsics",
     "compare",
     "detect",
     "explain",
+    "hand_eye",
+    "hand_eye_of_poses",
     "intrinsics",
     "locate_image",
     "locate_images",
@@ -28,6 +33,7 @@ __all__ = [
     "rig_from_detections",
     "rig_from_images",
     "rig_from_rows",
+    "rig_pose",
     "schema",
     "solve",
     "solve_many",
@@ -414,6 +420,45 @@ def check_intrinsics(
     files: list[str],
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
+) -> list[str]: ...
+def hand_eye_of_poses(motions: str, poses: str, robot: dict[str, Any]) -> list[str]: ...
+def hand_eye(
+    motions: str,
+    cameras: _Named,
+    targets: _Named,
+    images: _Taken,
+    files: list[str],
+    sigma_px: float | None,
+    solving: dict[str, Any],
+    robot: dict[str, Any],
+) -> list[str]: ...
+def rig_pose(points: str, rig: str, sigma_px: float, robust_threshold_px: float | None) -> list[str]: ...
+def advise_points(
+    camera: Camera,
+    file: str,
+    sigma_px: float,
+    pose: str | None,
+    candidates: str | None,
+    ground_z_m: float,
+    region_m: tuple[float, float, float, float] | None,
+    length_m: tuple[float, float, float, float] | None,
+) -> list[str]: ...
+def advise_target(
+    camera: Camera,
+    given: Target,
+    distance_m: tuple[float, float],
+    tilt_deg: tuple[float, float],
+    direction_deg: tuple[float, float],
+    sigma_px: float,
+) -> list[str]: ...
+def advise_boards(
+    rig: str,
+    given: Target,
+    distance_m: tuple[float, float],
+    views: str | None,
+    reference: str | None,
+    n_boards: int,
+    sigma_px: float,
 ) -> list[str]: ...
 def compare(before: str, after: str, alpha: float, sigmas: tuple[float, float] | None) -> list[str]: ...
 def measure(scene: str) -> list[str]: ...
