@@ -59,6 +59,8 @@ def covariance_ellipse(centre: Any, covariance: Any, axes: Any = None, *, n_sigm
 
 def rig_3d(rig: Answer, axes: Any = None, *, size_m: float | None = None) -> Any:
     """The cameras of a rig's answer in its frame: centre, viewing direction (blue), right (red) and down (green), metres."""
+    from matplotlib.ticker import MaxNLocator
+
     axes = _axes(axes, projection="3d")
     poses = {name: camera["rig_from_cam"] for name, camera in rig["cameras"].items() if camera["rig_from_cam"]}
     matrices = {name: np.array(pose["matrix"]) for name, pose in poses.items()}
@@ -73,6 +75,8 @@ def rig_3d(rig: Answer, axes: Any = None, *, size_m: float | None = None) -> Any
             ends = rig_from_cam @ np.array([0 * axis, length_m * axis])
             axes.plot(*ends.T, color=colour)
         axes.text(*matrix[:3, 3], name)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.set_zlabel("z (m)")
