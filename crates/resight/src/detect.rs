@@ -34,7 +34,9 @@ use chessboard::ChessboardFinder;
 use dots::{DotDetector, DotError};
 pub use joints::CornerWindow;
 use resight_core::correspondence::Detection;
+use resight_core::target::Feature;
 use resight_core::{Camera, Target};
+use std::collections::BTreeSet;
 use tags::TagFinder;
 use thiserror::Error;
 
@@ -236,6 +238,33 @@ impl Detector {
         copies.map(|(id, n)| {
             format!("tag {id} is seen {n} times and left out, for which of them the map means is not known")
         })
+    }
+
+    /// Whether all corners of a board are among these.
+    fn is_whole_board(&self, seen: &[Detection]) -> bool {
+        match &self.finder {
+            Finder::AprilGrid(finder) => finder.is_whole(seen),
+            Finder::Chessboard(finder) => finder.is_whole(seen),
+            Finder::Charuco(finder) => finder.is_whole(seen),
+            Finder::Tag(_) | Finder::TagMap(_) | Finder::Dots(_) => false,
+        }
+    }
+
+    /// Those corners of a whole board that are picked, each by what is printed around the places given for all: within a pixel or two, or not
+    /// at all; and the blur.
+    fn measured_near(
+        &self,
+        image: &GrayImage,
+        common: print::Common,
+        places: &[Detection],
+        picked: &BTreeSet<Feature>,
+    ) -> (Vec<Detection>, f64) {
+        match &self.finder {
+            Finder::AprilGrid(finder) => finder.measured_near(image, common, places, picked),
+            Finder::Chessboard(finder) => finder.measured_near(image, common, places, picked),
+            Finder::Charuco(finder) => finder.measured_near(image, common, places, picked),
+            Finder::Tag(_) | Finder::TagMap(_) | Finder::Dots(_) => (Vec::new(), 0.0),
+        }
     }
 
     fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {

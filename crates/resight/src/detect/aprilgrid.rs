@@ -12,6 +12,7 @@ use super::families::Family;
 use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
+use super::print::Common;
 use super::region::{Region, joined, longer_side_px};
 use super::tags::FoundTag;
 use super::tiles::{self, CameraWatcher};
@@ -21,12 +22,15 @@ use print::{Corners, GridPrint};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{AprilGrid, Feature};
+use std::collections::BTreeSet;
 
 /// Finds one AprilGrid.
 pub(super) struct AprilGridFinder {
     grid: AprilGrid,
     decoder: QuadDecoder,
     print: GridPrint,
+    /// Cells of the border of the tags found last.
+    border_cells: usize,
 }
 
 impl AprilGridFinder {
@@ -36,7 +40,7 @@ impl AprilGridFinder {
         let family = Family::named(&grid.family)?.only(&grid.family, &ids)?;
         let families = [family.clone(), family.with_double_border()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
-        Ok(AprilGridFinder { grid: grid.clone(), decoder, print: GridPrint::new(grid)? })
+        Ok(AprilGridFinder { grid: grid.clone(), decoder, print: GridPrint::new(grid)?, border_cells: 1 })
     }
 
     fn ids(&self) -> impl Iterator<Item = u32> + use<> {
@@ -107,16 +111,32 @@ impl AprilGridFinder {
             let border_cells = 1 + tags[0].family;
             self.print.complete(image, quiet.noise_gray, border_cells, &mut known, &doubtful);
         }
-        let border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
-        let measured = self.print.measured(image, quiet.noise_gray, border_cells, &known, &doubtful);
-        let detection = |(feature, joint): (Feature, Joint)| Detection {
-            feature,
-            pixel: joint.pixel,
-            sigma_px: joint.sigma_px,
-            lens_sigma_px: sigma::LENS_PX,
-            covariance_px2: None,
-        };
-        measured.into_iter().map(detection).collect()
+        self.border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
+        let all = known.keys().copied().collect();
+        let common = Common { noise_gray: quiet.noise_gray, blur_px: None };
+        let (measured, _) = self.print.measured(image, common, self.border_cells, &known, &all, &doubtful);
+        detections(measured)
+    }
+
+    /// Whether all corners are among these.
+    pub fn is_whole(&self, seen: &[Detection]) -> bool {
+        let all = self.ids().flat_map(|id| (0..4).map(move |corner| Feature { id, corner }));
+        seen.iter().map(|d| d.feature).eq(all)
+    }
+
+    /// Those corners of a whole grid that are picked, by what is printed around the places given for all.
+    pub fn measured_near(
+        &self,
+        image: &GrayImage,
+        common: Common,
+        places: &[Detection],
+        picked: &BTreeSet<Feature>,
+    ) -> (Vec<Detection>, f64) {
+        let joint = |d: &Detection| (d.feature, Joint { pixel: d.pixel, sigma_px: d.sigma_px });
+        let known: Corners = places.iter().map(joint).collect();
+        let (mut found, blur_px) = self.print.measured(image, common, self.border_cells, &known, picked, &[]);
+        found.retain(|feature, _| picked.contains(feature));
+        (detections(found), blur_px)
     }
 
     /// With the tags that show, in the image as it came, where those found say they are.
@@ -149,6 +169,17 @@ impl AprilGridFinder {
         }
         one_border(all)
     }
+}
+
+fn detections(corners: Corners) -> Vec<Detection> {
+    let detection = |(feature, joint): (Feature, Joint)| Detection {
+        feature,
+        pixel: joint.pixel,
+        sigma_px: joint.sigma_px,
+        lens_sigma_px: sigma::LENS_PX,
+        covariance_px2: None,
+    };
+    corners.into_iter().map(detection).collect()
 }
 
 /// Finds tags that touch small black squares at their corners, whatever grid they are of.

@@ -35,6 +35,8 @@ pub(super) struct CharucoFinder {
     /// Half of a marker's edge, and a marker's cells, in squares.
     half_marker: f64,
     cells_a_square: f64,
+    /// Whether the markers found last are printed white on black.
+    is_inverted: bool,
 }
 
 /// Which of the four families (as printed, white on black, and the mirrored prints of both) are mirrored.
@@ -68,12 +70,22 @@ impl CharucoFinder {
         let marker = board.marker_m / board.square_m;
         let (half_marker, cells_a_square) = (0.5 * marker, cells.unwrap_or(1) as f64 / marker);
         let board = board.clone();
-        Ok(CharucoFinder { board, window, squares, decoder, prints, half_marker, cells_a_square })
+        Ok(CharucoFinder {
+            board,
+            window,
+            squares,
+            decoder,
+            prints,
+            half_marker,
+            cells_a_square,
+            is_inverted: false,
+        })
     }
 
     pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
         let quiet = Quietened::new(image);
         let markers = self.markers(image, &quiet);
+        self.is_inverted = markers.first().is_some_and(|m| m.family % 2 == 1);
         if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) }
     }
 

@@ -17,7 +17,7 @@ mod squares;
 
 use super::homography::{Homography, PlanePoint, floor};
 use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
-use super::print::{self, Place as Surroundings};
+use super::print::{self, Common, Place as Surroundings};
 use super::{DetectError, noise, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
@@ -28,6 +28,7 @@ use place::{MIN_LABELLED, Observed, Place, Placement};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Chessboard, Feature};
+use std::collections::BTreeSet;
 
 /// Finds one chessboard.
 pub(super) struct ChessboardFinder {
@@ -112,6 +113,28 @@ impl ChessboardFinder {
         search.by_pieces(pieces, corners)
     }
 
+    /// Whether all corners are among these.
+    pub fn is_whole(&self, seen: &[Detection]) -> bool {
+        seen.iter().map(|d| d.feature.id).eq(0..self.board.rows * self.board.columns)
+    }
+
+    /// Those corners of a whole board that are picked, by what is printed around the places given for all.
+    pub fn measured_near(
+        &self,
+        image: &GrayImage,
+        common: Common,
+        places: &[Detection],
+        picked: &BTreeSet<Feature>,
+    ) -> (Vec<Detection>, f64) {
+        let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
+        let node = |column: i32, row: i32| {
+            let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
+            let d = is_corner.then(|| &places[(row * columns + column) as usize])?;
+            Some(Joint { pixel: d.pixel, sigma_px: d.sigma_px })
+        };
+        self.measured(&node, image, common, &|id| picked.contains(&Feature { id, corner: 0 }), false)
+    }
+
     /// The corners, each measured by the print around it or in the window asked for. Of a board that grew by its print (`is_printed`) a corner stays where
     /// that put it when the print around it alone does not show.
     fn refined(
@@ -126,23 +149,38 @@ impl ChessboardFinder {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
             lattice.at(p.node(column, row)).filter(|_| is_corner)
         };
+        let common = Common { noise_gray: noise::noise_gray(image), blur_px: None };
+        self.measured(&node, image, common, &|_| true, is_printed).0
+    }
+
+    /// The same of corners by column and row, those with an id that is picked.
+    fn measured(
+        &self,
+        node: &dyn Fn(i32, i32) -> Option<Joint>,
+        image: &GrayImage,
+        common: Common,
+        is_picked: &dyn Fn(u32) -> bool,
+        is_printed: bool,
+    ) -> (Vec<Detection>, f64) {
+        let columns = self.board.columns as i32;
         let id = |column: i32, row: i32| (row * columns + column) as u32;
         let corner = |(column, row): (i32, i32)| {
-            Some((id(column, row), node(column, row)?, around(&self.board, &node, column, row)))
+            Some((id(column, row), node(column, row)?, around(&self.board, node, column, row)))
         };
         let nodes: Vec<(u32, Joint, Option<Surroundings<_>>)> =
-            Placement::cells(&self.board).filter_map(corner).collect();
+            Placement::cells(&self.board).filter(|(c, r)| is_picked(id(*c, *r))).filter_map(corner).collect();
         let detection = |id: u32, pixel: Pixel, sigma_px: f64| {
             let feature = Feature { id, corner: 0 };
             Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
         };
         if let CornerWindow::Half(half_px) = self.window {
             let joints = nodes.into_iter().map(|(id, joint, _)| (id, joint.refined(image, half_px)));
-            return joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px)).collect();
+            let refined = joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px));
+            return (refined.collect(), 0.0);
         }
         let (joints, places): (Vec<_>, Vec<_>) =
             nodes.into_iter().filter_map(|(id, joint, place)| Some(((id, joint), place?))).unzip();
-        let said = print::measure(image, noise::noise_gray(image), &places);
+        let (said, blur_px) = print::measure(image, common, &places);
         let corners = joints.into_iter().zip(said).filter_map(|((id, joint), said)| match said {
             print::Observed::Print { pixel, sigma_px } => Some(detection(id, pixel, sigma_px)),
             print::Observed::Otherwise if !is_printed => None,
@@ -150,7 +188,7 @@ impl ChessboardFinder {
                 Some(detection(id, joint.pixel, joint.sigma_px))
             }
         });
-        corners.collect()
+        (corners.collect(), blur_px)
     }
 }
 

@@ -68,21 +68,55 @@ pub(super) fn sigmas_px(fits: &[Fit]) -> Vec<f64> {
     fits.iter().map(of).collect()
 }
 
-/// Compares corners with their print; one blur for all, the one that explains most.
-pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
-    image: &GrayImage,
-    noise_gray: f64,
-    places: &[Place<Ink>],
-) -> Vec<Observed> {
-    let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
+/// What all corners of an image have in common.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Common {
+    /// Standard deviation of the noise of each pixel, grey levels.
+    pub noise_gray: f64,
+    /// Standard deviation of the blur, pixels; none where it is not known yet.
+    pub blur_px: Option<f64>,
+}
+
+/// Of blurs in ascending order the one by which most is explained, beginning with the second: more blur explains ever more up to the best, and ever
+/// less beyond it.
+pub(super) fn best_blur_px(blurs_px: &[f64], mut explained: impl FnMut(f64) -> f64) -> f64 {
+    let mut at = 1.min(blurs_px.len() - 1);
+    let mut best = explained(blurs_px[at]);
+    for step in [-1, 1] {
+        let first = at;
+        while let Some(&blur_px) = at.checked_add_signed(step).and_then(|next| blurs_px.get(next)) {
+            let share = explained(blur_px);
+            // Where nothing is explained the best may be further on.
+            if share < best || (share == best && 0.0 < best) {
+                break;
+            }
+            (at, best) = (at.saturating_add_signed(step), share);
+        }
+        if at != first && 0.0 < best {
+            break;
+        }
+    }
+    blurs_px[at]
+}
+
+/// The blur that explains most of some of these corners.
+fn blur_px<Ink: Fn(PlanePoint) -> f32>(image: &GrayImage, noise_gray: f64, places: &[Place<Ink>]) -> f64 {
     let every = (places.len() / BLUR_CORNERS).max(1);
-    let share = |blur_px: f64| -> f64 {
+    best_blur_px(&BLURS_PX, |blur_px| {
         let explained = |place: &Place<Ink>| place.explained(image, noise_gray, blur_px);
         places.iter().skip(every / 2).step_by(every).map(explained).sum()
-    };
-    let shares = BLURS_PX.map(share);
-    let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
-    let blur_px = BLURS_PX[best.unwrap_or(0)];
+    })
+}
+
+/// Compares corners with their print, all in one blur, which is returned too.
+pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
+    image: &GrayImage,
+    common: Common,
+    places: &[Place<Ink>],
+) -> (Vec<Observed>, f64) {
+    let noise_gray = common.noise_gray;
+    let blur_px = common.blur_px.unwrap_or_else(|| blur_px(image, noise_gray, places));
+    let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
     let fits: Vec<Option<Option<Fit>>> = places.iter().map(|place| look(place, blur_px)).collect();
     let seen: Vec<Fit> = fits.iter().flatten().flatten().copied().collect();
     let mut sigmas_px = sigmas_px(&seen).into_iter();
@@ -93,7 +127,7 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
         Some(None) => Observed::Otherwise,
         None => Observed::Outside,
     });
-    said.collect()
+    (said.collect(), blur_px)
 }
 
 impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {

@@ -44,6 +44,8 @@ struct Tally {
     returns: u64,
     longest_s: f64,
     dropped: u64,
+    /// Of these in the first second, in which every camera looks through whole images for the first time.
+    dropped_first: u64,
     waited: Quantiles,
     detect: Quantiles,
     solve: Quantiles,
@@ -60,7 +62,10 @@ impl Tally {
                 self.observe(observation);
                 self.follow(*camera, observation, demands);
             }
-            Event::Dropped { frames, .. } => self.dropped += frames,
+            Event::Dropped { frames, .. } => {
+                self.dropped += frames;
+                self.dropped_first += if since_s < 1.0 { *frames } else { 0 };
+            }
             _ => {}
         }
         let is_due = self.memory.last().is_none_or(|(last_s, _)| last_s + 1.0 <= since_s);
@@ -138,7 +143,10 @@ pub fn run(cameras: Vec<LiveCamera>, seconds: f64, demands: &Demands, bars: &mut
 }
 
 fn report(tally: &Tally) {
-    println!("  {} frames, {} with a pose, {} dropped", tally.frames, tally.poses, tally.dropped);
+    let Tally { frames, poses, dropped, dropped_first, .. } = tally;
+    println!(
+        "  {frames} frames, {poses} with a pose, {dropped} dropped, {dropped_first} of these in the first second"
+    );
     tally.waited.row("waited");
     tally.detect.row("detect");
     tally.solve.row("solve");

@@ -7,7 +7,7 @@ use super::super::DetectError;
 use super::super::families::{MarkerPattern, marker_pattern};
 use super::super::homography::{Homography, PlanePoint, floor};
 use super::super::joints::Joint;
-use super::super::print::{self, Observed, Place};
+use super::super::print::{self, Common, Observed, Place};
 use super::super::template::{self, Fit, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -42,6 +42,8 @@ const MOST_ROUNDS: usize = 20;
 /// What is printed on a grid.
 pub(super) struct GridPrint {
     grid: AprilGrid,
+    /// Tags and spaces to a tag's edge.
+    per_pitch: f64,
     /// Of each tag, with a border of one cell.
     patterns: Vec<MarkerPattern>,
 }
@@ -53,7 +55,8 @@ impl GridPrint {
     pub fn new(grid: &AprilGrid) -> Result<Self, DetectError> {
         let ids = grid.first_id..grid.first_id.saturating_add(grid.rows * grid.columns);
         let patterns = ids.map(|id| marker_pattern(&grid.family, id)).collect::<Result<_, _>>()?;
-        Ok(GridPrint { grid: grid.clone(), patterns })
+        let per_pitch = 1.0 / (1.0 + grid.tag_spacing_ratio);
+        Ok(GridPrint { grid: grid.clone(), per_pitch, patterns })
     }
 
     /// A tag corner on the grid, in tag edges, y upwards.
@@ -68,9 +71,10 @@ impl GridPrint {
     /// −1 where the grid is black and 1 where it is white, at a place in tag edges.
     fn ink(&self, x: PlanePoint, border_cells: usize) -> f32 {
         let (pitch, spacing) = (1.0 + self.grid.tag_spacing_ratio, self.grid.tag_spacing_ratio);
+        let per_pitch = self.per_pitch;
         let cell = |x: f64, n: u32| {
             // Spaces belong to the tag after them; the last one has no tag.
-            let index = floor((x + spacing) / pitch);
+            let index = floor((x + spacing) * per_pitch);
             (0..=n as i32).contains(&index).then_some((index as u32, x - index as f64 * pitch))
         };
         let (Some((column, a)), Some((row, b))) = (cell(x.x, self.grid.columns), cell(x.y, self.grid.rows))
@@ -131,16 +135,18 @@ impl GridPrint {
         }
     }
 
-    /// The corners as their print places them. One whose print does not show is covered, and left out, but for those in `doubtful`, which rest on the edges of
+    /// The corners, those picked as their print places them, and the blur. One whose print does not show is covered, and left out, but for those in `doubtful`, which rest on the edges of
     /// their tag: there a corner square is missing.
     pub fn measured(
         &self,
         image: &GrayImage,
-        noise_gray: f64,
+        common: Common,
         border_cells: usize,
         known: &Corners,
+        picked: &BTreeSet<Feature>,
         doubtful: &[Feature],
-    ) -> Corners {
+    ) -> (Corners, f64) {
+        let noise_gray = common.noise_gray;
         let look = CameraWatcher { print: self, image, noise_gray, border_cells, blur_px: BLURS_PX[0] };
         let place = |(feature, joint): (&Feature, &Joint)| {
             let place = self.place(feature.id, feature.corner);
@@ -155,9 +161,11 @@ impl GridPrint {
             let reach_px = (0.05 * edge_px).clamp(1.0, SEARCH_PX.0);
             Some((*feature, Place { found: joint.pixel, place, map, square_px, clear_px, reach_px, ink }))
         };
-        let (features, places): (Vec<Feature>, Vec<Place<_>>) = known.iter().filter_map(place).unzip();
+        let (features, places): (Vec<Feature>, Vec<Place<_>>) =
+            known.iter().filter(|(feature, _)| picked.contains(feature)).filter_map(place).unzip();
         let mut measured = known.clone();
-        for (feature, seen) in features.into_iter().zip(print::measure(image, noise_gray, &places)) {
+        let (said, blur_px) = print::measure(image, common, &places);
+        for (feature, seen) in features.into_iter().zip(said) {
             match seen {
                 Observed::Print { pixel, sigma_px } => {
                     measured.insert(feature, Joint { pixel, sigma_px });
@@ -168,7 +176,7 @@ impl GridPrint {
                 Observed::Otherwise | Observed::Outside => {}
             }
         }
-        measured
+        (measured, blur_px)
     }
 
     /// Whether a place lies on the outline of the grid.

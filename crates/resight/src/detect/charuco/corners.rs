@@ -10,12 +10,13 @@ use crate::detect::apriltag::DecodedTag;
 use crate::detect::corner::refine_corner;
 use crate::detect::homography::{Homography, PlanePoint};
 use crate::detect::joints::CornerWindow;
-use crate::detect::print;
+use crate::detect::print::{self, Common};
 use crate::detect::sigma;
 use crate::detect::template::{self, Fit, Printed, Window};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
+use std::collections::BTreeSet;
 
 /// A corner is looked for this far, in squares, from its prediction. The nearest saddle points that are not corners
 /// lie in the markers, at least a margin and a border cell away (0.2 squares on common boards).
@@ -49,6 +50,8 @@ struct Expected {
     at: Pixel,
     /// Shortest edge of the squares around it, pixels.
     square_px: f64,
+    /// How far from `at` it is looked for, pixels.
+    reach_px: f64,
 }
 
 impl CharucoFinder {
@@ -61,21 +64,49 @@ impl CharucoFinder {
     ) -> Vec<Detection> {
         let (rows, columns) = (self.board.rows - 1, self.board.columns - 1);
         let expected: Vec<Expected> =
-            (0..rows * columns).filter_map(|id| self.expected(markers, id, columns, image)).collect();
-        let is_inverted = markers.first().is_some_and(|m| m.family % 2 == 1);
-        let look = Comparison { finder: self, image, noise_gray, sign: if is_inverted { -1.0 } else { 1.0 } };
+            (0..rows * columns).filter_map(|id| self.expected(markers, id, image)).collect();
+        let look = Comparison { finder: self, image, noise_gray };
         let blur_px = look.blur_px(&expected);
-        let (seen, fits): (Vec<&Expected>, Vec<Fit>) =
-            expected.iter().filter_map(|corner| Some((corner, look.print(corner, blur_px)?))).unzip();
-        let sigmas_px = print::sigmas_px(&fits);
-        let corners: Vec<Detection> = seen
-            .iter()
-            .zip(fits.iter().zip(sigmas_px))
-            .map(|(corner, (fit, sigma_px))| look.corner(corner, fit, sigma_px))
-            .collect();
+        let corners = look.corners(&expected, blur_px);
         let is_vouched =
             VOUCHING_MARKERS <= markers.len() || self.beside_are_seen(markers, &expected, &look, blur_px);
         if is_vouched { corners } else { Vec::new() }
+    }
+
+    /// Whether all corners are among these.
+    pub fn is_whole(&self, seen: &[Detection]) -> bool {
+        seen.iter().map(|d| d.feature.id).eq(0..(self.board.rows - 1) * (self.board.columns - 1))
+    }
+
+    /// Those corners of a whole board that are picked, by what is printed around the places given for all.
+    pub fn measured_near(
+        &self,
+        image: &GrayImage,
+        common: Common,
+        places: &[Detection],
+        picked: &BTreeSet<Feature>,
+    ) -> (Vec<Detection>, f64) {
+        let picked = places.iter().filter(|d| picked.contains(&d.feature));
+        let expected: Vec<Expected> = picked.filter_map(|d| self.expected_again(places, d)).collect();
+        let look = Comparison { finder: self, image, noise_gray: common.noise_gray };
+        let blur_px = common.blur_px.unwrap_or_else(|| look.blur_px(&expected));
+        (look.corners(&expected, blur_px), blur_px)
+    }
+
+    /// A corner where it was, in the plane of those beside it.
+    fn expected_again(&self, seen: &[Detection], corner: &Detection) -> Option<Expected> {
+        let place = |d: &Detection| self.corner_place(d.feature.id);
+        let at = place(corner);
+        let beside = seen.iter().filter(|d| (place(d) - at).amax() < 1.5);
+        let pairs: Vec<(PlanePoint, Pixel)> = beside.map(|d| (place(d), d.pixel)).collect();
+        let expected = self.expected_at(corner.feature.id, Homography::fit(&pairs)?)?;
+        Some(Expected { at: corner.pixel, reach_px: SEARCH_PX, ..expected })
+    }
+
+    /// An inner corner on the board, in squares from its top-left corner.
+    fn corner_place(&self, id: u32) -> PlanePoint {
+        let columns = self.board.columns - 1;
+        PlanePoint::new((id % columns + 1) as f64, (id / columns + 1) as f64)
     }
 
     /// Whether the print shows at most of the corners beside these markers, and clearly: a marker that was misread has another's around it.
@@ -93,18 +124,21 @@ impl CharucoFinder {
         beside.len() <= 2 * beside.iter().filter(is_clear).count() && !beside.is_empty()
     }
 
-    fn expected(&self, markers: &[DecodedTag], id: u32, columns: u32, image: &GrayImage) -> Option<Expected> {
-        let place = PlanePoint::new((id % columns + 1) as f64, (id / columns + 1) as f64);
-        let map = Homography::fit(&self.pairs_near(markers, &place))?;
-        let at = map.at(&place);
+    fn expected(&self, markers: &[DecodedTag], id: u32, image: &GrayImage) -> Option<Expected> {
+        let map = Homography::fit(&self.pairs_near(markers, &self.corner_place(id)))?;
         let inside = |x: f64, n: u32| -0.5 <= x && x < n as f64;
-        if !inside(at.x, image.width_px) || !inside(at.y, image.height_px) {
-            return None;
-        }
+        let is_inside = |at: &Pixel| inside(at.x, image.width_px) && inside(at.y, image.height_px);
+        self.expected_at(id, map).filter(|corner| is_inside(&corner.at))
+    }
+
+    fn expected_at(&self, id: u32, map: Homography) -> Option<Expected> {
+        let place = self.corner_place(id);
+        let at = map.at(&place);
         let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
         let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - at).norm());
         let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
-        square_px.is_finite().then_some(Expected { id, place, map, at, square_px })
+        let reach_px = (SEARCH_SQUARES * square_px).max(SEARCH_PX);
+        square_px.is_finite().then_some(Expected { id, place, map, at, square_px, reach_px })
     }
 
     /// −1 where the board is black and 1 where it is white, at a place in squares.
@@ -133,11 +167,18 @@ struct Comparison<'a> {
     finder: &'a CharucoFinder,
     image: &'a GrayImage,
     noise_gray: f64,
-    /// −1 of a board printed white on black.
-    sign: f64,
 }
 
 impl Comparison<'_> {
+    /// The corners that are seen.
+    fn corners(&self, expected: &[Expected], blur_px: f64) -> Vec<Detection> {
+        let (seen, fits): (Vec<&Expected>, Vec<Fit>) =
+            expected.iter().filter_map(|corner| Some((corner, self.print(corner, blur_px)?))).unzip();
+        let sigmas_px = print::sigmas_px(&fits);
+        let measured = seen.iter().zip(fits.iter().zip(sigmas_px));
+        measured.map(|(corner, (fit, sigma_px))| self.corner(corner, fit, sigma_px)).collect()
+    }
+
     /// The blur that explains the corners best.
     fn blur_px(&self, expected: &[Expected]) -> f64 {
         let every = (expected.len() / BLUR_CORNERS).max(1);
@@ -175,7 +216,7 @@ impl Comparison<'_> {
     /// The print around a corner where it explains the image.
     fn print(&self, corner: &Expected, blur_px: f64) -> Option<Fit> {
         let ink = |x: PlanePoint| self.finder.ink(x);
-        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px());
+        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px);
         let start = self.start(corner, blur_px);
         let fit = template::fit(self.image, ink, &corner.map, &corner.place, start, reach_px, window)?;
         let is_near = (fit.pixel - corner.at).norm() <= reach_px;
@@ -183,12 +224,13 @@ impl Comparison<'_> {
     }
 
     fn is_seen(&self, explained: f64, contrast_gray: f64) -> bool {
-        EXPLAINED <= explained && CONTRAST_GRAY <= self.sign * contrast_gray
+        let contrast_gray = if self.finder.is_inverted { -contrast_gray } else { contrast_gray };
+        EXPLAINED <= explained && CONTRAST_GRAY <= contrast_gray
     }
 
     /// Where the search of a corner begins: a blurred print draws it in from further away.
     fn start(&self, corner: &Expected, blur_px: f64) -> Pixel {
-        let reach_px = corner.reach_px();
+        let reach_px = corner.reach_px;
         let is_far = SEARCH_PX < reach_px;
         let blurred = || self.lie(corner, corner.at, blur_px.max(0.4 * reach_px).min(3.0));
         let near = if is_far { blurred() } else { None };
@@ -198,7 +240,7 @@ impl Comparison<'_> {
     fn lie(&self, corner: &Expected, start: Pixel, blur_px: f64) -> Option<template::Lying> {
         let ink = |x: PlanePoint| self.finder.ink(x);
         let printed = Printed { ink, image_from_plane: &corner.map, place: &corner.place };
-        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px());
+        let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px);
         let lying = template::lie(self.image, &printed, start, reach_px, window)?;
         ((lying.pixel - corner.at).norm() <= reach_px).then_some(lying)
     }
@@ -206,12 +248,5 @@ impl Comparison<'_> {
     fn window(&self, corner: &Expected, blur_px: f64) -> Window {
         let half_px = (PRINT_SQUARES * corner.square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
         Window { half_px, blur_px, noise_gray: self.noise_gray }
-    }
-}
-
-impl Expected {
-    /// How far from where the markers put it the corner is looked for, pixels.
-    fn reach_px(&self) -> f64 {
-        (SEARCH_SQUARES * self.square_px).max(SEARCH_PX)
     }
 }

@@ -1,24 +1,33 @@
-//! A board from image to image: the part of the image that held it, and the whole image once it is not there.
+//! A board from image to image: its corners where they were, the part of the image that held it, and the whole image once it is not there.
+//!
+//! A board that was whole is first measured where it was: every corner must be within a pixel or two of its place, which no other place of the board
+//! satisfies, for its outermost squares have nothing of the kind beside them. Its ids are read again twice a second.
 //!
 //! The whole image is looked through at half its size, a third of the time or less, and the board measured at full size where that shows it. What
 //! shows at full size only (squares of few pixels) is looked for more seldom, so that a camera without its board costs little more than one with it.
 
 use super::{Absence, BOARD_EVERY_S, Extent, SOON_S, TAG_EVERY_S, UNTIMED_S};
 use crate::GrayImage;
+use crate::detect::homography::Homography;
 use crate::detect::joints::halved;
+use crate::detect::noise::noise_gray;
+use crate::detect::print::Common;
 use crate::detect::region::{Region, longer_side_px};
 use crate::detect::{DetectError, Detector};
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
 use resight_core::{Pixel, Target};
+use std::collections::BTreeSet;
 
 /// Follows a chessboard, a ChArUco board or an AprilGrid.
 pub(super) struct BoardFollower {
     detector: Detector,
     /// Width of what the board has around its features, of the larger side of their bounding box.
     rim_share: f64,
-    /// Features found last.
-    seen: Vec<Pixel>,
+    /// What was found last.
+    seen: Vec<Detection>,
+    /// Since the ids were read, seconds.
+    unread_s: f64,
     absence: Absence,
     /// Since the whole image was looked through at full size, seconds.
     full_s: f64,
@@ -30,6 +39,10 @@ pub(super) struct BoardFollower {
 const REACH_PX: f64 = 24.0;
 /// A part of more than this share of the image saves nothing.
 const MOST_OF_IT: f64 = 0.8;
+/// About so many corners say how a board has moved.
+const SCOUTS: usize = 12;
+/// The ids of a board that stays are read once in this time, seconds; so long it cannot be exchanged or turned unseen.
+const READ_EVERY_S: f64 = 0.5;
 /// A board lost just now is looked for in the whole image at full size once in this time, seconds, at half the size in every image.
 const FULL_EVERY_S: f64 = 0.25;
 
@@ -38,7 +51,15 @@ impl BoardFollower {
         let absence = Absence::new(TAG_EVERY_S);
         let part = GrayImage::filled(0, 0, 0);
         let full_s = f64::INFINITY;
-        BoardFollower { detector, rim_share: rim_share(target), seen: Vec::new(), absence, full_s, part }
+        BoardFollower {
+            detector,
+            rim_share: rim_share(target),
+            seen: Vec::new(),
+            unread_s: f64::INFINITY,
+            absence,
+            full_s,
+            part,
+        }
     }
 
     pub fn detect(
@@ -49,8 +70,14 @@ impl BoardFollower {
     ) -> Result<(Vec<Detection>, Extent), DetectError> {
         self.absence.passed(elapsed_s);
         self.full_s += elapsed_s;
+        self.unread_s += elapsed_s;
+        if let Some(found) = self.measured_again(image) {
+            self.seen.clone_from(&found);
+            return Ok((found, Extent::Near));
+        }
+        self.unread_s = 0.0;
         let near: Vec<Pixel> =
-            self.seen.iter().copied().chain(expected.iter().map(|(_, pixel)| *pixel)).collect();
+            self.seen.iter().map(|d| d.pixel).chain(expected.iter().map(|(_, pixel)| *pixel)).collect();
         let mut found = match self.region(image, &near) {
             Some(region) => self.within(image, region)?,
             None => Vec::new(),
@@ -66,9 +93,37 @@ impl BoardFollower {
         if !found.is_empty() {
             self.absence.found();
         }
-        self.seen.clear();
-        self.seen.extend(found.iter().map(|detection| detection.pixel));
+        self.seen.clone_from(&found);
         Ok((found, extent))
+    }
+
+    /// The board where it was, in the part of the image that held it; none unless it was whole and is.
+    ///
+    /// A few corners say how all have moved: a search that begins where it ends takes half of the time.
+    fn measured_again(&mut self, image: &GrayImage) -> Option<Vec<Detection>> {
+        if READ_EVERY_S - UNTIMED_S < self.unread_s || !self.detector.is_whole_board(&self.seen) {
+            return None;
+        }
+        let places: Vec<Pixel> = self.seen.iter().map(|d| d.pixel).collect();
+        let region = self.region(image, &places)?;
+        region.cut(image, &mut self.part)?;
+        let moved = |d: &Detection, by: Pixel| Detection { pixel: d.pixel + by, ..*d };
+        let seen: Vec<Detection> = self.seen.iter().map(|d| moved(d, -region.origin())).collect();
+        let every = (seen.len() / SCOUTS).max(1);
+        let picked: BTreeSet<Feature> = seen.iter().step_by(every).map(|d| d.feature).collect();
+        let common = Common { noise_gray: noise_gray(&self.part), blur_px: None };
+        let (scouts, blur_px) = self.detector.measured_near(&self.part, common, &seen, &picked);
+        if scouts.len() < picked.len() {
+            return None;
+        }
+        let before = seen.iter().step_by(every).map(|d| d.pixel);
+        let motion = Homography::fit(&before.zip(scouts.iter().map(|d| d.pixel)).collect::<Vec<_>>())?;
+        let expected: Vec<Detection> =
+            seen.iter().map(|d| Detection { pixel: motion.at(&d.pixel), ..*d }).collect();
+        let all = seen.iter().map(|d| d.feature).collect();
+        let common = Common { blur_px: Some(blur_px), ..common };
+        let (found, _) = self.detector.measured_near(&self.part, common, &expected, &all);
+        (found.len() == seen.len()).then(|| found.iter().map(|d| moved(d, region.origin())).collect())
     }
 
     /// Whether this is much less of the board than was seen last, or nothing was.
