@@ -15,6 +15,7 @@ use super::noise::Quietened;
 use super::print::Common;
 use super::region::{Region, joined, longer_side_px};
 use super::tags::FoundTag;
+use super::template::REDRAWN_PX;
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
@@ -113,7 +114,7 @@ impl AprilGridFinder {
         }
         self.border_cells = 1 + tags.first().map_or(0, |tag| tag.family);
         let all = known.keys().copied().collect();
-        let common = Common { noise_gray: quiet.noise_gray, blur_px: None };
+        let common = Common { noise_gray: quiet.noise_gray, blur_px: None, redrawn_px: REDRAWN_PX };
         let (measured, _) = self.print.measured(image, common, self.border_cells, &known, &all, &doubtful);
         detections(measured)
     }

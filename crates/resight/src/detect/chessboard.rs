@@ -18,6 +18,7 @@ mod squares;
 use super::homography::{Homography, PlanePoint, floor};
 use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
 use super::print::{self, Common, Place as Surroundings};
+use super::template::REDRAWN_PX;
 use super::{DetectError, noise, sigma};
 use crate::GrayImage;
 use calib_targets::chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
@@ -149,7 +150,7 @@ impl ChessboardFinder {
             let is_corner = 0 <= column && column < columns && 0 <= row && row < rows;
             lattice.at(p.node(column, row)).filter(|_| is_corner)
         };
-        let common = Common { noise_gray: noise::noise_gray(image), blur_px: None };
+        let common = Common { noise_gray: noise::noise_gray(image), blur_px: None, redrawn_px: REDRAWN_PX };
         self.measured(&node, image, common, &|_| true, is_printed).0
     }
 

@@ -1,7 +1,7 @@
 //! Corners measured by what is printed around them, for boards whose print is known up to the corner's exact place.
 
 use super::homography::{Homography, PlanePoint};
-use super::template::{self, Fit, Printed, Window};
+use super::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
 
@@ -75,6 +75,8 @@ pub(super) struct Common {
     pub noise_gray: f64,
     /// Standard deviation of the blur, pixels; none where it is not known yet.
     pub blur_px: Option<f64>,
+    /// As of [`Window`].
+    pub redrawn_px: f64,
 }
 
 /// Of blurs in ascending order the one by which most is explained, beginning with the second: more blur explains ever more up to the best, and ever
@@ -114,9 +116,9 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
     common: Common,
     places: &[Place<Ink>],
 ) -> (Vec<Observed>, f64) {
-    let noise_gray = common.noise_gray;
+    let Common { noise_gray, redrawn_px, .. } = common;
     let blur_px = common.blur_px.unwrap_or_else(|| blur_px(image, noise_gray, places));
-    let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px);
+    let look = |place: &Place<Ink>, blur_px: f64| place.look(image, noise_gray, blur_px, redrawn_px);
     let fits: Vec<Option<Option<Fit>>> = places.iter().map(|place| look(place, blur_px)).collect();
     let seen: Vec<Fit> = fits.iter().flatten().flatten().copied().collect();
     let mut sigmas_px = sigmas_px(&seen).into_iter();
@@ -132,8 +134,8 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
 
 impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
     /// The print where it is there; none too near to the edge of the image.
-    fn look(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> Option<Option<Fit>> {
-        let window = Window { half_px: self.half_px(image)?, blur_px, noise_gray };
+    fn look(&self, image: &GrayImage, noise_gray: f64, blur_px: f64, redrawn_px: f64) -> Option<Option<Fit>> {
+        let window = Window { half_px: self.half_px(image)?, blur_px, noise_gray, redrawn_px };
         let fit = template::fit(image, &self.ink, &self.map, &self.place, self.found, self.reach_px, window);
         Some(fit.filter(|fit| is_seen(fit.explained, fit.contrast_gray)))
     }
@@ -141,7 +143,7 @@ impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
     /// The share of the variance that the print explains, 0 where it is not there.
     fn explained(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> f64 {
         let Some(half_px) = self.half_px(image) else { return 0.0 };
-        let window = Window { half_px, blur_px, noise_gray };
+        let window = Window { half_px, blur_px, noise_gray, redrawn_px: REDRAWN_PX };
         let printed = Printed { ink: &self.ink, image_from_plane: &self.map, place: &self.place };
         let lying = template::lie(image, &printed, self.found, self.reach_px, window);
         lying.filter(|l| is_seen(l.explained, l.contrast_gray)).map_or(0.0, |l| l.explained)

@@ -54,14 +54,18 @@ pub(super) struct Window {
     pub blur_px: f64,
     /// Standard deviation of the noise, grey levels.
     pub noise_gray: f64,
+    /// A print that ends further than this from where it was drawn is drawn again there.
+    pub redrawn_px: f64,
 }
+
+/// As of [`Window`], of corners that are measured from saddle points or predictions,
+pub(super) const REDRAWN_PX: f64 = 0.05;
+/// and of those measured from the place they had, near which most lie: else they are a tenth less accurate.
+pub(super) const REDRAWN_AGAIN_PX: f64 = 0.01;
 
 /// Steps of a search; each about squares the error.
 const STEPS: usize = 8;
 const SETTLED_PX: f64 = 2e-3;
-/// A print that ended further than this from where it was drawn is drawn again there: at 0.05 px corners measured from the place they had were a
-/// tenth less accurate than from saddle points.
-const REDRAWN_PX: f64 = 0.01;
 /// The last step corrects for a blur that is not the assumed one; a longer one has found something else.
 const LAST_STEP_PX: f64 = 0.3;
 /// Pixels around the window in which the shifted print and its slopes are known.
@@ -258,7 +262,7 @@ fn search<Ink: Fn(PlanePoint) -> f32, Out>(
                 break;
             }
         }
-        if round == 1 || (at - drawn_at).norm() < REDRAWN_PX {
+        if round == 1 || (at - drawn_at).norm() < window.redrawn_px {
             let sums = Sums::over(image, &picture, middle, at - drawn_at, window.half_px);
             return conclude(&sums, at, &laid(at));
         }
@@ -369,7 +373,7 @@ mod tests {
     }
 
     fn drawn_at(shift: Pixel) -> GrayImage {
-        let window = Window { half_px: 15, blur_px: 1.0, noise_gray: 0.0 };
+        let window = Window { half_px: 15, blur_px: 1.0, noise_gray: 0.0, redrawn_px: REDRAWN_PX };
         let middle = Pixel::new(20.0, 20.0);
         let picture = Picture::draw(&ink, &map().inverse().unwrap(), middle, shift, &window);
         let mut image = GrayImage::filled(41, 41, 0);
@@ -384,7 +388,7 @@ mod tests {
     }
 
     fn laid(image: &GrayImage, start: Pixel) -> Option<Fit> {
-        let window = Window { half_px: 7, blur_px: 1.0, noise_gray: 0.3 };
+        let window = Window { half_px: 7, blur_px: 1.0, noise_gray: 0.3, redrawn_px: REDRAWN_PX };
         fit(image, ink, &map(), &PlanePoint::zeros(), start, 3.0, window)
     }
 

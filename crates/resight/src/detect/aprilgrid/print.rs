@@ -8,7 +8,7 @@ use super::super::families::{MarkerPattern, marker_pattern};
 use super::super::homography::{Homography, PlanePoint, floor};
 use super::super::joints::Joint;
 use super::super::print::{self, Common, Observed, Place};
-use super::super::template::{self, Fit, Window};
+use super::super::template::{self, Fit, REDRAWN_PX, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::target::{AprilGrid, Feature};
@@ -241,7 +241,8 @@ impl CameraWatcher<'_> {
         let edge_px = edge_px(&map, &place).filter(|edge| LEAST_EDGE_PX <= *edge)?;
         let reach_px = (SEARCH_EDGES * edge_px).clamp(SEARCH_PX.0, SEARCH_PX.1);
         let half_px = (PRINT_EDGES * edge_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
-        let window = Window { half_px, blur_px: self.blur_px, noise_gray: self.noise_gray };
+        let window =
+            Window { half_px, blur_px: self.blur_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
         let ink = |x: PlanePoint| self.print.ink(x, self.border_cells);
         let fit = template::fit(self.image, ink, &map, &place, at, reach_px, window)?;
         (EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray).then_some(fit)

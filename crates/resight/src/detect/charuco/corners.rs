@@ -12,7 +12,7 @@ use crate::detect::homography::{Homography, PlanePoint};
 use crate::detect::joints::CornerWindow;
 use crate::detect::print::{self, Common};
 use crate::detect::sigma;
-use crate::detect::template::{self, Fit, Printed, Window};
+use crate::detect::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
@@ -65,7 +65,7 @@ impl CharucoFinder {
         let (rows, columns) = (self.board.rows - 1, self.board.columns - 1);
         let expected: Vec<Expected> =
             (0..rows * columns).filter_map(|id| self.expected(markers, id, image)).collect();
-        let look = Comparison { finder: self, image, noise_gray };
+        let look = Comparison { finder: self, image, noise_gray, redrawn_px: REDRAWN_PX };
         let blur_px = look.blur_px(&expected);
         let corners = look.corners(&expected, blur_px);
         let is_vouched =
@@ -88,7 +88,8 @@ impl CharucoFinder {
     ) -> (Vec<Detection>, f64) {
         let picked = places.iter().filter(|d| picked.contains(&d.feature));
         let expected: Vec<Expected> = picked.filter_map(|d| self.expected_again(places, d)).collect();
-        let look = Comparison { finder: self, image, noise_gray: common.noise_gray };
+        let look =
+            Comparison { finder: self, image, noise_gray: common.noise_gray, redrawn_px: common.redrawn_px };
         let blur_px = common.blur_px.unwrap_or_else(|| look.blur_px(&expected));
         (look.corners(&expected, blur_px), blur_px)
     }
@@ -167,6 +168,7 @@ struct Comparison<'a> {
     finder: &'a CharucoFinder,
     image: &'a GrayImage,
     noise_gray: f64,
+    redrawn_px: f64,
 }
 
 impl Comparison<'_> {
@@ -247,6 +249,6 @@ impl Comparison<'_> {
 
     fn window(&self, corner: &Expected, blur_px: f64) -> Window {
         let half_px = (PRINT_SQUARES * corner.square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
-        Window { half_px, blur_px, noise_gray: self.noise_gray }
+        Window { half_px, blur_px, noise_gray: self.noise_gray, redrawn_px: self.redrawn_px }
     }
 }

@@ -7,7 +7,7 @@
 
 use super::super::homography::{PlanePoint, floor};
 use super::super::joints::Joint;
-use super::super::template::{self, Fit, Printed, Window};
+use super::super::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use super::lattice::{Extent, Lattice, Node};
 use super::place::Ends;
 use crate::GrayImage;
@@ -169,13 +169,13 @@ impl<'a> Pattern<'a> {
         let half_px = (PRINT_SQUARES * square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
         let ink = |x: PlanePoint| self.ink(node, x, outside);
         let lay = |start: Pixel, blur_px: f64| {
-            let window = Window { half_px, blur_px, noise_gray: self.noise_gray };
+            let window = Window { half_px, blur_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
             let fit = template::fit(self.image, ink, &map, &zero, start, reach_px, window)?;
             ((fit.pixel - at).norm() <= reach_px).then_some(fit)
         };
         // A blurred print draws a corner in from further away.
         let far_px = self.blur_px.max(0.4 * reach_px);
-        let window = Window { half_px, blur_px: far_px, noise_gray: self.noise_gray };
+        let window = Window { half_px, blur_px: far_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
         let printed = Printed { ink, image_from_plane: &map, place: &zero };
         let far = template::lie(self.image, &printed, at, reach_px, window);
         let far = far.filter(|far| (far.pixel - at).norm() <= reach_px);

@@ -13,6 +13,7 @@ use crate::detect::joints::halved;
 use crate::detect::noise::noise_gray;
 use crate::detect::print::Common;
 use crate::detect::region::{Region, longer_side_px};
+use crate::detect::template::REDRAWN_AGAIN_PX;
 use crate::detect::{DetectError, Detector};
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
@@ -111,7 +112,8 @@ impl BoardFollower {
         let seen: Vec<Detection> = self.seen.iter().map(|d| moved(d, -region.origin())).collect();
         let every = (seen.len() / SCOUTS).max(1);
         let picked: BTreeSet<Feature> = seen.iter().step_by(every).map(|d| d.feature).collect();
-        let common = Common { noise_gray: noise_gray(&self.part), blur_px: None };
+        let common =
+            Common { noise_gray: noise_gray(&self.part), blur_px: None, redrawn_px: REDRAWN_AGAIN_PX };
         let (scouts, blur_px) = self.detector.measured_near(&self.part, common, &seen, &picked);
         if scouts.len() < picked.len() {
             return None;
