@@ -6,6 +6,8 @@ use crate::pose::Pose;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use resight::core::PoseEstimate;
+use resight::core::locate::consistency::Consistency;
+use resight::core::temporal::monitor::Reading;
 use resight::report::words::sigmas;
 
 /// Status and sentence, and the pose where there is one.
@@ -148,6 +150,17 @@ impl PoseAnswer {
 }
 
 impl PoseAnswer {
+    /// What the change detector hears of it; none where there is no pose.
+    pub fn reading(&self, t_s: f64) -> Option<Reading> {
+        let estimate = self.estimate()?;
+        Some(Reading {
+            t_s,
+            a_from_b: estimate.cam_from_target,
+            covariance: estimate.covariance,
+            is_consistent: matches!(estimate.consistency, Consistency::Consistent),
+        })
+    }
+
     fn estimate(&self) -> Option<&PoseEstimate> {
         self.answer.estimate.as_ref()
     }

@@ -194,6 +194,19 @@ impl Camera {
             .map_err(|reason| error::error(py, "write", reason.to_string()))
     }
 
+    /// How `pickle` and `copy` make it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        let class = py.get_type::<Camera>();
+        let (remark, state) = (self.remark.clone(), self.to_toml(py)?);
+        match remark {
+            None => Ok((class.getattr("parse")?, (state,))),
+            Some(_) => Err(error::input(
+                py,
+                "a camera that nobody calibrated is not pickled; make it where it is needed",
+            )),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let size = self.known.camera.size.map(|s| format!(", {} x {} px", s.width_px, s.height_px));
         let sigma = self.known.intrinsics_covariance.as_ref().map(|c| c[(0, 0)].max(0.0).sqrt());

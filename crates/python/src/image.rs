@@ -137,7 +137,7 @@ pub fn locate_image(
 ) -> PyResult<PoseAnswer> {
     let request = Request::new(py, camera, target, method, corner_half_px)?;
     let image = Input::new(image, view)?;
-    let answer = run(py, None, 1, move |_| -> Result<resight::PoseAnswer, resight::Error> {
+    let answer = run(py, None, move |_| -> Result<resight::PoseAnswer, resight::Error> {
         let mut locator = ImageLocator::new(&request.camera, &request.target, &request.options)?;
         Ok(request.answer(&mut locator, &image))
     })?;
@@ -160,23 +160,22 @@ pub fn locate_images(
     let inputs = images.iter().enumerate().map(|(i, image)| Input::new(image, &format!("image {i}")));
     let inputs: Vec<Input> = inputs.collect::<PyResult<_>>()?;
     let total = inputs.len();
-    let answers =
-        run(py, progress, total, move |reporter| -> Result<Vec<resight::PoseAnswer>, resight::Error> {
-            let mut answers = Vec::with_capacity(inputs.len());
-            resight::parallel::detect_in_order(
-                &inputs,
-                || ImageLocator::new(&request.camera, &request.target, &request.options),
-                |locator: &mut ImageLocator, input: &Input| request.answer(locator, input),
-                |answer| -> Result<(), resight::Error> {
-                    answers.push(answer);
-                    match reporter.done(answers.len()) {
-                        true => Ok(()),
-                        false => Err(resight::Error::request("nobody waits for the rest")),
-                    }
-                },
-            )?;
-            Ok(answers)
-        })?;
+    let answers = run(py, progress, move |reporter| -> Result<Vec<resight::PoseAnswer>, resight::Error> {
+        let mut answers = Vec::with_capacity(inputs.len());
+        resight::parallel::detect_in_order(
+            &inputs,
+            || ImageLocator::new(&request.camera, &request.target, &request.options),
+            |locator: &mut ImageLocator, input: &Input| request.answer(locator, input),
+            |answer| -> Result<(), resight::Error> {
+                answers.push(answer);
+                match reporter.done(answers.len(), total) {
+                    true => Ok(()),
+                    false => Err(resight::Error::request("nobody waits for the rest")),
+                }
+            },
+        )?;
+        Ok(answers)
+    })?;
     let answers = answers.map_err(|reason| error::job(py, &reason))?;
     Ok(answers.into_iter().map(PoseAnswer::from).collect())
 }
@@ -194,7 +193,7 @@ pub fn detect(
 ) -> PyResult<String> {
     let image = Input::new(image, view)?;
     let target = target.map(|target| target.target.clone());
-    let found = run(py, None, 1, move |_| -> Result<DetectionAnswer, resight::Error> {
+    let found = run(py, None, move |_| -> Result<DetectionAnswer, resight::Error> {
         let (view, image) = image.read();
         let image = match image {
             Ok(image) => image,

@@ -23,7 +23,20 @@ pub fn answered(
     py: Python<'_>,
     job: impl FnOnce() -> JobResult<Vec<String>> + Send + 'static,
 ) -> PyResult<Vec<String>> {
-    run(py, None, 1, move |_| job())?.map_err(|reason| error::job(py, &reason))
+    run(py, None, move |_| job())?.map_err(|reason| error::job(py, &reason))
+}
+
+/// The same for a job over images, which reports how far it is.
+pub fn observed(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    job: impl FnOnce() -> JobResult<Vec<String>> + Send + 'static,
+) -> PyResult<Vec<String>> {
+    let answer = run(py, progress, move |reporter| {
+        let reporter = reporter.clone();
+        resight::parallel::observed(move |n_done, n_all| reporter.done(n_done, n_all), job)
+    });
+    answer?.map_err(|reason| error::job(py, &reason))
 }
 
 pub fn line(answer: &impl serde::Serialize) -> JobResult<String> {
@@ -117,6 +130,7 @@ pub fn taken(images: Vec<Taken<'_>>) -> PyResult<Vec<CameraImage>> {
 }
 
 #[pyfunction]
+#[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
 pub fn rig_from_images(
     py: Python<'_>,
     cameras: Vec<Named<'_>>,
@@ -124,11 +138,12 @@ pub fn rig_from_images(
     images: Vec<Taken<'_>>,
     solving: Solving,
     corner_half_px: Option<u32>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
     let request = solving.of(request(cameras, targets)?);
     let images = taken(images)?;
     let options = ImageOptions { times: None, corner_window: corner_window(corner_half_px) };
-    answered(py, move || rig_lines(&resight::rig_from_images(&images, &options, &request)?))
+    observed(py, progress, move || rig_lines(&resight::rig_from_images(&images, &options, &request)?))
 }
 
 #[pyfunction]
@@ -266,10 +281,11 @@ pub fn intrinsics(
     image_size_px: Option<(u32, u32)>,
     sigma_px: Option<f64>,
     model: &str,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
     let request = intrinsics_request(targets, images, files, image_size_px, sigma_px, py)?;
     let request = IntrinsicsRequest { models: models(py, model)?, ..request };
-    answered(py, move || intrinsics_lines(&resight::intrinsics(&request)?))
+    observed(py, progress, move || intrinsics_lines(&resight::intrinsics(&request)?))
 }
 
 #[pyfunction]
@@ -282,13 +298,14 @@ pub fn check_intrinsics(
     files: Vec<PathBuf>,
     image_size_px: Option<(u32, u32)>,
     sigma_px: Option<f64>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
     let checked = request(cameras, Vec::new())?.cameras;
     let of_camera = || checked.first()?.camera.size.map(|size| (size.width_px, size.height_px));
     let size = image_size_px.or_else(of_camera);
     let request = intrinsics_request(targets, images, files, size, sigma_px, py)?;
     let request = IntrinsicsRequest { checked, ..request };
-    answered(py, move || {
+    observed(py, progress, move || {
         let answer: IntrinsicsCheckAnswer = resight::check_intrinsics(&request)?;
         Ok(vec![line(&answer)?])
     })

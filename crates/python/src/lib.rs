@@ -16,6 +16,8 @@ mod image;
 mod jobs;
 mod robot;
 mod advice;
+mod monitor;
+mod table;
 mod program;
 
 use pyo3::prelude::*;
@@ -38,13 +40,17 @@ mod _native {
     #[pymodule_export]
     use super::many::{Poses, solve_many};
     #[pymodule_export]
-    use super::points::{solve, solve_table};
+    use super::monitor::Monitor;
+    #[pymodule_export]
+    use super::points::{solve, solve_lines, solve_table};
     #[pymodule_export]
     use super::pose::Pose;
     #[pymodule_export]
     use super::program::main;
     #[pymodule_export]
     use super::robot::{hand_eye, hand_eye_of_poses, rig_pose};
+    #[pymodule_export]
+    use super::table::{Table, table};
     #[pymodule_export]
     use super::target::Target;
 

@@ -17,6 +17,8 @@ type Answers = Vec<Result<PoseEstimate, MathError>>;
 #[pyclass(frozen, module = "resight")]
 pub struct Poses {
     answers: Answers,
+    /// Points of each view.
+    n_points: Vec<usize>,
 }
 
 #[pymethods]
@@ -84,6 +86,14 @@ impl Poses {
 }
 
 impl Poses {
+    /// Index, number of points, answer and status of each view.
+    pub fn rows(
+        &self,
+    ) -> impl Iterator<Item = (usize, usize, &Result<PoseEstimate, MathError>, &'static str)> {
+        let answers = self.answers.iter().zip(&self.n_points).enumerate();
+        answers.map(|(view, (answer, n_points))| (view, *n_points, answer, status(answer)))
+    }
+
     fn each<'py>(
         &self,
         py: Python<'py>,
@@ -127,18 +137,21 @@ pub fn solve_many<'py>(
         return Err(error::input(py, message));
     }
     let (points, seen) = (Numbers::new("points_m", points_m)?, Numbers::new("pixels", pixels)?);
-    let answers = match offsets {
-        None => together(py, &points, &seen, camera, sigma_px)?,
+    match offsets {
+        None => {
+            let answers = together(py, &points, &seen, camera, sigma_px)?;
+            let n_points = vec![seen.shape()[1]; answers.len()];
+            Ok(Poses { answers, n_points })
+        }
         Some(offsets) => {
             let (points, seen) = (points.rows::<3>("points_m")?, seen.rows::<2>("pixels")?);
             check_offsets(py, &offsets, points.len(), seen.len())?;
-            py.detach(|| {
-                let views = offsets.windows(2);
-                views.map(|w| alone(&points[w[0]..w[1]], &seen[w[0]..w[1]], camera, sigma_px)).collect()
-            })
+            let views = || offsets.windows(2);
+            let view = |w: &[usize]| alone(&points[w[0]..w[1]], &seen[w[0]..w[1]], camera, sigma_px);
+            let answers = py.detach(|| views().map(view).collect());
+            Ok(Poses { answers, n_points: views().map(|w| w[1] - w[0]).collect() })
         }
-    };
-    Ok(Poses { answers })
+    }
 }
 
 fn check_offsets(py: Python<'_>, offsets: &[usize], points: usize, pixels: usize) -> PyResult<()> {

@@ -5,9 +5,13 @@ use crate::arrays::{Numbers, each};
 use crate::camera::Camera;
 use crate::error;
 use pyo3::prelude::*;
+use resight::core::camera::ImageSize;
 use resight::core::locate::prior::Prior;
+use resight::core::locate::unknown_focal::LensPrior;
 use resight::core::{Correspondence, Pixel, Point};
 use resight::locate::{METHODS, Method, NamedPoint, PointsOptions, locate_points};
+use resight::marked_lines::SceneLens;
+use resight::nominal::lens_of_unknown_focal;
 use resight::points::{TableLocator, read_views, unit_remarks};
 use std::path::PathBuf;
 
@@ -104,25 +108,72 @@ pub fn solve(
 
 /// The poses of a CSV file of points, one a view.
 #[pyfunction]
-#[pyo3(signature = (file, camera, *, sigma_px=None, method="auto", robust_threshold_px=None))]
+#[pyo3(signature = (file, camera, *, sigma_px=None, method="auto", robust_threshold_px=None, image_size_px=None))]
 pub fn solve_table(
     py: Python<'_>,
     file: PathBuf,
-    camera: &Camera,
+    camera: Option<&Camera>,
     sigma_px: Option<f64>,
     method: &str,
     robust_threshold_px: Option<f64>,
+    image_size_px: Option<(u32, u32)>,
 ) -> PyResult<Vec<PoseAnswer>> {
     let method = self::method(py, method)?;
-    let intrinsics = camera.intrinsics().filter(|_| method != Method::Wang2004);
-    let options = PointsOptions { method, intrinsics, robust_threshold_px, ..PointsOptions::default() };
-    let locator = TableLocator::new(Some(camera.known.camera.clone()), sigma_px, options);
+    let intrinsics = camera.and_then(Camera::intrinsics).filter(|_| method != Method::Wang2004);
+    let estimate_focal = match camera {
+        Some(_) => None,
+        None => Some(unknown_lens(py, method, robust_threshold_px, image_size_px)?),
+    };
+    let lens = camera.map_or_else(resight::core::Camera::normalized, |camera| camera.known.camera.clone());
+    let options =
+        PointsOptions { method, intrinsics, robust_threshold_px, estimate_focal, ..PointsOptions::default() };
+    let locator = TableLocator::new(Some(lens), sigma_px, options);
     let views = read_views(&file, false).map_err(|reason| error::file(py, &reason))?;
     let mut remarks = unit_remarks(&views);
-    remarks.extend(camera.remark.clone());
-    let answers = crate::run::run(py, None, views.len(), move |_| {
+    remarks.extend(camera.and_then(|camera| camera.remark.clone()));
+    let answers = crate::run::run(py, None, move |_| {
         let answer = |view| resight::PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) };
         views.iter().map(answer).collect::<Vec<_>>()
     })?;
     Ok(answers.into_iter().map(PoseAnswer::from).collect())
+}
+
+/// What is known of a lens whose focal length is estimated with the pose.
+fn unknown_lens(
+    py: Python<'_>,
+    method: Method,
+    robust_threshold_px: Option<f64>,
+    image_size_px: Option<(u32, u32)>,
+) -> PyResult<LensPrior> {
+    if method != Method::Auto || robust_threshold_px.is_some() {
+        let message = "camera: without one the focal length is estimated, which has a method of its own and takes no robust_threshold_px";
+        return Err(error::input(py, message));
+    }
+    let Some((width_px, height_px)) = image_size_px else {
+        let message = "image_size_px: without a camera the size of the image is needed, for the principal point is near its middle";
+        return Err(error::input(py, message));
+    };
+    Ok(lens_of_unknown_focal(ImageSize { width_px, height_px }))
+}
+
+/// Focal length, tilt, roll, heading and height from lines marked in photographs; the lines that the program prints with --json.
+#[pyfunction]
+#[pyo3(signature = (file, camera, sigma_px, image_size_px))]
+pub fn solve_lines(
+    py: Python<'_>,
+    file: PathBuf,
+    camera: Option<&Camera>,
+    sigma_px: Option<f64>,
+    image_size_px: Option<(u32, u32)>,
+) -> PyResult<Vec<String>> {
+    let lens = match camera {
+        Some(camera) => SceneLens::Known(Box::new(camera.known.camera.clone()), camera.intrinsics()),
+        None => SceneLens::Unknown(unknown_lens(py, Method::Auto, None, image_size_px)?),
+    };
+    let remark = camera.and_then(|camera| camera.remark.clone());
+    crate::jobs::answered(py, move || {
+        let mut answers = resight::scene_views(&file, &lens, sigma_px)?;
+        answers.iter_mut().for_each(|answer| answer.remarks.extend(remark.clone()));
+        answers.iter().map(crate::jobs::line).collect()
+    })
 }

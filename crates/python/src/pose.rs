@@ -29,17 +29,9 @@ impl Pose {
             let shape = crate::arrays::words(numbers.shape());
             return Err(error::input(py, format!("matrix: shape {shape} is given, (4, 4) is needed")));
         }
-        let m = numbers.slice();
-        let rotation = nalgebra::Matrix3::from_fn(|i, j| m[4 * i + j]);
-        let defect = (rotation.transpose() * rotation - nalgebra::Matrix3::identity()).norm();
-        let is_rigid = defect < 1e-6 && 0.0 < rotation.determinant() && m[12..] == [0.0, 0.0, 0.0, 1.0];
-        if !is_rigid || m.iter().any(|x| !x.is_finite()) {
-            let message =
-                "matrix: no rigid transform (a rotation matrix, a translation and 0, 0, 0, 1 are needed)";
-            return Err(error::input(py, message));
-        }
-        let translation = nalgebra::Vector3::new(m[3], m[7], m[11]);
-        Ok(Pose { pose: core::Pose::new(rotation, translation), b: b.to_owned(), a: a.to_owned() })
+        let rows: [f64; 16] = std::array::from_fn(|i| numbers.slice()[i]);
+        let pose = rigid(&rows).ok_or_else(|| error::input(py, format!("matrix: {NOT_RIGID}")))?;
+        Ok(Pose { pose, b: b.to_owned(), a: a.to_owned() })
     }
 
     /// From OpenCV's `rvec` (axis times angle, radians) and `tvec`, (3,) each.
@@ -111,6 +103,12 @@ impl Pose {
         Ok(array(py, moved, &[rows.len(), 3])?.into_any())
     }
 
+    /// How `pickle` and `copy` make it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PoseParts<'py>)> {
+        let parts = (self.matrix(py)?, self.b.clone(), self.a.clone());
+        Ok((py.import("resight._make")?.getattr("pose")?, parts))
+    }
+
     fn __repr__(&self) -> String {
         let t = self.pose.translation;
         let angle = core::Pose::identity().angle_to_rad(&self.pose).to_degrees();
@@ -119,6 +117,20 @@ impl Pose {
             self.b, self.a, t.x, t.y, t.z
         )
     }
+}
+
+/// A pose's matrix and the names of its frames.
+type PoseParts<'py> = (Bound<'py, PyArrayDyn<f64>>, String, String);
+
+pub const NOT_RIGID: &str = "no rigid transform (a rotation matrix, a translation and 0, 0, 0, 1 are needed)";
+
+/// A homogeneous matrix, row by row; none where it is no rigid transform to 1e-6.
+pub fn rigid(m: &[f64; 16]) -> Option<core::Pose> {
+    let rotation = nalgebra::Matrix3::from_fn(|i, j| m[4 * i + j]);
+    let defect = (rotation.transpose() * rotation - nalgebra::Matrix3::identity()).norm();
+    let is_rigid = defect < 1e-6 && 0.0 < rotation.determinant() && m[12..] == [0.0, 0.0, 0.0, 1.0];
+    let translation = nalgebra::Vector3::new(m[3], m[7], m[11]);
+    (is_rigid && m.iter().all(|x| x.is_finite())).then(|| core::Pose::new(rotation, translation))
 }
 
 fn three(name: &str, value: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {

@@ -2,7 +2,7 @@
 
 use crate::error;
 use crate::image::corner_window;
-use crate::jobs::{JobResult, Named, Solving, Taken, answered, line, request, taken};
+use crate::jobs::{JobResult, Named, Solving, Taken, answered, line, observed, request, taken};
 use pyo3::prelude::*;
 use resight::answer::HandEyeAnswer;
 use resight::core::Point;
@@ -83,11 +83,12 @@ pub fn hand_eye(
     sigma_px: Option<f64>,
     solving: Solving,
     robot: Robot,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
     let (noise, config) = (robot.noise(py)?, robot.config());
     let request = solving.of(request(cameras, targets)?);
     let images = taken(images)?;
-    answered(py, move || {
+    observed(py, progress, move || {
         let robot = read_robot_poses(&motions, noise)?;
         let observed = match files.is_empty() {
             false => {

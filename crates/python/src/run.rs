@@ -12,7 +12,7 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(20);
 
 enum News<T> {
-    Done(usize),
+    Done(usize, usize),
     Answer(T),
 }
 
@@ -22,14 +22,20 @@ pub struct Reporter<T> {
     stop: Arc<AtomicBool>,
 }
 
-impl<T> Reporter<T> {
-    /// So many inputs are done; false where nobody waits for the rest.
-    pub fn done(&self, n: usize) -> bool {
-        self.news.send(News::Done(n)).is_ok() && !self.stop.load(Ordering::Relaxed)
+impl<T> Clone for Reporter<T> {
+    fn clone(&self) -> Self {
+        Reporter { news: self.news.clone(), stop: self.stop.clone() }
     }
 }
 
-/// Runs a job and waits for it. `progress` is called with how many of `total` inputs are done.
+impl<T> Reporter<T> {
+    /// So many of so many inputs are done; false where nobody waits for the rest.
+    pub fn done(&self, n_done: usize, n_all: usize) -> bool {
+        self.news.send(News::Done(n_done, n_all)).is_ok() && !self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// Runs a job and waits for it. `progress` is called with how many of how many inputs are done; `True` is a bar in the terminal.
 ///
 /// # Errors
 /// KeyboardInterrupt, what `progress` raises, and `panic` for a mistake of this library; the job is then told to end, and where it
@@ -37,9 +43,9 @@ impl<T> Reporter<T> {
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
-    total: usize,
     job: impl FnOnce(&Reporter<T>) -> T + Send + 'static,
 ) -> PyResult<T> {
+    let progress = progress.map(|progress| hearer(py, progress)).transpose()?;
     let (news, mut received) = channel();
     let stop = Arc::new(AtomicBool::new(false));
     let reporter = Reporter { news, stop: stop.clone() };
@@ -57,9 +63,9 @@ pub fn run<T: Send + 'static>(
         received = back;
         match next {
             Ok(News::Answer(answer)) => return Ok(answer),
-            Ok(News::Done(n)) => {
-                if let Some(progress) = progress {
-                    progress.call1((n, total)).map_err(ended)?;
+            Ok(News::Done(n_done, n_all)) => {
+                if let Some(progress) = &progress {
+                    progress.call1((n_done, n_all)).map_err(ended)?;
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -70,6 +76,15 @@ pub fn run<T: Send + 'static>(
             }
         }
         py.check_signals().map_err(ended)?;
+    }
+}
+
+/// Who is called: `progress` itself, or a bar.
+fn hearer<'py>(py: Python<'py>, progress: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    match progress.extract::<bool>() {
+        Ok(true) => py.import("resight._progress")?.call_method0("bar"),
+        Ok(false) => py.import("resight._progress")?.getattr("silence"),
+        Err(_) => Ok(progress.clone()),
     }
 }
 

@@ -77,6 +77,12 @@ impl Target {
         formats::own_target_file(&self.target, "")
     }
 
+    /// How `pickle` and `copy` make it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        let class = py.get_type::<Target>();
+        Ok((class.getattr("parse")?, (self.to_toml(),)))
+    }
+
     fn __repr__(&self) -> String {
         format!("Target({}, {} points)", self.target.kind(), self.target.features().len())
     }

@@ -1,6 +1,42 @@
 //! Work on many inputs on all cores, its results in the order of the inputs and a block at a time: memory stays bounded.
 
+use crate::Error;
 use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// Hears how many of how many inputs are done; false ends the job.
+type Observer = Box<dyn FnMut(usize, usize) -> bool>;
+
+thread_local! {
+    /// Of the job that this thread runs.
+    static OBSERVER: RefCell<Option<Observer>> = const { RefCell::new(None) };
+}
+
+/// Runs a job that looks at many images, with an observer that hears after each how many of how many are done. Where it returns false, the
+/// job ends with an error soon after.
+pub fn observed<T>(observer: impl FnMut(usize, usize) -> bool + 'static, job: impl FnOnce() -> T) -> T {
+    struct Forget;
+    impl Drop for Forget {
+        fn drop(&mut self) {
+            OBSERVER.with_borrow_mut(|observer| *observer = None);
+        }
+    }
+    OBSERVER.with_borrow_mut(|heard| *heard = Some(Box::new(observer)));
+    let _forget = Forget;
+    job()
+}
+
+/// Tells the observer of this thread's job, if it has one.
+///
+/// # Errors
+/// The observer wants the job to end.
+pub(crate) fn report(n_done: usize, n_all: usize) -> Result<(), Error> {
+    let go_on = |observer: &mut Option<Observer>| observer.as_mut().is_none_or(|hear| hear(n_done, n_all));
+    match OBSERVER.with_borrow_mut(go_on) {
+        true => Ok(()),
+        false => Err(Error::request(format!("ended at the caller's wish after {n_done} of {n_all}"))),
+    }
+}
 
 /// Applies `work` to every input on all cores and hands the results on in input order: the first answers appear while later inputs
 /// wait.
@@ -66,5 +102,34 @@ mod tests {
         let detector = || -> Result<usize, String> { Err("no detector".into()) };
         let found: Result<(), String> = detect_in_order(&inputs, detector, |d, _| *d, |_| Ok(()));
         assert_eq!(found, Err("no detector".to_string()));
+    }
+
+    /// An observer hears of its own job only, and can end it.
+    #[test]
+    fn an_observer_hears_each_input_and_can_end_the_job() {
+        let heard = std::rc::Rc::new(RefCell::new(Vec::new()));
+        let ear = heard.clone();
+        let job = || -> Result<(), Error> {
+            let mut n_done = 0;
+            in_order(
+                &[1, 2, 3, 4],
+                |x| *x,
+                |_| {
+                    n_done += 1;
+                    report(n_done, 4)
+                },
+            )
+        };
+        let ended = observed(
+            move |n_done, n_all| {
+                ear.borrow_mut().push((n_done, n_all));
+                n_done < 2
+            },
+            job,
+        );
+        assert!(ended.is_err_and(|reason| reason.to_string().contains("after 2 of 4")));
+        assert_eq!(*heard.borrow(), [(1, 4), (2, 4)]);
+        assert!(job().is_ok());
+        assert_eq!(heard.borrow().len(), 2);
     }
 }

@@ -10,6 +10,7 @@ covariance (6, 6) is that of the small motion `[rotation_rad; translation_m]` of
 only `ok` may be used unseen.
 """
 
+from . import interop, whisker
 from ._answer import Answer
 from ._error import Error
 from ._jobs import (
@@ -29,12 +30,15 @@ from ._jobs import (
     rig_from_detections,
     rig_from_images,
     rig_pose,
+    solve_lines,
 )
+from ._monitor import Monitor
 from ._native import (
     Camera,
     Pose,
     PoseAnswer,
     Poses,
+    Table,
     Target,
     __version__,
     locate_image,
@@ -42,36 +46,51 @@ from ._native import (
     solve,
     solve_many,
     solve_table,
+    table,
 )
+from ._program import Session, convert, export_history, history, landmarks, print_target, watch
 
 __all__ = [
+    "__version__",
     "Answer",
     "Camera",
     "Error",
+    "Monitor",
     "Pose",
     "PoseAnswer",
     "Poses",
+    "Session",
+    "Table",
     "Target",
-    "__version__",
     "advise_boards",
     "advise_points",
     "advise_target",
     "check_intrinsics",
     "compare",
+    "convert",
     "detect",
     "explain",
+    "export_history",
     "hand_eye",
+    "history",
+    "interop",
     "intrinsics",
+    "landmarks",
     "locate_image",
     "locate_images",
     "measure",
     "pose_graph",
+    "print_target",
     "read_camera",
     "read_target",
     "rig_from_detections",
     "rig_from_images",
     "rig_pose",
     "solve",
+    "solve_lines",
     "solve_many",
     "solve_table",
+    "table",
+    "watch",
+    "whisker",
 ]

@@ -7,8 +7,6 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from . import _native
 from ._answer import Answer
 from ._error import Error
@@ -34,16 +32,18 @@ def detect(image: Any, target: Any = None, *, family: str | None = None, corner_
 def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, reference: str | None = None,
                     world: str | None = None, fixed_together: Sequence[Sequence[str]] = (),
                     known_distances_m: Sequence[tuple[str, str, float, float]] = (),
-                    joint_covariance: bool = False, corner_half_px: int | None = None) -> Answer:
+                    joint_covariance: bool = False, corner_half_px: int | None = None,
+                    progress: Any = None) -> Answer:
     """The extrinsics of several cameras from images of targets that they see together.
 
     `cameras`: names to cameras or files, or one file of several cameras. `targets`: one target or file, a list of them, or names to them.
     `images`: names of cameras to a pattern such as `left*.jpg`, a list of paths, or names of views to grey arrays (height, width) of uint8;
     images of one name are one view. `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
+    `progress(done, total)` is called after each image, True is a bar by tqdm; Ctrl-C ends the work.
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance)
     taken = _taken(images)
-    lines = _native.rig_from_images(_named("cameras", cameras), _named("targets", targets), taken, solving, corner_half_px)
+    lines = _native.rig_from_images(_named("cameras", cameras), _named("targets", targets), taken, solving, corner_half_px, progress)
     return Answer(*lines)
 
 
@@ -73,7 +73,8 @@ def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any
              images: Mapping[str, Any] | None = None, detections: Any = None, sigma_px: float | None = None,
              reference: str | None = None, eye_to_hand: bool = False, robot_sigma_rad: float | None = None,
              robot_sigma_m: float | None = None, height_m: float | None = None, height_sigma_m: float = 1e-3,
-             height_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> Answer:
+             height_axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
+             progress: Any = None) -> Answer:
     """Where a camera or rig is mounted on a robot or vehicle.
 
     `motions`: a CSV file of the gripper's poses as `resight hand-eye` reads it. Either `poses` (JSON Lines of `locate` or `solve`), or
@@ -90,13 +91,23 @@ def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any
     files = [] if detections is None else _paths(detections)
     named = _named("cameras", cameras), _named("targets", targets)
     solving = _solving(reference, None, (), (), False)
-    return Answer(*_native.hand_eye(os.fspath(motions), *named, taken, files, sigma_px, solving, robot))
+    return Answer(*_native.hand_eye(os.fspath(motions), *named, taken, files, sigma_px, solving, robot, progress))
 
 
 def rig_pose(points: Any, rig: Any, *, sigma_px: float = 0.5, robust_threshold_px: float | None = None) -> list[Answer]:
     """Where a known rig is, from a CSV file of points seen by any of its cameras: one answer a view. `rig`: a file of cameras with poses."""
     lines = _native.rig_pose(os.fspath(points), os.fspath(rig), sigma_px, robust_threshold_px)
     return [Answer(line) for line in lines]
+
+
+def solve_lines(file: Any, camera: Any = None, *, sigma_px: float | None = None,
+                image_size_px: tuple[int, int] | None = None) -> list[Answer]:
+    """Tilt, roll, heading and height from lines marked in a photograph (docs/marked-lines.md), one answer a view.
+
+    Without a camera the focal length is estimated too, for which the size of the image is needed.
+    """
+    known = None if camera is None else _camera(camera)
+    return [Answer(line) for line in _native.solve_lines(os.fspath(file), known, sigma_px, image_size_px)]
 
 
 def advise_points(camera: Any, points: Any, *, sigma_px: float = 0.5, pose: Any = None, candidates: Any = None,
@@ -132,21 +143,23 @@ def advise_boards(rig: Any, target: Any, distance_m: tuple[float, float], *, vie
 
 def intrinsics(targets: Any = (), images: Any = None, *, detections: Any = None,
                image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None,
-               model: str = "auto") -> Answer:
+               model: str = "auto",
+               progress: Any = None) -> Answer:
     """Focal length, principal point and distortion of cameras with their covariance.
 
     `images`: a pattern or a list of one camera's, or names of cameras to them as of `rig_from_images`. Or `detections`: CSV files, with the
     size of their images. `answer.save("camera.toml")` writes cameras that may be relied on.
     """
     source = _source(targets, images, detections)
-    return Answer(*_native.intrinsics(*source, image_size_px, sigma_px, model))
+    return Answer(*_native.intrinsics(*source, image_size_px, sigma_px, model, progress))
 
 
 def check_intrinsics(cameras: Any, targets: Any = (), images: Any = None, *, detections: Any = None,
-                     image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None) -> Answer:
+                     image_size_px: tuple[int, int] | None = None, sigma_px: float | None = None,
+                     progress: Any = None) -> Answer:
     """Whether existing intrinsics fit new images; arguments as of `intrinsics`."""
     source = _source(targets, images, detections)
-    return Answer(*_native.check_intrinsics(_named("cameras", cameras), *source, image_size_px, sigma_px))
+    return Answer(*_native.check_intrinsics(_named("cameras", cameras), *source, image_size_px, sigma_px, progress))
 
 
 def compare(before: Any, after: Any, *, alpha: float = 1e-3, sigma_m: float | None = None,
@@ -246,7 +259,11 @@ def _paths(values: Any) -> list[str]:
 
 
 def _columns(table: Any) -> dict[str, list[Any]]:
-    if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # Arrow
+    if hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):  # Arrow by its PyCapsule interface alone
+        import pyarrow
+
+        table = pyarrow.table(table)
+    if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # pyarrow
         table = table.to_pydict()
     names = list(table.keys()) if isinstance(table, Mapping) else list(getattr(table, "columns", []))
     if not names:
@@ -273,7 +290,7 @@ def _rows(table: Any) -> list[tuple[Any, ...]]:
 
     def word(name: str, i: int) -> str | None:
         value = at(name, i)
-        return None if value is None else str(int(value) if isinstance(value, (float, np.floating)) else value)
+        return None if value is None else str(int(value) if hasattr(value, "is_integer") else value)
 
     def row(i: int) -> tuple[Any, ...]:
         x, y, z = at("x_m", i), at("y_m", i), at("z_m", i)

@@ -8,6 +8,12 @@ from typing import Any
 import numpy as np
 
 from ._error import Error
+from ._native import Pose
+
+
+def pose(matrix: Any, b: str, a: str) -> Pose:
+    """What a pickled pose is made of again."""
+    return Pose.from_matrix(matrix, b=b, a=a)
 
 
 def _toml(value: Any, key: str) -> str:

@@ -12,7 +12,9 @@ __all__ = [
     "Camera",
     "Pose",
     "PoseAnswer",
+    "Monitor",
     "Poses",
+    "Table",
     "Target",
     "__version__",
     "advise_boards",
@@ -36,8 +38,10 @@ __all__ = [
     "rig_pose",
     "schema",
     "solve",
+    "solve_lines",
     "solve_many",
     "solve_table",
+    "table",
     "write_atomically",
 ]
 
@@ -276,6 +280,33 @@ class PoseAnswer:
         """The line that the program prints with `--json`."""
 
 @final
+class Monitor:
+    @staticmethod
+    def learned(
+        times_s: ArrayLike, cam_from_target: ArrayLike, covariance: ArrayLike, alarms: dict[str, float], names: tuple[str, str]
+    ) -> Monitor: ...
+    @staticmethod
+    def read(file: str, t_s: float, alarms: dict[str, float], names: tuple[str, str]) -> Monitor: ...
+    def push(self, t_s: float, pose: Any, covariance: ArrayLike | None) -> str: ...
+    def state(self, t_s: float) -> str: ...
+    def accept(self) -> None: ...
+    def detectable(self, within_s: float) -> tuple[list[float], list[float]] | None: ...
+    @property
+    def reference(self) -> Pose: ...
+    @property
+    def covariance(self) -> _Array: ...
+    def to_toml(self) -> str: ...
+
+@final
+class Table:
+    """Answers as columns, by the Arrow PyCapsule interface."""
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+    @property
+    def column_names(self) -> list[str]: ...
+    def __len__(self) -> int: ...
+
+@final
 class Poses:
     """Poses of many views, cam_from_target, as arrays. Rows of views without a pose are zero, and their status says why."""
 
@@ -349,13 +380,27 @@ def solve_many(
 
 def solve_table(
     file: str | os.PathLike[str],
-    camera: Camera,
+    camera: Camera | None,
     *,
     sigma_px: float | None = None,
     method: str = "auto",
     robust_threshold_px: float | None = None,
+    image_size_px: tuple[int, int] | None = None,
 ) -> list[PoseAnswer]:
-    """The poses of a CSV file of points as `resight solve` reads it, one a view."""
+    """The poses of a CSV file of points as `resight solve` reads it, one a view.
+
+    Without a camera the focal length is estimated with each pose, for which the size of the image is needed.
+    """
+
+def solve_lines(
+    file: str, camera: Camera | None, sigma_px: float | None, image_size_px: tuple[int, int] | None
+) -> list[str]: ...
+def table(answers: Sequence[PoseAnswer] | Poses) -> Table:
+    """Answers as a table, one row each: for `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table`, DuckDB.
+
+    Columns: view, status, message, n_points; null where there is no pose: rotation_wxyz and translation_m of cam_from_target, covariance (36
+    numbers, row by row), probability, rms_px, chi2.
+    """
 
 def locate_image(
     image: _Image,
@@ -379,7 +424,7 @@ def locate_images(
     *,
     method: str = "auto",
     corner_half_px: int | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Callable[[int, int], object] | bool | None = None,
 ) -> list[PoseAnswer]:
     """The same for many images on all cores, answers in their order. `progress(done, total)` is called after each; Ctrl-C ends the work."""
 
@@ -396,7 +441,7 @@ _Named: TypeAlias = list[tuple[str | None, Any]]
 _Taken: TypeAlias = list[tuple[str, str | None, str | None, Any]]
 
 def rig_from_images(
-    cameras: _Named, targets: _Named, images: _Taken, solving: dict[str, Any], corner_half_px: int | None
+    cameras: _Named, targets: _Named, images: _Taken, solving: dict[str, Any], corner_half_px: int | None, progress: Any
 ) -> list[str]: ...
 def rig_from_detections(
     cameras: _Named, targets: _Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
@@ -412,6 +457,7 @@ def intrinsics(
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
     model: str,
+    progress: Any,
 ) -> list[str]: ...
 def check_intrinsics(
     cameras: _Named,
@@ -420,6 +466,7 @@ def check_intrinsics(
     files: list[str],
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
+    progress: Any,
 ) -> list[str]: ...
 def hand_eye_of_poses(motions: str, poses: str, robot: dict[str, Any]) -> list[str]: ...
 def hand_eye(
@@ -431,6 +478,7 @@ def hand_eye(
     sigma_px: float | None,
     solving: dict[str, Any],
     robot: dict[str, Any],
+    progress: Any,
 ) -> list[str]: ...
 def rig_pose(points: str, rig: str, sigma_px: float, robust_threshold_px: float | None) -> list[str]: ...
 def advise_points(

@@ -9,7 +9,7 @@ import numpy as np
 from ._answer import Answer
 from ._native import Camera, Pose, PoseAnswer, Target
 
-__all__ = ["covariance_ellipse", "overlay", "rig_3d"]
+__all__ = ["covariance_ellipse", "drift_history", "overlay", "residuals", "rig_3d"]
 
 
 def _axes(axes: Any, **options: Any) -> Any:
@@ -82,4 +82,57 @@ def rig_3d(rig: Answer, axes: Any = None, *, size_m: float | None = None) -> Any
     axes.set_zlabel("z (m)")
     axes.set_title(f"rig: {rig.status}")
     axes.set_aspect("equal")
+    return axes
+
+
+def residuals(points_m: Any, pixels: Any, answer: PoseAnswer, camera: Camera, axes: Any = None, *, magnification: float = 20.0) -> Any:
+    """Arrows from pixels (n, 2) to where the answer puts their points (n, 3), magnified; px, y down. The title says how much.
+
+    An answer without a pose shows the pixels alone and says why in the title.
+    """
+    axes = _axes(axes)
+    seen = np.asarray(pixels, dtype=np.float64)
+    axes.plot(seen[:, 0], seen[:, 1], ".", color="tab:cyan")
+    axes.set_aspect("equal")
+    if not axes.yaxis_inverted():
+        axes.invert_yaxis()
+    axes.set_xlabel("u (px)")
+    axes.set_ylabel("v (px)")
+    if answer.cam_from_target is None:
+        axes.set_title(f"{answer.view}: {answer.status}, {answer.message}", wrap=True)
+        return axes
+    points = answer.cam_from_target @ np.asarray(points_m, dtype=np.float64)
+    known = np.array(camera.sees(points), dtype=bool)
+    errors = camera.project(points[known]) - seen[known]
+    axes.quiver(*seen[known].T, *(magnification * errors).T, angles="xy", scale_units="xy", scale=1, color="tab:red", width=0.004)
+    axes.set_title(f"rms {answer.rms_px:.3f} px; arrows {magnification:g} times as long")
+    return axes
+
+
+def drift_history(times_s: Any, cam_from_target: Any, covariance: Any, reference: Pose, axes: Any = None, *, events: Any = ()) -> Any:
+    """How far the camera has rotated (deg) and shifted (mm) from a reference through time, with the band of two standard deviations.
+
+    `times_s` (n,), `cam_from_target` (n, 4, 4), `covariance` (n, 6, 6) of `[rotation_rad; translation_m]`; `events`: answers of `Monitor` or
+    `watch`, of which those that say `drifted` are drawn as lines. Two axes are returned: rotation and translation.
+    """
+    from matplotlib import pyplot
+
+    if axes is None:
+        axes = pyplot.figure().subplots(2, 1, sharex=True)
+    times = np.asarray(times_s, dtype=np.float64)
+    matrices = np.asarray(cam_from_target, dtype=np.float64)
+    old_from_new = [reference @ Pose.from_matrix(matrix, b="cam", a="target").inverse() for matrix in matrices]
+    motions = np.array([np.concatenate([pose.rotation_vector, pose.translation_m]) for pose in old_from_new])
+    sigmas = np.sqrt(np.diagonal(np.asarray(covariance, dtype=np.float64), axis1=1, axis2=2))
+    for panel, first, scale, label in ((axes[0], 0, 180 / np.pi, "rotation (deg)"), (axes[1], 3, 1e3, "translation (mm)")):
+        for k, (name, colour) in enumerate(zip("xyz", ("tab:red", "tab:green", "tab:blue"))):
+            middle, sigma = scale * motions[:, first + k], scale * sigmas[:, first + k]
+            panel.plot(times, middle, color=colour, label=name, linewidth=1)
+            panel.fill_between(times, middle - 2 * sigma, middle + 2 * sigma, color=colour, alpha=0.15, linewidth=0)
+        panel.set_ylabel(label)
+        for event in events:
+            if event.to_dict().get("state") == "drifted":
+                panel.axvline(event["t_s"], color="black", linestyle="--", linewidth=1)
+    axes[0].legend(loc="upper left", ncols=3)
+    axes[1].set_xlabel("time (s)")
     return axes

@@ -13,7 +13,7 @@ use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::formats::check_image_size;
 use crate::image::GrayImage;
-use crate::parallel::detect_in_order;
+use crate::parallel::{detect_in_order, report};
 use crate::video::{Video, is_video};
 use std::path::{Path, PathBuf};
 use views::ImageFile;
@@ -220,9 +220,11 @@ impl Search<'_> {
             name: job.name.clone(),
             found: find(detectors, &targets, &cameras[job.camera], &job.image),
         };
+        let mut n_done = 0;
         detect_in_order(jobs, detectors, work, |result| {
             self.take(result);
-            Ok(())
+            n_done += 1;
+            report(n_done, jobs.len())
         })
     }
 

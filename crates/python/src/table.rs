@@ -1,0 +1,143 @@
+//! Answers as a table of columns for pandas, Polars, Arrow and DuckDB: the Arrow PyCapsule interface, without a copy on their side.
+
+use crate::answer::PoseAnswer;
+use crate::error;
+use crate::many::Poses;
+use arrow_array::ffi_stream::FFI_ArrowArrayStream;
+use arrow_array::{
+    ArrayRef, FixedSizeListArray, Float64Array, RecordBatch, RecordBatchIterator, StringArray, UInt32Array,
+};
+use arrow_schema::{ArrowError, DataType, Field};
+use pyo3::prelude::*;
+use pyo3::types::PyCapsule;
+use resight::core::PoseEstimate;
+use std::sync::Arc;
+
+/// One row an answer; the columns of a pose are null where there is none.
+#[pyclass(frozen, module = "resight")]
+pub struct Table {
+    batch: RecordBatch,
+}
+
+#[pymethods]
+impl Table {
+    /// The Arrow PyCapsule interface: `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table` and DuckDB take it.
+    #[pyo3(signature = (requested_schema=None))]
+    fn __arrow_c_stream__<'py>(
+        &self,
+        py: Python<'py>,
+        requested_schema: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let _ = requested_schema; // A wish that the interface allows to be left unheard.
+        let batches = RecordBatchIterator::new([Ok(self.batch.clone())], self.batch.schema());
+        let stream = FFI_ArrowArrayStream::new(Box::new(batches));
+        PyCapsule::new_with_value(py, stream, c"arrow_array_stream")
+    }
+
+    /// Names of its columns.
+    #[getter]
+    fn column_names(&self) -> Vec<String> {
+        self.batch.schema().fields().iter().map(|field| field.name().clone()).collect()
+    }
+
+    fn __len__(&self) -> usize {
+        self.batch.num_rows()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Table({} answers: {})", self.batch.num_rows(), self.column_names().join(", "))
+    }
+}
+
+/// What a row is made of.
+struct Row<'a> {
+    view: String,
+    status: &'static str,
+    message: String,
+    n_points: u32,
+    estimate: Option<&'a PoseEstimate>,
+}
+
+/// The table of answers: a list of them, or the poses of `solve_many`.
+#[pyfunction]
+pub fn table(py: Python<'_>, answers: &Bound<'_, PyAny>) -> PyResult<Table> {
+    if let Ok(poses) = answers.cast::<Poses>() {
+        let poses = poses.get();
+        let row = |(i, n_points, answer, status)| Row::of_view(i, n_points, answer, status);
+        return made(py, &poses.rows().map(row).collect::<Vec<_>>());
+    }
+    let answers: Vec<Bound<'_, PoseAnswer>> = answers.extract().map_err(|_| {
+        error::input(
+            py,
+            "answers: a list of PoseAnswer (of locate_images, solve, solve_table) or Poses is needed",
+        )
+    })?;
+    let rows: Vec<Row> = answers.iter().map(|answer| Row::of_answer(&answer.get().answer)).collect();
+    made(py, &rows)
+}
+
+impl<'a> Row<'a> {
+    fn of_view(
+        view: usize,
+        n_points: usize,
+        answer: &'a Result<PoseEstimate, resight::core::Error>,
+        status: &'static str,
+    ) -> Self {
+        Row {
+            view: view.to_string(),
+            status,
+            message: answer.as_ref().err().map(ToString::to_string).unwrap_or_default(),
+            n_points: u32::try_from(n_points).unwrap_or(u32::MAX),
+            estimate: answer.as_ref().ok(),
+        }
+    }
+
+    fn of_answer(answer: &'a resight::PoseAnswer) -> Self {
+        Row {
+            view: answer.view.clone(),
+            status: answer.status().name(),
+            message: answer.verdict.message.clone(),
+            n_points: u32::try_from(answer.n_points).unwrap_or(u32::MAX),
+            estimate: answer.estimate.as_ref(),
+        }
+    }
+}
+
+fn made(py: Python<'_>, rows: &[Row]) -> PyResult<Table> {
+    let batch = batch(rows).map_err(|reason| error::error(py, "write", reason.to_string()))?;
+    Ok(Table { batch })
+}
+
+fn batch(rows: &[Row]) -> Result<RecordBatch, ArrowError> {
+    let text = |of: &dyn Fn(&Row) -> String| -> ArrayRef {
+        Arc::new(rows.iter().map(|row| Some(of(row))).collect::<StringArray>())
+    };
+    let number = |of: &dyn Fn(&PoseEstimate) -> f64| -> ArrayRef {
+        Arc::new(rows.iter().map(|row| row.estimate.map(of)).collect::<Float64Array>())
+    };
+    RecordBatch::try_from_iter_with_nullable([
+        ("view", text(&|row| row.view.clone()), false),
+        ("status", text(&|row| row.status.to_owned()), false),
+        ("message", text(&|row| row.message.clone()), false),
+        ("n_points", Arc::new(rows.iter().map(|row| Some(row.n_points)).collect::<UInt32Array>()), false),
+        ("rotation_wxyz", lists::<4>(rows, |e| e.cam_from_target.quaternion_wxyz())?, true),
+        ("translation_m", lists::<3>(rows, |e| e.cam_from_target.translation.into())?, true),
+        ("covariance", lists::<36>(rows, |e| std::array::from_fn(|i| e.covariance.as_slice()[i]))?, true),
+        ("probability", number(&|e| e.probability), true),
+        ("rms_px", number(&|e| e.rms_px), true),
+        ("chi2", number(&|e| e.chi2), true),
+    ])
+}
+
+/// Lists of `N` numbers, null where there is no pose.
+fn lists<const N: usize>(
+    rows: &[Row],
+    of: impl Fn(&PoseEstimate) -> [f64; N],
+) -> Result<ArrayRef, ArrowError> {
+    let numbers = rows.iter().flat_map(|row| row.estimate.map_or([0.0; N], &of));
+    let item = Arc::new(Field::new("item", DataType::Float64, false));
+    let has_pose = rows.iter().map(|row| row.estimate.is_some()).collect::<Vec<bool>>().into();
+    let size = i32::try_from(N).map_err(|_| ArrowError::ComputeError("too long a list".to_owned()))?;
+    let numbers = Arc::new(Float64Array::from_iter_values(numbers));
+    Ok(Arc::new(FixedSizeListArray::try_new(item, size, numbers, Some(has_pose))?))
+}
