@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from . import _native
@@ -260,9 +261,7 @@ def _paths(values: Any) -> list[str]:
 
 def _columns(table: Any) -> dict[str, list[Any]]:
     if hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):  # Arrow by its PyCapsule interface alone
-        import pyarrow
-
-        table = pyarrow.table(table)
+        table = import_module("pyarrow").table(table)
     if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # pyarrow
         table = table.to_pydict()
     names = list(table.keys()) if isinstance(table, Mapping) else list(getattr(table, "columns", []))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 
 from ._error import Error
 
@@ -10,7 +11,7 @@ from ._error import Error
 def bar() -> Callable[[int, int], None]:
     """A bar that appears with the first input done. Raises `Error` of kind `input` where tqdm is not installed."""
     try:
-        from tqdm.auto import tqdm
+        tqdm = import_module("tqdm.auto").tqdm
     except ImportError:
         raise Error("progress: True needs tqdm (pip install tqdm); a function progress(done, total) needs nothing", "input") from None
     shown = tqdm()

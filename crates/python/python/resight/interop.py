@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,7 @@ __all__ = ["from_pycolmap", "from_ros", "from_scipy", "log_to_rerun", "to_pycolm
 
 def to_scipy(pose: Pose) -> Any:
     """The rotation of b_from_a as a SciPy `Rotation`; the translation is `pose.translation_m`."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(pose.rotation)
+    return import_module("scipy.spatial.transform").Rotation.from_matrix(pose.rotation)
 
 
 def from_scipy(rotation: Any, translation_m: Any, *, b: str = "b", a: str = "a") -> Pose:
@@ -28,9 +27,7 @@ def from_scipy(rotation: Any, translation_m: Any, *, b: str = "b", a: str = "a")
 
 def to_pycolmap(pose: Pose) -> Any:
     """A pycolmap `Rigid3d`; of cam_from_target it is pycolmap's cam_from_world. Both have the camera frame x right, y down, z forward."""
-    import pycolmap
-
-    return pycolmap.Rigid3d(pose.matrix[:3])
+    return import_module("pycolmap").Rigid3d(pose.matrix[:3])
 
 
 def from_pycolmap(rigid: Any, *, b: str = "cam", a: str = "world") -> Pose:
@@ -61,7 +58,7 @@ def to_ros(answer: PoseAnswer, *, frame_id: str = "target", t_s: float = 0.0) ->
 
 def log_to_rerun(entity: str, answer: PoseAnswer, camera: Camera | None = None) -> None:
     """Logs where the camera is to rerun at `entity`, with its pinhole where the lens has one; an answer without a pose clears it."""
-    import rerun
+    rerun = import_module("rerun")
 
     if answer.target_from_cam is None:
         rerun.log(entity, rerun.Clear(recursive=True))
@@ -99,4 +96,5 @@ def _of_camera_in_target(covariance: np.ndarray, target_from_cam: np.ndarray) ->
     both change with the direction of the pose and cancel."""
     turn = np.zeros((6, 6))
     turn[:3, 3:], turn[3:, :3] = target_from_cam, target_from_cam
-    return turn @ covariance @ turn.T
+    rotated: np.ndarray = turn @ covariance @ turn.T
+    return rotated
