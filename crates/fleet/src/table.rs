@@ -1,0 +1,1 @@
+//! Rows of points and rows of text as batches of views.
