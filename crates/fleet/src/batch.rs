@@ -1,6 +1,7 @@
 //! The kernel on Arrow: `solve_batch(RecordBatch) -> RecordBatch`, pure, one row a view.
 
 use crate::FleetError;
+use crate::assemble::Assembler;
 use crate::answers::{Answers, NUMBERS, upper_triangle};
 use crate::arrays::{lists, names, numbers};
 use crate::cameras::UNKNOWN;
@@ -37,7 +38,14 @@ pub struct SolvedRows {
 /// `Columns` where columns are missing or of another type. What is wrong with a row is in its status.
 pub fn solve_batch(batch: &RecordBatch, solver: &Solver) -> Result<RecordBatch, FleetError> {
     let layout = Layout::of(&batch.schema())?;
-    solve_rows(batch, &layout, solver).record_batch()
+    if !matches!(layout.points, PointColumns::Points { .. }) {
+        return solve_rows(batch, &layout, solver).record_batch();
+    }
+    let mut views = Assembler::default();
+    views.push(batch, &layout);
+    views.finish();
+    let (batch, layout) = views.take(usize::MAX, &layout)?;
+    solve_rows(&batch, &layout, solver).record_batch()
 }
 
 /// The same with columns found beforehand, rows of views only (not a row a point).
@@ -68,14 +76,15 @@ pub fn solve_rows(batch: &RecordBatch, layout: &Layout, solver: &Solver) -> Solv
             let pixels = Numbers::Lists { values: &values, offsets: &offsets };
             solver.solve(&ViewColumns { camera: &numbered, pixels, points_m, sigma_px })
         }
-        PointColumns::Points { pixels, points_m } => {
-            // A batch on its own: each row is a point, and no view has the points it needs.
-            let (pixels, points) = (flat(batch, pixels), flat(batch, points_m));
-            let pixels: Vec<&[f64]> = pixels.iter().map(|column| &column[..]).collect();
-            let points: Vec<&[f64]> = points.iter().map(|column| &column[..]).collect();
-            let (pixels, points_m) = (Numbers::Columns(&pixels), Some(Numbers::Columns(&points)));
-            solver.solve(&ViewColumns { camera: &numbered, pixels, points_m, sigma_px })
-        }
+        // Rows of points are put together first; on its own each is a view of one point, and says so.
+        PointColumns::Points { pixels, points_m } => solver.solve(&ViewColumns {
+            camera: &numbered,
+            pixels: Numbers::Columns(&flat(batch, pixels).iter().map(|column| &column[..]).collect::<Vec<_>>()),
+            points_m: Some(Numbers::Columns(
+                &flat(batch, points_m).iter().map(|column| &column[..]).collect::<Vec<_>>(),
+            )),
+            sigma_px,
+        }),
     };
     let view = layout.view.map(|column| text(batch.column(column)));
     SolvedRows { names, camera, time_s, view, answers }
@@ -115,6 +124,13 @@ pub fn schema(has_view: bool) -> SchemaRef {
 }
 
 impl SolvedRows {
+    /// With a column `view` where the others of the output have one, and only then.
+    pub fn with_view(mut self, has_view: bool) -> Self {
+        let empty = || -> ArrayRef { Arc::new(StringArray::new_null(self.answers.len())) };
+        self.view = if has_view { Some(self.view.take().unwrap_or_else(empty)) } else { None };
+        self
+    }
+
     /// As Arrow.
     ///
     /// # Errors

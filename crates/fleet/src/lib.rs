@@ -16,6 +16,10 @@ pub mod solve;
 pub mod answers;
 pub mod batch;
 pub mod state;
+mod assemble;
+pub mod source;
+mod csv_out;
+pub mod run;
 
 pub use batch::{SolvedRows, solve_batch};
 pub use cameras::Cameras;

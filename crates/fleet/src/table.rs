@@ -1,1 +1,0 @@
-//! Rows of points and rows of text as batches of views.
