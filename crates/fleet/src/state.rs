@@ -24,12 +24,15 @@ pub struct FleetState {
     /// Rows of so many seconds are joined, counted from time 0.
     period_s: f64,
     shards: Vec<Mutex<HashMap<String, CameraState>>>,
+    /// Rows that name no camera, by status as in `CameraState::counts`.
+    unnamed: Mutex<[u64; 5]>,
 }
 
 impl FleetState {
     /// Without any row.
     pub fn new(period_s: f64) -> Self {
-        FleetState { period_s, shards: (0..SHARDS).map(|_| Mutex::default()).collect() }
+        let shards = (0..SHARDS).map(|_| Mutex::default()).collect();
+        FleetState { period_s, shards, unnamed: Mutex::default() }
     }
 
     /// Seconds that are joined.
@@ -40,11 +43,14 @@ impl FleetState {
     /// Adds solved rows. Threads may add at once; the order does not matter, to the last bit.
     pub fn add(&self, rows: &SolvedRows) {
         let mut by_camera: Vec<Vec<u32>> = vec![Vec::new(); rows.names.len()];
+        let mut unnamed = [0; 5];
         for (row, name) in rows.camera.iter().enumerate() {
-            if let Some(own) = by_camera.get_mut(*name as usize) {
-                own.push(row as u32);
+            match by_camera.get_mut(*name as usize) {
+                Some(own) => own.push(row as u32),
+                None => unnamed[camera::kind(rows.answers.status[row])] += 1,
             }
         }
+        self.add_unnamed(unnamed);
         for (name, own) in rows.names.iter().zip(&by_camera).filter(|(_, own)| !own.is_empty()) {
             let mut shard = self.shards[shard_of(name)].lock().unwrap_or_else(PoisonError::into_inner);
             // Most names are known: no copy is made to look for one.
@@ -58,14 +64,31 @@ impl FleetState {
         }
     }
 
-    /// Of both. Associative and commutative to the last bit; states of different periods do not mix.
+    fn add_unnamed(&self, counts: [u64; 5]) {
+        let mut unnamed = self.unnamed.lock().unwrap_or_else(PoisonError::into_inner);
+        unnamed.iter_mut().zip(counts).for_each(|(all, n)| *all += n);
+    }
+
+    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, anything else.
+    pub fn counts(&self) -> [u64; 5] {
+        let mut counts = *self.unnamed.lock().unwrap_or_else(PoisonError::into_inner);
+        for shard in &self.shards {
+            for camera in shard.lock().unwrap_or_else(PoisonError::into_inner).values() {
+                counts.iter_mut().zip(camera.counts).for_each(|(all, n)| *all += n);
+            }
+        }
+        counts
+    }
+
+    /// Of both. Associative and commutative to the last bit.
     ///
-    /// # Panics
-    /// Never: where the periods differ the other one is handed back.
+    /// # Errors
+    /// The other state, where its periods are of another length: such states do not mix.
     pub fn merge(self, other: FleetState) -> Result<FleetState, Box<FleetState>> {
         if self.period_s != other.period_s {
             return Err(Box::new(other));
         }
+        self.add_unnamed(other.unnamed.into_inner().unwrap_or_else(PoisonError::into_inner));
         for (mine, theirs) in self.shards.iter().zip(other.shards) {
             let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
             for (name, state) in theirs.into_inner().unwrap_or_else(PoisonError::into_inner) {

@@ -149,7 +149,7 @@ impl CameraState {
 }
 
 /// Where a status is counted.
-fn kind(status: Status) -> usize {
+pub(super) fn kind(status: Status) -> usize {
     match status {
         Status::Ok => 0,
         Status::Ambiguous => 1,

@@ -10,7 +10,7 @@ const PER_PRODUCT: f64 = (1_u64 << 39) as f64;
 /// Positions farther off, metres, are not summed.
 pub const FARTHEST_M: f64 = 8192.0;
 /// Rows of a period beyond which its sums say nothing any more.
-pub const MOST_ROWS: u64 = 1 << 24;
+pub const MOST_ROWS: u64 = (1 << 24) - 1;
 
 /// Rows of a period: how many, where the camera stood, which way it looked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
