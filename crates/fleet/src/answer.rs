@@ -232,7 +232,8 @@ pub fn in_words(fleet: &Assessment, most: usize) -> String {
             text += &format!(", {} {}", count(found), found.name().replace('_', " "));
         }
     }
-    text += &format!("\n  of cameras that stayed {:.2} are expected to be called moved\n", fleet.expected_false_alarms);
+    text += &format!("\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
+        fleet.expected_false_alarms);
     let listed: Vec<&CameraVerdict> = fleet.cameras.iter().filter(|v| v.found != Found::Steady).collect();
     for v in listed.iter().take(most) {
         text += &format!("{:20} {:10} {}\n", v.camera, v.found.name().replace('_', " ").to_uppercase(), v.message);

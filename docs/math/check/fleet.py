@@ -1,4 +1,4 @@
-"""Proves equations (1)-(7) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale.
+"""Proves equations (1)-(8) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale.
 
 Run: python3 docs/math/check/fleet.py
 """
@@ -93,6 +93,21 @@ def check_scale():
     assert abs(scale(stepped) - scale(y)) < 0.01
 
 
-for check in (check_sums, check_chordal_mean, check_choice, check_scale):
+def check_instant():
+    """(8): the share of the new pose in the mean of a period says when the step fell, with the stated uncertainty."""
+    a = rng.normal(size=(6, 6))
+    c = a @ a.T + 0.1 * np.eye(6)
+    delta, period, n = rng.normal(size=6) * 40, 900.0, 900
+    size = delta @ np.linalg.solve(c / n, delta)
+    sigma, errors = period * np.sqrt(1 / size + 1e-4), []
+    for fell in rng.uniform(0, n, 400):
+        rows = (np.arange(n) >= fell)[:, None] * delta + rng.normal(size=(n, 6)) @ np.linalg.cholesky(c).T
+        share = delta @ np.linalg.solve(c / n, rows.mean(axis=0)) / size
+        errors.append((1 - share) * period - fell * period / n)
+    assert np.std(errors) < 1.2 * sigma, (np.std(errors), sigma)
+    assert np.std(errors) > 0.5 * period * np.sqrt(1 / size)
+
+
+for check in (check_sums, check_chordal_mean, check_choice, check_scale, check_instant):
     check()
     print(f"{check.__name__}: {check.__doc__}")

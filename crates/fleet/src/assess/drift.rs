@@ -14,7 +14,7 @@ pub struct Motion {
     pub kind: &'static str,
     /// When it began, seconds.
     pub since_s: f64,
-    /// Half of a period at least, and how uncertain the time is, seconds.
+    /// How uncertain that is, seconds.
     pub since_sigma_s: f64,
     /// χ² of the motion with six degrees of freedom.
     pub chi2: f64,
@@ -58,8 +58,10 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
             Course { wander: Some(drift.old_from_new), ..steady(&readings, &correlated, period_s, config) }
         }
         Some(found) => {
-            let before = mean(&readings[..found.reading.clamp(1, readings.len())]);
-            Course { reference: before, motion: Some(motion(&found, period_s)), ..nothing }
+            let first = found.reading.clamp(1, readings.len() - 1);
+            let before = mean(&readings[..first - usize::from(1 < first)]);
+            let within = before.as_ref().and_then(|(pose, _)| instant(&found, pose, &readings[first - 1..=first], period_s));
+            Course { reference: before, motion: Some(motion(&found, within, period_s)), ..nothing }
         }
         None => steady(&readings, &correlated, period_s, config),
     }
@@ -124,16 +126,34 @@ fn mean(readings: &[Reading]) -> Option<(Pose, Matrix6)> {
     Some((Pose::exp(&(-sum / n)) * first, covariance / (n * n)))
 }
 
-fn motion(found: &Unsettled, period_s: f64) -> Motion {
+/// A period amid which a step fell is a mean of both poses, whose share of the new one says when: docs/math/fleet.md eq. (8). Time and its
+/// standard deviation, seconds; none where the periods are no neighbours or the share is none.
+fn instant(found: &Unsettled, before: &Pose, around: &[Reading], period_s: f64) -> Option<(f64, f64)> {
+    let [last, first] = around else { return None };
+    let is_neighbour = first.t_s - last.t_s < 1.5 * period_s;
+    if found.unrest != Unrest::Step || !is_neighbour {
+        return None;
+    }
+    let (whole, part) = (found.drift.old_from_new, (*before * last.a_from_b.inverse()).log());
+    let weighed = last.covariance.cholesky()?.solve(&whole);
+    let (size, share) = (weighed.dot(&whole), weighed.dot(&part) / weighed.dot(&whole));
+    // Of a step that fell between the periods the share is none but for noise, and the time is their border.
+    let is_share = (-0.1..=1.0).contains(&share) && 25.0 < size;
+    is_share.then(|| (last.t_s + (0.5 - share.max(0.0)) * period_s, period_s * (1.0 / size + 1e-4).sqrt()))
+}
+
+fn motion(found: &Unsettled, within: Option<(f64, f64)>, period_s: f64) -> Motion {
     let drift: &Drift = &found.drift;
+    let coarse = (drift.began_s - 0.75 * period_s, drift.began_sigma_s.hypot(0.4 * period_s));
+    let (since_s, since_sigma_s) = within.unwrap_or(coarse);
     let y = drift.old_from_new;
     let chi2 = drift.covariance.cholesky().map_or(0.0, |factor| y.dot(&factor.solve(&y)));
     let sigma = |i: usize| drift.covariance[(i, i)].max(0.0).sqrt();
     let alone = drift.pure_rotation().map(|(rotation, _)| rotation.map(f64::to_degrees).into());
     Motion {
         kind: if found.unrest == Unrest::Step { "step" } else { "ramp" },
-        since_s: drift.began_s - 0.5 * period_s,
-        since_sigma_s: drift.began_sigma_s.hypot(0.5 * period_s),
+        since_s,
+        since_sigma_s,
         chi2,
         rotation_deg: [0, 1, 2].map(|i| y[i].to_degrees()),
         rotation_sigma_deg: [0, 1, 2].map(|i| sigma(i).to_degrees()),
