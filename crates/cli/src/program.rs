@@ -1,8 +1,8 @@
 //! The command line as a whole: its commands, and what runs each.
 
 use crate::commands::{
-    advise, batch, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye, history, intrinsics, landmarks,
-    locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
+    advise, batch, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye, history,
+    intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};

@@ -28,9 +28,9 @@ mod doubtful;
 mod line_plus_one;
 mod three;
 
+use crate::camera::CameraMatrix;
 use crate::locate::{Config, PoseEstimate, locate};
 use crate::solve::configuration::{Geometry, describe_geometry};
-use crate::camera::CameraMatrix;
 use crate::{Bearing, Camera, Correspondence, Error, Lens, Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};

@@ -217,7 +217,8 @@ fn views_answer_together_as_each_alone() {
         let pixels = pixels(seed, n, range_m, noise_px, &points);
         let sigma_px = [noise_px.max(1e-3); 4];
         let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-        let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
+        let views =
+            Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
         let mut answers = Vec::new();
         let doubtful = locate_each(&views, &mut answers).expect("as many of each");
         println!(
@@ -256,9 +257,11 @@ fn a_bad_view_leaves_its_neighbours_alone() {
         }
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
     let (points_in_target, sigma_px) = (Given::Shared(&good), Given::Shared(&[0.3; 4]));
-    let untouched = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &clean, sigma_px });
+    let untouched =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &clean, sigma_px });
     let mut errors = 0;
     for i in 0..count {
         if bad.contains(&i) {
@@ -278,11 +281,13 @@ fn every_length_gives_the_same_answers() {
     let (camera, points, sigma) = (camera(), points(), [0.3; 4]);
     let pixels = pixels(5, 40, (2.0, 6.0), 0.3, &points);
     let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&sigma));
-    let all = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
+    let all =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
     for first in [0, 3] {
         for last in first..pixels.len() {
             let pixels = &pixels[first..last];
-            let some = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels, sigma_px });
+            let some =
+                together(&Views { camera: Given::Shared(&camera), points_in_target, pixels, sigma_px });
             assert_eq!(some, all[first..last]);
         }
     }
@@ -308,7 +313,8 @@ fn targets_and_sigmas_of_each_view() {
         targets.push(target);
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
     for i in 0..count {
         assert_same(&answers[i], &alone(&camera, &targets[i], &seen[i], &sigmas[i]));
     }
@@ -320,7 +326,8 @@ fn a_lens_with_distortion_takes_the_single_path() {
     let (camera, points, sigma) = (Camera { lens: lens.into(), size: None }, points(), [0.3; 4]);
     let pixels = pixels(7, 11, (4.0, 6.0), 0.3, &points);
     let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&sigma));
-    let answers = together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
     for (answer, pixels) in answers.iter().zip(&pixels) {
         assert_eq!(answer, &alone(&camera, &points, pixels, &sigma));
     }
@@ -394,7 +401,8 @@ fn views_of_three_points_answer_together_as_each_alone() {
         let pixels = pixels(seed, n, range_m, noise_px, &points);
         let sigma_px = [0.3, 0.2, 0.4];
         let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-        let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
+        let views =
+            Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
         let answers = together_of_three(&views);
         assert_eq!(answers.len(), n);
         let alike = answers.iter().zip(&pixels);
@@ -426,7 +434,12 @@ fn a_bad_view_of_three_points_leaves_its_neighbours_alone() {
         }
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together_of_three(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
+    let answers = together_of_three(&Views {
+        camera: Given::Shared(&camera),
+        points_in_target,
+        pixels: &seen,
+        sigma_px,
+    });
     let (points_in_target, sigma_px) = (Given::Shared(&good), Given::Shared(&[0.3; 3]));
     let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &clean, sigma_px };
     let untouched = together_of_three(&views);

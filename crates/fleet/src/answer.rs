@@ -42,10 +42,10 @@ impl BatchObject {
     /// Of a run that took so long; `counts` are the rows of each status.
     pub fn of(done: &Done, counts: [u64; 5], cameras: usize, output: &Path, seconds: f64) -> Self {
         let is_whole = done.failed.is_empty() && counts[1..].iter().all(|n| *n == 0);
-        let failed = done.failed.iter().map(|(file, reason)| FailedObject {
-            file: file.display().to_string(),
-            reason: reason.clone(),
-        });
+        let failed = done
+            .failed
+            .iter()
+            .map(|(file, reason)| FailedObject { file: file.display().to_string(), reason: reason.clone() });
         BatchObject {
             schema: SchemaNumber,
             status: if is_whole { Status::Ok } else { Status::Error },
@@ -80,7 +80,10 @@ impl BatchObject {
             counts.join(", ")
         );
         if 0 < self.resumed_parts {
-            text += &format!("  {} of {} parts were there from a run that was cut off\n", self.resumed_parts, self.parts);
+            text += &format!(
+                "  {} of {} parts were there from a run that was cut off\n",
+                self.resumed_parts, self.parts
+            );
         }
         for failed in &self.failed {
             text += &format!("  not read: {}\n", failed.reason);
@@ -208,7 +211,9 @@ impl From<&CameraVerdict> for FleetCameraObject {
             message: v.message.clone(),
             motion,
             cam_from_target: v.cam_from_target.map(|(pose, _)| TransformObject::from(pose)),
-            covariance: v.cam_from_target.map(|(_, c)| std::array::from_fn(|i| std::array::from_fn(|j| c[(i, j)]))),
+            covariance: v
+                .cam_from_target
+                .map(|(_, c)| std::array::from_fn(|i| std::array::from_fn(|j| c[(i, j)]))),
             detectable: v.detectable.as_ref().map(|d| DetectableObject {
                 within_s: d.within_s,
                 rotation_deg: d.rotation_rad.map(f64::to_degrees),
@@ -226,17 +231,32 @@ pub fn in_words(fleet: &Assessment, most: usize) -> String {
     let counts = fleet.counts();
     let count = |found: Found| counts.get(found.name()).copied().unwrap_or(0);
     let mut text = format!("{} cameras: {} moved", fleet.cameras.len(), count(Found::Moved));
-    let others = [Found::WrongMap, Found::Dead, Found::Clock, Found::Wandering, Found::TooFew, Found::Unknown, Found::Steady];
+    let others = [
+        Found::WrongMap,
+        Found::Dead,
+        Found::Clock,
+        Found::Wandering,
+        Found::TooFew,
+        Found::Unknown,
+        Found::Steady,
+    ];
     for found in others {
         if 0 < count(found) {
             text += &format!(", {} {}", count(found), found.name().replace('_', " "));
         }
     }
-    text += &format!("\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
-        fleet.expected_false_alarms);
+    text += &format!(
+        "\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
+        fleet.expected_false_alarms
+    );
     let listed: Vec<&CameraVerdict> = fleet.cameras.iter().filter(|v| v.found != Found::Steady).collect();
     for v in listed.iter().take(most) {
-        text += &format!("{:20} {:10} {}\n", v.camera, v.found.name().replace('_', " ").to_uppercase(), v.message);
+        text += &format!(
+            "{:20} {:10} {}\n",
+            v.camera,
+            v.found.name().replace('_', " ").to_uppercase(),
+            v.message
+        );
     }
     if most < listed.len() {
         text += &format!("… and {} more; --json has them all\n", listed.len() - most);

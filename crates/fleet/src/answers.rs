@@ -1,12 +1,12 @@
 //! Answers as columns: one row a view, in the order of the views.
 
 use crate::solve::Fault;
+use nalgebra::Vector3;
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::{Error as MathError, Matrix6, Pose};
 use resight::report::verdict::{self, Status};
-use nalgebra::Vector3;
 use std::collections::HashMap;
 
 /// What `core` says of a view.

@@ -2,9 +2,9 @@
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
-    ArrowPrimitiveType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, TimestampMicrosecondType,
-    TimestampMillisecondType, TimestampNanosecondType, TimestampSecondType, UInt8Type, UInt16Type, UInt32Type,
-    UInt64Type,
+    ArrowPrimitiveType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type,
+    TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType, TimestampSecondType,
+    UInt8Type, UInt16Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef};
 use arrow_schema::{DataType, TimeUnit};
@@ -30,14 +30,23 @@ pub fn numbers(array: &dyn Array) -> Cow<'_, [f64]> {
         DataType::UInt32 => converted::<UInt32Type>(array, f64::from),
         DataType::UInt64 => converted::<UInt64Type>(array, |x| x as f64),
         DataType::Timestamp(TimeUnit::Second, _) => converted::<TimestampSecondType>(array, |x| x as f64),
-        DataType::Timestamp(TimeUnit::Millisecond, _) => converted::<TimestampMillisecondType>(array, |x| x as f64 / 1e3),
-        DataType::Timestamp(TimeUnit::Microsecond, _) => converted::<TimestampMicrosecondType>(array, |x| x as f64 / 1e6),
-        DataType::Timestamp(TimeUnit::Nanosecond, _) => converted::<TimestampNanosecondType>(array, |x| x as f64 / 1e9),
+        DataType::Timestamp(TimeUnit::Millisecond, _) => {
+            converted::<TimestampMillisecondType>(array, |x| x as f64 / 1e3)
+        }
+        DataType::Timestamp(TimeUnit::Microsecond, _) => {
+            converted::<TimestampMicrosecondType>(array, |x| x as f64 / 1e6)
+        }
+        DataType::Timestamp(TimeUnit::Nanosecond, _) => {
+            converted::<TimestampNanosecondType>(array, |x| x as f64 / 1e9)
+        }
         _ => Cow::Owned(vec![f64::NAN; array.len()]),
     }
 }
 
-fn converted<T: ArrowPrimitiveType>(array: &dyn Array, number: impl Fn(T::Native) -> f64) -> Cow<'static, [f64]> {
+fn converted<T: ArrowPrimitiveType>(
+    array: &dyn Array,
+    number: impl Fn(T::Native) -> f64,
+) -> Cow<'static, [f64]> {
     Cow::Owned(array.as_primitive::<T>().iter().map(|x| x.map_or(f64::NAN, &number)).collect())
 }
 
@@ -48,7 +57,10 @@ pub fn lists(array: &dyn Array) -> (Cow<'_, [f64]>, Vec<usize>) {
         DataType::FixedSizeList(_, _) => {
             let list = array.as_fixed_size_list();
             let width = list.value_length() as usize;
-            below(list.values(), (0..n).map(|i| if list.is_null(i) { 0..0 } else { i * width..(i + 1) * width }))
+            below(
+                list.values(),
+                (0..n).map(|i| if list.is_null(i) { 0..0 } else { i * width..(i + 1) * width }),
+            )
         }
         DataType::LargeList(_) => {
             let list = array.as_list::<i64>();
@@ -65,7 +77,10 @@ pub fn lists(array: &dyn Array) -> (Cow<'_, [f64]>, Vec<usize>) {
 }
 
 /// The numbers of each row, side by side, whatever lies between them in the array.
-fn below(values: &ArrayRef, rows: impl Iterator<Item = std::ops::Range<usize>>) -> (Cow<'static, [f64]>, Vec<usize>) {
+fn below(
+    values: &ArrayRef,
+    rows: impl Iterator<Item = std::ops::Range<usize>>,
+) -> (Cow<'static, [f64]>, Vec<usize>) {
     let is_nested = values.data_type().is_nested();
     let (inner, starts) = match is_nested {
         true => lists(values),

@@ -31,7 +31,10 @@ struct View {
 impl View {
     fn is_same(&self, camera: Option<&str>, name: Option<&str>, time_s: f64) -> bool {
         let is_same_time = self.time_s.to_bits() == time_s.to_bits();
-        is_same_time && self.camera.as_deref() == camera && self.name.as_deref() == name && self.pixels.len() / 2 < MOST_POINTS
+        is_same_time
+            && self.camera.as_deref() == camera
+            && self.name.as_deref() == name
+            && self.pixels.len() / 2 < MOST_POINTS
     }
 }
 
@@ -47,7 +50,8 @@ impl Assembler {
         let points = points_m.map(|column| numbers(batch.column(column)));
         for row in 0..batch.num_rows() {
             let camera = cameras.get(camera[row] as usize).map(String::as_str);
-            let name = view.as_ref().and_then(|(names, rows)| names.get(rows[row] as usize)).map(String::as_str);
+            let name =
+                view.as_ref().and_then(|(names, rows)| names.get(rows[row] as usize)).map(String::as_str);
             let time_s = time.as_ref().map_or(f64::NAN, |times| times[row]);
             let open = self.open_for(camera, name, time_s);
             open.variance += sigma.as_ref().map_or(f64::NAN, |sigmas| sigmas[row].powi(2));

@@ -12,9 +12,9 @@ mod verdict;
 pub use drift::Motion;
 pub use verdict::{CameraVerdict, Found};
 
+use crate::FleetError;
 use crate::cameras::Cameras;
 use crate::state::{CameraState, FleetState};
-use crate::FleetError;
 use clock::FleetSpan;
 use nalgebra::Matrix6;
 use rayon::prelude::*;

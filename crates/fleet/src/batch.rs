@@ -1,9 +1,9 @@
 //! The kernel on Arrow: `solve_batch(RecordBatch) -> RecordBatch`, pure, one row a view.
 
 use crate::FleetError;
-use crate::assemble::Assembler;
 use crate::answers::{Answers, NUMBERS, upper_triangle};
 use crate::arrays::{lists, names, numbers};
+use crate::assemble::Assembler;
 use crate::cameras::UNKNOWN;
 use crate::layout::{Layout, PointColumns};
 use crate::solve::{Numbers, Solver, ViewColumns};
@@ -51,7 +51,8 @@ pub fn solve_batch(batch: &RecordBatch, solver: &Solver) -> Result<RecordBatch, 
 /// The same with columns found beforehand, rows of views only (not a row a point).
 pub fn solve_rows(batch: &RecordBatch, layout: &Layout, solver: &Solver) -> SolvedRows {
     let (names, camera) = names(batch.column(layout.camera));
-    let number_of: Vec<u32> = names.iter().map(|name| solver.cameras.number(name).unwrap_or(UNKNOWN)).collect();
+    let number_of: Vec<u32> =
+        names.iter().map(|name| solver.cameras.number(name).unwrap_or(UNKNOWN)).collect();
     let numbered: Vec<u32> =
         camera.iter().map(|name| number_of.get(*name as usize).copied().unwrap_or(UNKNOWN)).collect();
     let time_s = match layout.time {
@@ -62,12 +63,18 @@ pub fn solve_rows(batch: &RecordBatch, layout: &Layout, solver: &Solver) -> Solv
     let sigma_px = sigma_px.as_deref();
     let answers = match &layout.points {
         PointColumns::Flat { pixels, points_m } => {
-            let (pixels, points_m) = (flat(batch, pixels), points_m.as_ref().map(|columns| flat(batch, columns)));
+            let (pixels, points_m) =
+                (flat(batch, pixels), points_m.as_ref().map(|columns| flat(batch, columns)));
             let pixels: Vec<&[f64]> = pixels.iter().map(|column| &column[..]).collect();
             let points: Option<Vec<&[f64]>> =
                 points_m.as_ref().map(|columns| columns.iter().map(|column| &column[..]).collect());
             let points_m = points.as_deref().map(Numbers::Columns);
-            solver.solve(&ViewColumns { camera: &numbered, pixels: Numbers::Columns(&pixels), points_m, sigma_px })
+            solver.solve(&ViewColumns {
+                camera: &numbered,
+                pixels: Numbers::Columns(&pixels),
+                points_m,
+                sigma_px,
+            })
         }
         PointColumns::Lists { pixels, points_m } => {
             let (values, offsets) = lists(batch.column(*pixels));
@@ -79,7 +86,9 @@ pub fn solve_rows(batch: &RecordBatch, layout: &Layout, solver: &Solver) -> Solv
         // Rows of points are put together first; on its own each is a view of one point, and says so.
         PointColumns::Points { pixels, points_m } => solver.solve(&ViewColumns {
             camera: &numbered,
-            pixels: Numbers::Columns(&flat(batch, pixels).iter().map(|column| &column[..]).collect::<Vec<_>>()),
+            pixels: Numbers::Columns(
+                &flat(batch, pixels).iter().map(|column| &column[..]).collect::<Vec<_>>(),
+            ),
             points_m: Some(Numbers::Columns(
                 &flat(batch, points_m).iter().map(|column| &column[..]).collect::<Vec<_>>(),
             )),
@@ -114,7 +123,8 @@ const STATUSES: [Status; 4] = [Status::Ok, Status::Ambiguous, Status::Degenerate
 /// The columns of answers; `view` only where the views have names.
 pub fn schema(has_view: bool) -> SchemaRef {
     let dictionary = || DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
-    let mut fields = vec![Field::new("camera", dictionary(), true), Field::new("time_s", DataType::Float64, true)];
+    let mut fields =
+        vec![Field::new("camera", dictionary(), true), Field::new("time_s", DataType::Float64, true)];
     fields.extend(has_view.then(|| Field::new("view", DataType::Utf8, true)));
     fields.push(Field::new("status", dictionary(), false));
     fields.push(Field::new("reason", DataType::Utf8, true));
@@ -138,7 +148,8 @@ impl SolvedRows {
     pub fn record_batch(self) -> Result<RecordBatch, FleetError> {
         let SolvedRows { names, camera, time_s, view, answers } = self;
         let has_view = view.is_some();
-        let is_there = |rows: BooleanBuffer| Some(NullBuffer::new(rows)).filter(|nulls| 0 < nulls.null_count());
+        let is_there =
+            |rows: BooleanBuffer| Some(NullBuffer::new(rows)).filter(|nulls| 0 < nulls.null_count());
         let times = is_there(BooleanBuffer::collect_bool(time_s.len(), |i| time_s[i].is_finite()));
         let poses = is_there(BooleanBuffer::collect_bool(answers.len(), |i| answers.status[i].has_pose()));
         let mut columns: Vec<ArrayRef> = vec![
@@ -164,7 +175,9 @@ impl SolvedRows {
     pub fn of_record_batch(batch: &RecordBatch) -> Result<Self, FleetError> {
         let column = |name: &str| {
             let found = batch.column_by_name(name);
-            found.ok_or_else(|| FleetError::Columns(format!("no column `{name}`; the output of `resight batch` is needed")))
+            found.ok_or_else(|| {
+                FleetError::Columns(format!("no column `{name}`; the output of `resight batch` is needed"))
+            })
         };
         let (names, camera) = names(column("camera")?);
         let mut answers = Answers::new(batch.num_rows());

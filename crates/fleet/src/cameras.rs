@@ -75,11 +75,8 @@ impl Cameras {
         for FleetCamera { name, camera, points, site } in cameras {
             let number = all.cameras.len() as u32;
             if let Some(first) = all.number.insert(name.clone(), number) {
-                let reason = format!(
-                    "camera `{name}` appears twice (camera {} and camera {})",
-                    first + 1,
-                    number + 1
-                );
+                let reason =
+                    format!("camera `{name}` appears twice (camera {} and camera {})", first + 1, number + 1);
                 return Err(FleetError::Setting(reason));
             }
             all.cameras.push(camera);
@@ -96,8 +93,12 @@ impl Cameras {
     /// # Errors
     /// `Setting` for a target whose points have no fixed order.
     pub fn with_target(mut self, target: &Target) -> Result<Self, FleetError> {
-        let points: Vec<Point> =
-            target.features().into_iter().filter_map(|f| target.point(f)).map(|known| known.position).collect();
+        let points: Vec<Point> = target
+            .features()
+            .into_iter()
+            .filter_map(|f| target.point(f))
+            .map(|known| known.position)
+            .collect();
         if points.len() < 3 {
             let (kind, n) = (target.kind(), points.len());
             let reason = format!("a target of kind {kind} has {n} points; 3 or more are needed");
@@ -169,7 +170,8 @@ fn is_table(path: &Path) -> bool {
 /// One camera a file; a file with several gives them all.
 fn of_folder(folder: &Path) -> Result<Vec<FleetCamera>, FleetError> {
     let entries = std::fs::read_dir(folder).map_err(|e| FleetError::at(folder, e.to_string()))?;
-    let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    let mut files: Vec<_> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
     let mut cameras = Vec::new();
     for file in files {

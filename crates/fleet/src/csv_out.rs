@@ -41,7 +41,9 @@ fn cells(array: &dyn Array) -> Vec<String> {
         DataType::Float64 => {
             array.as_primitive::<Float64Type>().iter().map(|x| text(x.map(|x| format!("{x}")))).collect()
         }
-        DataType::Int32 => array.as_primitive::<Int32Type>().iter().map(|x| text(x.map(|x| x.to_string()))).collect(),
+        DataType::Int32 => {
+            array.as_primitive::<Int32Type>().iter().map(|x| text(x.map(|x| x.to_string()))).collect()
+        }
         _ => {
             let (names, rows) = names(array);
             rows.iter().map(|row| text(names.get(*row as usize).cloned())).collect()

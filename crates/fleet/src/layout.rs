@@ -81,7 +81,8 @@ impl Layout {
     pub fn of(schema: &Schema) -> Result<Self, FleetError> {
         let mut missing = Vec::new();
         find(schema, &mut missing).ok_or_else(|| {
-            let there: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).take(40).collect();
+            let there: Vec<&str> =
+                schema.fields().iter().map(|field| field.name().as_str()).take(40).collect();
             FleetError::Columns(format!("{}; the columns are {}", missing.join("; "), there.join(", ")))
         })
     }
@@ -179,7 +180,9 @@ fn uses(layout: &Layout) -> Vec<(usize, String)> {
             uses.extend(points_m.map(|i| (i, "x, y, z of every point, metres".to_string())));
         }
         PointColumns::Points { pixels, points_m } => {
-            uses.extend(pixels.iter().zip(["u", "v"]).map(|(i, name)| (*i, format!("{name} of the point, px"))));
+            uses.extend(
+                pixels.iter().zip(["u", "v"]).map(|(i, name)| (*i, format!("{name} of the point, px"))),
+            );
             let places = points_m.iter().zip(["x", "y", "z"]);
             uses.extend(places.map(|(i, name)| (*i, format!("{name} of the point, metres"))));
         }
@@ -243,7 +246,9 @@ fn is_list(kind: &DataType) -> bool {
 /// As Arrow writes it, without the field names inside lists.
 fn type_name(kind: &DataType) -> String {
     match kind {
-        DataType::List(item) | DataType::LargeList(item) => format!("list of {}", type_name(item.data_type())),
+        DataType::List(item) | DataType::LargeList(item) => {
+            format!("list of {}", type_name(item.data_type()))
+        }
         DataType::FixedSizeList(item, n) => format!("list of {n} {}", type_name(item.data_type())),
         DataType::Dictionary(_, values) => type_name(values),
         other => format!("{other}"),

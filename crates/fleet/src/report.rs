@@ -14,10 +14,22 @@ const LISTED: usize = 500;
 const DRAWN: usize = 60;
 /// Verdicts in the order of the page, with their headings.
 const SECTIONS: [(Found, &str, &str); 6] = [
-    (Found::WrongMap, "Wrong maps", "Poses of these cameras contradict their points: the survey, the labels or the intrinsics are wrong, and no motion can be told."),
+    (
+        Found::WrongMap,
+        "Wrong maps",
+        "Poses of these cameras contradict their points: the survey, the labels or the intrinsics are wrong, and no motion can be told.",
+    ),
     (Found::Dead, "Dead cameras", "Not seen any more, or never."),
-    (Found::Clock, "Clocks", "Times that cannot be; these cameras are not tested for motion until their clocks are set."),
-    (Found::Wandering, "Moving to and fro", "Larger than the errors of a period, but no step and no ramp: mostly the warmth of the day. --diurnal-deg says how much of it is nobody's concern."),
+    (
+        Found::Clock,
+        "Clocks",
+        "Times that cannot be; these cameras are not tested for motion until their clocks are set.",
+    ),
+    (
+        Found::Wandering,
+        "Moving to and fro",
+        "Larger than the errors of a period, but no step and no ramp: mostly the warmth of the day. --diurnal-deg says how much of it is nobody's concern.",
+    ),
     (Found::TooFew, "Too few poses", ""),
     (Found::Unknown, "Not in the table of cameras", ""),
 ];
@@ -84,7 +96,10 @@ fn moved(page: &mut Page, fleet: &Assessment) {
     let rows: Vec<Vec<String>> = moved.iter().take(LISTED).filter_map(row).collect();
     page.table(&["camera", "how", "since", "±", "rotation x, y, z", "shift x, y, z", "χ² (6)"], &rows);
     if LISTED < moved.len() {
-        page.paragraph(&format!("{} more moved; `resight fleet-report --json` has them all.", moved.len() - LISTED));
+        page.paragraph(&format!(
+            "{} more moved; `resight fleet-report --json` has them all.",
+            moved.len() - LISTED
+        ));
     }
     page.paragraph(
         "Rotations and shifts are about and along the camera's own axes in its old frame: x right, y down, z forward. A rotation about the camera's own centre \
@@ -97,7 +112,8 @@ fn moved(page: &mut Page, fleet: &Assessment) {
 }
 
 fn cells(camera: &str, motion: &Motion) -> Vec<String> {
-    let rotation = motion.rotation_alone_deg.unwrap_or(motion.rotation_deg).map(|x| format!("{x:+.4}°")).join(" ");
+    let rotation =
+        motion.rotation_alone_deg.unwrap_or(motion.rotation_deg).map(|x| format!("{x:+.4}°")).join(" ");
     let shift = match motion.rotation_alone_deg {
         Some(_) => "none needed".to_string(),
         None => motion.translation_m.map(|x| format!("{:+.2}", 1e3 * x)).join(" ") + " mm",
@@ -120,7 +136,10 @@ fn section(page: &mut Page, fleet: &Assessment, found: Found, heading: &str, wor
         cameras.iter().take(LISTED).map(|v| vec![v.camera.clone(), v.message.clone()]).collect();
     page.table(&["camera", "what was found"], &rows);
     if LISTED < cameras.len() {
-        page.paragraph(&format!("{} more; `resight fleet-report --json` has them all.", cameras.len() - LISTED));
+        page.paragraph(&format!(
+            "{} more; `resight fleet-report --json` has them all.",
+            cameras.len() - LISTED
+        ));
     }
 }
 

@@ -124,7 +124,8 @@ impl Work<'_> {
         let mut streams = Vec::new();
         for (file, source) in self.sources.iter().enumerate() {
             match source.pieces() {
-                Some(own) => pieces.extend(own.into_iter().enumerate().map(|(i, piece)| (Part { file, number: i }, piece))),
+                Some(own) => pieces
+                    .extend(own.into_iter().enumerate().map(|(i, piece)| (Part { file, number: i }, piece))),
                 None => streams.push(file),
             }
         }
@@ -147,7 +148,9 @@ impl Work<'_> {
         // Damaged bytes may make the decoder give up in its own way.
         let read = || source.read(piece).and_then(|batches| self.solved(source, batches));
         let solved = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        match solved.unwrap_or_else(|_| Err(FleetError::at(&source.path, "the bytes are damaged; write the file again"))) {
+        match solved.unwrap_or_else(|_| {
+            Err(FleetError::at(&source.path, "the bytes are damaged; write the file again"))
+        }) {
             Ok(rows) => self.write(part, rows).map(Some),
             Err(reason) => {
                 self.fail(part, &reason);
@@ -176,14 +179,17 @@ impl Work<'_> {
                 let part = Part { file, number: first + i };
                 match batch {
                     Ok(_) if self.is_there(part)? => Ok(Some(part)),
-                    Ok(batch) => self.write(part, vec![solve_rows(&batch, &layout, self.job.solver)]).map(Some),
+                    Ok(batch) => {
+                        self.write(part, vec![solve_rows(&batch, &layout, self.job.solver)]).map(Some)
+                    }
                     Err(reason) => {
                         self.fail(part, &reason);
                         Ok(None)
                     }
                 }
             };
-            let done: Result<Vec<Option<Part>>, FleetError> = some.into_par_iter().enumerate().map(work).collect();
+            let done: Result<Vec<Option<Part>>, FleetError> =
+                some.into_par_iter().enumerate().map(work).collect();
             let done = done?;
             let is_broken = done.iter().any(Option::is_none);
             parts.extend(done.into_iter().flatten());

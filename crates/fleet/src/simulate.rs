@@ -67,7 +67,11 @@ impl Simulation {
     /// # Errors
     /// `Setting` for times, shares or counts that cannot be.
     pub fn check(&self) -> Result<(), FleetError> {
-        let positive = [("duration", self.duration_s), ("time between images", self.every_s), ("sigma_px", self.sigma_px)];
+        let positive = [
+            ("duration", self.duration_s),
+            ("time between images", self.every_s),
+            ("sigma_px", self.sigma_px),
+        ];
         for (what, value) in positive {
             if !(0.0 < value && value.is_finite()) {
                 return Err(FleetError::Setting(format!("{what} is {value}; a positive number is needed")));

@@ -170,7 +170,11 @@ impl Solver {
         }
         let sigma_px = self.sigma_px(views, row);
         let is_sigma = 0.0 < sigma_px && sigma_px <= LARGEST;
-        if is_sigma { Ok(seen / 2) } else { Err(Fault::Number { what: "sigma_px", point: 0, value: sigma_px }) }
+        if is_sigma {
+            Ok(seen / 2)
+        } else {
+            Err(Fault::Number { what: "sigma_px", point: 0, value: sigma_px })
+        }
     }
 
     fn sigma_px(&self, views: &ViewColumns, row: usize) -> f64 {
@@ -186,7 +190,8 @@ impl Solver {
         answers: &mut Answers,
     ) {
         let each = || rows.iter().map(|row| *row as usize);
-        let pixel = |row: usize, k: usize| Pixel::new(views.pixels.at(row, 2 * k), views.pixels.at(row, 2 * k + 1));
+        let pixel =
+            |row: usize, k: usize| Pixel::new(views.pixels.at(row, 2 * k), views.pixels.at(row, 2 * k + 1));
         let pixels: Vec<[Pixel; N]> = each().map(|row| from_fn(|k| pixel(row, k))).collect();
         let numbers: Vec<u32> = each().map(|row| views.camera[row]).collect();
         let sigmas: Vec<[f64; N]> = match views.sigma_px {
@@ -194,8 +199,7 @@ impl Solver {
             None => Vec::new(),
         };
         let shared = [self.sigma_px; N];
-        let points: Vec<[Point; N]> =
-            each().map(|row| from_fn(|k| self.point(views, row, k))).collect();
+        let points: Vec<[Point; N]> = each().map(|row| from_fn(|k| self.point(views, row, k))).collect();
         let together = Views {
             camera: Given::Numbered { values: self.cameras.cameras(), numbers: &numbers },
             points_in_target: Given::Each(&points),
@@ -213,8 +217,15 @@ impl Solver {
 
     fn point(&self, views: &ViewColumns, row: usize, k: usize) -> Point {
         match &views.points_m {
-            Some(points) => Point::new(points.at(row, 3 * k), points.at(row, 3 * k + 1), points.at(row, 3 * k + 2)),
-            None => self.cameras.points(views.camera[row]).and_then(|points| points.get(k)).copied().unwrap_or_default(),
+            Some(points) => {
+                Point::new(points.at(row, 3 * k), points.at(row, 3 * k + 1), points.at(row, 3 * k + 2))
+            }
+            None => self
+                .cameras
+                .points(views.camera[row])
+                .and_then(|points| points.get(k))
+                .copied()
+                .unwrap_or_default(),
         }
     }
 
@@ -225,7 +236,8 @@ impl Solver {
             let pixel = Pixel::new(views.pixels.at(row, 2 * k), views.pixels.at(row, 2 * k + 1));
             Correspondence::new(camera, self.point(views, row, k), pixel, sigma_px)
         };
-        let seen: Vec<Correspondence> = (0..views.pixels.width(row) / 2).map(one).collect::<Result<_, _>>()?;
+        let seen: Vec<Correspondence> =
+            (0..views.pixels.width(row) / 2).map(one).collect::<Result<_, _>>()?;
         locate(&seen, camera, &Config::default())
     }
 }

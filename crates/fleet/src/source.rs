@@ -14,8 +14,8 @@ use arrow_array::RecordBatch;
 use arrow_schema::SchemaRef;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
-    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder, RowSelection,
-    RowSelector,
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+    RowSelection, RowSelector,
 };
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -115,7 +115,11 @@ impl Source {
         let skipped = RowSelector::skip(piece.first);
         let selection = RowSelection::from(vec![skipped, RowSelector::select(piece.rows)]);
         let builder = self.builder(metadata, columns)?.with_row_groups(vec![piece.group]);
-        let builder = if piece.first == 0 { builder.with_limit(piece.rows) } else { builder.with_row_selection(selection) };
+        let builder = if piece.first == 0 {
+            builder.with_limit(piece.rows)
+        } else {
+            builder.with_row_selection(selection)
+        };
         self.batches(builder.build())
     }
 
@@ -157,7 +161,9 @@ impl Source {
     ) -> Result<Batches, FleetError> {
         let path = self.path.clone();
         let reader = reader.map_err(|e| FleetError::parquet(&path, &e))?;
-        Ok(Box::new(reader.map(move |batch| batch.map_err(|e| FleetError::at(&path, format!("{e}; write the file again, or leave it out"))))))
+        Ok(Box::new(reader.map(move |batch| {
+            batch.map_err(|e| FleetError::at(&path, format!("{e}; write the file again, or leave it out")))
+        })))
     }
 }
 
@@ -168,7 +174,9 @@ impl Source {
 pub fn explain_file(path: &Path) -> Result<(Columns, Option<usize>), FleetError> {
     let (schema, kind) = schema_of(path)?;
     let rows = match kind {
-        Kind::Parquet { metadata, .. } => usize::try_from(metadata.metadata().file_metadata().num_rows()).ok(),
+        Kind::Parquet { metadata, .. } => {
+            usize::try_from(metadata.metadata().file_metadata().num_rows()).ok()
+        }
         _ => None,
     };
     Ok((explain(&schema), rows))
@@ -180,9 +188,13 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
     let mut head = [0; 4];
     let read = std::io::Read::read(&mut file, &mut head).map_err(|e| FleetError::at(path, e.to_string()))?;
     if head[..read] == *b"PAR1" {
-        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new().with_skip_arrow_metadata(false));
+        let metadata =
+            ArrowReaderMetadata::load(&file, ArrowReaderOptions::new().with_skip_arrow_metadata(false));
         let metadata = metadata.map_err(|e| FleetError::parquet(path, &e))?;
-        return Ok((metadata.schema().clone(), Kind::Parquet { metadata: Box::new(metadata), columns: Vec::new() }));
+        return Ok((
+            metadata.schema().clone(),
+            Kind::Parquet { metadata: Box::new(metadata), columns: Vec::new() },
+        ));
     }
     let is_json = head[..read].iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
     match is_json {

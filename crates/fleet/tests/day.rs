@@ -15,7 +15,12 @@ fn who_moved_is_found_and_nobody_else() {
     let (_, state, _) = solved(&inputs, &solver, &folder.join("poses.parquet"), 2);
     let judged = assess(state, Some(&solver.cameras), &AssessConfig::default()).expect("verdicts");
     // What a steady camera promises to find, the middle one of all.
-    let mut promised: Vec<f64> = judged.cameras.iter().filter_map(|v| v.detectable.as_ref()).map(|d| d.rotation_rad.into_iter().fold(0.0, f64::max)).collect();
+    let mut promised: Vec<f64> = judged
+        .cameras
+        .iter()
+        .filter_map(|v| v.detectable.as_ref())
+        .map(|d| d.rotation_rad.into_iter().fold(0.0, f64::max))
+        .collect();
     promised.sort_by(f64::total_cmp);
     let promised = promised[promised.len() * 9 / 10];
     let mut knocked = 0;

@@ -18,7 +18,12 @@ fn csv_json_lines_and_rows_of_points_give_the_same_answers() {
             let numbers: Vec<f64> = pixels.iter().flat_map(|p| [p.x, p.y]).collect();
             let cells: Vec<String> = numbers.iter().map(|x| x.to_string()).collect();
             let _ = writeln!(flat, "{},{t_s},{}", camera.name, cells.join(","));
-            let _ = writeln!(lines, r#"{{"camera":"{}","time_s":{t_s},"points_px":[{}]}}"#, camera.name, cells.join(","));
+            let _ = writeln!(
+                lines,
+                r#"{{"camera":"{}","time_s":{t_s},"points_px":[{}]}}"#,
+                camera.name,
+                cells.join(",")
+            );
             for (x, p) in camera.map_points.iter().zip(&pixels) {
                 let _ = writeln!(points, "{},{t_s},{},{},{},{},{}", camera.name, x.x, x.y, x.z, p.x, p.y);
             }

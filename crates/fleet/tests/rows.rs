@@ -29,7 +29,8 @@ fn every_row_answers_as_locate_does() {
     let pixels = Numbers::Rows { values: &values, width: 8 };
     let answers = solver.solve(&ViewColumns { camera: &camera, pixels, points_m: None, sigma_px: None });
     for row in 0..camera.len() {
-        let (lens, points) = (&solver.cameras.cameras()[camera[row] as usize], solver.cameras.points(camera[row]));
+        let (lens, points) =
+            (&solver.cameras.cameras()[camera[row] as usize], solver.cameras.points(camera[row]));
         let one = |k: usize| {
             let pixel = Pixel::new(values[8 * row + 2 * k], values[8 * row + 2 * k + 1]);
             Correspondence::new(lens, points.expect("points")[k], pixel, solver.sigma_px).expect("a point")
@@ -62,7 +63,10 @@ fn poison_leaves_its_neighbours_alone() {
     let dirty = answers(&camera, &values);
     for row in 0..camera.len() {
         let is_poison = [7, 107, 207, 307, 555, 666].contains(&row);
-        assert_eq!(dirty.reasons.contains_key(&(row as u32)), is_poison || clean.reasons.contains_key(&(row as u32)));
+        assert_eq!(
+            dirty.reasons.contains_key(&(row as u32)),
+            is_poison || clean.reasons.contains_key(&(row as u32))
+        );
         if is_poison {
             assert_eq!(dirty.status[row], Status::Error, "row {row}");
             assert!(dirty.numbers.iter().all(|column| column[row] == 0.0));

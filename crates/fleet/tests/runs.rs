@@ -40,7 +40,8 @@ fn a_run_that_is_cut_off_is_continued() {
             rows.store(progress.rows, Ordering::Relaxed);
             assert!(progress.rows < stop, "stopped on purpose");
         };
-        let stopped = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(&job, &stopping).map(|_| ())));
+        let stopped =
+            std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(&job, &stopping).map(|_| ())));
         assert!(stopped.is_err() && !output.exists(), "the run went on after {stop} rows");
         let (bytes, continued, resumed) = solved(&inputs, &solver, &output, 2);
         assert_eq!(0 < resumed, 40_000 <= stop, "{resumed} parts found");
@@ -58,7 +59,9 @@ fn parts_of_another_run_are_not_taken() {
     let output = folder.join("poses.parquet");
     let job = Job { inputs: &inputs, solver: &solver, output: &output, period_s: 900.0, threads: 1 };
     let stopping = |progress: Progress| assert!(progress.rows < 5000, "stopped on purpose");
-    assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(&job, &stopping).map(|_| ()))).is_err());
+    assert!(
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| run(&job, &stopping).map(|_| ()))).is_err()
+    );
     solver.sigma_px *= 2.0;
     let (_, _, resumed) = solved(&inputs, &solver, &output, 1);
     assert_eq!(resumed, 0);

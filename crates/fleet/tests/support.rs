@@ -14,7 +14,14 @@ pub fn folder(name: &str) -> PathBuf {
 }
 
 pub fn day(cameras: usize, hours: f64, every_s: f64, seed: u64) -> SimulatedFleet {
-    let day = Simulation { cameras, duration_s: 3600.0 * hours, every_s, seed, poison: 1e-3, ..Simulation::default() };
+    let day = Simulation {
+        cameras,
+        duration_s: 3600.0 * hours,
+        every_s,
+        seed,
+        poison: 1e-3,
+        ..Simulation::default()
+    };
     day.fleet().expect("a fleet")
 }
 
@@ -27,7 +34,12 @@ pub fn solver(fleet: &SimulatedFleet) -> Solver {
 }
 
 /// The output's bytes and the state.
-pub fn solved(inputs: &[PathBuf], solver: &Solver, output: &Path, threads: usize) -> (Vec<u8>, FleetState, usize) {
+pub fn solved(
+    inputs: &[PathBuf],
+    solver: &Solver,
+    output: &Path,
+    threads: usize,
+) -> (Vec<u8>, FleetState, usize) {
     let job = Job { inputs, solver, output, period_s: 900.0, threads };
     let done = run(&job, &|_: Progress| {}).expect("a run");
     assert!(done.failed.is_empty(), "{:?}", done.failed);

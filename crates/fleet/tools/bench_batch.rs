@@ -19,7 +19,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let begun = Instant::now();
         let done = run(&job, &|_: Progress| {})?;
         let wall_s = begun.elapsed().as_secs_f64();
-        println!("{threads} threads: {:.3} µs a row and core, {} rows", 1e6 * wall_s * threads as f64 / done.rows as f64, done.rows);
+        println!(
+            "{threads} threads: {:.3} µs a row and core, {} rows",
+            1e6 * wall_s * threads as f64 / done.rows as f64,
+            done.rows
+        );
         walls.push(wall_s);
     }
     println!("one thread over two: {:.2}", walls[2] / walls[3]);

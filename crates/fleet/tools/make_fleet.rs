@@ -7,7 +7,9 @@ use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut words = std::env::args().skip(1);
-    let folder = words.next().ok_or("a folder is needed: make_fleet FOLDER [cameras=100] [hours=24] [every_s=10] …")?;
+    let folder = words
+        .next()
+        .ok_or("a folder is needed: make_fleet FOLDER [cameras=100] [hours=24] [every_s=10] …")?;
     let mut day = Simulation::default();
     for word in words {
         let (key, value) = word.split_once('=').ok_or_else(|| format!("`{word}`: KEY=NUMBER is needed"))?;

@@ -93,8 +93,7 @@ pub fn run(args: &Batch) -> Result<Outcome> {
     bar.finish_and_clear();
     let done = done?;
     let counts = done.state.counts();
-    let answer =
-        BatchObject::of(&done, counts, solver.cameras.len(), output, begun.elapsed().as_secs_f64());
+    let answer = BatchObject::of(&done, counts, solver.cameras.len(), output, begun.elapsed().as_secs_f64());
     if let Some(drift) = &args.drift {
         write_drift(drift, done.state, &solver.cameras)?;
     }

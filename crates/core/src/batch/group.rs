@@ -20,7 +20,13 @@ pub(super) struct Group<const N: usize> {
 impl<const N: usize> Default for Group<N> {
     fn default() -> Self {
         let zero = Column::default();
-        Group { pivot: [zero; 3], from_pivot: [[zero; 3]; N], pixel: [[zero; 2]; N], sigma_px: [zero; N], matrix: [zero; 4] }
+        Group {
+            pivot: [zero; 3],
+            from_pivot: [[zero; 3]; N],
+            pixel: [[zero; 2]; N],
+            sigma_px: [zero; N],
+            matrix: [zero; 4],
+        }
     }
 }
 

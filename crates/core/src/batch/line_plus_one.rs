@@ -22,10 +22,7 @@ use arrayvec::ArrayVec;
 use pulp::{Arch, Simd, WithSimd};
 
 /// See `batch::locate_each`.
-pub(super) fn locate_each(
-    views: &Views,
-    answers: &mut Vec<Result<PoseEstimate, Error>>,
-) -> usize {
+pub(super) fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
     let mut doubtful = Vec::new();
     let singly = Arch::new().dispatch(Run { views, answers, doubtful: &mut doubtful });
     singly + settle(views, &doubtful, answers)
@@ -52,7 +49,8 @@ impl WithSimd for Run<'_> {
             sights.gather(self.views, first, lanes);
             sights.locate(simd, &mut found);
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
-                let (view, geometry) = (first + lane, sights.geometry[lane].filter(|_| sights.is_pinhole[lane]));
+                let (view, geometry) =
+                    (first + lane, sights.geometry[lane].filter(|_| sights.is_pinhole[lane]));
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
                     Some(given) if found.sure[lane] != 0.0 && !given.is_between_layouts() => {
                         self.answers.push(Ok(found.estimate(lane, geometry)));

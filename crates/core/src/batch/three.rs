@@ -22,10 +22,7 @@ use crate::{Camera, Correspondence, Error, Point};
 const AT_ONCE: usize = 32;
 
 /// See `batch::locate_each_of_three`.
-pub(super) fn locate_each(
-    views: &Views<3>,
-    answers: &mut Vec<Result<PoseEstimate, Error>>,
-) -> usize {
+pub(super) fn locate_each(views: &Views<3>, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
     let (mut target, mut singly, count) = (Target::default(), 0, views.pixels.len());
     for first in (0..count).step_by(AT_ONCE) {
         let some = first..count.min(first + AT_ONCE);

@@ -51,10 +51,17 @@ impl FleetSpan {
         let ((begin, end), (first, last)) = (self.span_s?, camera.span_s?);
         let off_s = OFF_PERIODS * self.period_s;
         if MOST_PERIODS <= camera.periods.len() {
-            return Some(format!("its times are spread over {:.1} days, which no fleet is", (last - first) / 86_400.0));
+            return Some(format!(
+                "its times are spread over {:.1} days, which no fleet is",
+                (last - first) / 86_400.0
+            ));
         }
         if end + off_s < last || first < begin - off_s {
-            let (far, which) = if end + off_s < last { (last - end, "after the others end") } else { (begin - first, "before the others begin") };
+            let (far, which) = if end + off_s < last {
+                (last - end, "after the others end")
+            } else {
+                (begin - first, "before the others begin")
+            };
             return Some(format!("its times lie up to {} {which}; set its clock", duration(far)));
         }
         self.doubled(camera)
@@ -70,10 +77,17 @@ impl FleetSpan {
         let (begin, end) = self.span_s?;
         let stands = 2 * most > all && 20.0 * self.period_s < end - begin && rows.len() <= 2;
         if stands {
-            return Some(format!("{most} of {all} rows lie within {}: its clock stands still", duration(self.period_s)));
+            return Some(format!(
+                "{most} of {all} rows lie within {}: its clock stands still",
+                duration(self.period_s)
+            ));
         }
-        let doubled: Vec<i64> =
-            camera.periods.iter().filter(|(_, sums)| TWICE * middle < sums.n as f64).map(|(period, _)| *period).collect();
+        let doubled: Vec<i64> = camera
+            .periods
+            .iter()
+            .filter(|(_, sums)| TWICE * middle < sums.n as f64)
+            .map(|(period, _)| *period)
+            .collect();
         let (first, n) = (*doubled.first()?, doubled.len());
         (FEWEST <= n).then(|| {
             format!(

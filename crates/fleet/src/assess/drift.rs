@@ -3,7 +3,9 @@
 use super::AssessConfig;
 use crate::state::CameraState;
 use resight::core::temporal::monitor::learn::{LEAST_READINGS, LearnConfig, learn, unsettled};
-use resight::core::temporal::monitor::{Detectable, Drift, Monitor, MonitorConfig, Reading, Unrest, Unsettled};
+use resight::core::temporal::monitor::{
+    Detectable, Drift, Monitor, MonitorConfig, Reading, Unrest, Unsettled,
+};
 use resight::core::{Matrix6, Pose, Vector6};
 use serde::Serialize;
 
@@ -48,7 +50,8 @@ const SCALES: (f64, f64) = (1e-4, 1e12);
 
 pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) -> Course {
     let readings = readings(state, period_s, config.least_rows);
-    let nothing = Course { reference: None, motion: None, wander: None, detectable: None, readings: readings.len() };
+    let nothing =
+        Course { reference: None, motion: None, wander: None, detectable: None, readings: readings.len() };
     if readings.len() < LEAST_READINGS {
         return nothing;
     }
@@ -60,7 +63,9 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
         Some(found) => {
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
-            let within = before.as_ref().and_then(|(pose, _)| instant(&found, pose, &readings[first - 1..=first], period_s));
+            let within = before
+                .as_ref()
+                .and_then(|(pose, _)| instant(&found, pose, &readings[first - 1..=first], period_s));
             Course { reference: before, motion: Some(motion(&found, within, period_s)), ..nothing }
         }
         None => steady(&readings, &correlated, period_s, config),
@@ -71,7 +76,11 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
 fn steady(readings: &[Reading], correlated: &LearnConfig, period_s: f64, config: &AssessConfig) -> Course {
     let learned = learn(readings, correlated).ok();
     let promise = learned.as_ref().and_then(|reference| {
-        let alarms = MonitorConfig { decision_period_s: period_s, stale_after_s: 10.0 * period_s, ..MonitorConfig::default() };
+        let alarms = MonitorConfig {
+            decision_period_s: period_s,
+            stale_after_s: 10.0 * period_s,
+            ..MonitorConfig::default()
+        };
         let mut monitor = Monitor::new(reference, &alarms, readings.last()?.t_s).ok()?;
         monitor.measure_noise(readings);
         monitor.detectable(f64::from(config.promise_periods) * period_s)

@@ -99,7 +99,10 @@ pub(super) fn of(
         history: history(state, fleet.period_s, config),
     };
     if !is_known {
-        return plain(Found::Unknown, "this camera is in the rows, but not among the cameras; add it to the table".into());
+        return plain(
+            Found::Unknown,
+            "this camera is in the rows, but not among the cameras; add it to the table".into(),
+        );
     }
     if let Some(reason) = fleet.fault(state) {
         return plain(Found::Clock, reason);
@@ -125,7 +128,13 @@ fn dead(state: &CameraState, fleet: &FleetSpan, config: &AssessConfig) -> Option
     }
     let silent_s = fleet.silent_s(state)?;
     let is_silent = f64::from(config.dead_periods) * fleet.period_s < silent_s;
-    is_silent.then(|| format!("not seen for the last {}, since time {:.0} s", duration(silent_s), state.span_s.map_or(0.0, |s| s.1)))
+    is_silent.then(|| {
+        format!(
+            "not seen for the last {}, since time {:.0} s",
+            duration(silent_s),
+            state.span_s.map_or(0.0, |s| s.1)
+        )
+    })
 }
 
 fn judged(plain: CameraVerdict, course: Course) -> CameraVerdict {
@@ -160,7 +169,11 @@ fn moved(motion: &Motion) -> String {
     let how = if motion.kind == "step" { "moved suddenly" } else { "moves slowly" };
     let far = match &motion.rotation_alone_deg {
         Some(rotation) => format!("rotated by {:.4}° about its centre", norm(rotation)),
-        None => format!("rotated by {:.4}°, shifted by {:.2} mm", norm(&motion.rotation_deg), 1e3 * norm(&motion.translation_m)),
+        None => format!(
+            "rotated by {:.4}°, shifted by {:.2} mm",
+            norm(&motion.rotation_deg),
+            1e3 * norm(&motion.translation_m)
+        ),
     };
     format!(
         "{how} at time {:.0} s (± {}): {far}; χ² = {:.0} with 6 degrees of freedom",

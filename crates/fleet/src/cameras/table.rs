@@ -54,7 +54,9 @@ fn columns(table: &Table) -> Result<Columns, FleetError> {
 }
 
 fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FleetError> {
-    let name = row.text(columns.camera).ok_or_else(|| row.complaint(columns.camera, "is empty; a name is needed"))?;
+    let name = row
+        .text(columns.camera)
+        .ok_or_else(|| row.complaint(columns.camera, "is empty; a name is needed"))?;
     let [fx_px, fy_px, cx_px, cy_px] = numbers(row, &columns.matrix)?;
     let matrix = CameraMatrix { fx_px, fy_px, cx_px, cy_px };
     let [k1, k2, p1, p2, k3] = columns.distortion.map(|column| row.optional_number(column));

@@ -12,7 +12,8 @@ const BOTTOM: f64 = 24.0;
 
 /// A figure; empty where there is nothing to draw.
 pub(super) fn svg(camera: &CameraVerdict) -> String {
-    let angles = || camera.history.iter().map(|(t_s, motion)| (*t_s, [0, 1, 2].map(|i| motion[i].to_degrees())));
+    let angles =
+        || camera.history.iter().map(|(t_s, motion)| (*t_s, [0, 1, 2].map(|i| motion[i].to_degrees())));
     let (Some((begin, _)), Some((end, _))) = (camera.history.first(), camera.history.last()) else {
         return String::new();
     };
@@ -34,20 +35,33 @@ pub(super) fn svg(camera: &CameraVerdict) -> String {
         );
         let is_crowded = level != 0.0 && (y(0.0) - at).abs() < 12.0;
         if !is_crowded {
-            let _ = write!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", LEFT - 5.0, at + 4.0);
+            let _ = write!(
+                svg,
+                "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+                LEFT - 5.0,
+                at + 4.0
+            );
         }
     }
     for (axis, class) in ["rx", "ry", "rz"].into_iter().enumerate() {
-        let points: String = angles().map(|(t_s, deg)| format!("{:.1},{:.1} ", x(t_s), y(deg[axis]))).collect();
+        let points: String =
+            angles().map(|(t_s, deg)| format!("{:.1},{:.1} ", x(t_s), y(deg[axis]))).collect();
         let _ = write!(svg, "<polyline class=\"{class}\" points=\"{}\"/>", points.trim_end());
     }
     if let Some(motion) = &camera.motion {
         let at = x(motion.since_s).clamp(LEFT, WIDTH - 8.0);
         let bottom = HEIGHT - BOTTOM;
-        let _ = write!(svg, "<line class=\"since\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
+        let _ =
+            write!(svg, "<line class=\"since\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{TOP}\" y2=\"{bottom}\"/>");
     }
     for (t_s, anchor) in [(*begin, "start"), (*end, "end")] {
-        let _ = write!(svg, "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>", x(t_s), HEIGHT - 6.0, super::time(t_s));
+        let _ = write!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>",
+            x(t_s),
+            HEIGHT - 6.0,
+            super::time(t_s)
+        );
     }
     svg + "</svg></figure>"
 }

@@ -26,7 +26,11 @@ pub(super) fn join(parts: &Parts, names: &[Part], output: &Path, has_view: bool)
 
 fn as_parquet(parts: &Parts, names: &[Part], has_view: bool, file: &mut File) -> std::io::Result<()> {
     let described = ArrowSchemaConverter::new().convert(&schema(has_view)).map_err(io)?;
-    let writer = SerializedFileWriter::new(BufWriter::new(file), described.root_schema_ptr(), Arc::new(properties().build()));
+    let writer = SerializedFileWriter::new(
+        BufWriter::new(file),
+        described.root_schema_ptr(),
+        Arc::new(properties().build()),
+    );
     let mut writer = writer.map_err(io)?;
     for part in names {
         copy(&parts.path(*part), &mut writer)?;

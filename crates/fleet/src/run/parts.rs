@@ -66,7 +66,11 @@ impl Parts {
     pub fn read(&self, part: Part) -> Option<impl Iterator<Item = Result<SolvedRows, FleetError>>> {
         let path = self.path(part);
         let file = File::open(&path).ok()?;
-        let reader = ParquetRecordBatchReaderBuilder::try_new(file).ok()?.with_batch_size(crate::source::BATCH).build().ok()?;
+        let reader = ParquetRecordBatchReaderBuilder::try_new(file)
+            .ok()?
+            .with_batch_size(crate::source::BATCH)
+            .build()
+            .ok()?;
         Some(reader.map(|batch| SolvedRows::of_record_batch(&batch?)))
     }
 
@@ -76,7 +80,9 @@ impl Parts {
             batches.push(rows.with_view(has_view).record_batch()?);
         }
         stream_atomically(&self.path(part), |file| {
-            let options = ArrowWriterOptions::new().with_properties(properties().build()).with_skip_arrow_metadata(true);
+            let options = ArrowWriterOptions::new()
+                .with_properties(properties().build())
+                .with_skip_arrow_metadata(true);
             let written = ArrowWriter::try_new_with_options(BufWriter::new(file), schema(has_view), options);
             let mut writer = written.map_err(io)?;
             for batch in batches {
@@ -100,7 +106,8 @@ pub(super) fn properties() -> WriterPropertiesBuilder {
         properties = properties.set_column_dictionary_enabled(ColumnPath::from(name), true);
     }
     for name in ["time_s", "status"] {
-        properties = properties.set_column_statistics_enabled(ColumnPath::from(name), EnabledStatistics::Chunk);
+        properties =
+            properties.set_column_statistics_enabled(ColumnPath::from(name), EnabledStatistics::Chunk);
     }
     properties.set_column_compression(ColumnPath::from("reason"), Compression::SNAPPY)
 }

@@ -21,7 +21,8 @@ pub(super) fn of(job: &Job) -> String {
     let mut digest = Sha256::new();
     for (number, name) in cameras.names().iter().enumerate() {
         digest.update(name.as_bytes());
-        digest.update(format!("{:?}{:?}", cameras.cameras()[number], cameras.points(number as u32)).as_bytes());
+        digest
+            .update(format!("{:?}{:?}", cameras.cameras()[number], cameras.points(number as u32)).as_bytes());
     }
     let bytes: String = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
     let _ = writeln!(plan, "cameras {bytes}\nsigma_px {}", job.solver.sigma_px);

@@ -121,7 +121,9 @@ impl SimulatedCamera {
         let warm = Pose::exp(&Vector6::new(thermal.x, thermal.y, thermal.z, 0.0, 0.0, 0.0));
         let moved = match self.fate {
             Fate::Knocked { at_s, motion } if at_s <= t_s => Pose::exp(&-motion),
-            Fate::Drifting { at_s, motion } if at_s <= t_s => Pose::exp(&(-motion * ((t_s - at_s) / 86_400.0))),
+            Fate::Drifting { at_s, motion } if at_s <= t_s => {
+                Pose::exp(&(-motion * ((t_s - at_s) / 86_400.0)))
+            }
             _ => Pose::identity(),
         };
         warm * moved * self.cam_from_target

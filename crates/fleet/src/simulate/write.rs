@@ -2,8 +2,8 @@
 
 use super::{Fate, SimulatedFleet};
 use crate::FleetError;
-use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, StringArray};
 use arrow_array::types::Int32Type;
+use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int32Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::Compression;
@@ -46,7 +46,9 @@ pub fn write_day(fleet: &SimulatedFleet, folder: &Path) -> Result<Vec<PathBuf>, 
 
 fn cameras(fleet: &SimulatedFleet) -> String {
     let points = (0..4).map(|k| format!("x{k}_m,y{k}_m,z{k}_m")).collect::<Vec<_>>().join(",");
-    let mut text = format!("camera,site,longitude_deg,latitude_deg,width_px,height_px,fx_px,fy_px,cx_px,cy_px,{points}\n");
+    let mut text = format!(
+        "camera,site,longitude_deg,latitude_deg,width_px,height_px,fx_px,fy_px,cx_px,cy_px,{points}\n"
+    );
     for camera in &fleet.cameras {
         let Lens::Pinhole(model) = &camera.camera.lens else { continue };
         let (m, [east, north]) = (&model.matrix, camera.east_north);
@@ -79,7 +81,8 @@ fn truth(fleet: &SimulatedFleet) -> String {
 
 fn schema() -> SchemaRef {
     let dictionary = DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
-    let mut fields = vec![Field::new("camera", dictionary, true), Field::new("time_s", DataType::Float64, true)];
+    let mut fields =
+        vec![Field::new("camera", dictionary, true), Field::new("time_s", DataType::Float64, true)];
     for k in 0..4 {
         fields.push(Field::new(format!("u{k}_px"), DataType::Float64, true));
         fields.push(Field::new(format!("v{k}_px"), DataType::Float64, true));
@@ -100,8 +103,8 @@ fn write_views(fleet: &SimulatedFleet, ticks: std::ops::Range<usize>, path: &Pat
             .set_column_dictionary_enabled("camera".into(), true)
             .set_max_row_group_row_count(Some(GROUP))
             .build();
-        let mut writer =
-            ArrowWriter::try_new(BufWriter::new(file), schema(), Some(properties)).map_err(std::io::Error::other)?;
+        let mut writer = ArrowWriter::try_new(BufWriter::new(file), schema(), Some(properties))
+            .map_err(std::io::Error::other)?;
         let at_once = (BATCH / fleet.cameras.len()).max(1);
         let ticks: Vec<usize> = ticks.collect();
         for some in ticks.chunks(at_once) {

@@ -16,11 +16,14 @@ type Reader = csv::Reader<Lines<File>>;
 fn open(path: &Path) -> Result<(Reader, SchemaRef), FleetError> {
     let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
     let mut builder = csv::ReaderBuilder::new();
-    let mut reader = builder.trim(csv::Trim::All).flexible(true).comment(Some(b'#')).from_reader(Lines::new(file));
+    let mut reader =
+        builder.trim(csv::Trim::All).flexible(true).comment(Some(b'#')).from_reader(Lines::new(file));
     let header = reader.byte_headers().map_err(|e| FleetError::at(path, e.to_string()))?;
     let name = |cell: &[u8]| String::from_utf8_lossy(cell).trim_start_matches('\u{feff}').to_string();
-    let kind = |name: &str| if ["camera", "view"].contains(&name) { DataType::Utf8 } else { DataType::Float64 };
-    let fields: Vec<Field> = header.iter().map(name).map(|name| Field::new(&name, kind(&name), true)).collect();
+    let kind =
+        |name: &str| if ["camera", "view"].contains(&name) { DataType::Utf8 } else { DataType::Float64 };
+    let fields: Vec<Field> =
+        header.iter().map(name).map(|name| Field::new(&name, kind(&name), true)).collect();
     Ok((reader, Arc::new(Schema::new(fields))))
 }
 

@@ -35,7 +35,9 @@ pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
     }
     let kind = |name: &str| match name {
         "camera" | "view" => DataType::Utf8,
-        list if LISTS.contains(&list) => DataType::List(Arc::new(Field::new_list_field(DataType::Float64, true))),
+        list if LISTS.contains(&list) => {
+            DataType::List(Arc::new(Field::new_list_field(DataType::Float64, true)))
+        }
         _ => DataType::Float64,
     };
     let fields: Vec<Field> = keys.iter().map(|key| Field::new(key, kind(key), true)).collect();
@@ -44,7 +46,12 @@ pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
 
 /// Its rows.
 pub(super) fn batches(path: &Path) -> Result<Batches, FleetError> {
-    Ok(Box::new(Rows { path: path.to_path_buf(), lines: open(path)?.lines(), schema: schema(path)?, is_over: false }))
+    Ok(Box::new(Rows {
+        path: path.to_path_buf(),
+        lines: open(path)?.lines(),
+        schema: schema(path)?,
+        is_over: false,
+    }))
 }
 
 struct Rows {

@@ -20,13 +20,15 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>, FleetError> {
         } else if path.exists() || !argument.contains(['*', '?', '[']) {
             files.push(path.to_path_buf());
         } else {
-            let found = glob::glob(argument).map_err(|e| FleetError::at(path, format!("no pattern ({})", e.msg)))?;
+            let found =
+                glob::glob(argument).map_err(|e| FleetError::at(path, format!("no pattern ({})", e.msg)))?;
             for found in found.flatten() {
                 if found.is_dir() { below(&found, &mut files, 0)? } else { files.push(found) }
             }
         }
         if files.len() == before {
-            let reason = format!("no file of views ({}) is here", ENDINGS.map(|e| format!(".{e}")).join(", "));
+            let reason =
+                format!("no file of views ({}) is here", ENDINGS.map(|e| format!(".{e}")).join(", "));
             return Err(FleetError::at(path, reason));
         }
     }
@@ -43,7 +45,9 @@ fn below(folder: &Path, files: &mut Vec<PathBuf>, depth: usize) -> Result<(), Fl
     paths.sort();
     for path in paths {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let is_views = path.extension().is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)));
+        let is_views = path
+            .extension()
+            .is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)));
         if name.starts_with(['.', '_']) {
             continue;
         }
