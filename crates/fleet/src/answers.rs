@@ -1,6 +1,5 @@
 //! Answers as columns: one row a view, in the order of the views.
 
-use crate::solve::Fault;
 use nalgebra::Vector3;
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::Ambiguity;
@@ -11,6 +10,31 @@ use std::collections::HashMap;
 
 /// What `core` says of a view.
 pub type Solved = Result<PoseEstimate, MathError>;
+
+/// What is wrong with a row before it is solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Fault {
+    /// Its camera is not in the table.
+    UnknownCamera,
+    /// Neither the row nor its camera says where the points are.
+    NoPoints,
+    /// As many numbers of pixels and points as do not belong together.
+    Counts {
+        /// Points seen.
+        seen: usize,
+        /// Points known.
+        known: usize,
+    },
+    /// A pixel, point or sigma that is missing, not finite or out of range.
+    Number {
+        /// What it is.
+        what: &'static str,
+        /// Which point.
+        point: usize,
+        /// Its value; NaN where it is missing.
+        value: f64,
+    },
+}
 
 /// Numbers of an answer: quaternion, translation, the covariance's upper triangle row by row, probability, χ², rms.
 pub const NUMBERS: usize = 31;

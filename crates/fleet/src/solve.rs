@@ -3,7 +3,7 @@
 //! Three and four points of one view go to the vectors of `core::batch`, others to `locate`. Rows are worked on camera by camera, so that
 //! neighbours in a vector share their target; where a row's answer stands, and every bit of it, does not depend on that.
 
-use crate::answers::{Answers, Solved};
+use crate::answers::{Answers, Fault, Solved};
 use crate::cameras::{Cameras, UNKNOWN};
 use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight::core::locate::{Config, PoseEstimate, locate};
@@ -87,31 +87,6 @@ const BLOCK: usize = 256;
 const MOST_POINTS: usize = 100_000;
 /// Squares of larger numbers, and their products, leave the range of numbers.
 const LARGEST: f64 = 1e60;
-
-/// What is wrong with a row before it is solved.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Fault {
-    /// Its camera is not in the table.
-    UnknownCamera,
-    /// Neither the row nor its camera says where the points are.
-    NoPoints,
-    /// As many numbers of pixels and points as do not belong together.
-    Counts {
-        /// Points seen.
-        seen: usize,
-        /// Points known.
-        known: usize,
-    },
-    /// A pixel, point or sigma that is missing, not finite or out of range.
-    Number {
-        /// What it is.
-        what: &'static str,
-        /// Which point.
-        point: usize,
-        /// Its value; NaN where it is missing.
-        value: f64,
-    },
-}
 
 impl Solver {
     /// Poses of all rows, in their order. Never fails: what is wrong with a row is its status, with a reason, and its neighbours are
