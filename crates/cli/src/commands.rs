@@ -1,9 +1,11 @@
 //! One file per command; what several share is here.
 
 pub mod advise;
+pub mod batch;
 pub mod compare;
 pub mod convert;
 pub mod demo;
+pub mod fleet_report;
 pub mod detect;
 pub mod explain;
 pub mod print;

@@ -1,8 +1,8 @@
 //! The command line as a whole: its commands, and what runs each.
 
 use crate::commands::{
-    advise, compare, completions, convert, demo, detect, explain, hand_eye, history, intrinsics, landmarks,
-    locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
+    advise, batch, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye, history,
+    intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
@@ -104,13 +104,20 @@ pub enum Command {
     Watch(watch::Watch),
     /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
+    /// Computes the poses of millions of views, of a fleet of cameras, in bounded memory and on all cores.
+    Batch(batch::Batch),
+    /// Says which cameras of a fleet moved, which are dead, and whose map or clock is wrong.
+    FleetReport(fleet_report::FleetReport),
     /// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
     History(history::History),
     /// Prints a script that completes commands and flags in bash, zsh, fish, elvish or PowerShell.
+    #[command(hide = true)] // docs/reference names it; the list fits one screen.
     Completions(completions::Completions),
     /// Writes manual pages.
+    #[command(hide = true)] // docs/reference names it; the list fits one screen.
     Man(completions::Man),
     /// Prints the JSON schema of every answer.
+    #[command(hide = true)] // docs/reference names it; the list fits one screen.
     Schema(schema::Schema),
 }
 
@@ -135,6 +142,8 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
         Command::Landmarks(args) => landmarks::run(&args),
+        Command::Batch(args) => batch::run(&args),
+        Command::FleetReport(args) => fleet_report::run(&args),
         Command::History(args) => history::run(&args),
         Command::Completions(args) => completions::completions(&args, Arguments::command()),
         Command::Man(args) => completions::man(&args, Arguments::command()),

@@ -42,7 +42,7 @@ fn line_plus_one(c: &mut Criterion) {
     let (camera, points, sigma_px) = (camera(), POINTS.map(Point::from), [0.3; 4]);
     let pixels = pixels(&camera);
     let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-    let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
+    let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
     let mut group = c.benchmark_group("batch: line_plus_one");
     group.throughput(Throughput::Elements(VIEWS as u64));
     group.bench_function("together, everything", |b| {
@@ -60,7 +60,7 @@ fn three(c: &mut Criterion) {
     let points = [four[0], four[2], four[3]];
     let pixels: Vec<[Pixel; 3]> = pixels(&camera).iter().map(|[a, _, c, d]| [*a, *c, *d]).collect();
     let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-    let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
+    let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
     let mut group = c.benchmark_group("batch: three");
     group.throughput(Throughput::Elements(VIEWS as u64));
     group.bench_function("together, everything", |b| {

@@ -28,6 +28,7 @@ mod doubtful;
 mod line_plus_one;
 mod three;
 
+use crate::camera::CameraMatrix;
 use crate::locate::{Config, PoseEstimate, locate};
 use crate::solve::configuration::{Geometry, describe_geometry};
 use crate::{Bearing, Camera, Correspondence, Error, Lens, Pixel, Point};
@@ -35,20 +36,37 @@ use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
 
 /// Something every view has: the same for all, or one for each.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub enum Given<'a, T> {
     /// All views share it.
     Shared(&'a T),
     /// One for each view, in their order.
     Each(&'a [T]),
+    /// One of several, by its number for each view.
+    Numbered {
+        /// All that there are.
+        values: &'a [T],
+        /// Which of them each view has.
+        numbers: &'a [u32],
+    },
 }
 
-impl<T> Given<'_, T> {
+// Derived, these would ask the same of T, of which only a reference is held.
+impl<T> Clone for Given<'_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Given<'_, T> {}
+
+impl<'a, T> Given<'a, T> {
     /// That of a view; none beyond the end.
-    fn of(&self, view: usize) -> Option<&T> {
+    fn of(&self, view: usize) -> Option<&'a T> {
         match self {
             Given::Shared(value) => Some(value),
             Given::Each(values) => values.get(view),
+            Given::Numbered { values, numbers } => values.get(*numbers.get(view)? as usize),
         }
     }
 
@@ -57,16 +75,19 @@ impl<T> Given<'_, T> {
             Given::Each(values) if values.len() != views => {
                 Err(Error::CountMismatch { what, seen: values.len(), needed: views })
             }
+            Given::Numbered { numbers, .. } if numbers.len() != views => {
+                Err(Error::CountMismatch { what, seen: numbers.len(), needed: views })
+            }
             _ => Ok(()),
         }
     }
 }
 
-/// Views of N known points, all taken with one camera.
+/// Views of N known points, taken with one camera or with many.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a, const N: usize = 4> {
     /// The camera.
-    pub camera: &'a Camera,
+    pub camera: Given<'a, Camera>,
     /// Places of the points in the target frame, metres.
     pub points_in_target: Given<'a, [Point; N]>,
     /// Where each view shows them, pixels.
@@ -81,13 +102,10 @@ pub struct Views<'a, const N: usize = 4> {
 /// An answer is that of the single path to rounding, and so is an error: a view that has none leaves the others alone.
 ///
 /// # Errors
-/// `CountMismatch` when targets or sigmas are given for each view, but not for as many as there are.
+/// `CountMismatch` when cameras, targets or sigmas are given for each view, but not for as many as there are.
 pub fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<usize, Error> {
     views.open(answers)?;
-    match &views.camera.lens {
-        Lens::Pinhole(model) => Ok(line_plus_one::locate_each(views, &model.matrix, answers)),
-        _ => Ok(views.each_alone(answers)),
-    }
+    Ok(line_plus_one::locate_each(views, answers))
 }
 
 /// The same for views of three points. The up to four poses that fit exactly come in the order of their rounding, which need not be
@@ -100,14 +118,12 @@ pub fn locate_each_of_three(
     answers: &mut Vec<Result<PoseEstimate, Error>>,
 ) -> Result<usize, Error> {
     views.open(answers)?;
-    match &views.camera.lens {
-        Lens::Pinhole(model) => Ok(three::locate_each(views, &model.matrix, answers)),
-        _ => Ok(views.each_alone(answers)),
-    }
+    Ok(three::locate_each(views, answers))
 }
 
-impl<const N: usize> Views<'_, N> {
+impl<'a, const N: usize> Views<'a, N> {
     fn open(&self, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<(), Error> {
+        self.camera.check("camera", self.pixels.len())?;
         self.points_in_target.check("points_in_target", self.pixels.len())?;
         self.sigma_px.check("sigma_px", self.pixels.len())?;
         answers.clear();
@@ -115,28 +131,36 @@ impl<const N: usize> Views<'_, N> {
         Ok(())
     }
 
-    fn each_alone(&self, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
-        answers.extend((0..self.pixels.len()).map(|view| alone(self, view)));
-        self.pixels.len()
+    /// The camera of a view, where its lens is one that the lanes know.
+    fn pinhole(&self, view: usize) -> Option<(&'a Camera, &'a CameraMatrix)> {
+        let camera = self.camera.of(view)?;
+        match &camera.lens {
+            Lens::Pinhole(model) => Some((camera, &model.matrix)),
+            _ => None,
+        }
     }
 }
 
 /// A view on the single path.
 #[cold]
 fn alone<const N: usize>(views: &Views<N>, view: usize) -> Result<PoseEstimate, Error> {
-    let seen = correspondences(views, view)?;
-    locate(&seen, views.camera, &Config::default())
+    let (seen, camera) = correspondences(views, view)?;
+    locate(&seen, camera, &Config::default())
 }
 
-fn correspondences<const N: usize>(views: &Views<N>, view: usize) -> Result<[Correspondence; N], Error> {
+fn correspondences<'a, const N: usize>(
+    views: &Views<'a, N>,
+    view: usize,
+) -> Result<([Correspondence; N], &'a Camera), Error> {
     let too_few = Error::TooFewPoints { seen: 0, needed: N };
-    let (Some(points), Some(sigmas)) = (views.points_in_target.of(view), views.sigma_px.of(view)) else {
+    let (points, sigmas) = (views.points_in_target.of(view), views.sigma_px.of(view));
+    let (Some(points), Some(sigmas), Some(camera)) = (points, sigmas, views.camera.of(view)) else {
         return Err(too_few);
     };
     let pixels = &views.pixels[view];
-    let one = |k: usize| Correspondence::new(views.camera, points[k], pixels[k], sigmas[k]);
+    let one = |k: usize| Correspondence::new(camera, points[k], pixels[k], sigmas[k]);
     let seen: ArrayVec<Correspondence, N> = (0..N).map(one).collect::<Result<_, _>>()?;
-    seen.into_inner().map_err(|_| too_few)
+    Ok((seen.into_inner().map_err(|_| too_few)?, camera))
 }
 
 /// What `locate` says of the target, whatever a view shows of it.

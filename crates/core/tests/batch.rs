@@ -217,7 +217,8 @@ fn views_answer_together_as_each_alone() {
         let pixels = pixels(seed, n, range_m, noise_px, &points);
         let sigma_px = [noise_px.max(1e-3); 4];
         let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-        let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
+        let views =
+            Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
         let mut answers = Vec::new();
         let doubtful = locate_each(&views, &mut answers).expect("as many of each");
         println!(
@@ -256,9 +257,11 @@ fn a_bad_view_leaves_its_neighbours_alone() {
         }
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together(&Views { camera: &camera, points_in_target, pixels: &seen, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
     let (points_in_target, sigma_px) = (Given::Shared(&good), Given::Shared(&[0.3; 4]));
-    let untouched = together(&Views { camera: &camera, points_in_target, pixels: &clean, sigma_px });
+    let untouched =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &clean, sigma_px });
     let mut errors = 0;
     for i in 0..count {
         if bad.contains(&i) {
@@ -278,11 +281,13 @@ fn every_length_gives_the_same_answers() {
     let (camera, points, sigma) = (camera(), points(), [0.3; 4]);
     let pixels = pixels(5, 40, (2.0, 6.0), 0.3, &points);
     let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&sigma));
-    let all = together(&Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px });
+    let all =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
     for first in [0, 3] {
         for last in first..pixels.len() {
             let pixels = &pixels[first..last];
-            let some = together(&Views { camera: &camera, points_in_target, pixels, sigma_px });
+            let some =
+                together(&Views { camera: Given::Shared(&camera), points_in_target, pixels, sigma_px });
             assert_eq!(some, all[first..last]);
         }
     }
@@ -308,7 +313,8 @@ fn targets_and_sigmas_of_each_view() {
         targets.push(target);
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together(&Views { camera: &camera, points_in_target, pixels: &seen, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &seen, sigma_px });
     for i in 0..count {
         assert_same(&answers[i], &alone(&camera, &targets[i], &seen[i], &sigmas[i]));
     }
@@ -320,7 +326,8 @@ fn a_lens_with_distortion_takes_the_single_path() {
     let (camera, points, sigma) = (Camera { lens: lens.into(), size: None }, points(), [0.3; 4]);
     let pixels = pixels(7, 11, (4.0, 6.0), 0.3, &points);
     let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&sigma));
-    let answers = together(&Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px });
+    let answers =
+        together(&Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px });
     for (answer, pixels) in answers.iter().zip(&pixels) {
         assert_eq!(answer, &alone(&camera, &points, pixels, &sigma));
     }
@@ -332,7 +339,7 @@ fn as_many_targets_and_sigmas_as_views() {
     let pixels = pixels(8, 3, (2.0, 6.0), 0.3, &points);
     let two = [points; 2];
     let (points_in_target, sigma_px) = (Given::Each(&two[..]), Given::Shared(&sigma));
-    let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px };
+    let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px };
     let error = locate_each(&views, &mut Vec::new()).expect_err("two targets for three views");
     assert_eq!(error, Error::CountMismatch { what: "points_in_target", seen: 2, needed: 3 });
 }
@@ -394,7 +401,8 @@ fn views_of_three_points_answer_together_as_each_alone() {
         let pixels = pixels(seed, n, range_m, noise_px, &points);
         let sigma_px = [0.3, 0.2, 0.4];
         let (points_in_target, sigmas) = (Given::Shared(&points), Given::Shared(&sigma_px));
-        let views = Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px: sigmas };
+        let views =
+            Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px: sigmas };
         let answers = together_of_three(&views);
         assert_eq!(answers.len(), n);
         let alike = answers.iter().zip(&pixels);
@@ -426,9 +434,14 @@ fn a_bad_view_of_three_points_leaves_its_neighbours_alone() {
         }
     }
     let (points_in_target, sigma_px) = (Given::Each(&targets[..]), Given::Each(&sigmas[..]));
-    let answers = together_of_three(&Views { camera: &camera, points_in_target, pixels: &seen, sigma_px });
+    let answers = together_of_three(&Views {
+        camera: Given::Shared(&camera),
+        points_in_target,
+        pixels: &seen,
+        sigma_px,
+    });
     let (points_in_target, sigma_px) = (Given::Shared(&good), Given::Shared(&[0.3; 3]));
-    let views = Views { camera: &camera, points_in_target, pixels: &clean, sigma_px };
+    let views = Views { camera: Given::Shared(&camera), points_in_target, pixels: &clean, sigma_px };
     let untouched = together_of_three(&views);
     for i in 0..count {
         if bad.contains(&i) {
@@ -442,4 +455,39 @@ fn a_bad_view_of_three_points_leaves_its_neighbours_alone() {
         let pixels = &clean[..last];
         assert_eq!(together_of_three(&Views { pixels, ..views }), untouched[..last]);
     }
+}
+
+/// One camera a view, by number, two of them with a lens that the lanes do not know: the same answers as each camera's views alone.
+#[test]
+fn cameras_of_each_view() {
+    let (points, sigma) = (points(), [0.3; 4]);
+    let wide = |factor: f64| {
+        let CameraMatrix { fx_px, fy_px, cx_px, cy_px } = MATRIX;
+        CameraMatrix { fx_px: factor * fx_px, fy_px: factor * fy_px, cx_px, cy_px }
+    };
+    let bent = |factor: f64| {
+        BrownConrady::new(wide(factor), &[-0.05, 0.01, 0.0, 0.0]).expect("a lens that is one").into()
+    };
+    let lenses = [wide(1.0), wide(1.1), wide(0.9)].map(|matrix| Lens::Pinhole(Pinhole { matrix }));
+    let lenses = lenses.into_iter().chain([bent(1.0), bent(1.1)]);
+    let cameras: Vec<Camera> = lenses.map(|lens| Camera { lens, size: None }).collect();
+    let pixels = pixels(11, 600, (2.0, 6.0), 0.3, &points);
+    let numbers: Vec<u32> = (0..pixels.len() as u32).map(|i| (i * i + i / 7) % 5).collect();
+    let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&sigma));
+    let camera = Given::Numbered { values: &cameras, numbers: &numbers };
+    let answers = together(&Views { camera, points_in_target, pixels: &pixels, sigma_px });
+    for (number, camera) in cameras.iter().enumerate() {
+        let is_its = |i: &usize| numbers[*i] as usize == number;
+        let own: Vec<usize> = (0..pixels.len()).filter(is_its).collect();
+        let seen: Vec<[Pixel; 4]> = own.iter().map(|i| pixels[*i]).collect();
+        let camera = Given::Shared(camera);
+        let alone = together(&Views { camera, points_in_target, pixels: &seen, sigma_px });
+        assert!(50 < own.len());
+        for (i, answer) in own.iter().zip(&alone) {
+            assert_eq!(&answers[*i], answer, "camera {number}, view {i}");
+        }
+    }
+    let camera = Given::Numbered { values: &cameras, numbers: &numbers[1..] };
+    let short = Views { camera, points_in_target, pixels: &pixels, sigma_px };
+    assert!(matches!(locate_each(&short, &mut Vec::new()), Err(Error::CountMismatch { what: "camera", .. })));
 }

@@ -57,8 +57,12 @@ fn locate_each_answers_in_numbers() {
         spoil(rng, &mut sigma_px);
         let points_in_target =
             if rng.index(2) == 0 { Given::Shared(&points[0]) } else { Given::Each(&points) };
-        let views =
-            Views { camera: &camera, points_in_target, pixels: &seen, sigma_px: Given::Shared(&sigma_px) };
+        let views = Views {
+            camera: Given::Shared(&camera),
+            points_in_target,
+            pixels: &seen,
+            sigma_px: Given::Shared(&sigma_px),
+        };
         if locate_each(&views, &mut answers).is_err() {
             return false;
         }
@@ -77,8 +81,12 @@ fn locate_each_of_three_answers_in_numbers() {
         let mut sigma_px = [0.5; 3];
         spoil(rng, &mut sigma_px);
         let points_in_target = Given::Each(&points[..]);
-        let views =
-            Views { camera: &camera, points_in_target, pixels: &seen, sigma_px: Given::Shared(&sigma_px) };
+        let views = Views {
+            camera: Given::Shared(&camera),
+            points_in_target,
+            pixels: &seen,
+            sigma_px: Given::Shared(&sigma_px),
+        };
         if locate_each_of_three(&views, &mut answers).is_err() {
             return false;
         }

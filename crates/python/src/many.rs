@@ -202,7 +202,7 @@ fn together(
 fn of_four(points: &[f64], is_shared: bool, pixels: &[f64], camera: &Camera, sigma_px: f64) -> Answers {
     let points: &[[Point; 4]] = bytemuck::cast_slice(points);
     let views = Views {
-        camera: &camera.known.camera,
+        camera: Given::Shared(&camera.known.camera),
         points_in_target: if is_shared { Given::Shared(&points[0]) } else { Given::Each(points) },
         pixels: bytemuck::cast_slice(pixels),
         sigma_px: Given::Shared(&[sigma_px; 4]),
@@ -217,7 +217,7 @@ fn of_four(points: &[f64], is_shared: bool, pixels: &[f64], camera: &Camera, sig
 fn of_three(points: &[f64], is_shared: bool, pixels: &[f64], camera: &Camera, sigma_px: f64) -> Answers {
     let points: &[[Point; 3]] = bytemuck::cast_slice(points);
     let views = Views::<3> {
-        camera: &camera.known.camera,
+        camera: Given::Shared(&camera.known.camera),
         points_in_target: if is_shared { Given::Shared(&points[0]) } else { Given::Each(points) },
         pixels: bytemuck::cast_slice(pixels),
         sigma_px: Given::Shared(&[sigma_px; 3]),

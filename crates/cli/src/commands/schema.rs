@@ -5,6 +5,7 @@ use crate::output::{Outcome, print};
 use anyhow::Result;
 use clap::Args;
 use resight::answer::{Generate, json_schema};
+use resight_fleet::answer::{BatchObject, ColumnsObject, FleetCameraObject};
 use resight_watch::outputs::history::StoredObject;
 use resight_watch::outputs::said::object::EventObject;
 use resight_whisker::files::contacts::ContactObject;
@@ -12,11 +13,14 @@ use resight_whisker::files::identification::IdentificationObject;
 use schemars::SchemaGenerator;
 
 /// Answers of the crates above the library's.
-const FURTHER: [(&str, Generate); 11] = [
+const FURTHER: [(&str, Generate); 14] = [
     ("event", SchemaGenerator::subschema_for::<EventObject>),
     ("stored", SchemaGenerator::subschema_for::<StoredObject>),
     ("history", SchemaGenerator::subschema_for::<history::HistoryObject>),
     ("history_export", SchemaGenerator::subschema_for::<history::ExportedObject>),
+    ("batch", SchemaGenerator::subschema_for::<BatchObject>),
+    ("batch_columns", SchemaGenerator::subschema_for::<ColumnsObject>),
+    ("fleet_camera", SchemaGenerator::subschema_for::<FleetCameraObject>),
     ("demo_first_pose", SchemaGenerator::subschema_for::<demo::FirstPose>),
     ("demo_pair", SchemaGenerator::subschema_for::<demo::Pair>),
     ("whisker_contact", SchemaGenerator::subschema_for::<whisker::Answer<ContactObject>>),

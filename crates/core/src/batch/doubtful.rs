@@ -16,7 +16,7 @@ use crate::locate::refine::refine_against;
 use crate::locate::{Method, PoseEstimate};
 use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;
-use crate::{Correspondence, Error, Pose};
+use crate::{Camera, Correspondence, Error, Pose};
 use arrayvec::ArrayVec;
 
 /// A view and what is known about it.
@@ -41,7 +41,6 @@ const AT_ONCE: usize = 32;
 /// Answers every doubtful view. Returns how many went to the single path from the beginning.
 pub(super) fn settle(
     views: &Views,
-    matrix: &CameraMatrix,
     doubtful: &[Doubtful],
     answers: &mut [Result<PoseEstimate, Error>],
 ) -> usize {
@@ -58,10 +57,10 @@ pub(super) fn settle(
             }
         }
         let starts: Vec<Start<4>> = cases.iter().flat_map(Case::starts).collect();
-        let mut ends = &refine_all(&starts, matrix)[..];
+        let mut ends = &refine_all(&starts)[..];
         for case in &cases {
             let (own, others) = ends.split_at(case.starts.len());
-            (answers[case.known.view], ends) = (case.answer(views, own), others);
+            (answers[case.known.view], ends) = (case.answer(own), others);
         }
     }
     singly
@@ -70,6 +69,8 @@ pub(super) fn settle(
 /// A doubtful view, and where else its search starts: from what is left over, then from P3P's poses.
 struct Case<'a> {
     known: &'a Doubtful,
+    camera: &'a Camera,
+    matrix: &'a CameraMatrix,
     seen: [Correspondence; 4],
     starts: ArrayVec<Pose, 5>,
     weakness: Option<Weakness>,
@@ -77,19 +78,20 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     /// None where not even the lowest minimum fits: `search` then starts from more than P3P.
-    fn of(views: &Views, known: &'a Doubtful) -> Option<Self> {
-        let seen = correspondences(views, known.view).ok()?;
+    fn of(views: &Views<'a>, known: &'a Doubtful) -> Option<Self> {
+        let (seen, _) = correspondences(views, known.view).ok()?;
+        let (camera, matrix) = views.pinhole(known.view)?;
         let fits = known.minima.first().is_some_and(|m| !is_unlikely(m.chi2, DEGREES_OF_FREEDOM));
         if !fits {
             return None;
         }
-        let problem = &Problem::new(&seen, views.camera);
+        let problem = &Problem::new(&seen, camera);
         let weakness = match known.is_strong {
             true => None,
             false => of_method(Method::LinePlusOne, &known.geometry.configuration, problem).1,
         };
         let starts = known.left_over.into_iter().chain(three_of(&seen)).collect();
-        Some(Case { known, seen, starts, weakness })
+        Some(Case { known, camera, matrix, seen, starts, weakness })
     }
 
     fn lowest_chi2(&self) -> f64 {
@@ -99,14 +101,15 @@ impl<'a> Case<'a> {
     fn starts(&self) -> impl Iterator<Item = Start<'_, 4>> {
         self.starts.iter().map(|start| Start {
             seen: &self.seen,
+            matrix: self.matrix,
             cam_from_target: *start,
             alternative_chi2: self.lowest_chi2(),
         })
     }
 
     /// As `search` and `locate` end; `ends` are those of this view's starts.
-    fn answer(&self, views: &Views, ends: &[End]) -> Result<PoseEstimate, Error> {
-        let problem = &Problem::new(&self.seen, views.camera);
+    fn answer(&self, ends: &[End]) -> Result<PoseEstimate, Error> {
+        let problem = &Problem::new(&self.seen, self.camera);
         let mut found = Found::default();
         let minima = &mut found.minima;
         minima.extend(self.known.minima.iter().copied());

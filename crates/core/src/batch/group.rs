@@ -13,12 +13,20 @@ pub(super) struct Group<const N: usize> {
     from_pivot: [[Column; 3]; N],
     pixel: [[Column; 2]; N],
     sigma_px: [Column; N],
+    /// fx, fy, cx, cy.
+    matrix: [Column; 4],
 }
 
 impl<const N: usize> Default for Group<N> {
     fn default() -> Self {
         let zero = Column::default();
-        Group { pivot: [zero; 3], from_pivot: [[zero; 3]; N], pixel: [[zero; 2]; N], sigma_px: [zero; N] }
+        Group {
+            pivot: [zero; 3],
+            from_pivot: [[zero; 3]; N],
+            pixel: [[zero; 2]; N],
+            sigma_px: [zero; N],
+            matrix: [zero; 4],
+        }
     }
 }
 
@@ -46,14 +54,23 @@ impl<const N: usize> Group<N> {
     }
 
     #[inline(always)]
-    pub fn seen<S: Simd>(&self, simd: S, matrix: &CameraMatrix) -> ObservedPoints<S, N> {
+    pub fn set_matrix(&mut self, lane: usize, matrix: &CameraMatrix) {
+        let CameraMatrix { fx_px, fy_px, cx_px, cy_px } = *matrix;
+        for (column, value) in self.matrix.iter_mut().zip([fx_px, fy_px, cx_px, cy_px]) {
+            column[lane] = value;
+        }
+    }
+
+    #[inline(always)]
+    pub fn seen<S: Simd>(&self, simd: S) -> ObservedPoints<S, N> {
+        let [fx, fy, cx, cy] = &self.matrix;
         let zero = Lanes::splat(simd, 0.0);
         let mut seen = ObservedPoints {
             from_pivot: [Vector::new(zero, zero, zero); N],
             pixel: [[zero; 2]; N],
             weight: [zero; N],
-            focal: [Lanes::splat(simd, matrix.fx_px), Lanes::splat(simd, matrix.fy_px)],
-            principal: [Lanes::splat(simd, matrix.cx_px), Lanes::splat(simd, matrix.cy_px)],
+            focal: [Lanes::load(simd, fx), Lanes::load(simd, fy)],
+            principal: [Lanes::load(simd, cx), Lanes::load(simd, cy)],
         };
         for k in 0..N {
             seen.from_pivot[k] = load(simd, &self.from_pivot[k]);

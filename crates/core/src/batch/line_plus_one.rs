@@ -22,19 +22,14 @@ use arrayvec::ArrayVec;
 use pulp::{Arch, Simd, WithSimd};
 
 /// See `batch::locate_each`.
-pub(super) fn locate_each(
-    views: &Views,
-    matrix: &CameraMatrix,
-    answers: &mut Vec<Result<PoseEstimate, Error>>,
-) -> usize {
+pub(super) fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
     let mut doubtful = Vec::new();
-    let singly = Arch::new().dispatch(Run { views, matrix, answers, doubtful: &mut doubtful });
-    singly + settle(views, matrix, &doubtful, answers)
+    let singly = Arch::new().dispatch(Run { views, answers, doubtful: &mut doubtful });
+    singly + settle(views, &doubtful, answers)
 }
 
 struct Run<'a> {
     views: &'a Views<'a>,
-    matrix: &'a CameraMatrix,
     answers: &'a mut Vec<Result<PoseEstimate, Error>>,
     /// Those whose answers are only held open here.
     doubtful: &'a mut Vec<Doubtful>,
@@ -52,9 +47,10 @@ impl WithSimd for Run<'_> {
         let mut singly = 0;
         for first in (0..self.views.pixels.len()).step_by(lanes) {
             sights.gather(self.views, first, lanes);
-            sights.locate(simd, self.matrix, &mut found);
+            sights.locate(simd, &mut found);
             for lane in 0..lanes.min(self.views.pixels.len() - first) {
-                let (view, geometry) = (first + lane, sights.geometry[lane]);
+                let (view, geometry) =
+                    (first + lane, sights.geometry[lane].filter(|_| sights.is_pinhole[lane]));
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
                     Some(given) if found.sure[lane] != 0.0 && !given.is_between_layouts() => {
                         self.answers.push(Ok(found.estimate(lane, geometry)));
@@ -74,6 +70,9 @@ impl WithSimd for Run<'_> {
     }
 }
 
+/// Stands in for a lens that the lanes do not know; nothing is answered with it.
+const UNIT: CameraMatrix = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
+
 /// The views of a group, and the target they show.
 #[derive(Default)]
 struct Sights {
@@ -83,6 +82,8 @@ struct Sights {
     /// Of a target in this configuration, with the order of its points.
     geometry: [Option<Geometry>; WIDTH],
     order: [[usize; 4]; WIDTH],
+    /// Whether the lanes know the lens.
+    is_pinhole: [bool; WIDTH],
 }
 
 impl Sights {
@@ -95,6 +96,9 @@ impl Sights {
             if !is_known && let Some(points) = views.points_in_target.of(view) {
                 self.take_target(lane, points);
             }
+            let matrix = views.pinhole(view).map(|(_, matrix)| matrix);
+            self.is_pinhole[lane] = matrix.is_some();
+            self.group.set_matrix(lane, matrix.unwrap_or(&UNIT));
             let Some(sigmas) = views.sigma_px.of(view) else { continue };
             let order = &self.order[lane];
             for k in 0..4 {
@@ -126,8 +130,8 @@ impl Sights {
     }
 
     #[inline(always)]
-    fn locate<S: Simd>(&self, simd: S, matrix: &CameraMatrix, found: &mut Found) {
-        let seen = self.group.seen(simd, matrix);
+    fn locate<S: Simd>(&self, simd: S, found: &mut Found) {
+        let seen = self.group.seen(simd);
         let sigma_px = seen.weight[3].recip();
         let (bearings, valid) = bearings(&seen);
         let [u, v] = seen.pixel[3];
@@ -308,7 +312,7 @@ impl Found {
 mod tests {
     use super::*;
     use crate::batch::Given;
-    use crate::{Camera, Lens, Pixel, Pose};
+    use crate::{Camera, Pixel, Pose};
     use nalgebra::Vector3;
 
     /// Views along a path, with a disturbance of the size of their sigma.
@@ -344,26 +348,25 @@ mod tests {
     #[test]
     fn every_width_gives_the_same_answers() {
         let camera = Camera::normalized();
-        let Lens::Pinhole(model) = &camera.lens else { return };
         let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0));
         let pixels = pixels(&points);
         let (points_in_target, sigma_px) = (Given::Shared(&points), Given::Shared(&[3e-4; 4]));
-        let views = &Views { camera: &camera, points_in_target, pixels: &pixels, sigma_px };
+        let views = &Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px };
         let single: Vec<_> = (0..pixels.len()).filter_map(|view| alone(views, view).ok()).collect();
-        let (mut answers, mut doubtful, matrix) = (Vec::new(), Vec::new(), &model.matrix);
-        let run = Run { views, matrix, answers: &mut answers, doubtful: &mut doubtful };
+        let (mut answers, mut doubtful) = (Vec::new(), Vec::new());
+        let run = Run { views, answers: &mut answers, doubtful: &mut doubtful };
         assert_eq!(run.with_simd(pulp::Scalar), 0);
         let sure = assert_same(&answers, &single);
         assert!(pixels.len() / 2 < sure && sure + doubtful.len() == pixels.len(), "{sure}");
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V3::try_new() {
             let mut answers = Vec::new();
-            let run = Run { views, matrix, answers: &mut answers, doubtful: &mut Vec::new() };
+            let run = Run { views, answers: &mut answers, doubtful: &mut Vec::new() };
             assert_eq!(Simd::vectorize(simd, run), 0);
             assert_eq!(assert_same(&answers, &single), sure);
         }
         let mut answers = Vec::new();
-        assert_eq!(locate_each(views, matrix, &mut answers), 0);
+        assert_eq!(locate_each(views, &mut answers), 0);
         assert_eq!(assert_same(&answers, &single), pixels.len());
     }
 }

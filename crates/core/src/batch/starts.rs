@@ -14,6 +14,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// A pose to refine, and the χ² of the minimum it will be compared with; infinite where there is none.
 pub(super) struct Start<'a, const N: usize> {
     pub seen: &'a [Correspondence; N],
+    pub matrix: &'a CameraMatrix,
     pub cam_from_target: Pose,
     pub alternative_chi2: f64,
 }
@@ -27,13 +28,12 @@ pub(super) struct End {
 }
 
 /// Refines every start; one end for each, in their order.
-pub(super) fn refine_all<const N: usize>(starts: &[Start<N>], matrix: &CameraMatrix) -> Vec<End> {
-    Arch::new().dispatch(Run { starts, matrix })
+pub(super) fn refine_all<const N: usize>(starts: &[Start<N>]) -> Vec<End> {
+    Arch::new().dispatch(Run { starts })
 }
 
 struct Run<'a, const N: usize> {
     starts: &'a [Start<'a, N>],
-    matrix: &'a CameraMatrix,
 }
 
 impl<const N: usize> WithSimd for Run<'_, N> {
@@ -48,7 +48,7 @@ impl<const N: usize> WithSimd for Run<'_, N> {
                 // Beyond the last start it stands again.
                 places.set(lane, &starts[lane.min(starts.len() - 1)]);
             }
-            places.refine(simd, self.matrix);
+            places.refine(simd);
             for lane in 0..starts.len() {
                 ends.push(places.end(lane));
             }
@@ -73,6 +73,7 @@ impl<const N: usize> Places<N> {
     #[inline(always)]
     fn set(&mut self, lane: usize, start: &Start<N>) {
         let pose = &start.cam_from_target;
+        self.group.set_matrix(lane, start.matrix);
         self.group.set_points(lane, &from_fn(|k| start.seen[k].x_in_target));
         for k in 0..N {
             self.group.set_pixel(lane, k, &start.seen[k].pixel);
@@ -89,8 +90,8 @@ impl<const N: usize> Places<N> {
     }
 
     #[inline(always)]
-    fn refine<S: Simd>(&mut self, simd: S, matrix: &CameraMatrix) {
-        let seen = self.group.seen(simd, matrix);
+    fn refine<S: Simd>(&mut self, simd: S) {
+        let seen = self.group.seen(simd);
         let [x, y, z] = &self.rotation;
         let rotation = Matrix { rows: [load(simd, x), load(simd, y), load(simd, z)] };
         let start = Place { rotation, pivot_in_cam: load(simd, &self.pivot_in_cam) };

@@ -16,29 +16,25 @@ use crate::locate::refine::refine_against;
 use crate::locate::{Method, PoseEstimate};
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
-use crate::{Correspondence, Error, Point};
+use crate::{Camera, Correspondence, Error, Point};
 
 /// As many views at a time, so that what is known about them stays near.
 const AT_ONCE: usize = 32;
 
 /// See `batch::locate_each_of_three`.
-pub(super) fn locate_each(
-    views: &Views<3>,
-    matrix: &CameraMatrix,
-    answers: &mut Vec<Result<PoseEstimate, Error>>,
-) -> usize {
+pub(super) fn locate_each(views: &Views<3>, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
     let (mut target, mut singly, count) = (Target::default(), 0, views.pixels.len());
     for first in (0..count).step_by(AT_ONCE) {
         let some = first..count.min(first + AT_ONCE);
         let cases: Vec<Option<Case>> = some.clone().map(|view| Case::of(views, view, &mut target)).collect();
         let starts: Vec<Start<3>> = cases.iter().flatten().flat_map(Case::starts).collect();
-        let mut ends = &refine_all(&starts, matrix)[..];
+        let mut ends = &refine_all(&starts)[..];
         for (view, case) in some.zip(&cases) {
             let (own, others) = ends.split_at(case.as_ref().map_or(0, |case| case.starts.len()));
             ends = others;
             let mut found = Found::default();
-            match case.as_ref().filter(|case| case.find(views, own, &mut found.minima)) {
-                Some(case) => answers.push(case.answer(views, own, &mut found)),
+            match case.as_ref().filter(|case| case.find(own, &mut found.minima)) {
+                Some(case) => answers.push(case.answer(own, &mut found)),
                 None => {
                     answers.push(alone(views, view));
                     singly += 1;
@@ -68,40 +64,44 @@ impl Target {
 }
 
 /// A view, and the poses that P3P finds for it.
-struct Case {
+struct Case<'a> {
+    camera: &'a Camera,
+    matrix: &'a CameraMatrix,
     seen: [Correspondence; 3],
     geometry: Geometry,
     starts: Candidates,
 }
 
-impl Case {
+impl<'a> Case<'a> {
     /// None where something is wrong with the view, or no pose fits: `locate` says what.
-    fn of(views: &Views<3>, view: usize, target: &mut Target) -> Option<Self> {
+    fn of(views: &Views<'a, 3>, view: usize, target: &mut Target) -> Option<Self> {
         let geometry = target.geometry(&views.points_in_target, view)?;
-        let seen = correspondences(views, view).ok()?;
+        let (camera, matrix) = views.pinhole(view)?;
+        let (seen, _) = correspondences(views, view).ok()?;
         let [a, b, c] = [seen[0].pixel, seen[1].pixel, seen[2].pixel];
         let is_sound = check_numbers(&seen).is_ok() && a != b && b != c && c != a;
         let starts = if is_sound { three_of(&seen) } else { Candidates::new() };
-        (!starts.is_empty()).then_some(Case { seen, geometry, starts })
+        (!starts.is_empty()).then_some(Case { camera, matrix, seen, geometry, starts })
     }
 
     fn starts(&self) -> impl Iterator<Item = Start<'_, 3>> {
         let alternative_chi2 = f64::INFINITY; // they fit exactly: none ends early
         self.starts.iter().map(move |start| Start {
             seen: &self.seen,
+            matrix: self.matrix,
             cam_from_target: *start,
             alternative_chi2,
         })
     }
 
     /// As `multi_start::refine_each`, the refinements being done. Returns whether any start led to a minimum.
-    fn find(&self, views: &Views<3>, ends: &[End], minima: &mut Minima) -> bool {
+    fn find(&self, ends: &[End], minima: &mut Minima) -> bool {
         for (start, end) in self.starts.iter().zip(ends) {
             match end.minimum {
                 Some(minimum) => insert(minima, minimum),
                 None => {
                     let alternative_chi2 = minima.first().map(|m| m.chi2);
-                    let problem = &Problem::new(&self.seen, views.camera);
+                    let problem = &Problem::new(&self.seen, self.camera);
                     if let Ok(minimum) = refine_against(start, alternative_chi2, problem) {
                         insert(minima, minimum);
                     }
@@ -112,14 +112,14 @@ impl Case {
     }
 
     /// As `locate` ends.
-    fn answer(&self, views: &Views<3>, ends: &[End], found: &mut Found) -> Result<PoseEstimate, Error> {
+    fn answer(&self, ends: &[End], found: &mut Found) -> Result<PoseEstimate, Error> {
         let leads_to = |end: &End, m: &Minimum| {
             end.minimum.as_ref().is_some_and(|n| n.cam_from_target == m.cam_from_target)
         };
         for (bend, m) in found.bends.iter_mut().zip(found.minima.iter()) {
             *bend = ends.iter().any(|end| end.is_straight && leads_to(end, m)).then_some(false);
         }
-        let problem = Problem::new(&self.seen, views.camera);
+        let problem = Problem::new(&self.seen, self.camera);
         let geometry = Some(self.geometry);
         conclude(&View { problem, geometry, method: Method::P3p, allowed: Allowed::default() }, found)
     }

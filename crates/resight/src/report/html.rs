@@ -56,12 +56,12 @@ impl Page {
     }
 
     /// Markup of our own, as it is: every text in it must have gone through `escaped`.
-    pub(super) fn markup(&mut self, markup: &str) -> &mut Self {
+    pub fn markup(&mut self, markup: &str) -> &mut Self {
         self.push(format!("{markup}\n"))
     }
 
     /// Rules beside those that every page has.
-    pub(super) fn style(&mut self, rules: &str) -> &mut Self {
+    pub fn style(&mut self, rules: &str) -> &mut Self {
         self.style.push_str(rules);
         self
     }
@@ -118,7 +118,7 @@ impl Page {
 const STATUS_WORDS: [&str; 6] = ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "error"];
 
 /// Text that cannot be taken for markup, in elements and in attributes between double quotes.
-pub(super) fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

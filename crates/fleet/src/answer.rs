@@ -1,0 +1,265 @@
+//! Answers as JSON: what `batch` and `fleet-report` print.
+
+use crate::assess::{Assessment, CameraVerdict, Found};
+use crate::layout::Columns;
+use crate::run::Done;
+use resight::answer::{SchemaNumber, TransformObject};
+use resight::report::verdict::Status;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What a run of `batch` comes to.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct BatchObject {
+    schema: SchemaNumber,
+    status: Status,
+    output: String,
+    rows: u64,
+    /// Rows by status.
+    statuses: BTreeMap<&'static str, u64>,
+    cameras: usize,
+    seconds: f64,
+    rows_per_s: f64,
+    /// Pieces of the output, and those of them that an earlier run, cut off, had written.
+    parts: usize,
+    resumed_parts: usize,
+    /// Files, or pieces of files, that could not be read.
+    failed: Vec<FailedObject>,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct FailedObject {
+    file: String,
+    reason: String,
+}
+
+/// Rows of each status in the order of `CameraState::counts`.
+const WORDS: [&str; 5] = ["ok", "ambiguous", "degenerate", "inconsistent", "error"];
+
+impl BatchObject {
+    /// Of a run that took so long; `counts` are the rows of each status.
+    pub fn of(done: &Done, counts: [u64; 5], cameras: usize, output: &Path, seconds: f64) -> Self {
+        let is_whole = done.failed.is_empty() && counts[1..].iter().all(|n| *n == 0);
+        let failed = done
+            .failed
+            .iter()
+            .map(|(file, reason)| FailedObject { file: file.display().to_string(), reason: reason.clone() });
+        BatchObject {
+            schema: SchemaNumber,
+            status: if is_whole { Status::Ok } else { Status::Error },
+            output: output.display().to_string(),
+            rows: done.rows,
+            statuses: WORDS.into_iter().zip(counts).collect(),
+            cameras,
+            seconds,
+            rows_per_s: done.rows as f64 / seconds.max(1e-9),
+            parts: done.parts,
+            resumed_parts: done.resumed_parts,
+            failed: failed.collect(),
+        }
+    }
+
+    /// Whether every row is `ok` and every file was read.
+    pub fn status(&self) -> Status {
+        self.status
+    }
+
+    /// For people.
+    pub fn in_words(&self) -> String {
+        let counts: Vec<String> =
+            self.statuses.iter().filter(|(_, n)| 0 < **n).map(|(word, n)| format!("{n} {word}")).collect();
+        let mut text = format!(
+            "{} rows of {} cameras in {:.1} s ({:.0} rows a second) written to {}\n  {}\n",
+            self.rows,
+            self.cameras,
+            self.seconds,
+            self.rows_per_s,
+            self.output,
+            counts.join(", ")
+        );
+        if 0 < self.resumed_parts {
+            text += &format!(
+                "  {} of {} parts were there from a run that was cut off\n",
+                self.resumed_parts, self.parts
+            );
+        }
+        for failed in &self.failed {
+            text += &format!("  not read: {}\n", failed.reason);
+        }
+        text
+    }
+}
+
+/// What `batch --explain` finds in a file.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct ColumnsObject {
+    schema: SchemaNumber,
+    status: Status,
+    file: String,
+    rows: Option<usize>,
+    columns: Vec<ColumnObject>,
+    missing: Vec<String>,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct ColumnObject {
+    name: String,
+    kind: String,
+    /// What it is taken for; none: it is not used.
+    used_as: Option<String>,
+}
+
+impl ColumnsObject {
+    /// Of a file.
+    pub fn of(path: &Path, columns: Columns, rows: Option<usize>) -> Self {
+        let column = |(name, kind, used): (String, String, String)| ColumnObject {
+            name,
+            kind,
+            used_as: Some(used).filter(|used| !used.is_empty()),
+        };
+        ColumnsObject {
+            schema: SchemaNumber,
+            status: if columns.missing.is_empty() { Status::Ok } else { Status::Error },
+            file: path.display().to_string(),
+            rows,
+            columns: columns.columns.into_iter().map(column).collect(),
+            missing: columns.missing,
+        }
+    }
+
+    /// `error` where columns are missing.
+    pub fn status(&self) -> Status {
+        self.status
+    }
+
+    /// For people.
+    pub fn in_words(&self) -> String {
+        let rows = self.rows.map_or(String::new(), |rows| format!(", {rows} rows"));
+        let mut text = format!("{}{rows}\n", self.file);
+        let width = self.columns.iter().map(|column| column.name.len()).max().unwrap_or(0);
+        for ColumnObject { name, kind, used_as } in &self.columns {
+            let used = used_as.as_deref().unwrap_or("not used");
+            text += &format!("  {name:width$}  {kind:24}  {used}\n");
+        }
+        for missing in &self.missing {
+            text += &format!("  missing: {missing}\n");
+        }
+        text
+    }
+}
+
+/// One camera of a fleet.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct FleetCameraObject {
+    schema: SchemaNumber,
+    camera: String,
+    status: Status,
+    found: String,
+    message: String,
+    motion: Option<MotionObject>,
+    cam_from_target: Option<TransformObject>,
+    /// 6×6, `[rotation_rad; translation_m]`, left perturbation in the camera frame.
+    covariance: Option<[[f64; 6]; 6]>,
+    detectable: Option<DetectableObject>,
+    statuses: BTreeMap<&'static str, u64>,
+    first_s: Option<f64>,
+    last_s: Option<f64>,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct MotionObject {
+    kind: &'static str,
+    since_s: f64,
+    since_sigma_s: f64,
+    chi2: f64,
+    degrees_of_freedom: u32,
+    rotation_deg: [f64; 3],
+    rotation_sigma_deg: [f64; 3],
+    translation_m: [f64; 3],
+    translation_sigma_m: [f64; 3],
+    rotation_alone_deg: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct DetectableObject {
+    within_s: f64,
+    rotation_deg: [f64; 3],
+    translation_m: [f64; 3],
+}
+
+impl From<&CameraVerdict> for FleetCameraObject {
+    fn from(v: &CameraVerdict) -> Self {
+        let motion = v.motion.as_ref().map(|m| MotionObject {
+            kind: m.kind,
+            since_s: m.since_s,
+            since_sigma_s: m.since_sigma_s,
+            chi2: m.chi2,
+            degrees_of_freedom: 6,
+            rotation_deg: m.rotation_deg,
+            rotation_sigma_deg: m.rotation_sigma_deg,
+            translation_m: m.translation_m,
+            translation_sigma_m: m.translation_sigma_m,
+            rotation_alone_deg: m.rotation_alone_deg,
+        });
+        FleetCameraObject {
+            schema: SchemaNumber,
+            camera: v.camera.clone(),
+            status: v.found.status(),
+            found: v.found.name().to_string(),
+            message: v.message.clone(),
+            motion,
+            cam_from_target: v.cam_from_target.map(|(pose, _)| TransformObject::from(pose)),
+            covariance: v
+                .cam_from_target
+                .map(|(_, c)| std::array::from_fn(|i| std::array::from_fn(|j| c[(i, j)]))),
+            detectable: v.detectable.as_ref().map(|d| DetectableObject {
+                within_s: d.within_s,
+                rotation_deg: d.rotation_rad.map(f64::to_degrees),
+                translation_m: d.translation_m,
+            }),
+            statuses: WORDS.into_iter().zip(v.counts).collect(),
+            first_s: v.span_s.map(|span| span.0),
+            last_s: v.span_s.map(|span| span.1),
+        }
+    }
+}
+
+/// For people: how many of what, then a line for each camera that is not steady, `most` of them.
+pub fn in_words(fleet: &Assessment, most: usize) -> String {
+    let counts = fleet.counts();
+    let count = |found: Found| counts.get(found.name()).copied().unwrap_or(0);
+    let mut text = format!("{} cameras: {} moved", fleet.cameras.len(), count(Found::Moved));
+    let others = [
+        Found::WrongMap,
+        Found::Dead,
+        Found::Clock,
+        Found::Wandering,
+        Found::TooFew,
+        Found::Unknown,
+        Found::Steady,
+    ];
+    for found in others {
+        if 0 < count(found) {
+            text += &format!(", {} {}", count(found), found.name().replace('_', " "));
+        }
+    }
+    text += &format!(
+        "\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
+        fleet.expected_false_alarms
+    );
+    let listed: Vec<&CameraVerdict> = fleet.cameras.iter().filter(|v| v.found != Found::Steady).collect();
+    for v in listed.iter().take(most) {
+        text += &format!(
+            "{:20} {:10} {}\n",
+            v.camera,
+            v.found.name().replace('_', " ").to_uppercase(),
+            v.message
+        );
+    }
+    if most < listed.len() {
+        text += &format!("… and {} more; --json has them all\n", listed.len() - most);
+    }
+    text
+}

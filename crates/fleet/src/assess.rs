@@ -1,0 +1,126 @@
+//! Which cameras moved? What the sums of each camera say, in the words of a report.
+//!
+//! The means of a camera's periods are readings of the change detector of `core` (`temporal::monitor`): its test of a record that began and
+//! ended some time ago names a step or a ramp at a stated rate of false alarms, whatever correlated errors the readings have; its bank of
+//! noise models says which motion it would have found. Nothing here steps on a threshold of its own but for cameras that are dead, whose
+//! map is wrong, or whose clock is: docs/math/fleet.md.
+
+mod clock;
+mod drift;
+mod verdict;
+
+pub use drift::Motion;
+pub use verdict::{CameraVerdict, Found};
+
+use crate::FleetError;
+use crate::cameras::Cameras;
+use crate::state::{CameraState, FleetState};
+use clock::FleetSpan;
+use nalgebra::Matrix6;
+use rayon::prelude::*;
+use resight::core::temporal::monitor::FALSE_ALARM_PROBABILITY;
+use resight::core::temporal::monitor::learn::LearnConfig;
+use std::collections::BTreeMap;
+
+/// What counts as a motion, and what is no motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AssessConfig {
+    /// Rows of a period, at least, for its mean to count.
+    pub least_rows: u64,
+    /// Standard deviation of the diurnal variation of each angle, radians.
+    pub diurnal_rad: f64,
+    /// Standard deviation of the diurnal variation of each coordinate, metres.
+    pub diurnal_m: f64,
+    /// Share of inconsistent rows beyond which the points or the intrinsics of a camera are wrong.
+    pub wrong_share: f64,
+    /// Periods without a row, at the end of the record, after which a camera is dead.
+    pub dead_periods: u32,
+    /// The motion that is promised to be found is that of a step which then lasts for so many periods.
+    pub promise_periods: u32,
+}
+
+impl Default for AssessConfig {
+    fn default() -> Self {
+        AssessConfig {
+            least_rows: 5,
+            diurnal_rad: 0.0,
+            diurnal_m: 0.0,
+            wrong_share: 0.5,
+            dead_periods: 4,
+            promise_periods: 8,
+        }
+    }
+}
+
+impl AssessConfig {
+    fn correlated(&self, period_s: f64) -> LearnConfig {
+        let square = |i: usize| if i < 3 { self.diurnal_rad.powi(2) } else { self.diurnal_m.powi(2) };
+        LearnConfig {
+            bias: Matrix6::zeros(),
+            bias_time_s: 4.0 * period_s,
+            diurnal: Matrix6::from_diagonal(&nalgebra::Vector6::from_fn(|i, _| square(i))),
+        }
+    }
+}
+
+/// A fleet, judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assessment {
+    /// One for each camera of the table and of the rows, those that moved first, by evidence; then by what is wrong, then by name.
+    pub cameras: Vec<CameraVerdict>,
+    /// From where most cameras begin to where most end, seconds.
+    pub span_s: Option<(f64, f64)>,
+    /// Seconds of a period.
+    pub period_s: f64,
+    /// Cameras of those that stayed that are expected to be called moved.
+    pub expected_false_alarms: f64,
+}
+
+impl Assessment {
+    /// How many cameras there are of each verdict.
+    pub fn counts(&self) -> BTreeMap<&'static str, usize> {
+        let mut counts = BTreeMap::new();
+        for camera in &self.cameras {
+            *counts.entry(camera.found.name()).or_default() += 1;
+        }
+        counts
+    }
+}
+
+/// Judges every camera. `known` are those that should be there.
+///
+/// # Errors
+/// `Setting` for a period that is not positive.
+pub fn assess(
+    state: FleetState,
+    known: Option<&Cameras>,
+    config: &AssessConfig,
+) -> Result<Assessment, FleetError> {
+    let period_s = state.period_s();
+    if !(0.0 < period_s && period_s.is_finite()) {
+        let reason = format!("the period is {period_s} s; a positive number of seconds is needed");
+        return Err(FleetError::Setting(reason));
+    }
+    let mut cameras: BTreeMap<String, CameraState> = state.into_cameras().into_iter().collect();
+    for name in known.iter().flat_map(|cameras| cameras.names()) {
+        cameras.entry(name.clone()).or_default();
+    }
+    let fleet = FleetSpan::of(cameras.values(), period_s);
+    let all: Vec<(&String, &CameraState)> = cameras.iter().collect();
+    let is_known = |name: &str| known.is_none_or(|cameras| cameras.number(name).is_some());
+    let mut verdicts: Vec<CameraVerdict> = all
+        .par_iter()
+        .map(|(name, state)| verdict::of(name, state, is_known(name), &fleet, config))
+        .collect();
+    verdicts.sort_by(|a, b| {
+        let evidence = |v: &CameraVerdict| v.motion.as_ref().map_or(0.0, |motion| motion.chi2);
+        a.found.cmp(&b.found).then(evidence(b).total_cmp(&evidence(a))).then(a.camera.cmp(&b.camera))
+    });
+    let tested = verdicts.iter().filter(|v| matches!(v.found, Found::Steady | Found::Wandering)).count();
+    Ok(Assessment {
+        cameras: verdicts,
+        span_s: fleet.span_s(),
+        period_s,
+        expected_false_alarms: tested as f64 * FALSE_ALARM_PROBABILITY,
+    })
+}

@@ -1,0 +1,124 @@
+//! A table of cameras, a row each: `camera, fx_px, fy_px, cx_px, cy_px`, and what else is known.
+
+use super::{FleetCamera, Site};
+use crate::FleetError;
+use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
+use resight::core::{Camera, Lens, Point};
+use resight::input::table::{Table, TableRow};
+use std::path::Path;
+
+const MATRIX: [&str; 4] = ["fx_px", "fy_px", "cx_px", "cy_px"];
+/// OpenCV's coefficients, in its order.
+const DISTORTION: [&str; 5] = ["k1", "k2", "p1", "p2", "k3"];
+/// Names of east and north, the first pair that there is.
+const MAPS: [[&str; 2]; 2] = [["longitude_deg", "latitude_deg"], ["east_m", "north_m"]];
+
+struct Columns {
+    camera: usize,
+    matrix: [usize; 4],
+    distortion: [Option<usize>; 5],
+    size: [Option<usize>; 2],
+    points: Vec<[usize; 3]>,
+    site: Option<usize>,
+    map: Option<[usize; 2]>,
+}
+
+pub(super) fn read(path: &Path) -> Result<Vec<FleetCamera>, FleetError> {
+    let table = Table::open(path, "camera,fx_px,fy_px,cx_px,cy_px")?;
+    let columns = columns(&table)?;
+    let mut cameras = Vec::new();
+    table.each(|row| {
+        cameras.push(camera(&columns, &row)?);
+        Ok::<(), FleetError>(())
+    })?;
+    Ok(cameras)
+}
+
+fn columns(table: &Table) -> Result<Columns, FleetError> {
+    let mut points = Vec::new();
+    while let Some(x) = table.find(&format!("x{}_m", points.len())) {
+        let n = points.len();
+        points.push([x, table.need(&format!("y{n}_m"), None)?, table.need(&format!("z{n}_m"), None)?]);
+    }
+    let map = MAPS.iter().find_map(|[east, north]| Some([table.find(east)?, table.find(north)?]));
+    let need = |name: &str| table.need(name, None);
+    Ok(Columns {
+        camera: need("camera")?,
+        matrix: [need(MATRIX[0])?, need(MATRIX[1])?, need(MATRIX[2])?, need(MATRIX[3])?],
+        distortion: DISTORTION.map(|name| table.find(name)),
+        size: ["width_px", "height_px"].map(|name| table.find(name)),
+        points,
+        site: table.find("site"),
+        map,
+    })
+}
+
+fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FleetError> {
+    let name = row
+        .text(columns.camera)
+        .ok_or_else(|| row.complaint(columns.camera, "is empty; a name is needed"))?;
+    let [fx_px, fy_px, cx_px, cy_px] = numbers(row, &columns.matrix)?;
+    let matrix = CameraMatrix { fx_px, fy_px, cx_px, cy_px };
+    let [k1, k2, p1, p2, k3] = columns.distortion.map(|column| row.optional_number(column));
+    let coefficients = [k1?, k2?, p1?, p2?, k3?].map(|k| k.unwrap_or(0.0));
+    let lens = match coefficients.iter().all(|k| *k == 0.0) {
+        true => Pinhole::new(matrix).map(Lens::from),
+        false => BrownConrady::new(matrix, &coefficients).map(Lens::from),
+    };
+    let lens = lens.map_err(|reason| row.complaint_of(&reason.to_string()))?;
+    Ok(FleetCamera {
+        name: name.to_string(),
+        camera: Camera { lens, size: size(columns, row)? },
+        points: points(columns, row)?,
+        site: site(columns, row)?,
+    })
+}
+
+fn numbers<const N: usize>(row: &TableRow<'_>, columns: &[usize; N]) -> Result<[f64; N], FleetError> {
+    let mut numbers = [0.0; N];
+    for (number, column) in numbers.iter_mut().zip(columns) {
+        *number = row.number(*column)?;
+        if !number.is_finite() {
+            return Err(row.complaint(*column, &format!("is {number}; a finite number is needed")).into());
+        }
+    }
+    Ok(numbers)
+}
+
+/// None where both cells are empty.
+fn size(columns: &Columns, row: &TableRow<'_>) -> Result<Option<ImageSize>, FleetError> {
+    let [Some(width), Some(height)] = columns.size else { return Ok(None) };
+    let side = |column: usize| -> Result<Option<u32>, FleetError> {
+        let Some(side) = row.optional_number(Some(column))? else { return Ok(None) };
+        if side.fract() != 0.0 || !(1.0..=1e6).contains(&side) {
+            let what = format!("is {side}; a whole number of pixels from 1 to 1000000 is needed");
+            return Err(row.complaint(column, &what).into());
+        }
+        Ok(Some(side as u32))
+    };
+    Ok(side(width)?.zip(side(height)?).map(|(width_px, height_px)| ImageSize { width_px, height_px }))
+}
+
+/// None where every cell is empty.
+fn points(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Vec<Point>>, FleetError> {
+    let is_filled = |column: &[usize; 3]| column.iter().any(|i| row.text(*i).is_some());
+    let filled: Vec<&[usize; 3]> = columns.points.iter().take_while(|column| is_filled(column)).collect();
+    if filled.is_empty() {
+        return Ok(None);
+    }
+    if filled.len() < 3 {
+        let what = format!("has {} points; 3 or more are needed", filled.len());
+        return Err(row.complaint(columns.camera, &what).into());
+    }
+    filled.into_iter().map(|column| numbers(row, column).map(Point::from)).collect::<Result<_, _>>().map(Some)
+}
+
+fn site(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Site>, FleetError> {
+    let name = columns.site.and_then(|i| row.text(i));
+    let east_north = match columns.map.filter(|map| map.iter().all(|i| row.text(*i).is_some())) {
+        Some(map) => Some(numbers(row, &map)?),
+        None => None,
+    };
+    let is_known = name.is_some() || east_north.is_some();
+    Ok(is_known.then(|| Site { name: name.unwrap_or_default().to_string(), east_north }))
+}

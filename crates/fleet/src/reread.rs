@@ -1,0 +1,40 @@
+//! The state of a fleet from files that `batch` wrote, in one run or in many.
+
+use crate::batch::SolvedRows;
+use crate::source::BATCH;
+use crate::{FleetError, FleetState};
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
+};
+use rayon::prelude::*;
+use std::fs::File;
+use std::path::PathBuf;
+
+/// Reads all files on all cores; the state is that of the run that wrote them, to the last bit.
+///
+/// # Errors
+/// A file that is damaged, or none of `batch`.
+pub fn reread(files: &[PathBuf], period_s: f64) -> Result<FleetState, FleetError> {
+    let state = FleetState::new(period_s);
+    let mut groups = Vec::new();
+    for path in files {
+        let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+        let metadata = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new())
+            .map_err(|e| FleetError::parquet(path, &e))?;
+        groups.extend((0..metadata.metadata().num_row_groups()).map(|group| (path, metadata.clone(), group)));
+    }
+    groups.into_par_iter().try_for_each(|(path, metadata, group)| {
+        let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+        let builder =
+            ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata).with_row_groups(vec![group]);
+        let reader = builder.with_batch_size(BATCH).build().map_err(|e| FleetError::parquet(path, &e))?;
+        for batch in reader {
+            let batch = batch.map_err(|e| FleetError::at(path, e.to_string()))?;
+            let rows =
+                SolvedRows::of_record_batch(&batch).map_err(|e| FleetError::at(path, e.to_string()))?;
+            state.add(&rows);
+        }
+        Ok::<(), FleetError>(())
+    })?;
+    Ok(state)
+}

@@ -1,0 +1,257 @@
+//! Files of views: Parquet in pieces that can be read on their own, CSV and JSON Lines from beginning to end.
+
+mod csv;
+mod json_lines;
+mod lines;
+mod paths;
+
+pub use paths::expand;
+
+use crate::FleetError;
+use crate::assemble::{Assembler, assembled};
+use crate::layout::{Columns, Layout, PointColumns, explain};
+use arrow_array::RecordBatch;
+use arrow_schema::SchemaRef;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+    RowSelection, RowSelector,
+};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Rows of a piece, which is read, solved and written on its own.
+pub const PIECE: usize = 131_072;
+/// Rows that are solved together.
+pub const BATCH: usize = 32_768;
+
+/// Batches one after the other.
+pub type Batches = Box<dyn Iterator<Item = Result<RecordBatch, FleetError>> + Send>;
+
+/// A file whose columns are known.
+pub struct Source {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// What each column of its batches is.
+    pub layout: Layout,
+    kind: Kind,
+}
+
+enum Kind {
+    Parquet { metadata: Box<ArrowReaderMetadata>, columns: Vec<usize> },
+    Csv,
+    JsonLines,
+}
+
+/// Some rows of a Parquet file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Piece {
+    group: usize,
+    first: usize,
+    /// How many rows it has.
+    pub rows: usize,
+}
+
+impl Source {
+    /// Opens a file, recognised by its first bytes.
+    ///
+    /// # Errors
+    /// What is wrong with it, or which columns are missing.
+    pub fn open(path: &Path) -> Result<Self, FleetError> {
+        let (schema, kind) = schema_of(path)?;
+        let layout = Layout::of(&schema).map_err(|reason| FleetError::at(path, reason.to_string()))?;
+        let (layout, kind) = match kind {
+            Kind::Parquet { metadata, .. } => {
+                let columns = layout.read();
+                (projected(&layout, &columns), Kind::Parquet { metadata, columns })
+            }
+            text => (layout, text),
+        };
+        Ok(Source { path: path.to_path_buf(), layout, kind })
+    }
+
+    /// What the columns of the batches that are solved are: of rows of points, those of the views that they become.
+    pub fn view_layout(&self) -> Layout {
+        match self.layout.points {
+            PointColumns::Points { .. } => assembled(&self.layout),
+            _ => self.layout.clone(),
+        }
+    }
+
+    /// Rows that it says it has.
+    pub fn rows(&self) -> Option<usize> {
+        match &self.kind {
+            Kind::Parquet { metadata, .. } => {
+                usize::try_from(metadata.metadata().file_metadata().num_rows()).ok()
+            }
+            _ => None,
+        }
+    }
+
+    /// The pieces that can be read on their own; none: it must be read from beginning to end.
+    pub fn pieces(&self) -> Option<Vec<Piece>> {
+        let Kind::Parquet { metadata, .. } = &self.kind else { return None };
+        if matches!(self.layout.points, PointColumns::Points { .. }) {
+            return None;
+        }
+        let mut pieces = Vec::new();
+        for (group, about) in metadata.metadata().row_groups().iter().enumerate() {
+            let rows = usize::try_from(about.num_rows()).unwrap_or(0);
+            for first in (0..rows).step_by(PIECE) {
+                pieces.push(Piece { group, first, rows: PIECE.min(rows - first) });
+            }
+        }
+        Some(pieces)
+    }
+
+    /// The rows of a piece.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn read(&self, piece: &Piece) -> Result<Batches, FleetError> {
+        let Kind::Parquet { metadata, columns } = &self.kind else {
+            return Err(FleetError::at(&self.path, "this file has no pieces"));
+        };
+        let skipped = RowSelector::skip(piece.first);
+        let selection = RowSelection::from(vec![skipped, RowSelector::select(piece.rows)]);
+        let builder = self.builder(metadata, columns)?.with_row_groups(vec![piece.group]);
+        let builder = if piece.first == 0 {
+            builder.with_limit(piece.rows)
+        } else {
+            builder.with_row_selection(selection)
+        };
+        self.batches(builder.build())
+    }
+
+    /// All rows, views put together, in batches of `PIECE` rows at most.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub fn stream(&self) -> Result<Batches, FleetError> {
+        let batches = match &self.kind {
+            Kind::Parquet { metadata, columns } => self.batches(self.builder(metadata, columns)?.build())?,
+            Kind::Csv => csv::batches(&self.path, &self.layout)?,
+            Kind::JsonLines => json_lines::batches(&self.path)?,
+        };
+        match self.layout.points {
+            PointColumns::Points { .. } => Ok(Box::new(Views {
+                batches,
+                layout: self.layout.clone(),
+                assembler: Assembler::default(),
+                is_over: false,
+            })),
+            _ => Ok(batches),
+        }
+    }
+
+    fn builder(
+        &self,
+        metadata: &ArrowReaderMetadata,
+        columns: &[usize],
+    ) -> Result<ParquetRecordBatchReaderBuilder<File>, FleetError> {
+        let file = File::open(&self.path).map_err(|e| FleetError::at(&self.path, e.to_string()))?;
+        let mask = ProjectionMask::roots(metadata.parquet_schema(), columns.iter().copied());
+        let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata.clone());
+        Ok(builder.with_projection(mask).with_batch_size(BATCH))
+    }
+
+    fn batches(
+        &self,
+        reader: Result<ParquetRecordBatchReader, parquet::errors::ParquetError>,
+    ) -> Result<Batches, FleetError> {
+        let path = self.path.clone();
+        let reader = reader.map_err(|e| FleetError::parquet(&path, &e))?;
+        Ok(Box::new(reader.map(move |batch| {
+            batch.map_err(|e| FleetError::at(&path, format!("{e}; write the file again, or leave it out")))
+        })))
+    }
+}
+
+/// What is found in a file, whatever is missing.
+///
+/// # Errors
+/// A file that cannot be read at all.
+pub fn explain_file(path: &Path) -> Result<(Columns, Option<usize>), FleetError> {
+    let (schema, kind) = schema_of(path)?;
+    let rows = match kind {
+        Kind::Parquet { metadata, .. } => {
+            usize::try_from(metadata.metadata().file_metadata().num_rows()).ok()
+        }
+        _ => None,
+    };
+    Ok((explain(&schema), rows))
+}
+
+fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
+    resight::input::must_not_block(path)?;
+    let mut file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+    let mut head = [0; 4];
+    let read = std::io::Read::read(&mut file, &mut head).map_err(|e| FleetError::at(path, e.to_string()))?;
+    if head[..read] == *b"PAR1" {
+        let metadata =
+            ArrowReaderMetadata::load(&file, ArrowReaderOptions::new().with_skip_arrow_metadata(false));
+        let metadata = metadata.map_err(|e| FleetError::parquet(path, &e))?;
+        return Ok((
+            metadata.schema().clone(),
+            Kind::Parquet { metadata: Box::new(metadata), columns: Vec::new() },
+        ));
+    }
+    let is_json = head[..read].iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+    match is_json {
+        true => Ok((json_lines::schema(path)?, Kind::JsonLines)),
+        false => Ok((csv::schema(path)?, Kind::Csv)),
+    }
+}
+
+/// The layout of batches that hold these columns only.
+fn projected(layout: &Layout, columns: &[usize]) -> Layout {
+    let at = |column: usize| columns.iter().position(|kept| *kept == column).unwrap_or(0);
+    let all = |columns: &[usize]| columns.iter().map(|column| at(*column)).collect::<Vec<_>>();
+    Layout {
+        camera: at(layout.camera),
+        time: layout.time.map(at),
+        view: layout.view.map(at),
+        sigma_px: layout.sigma_px.map(at),
+        points: match &layout.points {
+            PointColumns::Flat { pixels, points_m } => {
+                PointColumns::Flat { pixels: all(pixels), points_m: points_m.as_deref().map(all) }
+            }
+            PointColumns::Lists { pixels, points_m } => {
+                PointColumns::Lists { pixels: at(*pixels), points_m: points_m.map(at) }
+            }
+            PointColumns::Points { pixels, points_m } => {
+                PointColumns::Points { pixels: pixels.map(at), points_m: points_m.map(at) }
+            }
+        },
+    }
+}
+
+/// Rows of points on their way to views.
+struct Views {
+    batches: Batches,
+    layout: Layout,
+    assembler: Assembler,
+    is_over: bool,
+}
+
+impl Iterator for Views {
+    type Item = Result<RecordBatch, FleetError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while !self.is_over && self.assembler.waiting() < PIECE {
+            match self.batches.next() {
+                Some(Ok(batch)) => self.assembler.push(&batch, &self.layout),
+                Some(Err(reason)) => {
+                    self.is_over = true;
+                    return Some(Err(reason));
+                }
+                None => {
+                    self.is_over = true;
+                    self.assembler.finish();
+                }
+            }
+        }
+        let is_any = 0 < self.assembler.waiting();
+        is_any.then(|| Ok(self.assembler.take(PIECE, &self.layout)?.0))
+    }
+}

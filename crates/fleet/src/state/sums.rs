@@ -1,0 +1,93 @@
+//! Sums of poses over a period, as whole numbers.
+
+use nalgebra::{Matrix4, SymmetricEigen, Vector3};
+use resight::core::Pose;
+
+/// Units a metre: rounding is 2⁻²⁷ m, 7 nm, and 2²⁴ positions of 8 km fit.
+const PER_METRE: f64 = (1_u64 << 26) as f64;
+/// Units of a product of quaternion components, which is at most one: rounding is 2⁻⁴⁰, and 2²⁴ of them fit.
+const PER_PRODUCT: f64 = (1_u64 << 39) as f64;
+/// Positions farther off, metres, are not summed.
+pub const FARTHEST_M: f64 = 8192.0;
+/// Rows of a period beyond which its sums say nothing any more.
+pub const MOST_ROWS: u64 = (1 << 24) - 1;
+
+/// Rows of a period: how many, where the camera stood, which way it looked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sums {
+    /// Rows.
+    pub n: u64,
+    /// Σ of the camera's position in the target frame.
+    position: [i64; 3],
+    /// Σ of q qᵀ, upper triangle, of the quaternion of cam_from_target; its sign does not matter.
+    products: [i64; 10],
+}
+
+impl Sums {
+    /// Adds a pose; false where it lies too far off.
+    #[inline]
+    pub fn add(&mut self, quaternion: [f64; 4], translation: [f64; 3]) -> bool {
+        let [w, x, y, z] = quaternion;
+        let t = Vector3::from(translation);
+        // −Rᵀt without the matrix: v + 2w(v × t) …, with the conjugate.
+        let v = -Vector3::new(x, y, z);
+        let cross = v.cross(&t) * 2.0;
+        let position = -(t + cross * w + v.cross(&cross));
+        if !(position.amax() <= FARTHEST_M) {
+            return false;
+        }
+        self.n = self.n.wrapping_add(1);
+        for i in 0..3 {
+            self.position[i] = self.position[i].wrapping_add(whole(position[i] * PER_METRE));
+        }
+        let q = [w, x, y, z];
+        let mut k = 0;
+        for i in 0..4 {
+            for j in i..4 {
+                self.products[k] = self.products[k].wrapping_add(whole(q[i] * q[j] * PER_PRODUCT));
+                k += 1;
+            }
+        }
+        true
+    }
+
+    /// Of both.
+    pub fn merge(&mut self, other: &Sums) {
+        self.n = self.n.wrapping_add(other.n);
+        for (mine, theirs) in self.position.iter_mut().zip(other.position) {
+            *mine = mine.wrapping_add(theirs);
+        }
+        for (mine, theirs) in self.products.iter_mut().zip(other.products) {
+            *mine = mine.wrapping_add(theirs);
+        }
+    }
+
+    /// The mean pose: the mean position, and the rotation nearest to all (docs/math/fleet.md eq. (4)). None of no row, or of more than the
+    /// sums hold.
+    pub fn mean(&self) -> Option<Pose> {
+        if self.n == 0 || MOST_ROWS < self.n {
+            return None;
+        }
+        let n = self.n as f64;
+        let mut products = Matrix4::zeros();
+        let mut k = 0;
+        for i in 0..4 {
+            for j in i..4 {
+                products[(i, j)] = self.products[k] as f64 / (PER_PRODUCT * n);
+                products[(j, i)] = products[(i, j)];
+                k += 1;
+            }
+        }
+        let eigen = SymmetricEigen::new(products);
+        let q = eigen.eigenvectors.column(eigen.eigenvalues.imax());
+        let position = Vector3::from(self.position.map(|sum| sum as f64 / (PER_METRE * n)));
+        let rotation = Pose::from_quaternion_wxyz([q[0], q[1], q[2], q[3]], Vector3::zeros()).rotation;
+        Some(Pose { rotation, translation: -(rotation * position) })
+    }
+}
+
+/// To the nearest whole number; what is summed is far below 2⁶³.
+#[inline]
+fn whole(x: f64) -> i64 {
+    x.round_ties_even() as i64
+}
