@@ -2,7 +2,7 @@
 
 use crate::commands::{
     advise, compare, completions, convert, demo, detect, explain, hand_eye, history, intrinsics, landmarks,
-    locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
+    locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve, watch, whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
@@ -102,6 +102,8 @@ pub enum Command {
     Whisker(whisker::Whisker),
     /// Watches cameras over time and raises an alarm when one has moved.
     Watch(watch::Watch),
+    /// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
+    Serve(serve::Serve),
     /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
     /// Summarises the file that `watch --history` wrote, or exports it as CSV or Parquet.
@@ -134,6 +136,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
+        Command::Serve(args) => serve::run(&args),
         Command::Landmarks(args) => landmarks::run(&args),
         Command::History(args) => history::run(&args),
         Command::Completions(args) => completions::completions(&args, Arguments::command()),
