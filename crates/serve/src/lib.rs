@@ -20,7 +20,9 @@ mod example;
 mod photograph;
 mod socket;
 mod results;
+mod live;
 mod openapi;
 mod server;
 
+pub use live::{Live, Start};
 pub use server::{ServeConfig, Server};

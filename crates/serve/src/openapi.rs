@@ -2,6 +2,8 @@
 
 use crate::error::ErrorObject;
 use crate::photograph::{Numbered, NumberedView, Open, Opened};
+use crate::live::cameras::LiveView;
+use crate::live::routes::{HistoryEvent, Named};
 use crate::results::RigView;
 use resight_session::View;
 use schemars::generate::{SchemaGenerator, SchemaSettings};
@@ -69,6 +71,9 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
     let opened = content("application/json", &schema::<Opened>(generator), "A session and its view.");
     let numbered = content("application/json", &schema::<NumberedView>(generator), "What is so after the command.");
     let rig = content("application/json", &schema::<RigView>(generator), "What a 3-D view needs.");
+    let live = content("application/json", &schema::<LiveView>(generator), "How the cameras are.");
+    let camera = content("application/json", &schema::<Named>(generator), "Which camera.");
+    let history = content("application/json", &schema::<Vec<HistoryEvent>>(generator), "Events, oldest first.");
     let binary = json!({ "type": "string", "format": "binary" });
     let file = content("application/octet-stream", &binary, "The file.");
     let any = json!({ "type": "object" });
@@ -89,6 +94,12 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
         get("/api/session/export", "The answer in another format.", &["session", "photo", "format"], &file),
         get("/api/session/birdseye", "The ground from straight above, PNG.", &["session", "photo"], &file),
         post("/api/rig", "A rig's answer as a 3-D view needs it.", &[], &json_body, &rig),
+        get("/api/live", "How every watched camera is.", &[], &live),
+        post("/api/live/acknowledge", "Acknowledges an alarm.", &[], &camera, &live),
+        post("/api/live/reset", "Begins the standard deviations anew.", &[], &camera, &live),
+        post("/api/live/reference", "Learns a camera's reference anew; the old file is kept.", &[], &camera, &live),
+        get("/api/live/history", "Events of a camera from the history file.", &["camera", "from_s", "to_s"], &history),
+        get("/cameras.mjpg", "A camera as motion JPEG.", &["camera"], &file),
         get("/healthz", "Whether the server is well.", &[], &object),
     ]
 }

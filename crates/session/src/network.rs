@@ -16,16 +16,29 @@ use resight::measure::NamedScene;
 pub type Scene = NamedScene;
 use std::collections::BTreeSet;
 
-/// How flat the ground is, m, and how upright what stands on it, rad: as of `resight measure`.
-const FLATNESS_M: f64 = 0.01;
+/// How flat the ground is, in parts of the extent of the points: 9 mm over 3 m. Beyond that of `resight measure` it does not grow.
+const FLATNESS: f64 = 0.003;
+const MOST_FLATNESS_M: f64 = 0.01;
+/// How upright what stands on it is, rad: as of `resight measure`.
 const LEAN_RAD: f64 = 0.01;
+
+/// Standard deviation of a point's distance from the ground, m.
+pub fn flatness_m(places: &Places) -> f64 {
+    let all = || places.by_name.values().map(|p| p.x_m);
+    let least = all().fold(Point::repeat(f64::INFINITY), |m, p| m.inf(&p));
+    let extent_m = (all().fold(Point::repeat(f64::NEG_INFINITY), |m, p| m.sup(&p)) - least).norm();
+    match FLATNESS * extent_m {
+        flatness if 0.0 < flatness && flatness < MOST_FLATNESS_M => flatness,
+        _ => MOST_FLATNESS_M,
+    }
+}
 
 /// A scene with every photograph that has a pose and every measurement in one of them; `on_plane` puts the points themselves on the ground
 /// too, which bird's-eye images need.
 pub fn scene(state: &State, solved: &[Option<Solved>], places: &Places, on_plane: bool) -> Option<Scene> {
     let shown: Vec<(usize, &Solved)> = solved.iter().enumerate().filter_map(|(i, s)| Some((i, s.as_ref()?))).collect();
     let up = shown.first()?.1.up;
-    let mut builder = Builder { scene: empty(state.sigma_px, up), state };
+    let mut builder = Builder { scene: empty(state.sigma_px, up), state, flatness_m: flatness_m(places) };
     for (photo, solved) in &shown {
         builder.photo(*photo, solved);
     }
@@ -61,6 +74,7 @@ fn empty(sigma_px: f64, up: f64) -> Scene {
 struct Builder<'a> {
     scene: Scene,
     state: &'a State,
+    flatness_m: f64,
 }
 
 impl Builder<'_> {
@@ -98,7 +112,7 @@ impl Builder<'_> {
             let sigma_m = Vector3::repeat(place.sigma_m);
             self.scene.constraints.push(Constraint::Place { point, x_in_world: place.x_m, sigma_m });
             if on_plane && place.x_m.z == 0.0 {
-                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point, sigma_m: FLATNESS_M });
+                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point, sigma_m: self.flatness_m });
             }
         }
     }
@@ -126,7 +140,7 @@ impl Builder<'_> {
         for (i, (point, pixel)) in points.iter().zip(&m.points).enumerate() {
             self.seen(at, *point, *pixel, self.scene.sigma_px);
             if !(m.what == MeasuredKind::Height && i == 1) {
-                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point: *point, sigma_m: FLATNESS_M });
+                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point: *point, sigma_m: self.flatness_m });
             }
         }
         let (kind, points) = match m.what {

@@ -1,6 +1,6 @@
 //! A session as one file: a scene that `resight measure` reads, with the table `[session]` that holds the session itself.
 
-use crate::lens;
+use crate::{lens, network};
 use crate::places::{Places, places};
 use crate::session::{Refusal, Session, Step};
 use crate::state::{PhotoState, State};
@@ -107,7 +107,7 @@ fn scene(state: &State, places: &Places, solved: &[Option<crate::pose::Solved>])
         queries.push(table([("kind", kind.into()), ("points", asked.into()), ("name", m.name.clone().into())]));
     }
     file.insert("control_point".into(), places.by_name.iter().map(control_point).collect::<Vec<_>>().into());
-    file.insert("plane".into(), table([("points", on_plane.into()), ("z_m", 0.0.into())]));
+    file.insert("plane".into(), table([("points", on_plane.into()), ("z_m", 0.0.into()), ("sigma_m", network::flatness_m(places).into())]));
     file.insert("upright".into(), uprights.into());
     file.insert("query".into(), queries.into());
     let photos = state.photos.iter().enumerate().zip(solved).filter_map(|((i, p), s)| photo(state, i, p, s.as_ref()));

@@ -1,10 +1,12 @@
 //! `serve`: the local web page and the interface behind it.
 
 use crate::output::{Outcome, print, remark};
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
-use resight_serve::{ServeConfig, Server};
-use std::path::PathBuf;
+use resight_serve::{ServeConfig, Server, Start};
+use resight_watch::Log;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 /// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
 ///
@@ -14,9 +16,13 @@ use std::path::PathBuf;
 #[command(after_help = "Example: resight serve")]
 #[command(after_long_help = "Examples:
   resight serve
+  resight serve session.toml
   resight serve --listen 127.0.0.1:0
   resight serve --listen 192.168.1.5:8600 --token-file token --allowed-host survey.local")]
 pub struct Serve {
+    /// Session file of `resight watch`: its cameras are shown live.
+    #[arg(value_name = "SESSION.toml")]
+    session: Option<PathBuf>,
     /// Where to listen; port 0 takes a free one.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8600")]
     listen: String,
@@ -30,11 +36,10 @@ pub struct Serve {
 
 /// See `Serve`.
 pub fn run(args: &Serve) -> Result<Outcome> {
-    let server = Server::bind(&ServeConfig {
-        address: args.listen.clone(),
-        token_file: args.token_file.clone(),
-        hosts: args.allowed_host.clone(),
-    })?;
+    let mut server = bind("--listen", &args.listen, args.token_file.as_deref(), &args.allowed_host)?;
+    if let Some(session) = &args.session {
+        server.watch(start(session)?, Log::new(remark))?;
+    }
     let place = server.place();
     if !place.ip().is_loopback() {
         remark("warning: the token travels unencrypted; put a proxy with TLS in front");
@@ -42,4 +47,24 @@ pub fn run(args: &Serve) -> Result<Outcome> {
     print(&format!("http://{place}/\n"))?;
     server.run()?;
     Ok(Outcome::Answered)
+}
+
+/// The session of a file, read anew each time it starts.
+fn start(session: &Path) -> Result<Start> {
+    let words = ["resight", "watch"].map(OsString::from).into_iter().chain([session.as_os_str().to_owned()]);
+    let words: Vec<OsString> = words.collect();
+    Ok(Box::new(move |anew| match crate::program::Arguments::read(&words)?.command {
+        crate::program::Command::Watch(args) => super::watch::request_of(&args, anew),
+        _ => bail!("this is no session"),
+    }))
+}
+
+/// A server at an address; `flag` is where that comes from.
+pub fn bind(flag: &'static str, address: &str, token_file: Option<&Path>, hosts: &[String]) -> Result<Server> {
+    Server::bind(&ServeConfig {
+        flag,
+        address: address.to_owned(),
+        token_file: token_file.map(Path::to_owned),
+        hosts: hosts.to_vec(),
+    })
 }

@@ -1,7 +1,7 @@
 //! What a person sees of a pose in the photograph: a metric grid on the plane z = 0, the axes and the horizon, as curves through the lens.
 
-use super::geometry::{ellipse, grid, pixel_covariance, project_segment, round_down_125, semi_axes};
-use crate::core::{Camera, Matrix6, Pixel, Point, Pose};
+use super::geometry::{ellipse, grid, outline, pixel_covariance, project_segment, round_down_125, semi_axes};
+use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
 
 /// Curves of the image, pixels; each is within the image or just beyond its edge.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -80,6 +80,12 @@ pub fn prediction_ellipse(
 ) -> Option<Vec<Pixel>> {
     let (pixel, spread) = pixel_covariance(camera, &(cam_from_target * x_in_target), covariance)?;
     Some(ellipse(pixel, &semi_axes(&spread, SIGMAS_95)))
+}
+
+/// Edges of a target through the lens, in the image or just beyond its edge.
+pub fn target_lines(camera: &Camera, cam_from_target: &Pose, target: &Target) -> Vec<Vec<Pixel>> {
+    let shown = |(a, b): (Point, Point)| within(camera, project_segment(camera, cam_from_target, &a, &b));
+    outline(target).into_iter().flat_map(shown).collect()
 }
 
 /// The parts of curves that the image shows.
