@@ -75,7 +75,8 @@ pub fn lay_out(pixels: &[Pixel], shape: Shape, distances: &[TypedDistance]) -> L
     let lengths: Vec<f64> = used.iter().map(|d| d.distance_m).collect();
     let plan = Plan { pixels, shape, distances: &used };
     let placed = plan.places(&lengths);
-    let by_length: Vec<Vec<Option<Vector2<f64>>>> = (0..used.len()).map(|k| plan.slopes(&lengths, k)).collect();
+    let by_length: Vec<Vec<Option<Vector2<f64>>>> =
+        (0..used.len()).map(|k| plan.slopes(&lengths, k)).collect();
     let variance = |i: usize| -> f64 {
         let by = |(k, slopes): (usize, &Vec<Option<Vector2<f64>>>)| {
             slopes[i].map_or(0.0, |slope| 0.5 * slope.norm_squared() * used[k].sigma_m.powi(2))
@@ -163,13 +164,14 @@ impl Plan<'_> {
     /// The next point that two distances, or a line and one, determine.
     fn next(&self, lengths: &[f64], placed: &Places) -> Option<(usize, Vector2<f64>)> {
         placed[1.min(placed.len() - 1)]?;
-        (2..placed.len()).filter(|i| placed[*i].is_none()).find_map(|i| Some((i, self.place(i, lengths, placed)?)))
+        (2..placed.len())
+            .filter(|i| placed[*i].is_none())
+            .find_map(|i| Some((i, self.place(i, lengths, placed)?)))
     }
 
     fn place(&self, i: usize, lengths: &[f64], placed: &Places) -> Option<Vector2<f64>> {
-        let known: Vec<(usize, Vector2<f64>, f64)> = (0..placed.len())
-            .filter_map(|j| Some((j, placed[j]?, self.between(i, j, lengths)?)))
-            .collect();
+        let known: Vec<(usize, Vector2<f64>, f64)> =
+            (0..placed.len()).filter_map(|j| Some((j, placed[j]?, self.between(i, j, lengths)?))).collect();
         if self.shape == Shape::LineOfThree && i == 2 {
             let (j, at, r) = known.first()?;
             let t = self.along(0, 1, 2);
@@ -202,7 +204,8 @@ impl Plan<'_> {
     fn slopes(&self, lengths: &[f64], k: usize) -> Places {
         let step = STEP * lengths[k];
         let at = |by: f64| {
-            let moved: Vec<f64> = lengths.iter().enumerate().map(|(i, l)| if i == k { l + by } else { *l }).collect();
+            let moved: Vec<f64> =
+                lengths.iter().enumerate().map(|(i, l)| if i == k { l + by } else { *l }).collect();
             self.places(&moved)
         };
         at(step).iter().zip(at(-step)).map(|(up, down)| Some((up.as_ref()? - down?) / (2.0 * step))).collect()

@@ -42,7 +42,11 @@ impl Problem {
 
     /// A thread that failed: the request is lost, nothing else.
     pub fn failed() -> Self {
-        Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "failed", "This could not be done; nothing else was lost.")
+        Problem::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "failed",
+            "This could not be done; nothing else was lost.",
+        )
     }
 }
 

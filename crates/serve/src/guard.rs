@@ -11,6 +11,9 @@ use std::sync::Arc;
 /// The page's own files hold no data, and a page must be there to ask for the token.
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
 
+/// No route takes a larger body, bytes; each has a limit of its own besides.
+const LARGEST: usize = crate::photograph::SESSION_BYTES;
+
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// The outermost layer.
@@ -42,10 +45,19 @@ fn admitted(access: &Access, request: &Request) -> Result<(), Problem> {
         let message = "This host name is not allowed; see --allowed-host.";
         return Err(Problem::new(StatusCode::MISDIRECTED_REQUEST, "host", message));
     }
+    let length = text(headers, &header::CONTENT_LENGTH).and_then(|length| length.parse::<usize>().ok());
+    if length.is_some_and(|length| LARGEST < length) {
+        let message = format!("This is larger than {} MB, the most that is taken.", LARGEST >> 20);
+        return Err(Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "size", message));
+    }
     let is_plain_page = request.method() == Method::GET && OPEN.contains(&request.uri().path());
     let origin = text(headers, &header::ORIGIN);
-    let is_foreign = headers.contains_key(header::ORIGIN) && (origin.is_none() || !access.knows_origin(origin));
-    let is_cross = matches!(headers.get("sec-fetch-site").map(HeaderValue::as_bytes), Some(b"cross-site" | b"same-site"));
+    let is_foreign =
+        headers.contains_key(header::ORIGIN) && (origin.is_none() || !access.knows_origin(origin));
+    let is_cross = matches!(
+        headers.get("sec-fetch-site").map(HeaderValue::as_bytes),
+        Some(b"cross-site" | b"same-site")
+    );
     if is_foreign || (is_cross && !is_plain_page) {
         return Err(Problem::new(StatusCode::FORBIDDEN, "origin", "Pages of other addresses get no answer."));
     }
@@ -74,6 +86,10 @@ pub fn must_be_json(headers: &HeaderMap) -> Result<(), Problem> {
     let given = text(headers, &header::CONTENT_TYPE).unwrap_or_default();
     match given.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {
         true => Ok(()),
-        false => Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "media_type", "Send Content-Type: application/json.")),
+        false => Err(Problem::new(
+            StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            "media_type",
+            "Send Content-Type: application/json.",
+        )),
     }
 }

@@ -41,8 +41,12 @@ impl Live {
     /// Of a session that is about to start.
     pub fn new(request: &Request, can_restart: bool) -> Self {
         let fixed = match (can_restart, &request.state) {
-            (false, _) => Some("`watch --serve` shows a session and does not restart it; set references with `resight serve SESSION.toml`."),
-            (true, Some(_)) => Some("The session keeps its state in a file, which remembers the references; leave out its key `state` to set them here."),
+            (false, _) => Some(
+                "`watch --serve` shows a session and does not restart it; set references with `resight serve SESSION.toml`.",
+            ),
+            (true, Some(_)) => Some(
+                "The session keeps its state in a file, which remembers the references; leave out its key `state` to set them here.",
+            ),
             (true, None) => None,
         };
         Live {

@@ -18,7 +18,8 @@ pub fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     FILES.iter().fold(Router::new(), |router, (path, media_type, bytes)| {
         let digest = Sha256::digest(bytes);
         let tag = format!("\"{}\"", digest.iter().take(12).map(|b| format!("{b:02x}")).collect::<String>());
-        router.route(path, get(move |request: Request| async move { file(&request, &tag, media_type, bytes) }))
+        router
+            .route(path, get(move |request: Request| async move { file(&request, &tag, media_type, bytes) }))
     })
 }
 

@@ -8,6 +8,7 @@ use crate::{example, page};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
+use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -15,11 +16,15 @@ use resight_session::{Command, Photograph, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::task::spawn_blocking;
+use tokio::time::timeout;
 
 /// Largest photograph and largest saved session, bytes: base64 takes a third more, and a session holds several.
 const PHOTOGRAPH_BYTES: usize = 96 << 20;
-const SESSION_BYTES: usize = 256 << 20;
+pub const SESSION_BYTES: usize = 256 << 20;
+/// For a whole request.
+const PATIENCE: Duration = Duration::from_secs(120);
 /// Largest command: camera and target files are in them.
 pub const COMMAND_BYTES: usize = 8 << 20;
 
@@ -82,6 +87,13 @@ pub fn routes() -> Router<App> {
         .route("/api/session/save", get(save))
         .route("/api/session/export", get(export))
         .route("/api/session/birdseye", get(birdseye))
+        .layer(middleware::from_fn(in_time))
+}
+
+/// A request that takes longer, body included, is given up.
+async fn in_time(request: Request, next: Next) -> Response {
+    let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
+    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
 /// Whoever failed while it held a session left it whole: a command changes its state at its end.
@@ -101,11 +113,16 @@ fn known(app: &App, id: &str) -> Result<Shared, Problem> {
 
 fn json<T: for<'a> Deserialize<'a>>(headers: &HeaderMap, body: &[u8]) -> Result<T, Problem> {
     must_be_json(headers)?;
-    serde_json::from_slice(body).map_err(|reason| Problem::input(format!("The JSON is not what is needed: {reason}.")))
+    serde_json::from_slice(body)
+        .map_err(|reason| Problem::input(format!("The JSON is not what is needed: {reason}.")))
 }
 
 async fn open(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<Opened>, Problem> {
-    let asked: Open = if body.is_empty() { must_be_json(&headers).map(|()| Open::default())? } else { json(&headers, &body)? };
+    let asked: Open = if body.is_empty() {
+        must_be_json(&headers).map(|()| Open::default())?
+    } else {
+        json(&headers, &body)?
+    };
     let _turn = app.decoding.acquire().await.map_err(|_| Problem::failed())?;
     let made = aside(move || match asked {
         Open { load: Some(text), .. } => Session::load(&text).map_err(|refusal| Problem::input(refusal.text)),
@@ -117,7 +134,12 @@ async fn open(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result
     Ok(Json(Opened { session, view }))
 }
 
-async fn add(State(app): State<App>, Query(named): Query<Named>, headers: HeaderMap, body: Bytes) -> Result<Json<View>, Problem> {
+async fn add(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<View>, Problem> {
     let session = known(&app, &named.session)?;
     let given = headers.get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default();
     if !matches!(given, "image/jpeg" | "image/png") {
@@ -138,7 +160,11 @@ fn sentence(reason: &str) -> String {
     format!("This is no photograph that can be used: {reason}.")
 }
 
-async fn photograph(State(app): State<App>, Query(named): Query<Named>, request: Request) -> Result<Response, Problem> {
+async fn photograph(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    request: Request,
+) -> Result<Response, Problem> {
     let session = known(&app, &named.session)?;
     let photograph = locked(&session).photograph(named.photo).cloned();
     let photograph = photograph.ok_or_else(|| Problem::missing("There is no such photograph."))?;
@@ -146,7 +172,12 @@ async fn photograph(State(app): State<App>, Query(named): Query<Named>, request:
     Ok(page::file(&request, &tag, photograph.media_type(), &photograph.bytes))
 }
 
-async fn command(State(app): State<App>, Query(named): Query<Named>, headers: HeaderMap, body: Bytes) -> Result<Json<NumberedView>, Problem> {
+async fn command(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<NumberedView>, Problem> {
     let session = known(&app, &named.session)?;
     let Numbered { seq, photo, command } = json(&headers, &body)?;
     let view = aside(move || locked(&session).apply(photo, command)).await?;
@@ -160,7 +191,8 @@ async fn view(State(app): State<App>, Query(named): Query<Named>) -> Result<Json
 
 async fn save(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
     let session = known(&app, &named.session)?;
-    let saved = aside(move || locked(&session).save()).await?.map_err(|refusal| Problem::input(refusal.text))?;
+    let saved =
+        aside(move || locked(&session).save()).await?.map_err(|refusal| Problem::input(refusal.text))?;
     Ok(download("session.toml", "application/toml; charset=utf-8", saved.into_bytes()))
 }
 
@@ -189,6 +221,10 @@ async fn birdseye(State(app): State<App>, Query(named): Query<Named>) -> Result<
         let mut copy = locked(&session).clone();
         copy.birdseye_png(named.photo)
     });
-    let png = png.await?.ok_or_else(|| Problem::missing("There is no bird's-eye view yet: the camera needs a pose, and three points on the ground."))?;
+    let png = png.await?.ok_or_else(|| {
+        Problem::missing(
+            "There is no bird's-eye view yet: the camera needs a pose, and three points on the ground.",
+        )
+    })?;
     Ok(([(header::CONTENT_TYPE, "image/png")], png).into_response())
 }

@@ -47,14 +47,18 @@ pub fn routes() -> Router<App> {
 
 async fn rig(headers: HeaderMap, body: Bytes) -> Result<Json<RigView>, Problem> {
     must_be_json(&headers)?;
-    let fault = |reason: String| Problem::input(format!("This is no answer of `resight rig --json`: {reason}."));
+    let fault =
+        |reason: String| Problem::input(format!("This is no answer of `resight rig --json`: {reason}."));
     let answer: Value = serde_json::from_slice(&body).map_err(|reason| fault(reason.to_string()))?;
     let text = |key: &str| answer.get(key).and_then(Value::as_str).map(str::to_owned);
     let status = text("status").ok_or_else(|| fault("it has no status".to_owned()))?;
     let Some(cameras) = answer.get("cameras") else { return Err(fault("it has no cameras".to_owned())) };
     let cameras = match cameras {
         Value::Object(by_name) => by_name.iter().map(|(name, one)| camera(name.clone(), one)).collect(),
-        Value::Array(all) => all.iter().map(|one| camera(one.get("name").and_then(Value::as_str).unwrap_or("camera").to_owned(), one)).collect(),
+        Value::Array(all) => all
+            .iter()
+            .map(|one| camera(one.get("name").and_then(Value::as_str).unwrap_or("camera").to_owned(), one))
+            .collect(),
         _ => return Err(fault("its cameras are no list".to_owned())),
     };
     let (message, reference) = (text("message").unwrap_or_default(), text("reference"));
@@ -68,8 +72,10 @@ fn camera(name: String, one: &Value) -> RigCamera {
     let matrix = one.get("cam_from_rig").and_then(|pose| rows(pose.get("matrix")?));
     let matrix = matrix.filter(|m| m.len() == 4 && m.iter().all(|row| row.len() == 4));
     let rotation = matrix.as_ref().map(|m| std::array::from_fn(|i| std::array::from_fn(|j| m[j][i])));
-    let position_m = matrix.as_ref().map(|m| std::array::from_fn(|i| -(0..3).map(|k| m[k][i] * m[k][3]).sum::<f64>()));
-    let covariance = one.get("covariance").and_then(rows).filter(|c| c.len() == 6 && c.iter().all(|row| row.len() == 6));
+    let position_m =
+        matrix.as_ref().map(|m| std::array::from_fn(|i| -(0..3).map(|k| m[k][i] * m[k][3]).sum::<f64>()));
+    let covariance =
+        one.get("covariance").and_then(rows).filter(|c| c.len() == 6 && c.iter().all(|row| row.len() == 6));
     let covariance_m2 = matrix.zip(covariance).map(|(m, c)| {
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {

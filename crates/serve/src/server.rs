@@ -62,8 +62,10 @@ impl Server {
     /// # Errors
     /// An address that cannot be listened on, or that other machines can reach without a token; a token that could be guessed.
     pub fn bind(config: &ServeConfig) -> Result<Self> {
-        let token = config.token_file.as_deref().map(|path| access::token(FLAGS.token_file, path)).transpose()?;
-        let (listener, place) = listen(&config.address, token.is_some(), &config.hosts, Flags { address: config.flag, ..FLAGS })?;
+        let token =
+            config.token_file.as_deref().map(|path| access::token(FLAGS.token_file, path)).transpose()?;
+        let (listener, place) =
+            listen(&config.address, token.is_some(), &config.hosts, Flags { address: config.flag, ..FLAGS })?;
         Ok(Server { listener, place, access: Access::new(place, token, &config.hosts), live: None })
     }
 
@@ -85,7 +87,10 @@ impl Server {
         let live = Arc::new(Live::new(&start(&Default::default())?, true));
         self.live = Some(Arc::clone(&live));
         let run = move || live::run(&live, &start, &log);
-        std::thread::Builder::new().name("watch".to_owned()).spawn(run).context("a thread for the session")?;
+        std::thread::Builder::new()
+            .name("watch".to_owned())
+            .spawn(run)
+            .context("a thread for the session")?;
         Ok(())
     }
 
@@ -101,7 +106,8 @@ impl Server {
             .enable_all()
             .build()
             .context("threads for --listen")?;
-        let app = App { sessions: Arc::default(), live: self.live, decoding: Arc::new(Semaphore::new(DECODING)) };
+        let app =
+            App { sessions: Arc::default(), live: self.live, decoding: Arc::new(Semaphore::new(DECODING)) };
         Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
     }
 }

@@ -49,9 +49,13 @@ impl Sessions {
         let mut all = self.lock();
         loop {
             let n = all.1.len();
-            let bytes: usize = all.1.values().filter_map(|(_, s)| s.try_lock().ok().map(|s| weight(&s))).sum();
-            let oldest = all.1.iter().filter(|(id, _)| id.as_str() != kept).min_by_key(|(_, (used, _))| *used);
-            let Some(id) = oldest.map(|(id, _)| id.clone()).filter(|_| MOST < n || MOST_BYTES < bytes) else { return };
+            let bytes: usize =
+                all.1.values().filter_map(|(_, s)| s.try_lock().ok().map(|s| weight(&s))).sum();
+            let oldest =
+                all.1.iter().filter(|(id, _)| id.as_str() != kept).min_by_key(|(_, (used, _))| *used);
+            let Some(id) = oldest.map(|(id, _)| id.clone()).filter(|_| MOST < n || MOST_BYTES < bytes) else {
+                return;
+            };
             all.1.remove(&id);
         }
     }

@@ -28,10 +28,15 @@ pub fn routes() -> Router<App> {
     Router::new().route("/ws/session", any(open))
 }
 
-async fn open(State(app): State<App>, Query(named): Query<Named>, upgrade: WebSocketUpgrade) -> Result<Response, Problem> {
+async fn open(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    upgrade: WebSocketUpgrade,
+) -> Result<Response, Problem> {
     let gone = || Problem::missing("There is no such session any more.");
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
-    let upgrade = upgrade.max_message_size(COMMAND_BYTES).max_frame_size(COMMAND_BYTES).protocols(["resight"]);
+    let upgrade =
+        upgrade.max_message_size(COMMAND_BYTES).max_frame_size(COMMAND_BYTES).protocols(["resight"]);
     Ok(upgrade.on_upgrade(move |socket| talk(socket, session)))
 }
 

@@ -59,7 +59,9 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
             inside(photo_of(state, photo)?, u_px, v_px, Step::Measure)?;
             let found = state.measurements.iter_mut().find(|m| m.name == name);
             let point = found.and_then(|m| m.points.get_mut(index));
-            *point.ok_or_else(|| measure(format!("There is no measurement {name} with a point {index}.")))? = [u_px, v_px];
+            *point
+                .ok_or_else(|| measure(format!("There is no measurement {name} with a point {index}.")))? =
+                [u_px, v_px];
             Ok(())
         }
         Command::RemoveMeasurement { name } => {
@@ -84,7 +86,10 @@ fn measure(text: impl Into<String>) -> Refusal {
 
 /// The photograph of this number.
 pub fn photo_of(state: &mut State, photo: usize) -> Result<&mut PhotoState, Refusal> {
-    state.photos.get_mut(photo).ok_or_else(|| Refusal { step: Step::Photograph, text: texts::NO_PHOTOGRAPH.to_owned() })
+    state
+        .photos
+        .get_mut(photo)
+        .ok_or_else(|| Refusal { step: Step::Photograph, text: texts::NO_PHOTOGRAPH.to_owned() })
 }
 
 fn positive(what: &str, seen: f64, unit: &str) -> Edited {
@@ -202,7 +207,13 @@ fn set_distance(state: &mut State, a: String, b: String, distance_m: f64, sigma_
     Ok(())
 }
 
-fn add_measurement(state: &mut State, photo: usize, name: String, what: MeasuredKind, pixels: Vec<[f64; 2]>) -> Edited {
+fn add_measurement(
+    state: &mut State,
+    photo: usize,
+    name: String,
+    what: MeasuredKind,
+    pixels: Vec<[f64; 2]>,
+) -> Edited {
     named(&name)?;
     for [u, v] in &pixels {
         inside(photo_of(state, photo)?, *u, *v, Step::Measure)?;

@@ -34,19 +34,29 @@ impl Session {
         let Some(solved) = self.solved(photo) else { return Err(refuse(texts::NO_POSE_YET.to_owned())) };
         let file = |name: &str, media_type, text| Export { name: name.to_owned(), media_type, text };
         match format {
-            "json" => Ok(file("pose.json", "application/json", serde_json::to_string_pretty(&solved.answer.json()).unwrap_or_default())),
+            "json" => Ok(file(
+                "pose.json",
+                "application/json",
+                serde_json::to_string_pretty(&solved.answer.json()).unwrap_or_default(),
+            )),
             "homography" => match homography(&solved) {
                 Some(text) => Ok(file("homography.json", "application/json", text)),
-                None => Err(refuse("This lens is bent; a homography holds for a straight one only.".to_owned())),
+                None => {
+                    Err(refuse("This lens is bent; a homography holds for a straight one only.".to_owned()))
+                }
             },
             "svg" => Ok(file("photograph.svg", "image/svg+xml", self.svg(photo, &solved))),
             "report" => Ok(file("report.html", "text/html", self.report(photo, &solved))),
             "csv" => Ok(file("measurements.csv", "text/csv", self.csv(photo))),
             word => {
                 let format = Format::to_write(word).ok_or_else(|| refuse(unknown(word)))?;
-                let files = formats::write_cameras(&[named(&solved)], format).map_err(|e| refuse(e.to_string()))?;
+                let files =
+                    formats::write_cameras(&[named(&solved)], format).map_err(|e| refuse(e.to_string()))?;
                 let only = files.len() == 1;
-                let text = files.iter().map(|f| if only { f.text.clone() } else { format!("# {}\n{}\n", f.name, f.text) }).collect();
+                let text = files
+                    .iter()
+                    .map(|f| if only { f.text.clone() } else { format!("# {}\n{}\n", f.name, f.text) })
+                    .collect();
                 let name = files.first().map_or("camera.txt".to_owned(), |f| f.name.replace('/', "-"));
                 Ok(Export { name, media_type: "text/plain; charset=utf-8", text })
             }
@@ -58,8 +68,18 @@ impl Session {
         for m in self.view(photo).measurements {
             let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
             let name = m.name.replace('"', "\"\"");
-            let what = serde_json::to_value(m.what).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default();
-            let _ = writeln!(text, "\"{name}\",{what},{},{},{},{}", number(m.value), number(m.low), number(m.high), m.unit);
+            let what = serde_json::to_value(m.what)
+                .ok()
+                .and_then(|v| v.as_str().map(str::to_owned))
+                .unwrap_or_default();
+            let _ = writeln!(
+                text,
+                "\"{name}\",{what},{},{},{},{}",
+                number(m.value),
+                number(m.low),
+                number(m.high),
+                m.unit
+            );
         }
         text
     }
@@ -80,7 +100,11 @@ impl Session {
             let _ = writeln!(svg, "<polyline stroke=\"{colour}\" points=\"{}\"/>", points.join(" "));
         };
         drawn.grid.iter().for_each(|curve| draw(curve, "#78c8eb"));
-        drawn.axes.iter().zip(["#ff4646", "#46dc5a", "#5a96ff"]).for_each(|(axis, colour)| draw(&axis.points, colour));
+        drawn
+            .axes
+            .iter()
+            .zip(["#ff4646", "#46dc5a", "#5a96ff"])
+            .for_each(|(axis, colour)| draw(&axis.points, colour));
         let view = self.view(photo);
         for m in view.measurements.iter().filter(|m| m.photo == photo) {
             draw(&m.points, "#ffe15a");
@@ -98,7 +122,12 @@ impl Session {
         }
         for m in view.measurements.iter().filter(|m| m.photo == photo && m.error.is_none()) {
             let [u, v] = m.points[m.points.len() / 2];
-            let _ = writeln!(svg, "<text x=\"{u}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ffe15a\">{}</text>", 2.0 * size, escaped(&m.words));
+            let _ = writeln!(
+                svg,
+                "<text x=\"{u}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ffe15a\">{}</text>",
+                2.0 * size,
+                escaped(&m.words)
+            );
         }
         svg + "</svg>\n"
     }
@@ -107,9 +136,15 @@ impl Session {
     fn report(&mut self, photo: usize, solved: &crate::pose::Solved) -> String {
         let svg = self.svg(photo, solved);
         let view = self.view(photo);
-        let row = |cells: [&str; 3]| format!("<tr>{}</tr>", cells.map(|c| format!("<td>{}</td>", escaped(c))).concat());
+        let row = |cells: [&str; 3]| {
+            format!("<tr>{}</tr>", cells.map(|c| format!("<td>{}</td>", escaped(c))).concat())
+        };
         let figures: String = view.figures.iter().map(|f| row([f.title, &f.words, f.help])).collect();
-        let measured: String = view.measurements.iter().map(|m| row([&m.name, &m.words, m.error.as_deref().unwrap_or("95 % interval")])).collect();
+        let measured: String = view
+            .measurements
+            .iter()
+            .map(|m| row([&m.name, &m.words, m.error.as_deref().unwrap_or("95 % interval")]))
+            .collect();
         let status = view.status().unwrap_or("old");
         let name = self.photograph(photo).map_or_else(String::new, |p| escaped(&p.name));
         format!(
@@ -120,7 +155,10 @@ impl Session {
 }
 
 fn unknown(word: &str) -> String {
-    let words: Vec<&str> = EXPORTS.into_iter().chain(Format::writable().filter_map(|(_, words)| words.first().copied())).collect();
+    let words: Vec<&str> = EXPORTS
+        .into_iter()
+        .chain(Format::writable().filter_map(|(_, words)| words.first().copied()))
+        .collect();
     format!("There is no export `{word}`; there are {}.", words.join(", "))
 }
 

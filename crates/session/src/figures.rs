@@ -36,7 +36,10 @@ const STEP: f64 = 1e-6;
 /// Height, tilt, roll, heading, distance and position.
 pub fn figures(solved: &Solved) -> Vec<Figure> {
     let up = solved.up;
-    let middle = solved.camera.size.map(|s| Pixel::new(0.5 * f64::from(s.width_px) - 0.5, 0.5 * f64::from(s.height_px) - 0.5));
+    let middle = solved
+        .camera
+        .size
+        .map(|s| Pixel::new(0.5 * f64::from(s.width_px) - 0.5, 0.5 * f64::from(s.height_px) - 0.5));
     let axis = |pose: &Pose| pose.rotation.row(2).transpose();
     let up_in_cam = |pose: &Pose| pose.rotation.column(2) * up;
     let ahead = |pose: &Pose| {
@@ -66,7 +69,16 @@ fn one(solved: &Solved, name: &'static str, unit: &'static str, of: &dyn Fn(&Pos
         return None;
     }
     let (title, help, link) = texts::figure(name);
-    Some(Figure { name, title, value, half_width_95, unit, words: words(value, half_width_95, unit), help, link })
+    Some(Figure {
+        name,
+        title,
+        value,
+        half_width_95,
+        unit,
+        words: words(value, half_width_95, unit),
+        help,
+        link,
+    })
 }
 
 fn sigma(pose: &Pose, covariance: &Matrix6, unit: &str, of: &dyn Fn(&Pose) -> f64) -> f64 {

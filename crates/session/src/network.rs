@@ -8,9 +8,9 @@ use nalgebra::Vector3;
 use resight::core::multiview::network::{Constraint, Plane};
 use resight::core::multiview::triangulate::isotropic;
 use resight::core::{Pixel, Point};
+use resight::measure::NamedScene;
 use resight::measure::scene::SceneCamera;
 use resight::measure::{Answers, NamedQuery, QueryKind, ScenePhoto};
-use resight::measure::NamedScene;
 
 /// A scene as `resight measure` takes it.
 pub type Scene = NamedScene;
@@ -36,7 +36,8 @@ pub fn flatness_m(places: &Places) -> f64 {
 /// A scene with every photograph that has a pose and every measurement in one of them; `on_plane` puts the points themselves on the ground
 /// too, which bird's-eye images need.
 pub fn scene(state: &State, solved: &[Option<Solved>], places: &Places, on_plane: bool) -> Option<Scene> {
-    let shown: Vec<(usize, &Solved)> = solved.iter().enumerate().filter_map(|(i, s)| Some((i, s.as_ref()?))).collect();
+    let shown: Vec<(usize, &Solved)> =
+        solved.iter().enumerate().filter_map(|(i, s)| Some((i, s.as_ref()?))).collect();
     let up = shown.first()?.1.up;
     let mut builder = Builder { scene: empty(state.sigma_px, up), state, flatness_m: flatness_m(places) };
     for (photo, solved) in &shown {
@@ -89,7 +90,10 @@ impl Builder<'_> {
 
     /// Photographs of one lens, stated alike, share its errors.
     fn photo(&mut self, photo: usize, solved: &Solved) {
-        let camera = SceneCamera { camera: solved.camera.clone(), intrinsics_covariance: solved.intrinsics_covariance.clone() };
+        let camera = SceneCamera {
+            camera: solved.camera.clone(),
+            intrinsics_covariance: solved.intrinsics_covariance.clone(),
+        };
         let known = self.scene.cameras.iter().position(|c| *c == camera);
         let camera = known.unwrap_or_else(|| {
             self.scene.cameras.push(camera);
@@ -112,7 +116,11 @@ impl Builder<'_> {
             let sigma_m = Vector3::repeat(place.sigma_m);
             self.scene.constraints.push(Constraint::Place { point, x_in_world: place.x_m, sigma_m });
             if on_plane && place.x_m.z == 0.0 {
-                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point, sigma_m: self.flatness_m });
+                self.scene.constraints.push(Constraint::OnPlane {
+                    plane: 0,
+                    point,
+                    sigma_m: self.flatness_m,
+                });
             }
         }
     }
@@ -136,11 +144,16 @@ impl Builder<'_> {
     }
 
     fn measurement(&mut self, at: usize, m: &Measurement) {
-        let points: Vec<usize> = (0..m.points.len()).map(|i| self.point(&format!("{} · {}", m.name, i + 1))).collect();
+        let points: Vec<usize> =
+            (0..m.points.len()).map(|i| self.point(&format!("{} · {}", m.name, i + 1))).collect();
         for (i, (point, pixel)) in points.iter().zip(&m.points).enumerate() {
             self.seen(at, *point, *pixel, self.scene.sigma_px);
             if !(m.what == MeasuredKind::Height && i == 1) {
-                self.scene.constraints.push(Constraint::OnPlane { plane: 0, point: *point, sigma_m: self.flatness_m });
+                self.scene.constraints.push(Constraint::OnPlane {
+                    plane: 0,
+                    point: *point,
+                    sigma_m: self.flatness_m,
+                });
             }
         }
         let (kind, points) = match m.what {
@@ -159,8 +172,11 @@ impl Builder<'_> {
 
     /// Points without a place that two photographs show: where they are.
     fn asked(&mut self, places: &Places) {
-        let shown = |name: &str| self.state.photos.iter().filter(|p| p.points.iter().any(|q| q.name == *name)).count();
-        let all: BTreeSet<&String> = self.state.photos.iter().flat_map(|p| p.points.iter().map(|q| &q.name)).collect();
+        let shown = |name: &str| {
+            self.state.photos.iter().filter(|p| p.points.iter().any(|q| q.name == *name)).count()
+        };
+        let all: BTreeSet<&String> =
+            self.state.photos.iter().flat_map(|p| p.points.iter().map(|q| &q.name)).collect();
         let open = all.into_iter().filter(|name| !places.by_name.contains_key(*name) && 1 < shown(name));
         for name in open.cloned().collect::<Vec<_>>() {
             let points = vec![self.point(&name)];

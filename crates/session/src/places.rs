@@ -38,7 +38,11 @@ pub fn places(state: &State) -> Places {
         Template::FourPoints => Shape::Plane,
         Template::Rectangle => Shape::Rectangle,
         Template::Target | Template::Own => {
-            return Places { by_name: stated(), computed_m: vec![None; state.distances.len()], contradiction: None };
+            return Places {
+                by_name: stated(),
+                computed_m: vec![None; state.distances.len()],
+                contradiction: None,
+            };
         }
     };
     let Some(photo) = state.photos.first() else { return Places::default() };
@@ -67,6 +71,7 @@ fn laid_out(state: &State, photo: &PhotoState, shape: Shape) -> Places {
     let mut by_name: BTreeMap<String, Place> =
         state.positions.iter().map(|(name, p)| (name.clone(), Place::from(p))).collect();
     by_name.extend(named);
-    let contradiction = contradiction.map(|c| texts::contradicting_distance(&state.distances[c.distance], &c));
+    let contradiction =
+        contradiction.map(|c| texts::contradicting_distance(&state.distances[c.distance], &c));
     Places { by_name, computed_m, contradiction }
 }

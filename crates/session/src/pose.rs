@@ -73,20 +73,30 @@ pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Place
         points,
         cam_from_world: taken.cam_from_target,
         covariance: taken.covariance,
-        other_cam_from_world: all.get(other).filter(|_| other < alternatives.max(chosen + 1)).map(|h| h.minimum.cam_from_target),
+        other_cam_from_world: all
+            .get(other)
+            .filter(|_| other < alternatives.max(chosen + 1))
+            .map(|h| h.minimum.cam_from_target),
         up,
         answer,
     }))
 }
 
-fn named_points(state: &State, photo: &PhotoState, lens: &KnownLens, camera: &Camera, places: &Places) -> Vec<NamedPoint> {
+fn named_points(
+    state: &State,
+    photo: &PhotoState,
+    lens: &KnownLens,
+    camera: &Camera,
+    places: &Places,
+) -> Vec<NamedPoint> {
     let one = |point: &crate::state::ImagePoint| {
         let place = places.by_name.get(&point.name)?;
         let pixel = Pixel::new(point.u_px, point.v_px);
         let sigma_px = point.sigma_px.unwrap_or(state.sigma_px);
         let seen = match lens {
             // Rays play no part where the lens is estimated: there is none yet.
-            KnownLens::Unknown(_) => Correspondence::new(camera, place.x_m, Pixel::new(0.0, 0.0), sigma_px).map(|c| Correspondence { pixel, ..c }),
+            KnownLens::Unknown(_) => Correspondence::new(camera, place.x_m, Pixel::new(0.0, 0.0), sigma_px)
+                .map(|c| Correspondence { pixel, ..c }),
             KnownLens::Camera { .. } => Correspondence::new(camera, place.x_m, pixel, sigma_px),
         };
         let seen = Correspondence { sigma_m: place.sigma_m, ..seen.ok()? };
@@ -105,7 +115,8 @@ fn lens_of(lens: &KnownLens, camera: Camera, answer: &PoseAnswer) -> Option<(Cam
         KnownLens::Unknown(prior) => {
             let found = answer.estimated_focal.as_ref()?;
             let camera = lens::estimated(found, prior)?;
-            let nominal = NominalLens::HorizontalFieldOfView(lens::hfov_deg(&camera)?).camera(prior.size).ok()?;
+            let nominal =
+                NominalLens::HorizontalFieldOfView(lens::hfov_deg(&camera)?).camera(prior.size).ok()?;
             let mut covariance: DMatrix<f64> = nominal.intrinsics_covariance?;
             // The focal length is open: the points alone say what it is.
             let open = (WIDE_FOCAL * found.focal_px).powi(2);

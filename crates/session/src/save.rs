@@ -1,11 +1,11 @@
 //! A session as one file: a scene that `resight measure` reads, with the table `[session]` that holds the session itself.
 
-use crate::{lens, network};
 use crate::places::{Places, places};
 use crate::session::{Refusal, Session, Step};
 use crate::state::{PhotoState, State};
 use crate::texts;
 use crate::{GivenLens, MeasuredKind};
+use crate::{lens, network};
 use resight::formats::{self, NamedCamera};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
@@ -61,10 +61,12 @@ fn check(state: &State) -> Result<(), String> {
         MeasuredKind::Position => 1,
         _ => 2,
     };
-    let counts = state.measurements.iter().all(|m| least(m) <= m.points.len() && m.photo < state.photos.len());
+    let counts =
+        state.measurements.iter().all(|m| least(m) <= m.points.len() && m.photo < state.photos.len());
     match all_finite && lengths && sigmas && counts && positive(state.sigma_px) {
         true => Ok(()),
-        false => Err("The session holds a number that cannot be right, or a measurement without its points.".to_owned()),
+        false => Err("The session holds a number that cannot be right, or a measurement without its points."
+            .to_owned()),
     }
 }
 
@@ -104,18 +106,35 @@ fn scene(state: &State, places: &Places, solved: &[Option<crate::pose::Solved>])
         if m.what != MeasuredKind::Height {
             on_plane.extend(asked.iter().cloned());
         }
-        queries.push(table([("kind", kind.into()), ("points", asked.into()), ("name", m.name.clone().into())]));
+        queries.push(table([
+            ("kind", kind.into()),
+            ("points", asked.into()),
+            ("name", m.name.clone().into()),
+        ]));
     }
     file.insert("control_point".into(), places.by_name.iter().map(control_point).collect::<Vec<_>>().into());
-    file.insert("plane".into(), table([("points", on_plane.into()), ("z_m", 0.0.into()), ("sigma_m", network::flatness_m(places).into())]));
+    file.insert(
+        "plane".into(),
+        table([
+            ("points", on_plane.into()),
+            ("z_m", 0.0.into()),
+            ("sigma_m", network::flatness_m(places).into()),
+        ]),
+    );
     file.insert("upright".into(), uprights.into());
     file.insert("query".into(), queries.into());
-    let photos = state.photos.iter().enumerate().zip(solved).filter_map(|((i, p), s)| photo(state, i, p, s.as_ref()));
+    let photos =
+        state.photos.iter().enumerate().zip(solved).filter_map(|((i, p), s)| photo(state, i, p, s.as_ref()));
     file.insert("photo".into(), photos.collect::<Vec<_>>().into());
     file
 }
 
-fn photo(state: &State, number: usize, photo: &PhotoState, solved: Option<&crate::pose::Solved>) -> Option<Value> {
+fn photo(
+    state: &State,
+    number: usize,
+    photo: &PhotoState,
+    solved: Option<&crate::pose::Solved>,
+) -> Option<Value> {
     let camera_text = camera_text(photo, solved)?;
     let clicked = photo.points.iter().map(|p| (p.name.clone(), [p.u_px, p.v_px], p.sigma_px));
     let measured = state.measurements.iter().filter(|m| m.photo == number).flat_map(|m| {
@@ -150,7 +169,8 @@ fn camera_text(photo: &PhotoState, solved: Option<&crate::pose::Solved>) -> Opti
         (None, lens::KnownLens::Unknown(_)) => return None,
     };
     let n = camera.parameters().len();
-    let intrinsics_covariance = rows.filter(|r| r.len() == n * n).map(|r| nalgebra::DMatrix::from_row_slice(n, n, &r));
+    let intrinsics_covariance =
+        rows.filter(|r| r.len() == n * n).map(|r| nalgebra::DMatrix::from_row_slice(n, n, &r));
     let named = NamedCamera { name: "camera".to_owned(), camera, placement: None, intrinsics_covariance };
     formats::own_file(&[named]).ok()
 }

@@ -102,7 +102,8 @@ impl Session {
     pub fn add_photograph(&mut self, photograph: Photograph) -> Result<View, Refusal> {
         let before = self.state.clone();
         let known = self.state.photos.iter().position(|p| p.photograph.name == photograph.name);
-        let fresh = PhotoState { photograph: Arc::new(photograph), lens: None, chosen: None, points: Vec::new() };
+        let fresh =
+            PhotoState { photograph: Arc::new(photograph), lens: None, chosen: None, points: Vec::new() };
         let at = match known {
             Some(at) => {
                 self.state.photos[at] = fresh;
@@ -148,7 +149,9 @@ impl Session {
         let before = self.state.clone();
         let dragged = match &command {
             Command::PutPoint { name, drag: true, .. } => Some(format!("point {name}")),
-            Command::MoveMeasurement { name, index, drag: true, .. } => Some(format!("measurement {name} {index}")),
+            Command::MoveMeasurement { name, index, drag: true, .. } => {
+                Some(format!("measurement {name} {index}"))
+            }
             _ => None,
         };
         let goes_on = self.dragged.is_some() && continues(&command, self.dragged.as_deref());
@@ -172,14 +175,18 @@ impl Session {
     }
 
     fn undo(&mut self) -> Option<Refusal> {
-        let Some(before) = self.past.pop() else { return Some(Refusal::of(Step::Points, texts::NOTHING_TO_UNDO)) };
+        let Some(before) = self.past.pop() else {
+            return Some(Refusal::of(Step::Points, texts::NOTHING_TO_UNDO));
+        };
         self.future.push(std::mem::replace(&mut self.state, before));
         self.dragged = None;
         None
     }
 
     fn redo(&mut self) -> Option<Refusal> {
-        let Some(after) = self.future.pop() else { return Some(Refusal::of(Step::Points, texts::NOTHING_TO_REDO)) };
+        let Some(after) = self.future.pop() else {
+            return Some(Refusal::of(Step::Points, texts::NOTHING_TO_REDO));
+        };
         self.past.push(std::mem::replace(&mut self.state, after));
         self.dragged = None;
         None
@@ -209,7 +216,11 @@ impl Session {
             lens: state.photos.get(photo).and_then(|p| lens_view(p, shown)),
             template: state.template,
             sigma_px: state.sigma_px,
-            points: state.photos.get(photo).map(|p| points_view(p, &places, shown.filter(|_| !is_old), &measured)).unwrap_or_default(),
+            points: state
+                .photos
+                .get(photo)
+                .map(|p| points_view(p, &places, shown.filter(|_| !is_old), &measured))
+                .unwrap_or_default(),
             distances: distances_view(state, &places),
             missing: now.missing,
             error: None,
@@ -267,12 +278,15 @@ impl Session {
             miss(Step::Points, texts::points_missing(shown.points.len(), needed));
         } else if placed < needed {
             miss(Step::Points, texts::places_missing(&without_place(shown, places)));
-        } else if self.state.measurements.is_empty() && current.get(photo).is_some_and(|c| matches!(c, Some(Ok(())))) {
+        } else if self.state.measurements.is_empty()
+            && current.get(photo).is_some_and(|c| matches!(c, Some(Ok(()))))
+        {
             miss(Step::Measure, texts::NO_MEASUREMENT.to_owned());
         }
         now.refusal = places.contradiction.clone().map(|text| StepText { step: Step::Points.name(), text });
         if let Some(Some(Err(Refused(answer)))) = current.get(photo) {
-            now.refusal.get_or_insert(StepText { step: Step::Points.name(), text: answer.verdict.message.clone() });
+            now.refusal
+                .get_or_insert(StepText { step: Step::Points.name(), text: answer.verdict.message.clone() });
             if self.good.get(photo).is_none_or(Option::is_none) {
                 now.answer = Some(answer.json());
             }
@@ -343,7 +357,14 @@ fn photo_view(p: &PhotoState) -> PhotoView {
 
 fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView> {
     let given = photo.lens.as_ref()?;
-    let none = LensView { state: "given", words: String::new(), model: None, hfov_deg: None, remark: None, error: None };
+    let none = LensView {
+        state: "given",
+        words: String::new(),
+        model: None,
+        hfov_deg: None,
+        remark: None,
+        error: None,
+    };
     Some(match lens::known(given, &photo.photograph) {
         Ok(KnownLens::Camera { camera, remark, name, .. }) => LensView {
             words: name,
@@ -365,8 +386,14 @@ fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView> {
     })
 }
 
-fn points_view(photo: &PhotoState, places: &Places, solved: Option<&Solved>, measured: &MeasuredNow) -> Vec<PointView> {
-    let mut all: Vec<PointView> = photo.points.iter().map(|p| point_view(p, places, solved, measured)).collect();
+fn points_view(
+    photo: &PhotoState,
+    places: &Places,
+    solved: Option<&Solved>,
+    measured: &MeasuredNow,
+) -> Vec<PointView> {
+    let mut all: Vec<PointView> =
+        photo.points.iter().map(|p| point_view(p, places, solved, measured)).collect();
     let has_check = solved.is_some_and(|s| s.answer.estimate.is_some_and(|e| 0 < e.degrees_of_freedom));
     let residual = |p: &PointView| p.residual_px.unwrap_or(0.0);
     let worst = all.iter_mut().max_by(|a, b| residual(a).total_cmp(&residual(b)));
@@ -376,7 +403,12 @@ fn points_view(photo: &PhotoState, places: &Places, solved: Option<&Solved>, mea
     all
 }
 
-fn point_view(p: &crate::state::ImagePoint, places: &Places, solved: Option<&Solved>, measured: &MeasuredNow) -> PointView {
+fn point_view(
+    p: &crate::state::ImagePoint,
+    places: &Places,
+    solved: Option<&Solved>,
+    measured: &MeasuredNow,
+) -> PointView {
     let used = solved.and_then(|s| Some((s, s.points.iter().find(|q| q.name == p.name)?)));
     let predicted = used.and_then(|(s, q)| s.camera.project(&(s.cam_from_world * q.seen.x_in_target)));
     let place = places.by_name.get(&p.name);
@@ -396,7 +428,8 @@ fn point_view(p: &crate::state::ImagePoint, places: &Places, solved: Option<&Sol
 /// Half the variance of the prediction, over that of the point itself.
 fn leverage(solved: &Solved, point: &resight::locate::NamedPoint) -> Option<f64> {
     let covariance = &solved.covariance;
-    let ellipse = prediction_ellipse(&solved.camera, &solved.cam_from_world, &point.seen.x_in_target, covariance)?;
+    let ellipse =
+        prediction_ellipse(&solved.camera, &solved.cam_from_world, &point.seen.x_in_target, covariance)?;
     let middle = solved.camera.project(&(solved.cam_from_world * point.seen.x_in_target))?;
     // Ends of two semi-axes of the 95 % ellipse.
     let squared = |i: usize| (ellipse[i] - middle).norm_squared() / 5.991_464_547;
@@ -417,7 +450,13 @@ fn distances_view(state: &State, places: &Places) -> Vec<DistanceView> {
         let ends = places.by_name.get(&d.a).zip(places.by_name.get(&d.b));
         let by_places = ends.map(|(a, b)| (a.x_m - b.x_m).norm());
         let computed_m = places.computed_m.get(i).copied().flatten().or(by_places);
-        DistanceView { a: d.a.clone(), b: d.b.clone(), distance_m: d.distance_m, sigma_m: d.sigma_m, computed_m }
+        DistanceView {
+            a: d.a.clone(),
+            b: d.b.clone(),
+            distance_m: d.distance_m,
+            sigma_m: d.sigma_m,
+            computed_m,
+        }
     };
     state.distances.iter().enumerate().map(one).collect()
 }

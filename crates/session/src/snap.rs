@@ -33,7 +33,9 @@ pub fn snap(image: &GrayImage, at: &Pixel, to: SnapTo) -> Option<Snapped> {
     let (pixel, sigma_px, what) = match to {
         SnapTo::Dot => dot(image, at).map(|(pixel, sigma)| (pixel, sigma, "the middle of a dot"))?,
         SnapTo::Corner => corner(image, at, CORNER_PX).map(|(pixel, sigma)| (pixel, sigma, "a corner"))?,
-        SnapTo::Crossing => corner(image, at, CROSSING_PX).map(|(pixel, sigma)| (pixel, sigma, "where lines cross"))?,
+        SnapTo::Crossing => {
+            corner(image, at, CROSSING_PX).map(|(pixel, sigma)| (pixel, sigma, "where lines cross"))?
+        }
     };
     let words = format!("{what}, {:.1} px from here, ± {sigma_px:.2} px", (pixel - at).norm());
     Some(Snapped { u_px: pixel.x, v_px: pixel.y, sigma_px, words })
@@ -60,5 +62,6 @@ fn dot(image: &GrayImage, at: &Pixel) -> Option<(Pixel, f64)> {
     let dots = DotDetector::new(&any).ok()?.dots(&part).ok()?;
     let corner = Pixel::new(f64::from(left), f64::from(top));
     let near = dots.iter().map(|dot| (dot.centroid + corner, dot.sigma_px));
-    near.min_by(|a, b| (a.0 - at).norm().total_cmp(&(b.0 - at).norm())).filter(|dot| (dot.0 - at).norm() < f64::from(DOT_PX) / 2.0)
+    near.min_by(|a, b| (a.0 - at).norm().total_cmp(&(b.0 - at).norm()))
+        .filter(|dot| (dot.0 - at).norm() < f64::from(DOT_PX) / 2.0)
 }

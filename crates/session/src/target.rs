@@ -46,7 +46,11 @@ fn image_point(name: String, d: &Detection) -> ImagePoint {
 }
 
 /// The largest tag of the family.
-fn of_family(family: &str, size_m: f64, photograph: &Photograph) -> Result<Vec<(ImagePoint, Position)>, String> {
+fn of_family(
+    family: &str,
+    size_m: f64,
+    photograph: &Photograph,
+) -> Result<Vec<(ImagePoint, Position)>, String> {
     if !(0.0 < size_m && size_m.is_finite()) {
         return Err(texts::not_positive("The size of the tag", size_m, "m"));
     }

@@ -16,7 +16,11 @@ pub const NOTHING_SAVED: &str = "This is no session that the page saved: it has 
 pub const ESTIMATED: &str = "estimated from the same points";
 
 pub fn several_cameras(file: &str, names: &[String]) -> String {
-    format!("{file} holds the cameras {}; write one after its name: {file}#{}", names.join(", "), names.first().map_or("", |n| n))
+    format!(
+        "{file} holds the cameras {}; write one after its name: {file}#{}",
+        names.join(", "),
+        names.first().map_or("", |n| n)
+    )
 }
 
 pub fn scaled(from: ImageSize, to: ImageSize) -> String {
@@ -41,12 +45,19 @@ pub fn points_missing(seen: usize, needed: usize) -> String {
 }
 
 pub fn places_missing(names: &[&str]) -> String {
-    format!("Type the distances that give {} a place: two for each point, or one along a line.", names.join(", "))
+    format!(
+        "Type the distances that give {} a place: two for each point, or one along a line.",
+        names.join(", ")
+    )
 }
 
 pub fn advice(now_m: f64, then_m: f64) -> String {
     let length = resight::report::words::length;
-    format!("A point here would make the camera's position ± {} instead of ± {}.", length(then_m), length(now_m))
+    format!(
+        "A point here would make the camera's position ± {} instead of ± {}.",
+        length(then_m),
+        length(now_m)
+    )
 }
 
 pub fn no_point(name: &str) -> String {
@@ -70,10 +81,30 @@ pub fn figure(name: &str) -> (&'static str, &'static str, &'static str) {
     match name {
         "height" => ("Height", "How far the camera is above the plane of the points.", "measuring.md"),
         "tilt" => ("Tilt", "How far the camera looks down below the plane's level.", "reading-the-answer.md"),
-        "roll" => ("Roll", "How far the camera is rotated about its line of sight; clockwise is positive.", "reading-the-answer.md"),
-        "heading" => ("Heading", "Direction of view over the plane, anticlockwise from the x axis (the first two points).", "reading-the-answer.md"),
-        "distance" => ("Distance to the middle", "From the camera to what the middle of the image shows on the plane.", "measuring.md"),
-        "x" => ("Camera x", "The camera's position along the x axis, which runs from the first point to the second.", "reading-the-answer.md"),
-        _ => ("Camera y", "The camera's position along the y axis, in the plane and across x.", "reading-the-answer.md"),
+        "roll" => (
+            "Roll",
+            "How far the camera is rotated about its line of sight; clockwise is positive.",
+            "reading-the-answer.md",
+        ),
+        "heading" => (
+            "Heading",
+            "Direction of view over the plane, anticlockwise from the x axis (the first two points).",
+            "reading-the-answer.md",
+        ),
+        "distance" => (
+            "Distance to the middle",
+            "From the camera to what the middle of the image shows on the plane.",
+            "measuring.md",
+        ),
+        "x" => (
+            "Camera x",
+            "The camera's position along the x axis, which runs from the first point to the second.",
+            "reading-the-answer.md",
+        ),
+        _ => (
+            "Camera y",
+            "The camera's position along the y axis, in the plane and across x.",
+            "reading-the-answer.md",
+        ),
     }
 }

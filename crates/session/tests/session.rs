@@ -1,7 +1,9 @@
 //! The session on images with known truth: photograph, lens and points in, pose and measurements out.
 
 use resight::core::{Camera, Pixel, Point, Pose};
-use resight_session::{Command, GivenLens, GivenTarget, MeasuredKind, Photograph, Session, SnapTo, Template, View};
+use resight_session::{
+    Command, GivenLens, GivenTarget, MeasuredKind, Photograph, Session, SnapTo, Template, View,
+};
 use std::path::Path;
 
 fn file(name: &str) -> Vec<u8> {
@@ -20,11 +22,14 @@ fn demo() -> Session {
 }
 
 fn lens() -> Command {
-    Command::SetLens { lens: GivenLens::File { name: "left.toml".into(), text: text("testdata/demo/left.toml") } }
+    Command::SetLens {
+        lens: GivenLens::File { name: "left.toml".into(), text: text("testdata/demo/left.toml") },
+    }
 }
 
 fn camera() -> Camera {
-    let read = resight::formats::read_cameras_from_bytes("left.toml".as_ref(), file("testdata/demo/left.toml"));
+    let read =
+        resight::formats::read_cameras_from_bytes("left.toml".as_ref(), file("testdata/demo/left.toml"));
     read.expect("a camera").cameras.remove(0).camera
 }
 
@@ -70,7 +75,9 @@ fn four_clicks_give_the_pose() {
     let (_, view) = four_clicks();
     assert!(matches!(view.status(), Some("ok" | "ambiguous")), "{:?} {:?}", view.refusal, view.missing);
     let figure = |name: &str| view.figures.iter().find(|f| f.name == name).expect(name);
-    for (name, value) in [("height", 5.0), ("tilt", 40.0), ("roll", 0.0), ("x", 1.5), ("y", -5.0), ("heading", 90.0)] {
+    for (name, value) in
+        [("height", 5.0), ("tilt", 40.0), ("roll", 0.0), ("x", 1.5), ("y", -5.0), ("heading", 90.0)]
+    {
         let f = figure(name);
         assert!((f.value - value).abs() < f.half_width_95, "{name}: {}", f.words);
         assert!(0.0 < f.half_width_95 && f.words.contains(" ± "), "{name}: {}", f.words);
@@ -85,16 +92,29 @@ fn four_clicks_give_the_pose() {
 #[test]
 fn what_is_measured_is_true() {
     let (mut session, _) = four_clicks();
-    let at = |x, y, z| { let p = pixel(x, y, z); [p.x, p.y] };
+    let at = |x, y, z| {
+        let p = pixel(x, y, z);
+        [p.x, p.y]
+    };
     let mut add = |name: &str, what, points: Vec<[f64; 2]>| {
         session.apply(0, Command::AddMeasurement { name: name.into(), what, points })
     };
     add("kerb", MeasuredKind::Length, vec![at(0.5, 0.5, 0.0), at(2.5, 0.5, 0.0)]);
-    add("tile", MeasuredKind::Area, vec![at(0.5, 0.0, 0.0), at(2.0, 0.0, 0.0), at(2.0, 1.0, 0.0), at(0.5, 1.0, 0.0)]);
+    add(
+        "tile",
+        MeasuredKind::Area,
+        vec![at(0.5, 0.0, 0.0), at(2.0, 0.0, 0.0), at(2.0, 1.0, 0.0), at(0.5, 1.0, 0.0)],
+    );
     let view = add("post", MeasuredKind::Height, vec![at(1.0, 1.0, 0.0), at(1.0, 1.0, 0.9)]);
     for (m, truth) in view.measurements.iter().zip([2.0, 1.5, 0.9]) {
         let (low, high) = (m.low.unwrap_or(f64::NAN), m.high.unwrap_or(f64::NAN));
-        assert!(low < truth && truth < high && high - low < 0.3 * truth, "{}: {} {:?} {low}..{high}", m.name, m.words, m.error);
+        assert!(
+            low < truth && truth < high && high - low < 0.3 * truth,
+            "{}: {} {:?} {low}..{high}",
+            m.name,
+            m.words,
+            m.error
+        );
     }
     let png = session.birdseye_png(0).expect("a bird's-eye view");
     assert!(png.starts_with(b"\x89PNG"));
@@ -152,7 +172,8 @@ fn what_is_wrong_is_said_and_nothing_is_lost() {
     for (i, name) in ["A", "B", "C", "D"].iter().enumerate() {
         session.apply(0, Command::SetTemplate { template: Template::Own });
         let x_m = i as f64;
-        session.apply(0, Command::SetPosition { name: (*name).into(), x_m, y_m: 0.0, z_m: 0.0, sigma_m: 0.0 });
+        session
+            .apply(0, Command::SetPosition { name: (*name).into(), x_m, y_m: 0.0, z_m: 0.0, sigma_m: 0.0 });
     }
     let mut view = session.view(0);
     for (i, name) in ["A", "B", "C", "D"].iter().enumerate() {
@@ -163,7 +184,8 @@ fn what_is_wrong_is_said_and_nothing_is_lost() {
     assert!(view.overlay.is_some());
     // A camera file for another size.
     let other = text("testdata/demo/left.toml").replace("1280", "1000");
-    let view = session.apply(0, Command::SetLens { lens: GivenLens::File { name: "other.toml".into(), text: other } });
+    let view = session
+        .apply(0, Command::SetLens { lens: GivenLens::File { name: "other.toml".into(), text: other } });
     assert!(view.error.is_some_and(|e| e.step == "lens"));
 }
 
@@ -187,7 +209,14 @@ fn the_lens_is_estimated() {
     session.apply(0, Command::SetLens { lens: GivenLens::Unknown });
     session.apply(0, Command::SetTemplate { template: Template::Own });
     session.apply(0, Command::SetSigma { sigma_px: 0.2 });
-    let places = [(0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 2.0, 0.0), (0.0, 2.0, 0.0), (1.0, 1.0, 1.2), (2.2, 0.4, 1.5)];
+    let places = [
+        (0.0, 0.0, 0.0),
+        (3.0, 0.0, 0.0),
+        (3.0, 2.0, 0.0),
+        (0.0, 2.0, 0.0),
+        (1.0, 1.0, 1.2),
+        (2.2, 0.4, 1.5),
+    ];
     for (i, (x_m, y_m, z_m)) in places.into_iter().enumerate() {
         let name = format!("P{i}");
         session.apply(0, Command::SetPosition { name: name.clone(), x_m, y_m, z_m, sigma_m: 0.0 });
@@ -196,7 +225,8 @@ fn the_lens_is_estimated() {
     let view = session.view(0);
     let lens = view.lens.as_ref().expect("a lens");
     assert_eq!(lens.state, "estimated");
-    let height = view.figures.iter().find(|f| f.name == "height").unwrap_or_else(|| panic!("{:?}", view.refusal));
+    let height =
+        view.figures.iter().find(|f| f.name == "height").unwrap_or_else(|| panic!("{:?}", view.refusal));
     assert!((height.value - 5.0).abs() < height.half_width_95, "{}", height.words);
 }
 
@@ -205,7 +235,8 @@ fn a_saved_session_is_the_same_one_and_measure_reads_it() {
     let (mut session, _) = four_clicks();
     let (a, b) = (pixel(0.5, 0.5, 0.0), pixel(2.5, 0.5, 0.0));
     let points = vec![[a.x, a.y], [b.x, b.y]];
-    let view = session.apply(0, Command::AddMeasurement { name: "kerb".into(), what: MeasuredKind::Length, points });
+    let view =
+        session.apply(0, Command::AddMeasurement { name: "kerb".into(), what: MeasuredKind::Length, points });
     let saved = session.save().expect("a file");
     let mut loaded = Session::load(&saved).expect("the same");
     let again = loaded.view(0);
@@ -236,7 +267,8 @@ fn points_snap() {
     let target = GivenTarget::File { name: "grid.toml".into(), text: text("testdata/demo/grid.toml") };
     let found = session.apply(0, Command::FindTarget { target });
     let corner = found.points[0].clone();
-    let view = session.apply(0, Command::Snap { u_px: corner.u_px + 2.0, v_px: corner.v_px - 1.0, to: SnapTo::Corner });
+    let view = session
+        .apply(0, Command::Snap { u_px: corner.u_px + 2.0, v_px: corner.v_px - 1.0, to: SnapTo::Corner });
     let snap = view.snap.expect("a corner");
     assert!((snap.u_px - corner.u_px).hypot(snap.v_px - corner.v_px) < 1.0, "{snap:?} {corner:?}");
     assert_eq!(view.points.len(), found.points.len());
@@ -259,7 +291,8 @@ fn two_photographs_give_a_place() {
     }
     put(&mut session, "lamp", pixel(1.2, 1.0, 0.7), false);
     let at = seen(1.2, 1.0, 0.7);
-    let view = session.apply(1, Command::PutPoint { name: "lamp".into(), u_px: at.x, v_px: at.y, drag: false });
+    let view =
+        session.apply(1, Command::PutPoint { name: "lamp".into(), u_px: at.x, v_px: at.y, drag: false });
     let lamp = view.points.iter().find(|p| p.name == "lamp").expect("lamp");
     let place = lamp.position_m.expect("a place");
     let off = (Point::from(place) - Point::new(1.2, 1.0, 0.7)).norm();

@@ -48,15 +48,28 @@ pub struct Flags {
 ///
 /// # Errors
 /// An address that cannot be listened on; one that other machines can reach without a token, or without a name to reach it by.
-pub fn listen(address: &str, has_token: bool, hosts: &[String], flags: Flags) -> Result<(TcpListener, SocketAddr)> {
+pub fn listen(
+    address: &str,
+    has_token: bool,
+    hosts: &[String],
+    flags: Flags,
+) -> Result<(TcpListener, SocketAddr)> {
     let reported = || format!("{} {address}", flags.address);
     let found: Vec<SocketAddr> = address.to_socket_addrs().with_context(reported)?.collect();
     let Some(place) = found.first() else { bail!("{}: there is no such address", reported()) };
     if !place.ip().is_loopback() && !has_token {
-        bail!("{}: other machines can reach this; give {}, or listen on 127.0.0.1", reported(), flags.token_file);
+        bail!(
+            "{}: other machines can reach this; give {}, or listen on 127.0.0.1",
+            reported(),
+            flags.token_file
+        );
     }
     if place.ip().is_unspecified() && hosts.is_empty() {
-        bail!("{}: listens on every address; say by which names it is reached, with {}", reported(), flags.host);
+        bail!(
+            "{}: listens on every address; say by which names it is reached, with {}",
+            reported(),
+            flags.host
+        );
     }
     let listener = TcpListener::bind(place).with_context(reported)?;
     let place = listener.local_addr().with_context(reported)?;

@@ -60,7 +60,12 @@ fn start(session: &Path) -> Result<Start> {
 }
 
 /// A server at an address; `flag` is where that comes from.
-pub fn bind(flag: &'static str, address: &str, token_file: Option<&Path>, hosts: &[String]) -> Result<Server> {
+pub fn bind(
+    flag: &'static str,
+    address: &str,
+    token_file: Option<&Path>,
+    hosts: &[String],
+) -> Result<Server> {
     Server::bind(&ServeConfig {
         flag,
         address: address.to_owned(),

@@ -119,7 +119,13 @@ pub struct Watch {
     #[arg(long, hide_short_help = true, value_name = "FILE", requires = "serve", help_heading = "Outputs")]
     serve_token_file: Option<PathBuf>,
     /// Names by which the page is reached, besides localhost and the address.
-    #[arg(long, hide_short_help = true, value_name = "NAME[:PORT]", requires = "serve", help_heading = "Outputs")]
+    #[arg(
+        long,
+        hide_short_help = true,
+        value_name = "NAME[:PORT]",
+        requires = "serve",
+        help_heading = "Outputs"
+    )]
     serve_host: Vec<String>,
 }
 
@@ -238,7 +244,8 @@ fn keep(file: &Path) -> Result<()> {
 
 /// A page that shows this session, on a thread of its own.
 fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resight_serve::Live>> {
-    let mut server = super::serve::bind("--serve", address, args.serve_token_file.as_deref(), &args.serve_host)?;
+    let mut server =
+        super::serve::bind("--serve", address, args.serve_token_file.as_deref(), &args.serve_host)?;
     let live = Arc::new(resight_serve::Live::new(request, false));
     live.tap(request);
     server.show(Arc::clone(&live));

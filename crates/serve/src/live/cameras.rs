@@ -135,7 +135,11 @@ impl Cameras {
 
     /// How it is now; alarms come first when the page sorts by them.
     pub fn view(&self, _now_s: f64) -> LiveView {
-        LiveView { cameras: self.all.iter().map(One::now).collect(), failed: self.failed.clone(), has_history: false }
+        LiveView {
+            cameras: self.all.iter().map(One::now).collect(),
+            failed: self.failed.clone(),
+            has_history: false,
+        }
     }
 
     pub fn number(&self, name: &str) -> Option<usize> {
@@ -225,7 +229,8 @@ impl One {
         view.fps = span.map(|span| (self.seen_at_s.len() - 1) as f64 / span);
         let n = self.times_ms.len().max(1) as f64;
         let mean = |k: usize| self.times_ms.iter().map(|t| t[k]).sum::<f64>() / n;
-        (view.waited_ms, view.detect_ms, view.solve_ms, view.decide_ms) = (mean(0), mean(1), mean(2), mean(3));
+        (view.waited_ms, view.detect_ms, view.solve_ms, view.decide_ms) =
+            (mean(0), mean(1), mean(2), mean(3));
         view.n_measured = self.positions.len();
         view.measured_sigma_m = self.deviation();
         view

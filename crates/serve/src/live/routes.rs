@@ -93,7 +93,11 @@ async fn view(State(app): State<App>) -> Result<Json<LiveView>, Problem> {
     Ok(Json(now(live(&app)?)))
 }
 
-async fn acknowledge(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<LiveView>, Problem> {
+async fn acknowledge(
+    State(app): State<App>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<LiveView>, Problem> {
     let (live, asked) = (live(&app)?, named(&headers, &body)?);
     live.acknowledge(number(live, &asked.camera)?);
     Ok(Json(now(live)))
@@ -105,18 +109,26 @@ async fn reset(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Resul
     Ok(Json(now(live)))
 }
 
-async fn reference(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<LiveView>, Problem> {
+async fn reference(
+    State(app): State<App>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<LiveView>, Problem> {
     let (live, asked) = (live(&app)?, named(&headers, &body)?);
     number(live, &asked.camera)?;
     if !asked.confirm {
         let message = "The reference is learned anew from the frames to come, and the session starts again: confirm it.";
         return Err(Problem::new(StatusCode::CONFLICT, "confirm", message));
     }
-    live.set_reference(&asked.camera).map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
+    live.set_reference(&asked.camera)
+        .map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
     Ok(Json(now(live)))
 }
 
-async fn history(State(app): State<App>, Query(asked): Query<Selected>) -> Result<Json<Vec<HistoryEvent>>, Problem> {
+async fn history(
+    State(app): State<App>,
+    Query(asked): Query<Selected>,
+) -> Result<Json<Vec<HistoryEvent>>, Problem> {
     let live = live(&app)?;
     number(live, &asked.camera)?;
     let none = "This session writes no history; give it the key `history`.";
@@ -133,7 +145,8 @@ async fn history(State(app): State<App>, Query(asked): Query<Selected>) -> Resul
         Ok::<_, resight_watch::history::HistoryError>(all)
     });
     // Its message names the file, which pages need not know.
-    let unreadable = |_| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "history", "The history cannot be read now.");
+    let unreadable =
+        |_| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "history", "The history cannot be read now.");
     Ok(Json(read.await?.map_err(unreadable)?))
 }
 
@@ -186,7 +199,9 @@ fn parts(newest: watch::Receiver<Option<Picture>>, looker: Looker) -> Parts {
             }
             let picture = newest.borrow_and_update().clone();
             let Some(jpeg) = picture.as_deref().and_then(|p| jpeg(p)) else { continue };
-            let mut part = format!("--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len()).into_bytes();
+            let mut part =
+                format!("--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len())
+                    .into_bytes();
             part.extend(jpeg);
             part.extend(b"\r\n");
             if !matches!(timeout(PATIENCE, sender.send(part.into())).await, Ok(Ok(()))) {
@@ -202,7 +217,10 @@ struct Parts(tokio::sync::mpsc::Receiver<Bytes>);
 impl futures_core::Stream for Parts {
     type Item = std::io::Result<Bytes>;
 
-    fn poll_next(mut self: std::pin::Pin<&mut Self>, context: &mut std::task::Context<'_>) -> std::task::Poll<Option<Self::Item>> {
+    fn poll_next(
+        mut self: std::pin::Pin<&mut Self>,
+        context: &mut std::task::Context<'_>,
+    ) -> std::task::Poll<Option<Self::Item>> {
         self.0.poll_recv(context).map(|part| part.map(Ok))
     }
 }

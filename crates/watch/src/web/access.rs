@@ -53,9 +53,9 @@ impl Access {
     /// Whether `Origin` is a page of this server: none is no browser, or a page of its own.
     pub fn knows_origin(&self, origin: Option<&str>) -> bool {
         let Some(origin) = origin else { return true };
-        origin.split_once("://").is_some_and(|(scheme, host)| {
-            (scheme == "http" || scheme == "https") && self.knows_host(host)
-        })
+        origin
+            .split_once("://")
+            .is_some_and(|(scheme, host)| (scheme == "http" || scheme == "https") && self.knows_host(host))
     }
 
     /// Whether a token is asked for.

@@ -130,7 +130,10 @@ impl Builder {
         let n = read.cameras.len();
         match <[NamedCamera; 1]>::try_from(read.cameras) {
             Ok([camera]) => Ok(camera),
-            Err(_) => Err(self.fault(format!("photo `{}`: camera_text holds {n} cameras; one is needed", photo.name))),
+            Err(_) => {
+                Err(self
+                    .fault(format!("photo `{}`: camera_text holds {n} cameras; one is needed", photo.name)))
+            }
         }
     }
 
