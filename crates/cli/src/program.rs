@@ -9,7 +9,7 @@ use anyhow::{Result, anyhow};
 use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Resight finds where cameras are, with the uncertainty of every answer.
 ///
@@ -136,11 +136,20 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
-        Command::Serve(args) => serve::run(&args),
+        Command::Serve(args) => serve::run(&args, session_of),
         Command::Landmarks(args) => landmarks::run(&args),
         Command::History(args) => history::run(&args),
         Command::Completions(args) => completions::completions(&args, Arguments::command()),
         Command::Man(args) => completions::man(&args, Arguments::command()),
         Command::Schema(args) => schema::run(&args),
     }
+}
+
+/// The session of a file, read anew each time it starts.
+fn session_of(path: &Path) -> resight_serve::Start {
+    let words = [OsString::from("resight"), OsString::from("watch"), path.as_os_str().to_owned()];
+    Box::new(move |anew| match Arguments::read(&words)?.command {
+        Command::Watch(args) => watch::request_of(&args, anew),
+        _ => Err(anyhow!("this is no session")),
+    })
 }

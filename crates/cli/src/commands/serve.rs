@@ -1,11 +1,10 @@
 //! `serve`: the local web page and the interface behind it.
 
 use crate::output::{Outcome, print, remark};
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use resight_serve::{ServeConfig, Server, Start};
 use resight_watch::Log;
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
@@ -34,11 +33,16 @@ pub struct Serve {
     allowed_host: Vec<String>,
 }
 
-/// See `Serve`.
-pub fn run(args: &Serve) -> Result<Outcome> {
-    let mut server = bind("--listen", &args.listen, args.token_file.as_deref(), &args.allowed_host)?;
+/// See `Serve`. `start` makes the session of a session file.
+pub fn run(args: &Serve, start: impl Fn(&Path) -> Start) -> Result<Outcome> {
+    let mut server = Server::bind(&ServeConfig {
+        flag: "--listen",
+        address: args.listen.clone(),
+        token_file: args.token_file.clone(),
+        hosts: args.allowed_host.clone(),
+    })?;
     if let Some(session) = &args.session {
-        server.watch(start(session)?, Log::new(remark))?;
+        server.watch(start(session), Log::new(remark))?;
     }
     let place = server.place();
     if !place.ip().is_loopback() {
@@ -47,29 +51,4 @@ pub fn run(args: &Serve) -> Result<Outcome> {
     print(&format!("http://{place}/\n"))?;
     server.run()?;
     Ok(Outcome::Answered)
-}
-
-/// The session of a file, read anew each time it starts.
-fn start(session: &Path) -> Result<Start> {
-    let words = ["resight", "watch"].map(OsString::from).into_iter().chain([session.as_os_str().to_owned()]);
-    let words: Vec<OsString> = words.collect();
-    Ok(Box::new(move |anew| match crate::program::Arguments::read(&words)?.command {
-        crate::program::Command::Watch(args) => super::watch::request_of(&args, anew),
-        _ => bail!("this is no session"),
-    }))
-}
-
-/// A server at an address; `flag` is where that comes from.
-pub fn bind(
-    flag: &'static str,
-    address: &str,
-    token_file: Option<&Path>,
-    hosts: &[String],
-) -> Result<Server> {
-    Server::bind(&ServeConfig {
-        flag,
-        address: address.to_owned(),
-        token_file: token_file.map(Path::to_owned),
-        hosts: hosts.to_vec(),
-    })
 }

@@ -244,8 +244,12 @@ fn keep(file: &Path) -> Result<()> {
 
 /// A page that shows this session, on a thread of its own.
 fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resight_serve::Live>> {
-    let mut server =
-        super::serve::bind("--serve", address, args.serve_token_file.as_deref(), &args.serve_host)?;
+    let mut server = resight_serve::Server::bind(&resight_serve::ServeConfig {
+        flag: "--serve",
+        address: address.to_owned(),
+        token_file: args.serve_token_file.clone(),
+        hosts: args.serve_host.clone(),
+    })?;
     let live = Arc::new(resight_serve::Live::new(request, false));
     live.tap(request);
     server.show(Arc::clone(&live));
