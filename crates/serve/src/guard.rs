@@ -12,7 +12,7 @@ use std::sync::Arc;
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
 
 /// No route takes a larger body, bytes; each has a limit of its own besides.
-const LARGEST: usize = crate::photograph::SESSION_BYTES;
+pub const LARGEST: usize = 256 << 20;
 
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 

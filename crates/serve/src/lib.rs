@@ -14,6 +14,7 @@
 
 mod error;
 mod guard;
+mod app;
 mod page;
 mod sessions;
 mod example;

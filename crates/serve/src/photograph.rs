@@ -1,8 +1,8 @@
 //! The routes of photographs and four clicks. Whatever computes runs on a thread where a failure loses one request.
 
+use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
-use crate::server::App;
 use crate::sessions::Shared;
 use crate::{example, page};
 use axum::body::Bytes;
@@ -22,7 +22,7 @@ use tokio::time::timeout;
 
 /// Largest photograph and largest saved session, bytes: base64 takes a third more, and a session holds several.
 const PHOTOGRAPH_BYTES: usize = 96 << 20;
-pub const SESSION_BYTES: usize = 256 << 20;
+const SESSION_BYTES: usize = crate::guard::LARGEST;
 /// For a whole request.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Largest command: camera and target files are in them.

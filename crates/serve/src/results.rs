@@ -1,8 +1,8 @@
 //! Results dropped in: a rig's answer and a whisker's sweep, as the page draws them.
 
+use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
-use crate::server::App;
 use axum::body::Bytes;
 use axum::extract::DefaultBodyLimit;
 use axum::http::HeaderMap;

@@ -1,8 +1,8 @@
 //! The server: its address, its routes, and how it ends.
 
+use crate::app::App;
 use crate::error::Problem;
 use crate::live::{self, Live, Start};
-use crate::sessions::Sessions;
 use crate::{guard, openapi, page, photograph, results, socket};
 use anyhow::{Context, Result};
 use axum::routing::get;
@@ -35,17 +35,6 @@ pub struct ServeConfig {
     pub token_file: Option<PathBuf>,
     /// Names by which the page is reached, besides localhost and the address.
     pub hosts: Vec<String>,
-}
-
-/// What all routes share.
-#[derive(Clone)]
-pub struct App {
-    /// Sessions of pages.
-    pub sessions: Arc<Sessions>,
-    /// Cameras that are watched.
-    pub live: Option<Arc<Live>>,
-    /// Turns of decoding.
-    pub decoding: Arc<Semaphore>,
 }
 
 /// A server that has its address.

@@ -1,8 +1,8 @@
 //! The WebSocket of a session: commands up, views down. The fast way while a point is dragged.
 
+use crate::app::App;
 use crate::error::Problem;
 use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, aside, locked};
-use crate::server::App;
 use crate::sessions::Shared;
 use axum::Router;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};

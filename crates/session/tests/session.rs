@@ -183,7 +183,7 @@ fn what_is_wrong_is_said_and_nothing_is_lost() {
     assert!(view.is_old && refusal.text.contains("line"), "{}", refusal.text);
     assert!(view.overlay.is_some());
     // A camera file for another size.
-    let other = text("testdata/demo/left.toml").replace("1280", "1000");
+    let other = text("testdata/demo/left.toml").replace("= 800", "= 1000");
     let view = session
         .apply(0, Command::SetLens { lens: GivenLens::File { name: "other.toml".into(), text: other } });
     assert!(view.error.is_some_and(|e| e.step == "lens"));

@@ -3,10 +3,10 @@
 use super::Live;
 use super::cameras::LiveView;
 use super::pictures::{Message as Picture, jpeg};
+use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
 use crate::photograph::aside;
-use crate::server::App;
 use axum::body::{Body, Bytes};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
