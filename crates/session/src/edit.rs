@@ -1,7 +1,7 @@
 //! Commands that change the state, each checked before anything is changed.
 
 use crate::command::{Command, GivenLens, MeasuredKind, Template};
-use crate::session::{Refusal, Step};
+use crate::refusal::{Refusal, Step};
 use crate::state::{Distance, ImagePoint, Measurement, PhotoState, Position, State};
 use crate::{lens, target, texts};
 

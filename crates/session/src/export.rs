@@ -1,7 +1,8 @@
 //! The answer in other programs' formats, as a picture and as a report.
 
 use crate::lines::{Curve, overlay};
-use crate::session::{Refusal, Session, Step};
+use crate::refusal::{Refusal, Step};
+use crate::session::Session;
 use crate::texts;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

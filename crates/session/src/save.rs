@@ -1,7 +1,8 @@
 //! A session as one file: a scene that `resight measure` reads, with the table `[session]` that holds the session itself.
 
 use crate::places::{Places, places};
-use crate::session::{Refusal, Session, Step};
+use crate::refusal::{Refusal, Step};
+use crate::session::Session;
 use crate::state::{PhotoState, State};
 use crate::texts;
 use crate::{GivenLens, MeasuredKind};

@@ -8,6 +8,7 @@ use crate::network;
 use crate::photograph::Photograph;
 use crate::places::{Places, places};
 use crate::pose::{Attempt, Solved, solve, without_place};
+use crate::refusal::{Refusal, Step};
 use crate::snap::snap;
 use crate::state::{PhotoState, State};
 use crate::view::{
@@ -26,51 +27,6 @@ const MOST_PHOTOS: usize = 6;
 const MOST_STEPS: usize = 500;
 /// Two-sided 95 % point of the normal distribution.
 const NORMAL_95: f64 = 1.96;
-
-/// The step of the page that a sentence belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
-    /// The photograph.
-    Photograph,
-    /// The lens.
-    Lens,
-    /// Points and distances.
-    Points,
-    /// Measuring.
-    Measure,
-}
-
-impl Step {
-    /// The word in JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Step::Photograph => "photograph",
-            Step::Lens => "lens",
-            Step::Points => "marks",
-            Step::Measure => "measure",
-        }
-    }
-}
-
-/// Why a command was refused.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{text}")]
-pub struct Refusal {
-    /// Where it belongs.
-    pub step: Step,
-    /// A sentence with the way out.
-    pub text: String,
-}
-
-impl Refusal {
-    fn of(step: Step, text: impl Into<String>) -> Self {
-        Refusal { step, text: text.into() }
-    }
-
-    fn view(&self) -> StepText {
-        StepText { step: self.step.name(), text: self.text.clone() }
-    }
-}
 
 /// A session. Nothing is remembered besides it.
 #[derive(Debug, Clone, Default)]
