@@ -2,14 +2,15 @@
 
 use crate::commands::{
     advise, batch, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye, history,
-    intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, solve, watch, whisker,
+    intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve, watch,
+    whisker,
 };
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
 use clap::parser::ValueSource;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Resight finds where cameras are, with the uncertainty of every answer.
 ///
@@ -102,6 +103,8 @@ pub enum Command {
     Whisker(whisker::Whisker),
     /// Watches cameras over time and raises an alarm when one has moved.
     Watch(watch::Watch),
+    /// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
+    Serve(serve::Serve),
     /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
     /// Computes the poses of millions of views, of a fleet of cameras, in bounded memory and on all cores.
@@ -141,6 +144,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
+        Command::Serve(args) => serve::run(&args, session_of),
         Command::Landmarks(args) => landmarks::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::FleetReport(args) => fleet_report::run(&args),
@@ -149,4 +153,13 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Man(args) => completions::man(&args, Arguments::command()),
         Command::Schema(args) => schema::run(&args),
     }
+}
+
+/// The session of a file, read anew each time it starts.
+fn session_of(path: &Path) -> resight_serve::Start {
+    let words = [OsString::from("resight"), OsString::from("watch"), path.as_os_str().to_owned()];
+    Box::new(move |anew| match Arguments::read(&words)?.command {
+        Command::Watch(args) => watch::request_of(&args, anew),
+        _ => Err(anyhow!("this is no session")),
+    })
 }

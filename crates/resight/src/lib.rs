@@ -53,6 +53,7 @@ pub mod answer;
 pub mod locate;
 pub mod nominal;
 pub mod points;
+pub mod layout;
 pub mod marked_lines;
 pub mod overlay;
 pub mod drawing;

@@ -6,6 +6,7 @@
 pub mod canvas;
 pub mod font;
 pub(crate) mod geometry;
+pub mod ground;
 #[cfg(test)]
 mod tests;
 

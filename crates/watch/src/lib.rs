@@ -32,6 +32,7 @@
 //! | where frames come from | [`source`]: images, folders, videos, streams, recordings, JSON Lines |
 //! | every frame kept, and read again | [`mod@history`] |
 //! | metrics, webhook, MQTT, ROS transforms, the view in a terminal | [`outputs`] |
+//! | what its servers have in common | [`web`] |
 //! | what a camera saw, from the messages of a recording | [`ros`] |
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
@@ -44,6 +45,7 @@ mod error;
 mod log;
 pub mod names;
 pub mod signals;
+pub mod web;
 pub mod outputs;
 mod saved;
 mod run;

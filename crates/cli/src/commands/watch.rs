@@ -23,10 +23,11 @@ use resight::formats::{self, NamedCamera};
 use resight::locate::IntrinsicsCovariance;
 use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, WatchedLandmarks, reference};
 use resight_watch::names::{Names, by_name, split};
-use resight_watch::outputs::said::{self, Verdict};
+use resight_watch::outputs::said::{self, EventText, Verdict};
 use resight_watch::{Ended, Error, Log, Request, signals};
 use rig::RigArgs;
 use sources::SourceArgs;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -111,6 +112,21 @@ pub struct Watch {
     alarm: AlarmArgs,
     #[command(flatten)]
     outputs: OutputArgs,
+    /// Shows the session on a page at this address, as `resight serve` does.
+    #[arg(long, hide_short_help = true, value_name = "ADDRESS:PORT", help_heading = "Outputs")]
+    serve: Option<String>,
+    /// File with the token that requests of the page must bring; needed where other machines reach the address.
+    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "serve", help_heading = "Outputs")]
+    serve_token_file: Option<PathBuf>,
+    /// Names by which the page is reached, besides localhost and the address.
+    #[arg(
+        long,
+        hide_short_help = true,
+        value_name = "NAME[:PORT]",
+        requires = "serve",
+        help_heading = "Outputs"
+    )]
+    serve_host: Vec<String>,
 }
 
 /// See `Watch`.
@@ -119,6 +135,12 @@ pub fn run(args: &Watch) -> Result<Outcome> {
         crate::output::print(text)?;
         return Ok(Outcome::Answered);
     }
+    let (names, cameras, config) = parts(args)?;
+    watch(args, &names, cameras, config)
+}
+
+/// Flags that contradict each other.
+fn check(args: &Watch) -> Result<()> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
     }
@@ -135,6 +157,12 @@ pub fn run(args: &Watch) -> Result<Outcome> {
             "--motion moving follows a pose; landmarks watch cameras that stand still: leave --landmarks and --save-landmarks out"
         );
     }
+    Ok(())
+}
+
+/// Names, cameras and settings.
+fn parts(args: &Watch) -> Result<(Names, Vec<LiveCamera>, LiveConfig)> {
+    check(args)?;
     let rig = args.rig.cameras()?;
     let names = match &rig {
         Some(rig) => Names::of_rig(rig, &args.target),
@@ -143,26 +171,21 @@ pub fn run(args: &Watch) -> Result<Outcome> {
     let names = names.distinct()?;
     let config = config(args, &names, rig.as_deref())?;
     let cameras = cameras(args, &names, rig)?;
-    watch(args, &names, cameras, config)
+    Ok((names, cameras, config))
 }
 
 /// Runs the session, and says how it ended.
 fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveConfig) -> Result<Outcome> {
     let (log, stop) = (Log::new(crate::output::remark), Arc::new(AtomicBool::new(false)));
     signals::stop_at_request(&stop)?;
-    let request = Request {
-        names: names.clone(),
-        cameras,
-        config,
-        state: args.state.clone(),
-        save_references: saved("--save-reference", &args.save_reference, &names.pairs())?,
-        save_landmarks: writable("--save-landmarks", args.landmarks.saved(names)?)?,
-        outputs: args.outputs.config()?,
-        false_alarms_per_day: args.alarm.false_alarms_per_day,
-        is_once: args.once,
-    };
+    let mut request = request(args, names, cameras, config)?;
+    let shown = args.serve.as_ref().map(|address| serve(args, address, &mut request)).transpose()?;
+    let text = EventText::new(names);
     let printer = args.outputs.printer(names);
     let ended = resight_watch::run(request, &log, &stop, |event| {
+        if let Some(live) = &shown {
+            live.take(&text, event);
+        }
         printer.as_ref().map_or(Ok(()), |printer| printer.take(event))
     });
     let ended = ended.map_err(|reason| with_file(args, names, reason))?;
@@ -175,6 +198,68 @@ fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveConf
         (_, Some(reason)) => Err(reason.into()),
         (outcome, None) => Ok(outcome),
     }
+}
+
+/// What is asked of the session.
+fn request(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveConfig) -> Result<Request> {
+    Ok(Request {
+        names: names.clone(),
+        cameras,
+        config,
+        state: args.state.clone(),
+        save_references: saved("--save-reference", &args.save_reference, &names.pairs())?,
+        save_landmarks: writable("--save-landmarks", args.landmarks.saved(names)?)?,
+        outputs: args.outputs.config()?,
+        false_alarms_per_day: args.alarm.false_alarms_per_day,
+        is_once: args.once,
+    })
+}
+
+/// The session of a session file, its cameras those named excepted from their references: they learn theirs anew, and what was saved of
+/// them before is kept beside.
+///
+/// # Errors
+/// What is wrong with the file.
+pub fn request_of(args: &Watch, anew: &BTreeSet<String>) -> Result<Request> {
+    let (names, mut cameras, config) = parts(args)?;
+    for camera in cameras.iter_mut().filter(|camera| anew.contains(&camera.name)) {
+        camera.targets.iter_mut().for_each(|target| target.reference = None);
+    }
+    let request = request(args, &names, cameras, config)?;
+    for (pair, file) in request.save_references.iter().enumerate() {
+        let (camera, _) = names.of_pair(pair);
+        if let Some(file) = file.as_ref().filter(|_| anew.contains(names.camera(camera))) {
+            keep(Path::new(file))?;
+        }
+    }
+    Ok(request)
+}
+
+/// Copies a file to one of a free name beside it.
+fn keep(file: &Path) -> Result<()> {
+    let Ok(bytes) = std::fs::read(file) else { return Ok(()) }; // None was learned yet.
+    let free = (1..).map(|i| PathBuf::from(format!("{}.old{i}", file.display()))).find(|to| !to.exists());
+    free.map_or(Ok(()), |to| Ok(formats::write_atomically(&to, &bytes)?))
+}
+
+/// A page that shows this session, on a thread of its own.
+fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resight_serve::Live>> {
+    let mut server = resight_serve::Server::bind(&resight_serve::ServeConfig {
+        flag: "--serve",
+        address: address.to_owned(),
+        token_file: args.serve_token_file.clone(),
+        hosts: args.serve_host.clone(),
+    })?;
+    let live = Arc::new(resight_serve::Live::new(request, false));
+    live.tap(request);
+    server.show(Arc::clone(&live));
+    crate::output::remark(&format!("the page of this session is http://{}/", server.place()));
+    std::thread::Builder::new().name("serve".to_owned()).spawn(move || {
+        if let Err(reason) = server.run() {
+            crate::output::remark(&format!("--serve: {reason:#}"));
+        }
+    })?;
+    Ok(live)
 }
 
 fn saved(flag: &str, given: &[String], names: &[String]) -> Result<Vec<Option<String>>> {

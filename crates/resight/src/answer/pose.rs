@@ -276,6 +276,13 @@ pub(super) fn in_unit(value: Value, unit: &str) -> Value {
     }
 }
 
+impl PoseObject {
+    /// Whether it may be relied on.
+    pub fn status(&self) -> Status {
+        self.status
+    }
+}
+
 impl PoseAnswer {
     /// Whether it may be relied on.
     pub fn status(&self) -> Status {

@@ -1,6 +1,5 @@
 //! What Prometheus reads: counts, states and latencies, at `/metrics`; whether all is well, at `/healthz`.
 
-mod access;
 mod exposition;
 mod histogram;
 mod rate;
@@ -11,9 +10,9 @@ mod write;
 use super::outbox::Counted;
 use super::{Output, Session};
 use crate::live::Event;
-use access::Access;
-use anyhow::{Context, Result, bail};
-use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
+use crate::web::access::{self, Access};
+use crate::web::{Flags, listen};
+use anyhow::Result;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use tally::Tally;
@@ -29,6 +28,10 @@ pub struct MetricsConfig {
     pub hosts: Vec<String>,
 }
 
+/// Where its parts come from.
+const FLAGS: Flags =
+    Flags { address: "--metrics", token_file: "--metrics-token-file", host: "--metrics-host" };
+
 /// The output.
 ///
 /// # Errors
@@ -38,8 +41,8 @@ pub(super) fn open(
     session: &Session<'_>,
     counted: Vec<(&'static str, Arc<dyn Counted>)>,
 ) -> Result<Box<dyn Output>> {
-    let token = config.token_file.as_deref().map(access::token).transpose()?;
-    let (listener, place) = listen(&config.address, token.is_some(), &config.hosts)?;
+    let token = config.token_file.as_deref().map(|path| access::token(FLAGS.token_file, path)).transpose()?;
+    let (listener, place) = listen(&config.address, token.is_some(), &config.hosts, FLAGS)?;
     session.log.say("metrics", &format!("http://{place}/metrics"));
     if !place.ip().is_loopback() {
         session.log.say("metrics", "the token travels unencrypted; put a proxy with TLS in front");
@@ -47,27 +50,6 @@ pub(super) fn open(
     let tally = Arc::new(Mutex::new(Tally::new(session, counted)));
     server::start(listener, Arc::clone(&tally), Access::new(place, token, &config.hosts))?;
     Ok(Box::new(Metrics { tally }))
-}
-
-fn listen(address: &str, has_token: bool, hosts: &[String]) -> Result<(TcpListener, SocketAddr)> {
-    let reported = || format!("--metrics {address}");
-    let found: Vec<SocketAddr> = address.to_socket_addrs().with_context(reported)?.collect();
-    let Some(place) = found.first() else { bail!("{}: there is no such address", reported()) };
-    if !place.ip().is_loopback() && !has_token {
-        bail!(
-            "{}: other machines can reach this; give --metrics-token-file, or listen on 127.0.0.1",
-            reported()
-        );
-    }
-    if place.ip().is_unspecified() && hosts.is_empty() {
-        bail!(
-            "{}: listens on every address; say by which names it is reached, with --metrics-host",
-            reported()
-        );
-    }
-    let listener = TcpListener::bind(place).with_context(reported)?;
-    let place = listener.local_addr().with_context(reported)?;
-    Ok((listener, place))
 }
 
 struct Metrics {

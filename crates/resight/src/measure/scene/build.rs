@@ -6,7 +6,7 @@ use crate::FileError;
 use crate::core::multiview::network::{Constraint, Plane};
 use crate::core::multiview::triangulate::isotropic;
 use crate::core::{Matrix6, Pixel, Point, Pose};
-use crate::formats;
+use crate::formats::{self, NamedCamera};
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
 use nalgebra::Vector3;
@@ -23,7 +23,7 @@ const DEFAULT_LEAN_RAD: f64 = 0.01;
 const FAR_M: f64 = 10_000.0;
 
 /// What tells one camera from another: its file, the size of its images; and its stated sigmas.
-type CameraUse<'a> = (String, Option<(u32, u32)>, &'a BTreeMap<String, f64>);
+type CameraUse<'a> = ((String, Option<String>), Option<(u32, u32)>, &'a BTreeMap<String, f64>);
 
 /// A scene in the making.
 pub(super) struct Builder {
@@ -95,7 +95,8 @@ impl Builder {
             }
             let picture = photo.file.as_ref().map(|f| self.folder.join(f));
             let size = picture.as_deref().map(picture_size).transpose()?;
-            let known = used.iter().position(|(camera, s, _)| *camera == photo.camera && *s == size);
+            let source = (photo.camera.clone(), photo.camera_text.clone());
+            let known = used.iter().position(|(camera, s, _)| *camera == source && *s == size);
             let camera = match known {
                 Some(known) if *used[known].2 != photo.intrinsics_sigma => {
                     return Err(self.fault(format!(
@@ -105,7 +106,7 @@ impl Builder {
                 }
                 Some(known) => known,
                 None => {
-                    used.push((photo.camera.clone(), size, &photo.intrinsics_sigma));
+                    used.push((source, size, &photo.intrinsics_sigma));
                     let camera = self.camera(photo, size)?;
                     self.scene.cameras.push(camera);
                     self.scene.cameras.len() - 1
@@ -121,9 +122,23 @@ impl Builder {
         Ok(())
     }
 
+    fn named_camera(&self, photo: &PhotoEntry) -> Result<NamedCamera, FileError> {
+        let Some(text) = &photo.camera_text else {
+            return formats::read_camera(&self.folder.join(&photo.camera).display().to_string());
+        };
+        let read = formats::read_cameras_from_bytes(&self.path, text.clone().into_bytes())?;
+        let n = read.cameras.len();
+        match <[NamedCamera; 1]>::try_from(read.cameras) {
+            Ok([camera]) => Ok(camera),
+            Err(_) => {
+                Err(self
+                    .fault(format!("photo `{}`: camera_text holds {n} cameras; one is needed", photo.name)))
+            }
+        }
+    }
+
     fn camera(&self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
-        let spec = self.folder.join(&photo.camera).display().to_string();
-        let named = formats::read_camera(&spec)?;
+        let named = self.named_camera(photo)?;
         let stated = &named.camera;
         let camera = match size {
             Some((width, height)) => formats::check_image_size(stated, width, height)

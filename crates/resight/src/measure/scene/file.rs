@@ -23,6 +23,9 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub(super) query: Vec<QueryEntry>,
     pub(super) birdseye: Option<BirdseyeEntry>,
+    /// What the page of `resight serve` keeps for itself.
+    #[serde(rename = "session")]
+    _session: Option<serde::de::IgnoredAny>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -31,6 +34,8 @@ pub(super) struct PhotoEntry {
     pub(super) name: String,
     pub(super) file: Option<PathBuf>,
     pub(super) camera: String,
+    /// The camera file itself, in place of a path.
+    pub(super) camera_text: Option<String>,
     #[serde(default)]
     pub(super) intrinsics_sigma: BTreeMap<String, f64>,
     #[serde(default, alias = "clicks")]

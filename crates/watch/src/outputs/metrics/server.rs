@@ -1,8 +1,9 @@
 //! The server: one thread, few connections, little patience. Whoever asks slowly or often delays other askers, never the cameras.
 
-use super::access::Access;
 use super::exposition;
 use super::tally::Tally;
+use crate::web::access::Access;
+use crate::web::{Patience, accept};
 use anyhow::{Context, Result};
 use axum::Router;
 use axum::extract::{Request, State};
@@ -10,27 +11,12 @@ use axum::http::{HeaderMap, HeaderName, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use hyper::server::conn::http1;
-use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use std::net::TcpListener;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::net::TcpStream;
-use tokio::sync::Semaphore;
-use tokio::time::{sleep, timeout};
 
-/// Open at once; the system keeps further ones waiting.
-const CONNECTIONS: usize = 256;
-/// For the head of a request.
-const HEAD_PATIENCE: Duration = Duration::from_secs(5);
 /// For a whole connection; it serves one request.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// After a failure to accept (no more file descriptors): it passes.
-const PAUSE: Duration = Duration::from_millis(100);
-/// A head larger than this is refused, bytes.
-const HEAD_BYTES: usize = 16 << 10;
-
 #[derive(Clone)]
 struct Shared {
     tally: Arc<Mutex<Tally>>,
@@ -42,12 +28,11 @@ struct Shared {
 /// # Errors
 /// No thread to be had.
 pub fn start(listener: TcpListener, tally: Arc<Mutex<Tally>>, access: Access) -> Result<()> {
-    listener.set_nonblocking(true)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let routes = routes(Shared { tally, access });
     let serve = move || {
         // A listener that cannot be handed over has nobody to tell; binding it has succeeded before.
-        let _ = runtime.block_on(accept(listener, routes));
+        let _ = runtime.block_on(accept(listener, routes, Patience::OneRequest(PATIENCE)));
     };
     std::thread::Builder::new().name("metrics".to_string()).spawn(serve).context("a thread for --metrics")?;
     Ok(())
@@ -60,35 +45,6 @@ fn routes(shared: Shared) -> Router {
         .fallback(async || (StatusCode::NOT_FOUND, "not found\n"))
         .layer(middleware::from_fn_with_state(shared.clone(), check_host))
         .with_state(shared)
-}
-
-async fn accept(listener: TcpListener, routes: Router) -> std::io::Result<()> {
-    let listener = tokio::net::TcpListener::from_std(listener)?;
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
-    loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return Ok(()) };
-        match listener.accept().await {
-            Ok((stream, _)) => {
-                let routes = routes.clone();
-                tokio::spawn(async move {
-                    serve(stream, routes).await;
-                    drop(place);
-                });
-            }
-            Err(_) => sleep(PAUSE).await,
-        }
-    }
-}
-
-async fn serve(stream: TcpStream, routes: Router) {
-    let connection = http1::Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(HEAD_PATIENCE)
-        .max_buf_size(HEAD_BYTES)
-        .keep_alive(false)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(routes));
-    // Whoever breaks a connection or is too slow needs no telling.
-    let _ = timeout(PATIENCE, connection).await;
 }
 
 /// Before anything else: a name that is not ours is a page that had its name point here.

@@ -1,4 +1,4 @@
-//! Who may read the metrics: requests that name this machine as it is known (a page that got its own name to point here names itself),
+//! Who is answered: requests that name this machine as it is known (a page that got its own name to point here names itself),
 //! and, where a token is asked for, that bring it.
 
 use crate::outputs::secret;
@@ -16,12 +16,15 @@ pub struct Access {
     token: Option<String>,
 }
 
-/// Reads `--metrics-token-file`.
-pub fn token(path: &Path) -> Result<String> {
-    let token = secret::read("--metrics-token-file", path)?;
+/// Reads the file of a token, whose flag is `flag`.
+///
+/// # Errors
+/// A file that others can read, or a token that could be guessed.
+pub fn token(flag: &str, path: &Path) -> Result<String> {
+    let token = secret::read(flag, path)?;
     if token.len() < TOKEN_LETTERS {
         bail!(
-            "--metrics-token-file {}: {} characters; at least {TOKEN_LETTERS} are needed: openssl rand -hex 32",
+            "{flag} {}: {} characters; at least {TOKEN_LETTERS} are needed: openssl rand -hex 32",
             path.display(),
             token.len()
         );
@@ -30,6 +33,7 @@ pub fn token(path: &Path) -> Result<String> {
 }
 
 impl Access {
+    /// Of a server at this address, reached by these names besides.
     pub fn new(place: SocketAddr, token: Option<String>, hosts: &[String]) -> Self {
         let port = place.port();
         let own = ["localhost", "127.0.0.1", "[::1]"].map(|name| format!("{name}:{port}"));
@@ -44,6 +48,19 @@ impl Access {
         let host = host.to_ascii_lowercase();
         let name = host.rsplit_once(':').map_or(host.as_str(), |(name, _)| name);
         self.hosts.iter().any(|known| *known == host || known == name)
+    }
+
+    /// Whether `Origin` is a page of this server: none is no browser, or a page of its own.
+    pub fn knows_origin(&self, origin: Option<&str>) -> bool {
+        let Some(origin) = origin else { return true };
+        origin
+            .split_once("://")
+            .is_some_and(|(scheme, host)| (scheme == "http" || scheme == "https") && self.knows_host(host))
+    }
+
+    /// Whether a token is asked for.
+    pub fn asks_for_token(&self) -> bool {
+        self.token.is_some()
     }
 
     /// Whether `Authorization` brings the token, where one is asked for.

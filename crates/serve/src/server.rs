@@ -1,0 +1,116 @@
+//! The server: its address, its routes, and how it ends.
+
+use crate::app::App;
+use crate::error::Problem;
+use crate::live::{self, Live, Start};
+use crate::{guard, openapi, page, photograph, results, socket};
+use anyhow::{Context, Result};
+use axum::routing::get;
+use axum::{Json, Router, middleware};
+use resight_watch::Log;
+use resight_watch::web::access::{self, Access};
+use resight_watch::web::{Flags, Patience, accept, listen};
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::Arc;
+use tokio::sync::Semaphore;
+
+/// Photographs decoded at once.
+const DECODING: usize = 2;
+/// Threads that answer; what computes has others.
+const THREADS: usize = 2;
+/// Threads that compute.
+const WORKERS: usize = 8;
+
+const FLAGS: Flags = Flags { address: "--listen", token_file: "--token-file", host: "--allowed-host" };
+
+/// Where and for whom to serve.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServeConfig {
+    /// The flag that the address comes from, for messages.
+    pub flag: &'static str,
+    /// `ADDRESS:PORT`; port 0 takes a free one.
+    pub address: String,
+    /// The file whose first line is the token that requests must bring; needed on addresses that other machines can reach.
+    pub token_file: Option<PathBuf>,
+    /// Names by which the page is reached, besides localhost and the address.
+    pub hosts: Vec<String>,
+}
+
+/// A server that has its address.
+pub struct Server {
+    listener: TcpListener,
+    place: SocketAddr,
+    access: Access,
+    live: Option<Arc<Live>>,
+}
+
+impl Server {
+    /// Takes the address.
+    ///
+    /// # Errors
+    /// An address that cannot be listened on, or that other machines can reach without a token; a token that could be guessed.
+    pub fn bind(config: &ServeConfig) -> Result<Self> {
+        let token =
+            config.token_file.as_deref().map(|path| access::token(FLAGS.token_file, path)).transpose()?;
+        let (listener, place) =
+            listen(&config.address, token.is_some(), &config.hosts, Flags { address: config.flag, ..FLAGS })?;
+        Ok(Server { listener, place, access: Access::new(place, token, &config.hosts), live: None })
+    }
+
+    /// Where it is.
+    pub fn place(&self) -> SocketAddr {
+        self.place
+    }
+
+    /// Shows a session that runs elsewhere.
+    pub fn show(&mut self, live: Arc<Live>) {
+        self.live = Some(live);
+    }
+
+    /// Runs a session beside the server, on a thread of its own.
+    ///
+    /// # Errors
+    /// What is wrong with the session.
+    pub fn watch(&mut self, start: Start, log: Log) -> Result<()> {
+        let live = Arc::new(Live::new(&start(&Default::default())?, true));
+        self.live = Some(Arc::clone(&live));
+        let run = move || live::run(&live, &start, &log);
+        std::thread::Builder::new()
+            .name("watch".to_owned())
+            .spawn(run)
+            .context("a thread for the session")?;
+        Ok(())
+    }
+
+    /// Serves until the program ends.
+    ///
+    /// # Errors
+    /// No thread to be had.
+    pub fn run(self) -> Result<()> {
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .max_blocking_threads(WORKERS)
+            .thread_name("serve")
+            .enable_all()
+            .build()
+            .context("threads for --listen")?;
+        let app =
+            App { sessions: Arc::default(), live: self.live, decoding: Arc::new(Semaphore::new(DECODING)) };
+        Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
+    }
+}
+
+fn routes(app: App, access: Access) -> Router {
+    Router::new()
+        .merge(page::routes())
+        .merge(photograph::routes())
+        .merge(socket::routes())
+        .merge(results::routes())
+        .merge(live::routes::routes())
+        .route("/healthz", get(async || "ok\n"))
+        .route("/openapi.json", get(async || Json(openapi::description())))
+        .fallback(async || Problem::missing("There is nothing here; see /openapi.json."))
+        .layer(middleware::from_fn_with_state(Arc::new(access), guard::guard))
+        .with_state(app)
+}

@@ -1,0 +1,96 @@
+//! Bad photographs, slow clients and closed tabs: a sentence, and nothing lost.
+
+use crate::client::{ask, get, server, session};
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+/// A PNG whose header claims this size.
+fn header(width: u32, height: u32) -> Vec<u8> {
+    let mut chunk = b"IHDR".to_vec();
+    chunk.extend(width.to_be_bytes());
+    chunk.extend(height.to_be_bytes());
+    chunk.extend([8, 0, 0, 0, 0]);
+    let mut table = !0u32;
+    for byte in &chunk {
+        table ^= u32::from(*byte);
+        for _ in 0..8 {
+            table = if table & 1 == 1 { 0xedb8_8320 ^ (table >> 1) } else { table >> 1 };
+        }
+    }
+    let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\x0d".to_vec();
+    png.extend(&chunk);
+    png.extend((!table).to_be_bytes());
+    png.extend(b"\0\0\0\x04IDATxxxx");
+    png
+}
+
+#[test]
+fn a_bad_photograph_gets_a_sentence_and_the_server_stays() {
+    let place = server(None);
+    let id = session(place);
+    let demo = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/demo/left.png"))
+        .expect("the demo");
+    let path = format!("POST /api/session/photograph?session={id}&name=x.png");
+    let put = |kind: &str, body: &[u8]| ask(place, &path, &[("Content-Type", kind)], body);
+    for (kind, body, said) in [
+        ("image/png", header(20_000, 15_000), "64 Mpx"),
+        ("image/jpeg", b"hello, this is a text".to_vec(), "not a readable"),
+        ("image/png", demo[..demo.len() / 2].to_vec(), "not a readable"),
+        ("image/png", Vec::new(), "not a readable"),
+    ] {
+        let answer = put(kind, &body);
+        assert_eq!(answer.status, 422);
+        assert!(answer.message().contains(said), "{}", answer.message());
+    }
+    assert_eq!(put("text/html", &demo).status, 415);
+    assert_eq!(put("image/png", &demo).status, 200);
+    let view = get(place, &format!("/api/session/view?session={id}")).json();
+    assert_eq!(view["photo"]["width_px"], 800);
+}
+
+#[test]
+fn a_tab_closed_in_the_middle_of_an_upload_loses_nothing() {
+    let place = server(None);
+    let id = session(place);
+    for _ in 0..20 {
+        let mut stream = TcpStream::connect(place).expect("a connection");
+        let head = format!(
+            "POST /api/session/photograph?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Type: image/png\r\nContent-Length: 1000000\r\n\r\nhalf",
+            place.port()
+        );
+        stream.write_all(head.as_bytes()).expect("sent");
+    }
+    assert_eq!(get(place, &format!("/api/session/view?session={id}")).status, 200);
+}
+
+/// Too much is refused by what the head says, before it is read.
+#[test]
+fn too_much_is_refused() {
+    let place = server(None);
+    let id = session(place);
+    let mut stream = TcpStream::connect(place).expect("a connection");
+    let head = format!(
+        "POST /api/session/photograph?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Type: image/png\r\nContent-Length: 900000000\r\n\r\n",
+        place.port()
+    );
+    stream.write_all(head.as_bytes()).expect("sent");
+    stream.set_read_timeout(Some(Duration::from_secs(10))).expect("a timeout");
+    let mut answer = [0; 12];
+    stream.read_exact(&mut answer).expect("an answer");
+    assert_eq!(&answer, b"HTTP/1.1 413");
+}
+
+/// A client that sends its head letter by letter is left alone after some seconds; others are answered meanwhile.
+#[test]
+fn slow_clients_are_left() {
+    let place = server(None);
+    let mut slow = TcpStream::connect(place).expect("a connection");
+    slow.write_all(b"GET / HT").expect("sent");
+    assert_eq!(get(place, "/healthz").status, 200);
+    let began = Instant::now();
+    slow.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+    let mut rest = Vec::new();
+    let _ = slow.read_to_end(&mut rest);
+    assert!(began.elapsed() < Duration::from_secs(15), "{:?}", began.elapsed());
+}

@@ -1,0 +1,204 @@
+//! The answer in other programs' formats, as a picture and as a report.
+
+use crate::lines::{Curve, overlay};
+use crate::refusal::{Refusal, Step};
+use crate::session::Session;
+use crate::texts;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use nalgebra::DMatrix;
+use resight::formats::{self, Format, NamedCamera, Placement};
+use std::fmt::Write;
+
+/// A file to be saved by the person.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Export {
+    /// Its name.
+    pub name: String,
+    /// Its media type.
+    pub media_type: &'static str,
+    /// Its contents.
+    pub text: String,
+}
+
+/// What can be exported besides the formats of `resight convert`.
+pub const EXPORTS: [&str; 5] = ["json", "homography", "svg", "report", "csv"];
+
+impl Session {
+    /// The answer of a photograph as `json`, `homography` (3×3, pixels from the plane z = 0), `csv` (measurements), `svg`, `report` (HTML), or
+    /// a format of `resight convert`.
+    ///
+    /// # Errors
+    /// No pose yet, a format that is not known, or that cannot hold the camera.
+    pub fn export(&mut self, photo: usize, format: &str) -> Result<Export, Refusal> {
+        let refuse = |text: String| Refusal { step: Step::Measure, text };
+        let Some(solved) = self.solved(photo) else { return Err(refuse(texts::NO_POSE_YET.to_owned())) };
+        let file = |name: &str, media_type, text| Export { name: name.to_owned(), media_type, text };
+        match format {
+            "json" => Ok(file(
+                "pose.json",
+                "application/json",
+                serde_json::to_string_pretty(&solved.answer.json()).unwrap_or_default(),
+            )),
+            "homography" => match homography(&solved) {
+                Some(text) => Ok(file("homography.json", "application/json", text)),
+                None => {
+                    Err(refuse("This lens is bent; a homography holds for a straight one only.".to_owned()))
+                }
+            },
+            "svg" => Ok(file("photograph.svg", "image/svg+xml", self.svg(photo, &solved))),
+            "report" => Ok(file("report.html", "text/html", self.report(photo, &solved))),
+            "csv" => Ok(file("measurements.csv", "text/csv", self.csv(photo))),
+            word => {
+                let format = Format::to_write(word).ok_or_else(|| refuse(unknown(word)))?;
+                let files =
+                    formats::write_cameras(&[named(&solved)], format).map_err(|e| refuse(e.to_string()))?;
+                let only = files.len() == 1;
+                let text = files
+                    .iter()
+                    .map(|f| if only { f.text.clone() } else { format!("# {}\n{}\n", f.name, f.text) })
+                    .collect();
+                let name = files.first().map_or("camera.txt".to_owned(), |f| f.name.replace('/', "-"));
+                Ok(Export { name, media_type: "text/plain; charset=utf-8", text })
+            }
+        }
+    }
+
+    fn csv(&mut self, photo: usize) -> String {
+        let mut text = "name,what,value,low_95,high_95,unit\n".to_owned();
+        for m in self.view(photo).measurements {
+            let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
+            let name = m.name.replace('"', "\"\"");
+            let what = serde_json::to_value(m.what)
+                .ok()
+                .and_then(|v| v.as_str().map(str::to_owned))
+                .unwrap_or_default();
+            let _ = writeln!(
+                text,
+                "\"{name}\",{what},{},{},{},{}",
+                number(m.value),
+                number(m.low),
+                number(m.high),
+                m.unit
+            );
+        }
+        text
+    }
+
+    /// The photograph with everything drawn over it.
+    fn svg(&mut self, photo: usize, solved: &crate::pose::Solved) -> String {
+        let drawn = overlay(&self.state, solved);
+        let Some(photograph) = self.photograph(photo).cloned() else { return String::new() };
+        let (w, h) = (photograph.image.width_px, photograph.image.height_px);
+        let line = f64::from(w) / 800.0;
+        let mut svg = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"-0.5 -0.5 {w} {h}\" fill=\"none\" stroke-width=\"{line:.2}\">\n<image x=\"-0.5\" y=\"-0.5\" width=\"{w}\" height=\"{h}\" href=\"data:{};base64,{}\"/>\n",
+            photograph.media_type(),
+            STANDARD.encode(&photograph.bytes)
+        );
+        let mut draw = |curve: &Curve, colour: &str| {
+            let points: Vec<String> = curve.iter().map(|[u, v]| format!("{u},{v}")).collect();
+            let _ = writeln!(svg, "<polyline stroke=\"{colour}\" points=\"{}\"/>", points.join(" "));
+        };
+        drawn.grid.iter().for_each(|curve| draw(curve, "#78c8eb"));
+        drawn
+            .axes
+            .iter()
+            .zip(["#ff4646", "#46dc5a", "#5a96ff"])
+            .for_each(|(axis, colour)| draw(&axis.points, colour));
+        let view = self.view(photo);
+        for m in view.measurements.iter().filter(|m| m.photo == photo) {
+            draw(&m.points, "#ffe15a");
+        }
+        let size = 10.0 * line;
+        for p in &view.points {
+            let (u, v) = (p.u_px, p.v_px);
+            let _ = writeln!(
+                svg,
+                "<circle cx=\"{u}\" cy=\"{v}\" r=\"{size:.1}\" stroke=\"#ff5a50\"/><text x=\"{}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ff5a50\">{}</text>",
+                u + 1.5 * size,
+                2.0 * size,
+                escaped(&p.name)
+            );
+        }
+        for m in view.measurements.iter().filter(|m| m.photo == photo && m.error.is_none()) {
+            let [u, v] = m.points[m.points.len() / 2];
+            let _ = writeln!(
+                svg,
+                "<text x=\"{u}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ffe15a\">{}</text>",
+                2.0 * size,
+                escaped(&m.words)
+            );
+        }
+        svg + "</svg>\n"
+    }
+
+    /// A page to print.
+    fn report(&mut self, photo: usize, solved: &crate::pose::Solved) -> String {
+        let svg = self.svg(photo, solved);
+        let view = self.view(photo);
+        let row = |cells: [&str; 3]| {
+            format!("<tr>{}</tr>", cells.map(|c| format!("<td>{}</td>", escaped(c))).concat())
+        };
+        let figures: String = view.figures.iter().map(|f| row([f.title, &f.words, f.help])).collect();
+        let measured: String = view
+            .measurements
+            .iter()
+            .map(|m| row([&m.name, &m.words, m.error.as_deref().unwrap_or("95 % interval")]))
+            .collect();
+        let status = view.status().unwrap_or("old");
+        let name = self.photograph(photo).map_or_else(String::new, |p| escaped(&p.name));
+        format!(
+            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{name}</title><style>body{{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}}svg{{width:100%}}td{{padding:.2rem 1rem .2rem 0;vertical-align:top}}@page{{size:A4;margin:15mm}}</style><h1>{name}</h1><p><strong>{status}</strong>: {}</p>{svg}<h2>Pose</h2><table>{figures}</table><h2>Measurements</h2><table>{measured}</table><p>± and intervals hold with 95 % probability.</p></html>\n",
+            escaped(&solved.answer.verdict.message)
+        )
+    }
+}
+
+fn unknown(word: &str) -> String {
+    let words: Vec<&str> = EXPORTS
+        .into_iter()
+        .chain(Format::writable().filter_map(|(_, words)| words.first().copied()))
+        .collect();
+    format!("There is no export `{word}`; there are {}.", words.join(", "))
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The camera in the frame of the points.
+fn named(solved: &crate::pose::Solved) -> NamedCamera {
+    let n = solved.camera.parameters().len();
+    let rows = solved.intrinsics_covariance.as_ref().filter(|rows| rows.len() == n * n);
+    NamedCamera {
+        name: "camera".to_owned(),
+        camera: solved.camera.clone(),
+        placement: Some(Placement {
+            b: "camera".to_owned(),
+            a: "world".to_owned(),
+            b_from_a: solved.cam_from_world,
+            covariance: Some(solved.covariance),
+        }),
+        intrinsics_covariance: rows.map(|rows| DMatrix::from_row_slice(n, n, rows)),
+    }
+}
+
+/// Pixels from places of the plane z = 0, row by row; none for a lens with distortion.
+fn homography(solved: &crate::pose::Solved) -> Option<String> {
+    let is_bent = |(name, value): &(&str, f64)| !name.ends_with("_px") && *value != 0.0;
+    if solved.camera.parameters().iter().any(is_bent) {
+        return None;
+    }
+    let k = solved.camera.matrix()?;
+    let (r, t) = (&solved.cam_from_world.rotation, &solved.cam_from_world.translation);
+    let flat = [r.column(0).into_owned(), r.column(1).into_owned(), *t];
+    let rows = [0, 1, 2].map(|i| {
+        flat.map(|c| match i {
+            0 => k.fx_px * c.x + k.cx_px * c.z,
+            1 => k.fy_px * c.y + k.cy_px * c.z,
+            _ => c.z,
+        })
+    });
+    serde_json::to_string_pretty(&serde_json::json!({ "pixel_from_plane": rows })).ok()
+}

@@ -1,0 +1,99 @@
+//! A photograph: the file as it came, its grey pixels for detectors, and what its EXIF says.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use resight::GrayImage;
+use resight::core::camera::ImageSize;
+use resight::image::exif::{self, ExifLens};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A decoded photograph.
+#[derive(Clone, PartialEq)]
+pub struct Photograph {
+    /// The name of its file, without a folder.
+    pub name: String,
+    /// The file: PNG or JPEG.
+    pub bytes: Vec<u8>,
+    /// Its pixels.
+    pub image: GrayImage,
+    /// The lens that it was taken through, where it says.
+    pub exif: Option<ExifLens>,
+}
+
+impl std::fmt::Debug for Photograph {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} ({} × {} px)", self.name, self.image.width_px, self.image.height_px)
+    }
+}
+
+/// Longest name of a file, bytes.
+const NAME_BYTES: usize = 200;
+
+impl Photograph {
+    /// Decodes a PNG or JPEG file. The pixels stay as they are in the file: an orientation in EXIF is not applied, for lenses are calibrated
+    /// without it.
+    ///
+    /// # Errors
+    /// A sentence: no image, too large, torn.
+    pub fn decode(name: &str, bytes: Vec<u8>) -> Result<Self, String> {
+        let image = GrayImage::decode(&bytes)?;
+        let exif = exif::lens(&bytes);
+        Ok(Photograph { name: plain_name(name), bytes, image, exif })
+    }
+
+    /// Its size.
+    pub fn size(&self) -> ImageSize {
+        ImageSize { width_px: self.image.width_px, height_px: self.image.height_px }
+    }
+
+    /// `image/png` or `image/jpeg`.
+    pub fn media_type(&self) -> &'static str {
+        if self.bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" }
+    }
+}
+
+/// The last part of a name, without control characters.
+fn plain_name(name: &str) -> String {
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let mut plain: String = last.chars().filter(|c| !c.is_control()).collect();
+    while NAME_BYTES < plain.len() {
+        plain.pop();
+    }
+    if plain.is_empty() { "photograph".to_owned() } else { plain }
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    name: String,
+    image_base64: String,
+}
+
+impl Serialize for Photograph {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Saved { name: self.name.clone(), image_base64: STANDARD.encode(&self.bytes) }.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Photograph {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let saved = Saved::deserialize(deserializer)?;
+        let bytes = STANDARD.decode(saved.image_base64).map_err(serde::de::Error::custom)?;
+        Photograph::decode(&saved.name, bytes).map_err(serde::de::Error::custom)
+    }
+}
+
+/// Photographs are shared by the steps that can be undone, and saved once.
+pub mod shared {
+    use super::Photograph;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use std::sync::Arc;
+
+    pub fn serialize<S: Serializer>(photograph: &Arc<Photograph>, serializer: S) -> Result<S::Ok, S::Error> {
+        Photograph::serialize(photograph, serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<Photograph>, D::Error> {
+        Photograph::deserialize(deserializer).map(Arc::new)
+    }
+}

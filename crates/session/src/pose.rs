@@ -1,0 +1,143 @@
+//! The pose of a photograph by its points.
+
+use crate::lens::{self, KnownLens};
+use crate::places::Places;
+use crate::state::{PhotoState, State};
+use nalgebra::DMatrix;
+use resight::PoseAnswer;
+use resight::core::locate::Method;
+use resight::core::{Camera, Correspondence, Matrix6, Pixel, Point, Pose};
+use resight::locate::{NamedPoint, PointsOptions, locate_points};
+use resight::nominal::NominalLens;
+
+/// A photograph whose camera has a pose.
+#[derive(Debug, Clone)]
+pub struct Solved {
+    pub answer: PoseAnswer,
+    /// The lens, estimated or given.
+    pub camera: Camera,
+    /// Covariance of its parameters, row by row, as it was before these points.
+    pub intrinsics_covariance: Option<Vec<f64>>,
+    /// The points that took part.
+    pub points: Vec<NamedPoint>,
+    /// The pose that is drawn: as answered or as chosen.
+    pub cam_from_world: Pose,
+    pub covariance: Matrix6,
+    /// The other pose that fits.
+    pub other_cam_from_world: Option<Pose>,
+    /// 1 where z points up, −1 where it points into the ground.
+    pub up: f64,
+}
+
+/// What became of the points of a photograph.
+pub enum Attempt {
+    /// Something is missing.
+    Incomplete,
+    /// An answer without a pose.
+    Refused(Box<PoseAnswer>),
+    /// A pose.
+    Solved(Box<Solved>),
+}
+
+/// Solves the points that have places.
+pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Places) -> Attempt {
+    let camera = match lens {
+        KnownLens::Camera { camera, .. } => (**camera).clone(),
+        KnownLens::Unknown(_) => Camera::normalized(),
+    };
+    let points = named_points(state, photo, lens, &camera, places);
+    let needed = if matches!(lens, KnownLens::Unknown(_)) { 4 } else { 3 };
+    if points.len() < needed {
+        return Attempt::Incomplete;
+    }
+    let mut options = PointsOptions { method: Method::Auto, ..PointsOptions::default() };
+    match lens {
+        KnownLens::Camera { intrinsics, .. } => options.intrinsics = intrinsics.clone(),
+        KnownLens::Unknown(prior) => options.estimate_focal = Some(prior.clone()),
+    }
+    let answer = locate_points(&photo.photograph.name, &points, &camera, &options);
+    let Some(estimate) = answer.estimate else { return Attempt::Refused(Box::new(answer)) };
+    let Some((camera, intrinsics_covariance)) = lens_of(lens, camera, &answer) else {
+        return Attempt::Refused(Box::new(answer));
+    };
+    let all: Vec<_> = estimate.minima().collect();
+    let alternatives = estimate.n_alternatives();
+    let chosen = photo.chosen.unwrap_or(0).min(all.len() - 1);
+    let other = if chosen == 0 { 1 } else { 0 };
+    let is_flat = points.iter().all(|p| p.seen.x_in_target.z == 0.0);
+    let taken = all[chosen].minimum;
+    let up = if is_flat && taken.cam_from_target.origin().z < 0.0 { -1.0 } else { 1.0 };
+    Attempt::Solved(Box::new(Solved {
+        camera,
+        intrinsics_covariance,
+        points,
+        cam_from_world: taken.cam_from_target,
+        covariance: taken.covariance,
+        other_cam_from_world: all
+            .get(other)
+            .filter(|_| other < alternatives.max(chosen + 1))
+            .map(|h| h.minimum.cam_from_target),
+        up,
+        answer,
+    }))
+}
+
+fn named_points(
+    state: &State,
+    photo: &PhotoState,
+    lens: &KnownLens,
+    camera: &Camera,
+    places: &Places,
+) -> Vec<NamedPoint> {
+    let one = |point: &crate::state::ImagePoint| {
+        let place = places.by_name.get(&point.name)?;
+        let pixel = Pixel::new(point.u_px, point.v_px);
+        let sigma_px = point.sigma_px.unwrap_or(state.sigma_px);
+        let seen = match lens {
+            // Rays play no part where the lens is estimated: there is none yet.
+            KnownLens::Unknown(_) => Correspondence::new(camera, place.x_m, Pixel::new(0.0, 0.0), sigma_px)
+                .map(|c| Correspondence { pixel, ..c }),
+            KnownLens::Camera { .. } => Correspondence::new(camera, place.x_m, pixel, sigma_px),
+        };
+        let seen = Correspondence { sigma_m: place.sigma_m, ..seen.ok()? };
+        Some(NamedPoint { name: point.name.clone(), line: None, seen })
+    };
+    photo.points.iter().filter_map(one).collect()
+}
+
+/// The lens with the covariance that its parameters have besides these points.
+fn lens_of(lens: &KnownLens, camera: Camera, answer: &PoseAnswer) -> Option<(Camera, Option<Vec<f64>>)> {
+    match lens {
+        KnownLens::Camera { intrinsics, .. } => {
+            let rows = intrinsics.as_ref().map(|known| known.covariance(&camera));
+            Some((camera, rows))
+        }
+        KnownLens::Unknown(prior) => {
+            let found = answer.estimated_focal.as_ref()?;
+            let camera = lens::estimated(found, prior)?;
+            let nominal =
+                NominalLens::HorizontalFieldOfView(lens::hfov_deg(&camera)?).camera(prior.size).ok()?;
+            let mut covariance: DMatrix<f64> = nominal.intrinsics_covariance?;
+            // The focal length is open: the points alone say what it is.
+            let open = (WIDE_FOCAL * found.focal_px).powi(2);
+            (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);
+            Some((camera, Some(covariance.transpose().iter().copied().collect())))
+        }
+    }
+}
+
+/// Standard deviation of a focal length of which nothing is known, in parts of it.
+const WIDE_FOCAL: f64 = 0.5;
+
+/// Names of the points that have a pixel but no place.
+pub fn without_place<'a>(photo: &'a PhotoState, places: &Places) -> Vec<&'a str> {
+    let names = photo.points.iter().map(|p| p.name.as_str());
+    names.filter(|name| !places.by_name.contains_key(*name)).collect()
+}
+
+/// Smallest box around the points, target frame.
+pub fn bounds(points: &[NamedPoint]) -> (Point, Point) {
+    let all = || points.iter().map(|p| p.seen.x_in_target);
+    let least = all().fold(Point::repeat(f64::INFINITY), |m, p| m.inf(&p));
+    (least, all().fold(Point::repeat(f64::NEG_INFINITY), |m, p| m.sup(&p)))
+}

@@ -1,0 +1,181 @@
+//! A session as one file: a scene that `resight measure` reads, with the table `[session]` that holds the session itself.
+
+use crate::places::{Places, places};
+use crate::refusal::{Refusal, Step};
+use crate::session::Session;
+use crate::state::{PhotoState, State};
+use crate::texts;
+use crate::{GivenLens, MeasuredKind};
+use crate::{lens, network};
+use resight::formats::{self, NamedCamera};
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+/// The file as the page reads it; the scene beside it is `resight measure`'s.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    session: State,
+}
+
+impl Session {
+    /// The session as TOML, photographs included.
+    ///
+    /// # Errors
+    /// A number that TOML does not hold.
+    pub fn save(&mut self) -> Result<String, Refusal> {
+        let places = places(&self.state);
+        let solved: Vec<_> = (0..self.state.photos.len()).map(|i| self.solved(i)).collect();
+        let failed = |reason: toml::ser::Error| Refusal { step: Step::Photograph, text: reason.to_string() };
+        let mut file = scene(&self.state, &places, &solved);
+        let own = toml::to_string(&Saved { session: self.state.clone() }).map_err(failed)?;
+        let head = "# A session of `resight serve`. `resight measure` reads it too: it leaves the table [session] alone.\n";
+        file.insert("sigma_px".into(), self.state.sigma_px.into());
+        let scene = toml::to_string(&file).map_err(failed)?;
+        Ok(format!("{head}{scene}\n{own}"))
+    }
+
+    /// A session that was saved.
+    ///
+    /// # Errors
+    /// A sentence: no session, a photograph that is torn, keys that nothing has.
+    pub fn load(text: &str) -> Result<Self, Refusal> {
+        let fault = |text: String| Refusal { step: Step::Photograph, text };
+        let mut table: Table = toml::from_str(text).map_err(|e| fault(e.message().to_owned()))?;
+        let own = table.remove("session").ok_or_else(|| fault(texts::NOTHING_SAVED.to_owned()))?;
+        let state: State = own.try_into().map_err(|e: toml::de::Error| fault(e.message().to_owned()))?;
+        check(&state).map_err(fault)?;
+        Ok(Session::of(state))
+    }
+}
+
+/// Numbers that a person wrote into the file by hand are checked as commands are.
+fn check(state: &State) -> Result<(), String> {
+    let positive = |x: f64| 0.0 < x && x.is_finite();
+    let places = state.positions.values().flat_map(|p| [p.x_m, p.y_m, p.z_m]);
+    let pixels = state.photos.iter().flat_map(|p| p.points.iter().flat_map(|q| [q.u_px, q.v_px]));
+    let clicked = state.measurements.iter().flat_map(|m| m.points.iter().flatten().copied());
+    let all_finite = places.chain(pixels).chain(clicked).all(f64::is_finite);
+    let lengths = state.distances.iter().all(|d| positive(d.distance_m) && positive(d.sigma_m));
+    let sigmas = state.positions.values().all(|p| 0.0 <= p.sigma_m && p.sigma_m.is_finite());
+    let least = |m: &crate::state::Measurement| match m.what {
+        MeasuredKind::Area => 3,
+        MeasuredKind::Position => 1,
+        _ => 2,
+    };
+    let counts =
+        state.measurements.iter().all(|m| least(m) <= m.points.len() && m.photo < state.photos.len());
+    match all_finite && lengths && sigmas && counts && positive(state.sigma_px) {
+        true => Ok(()),
+        false => Err("The session holds a number that cannot be right, or a measurement without its points."
+            .to_owned()),
+    }
+}
+
+fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
+    Value::Table(entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
+}
+
+/// The scene of `resight measure`.
+fn scene(state: &State, places: &Places, solved: &[Option<crate::pose::Solved>]) -> Table {
+    let mut file = Table::new();
+    let control_point = |(name, place): (&String, &crate::places::Place)| {
+        let [x, y, z]: [f64; 3] = place.x_m.into();
+        table([
+            ("name", name.clone().into()),
+            ("x_m", x.into()),
+            ("y_m", y.into()),
+            ("z_m", z.into()),
+            ("sigma_m", place.sigma_m.into()),
+        ])
+    };
+    let mut on_plane: Vec<Value> = Vec::new();
+    let (mut queries, mut uprights) = (Vec::new(), Vec::new());
+    for m in &state.measurements {
+        let name = |i: usize| format!("{} · {}", m.name, i + 1);
+        let names: Vec<Value> = (0..m.points.len()).map(|i| name(i).into()).collect();
+        let (kind, asked) = match m.what {
+            MeasuredKind::Height => {
+                uprights.push(table([("foot", name(0).into()), ("top", name(1).into())]));
+                on_plane.push(names[0].clone());
+                ("height", vec![names[1].clone()])
+            }
+            MeasuredKind::Length => ("distance", names),
+            MeasuredKind::Polyline => ("polyline", names),
+            MeasuredKind::Area => ("area", names),
+            MeasuredKind::Position => ("position", names),
+        };
+        if m.what != MeasuredKind::Height {
+            on_plane.extend(asked.iter().cloned());
+        }
+        queries.push(table([
+            ("kind", kind.into()),
+            ("points", asked.into()),
+            ("name", m.name.clone().into()),
+        ]));
+    }
+    file.insert("control_point".into(), places.by_name.iter().map(control_point).collect::<Vec<_>>().into());
+    file.insert(
+        "plane".into(),
+        table([
+            ("points", on_plane.into()),
+            ("z_m", 0.0.into()),
+            ("sigma_m", network::flatness_m(places).into()),
+        ]),
+    );
+    file.insert("upright".into(), uprights.into());
+    file.insert("query".into(), queries.into());
+    let photos =
+        state.photos.iter().enumerate().zip(solved).filter_map(|((i, p), s)| photo(state, i, p, s.as_ref()));
+    file.insert("photo".into(), photos.collect::<Vec<_>>().into());
+    file
+}
+
+fn photo(
+    state: &State,
+    number: usize,
+    photo: &PhotoState,
+    solved: Option<&crate::pose::Solved>,
+) -> Option<Value> {
+    let camera_text = camera_text(photo, solved)?;
+    let clicked = photo.points.iter().map(|p| (p.name.clone(), [p.u_px, p.v_px], p.sigma_px));
+    let measured = state.measurements.iter().filter(|m| m.photo == number).flat_map(|m| {
+        m.points.iter().enumerate().map(|(i, at)| (format!("{} · {}", m.name, i + 1), *at, None))
+    });
+    let points = clicked.chain(measured).map(|(name, [u, v], sigma_px)| {
+        let sigma_px = sigma_px.unwrap_or(state.sigma_px);
+        table([("point", name.into()), ("u_px", u.into()), ("v_px", v.into()), ("sigma_px", sigma_px.into())])
+    });
+    Some(table([
+        ("name", photo.photograph.name.clone().into()),
+        ("camera", "camera".into()),
+        ("camera_text", camera_text.into()),
+        ("image_points", points.collect::<Vec<_>>().into()),
+    ]))
+}
+
+/// The lens as a camera file of our own: as given, or as estimated.
+fn camera_text(photo: &PhotoState, solved: Option<&crate::pose::Solved>) -> Option<String> {
+    if let (Some(GivenLens::File { text, name }), false) = (&photo.lens, name_picks_one(photo)) {
+        let read = formats::read_cameras_from_bytes(name.as_ref(), text.clone().into_bytes()).ok()?;
+        if read.cameras.len() == 1 {
+            return formats::own_file(&read.cameras).ok();
+        }
+    }
+    let (camera, rows) = match (solved, lens::known(photo.lens.as_ref()?, &photo.photograph).ok()?) {
+        (Some(solved), _) => (solved.camera.clone(), solved.intrinsics_covariance.clone()),
+        (None, lens::KnownLens::Camera { camera, intrinsics, .. }) => {
+            let rows = intrinsics.map(|known| known.covariance(&camera));
+            (*camera, rows)
+        }
+        (None, lens::KnownLens::Unknown(_)) => return None,
+    };
+    let n = camera.parameters().len();
+    let intrinsics_covariance =
+        rows.filter(|r| r.len() == n * n).map(|r| nalgebra::DMatrix::from_row_slice(n, n, &r));
+    let named = NamedCamera { name: "camera".to_owned(), camera, placement: None, intrinsics_covariance };
+    formats::own_file(&[named]).ok()
+}
+
+fn name_picks_one(photo: &PhotoState) -> bool {
+    matches!(&photo.lens, Some(GivenLens::File { name, .. }) if name.contains('#'))
+}

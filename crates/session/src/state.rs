@@ -1,0 +1,103 @@
+//! What a session remembers: small, and copied for every step that can be undone. Photographs are shared.
+
+use crate::command::{GivenLens, MeasuredKind, Template};
+use crate::photograph::Photograph;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Standard deviation of a point placed by hand where none is stated, px.
+pub const SIGMA_PX: f64 = 1.0;
+
+/// Everything that is undone and saved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    pub sigma_px: f64,
+    pub template: Template,
+    pub show_grid: bool,
+    pub show_axes: bool,
+    #[serde(default)]
+    pub photos: Vec<PhotoState>,
+    #[serde(default)]
+    pub positions: BTreeMap<String, Position>,
+    #[serde(default)]
+    pub distances: Vec<Distance>,
+    #[serde(default)]
+    pub measurements: Vec<Measurement>,
+}
+
+impl Default for State {
+    fn default() -> Self {
+        State {
+            sigma_px: SIGMA_PX,
+            template: Template::default(),
+            show_grid: true,
+            show_axes: true,
+            photos: Vec::new(),
+            positions: BTreeMap::new(),
+            distances: Vec::new(),
+            measurements: Vec::new(),
+        }
+    }
+}
+
+/// One photograph with what was stated of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhotoState {
+    #[serde(with = "crate::photograph::shared")]
+    pub photograph: Arc<Photograph>,
+    pub lens: Option<GivenLens>,
+    /// The minimum that the person chose; none: as answered.
+    pub chosen: Option<usize>,
+    #[serde(default)]
+    pub points: Vec<ImagePoint>,
+}
+
+/// A point of a photograph.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImagePoint {
+    pub name: String,
+    pub u_px: f64,
+    pub v_px: f64,
+    /// Of a detector; none where placed by hand.
+    pub sigma_px: Option<f64>,
+}
+
+/// Coordinates of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Position {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub z_m: f64,
+    pub sigma_m: f64,
+}
+
+/// A distance, as typed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Distance {
+    pub a: String,
+    pub b: String,
+    pub distance_m: f64,
+    pub sigma_m: f64,
+}
+
+impl Distance {
+    pub fn joins(&self, a: &str, b: &str) -> bool {
+        (self.a == a && self.b == b) || (self.a == b && self.b == a)
+    }
+}
+
+/// Something to measure in a photograph.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Measurement {
+    pub name: String,
+    pub photo: usize,
+    pub what: MeasuredKind,
+    pub points: Vec<[f64; 2]>,
+}

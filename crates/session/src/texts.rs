@@ -1,0 +1,110 @@
+//! Every sentence of the session, in one place.
+
+use crate::state::Distance;
+use resight::core::camera::ImageSize;
+use resight::layout::Contradiction;
+
+pub const NO_PHOTOGRAPH: &str = "Drop a photograph here, as PNG or JPEG.";
+pub const NO_LENS: &str = "State the lens: a camera file, EXIF, its field of view, or \"I don't know\".";
+pub const NO_EXIF: &str = "The photograph's EXIF states no focal length; give the field of view, a camera file, or \"I don't know\".";
+pub const NO_MEASUREMENT: &str = "Click two points of the ground to measure a length.";
+pub const NO_POSE_YET: &str = "It is measured as soon as the camera has a pose: finish the points first.";
+pub const NOTHING_TO_UNDO: &str = "There is nothing to undo.";
+pub const NOTHING_TO_REDO: &str = "There is nothing to redo.";
+pub const NO_TAG: &str = "No tag of this family is in the photograph.";
+pub const NOTHING_SAVED: &str = "This is no session that the page saved: it has no table [session].";
+pub const ESTIMATED: &str = "estimated from the same points";
+
+pub fn several_cameras(file: &str, names: &[String]) -> String {
+    format!(
+        "{file} holds the cameras {}; write one after its name: {file}#{}",
+        names.join(", "),
+        names.first().map_or("", |n| n)
+    )
+}
+
+pub fn scaled(from: ImageSize, to: ImageSize) -> String {
+    format!(
+        "the intrinsics are of images of {} × {} px and were scaled to {} × {} px, which is wrong where the photograph is a crop",
+        from.width_px, from.height_px, to.width_px, to.height_px
+    )
+}
+
+pub fn contradicting_distance(d: &Distance, c: &Contradiction) -> String {
+    format!(
+        "The distance {}–{} of {} m contradicts the others, which make it {:.3} m ({:.1} standard deviations): measure it again, or remove it.",
+        d.a, d.b, d.distance_m, c.computed_m, c.sigmas
+    )
+}
+
+pub fn points_missing(seen: usize, needed: usize) -> String {
+    match needed - seen {
+        1 => "Click one more point.".to_owned(),
+        more => format!("Click {more} more points."),
+    }
+}
+
+pub fn places_missing(names: &[&str]) -> String {
+    format!(
+        "Type the distances that give {} a place: two for each point, or one along a line.",
+        names.join(", ")
+    )
+}
+
+pub fn advice(now_m: f64, then_m: f64) -> String {
+    let length = resight::report::words::length;
+    format!(
+        "A point here would make the camera's position ± {} instead of ± {}.",
+        length(then_m),
+        length(now_m)
+    )
+}
+
+pub fn no_point(name: &str) -> String {
+    format!("There is no point {name} in this photograph.")
+}
+
+pub fn not_inside(u_px: f64, v_px: f64, size: ImageSize) -> String {
+    format!("({u_px:.1}, {v_px:.1}) is outside the photograph of {} × {} px.", size.width_px, size.height_px)
+}
+
+pub fn not_positive(what: &str, seen: f64, unit: &str) -> String {
+    format!("{what} is {seen} {unit}; a positive number is needed.")
+}
+
+pub fn too_many(what: &str, most: usize) -> String {
+    format!("There are {most} {what} already, the most that a session holds; remove one first.")
+}
+
+/// Title, one sentence and page of the book of each figure.
+pub fn figure(name: &str) -> (&'static str, &'static str, &'static str) {
+    match name {
+        "height" => ("Height", "How far the camera is above the plane of the points.", "measuring.md"),
+        "tilt" => ("Tilt", "How far the camera looks down below the plane's level.", "reading-the-answer.md"),
+        "roll" => (
+            "Roll",
+            "How far the camera is rotated about its line of sight; clockwise is positive.",
+            "reading-the-answer.md",
+        ),
+        "heading" => (
+            "Heading",
+            "Direction of view over the plane, anticlockwise from the x axis (the first two points).",
+            "reading-the-answer.md",
+        ),
+        "distance" => (
+            "Distance to the middle",
+            "From the camera to what the middle of the image shows on the plane.",
+            "measuring.md",
+        ),
+        "x" => (
+            "Camera x",
+            "The camera's position along the x axis, which runs from the first point to the second.",
+            "reading-the-answer.md",
+        ),
+        _ => (
+            "Camera y",
+            "The camera's position along the y axis, in the plane and across x.",
+            "reading-the-answer.md",
+        ),
+    }
+}

@@ -1,0 +1,123 @@
+//! What every server of this program has in common: whom it answers, where it listens, and how much patience it has.
+
+pub mod access;
+
+use access::Access;
+use anyhow::{Context, Result, bail};
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpStream;
+use tokio::sync::Semaphore;
+use tokio::time::{sleep, timeout};
+
+/// Open at once; the system keeps further ones waiting.
+const CONNECTIONS: usize = 256;
+/// For the head of a request; a connection that is kept open waits as long for the next one.
+const HEAD_PATIENCE: Duration = Duration::from_secs(5);
+/// After a failure to accept (no more file descriptors): it passes.
+const PAUSE: Duration = Duration::from_millis(100);
+/// A head larger than this is refused, bytes.
+const HEAD_BYTES: usize = 16 << 10;
+
+/// How long a connection lasts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Patience {
+    /// One request, and no longer than this.
+    OneRequest(Duration),
+    /// Any number of requests; a WebSocket lasts as long as both sides want.
+    Kept,
+}
+
+/// The flags that an address, its token and its names come from, for messages.
+#[derive(Debug, Clone, Copy)]
+pub struct Flags {
+    /// Of the address.
+    pub address: &'static str,
+    /// Of the token's file.
+    pub token_file: &'static str,
+    /// Of the names.
+    pub host: &'static str,
+}
+
+/// Listens on `ADDRESS:PORT`.
+///
+/// # Errors
+/// An address that cannot be listened on; one that other machines can reach without a token, or without a name to reach it by.
+pub fn listen(
+    address: &str,
+    has_token: bool,
+    hosts: &[String],
+    flags: Flags,
+) -> Result<(TcpListener, SocketAddr)> {
+    let reported = || format!("{} {address}", flags.address);
+    let found: Vec<SocketAddr> = address.to_socket_addrs().with_context(reported)?.collect();
+    let Some(place) = found.first() else { bail!("{}: there is no such address", reported()) };
+    if !place.ip().is_loopback() && !has_token {
+        bail!(
+            "{}: other machines can reach this; give {}, or listen on 127.0.0.1",
+            reported(),
+            flags.token_file
+        );
+    }
+    if place.ip().is_unspecified() && hosts.is_empty() {
+        bail!(
+            "{}: listens on every address; say by which names it is reached, with {}",
+            reported(),
+            flags.host
+        );
+    }
+    let listener = TcpListener::bind(place).with_context(reported)?;
+    let place = listener.local_addr().with_context(reported)?;
+    Ok((listener, place))
+}
+
+/// Accepts connections until the program ends.
+///
+/// # Errors
+/// A listener that cannot be handed over.
+pub async fn accept(listener: TcpListener, routes: Router, patience: Patience) -> std::io::Result<()> {
+    listener.set_nonblocking(true)?;
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return Ok(()) };
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let routes = routes.clone();
+                tokio::spawn(async move {
+                    serve(stream, routes, patience).await;
+                    drop(place);
+                });
+            }
+            Err(_) => sleep(PAUSE).await,
+        }
+    }
+}
+
+async fn serve(stream: TcpStream, routes: Router, patience: Patience) {
+    let mut builder = http1::Builder::new();
+    builder.timer(TokioTimer::new()).header_read_timeout(HEAD_PATIENCE).max_buf_size(HEAD_BYTES);
+    let service = TowerToHyperService::new(routes);
+    // Small answers are wanted at once.
+    let _ = stream.set_nodelay(true);
+    // Whoever breaks a connection or is too slow needs no telling.
+    match patience {
+        Patience::OneRequest(limit) => {
+            let connection = builder.keep_alive(false).serve_connection(TokioIo::new(stream), service);
+            let _ = timeout(limit, connection).await;
+        }
+        Patience::Kept => {
+            let _ = builder.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
+        }
+    }
+}
+
+/// The rules of a server at this address.
+pub fn access(place: SocketAddr, token: Option<String>, hosts: &[String]) -> Access {
+    Access::new(place, token, hosts)
+}
