@@ -103,7 +103,7 @@ pub enum Command {
     Whisker(whisker::Whisker),
     /// Watches cameras over time and raises an alarm when one has moved.
     Watch(watch::Watch),
-    /// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
+    /// Serves photographs, points and watched cameras over HTTP and WebSocket on this machine.
     Serve(serve::Serve),
     /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),

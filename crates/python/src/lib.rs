@@ -15,6 +15,7 @@ mod many;
 mod image;
 mod jobs;
 mod robot;
+mod lines;
 mod advice;
 mod monitor;
 mod table;
@@ -38,11 +39,13 @@ mod _native {
         rig_from_images, rig_from_rows, schema, write_atomically,
     };
     #[pymodule_export]
+    use super::lines::solve_lines;
+    #[pymodule_export]
     use super::many::{Poses, solve_many};
     #[pymodule_export]
     use super::monitor::Monitor;
     #[pymodule_export]
-    use super::points::{solve, solve_lines, solve_table};
+    use super::points::{solve, solve_table};
     #[pymodule_export]
     use super::pose::Pose;
     #[pymodule_export]

@@ -10,7 +10,6 @@ use resight::core::locate::prior::Prior;
 use resight::core::locate::unknown_focal::LensPrior;
 use resight::core::{Correspondence, Pixel, Point};
 use resight::locate::{METHODS, Method, NamedPoint, PointsOptions, locate_points};
-use resight::marked_lines::SceneLens;
 use resight::nominal::lens_of_unknown_focal;
 use resight::points::{TableLocator, read_views, unit_remarks};
 use std::path::PathBuf;
@@ -139,7 +138,10 @@ pub fn solve_table(
 }
 
 /// What is known of a lens whose focal length is estimated with the pose.
-fn unknown_lens(
+///
+/// # Errors
+/// `input` without the size of the image, and beside options that a known lens needs.
+pub fn unknown_lens(
     py: Python<'_>,
     method: Method,
     robust_threshold_px: Option<f64>,
@@ -154,26 +156,4 @@ fn unknown_lens(
         return Err(error::input(py, message));
     };
     Ok(lens_of_unknown_focal(ImageSize { width_px, height_px }))
-}
-
-/// Focal length, tilt, roll, heading and height from lines marked in photographs; the lines that the program prints with --json.
-#[pyfunction]
-#[pyo3(signature = (file, camera, sigma_px, image_size_px))]
-pub fn solve_lines(
-    py: Python<'_>,
-    file: PathBuf,
-    camera: Option<&Camera>,
-    sigma_px: Option<f64>,
-    image_size_px: Option<(u32, u32)>,
-) -> PyResult<Vec<String>> {
-    let lens = match camera {
-        Some(camera) => SceneLens::Known(Box::new(camera.known.camera.clone()), camera.intrinsics()),
-        None => SceneLens::Unknown(unknown_lens(py, Method::Auto, None, image_size_px)?),
-    };
-    let remark = camera.and_then(|camera| camera.remark.clone());
-    crate::jobs::answered(py, move || {
-        let mut answers = resight::scene_views(&file, &lens, sigma_px)?;
-        answers.iter_mut().for_each(|answer| answer.remarks.extend(remark.clone()));
-        answers.iter().map(crate::jobs::line).collect()
-    })
 }

@@ -7,10 +7,10 @@ use resight_serve::{ServeConfig, Server, Start};
 use resight_watch::Log;
 use std::path::{Path, PathBuf};
 
-/// Serves a local web page: four clicks on a photograph, cameras watched, a rig in 3-D.
+/// Serves photographs, points and watched cameras over HTTP and WebSocket on this machine.
 ///
-/// The first line of stdout is the address; open it in a browser. It works without any network, and only this machine reaches it: another
-/// address needs --token-file. The interface behind the page is described at /openapi.json.
+/// The first line of stdout is the address. It works without any network, and only this machine reaches it: another address needs --token-file.
+/// The interface is described at /openapi.json.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: resight serve")]
 #[command(after_long_help = "Examples:
@@ -28,7 +28,7 @@ pub struct Serve {
     /// File with the token that requests must bring; needed where other machines reach the address.
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// Names by which the page is reached, besides localhost and the address.
+    /// Names by which it is reached, besides localhost and the address.
     #[arg(long, value_name = "NAME[:PORT]")]
     allowed_host: Vec<String>,
 }

@@ -10,7 +10,8 @@ covariance (6, 6) is that of the small motion `[rotation_rad; translation_m]` of
 only `ok` may be used unseen.
 """
 
-from . import interop, whisker
+from . import interop as interop
+from . import whisker as whisker
 from ._answer import Answer
 from ._error import Error
 from ._jobs import (
@@ -73,7 +74,6 @@ __all__ = [
     "export_history",
     "hand_eye",
     "history",
-    "interop",
     "intrinsics",
     "landmarks",
     "locate_image",
@@ -92,5 +92,4 @@ __all__ = [
     "solve_table",
     "table",
     "watch",
-    "whisker",
 ]

@@ -46,6 +46,7 @@ __all__ = [
 ]
 
 __version__: str
+"""The version of the package, which is that of the program and the Rust library."""
 
 @final
 class Camera:
@@ -90,7 +91,9 @@ class Camera:
         """A camera that nobody calibrated, with the covariance that such figures have: every answer is widened by it and says so."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """As its file calls it."""
+
     @property
     def model(self) -> str:
         """`pinhole`, `brown_conrady`, `kannala_brandt`, …"""
@@ -145,7 +148,9 @@ class Target:
         """From a target file: own TOML, Kalibr YAML or WPILib JSON."""
 
     @property
-    def kind(self) -> str: ...
+    def kind(self) -> str:
+        """`tag`, `aprilgrid`, `chessboard`, `charuco`, `tag_map`, `line_plus_one` or `points`."""
+
     @property
     def warnings(self) -> list[str]:
         """What is unusual about it, in sentences; every answer repeats them."""
@@ -174,9 +179,13 @@ class Pose:
         """From OpenCV's `rvec` (axis times angle, radians) and `tvec` (metres), (3,) each."""
 
     @property
-    def b(self) -> str: ...
+    def b(self) -> str:
+        """The frame that it leads to."""
+
     @property
-    def a(self) -> str: ...
+    def a(self) -> str:
+        """The frame that it starts from."""
+
     @property
     def matrix(self) -> _Array:
         """Homogeneous matrix (4, 4)."""
@@ -230,7 +239,9 @@ class PoseAnswer:
         """The solver that answered."""
 
     @property
-    def n_points(self) -> int: ...
+    def n_points(self) -> int:
+        """How many points were used."""
+
     @property
     def cam_from_target(self) -> Pose | None:
         """The most probable pose; None where there is none."""
@@ -264,7 +275,9 @@ class PoseAnswer:
         """Sum of squared residuals over their variances."""
 
     @property
-    def degrees_of_freedom(self) -> int | None: ...
+    def degrees_of_freedom(self) -> int | None:
+        """Of `chi2`: two for each point, less six."""
+
     @property
     def other_cam_from_target(self) -> Pose | None:
         """The other pose that fits as well, where the answer is ambiguous."""
@@ -303,7 +316,8 @@ class Table:
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
     @property
-    def column_names(self) -> list[str]: ...
+    def column_names(self) -> list[str]:
+        """Names of its columns, in their order."""
     def __len__(self) -> int: ...
 
 @final

@@ -28,6 +28,7 @@ class Result(tuple[Any, ...]):
 
     @staticmethod
     def of(items: tuple[Any, ...], answer: Any, covariance: np.ndarray | None) -> "Result":
+        """The items that cv2 returns, with these attributes."""
         result = Result(items)
         result.answer, result.status, result.covariance = answer, answer.status, covariance
         return result
