@@ -53,7 +53,7 @@ pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Place
     let mut options = PointsOptions { method: Method::Auto, ..PointsOptions::default() };
     match lens {
         KnownLens::Camera { intrinsics, .. } => options.intrinsics = intrinsics.clone(),
-        KnownLens::Unknown(prior) => options.estimate_focal = Some(prior.clone()),
+        KnownLens::Unknown(prior) => options.estimate_focal = Some(*prior),
     }
     let answer = locate_points(&photo.photograph.name, &points, &camera, &options);
     let Some(estimate) = answer.estimate else { return Attempt::Refused(Box::new(answer)) };
