@@ -136,7 +136,11 @@ impl Solver {
             (None, Some(points)) => 3 * points.len(),
             (None, None) => return Err(Fault::NoPoints),
         };
-        if seen % 2 != 0 || known % 3 != 0 || seen / 2 != known / 3 || MOST_POINTS < seen / 2 {
+        if !seen.is_multiple_of(2)
+            || !known.is_multiple_of(3)
+            || seen / 2 != known / 3
+            || MOST_POINTS < seen / 2
+        {
             return Err(Fault::Counts { seen: seen / 2, known: known / 3 });
         }
         check_numbers("pixel of point", &views.pixels, row, seen, 2)?;

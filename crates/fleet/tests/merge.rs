@@ -59,7 +59,7 @@ fn state(rows: &SolvedRows) -> FleetState {
 }
 
 fn merged(a: FleetState, b: FleetState) -> FleetState {
-    a.merge(b).ok().expect("states of one period")
+    a.merge(b).expect("states of one period")
 }
 
 proptest! {

@@ -18,7 +18,14 @@ pub type Shared = Arc<Mutex<Session>>;
 /// All of them.
 #[derive(Default)]
 pub struct Sessions {
-    by_id: Mutex<(u64, HashMap<String, (u64, Shared)>)>,
+    kept: Mutex<Kept>,
+}
+
+/// Sessions by id, each with the count of uses at its last one.
+#[derive(Default)]
+struct Kept {
+    uses: u64,
+    by_id: HashMap<String, (u64, Shared)>,
 }
 
 impl Sessions {
@@ -26,9 +33,9 @@ impl Sessions {
     pub fn add(&self, session: Session) -> (String, Shared) {
         let (id, shared) = (fresh_id(), Arc::new(Mutex::new(session)));
         let mut all = self.lock();
-        all.0 += 1;
-        let now = all.0;
-        all.1.insert(id.clone(), (now, Arc::clone(&shared)));
+        all.uses += 1;
+        let now = all.uses;
+        all.by_id.insert(id.clone(), (now, Arc::clone(&shared)));
         drop(all);
         self.make_room(&id);
         (id, shared)
@@ -37,9 +44,9 @@ impl Sessions {
     /// The session of an id.
     pub fn get(&self, id: &str) -> Option<Shared> {
         let mut all = self.lock();
-        all.0 += 1;
-        let now = all.0;
-        let (used, session) = all.1.get_mut(id)?;
+        all.uses += 1;
+        let now = all.uses;
+        let (used, session) = all.by_id.get_mut(id)?;
         *used = now;
         Some(Arc::clone(session))
     }
@@ -48,20 +55,20 @@ impl Sessions {
     pub fn make_room(&self, kept: &str) {
         let mut all = self.lock();
         loop {
-            let n = all.1.len();
+            let n = all.by_id.len();
             let bytes: usize =
-                all.1.values().filter_map(|(_, s)| s.try_lock().ok().map(|s| weight(&s))).sum();
+                all.by_id.values().filter_map(|(_, s)| s.try_lock().ok().map(|s| weight(&s))).sum();
             let oldest =
-                all.1.iter().filter(|(id, _)| id.as_str() != kept).min_by_key(|(_, (used, _))| *used);
+                all.by_id.iter().filter(|(id, _)| id.as_str() != kept).min_by_key(|(_, (used, _))| *used);
             let Some(id) = oldest.map(|(id, _)| id.clone()).filter(|_| MOST < n || MOST_BYTES < bytes) else {
                 return;
             };
-            all.1.remove(&id);
+            all.by_id.remove(&id);
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, (u64, HashMap<String, (u64, Shared)>)> {
-        self.by_id.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -128,11 +128,10 @@ fn lists<'a>(values: impl Iterator<Item = Option<&'a Value>>) -> ArrayRef {
 
 /// The numbers of an array, of pairs or not.
 fn append(value: &Value, builder: &mut Float64Builder) {
-    match value {
-        Value::Array(items) => items.iter().for_each(|item| match item {
+    for item in value.as_array().into_iter().flatten() {
+        match item {
             Value::Array(_) => append(item, builder),
             number => builder.append_option(number.as_f64()),
-        }),
-        _ => {}
+        }
     }
 }
