@@ -49,7 +49,7 @@ fn many_ns(camera: &Camera, seen: &[([f64; 3], [f64; 2]); 4]) -> Result<f64, res
     };
     let pixels: Vec<[Pixel; 4]> = (0..1000).map(|i| seen.map(|(_, pixel)| moved(i, pixel))).collect();
     let views = Views {
-        camera,
+        camera: Given::Shared(camera),
         points_in_target: Given::Shared(&points),
         pixels: &pixels,
         sigma_px: Given::Shared(&[0.3; 4]),
