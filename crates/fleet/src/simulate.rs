@@ -1,4 +1,4 @@
-//! A day of a fleet with its truth: cameras that stay, knocks, slow drifts, the warmth of the day, wrong maps, dead cameras, clocks that are off.
+//! A day of a fleet with its truth: cameras that stay, sudden motions, slow drifts, the warmth of the day, wrong maps, dead cameras, clocks that are off.
 //!
 //! Every number follows from the seed, the camera and the time of the row, so that any part of a day can be made on its own.
 
@@ -27,7 +27,7 @@ pub struct Simulation {
     pub sigma_px: f64,
     /// Median amplitude of the rotation by the warmth of the day, degrees.
     pub thermal_deg: f64,
-    /// Shares of cameras with a fate: knocked, drifting, wrong map, dead, clock off.
+    /// Shares of cameras with a fate: step, drifting, wrong map, dead, clock off.
     pub shares: [f64; 5],
     /// Share of rows that are poison: missing or absurd numbers, unknown cameras.
     pub poison: f64,

@@ -23,18 +23,18 @@ fn who_moved_is_found_and_nobody_else() {
         .collect();
     promised.sort_by(f64::total_cmp);
     let promised = promised[promised.len() * 9 / 10];
-    let mut knocked = 0;
+    let mut moved = 0;
     for camera in &fleet.cameras {
         let verdict = judged.cameras.iter().find(|v| v.camera == camera.name).expect("a verdict");
         match camera.fate {
-            Fate::Knocked { at_s, motion } if promised < motion.fixed_rows::<3>(0).norm() => {
-                knocked += 1;
+            Fate::Step { at_s, motion } if promised < motion.fixed_rows::<3>(0).norm() => {
+                moved += 1;
                 assert_eq!(verdict.found, Found::Moved, "{}: {}", camera.name, verdict.message);
                 let found = verdict.motion.as_ref().expect("a motion");
                 let off_s = found.since_s - (day.begin_s + at_s);
                 assert!(off_s.abs() < 900.0, "{}: {off_s} s off", camera.name);
             }
-            Fate::Knocked { .. } | Fate::Drifting { .. } => {}
+            Fate::Step { .. } | Fate::Drifting { .. } => {}
             Fate::WrongMap => assert_eq!(verdict.found, Found::WrongMap, "{}", verdict.message),
             Fate::Dead { .. } => assert_eq!(verdict.found, Found::Dead, "{}", verdict.message),
             Fate::Clock { .. } => assert_eq!(verdict.found, Found::Clock, "{}", verdict.message),
@@ -44,7 +44,7 @@ fn who_moved_is_found_and_nobody_else() {
             }
         }
     }
-    assert!(5 <= knocked, "only {knocked} cameras were knocked by more than {promised} rad");
+    assert!(5 <= moved, "only {moved} cameras moved by more than {promised} rad");
     let page = report::page(&judged, Some(&solver.cameras));
     assert!(page.contains("<svg") && page.contains("Moved cameras") && !page.contains("http"));
 }

@@ -13,8 +13,8 @@ use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 pub enum Fate {
     /// It stays.
     Steady,
-    /// It is knocked at a time, seconds from the first image, and stays where it then is.
-    Knocked {
+    /// It moves suddenly at a time, seconds from the first image, and stays where it then is.
+    Step {
         /// Seconds from the first image.
         at_s: f64,
         /// Small motion of the camera, `[rotation_rad; translation_m]`, in its own frame.
@@ -48,7 +48,7 @@ impl Fate {
     pub fn name(&self) -> &'static str {
         match self {
             Fate::Steady => "steady",
-            Fate::Knocked { .. } => "knocked",
+            Fate::Step { .. } => "step",
             Fate::Drifting { .. } => "drifting",
             Fate::WrongMap => "wrong_map",
             Fate::Dead { .. } => "dead",
@@ -120,7 +120,7 @@ impl SimulatedCamera {
         let thermal = self.thermal * warmth;
         let warm = Pose::exp(&Vector6::new(thermal.x, thermal.y, thermal.z, 0.0, 0.0, 0.0));
         let moved = match self.fate {
-            Fate::Knocked { at_s, motion } if at_s <= t_s => Pose::exp(&-motion),
+            Fate::Step { at_s, motion } if at_s <= t_s => Pose::exp(&-motion),
             Fate::Drifting { at_s, motion } if at_s <= t_s => {
                 Pose::exp(&(-motion * ((t_s - at_s) / 86_400.0)))
             }
@@ -193,15 +193,15 @@ fn is_well_seen(camera: &Camera, points: &[Point; 4], cam_from_target: &Pose, si
 }
 
 fn fate(day: &Simulation, rng: &mut SplitMix64) -> Fate {
-    let [knocked, drifting, wrong, dead, clock] = day.shares;
+    let [step, drifting, wrong, dead, clock] = day.shares;
     let (draw, at_s) = (rng.uniform(), day.duration_s * rng.between(0.15, 0.85));
     let motion = motion(rng);
-    let limits = [knocked, drifting, wrong, dead, clock].into_iter().scan(0.0, |sum, share| {
+    let limits = [step, drifting, wrong, dead, clock].into_iter().scan(0.0, |sum, share| {
         *sum += share;
         Some(*sum)
     });
     match limits.take_while(|limit| *limit <= draw).count() {
-        0 => Fate::Knocked { at_s, motion },
+        0 => Fate::Step { at_s, motion },
         1 => Fate::Drifting { at_s: day.duration_s * 0.1, motion: motion * 0.5 },
         2 => Fate::WrongMap,
         3 => Fate::Dead { at_s: if rng.below(3) == 0 { 0.0 } else { at_s * 0.9 } },

@@ -66,7 +66,7 @@ fn truth(fleet: &SimulatedFleet) -> String {
     let mut text = "camera,fate,at_s,rotation_deg,translation_m,offset_s\n".to_string();
     for camera in &fleet.cameras {
         let (at_s, rotation, shift, offset_s) = match camera.fate {
-            Fate::Knocked { at_s, motion } | Fate::Drifting { at_s, motion } => {
+            Fate::Step { at_s, motion } | Fate::Drifting { at_s, motion } => {
                 (at_s, motion.fixed_rows::<3>(0).norm().to_degrees(), motion.fixed_rows::<3>(3).norm(), 0.0)
             }
             Fate::Dead { at_s } => (at_s, 0.0, 0.0, 0.0),
