@@ -36,15 +36,10 @@ python_environment() {
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r docs/math/check/requirements.txt
 }
 
-derivations() {
-    local check found=0
-    for check in docs/math/check/*.py; do
-        [ -e "$check" ] || continue
-        found=1
-        printf '%s\n' "$check"
-        "$target/check-venv/bin/python" "$check" >"$target/check.log" 2>&1 || { cat "$target/check.log"; return 1; }
-    done
-    [ "$found" = 1 ]
+derivations() { # two at a time: each is one thread
+    export python=$target/check-venv/bin/python
+    printf '%s\n' docs/math/check/*.py | xargs -P 2 -I CHECK bash -c \
+        'text=$("$python" CHECK 2>&1) && echo CHECK || { printf "%s\n" "CHECK FAILED" "$text"; exit 1; }'
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
