@@ -3,7 +3,7 @@
 use crate::error::ErrorObject;
 use crate::live::cameras::LiveView;
 use crate::live::routes::{HistoryEvent, Named};
-use crate::photograph::{Numbered, NumberedView, Open, Opened};
+use crate::photograph::{Numbered, NumberedView, OfCamera, Open, Opened};
 use crate::results::RigView;
 use resight_session::View;
 use schemars::JsonSchema;
@@ -82,6 +82,8 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
     let object = content("application/json", &any, "As described in the book.");
     let open = content("application/json", &schema::<Open>(generator), "What to open.");
     let command = content("application/json", &schema::<Numbered>(generator), "A command.");
+    let of_camera = content("application/json", &schema::<OfCamera>(generator), "Which camera.");
+    let words = content("application/json", &schema::<Vec<String>>(generator), "The words.");
     let image =
         json!({ "content": { "image/jpeg": { "schema": binary }, "image/png": { "schema": binary } } });
     let json_body = content("application/json", &any, "JSON.");
@@ -104,6 +106,14 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
     vec![
         post("/api/session", "Opens a session: empty, saved or the example.", &[], &open, &opened),
         post("/api/session/photograph", "Adds a photograph.", &["session", "name"], &image, &view),
+        post(
+            "/api/session/frame",
+            "Adds a frame of a watched camera as a photograph, with its lens.",
+            &["session"],
+            &of_camera,
+            &view,
+        ),
+        get("/api/session/exports", "The words that /api/session/export takes as its format.", &[], &words),
         get("/api/session/photograph", "A photograph as it came.", &["session", "photo"], &file),
         post("/api/session/command", "Applies a command.", &["session"], &command, &numbered),
         get("/api/session/view", "What is so now.", &["session", "photo"], &view),

@@ -12,7 +12,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use resight_session::{Command, Photograph, Session, View};
+use resight_session::{Command, GivenLens, Photograph, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{MutexGuard, PoisonError};
@@ -82,6 +82,8 @@ pub fn routes() -> Router<App> {
     Router::new()
         .route("/api/session", post(open).layer(large(SESSION_BYTES)))
         .route("/api/session/photograph", get(photograph).post(add).layer(large(PHOTOGRAPH_BYTES)))
+        .route("/api/session/frame", post(frame))
+        .route("/api/session/exports", get(async || Json(resight_session::exports())))
         .route("/api/session/command", post(command).layer(large(COMMAND_BYTES)))
         .route("/api/session/view", get(view))
         .route("/api/session/save", get(save))
@@ -154,6 +156,44 @@ async fn add(
     let view = aside(move || locked(&session).add_photograph(photograph)).await?;
     app.sessions.make_room(&named.session);
     Ok(Json(view.map_err(|refusal| Problem::input(refusal.text))?))
+}
+
+/// Names a watched camera.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OfCamera {
+    camera: String,
+}
+
+/// A frame of a watched camera becomes a photograph, with the lens that the camera has.
+async fn frame(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Json<View>, Problem> {
+    let session = known(&app, &named.session)?;
+    let OfCamera { camera } = json(&headers, &body)?;
+    let none = "No cameras are watched; start with a session file: resight serve SESSION.toml.";
+    let live = app.live.as_ref().ok_or_else(|| Problem::missing(none))?;
+    let number = live.number(&camera);
+    let number = number.ok_or_else(|| Problem::missing("No camera of this session has that name."))?;
+    let taken = live.frame(number).await;
+    let (image, lens) = taken.ok_or_else(|| {
+        let message = format!("The camera {camera} has sent no image for 5 s; look at the tab Live.");
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "frame", message)
+    })?;
+    let view = aside(move || {
+        let photograph = Photograph::of_image(&format!("{camera}.png"), image)?;
+        let mut session = locked(&session);
+        let view = session.add_photograph(photograph).map_err(|refusal| refusal.text)?;
+        let Some(text) = lens else { return Ok(view) };
+        let lens = GivenLens::File { name: format!("{camera}.toml"), text };
+        Ok(session.apply(view.photo_index, Command::SetLens { lens }))
+    });
+    let view = view.await?.map_err(|reason: String| Problem::input(reason))?;
+    app.sessions.make_room(&named.session);
+    Ok(Json(view))
 }
 
 fn sentence(reason: &str) -> String {
