@@ -1,6 +1,6 @@
 //! Where a camera is now against its reference, and what puts it back: it shrinks as somebody does so.
 
-use resight::core::temporal::monitor::{Drift, along, rotation_alone};
+use resight::core::temporal::monitor::{Drift, Reference, along, rotation_alone};
 use resight::core::{Matrix6, Vector6};
 use resight::report::turned::parts;
 use std::collections::VecDeque;
@@ -20,6 +20,36 @@ pub struct Present {
     /// Its covariance: that of one reading, and of the reference. Several readings are not taken for more, because their errors may be
     /// correlated.
     pub covariance: Matrix6,
+}
+
+impl Present {
+    /// How a camera is moved from one reference to another.
+    pub fn between(old: &Reference, new: &Reference) -> Self {
+        Present {
+            old_from_new: (old.a_from_b * new.a_from_b.inverse()).log(),
+            covariance: old.noise.reference + new.noise.reference,
+        }
+    }
+
+    /// Standard deviations of the motion.
+    pub fn sigma(&self) -> Vector6 {
+        self.covariance.diagonal().map(|x| x.max(0.0).sqrt())
+    }
+
+    /// `rotated right 0.507° ± 0.010°, …; shifted …`: all six coordinates, as they are.
+    pub fn words(&self) -> String {
+        let sigma = self.sigma();
+        let all = [said("rotated", 0, &self.old_from_new, &sigma), said("shifted", 3, &self.old_from_new, &sigma)];
+        let all: Vec<String> = all.into_iter().flatten().collect();
+        if all.is_empty() { "not moved at all".to_string() } else { all.join("; ") }
+    }
+}
+
+/// Three coordinates of a motion from one on; none where all are zero.
+fn said(verb: &str, from: usize, motion: &Vector6, sigma: &Vector6) -> Option<String> {
+    let own = Vector6::from_fn(|i, _| if (from..from + 3).contains(&i) { motion[i] } else { 0.0 });
+    let words = parts(&own, |i| Some(sigma[i]));
+    (!words.is_empty()).then(|| format!("{verb} {words}"))
 }
 
 /// What puts a camera back.
@@ -91,12 +121,8 @@ fn as_found(drift: &Drift, now: &Present) -> (Vector6, Vector6) {
 }
 
 fn words(back: &Vector6, sigma: &Vector6) -> String {
-    let part = |verb: &str, from: usize| {
-        let own = Vector6::from_fn(|i, _| if (from..from + 3).contains(&i) { back[i] } else { 0.0 });
-        let words = parts(&own, |i| Some(sigma[i]));
-        (!words.is_empty()).then(|| format!("{verb} {words}"))
-    };
-    let all: Vec<String> = [part("rotate", 0), part("shift", 3)].into_iter().flatten().collect();
+    let all = [said("rotate", 0, back, sigma), said("shift", 3, back, sigma)];
+    let all: Vec<String> = all.into_iter().flatten().collect();
     if all.is_empty() { within(sigma) } else { all.join("; ") }
 }
 
