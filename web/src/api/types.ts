@@ -1,0 +1,8 @@
+// Replaced by what scripts/types.mjs generates.
+/* eslint-disable */
+export type Command = any;
+export type LiveView = any;
+export type NumberedView = any;
+export type Open = any;
+export type Opened = any;
+export type View = any;

@@ -1,0 +1,8 @@
+// The page: one element, four tabs.
+import "./style/tokens.css";
+import "./style/base.css";
+import "./style/parts.css";
+import { render } from "preact";
+import { Shell } from "./shell";
+
+render(<Shell />, document.getElementById("app")!);

@@ -1,0 +1,4 @@
+// Every word of the tab live.
+export const liveTexts = {
+  title: "Live",
+};

@@ -1,0 +1,4 @@
+// Every word of the tab photograph.
+export const photographTexts = {
+  title: "Photograph",
+};

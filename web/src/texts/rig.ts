@@ -1,0 +1,4 @@
+// Every word of the tab rig.
+export const rigTexts = {
+  title: "Rig",
+};

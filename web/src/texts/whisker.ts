@@ -1,0 +1,4 @@
+// Every word of the tab whisker.
+export const whiskerTexts = {
+  title: "Whisker",
+};
