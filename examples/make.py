@@ -163,7 +163,7 @@ def rig():
             if cam_from_board[2, 2] < 0.35:
                 continue
             if view == 9 and i == 1:
-                cam_from_board = cam_from_board @ pose([0.0, 0.05, 0.02], [0.02, 0.01, 0.0])
+                cam_from_board = cam_from_board @ pose([0.0, 0.2, 0.1], [0.08, 0.04, 0.0])
             for corner, (x, uv) in enumerate(zip(corners_m, pixels(cam_from_board, corners_m, 0.3))):
                 if chance.uniform() < 1 / 60:
                     uv = uv + chance.uniform(4, 12) * np.array([1.0, -1.0])
