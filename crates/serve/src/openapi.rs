@@ -1,10 +1,11 @@
 //! The description of the interface, generated from the types of its answers.
 
 use crate::error::ErrorObject;
-use crate::live::cameras::LiveView;
+use crate::live::answers::{LiveView, LogLine, ReferenceView, StripView};
 use crate::live::routes::{HistoryEvent, Named};
 use crate::photograph::{Numbered, NumberedView, Open, Opened};
 use crate::results::RigView;
+use resight::scene::around::AroundScene;
 use resight_session::View;
 use schemars::JsonSchema;
 use schemars::generate::{SchemaGenerator, SchemaSettings};
@@ -76,6 +77,11 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
     let camera = content("application/json", &schema::<Named>(generator), "Which camera.");
     let history =
         content("application/json", &schema::<Vec<HistoryEvent>>(generator), "Events, oldest first.");
+    let strip = content("application/json", &schema::<StripView>(generator), "A stretch of time in few parts.");
+    let references =
+        content("application/json", &schema::<Vec<ReferenceView>>(generator), "By target.");
+    let scene = content("application/json", &schema::<Vec<AroundScene>>(generator), "By target.");
+    let log = content("application/json", &schema::<Vec<LogLine>>(generator), "The last 200 lines, oldest first.");
     let binary = json!({ "type": "string", "format": "binary" });
     let file = content("application/octet-stream", &binary, "The file.");
     let any = json!({ "type": "object" });
@@ -121,11 +127,21 @@ fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
         post("/api/live/reset", "Begins the standard deviations anew.", &[], &camera, &live),
         post(
             "/api/live/reference",
-            "Learns a camera's reference anew; the old file is kept.",
+            "Learns a camera's reference anew; the old one is kept.",
             &[],
             &camera,
             &live,
         ),
+        get("/api/live/reference", "What a camera is compared with.", &["camera"], &references),
+        get(
+            "/api/live/strip",
+            "States and rotations of a camera: of the last day, or of a stretch.",
+            &["camera", "from_s", "to_s", "bins"],
+            &strip,
+        ),
+        get("/api/live/scene", "The cameras around each target.", &[], &scene),
+        get("/api/live/log", "What happened.", &[], &log),
+        get("/api/live/frame", "The next frame of a camera, PNG.", &["camera"], &file),
         get(
             "/api/live/history",
             "Events of a camera from the history file.",

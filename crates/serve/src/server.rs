@@ -2,14 +2,14 @@
 
 use crate::app::App;
 use crate::error::Problem;
-use crate::live::{self, Live, Start};
+use crate::live::{self, Live};
 use crate::{guard, openapi, page, photograph, results, socket};
 use anyhow::{Context, Result};
 use axum::routing::get;
 use axum::{Json, Router, middleware};
-use resight_watch::Log;
 use resight_watch::web::access::{self, Access};
 use resight_watch::web::{Flags, Patience, accept, listen};
+use resight_watch::{Log, Request};
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -71,11 +71,11 @@ impl Server {
     /// Runs a session beside the server, on a thread of its own.
     ///
     /// # Errors
-    /// What is wrong with the session.
-    pub fn watch(&mut self, start: Start, log: Log) -> Result<()> {
-        let live = Arc::new(Live::new(&start(&Default::default())?, true));
+    /// No thread to be had.
+    pub fn watch(&mut self, request: Request, log: Log) -> Result<()> {
+        let live = Arc::new(Live::new(&request));
         self.live = Some(Arc::clone(&live));
-        let run = move || live::run(&live, &start, &log);
+        let run = move || live::run(&live, request, &log);
         std::thread::Builder::new()
             .name("watch".to_owned())
             .spawn(run)
