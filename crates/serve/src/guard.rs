@@ -7,9 +7,14 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use resight_watch::web::access::Access;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
 
 /// The page's own files hold no data, and a page must be there to ask for the token.
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
+
+/// For a request, its body included. What streams its answer, or becomes a WebSocket, has its own patience after that.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// No route takes a larger body, bytes; each has a limit of its own besides.
 pub const LARGEST: usize = 256 << 20;
@@ -34,6 +39,12 @@ pub async fn guard(State(access): State<Arc<Access>>, request: Request, next: Ne
     }
     headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     response
+}
+
+/// A request that takes longer is given up.
+pub async fn in_time(request: Request, next: Next) -> Response {
+    let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
+    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
 fn admitted(access: &Access, request: &Request) -> Result<(), Problem> {
