@@ -19,7 +19,7 @@ use operation::Operation;
 use resight::answer::RigView;
 use resight::scene::around::AroundScene;
 use resight_session::View;
-use resight_watch::outputs::said::EventObject;
+use resight_watch::outputs::said::object::EventObject;
 use resight_whisker::replay::Replay;
 use schemars::JsonSchema;
 use schemas::Schemas;
