@@ -1,6 +1,7 @@
 //! Before anything is routed: the name the request came by, the page it came from, the token it brings; and the headers of every answer.
 
 use crate::error::Problem;
+use axum::body::to_bytes;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
@@ -18,6 +19,9 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// No route takes a larger body, bytes; each has a limit of its own besides.
 pub const LARGEST: usize = 256 << 20;
+
+/// Of a refusal in plain words, bytes.
+const MOST_SAID: usize = 4096;
 
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -45,6 +49,21 @@ pub async fn guard(State(access): State<Arc<Access>>, request: Request, next: Ne
 pub async fn in_time(request: Request, next: Next) -> Response {
     let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
     timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
+}
+
+/// What is refused in plain words before a route is reached (a query that lacks a key, a body that is too large) in the form of all
+/// other refusals.
+pub async fn in_one_form(request: Request, next: Next) -> Response {
+    let response = next.run(request).await;
+    let is_plain = text(response.headers(), &header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("text/plain"));
+    let status = response.status();
+    if !status.is_client_error() || !is_plain {
+        return response;
+    }
+    let said = to_bytes(response.into_body(), MOST_SAID).await.unwrap_or_default();
+    let said = String::from_utf8_lossy(&said);
+    let kind = if status == StatusCode::PAYLOAD_TOO_LARGE { "size" } else { "request" };
+    Problem::new(status, kind, format!("{}.", said.trim().trim_end_matches('.'))).into_response()
 }
 
 fn admitted(access: &Access, request: &Request) -> Result<(), Problem> {

@@ -121,6 +121,7 @@ fn routes(app: App, access: Access) -> Router {
             let message = "This address takes other methods; see /openapi.json.";
             Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
         })
+        .layer(middleware::from_fn(guard::in_one_form))
         .layer(middleware::from_fn(guard::in_time))
         .with_state(app);
     // Around everything: nothing is routed before the guard has looked at the request.

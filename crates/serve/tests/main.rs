@@ -2,6 +2,9 @@
 
 mod client;
 
+mod described;
+mod limits;
+mod results;
 mod security;
 mod sessions;
 mod uploads;
