@@ -5,8 +5,8 @@ use crate::error::Problem;
 use crate::live::{self, Live};
 use crate::{guard, openapi, page, photograph, results, socket};
 use anyhow::{Context, Result};
-use axum::routing::get;
-use axum::{Json, Router, middleware};
+use axum::http::StatusCode;
+use axum::{Router, middleware};
 use resight_watch::web::access::{self, Access};
 use resight_watch::web::{Flags, Patience, accept, listen};
 use resight_watch::{Log, Request};
@@ -17,6 +17,8 @@ use tokio::sync::Semaphore;
 
 /// Photographs decoded at once.
 const DECODING: usize = 2;
+/// Results that were dropped in, solved at once.
+const SOLVING: usize = 1;
 /// Threads that answer; what computes has others.
 const THREADS: usize = 2;
 /// Threads that compute.
@@ -96,21 +98,34 @@ impl Server {
             .build()
             .context("threads for --listen")?;
         let app =
-            App { sessions: Arc::default(), live: self.live, decoding: Arc::new(Semaphore::new(DECODING)) };
+            App {
+                sessions: Arc::default(),
+                live: self.live,
+                decoding: Arc::new(Semaphore::new(DECODING)),
+                solving: Arc::new(Semaphore::new(SOLVING)),
+            };
         Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
     }
 }
 
 fn routes(app: App, access: Access) -> Router {
-    Router::new()
+    let routes = Router::new()
         .merge(page::routes())
         .merge(photograph::routes())
         .merge(socket::routes())
         .merge(results::routes())
         .merge(live::routes::routes())
-        .route("/healthz", get(async || "ok\n"))
-        .route("/openapi.json", get(async || Json(openapi::description())))
+        .merge(openapi::routes())
         .fallback(async || Problem::missing("There is nothing here; see /openapi.json."))
+        .method_not_allowed_fallback(async || {
+            let message = "This address takes other methods; see /openapi.json.";
+            Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
+        })
+        .layer(middleware::from_fn(guard::in_one_form))
+        .layer(middleware::from_fn(guard::in_time))
+        .with_state(app);
+    // Around everything: nothing is routed before the guard has looked at the request.
+    Router::new()
+        .fallback_service(routes)
         .layer(middleware::from_fn_with_state(Arc::new(access), guard::guard))
-        .with_state(app)
 }

@@ -6,7 +6,10 @@ mod feed;
 #[path = "../../watch/tests/live_support/mod.rs"]
 mod live_support;
 
+mod described;
+mod limits;
 mod live;
+mod results;
 mod security;
 mod sessions;
 mod uploads;

@@ -13,6 +13,7 @@ use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use axum::routing::any;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -41,14 +42,15 @@ async fn open(State(app): State<App>, upgrade: WebSocketUpgrade) -> Result<Respo
 }
 
 /// What a page says.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct Said {
+pub struct Said {
     /// It has taken a picture and is ready for the next.
     #[serde(default)]
     ack: Option<u64>,
     /// The one camera that it shows at full size; null: all of them, small.
     #[serde(default, deserialize_with = "given")]
+    #[schemars(with = "Option<String>")]
     show: Option<Option<String>>,
 }
 

@@ -52,7 +52,7 @@ pub struct HistoryEvent {
 }
 
 /// A camera and a stretch of time, seconds of capture.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 pub struct Asked {
     pub(super) camera: String,
     from_s: Option<f64>,
