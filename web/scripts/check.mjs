@@ -4,6 +4,7 @@ import { mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { gzipSync } from "node:zlib";
+import { REPORT, reportScript } from "./space.mjs";
 import { descriptionOf, typesOf } from "./types.mjs";
 
 const COMMITTED = "../crates/serve/page";
@@ -25,6 +26,10 @@ try {
   if (LARGEST_BYTES < compressed) faults.push(`The page has ${compressed} bytes compressed; at most ${LARGEST_BYTES} are allowed.`);
 } finally {
   rmSync(fresh, { recursive: true });
+}
+
+if ((await reportScript()) !== readFileSync(REPORT, "utf8")) {
+  faults.push(`${REPORT} is not what src/space/view.ts gives; run \`npm run space\` in web/.`);
 }
 
 const program = process.env.RESIGHT_PROGRAM;

@@ -40,9 +40,9 @@ export async function serve(...args: string[]): Promise<Server> {
 }
 
 /** Debian's Chromium, headless. */
-export function browser(): Promise<Browser> {
+export function browser(...more: string[]): Promise<Browser> {
   // A page that was replaced has no address of its own, and would not be allowed to ask this machine.
-  const args = process.env.PAGE_DIR ? [...FLAGS, "--disable-features=LocalNetworkAccessChecks"] : FLAGS;
+  const args = [...FLAGS, ...(process.env.PAGE_DIR ? ["--disable-features=LocalNetworkAccessChecks"] : []), ...more];
   return chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args });
 }
 

@@ -8,23 +8,18 @@ use crate::{example, page};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use resight_session::{Command, GivenLens, Photograph, Session, View};
+use resight_session::{Command, Photograph, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{MutexGuard, PoisonError};
-use std::time::Duration;
 use tokio::task::spawn_blocking;
-use tokio::time::timeout;
 
 /// Largest photograph and largest saved session, bytes: base64 takes a third more, and a session holds several.
 const PHOTOGRAPH_BYTES: usize = 96 << 20;
 const SESSION_BYTES: usize = crate::guard::LARGEST;
-/// For a whole request.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Largest command: camera and target files are in them.
 pub const COMMAND_BYTES: usize = 8 << 20;
 
@@ -82,20 +77,12 @@ pub fn routes() -> Router<App> {
     Router::new()
         .route("/api/session", post(open).layer(large(SESSION_BYTES)))
         .route("/api/session/photograph", get(photograph).post(add).layer(large(PHOTOGRAPH_BYTES)))
-        .route("/api/session/frame", post(frame))
         .route("/api/session/exports", get(async || Json(resight_session::exports())))
         .route("/api/session/command", post(command).layer(large(COMMAND_BYTES)))
         .route("/api/session/view", get(view))
         .route("/api/session/save", get(save))
         .route("/api/session/export", get(export))
         .route("/api/session/birdseye", get(birdseye))
-        .layer(middleware::from_fn(in_time))
-}
-
-/// A request that takes longer, body included, is given up.
-async fn in_time(request: Request, next: Next) -> Response {
-    let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
-    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
 /// Whoever failed while it held a session left it whole: a command changes its state at its end.
@@ -156,44 +143,6 @@ async fn add(
     let view = aside(move || locked(&session).add_photograph(photograph)).await?;
     app.sessions.make_room(&named.session);
     Ok(Json(view.map_err(|refusal| Problem::input(refusal.text))?))
-}
-
-/// Names a watched camera.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct OfCamera {
-    camera: String,
-}
-
-/// A frame of a watched camera becomes a photograph, with the lens that the camera has.
-async fn frame(
-    State(app): State<App>,
-    Query(named): Query<Named>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Result<Json<View>, Problem> {
-    let session = known(&app, &named.session)?;
-    let OfCamera { camera } = json(&headers, &body)?;
-    let none = "No cameras are watched; start with a session file: resight serve SESSION.toml.";
-    let live = app.live.as_ref().ok_or_else(|| Problem::missing(none))?;
-    let number = live.number(&camera);
-    let number = number.ok_or_else(|| Problem::missing("No camera of this session has that name."))?;
-    let taken = live.frame(number).await;
-    let (image, lens) = taken.ok_or_else(|| {
-        let message = format!("The camera {camera} has sent no image for 5 s; look at the tab Live.");
-        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "frame", message)
-    })?;
-    let view = aside(move || {
-        let photograph = Photograph::of_image(&format!("{camera}.png"), image)?;
-        let mut session = locked(&session);
-        let view = session.add_photograph(photograph).map_err(|refusal| refusal.text)?;
-        let Some(text) = lens else { return Ok(view) };
-        let lens = GivenLens::File { name: format!("{camera}.toml"), text };
-        Ok(session.apply(view.photo_index, Command::SetLens { lens }))
-    });
-    let view = view.await?.map_err(|reason: String| Problem::input(reason))?;
-    app.sessions.make_room(&named.session);
-    Ok(Json(view))
 }
 
 fn sentence(reason: &str) -> String {

@@ -41,14 +41,6 @@ impl Photograph {
         Ok(Photograph { name: plain_name(name), bytes, image, exif })
     }
 
-    /// An image that came from a camera and not from a file: it becomes a PNG file.
-    ///
-    /// # Errors
-    /// A sentence: an image without pixels.
-    pub fn of_image(name: &str, image: GrayImage) -> Result<Self, String> {
-        Ok(Photograph { name: plain_name(name), bytes: image.png()?, image, exif: None })
-    }
-
     /// Its size.
     pub fn size(&self) -> ImageSize {
         ImageSize { width_px: self.image.width_px, height_px: self.image.height_px }

@@ -730,3 +730,8 @@ export type WorstPoint = {
   name: string;
   residual_px: number;
 };
+export type RigCamera = any;
+export type SeenCell = any;
+export type Replay = any;
+export type PlayedReading = any;
+export type PlayedContact = any;

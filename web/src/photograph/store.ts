@@ -65,7 +65,7 @@ const NEEDED = { line_and_post: 4, four_points: 4, rectangle: 4, target: 0, own:
 export const nextMark = computed((): string | null => {
   const now = view.value;
   if (!now?.photo || tool.value !== "marks") return null;
-  const elsewhere = now.names_elsewhere?.[0];
+  const elsewhere = now.names_elsewhere[0];
   if (elsewhere) return elsewhere;
   if (!addsMark.value && NEEDED[now.template] <= now.points.length) return null;
   return freeName(now.points.map((point) => point.name));
@@ -269,12 +269,12 @@ export async function addPhotograph(file: File) {
   }
 }
 
-/** A frame of a watched camera as a photograph. */
+/** The next frame of a watched camera as a photograph. */
 export async function takeFrame(camera: string) {
-  if (!session.value && !(await open())) return;
   busy.value = texts.waitingFor(camera);
   try {
-    took(await transport.post<View>("/api/session/frame", { camera }, { session: session.value! }));
+    const { blob } = await transport.file("/api/live/frame", { camera });
+    await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" }));
   } catch (problem) {
     failed("photograph", problem);
   } finally {

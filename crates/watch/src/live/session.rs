@@ -86,7 +86,8 @@ pub fn run_from(
             });
             let event_sender = sender.clone();
             scope.spawn(move || {
-                let mut watcher = Watcher::new(camera, (look, memory), &to_look, event_sender);
+                let relearn = config.relearn.clone();
+                let mut watcher = Watcher::new(camera, (look, memory), &to_look, relearn, event_sender);
                 if let Err(reason) = guarded(|| watcher.watch()) {
                     watcher.fail(reason);
                 }

@@ -4,6 +4,7 @@ use super::look::{CameraWatcher, FrameResult};
 use super::memory::Memory;
 use super::queue::{Queue, Taken};
 use super::reader::PATIENCE;
+use super::relearn::Relearn;
 use super::sparingly::Sparingly;
 use super::{Event, State};
 use crate::source::{Content, Frame};
@@ -15,6 +16,7 @@ pub(super) struct Watcher<'a> {
     look: CameraWatcher,
     memory: Memory<'a>,
     queue: &'a Queue<(Instant, Frame)>,
+    relearn: Relearn,
     teller: Teller,
     /// Capture time and arrival of the last frame taken in: what the clock of the frames says while none comes.
     last: Option<(f64, Instant)>,
@@ -29,10 +31,11 @@ impl<'a> Watcher<'a> {
         camera: usize,
         (look, memory): (CameraWatcher, Memory<'a>),
         queue: &'a Queue<(Instant, Frame)>,
+        relearn: Relearn,
         event_sender: SyncSender<Event>,
     ) -> Self {
         let teller = Teller { camera, event_sender, states: Vec::new(), dropped: Sparingly::default() };
-        Watcher { look, memory, queue, teller, last: None, has_begun: false, is_new: false }
+        Watcher { look, memory, queue, relearn, teller, last: None, has_begun: false, is_new: false }
     }
 
     pub fn watch(&mut self) {
@@ -72,6 +75,9 @@ impl<'a> Watcher<'a> {
 
     fn frame(&mut self, arrived: Instant, mut frame: Frame) -> bool {
         let waited_us = arrived.elapsed().as_secs_f64() * 1e6;
+        if self.relearn.take(self.teller.camera) {
+            self.look.learn_anew();
+        }
         let now_s = self.now_s().filter(|_| self.memory.resumed.is_some());
         let (t_s, looked) = match now_s {
             // Taken in long ago, it says nothing of how things stand.

@@ -22,7 +22,7 @@ export function MarksStep() {
       <Templates />
       {isMissing && <p class="small">{t.hints[now.template]}</p>}
       {now.template === "target" && <FindTarget />}
-      {nextMark.value && <p class="next" role="status">{now.names_elsewhere?.length ? t.known(nextMark.value) : t.next(nextMark.value)}</p>}
+      {nextMark.value && <p class="next" role="status">{now.names_elsewhere.length ? t.known(nextMark.value) : t.next(nextMark.value)}</p>}
       <Distances />
       {0 < now.points.length && (
         <details class="more" open={now.template === "own" || now.points.some((point) => point.half_width_95_m)}>

@@ -1,10 +1,9 @@
 //! A whisker on its cell, as its file and a tare have it.
 
-use anyhow::{Result, bail};
-use resight_whisker::calibrate::{Calibration, Parameter, Tare};
-use resight_whisker::estimate::Mode;
-use resight_whisker::files::{ContactRow, HubRow, WhiskerFile, six_axis};
-use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
+use crate::calibrate::{Calibration, Parameter, Tare};
+use crate::estimate::Mode;
+use crate::files::{ContactRow, HubRow, WhiskerFile, six_axis};
+use crate::{Cell, ContactEstimate, Error, Rod, Sample};
 
 /// The way out of what only the plane allows.
 pub const SIX_AXES: &str = "readings of a six-axis cell (fz, mx, my) are each solved for themselves; leave those columns out to solve \
@@ -39,19 +38,29 @@ impl Rig {
     }
 
     /// A calibration or a tare says nothing of fz, mx and my.
-    pub fn must_know_six_axes(&self) -> Result<()> {
-        if self.calibration.is_some() {
-            bail!("a calibration or a tare corrects fx, fy and mz, not fz, mx and my; {SIX_AXES}");
+    ///
+    /// # Errors
+    /// There is one.
+    pub fn must_know_six_axes(&self) -> Result<(), Error> {
+        match self.calibration.is_some() {
+            true => Err(Error::request(format!(
+                "a calibration or a tare corrects fx, fy and mz, not fz, mx and my; {SIX_AXES}"
+            ))),
+            false => Ok(()),
         }
-        Ok(())
     }
 
     /// The row of a six-axis reading.
-    pub fn row_in_space(&self, reading: &HubRow) -> Result<ContactRow> {
+    ///
+    /// # Errors
+    /// Signals that are no numbers; a line without them.
+    pub fn row_in_space(&self, reading: &HubRow) -> Result<ContactRow, Error> {
         Ok(match (&reading.reading, reading.out_of_plane) {
             (Ok(sample), Some(rest)) => six_axis::row(&self.rod, &self.cell, sample, rest)?,
             (Ok(_), None) => {
-                bail!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line)
+                let reason =
+                    format!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line);
+                return Err(Error::request(reason));
             }
             (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),
         })

@@ -38,6 +38,7 @@ impl Rolling {
         Some(low + (high - low) * place.fract())
     }
 
+    /// Forgets all.
     pub fn clear(&mut self) {
         self.values.clear();
     }
@@ -47,6 +48,8 @@ impl Rolling {
 const ARRIVALS: usize = 32;
 /// After so many mean intervals without an arrival nothing comes any more.
 const SILENT_AFTER: f64 = 3.0;
+/// A network pauses for as long now and then, seconds.
+const LEAST_PATIENCE_S: f64 = 2.0;
 
 /// How often something arrives.
 #[derive(Debug, Clone, Default)]
@@ -72,6 +75,15 @@ impl Rate {
         Some(if SILENT_AFTER * (span_s / intervals).max(0.1) < silent_s { 0.0 } else { intervals / span_s })
     }
 
+    /// Without a frame for longer than this, seconds, something is wrong: a few of the intervals between frames, and two seconds at least.
+    pub fn patience_s(&self) -> f64 {
+        let ends = self.arrivals_s.front().zip(self.arrivals_s.back());
+        let intervals = self.arrivals_s.len().saturating_sub(1).max(1) as f64;
+        let interval_s = ends.map_or(0.0, |(first_s, last_s)| (last_s - first_s) / intervals);
+        (SILENT_AFTER * interval_s).max(LEAST_PATIENCE_S)
+    }
+
+    /// Forgets all.
     pub fn clear(&mut self) {
         self.arrivals_s.clear();
     }
@@ -93,8 +105,14 @@ impl Spread {
         Spread { poses: VecDeque::new(), capacity: capacity.max(2) }
     }
 
+    /// Adds one.
     pub fn push(&mut self, a_from_b: Pose) {
         keep(&mut self.poses, self.capacity, a_from_b);
+    }
+
+    /// Whether none is remembered.
+    pub fn is_empty(&self) -> bool {
+        self.poses.is_empty()
     }
 
     /// Poses remembered.
@@ -119,6 +137,7 @@ impl Spread {
         self.poses.iter().map(move |pose| (*pose * back).log())
     }
 
+    /// Forgets all.
     pub fn clear(&mut self) {
         self.poses.clear();
     }
@@ -156,6 +175,7 @@ mod tests {
         let now_s = 100.0 + 99.0 / 30.0;
         assert!((rate.per_s(now_s).expect("a rate") - 30.0).abs() < 1e-9);
         assert_eq!(rate.per_s(now_s + 1.0), Some(0.0));
+        assert_eq!(rate.patience_s(), LEAST_PATIENCE_S);
     }
 
     /// Uniform errors of half-width w have the standard deviation w/√3. That of 4000 is known to about 1 %.

@@ -1,23 +1,24 @@
 //! A record solved: one row for every reading, in order, complete or not.
 
-use super::prediction::{self, At, Forecast};
-use super::rig::{Rig, SIX_AXES};
-use anyhow::{Result, bail};
-use clap::{Args, ValueEnum};
-use resight_whisker::calibrate::Tare;
-use resight_whisker::contact::Method;
-use resight_whisker::estimate::{Status, estimate};
-use resight_whisker::events::consistency::{flag, widen};
-use resight_whisker::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
-use resight_whisker::files::contacts::RowStatus;
-use resight_whisker::files::{ContactRow, HubRow, WhiskerFile};
-use resight_whisker::friction::{Mu, Record, solve_record};
-use resight_whisker::sweep;
-use resight_whisker::{Cell, ContactEstimate, Rod, Sample};
+pub mod rig;
+pub mod prediction;
+
+use crate::calibrate::Tare;
+use crate::contact::Method;
+use crate::estimate::{Status, estimate};
+use crate::events::consistency::{flag, widen};
+use crate::events::{self, Consistency, EventKind, Fault, Label, TouchDetector};
+use crate::files::contacts::RowStatus;
+use crate::files::{ContactRow, HubRow, WhiskerFile};
+use crate::friction::{Mu, Record, solve_record};
+use crate::sweep;
+use crate::{Cell, ContactEstimate, Error, Rod, Sample};
+use prediction::{At, Forecast};
+use rig::{Rig, SIX_AXES};
 
 /// What is used beyond the reading itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SolveMode {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
     /// Nothing: each reading for itself.
     Raw,
     /// Where it holds: the tip's arc length, or Coulomb's friction between clamp and tip.
@@ -26,25 +27,8 @@ pub enum SolveMode {
     Sweep,
 }
 
-/// How contacts are found from loads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum MethodArg {
-    /// Elliptic integrals where stiffness and intrinsic curvature are constant, else integration.
-    Auto,
-    /// Always integration from the hub until the bending moment vanishes.
-    Integrate,
-}
-
-impl From<MethodArg> for Method {
-    fn from(method: MethodArg) -> Self {
-        match method {
-            MethodArg::Auto => Method::Auto,
-            MethodArg::Integrate => Method::Integrate,
-        }
-    }
-}
-
 /// What a record says.
+#[derive(Debug, Clone)]
 pub struct Solved {
     /// One for every reading, in order.
     pub rows: Vec<ContactRow>,
@@ -63,7 +47,7 @@ pub struct Solved {
 }
 
 /// Coulomb's coefficient.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction {
     /// μ.
     pub mu: f64,
@@ -73,37 +57,34 @@ pub struct Friction {
     pub is_estimated: bool,
 }
 
-/// What is known of friction: `auto`, or μ.
-pub fn parse_mu(text: &str) -> Result<Mu, String> {
-    match (text, text.parse::<f64>()) {
-        ("auto", _) => Ok(Mu::Auto),
-        (_, Ok(mu)) if 0.0 <= mu && mu.is_finite() => Ok(Mu::Known(mu)),
-        _ => Err("`auto` or a number not below 0 is needed".to_string()),
-    }
-}
-
 /// How a record is solved.
-#[derive(Debug, Clone, Copy, Args)]
-pub struct SolvingArgs {
+#[derive(Debug, Clone, Copy)]
+pub struct Config {
     /// What is used beyond the reading itself.
-    #[arg(long, value_name = "MODE", value_enum, default_value_t = SolveMode::Constrained)]
-    pub mode: SolveMode,
-    /// Coulomb's coefficient of friction: `auto` estimates it from the record.
-    #[arg(long, value_name = "auto|MU", default_value = "auto", allow_negative_numbers = true, value_parser = parse_mu)]
+    pub mode: Mode,
+    /// Coulomb's coefficient of friction.
     pub mu: Mu,
     /// How contacts are found from loads.
-    #[arg(long, value_name = "METHOD", value_enum, default_value_t = MethodArg::Auto)]
-    pub method: MethodArg,
+    pub method: Method,
     /// The sweeps touch different objects, or one that moved: their outlines need not agree.
-    #[arg(long)]
     pub several_objects: bool,
-    /// Nobody has calibrated the rig: gains known to 1 %, angles to 0.2°, the clamp to 0.5 mm; error bars are widened by what of that
-    /// the record cannot exclude (constrained mode).
-    #[arg(long)]
+    /// Nobody has calibrated the rig: error bars are widened by what of that the record cannot exclude (constrained mode).
     pub uncalibrated: bool,
-    /// Predicts slip-off at every contact (columns steps_to_slip_off …), not only where a sweep ends in contact (constrained mode).
-    #[arg(long, alias = "foresee")]
+    /// Predicts slip-off at every contact, not only where a sweep ends in contact (constrained mode).
     pub predict: bool,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Config {
+            mode: Mode::Constrained,
+            mu: Mu::Auto,
+            method: Method::Auto,
+            several_objects: false,
+            uncalibrated: false,
+            predict: false,
+        }
+    }
 }
 
 /// Estimates of complete readings, and what was learnt on the way.
@@ -118,25 +99,28 @@ struct Answers {
 }
 
 /// Solves a record.
+///
+/// # Errors
+/// Too few readings for what is asked, or six axes where only the plane is known.
 pub fn solve(
     file: &WhiskerFile,
     readings: &[HubRow],
     tare: Option<&Tare>,
-    args: &SolvingArgs,
-) -> Result<Solved> {
+    config: &Config,
+) -> Result<Solved, Error> {
     let rig = Rig::new(file, tare);
     if readings.iter().any(|row| row.out_of_plane.is_some()) {
-        return in_space(file, rig, readings, args);
+        return in_space(file, rig, readings, config);
     }
     let read: Vec<Sample> = readings.iter().filter_map(|row| row.reading.clone().ok()).collect();
     let meant: Vec<Sample> = read.iter().map(|sample| rig.meant(sample)).collect();
-    let mut answers = match args.mode {
-        SolveMode::Raw => raw(&rig, &meant, args.method.into()),
-        SolveMode::Constrained => constrained(&rig, &meant, args)?,
-        SolveMode::Sweep => smoothed(&rig, &meant, args)?,
+    let mut answers = match config.mode {
+        Mode::Raw => raw(&rig, &meant, config.method),
+        Mode::Constrained => constrained(&rig, &meant, config)?,
+        Mode::Sweep => smoothed(&rig, &meant, config)?,
     };
     for (estimate, read) in answers.estimates.iter_mut().zip(&read) {
-        rig.widen(estimate, read, args.mode == SolveMode::Raw);
+        rig.widen(estimate, read, config.mode == Mode::Raw);
     }
     let mut left = meant.iter().copied();
     Ok(Solved {
@@ -151,17 +135,17 @@ pub fn solve(
 }
 
 /// Six axes: each reading for itself, in its own plane of bending.
-fn in_space(file: &WhiskerFile, rig: Rig, readings: &[HubRow], args: &SolvingArgs) -> Result<Solved> {
+fn in_space(file: &WhiskerFile, rig: Rig, readings: &[HubRow], config: &Config) -> Result<Solved, Error> {
     rig.must_know_six_axes()?;
-    if args.mode == SolveMode::Sweep {
-        bail!("--mode sweep follows a contact in the plane; {SIX_AXES}");
+    if config.mode == Mode::Sweep {
+        return Err(Error::request(format!("--mode sweep follows a contact in the plane; {SIX_AXES}")));
     }
     let row = |reading: &HubRow| rig.row_in_space(reading);
     let mut warnings = file.warnings.clone();
-    if args.mode == SolveMode::Constrained {
+    if config.mode == Mode::Constrained {
         warnings.push("six axes: each reading is solved for itself; friction and tip are not used".into());
     }
-    let rows: Vec<ContactRow> = readings.iter().map(row).collect::<Result<_>>()?;
+    let rows: Vec<ContactRow> = readings.iter().map(row).collect::<Result<_, Error>>()?;
     let touching = rows.iter().filter(|row| row.status.is_touching()).count();
     let out_of_plane = rows.iter().filter(|row| row.status == RowStatus::Read(Status::Inconsistent)).count();
     let is_consistent = (out_of_plane as f64) <= MOST_OUT_OF_PLANE * touching as f64;
@@ -202,23 +186,23 @@ fn last_of_sweeps(forecasts: Vec<Forecast>, samples: &[Sample]) -> Vec<Forecast>
     forecasts.into_iter().filter(is_last).collect()
 }
 
-fn constrained(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
-    let method: Method = args.method.into();
-    let mut record = solve_record(&rig.rod, &rig.cell, samples, args.mu, method)?;
+fn constrained(rig: &Rig, samples: &[Sample], config: &Config) -> Result<Answers, Error> {
+    let method = config.method;
+    let mut record = solve_record(&rig.rod, &rig.cell, samples, config.mu, method)?;
     let features = events::labels(&rig.rod, &rig.cell, samples, &record, method);
-    let verdict = events::consistency(&rig.rod, &rig.cell, samples, &record, !args.several_objects, method);
+    let verdict = events::consistency(&rig.rod, &rig.cell, samples, &record, !config.several_objects, method);
     let mut warnings = several_contacts(&rig.cell, samples, &record);
     if let Some(verdict) = &verdict {
-        let marked = flag(&rig.rod, &rig.cell, samples, &mut record, verdict, args.mu, method);
+        let marked = flag(&rig.rod, &rig.cell, samples, &mut record, verdict, config.mu, method);
         warnings.extend(verdict.is_inconsistent.then(|| contradiction(verdict, marked)));
-        if args.uncalibrated {
+        if config.uncalibrated {
             let tolerances = Fault::ALL.map(|fault| fault.tolerance(&rig.cell));
             widen(&rig.rod, &rig.cell, samples, &mut record, verdict, &tolerances, method);
         }
     }
-    let at = if args.predict { At::Every } else { At::Last };
+    let at = if config.predict { At::Every } else { At::Last };
     let forecasts = prediction::forecasts(rig, samples, &record.estimates, record.friction, method, at);
-    let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: args.mu == Mu::Auto };
+    let friction = Friction { mu: record.mu, mu_sigma: record.mu_sigma, is_estimated: config.mu == Mu::Auto };
     Ok(Answers {
         estimates: record.estimates,
         features,
@@ -270,15 +254,15 @@ fn contradiction(verdict: &Consistency, marked: usize) -> String {
     )
 }
 
-fn smoothed(rig: &Rig, samples: &[Sample], args: &SolvingArgs) -> Result<Answers> {
-    let friction = match args.mu {
+fn smoothed(rig: &Rig, samples: &[Sample], config: &Config) -> Result<Answers, Error> {
+    let friction = match config.mu {
         Mu::Auto => sweep::Friction::Unknown,
         Mu::Known(mu) => sweep::Friction::Given { mu },
     };
-    let options = sweep::Options { friction, method: args.method.into(), ..sweep::Options::default() };
+    let options = sweep::Options { friction, method: config.method, ..sweep::Options::default() };
     let smoothed = sweep::smooth(&rig.rod, &rig.cell, samples, &options)?;
     let friction =
-        Friction { mu: smoothed.mu, mu_sigma: smoothed.mu_sigma, is_estimated: args.mu == Mu::Auto };
+        Friction { mu: smoothed.mu, mu_sigma: smoothed.mu_sigma, is_estimated: config.mu == Mu::Auto };
     let jump = |jump: &sweep::Jump| {
         let sample = &samples[jump.after_row];
         format!(

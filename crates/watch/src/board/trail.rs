@@ -35,6 +35,12 @@ impl Bin {
     }
 }
 
+impl Default for Trail {
+    fn default() -> Self {
+        Trail::new()
+    }
+}
+
 impl Trail {
     /// Nothing yet.
     pub fn new() -> Self {
@@ -65,9 +71,23 @@ impl Trail {
         self.first_s.map_or(0.0, |first_s| (self.last_s - first_s).max(0.0))
     }
 
+    /// Time of the first reading, seconds.
+    pub fn first_s(&self) -> Option<f64> {
+        self.first_s
+    }
+
     /// Mean turn of the newest bin, radians.
     pub fn last_rad(&self) -> Option<f64> {
         self.bins.last().and_then(Bin::angle_rad)
+    }
+
+    /// Mean turn between two times, radians; none where nothing was seen.
+    pub fn mean_rad(&self, from_s: f64, to_s: f64) -> Option<f64> {
+        let place = |t_s: f64| Some(((t_s - self.first_s?) / self.width_s).max(0.0) as usize);
+        if !self.first_s.is_some_and(|first_s| first_s < to_s) {
+            return None;
+        }
+        self.column(place(from_s)?, place(to_s)?)
     }
 
     /// Mean turns, radians, of so many equal parts of the time up to `until_s`; none where nothing was seen.
@@ -88,18 +108,6 @@ impl Trail {
         let reach = (GAP_INTERVALS * interval_s / self.width_s).ceil() as usize;
         (place.saturating_sub(reach)..place).rev().find_map(|before| self.bins.get(before)?.angle_rad())
     }
-}
-
-/// Bars of the given values over `rows` lines, the top one first; the tallest bar is `most`. What is not known is blank.
-pub fn bars(values: &[Option<f64>], most: f64, rows: usize) -> Vec<String> {
-    const EIGHTHS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-    let eighths = |value: f64| ((value / most * (8 * rows) as f64).round() as usize).clamp(1, 8 * rows);
-    let heights: Vec<usize> = values.iter().map(|value| value.map_or(0, eighths)).collect();
-    let line = |row: usize| {
-        let below = 8 * (rows - 1 - row);
-        heights.iter().map(|height| EIGHTHS[height.saturating_sub(below).min(8)]).collect()
-    };
-    (0..rows).map(line).collect()
 }
 
 #[cfg(test)]
@@ -154,11 +162,5 @@ mod tests {
         let trail = trail(10, 0.01, |t_s| if (t_s * 100.0).round() % 2.0 == 0.0 { 0.01 } else { -0.01 });
         // A bin's ends may cut off one of two: 0.01 in some 200 readings.
         assert!(trail.columns(5, 0.0).iter().flatten().all(|angle| *angle < 2e-4));
-    }
-
-    #[test]
-    fn bars_are_as_tall_as_their_values() {
-        assert_eq!(bars(&[Some(0.0), None, Some(4.0), Some(8.0)], 8.0, 1), ["▁ ▄█"]);
-        assert_eq!(bars(&[Some(2.0), Some(6.0), Some(8.0)], 8.0, 2), [" ▄█", "▄██"]);
     }
 }

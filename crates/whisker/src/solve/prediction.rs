@@ -1,12 +1,12 @@
 //! What lies ahead of a contact: where its phase began, and its slip-off in words.
 
 use super::rig::Rig;
-use resight_whisker::contact::Method;
-use resight_whisker::estimate::Status;
-use resight_whisker::events::slip::HORIZON;
-use resight_whisker::events::{self, End, Prediction};
-use resight_whisker::friction::FrictionAngle;
-use resight_whisker::{ContactEstimate, Sample};
+use crate::contact::Method;
+use crate::estimate::Status;
+use crate::events::slip::HORIZON;
+use crate::events::{self, End, Prediction};
+use crate::friction::FrictionAngle;
+use crate::{ContactEstimate, Sample};
 use schemars::JsonSchema;
 use serde::Serialize;
 
