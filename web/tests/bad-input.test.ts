@@ -50,11 +50,11 @@ test("images that are none, on the first screen and beside an open one", async (
   }
   await page.getByRole("button", { name: "Try the example" }).click();
   await page.locator("[data-step=answer] [data-status=ok]").waitFor();
-  const figures = await page.locator(".figures").textContent();
+  const figures = await page.locator(".answer-figures").textContent();
   for (const [name, buffer, words] of inputs) {
     await page.locator(`.photos ${IMAGES}`).setInputFiles({ name, mimeType: "image/png", buffer });
     await refused(page, "photograph", words);
-    assert.equal(await page.locator(".figures").textContent(), figures);
+    assert.equal(await page.locator(".answer-figures").textContent(), figures);
   }
   assert.deepEqual(faultsOf(page), []);
   await page.context().close();
@@ -81,7 +81,7 @@ test("a camera file for another size, and one that is none", async () => {
 test("points all on a line: a sentence, and the last answer stays, marked old", async () => {
   const page = await open(chromium, server);
   await fourClicks(page);
-  const figures = await page.locator(".figures").textContent();
+  const figures = await page.locator(".answer-figures").textContent();
   // D is put onto the line of A, B and C, and its distances with it.
   await page.getByRole("button", { name: /Three on a line/ }).click();
   await page.getByRole("button", { name: /My own points/ }).click();
@@ -94,7 +94,7 @@ test("points all on a line: a sentence, and the last answer stays, marked old", 
   }
   await refused(page, "marks", /line/);
   await page.locator("[data-status=old]").first().waitFor();
-  assert.equal(await page.locator(".figures").textContent(), figures);
+  assert.equal(await page.locator(".answer-figures").textContent(), figures);
   assert.deepEqual(faultsOf(page), []);
   await page.context().close();
 });

@@ -6,7 +6,8 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { MARKS, camera, click, clicks, demo, figure, fourClicks, pixel, shown, type Pixel } from "./scene.js";
+import { MARKS, camera, click, clicks, demo, figure, fourClicks, pixel, shown, until, view, type Pixel } from "./scene.js";
+import { Watch, drawn } from "./cameras.js";
 import { PHONE, type Server, browser, faultsOf, open, serve } from "./server.js";
 
 let chromium: Browser;
@@ -134,7 +135,7 @@ test("what is measured is true, sorts, is exported, saved and read by the progra
   await page.getByRole("button", { name: "Sort by value" }).click();
   assert.equal(await rows.first().getAttribute("data-measurement"), "area 1");
 
-  const figures = await page.locator(".figures").textContent();
+  const figures = await page.locator(".answer-figures").textContent();
   for (const [item, begins] of [["Report (HTML)", "<!doctype html>"], ["SVG", "<svg"], ["PNG", "\x89PNG"], ["Bird's-eye view (PNG)", "\x89PNG"], ["OpenCV", ""], ["JSON", "{"]] as const) {
     const { bytes } = await downloaded(page, "Export", item);
     assert(bytes.toString("latin1").startsWith(begins) && 100 < bytes.length, item);
@@ -146,7 +147,7 @@ test("what is measured is true, sorts, is exported, saved and read by the progra
   const other = await open(chromium, server);
   await other.locator("input[type=file][accept='.toml']").first().setInputFiles(saved.path);
   await other.locator("[data-figure=height]").waitFor();
-  assert.equal(await other.locator(".figures").textContent(), figures);
+  assert.equal(await other.locator(".answer-figures").textContent(), figures);
   await other.locator("[data-measurement]").nth(3).waitFor();
   await ended(other);
   await ended(page);
@@ -160,10 +161,10 @@ async function downloadedCsv(page: Page): Promise<string> {
 test("a page that is loaded again goes on where it was", async () => {
   const page = await open(chromium, server);
   await fourClicks(page);
-  const figures = await page.locator(".figures").textContent();
+  const figures = await page.locator(".answer-figures").textContent();
   await page.reload();
   await page.locator("[data-figure=height]").waitFor();
-  assert.equal(await page.locator(".figures").textContent(), figures);
+  assert.equal(await page.locator(".answer-figures").textContent(), figures);
   for (let i = 0; i < 5; i++) await page.getByRole("button", { name: "Undo" }).click();
   await page.locator(".chip[data-missing=true]").waitFor();
   await ended(page);
@@ -172,18 +173,18 @@ test("a page that is loaded again goes on where it was", async () => {
 test("marks are moved by keys and the hand, and taken back in one step", async () => {
   const page = await open(chromium, server);
   await fourClicks(page);
-  const place = async () => (await page.request.get(`${server.address}/api/session/view?session=${await id(page)}`)).json();
-  const before = (await place()).points[1];
+  const mark = async () => (await view(page)).points[1]!;
+  const before = await mark();
   const stage = page.locator(".views > .viewport");
   await stage.focus();
   await page.keyboard.press("2");
   for (let i = 0; i < 4; i++) await page.keyboard.press("ArrowRight");
   await page.keyboard.press("Shift+ArrowDown");
-  await settled(page, async () => Math.abs((await place()).points[1].v_px - before.v_px - 0.1) < 1e-6);
-  const moved = (await place()).points[1];
+  await until(async () => Math.abs((await mark()).v_px - before.v_px - 0.1) < 1e-6);
+  const moved = await mark();
   assert(Math.abs(moved.u_px - before.u_px - 4) < 1e-6, `${moved.u_px} from ${before.u_px}`);
   for (let i = 0; i < 5; i++) await page.keyboard.press("Control+z");
-  await settled(page, async () => (await place()).points[1].u_px === before.u_px);
+  await until(async () => (await mark()).u_px === before.u_px);
 
   // Twenty moves of the hand are one step.
   const { at } = await shown(page);
@@ -192,44 +193,31 @@ test("marks are moved by keys and the hand, and taken back in one step", async (
   await page.mouse.down();
   for (let i = 1; i <= 20; i++) await page.mouse.move(x + i, y - i / 2);
   await page.mouse.up();
-  await settled(page, async () => 15 < (await place()).points[1].u_px - before.u_px);
+  await until(async () => 15 < (await mark()).u_px - before.u_px);
   await page.getByRole("button", { name: "Undo" }).click();
-  await settled(page, async () => (await place()).points[1].u_px === before.u_px);
+  await until(async () => (await mark()).u_px === before.u_px);
   await ended(page);
 });
-
-async function id(page: Page): Promise<string> {
-  return page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session);
-}
-
-/** Waits until something holds. */
-async function settled(page: Page, holds: () => Promise<boolean>) {
-  for (let i = 0; i < 50; i++) {
-    if (await holds()) return;
-    await page.waitForTimeout(50);
-  }
-  assert.fail("it never came to hold");
-}
 
 test("snapping shows what it would do, and can be refused", async () => {
   const page = await open(chromium, server);
   await demo(page);
   await page.getByLabel("Snap to").selectOption("corner");
   const [u, v] = pixel(0, 0);
-  const place = async () => (await (await page.request.get(`${server.address}/api/session/view?session=${await id(page)}`)).json()).points;
+  const mark = async () => (await view(page)).points[0]!;
   await click(page, [u + 2, v + 1.5]);
   const bar = page.locator(".choice-bar.snap");
   await bar.waitFor();
-  const clicked = (await place())[0];
+  const clicked = await mark();
   assert(1 < Math.hypot(clicked.u_px - u, clicked.v_px - v), "it snapped before it was allowed to");
   await page.locator(".views > .viewport").press("Escape");
   await bar.waitFor({ state: "detached" });
-  assert.deepEqual((await place())[0], clicked);
+  assert.deepEqual(await mark(), clicked);
   await page.locator(".views > .viewport").press("s");
   await bar.waitFor();
   await page.locator(".views > .viewport").press("Enter");
-  await settled(page, async () => Math.hypot((await place())[0].u_px - u, (await place())[0].v_px - v) < 0.7);
-  assert((await place())[0].sigma_px < 1);
+  await until(async () => Math.hypot((await mark()).u_px - u, (await mark()).v_px - v) < 0.7);
+  assert((await mark()).sigma_px < 1);
   await ended(page);
 });
 
@@ -253,13 +241,48 @@ test("two photographs put a point in space", async () => {
   await ended(page);
 });
 
+test("a frame of a running camera becomes a photograph, and dragging on it delays no frame", async () => {
+  const watch = new Watch(["gate"], await drawn(chromium, [0]));
+  watch.start();
+  const live = await serve(watch.session());
+  const page = await open(chromium, live);
+  try {
+    const menu = page.getByRole("button", { name: "Take a frame from a running camera" });
+    await menu.click();
+    await page.getByRole("button", { name: "gate", exact: true }).click();
+    await page.locator(".photos").getByRole("button", { name: "gate.png" }).waitFor();
+    await page.locator("[data-step=lens] input[type=file]").setInputFiles(watch.file("camera.toml"));
+    await page.locator("[data-step=lens][data-done=true]").waitFor();
+    await page.getByRole("button", { name: /Tag or board/ }).click();
+    await page.locator("[data-step=marks] input[type=file]").setInputFiles(watch.file("tag.toml"));
+    await page.locator("[data-figure=height]").waitFor();
+    const [mark] = (await view(page)).points;
+    const { at } = await shown(page, { width: 640, height: 480 });
+    const [x, y] = at([mark!.u_px, mark!.v_px]);
+    await page.mouse.move(x, y);
+    await page.mouse.down();
+    for (let i = 1; i <= 100; i++) {
+      await page.mouse.move(x + 8 * Math.sin(i / 5), y);
+      await page.waitForTimeout(16);
+    }
+    await page.mouse.up();
+    const [camera] = (await (await fetch(`${live.address}/api/live`)).json()).cameras;
+    assert.equal(camera.dropped, 0);
+    assert(camera.is_fresh && 5 < camera.fps, JSON.stringify(camera));
+    await ended(page);
+  } finally {
+    await live.stop();
+    watch.end();
+  }
+});
+
 test("on a phone a finger moves the selected mark without covering it", async () => {
   const page = await open(chromium, server, "photograph", PHONE);
   await page.getByRole("button", { name: "Try the example" }).tap();
   await page.locator(".sheet .handle .status").waitFor();
   const { at } = await shown(page, { width: 640, height: 480 });
-  const place = async () => (await (await page.request.get(`${server.address}/api/session/view?session=${await id(page)}`)).json()).points[0];
-  const before = await place();
+  const mark = async () => (await view(page)).points[0]!;
+  const before = await mark();
   await page.touchscreen.tap(...at([before.u_px, before.v_px]));
   await page.locator("[data-step=marks] summary").click();
   assert.equal(await page.locator("[data-step=marks] tr[data-selected=true] th").textContent(), "A");
@@ -272,6 +295,6 @@ test("on a phone a finger moves the selected mark without covering it", async ()
   for (let i = 1; i <= 10; i++) await touch("touchMove", i);
   await touch("touchEnd");
   const { scale } = await shown(page, { width: 640, height: 480 });
-  await settled(page, async () => Math.abs((await place()).u_px - before.u_px - 10 / scale) < 1);
+  await until(async () => Math.abs((await mark()).u_px - before.u_px - 10 / scale) < 1);
   await ended(page);
 });

@@ -99,7 +99,29 @@ export async function fourClicks(page: Page) {
     await field.fill("0.002");
     await field.press("Tab");
   }
+  await until(async () => (await view(page)).distances.every((d) => d.sigma_m === 0.002));
   await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+}
+
+interface SeenView {
+  points: { name: string; u_px: number; v_px: number; sigma_px: number }[];
+  distances: { sigma_m: number }[];
+}
+
+/** What the program says of the session that a page has open. */
+export async function view(page: Page): Promise<SeenView> {
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session);
+  const { origin } = new URL(page.url());
+  return (await fetch(`${origin}/api/session/view?session=${session}`)).json();
+}
+
+/** Waits until something holds. */
+export async function until(holds: () => Promise<boolean>) {
+  for (let i = 0; i < 200; i++) {
+    if (await holds()) return;
+    await new Promise((done) => setTimeout(done, 50));
+  }
+  throw new Error(`it never came to hold: ${holds}`);
 }
 
 /** Clicks four marks and types their distances. */

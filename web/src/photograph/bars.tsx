@@ -55,7 +55,7 @@ export function Tools() {
           {SNAPS.map((to) => <option key={to} value={to}>{texts.snap.to[to]}</option>)}
         </select>
       </label>
-      <span class="space" />
+      <span class="spring" />
       <button aria-label={b.out} onClick={() => viewport.zoom(0.8)}>−</button>
       <button aria-label={b.in} onClick={() => viewport.zoom(1.25)}>+</button>
       <button onClick={() => viewport.fit()}>{b.fit}</button>

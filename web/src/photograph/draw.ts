@@ -42,6 +42,7 @@ export function draw(context: Context, state: ViewportState) {
   measurements(context, t);
   distances(context, t);
   allMarks(context, t);
+  values(context, t);
   underway(context, t);
   proposal(context, t);
   loupe(context, t, state);
@@ -173,9 +174,12 @@ function measurements(context: Context, t: Transform) {
       const isSelected = sameHandle(selected.value, { kind: "measurement", name: m.name, index });
       ring(context, toScreen(t, point), isSelected ? 8 : 5, isSelected ? "#ffffff" : MEASURE);
     });
-    const text = m.error ? "–" : m.words;
-    plate(context, text, plateOf(m, t), MEASURE);
   }
+}
+
+/** What was measured, with its interval, over everything else. */
+function values(context: Context, t: Transform) {
+  for (const m of measured.value) plate(context, m.error ? "–" : m.words, plateOf(m, t), MEASURE);
 }
 
 /** Where the value of a measurement is written. */

@@ -69,7 +69,7 @@ const handler: PointerHandler = {
     held = null;
   },
   click(pointer) {
-    if (moved.value || !view.value?.photo) return;
+    if (!view.value?.photo) return;
     const close = near(pointer);
     if (tool.value !== "marks") {
       const last = pending.value.at(-1);

@@ -44,12 +44,26 @@ export function sameHandle(a: Handle | null, b: Handle | null): boolean {
   return !!a && !!b && a.kind === b.kind && a.name === b.name && (a.kind === "mark" || a.index === (b as typeof a).index);
 }
 
-/** Marks as they are drawn: the dragged one where the hand has it. */
-export const marks = computed(() => (view.value?.points ?? []).map((point) => {
-  const hand = moved.value;
-  const at: Point = hand?.handle.kind === "mark" && hand.handle.name === point.name ? hand.at : [point.u_px, point.v_px];
-  return { ...point, at };
-}));
+/** What is drawn of a mark. */
+export interface Mark {
+  name: string;
+  at: Point;
+  residual_px: number | null;
+  is_worst: boolean;
+}
+
+/** Marks as they are drawn: the dragged one where the hand has it, and the one just placed, before the answer is there. */
+export const marks = computed((): Mark[] => {
+  const hand = moved.value?.handle.kind === "mark" ? moved.value : null;
+  const all = (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_worst }): Mark => ({
+    name,
+    at: hand?.handle.name === name ? hand.at : [u_px, v_px],
+    residual_px: residual_px ?? null,
+    is_worst,
+  }));
+  const isNew = hand && !all.some((mark) => mark.name === hand.handle.name);
+  return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_worst: false }] : all;
+});
 
 /** Measurements of the photograph, likewise. */
 export const measured = computed(() => (view.value?.measurements ?? []).filter((m) => m.photo === photo.value).map((m) => {
@@ -65,10 +79,11 @@ const NEEDED = { line_and_post: 4, four_points: 4, rectangle: 4, target: 0, own:
 export const nextMark = computed((): string | null => {
   const now = view.value;
   if (!now?.photo || tool.value !== "marks") return null;
-  const elsewhere = now.names_elsewhere[0];
+  const names = marks.value.map((mark) => mark.name);
+  const elsewhere = now.names_elsewhere.find((name) => !names.includes(name));
   if (elsewhere) return elsewhere;
-  if (!addsMark.value && NEEDED[now.template] <= now.points.length) return null;
-  return freeName(now.points.map((point) => point.name));
+  if (!addsMark.value && NEEDED[now.template] <= names.length) return null;
+  return freeName(names);
 });
 
 /** A, B, … Z, A1, … */

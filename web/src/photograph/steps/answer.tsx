@@ -24,7 +24,7 @@ export function AnswerStep() {
         {now.is_old && <Status word="old" text={t.old} />}
       </div>
       <Note tone={now.is_old ? "grey" : toneOf(answer.status)} live>{sentence(answer.message)}</Note>
-      <div class="figures" data-old={now.is_old}>
+      <div class="answer-figures" data-old={now.is_old}>
         {shown.map((figure) => <Figure key={figure.name} {...figure} />)}
       </div>
       {details.value && <Details />}

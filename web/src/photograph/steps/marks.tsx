@@ -161,7 +161,7 @@ function Points() {
   if (now.points.length === 0) return null;
   const sorted = now.points.length <= SHOWN ? now.points : [...now.points].sort((p, q) => (q.residual_px ?? 0) - (p.residual_px ?? 0)).slice(0, SHOWN);
   return (
-    <table class="points">
+    <table class="mark-table">
       <caption class="visually-hidden">{t.points}</caption>
       <tbody>{sorted.map((point) => <PointRow key={point.name} point={point} />)}</tbody>
     </table>

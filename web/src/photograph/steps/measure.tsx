@@ -17,7 +17,7 @@ export function MeasureStep() {
   const kind = tool.value === "marks" ? null : tool.value;
   return (
     <Step n={4} name="measure" done={0 < now.measurements.length} summary={now.measurements.length || undefined}>
-      <div class="row" role="group" aria-label={t.choose}>
+      <div class="row kinds" role="group" aria-label={t.choose}>
         {KINDS.map((what) => (
           <button key={what} aria-pressed={kind === what} disabled={!can} onClick={() => {
             pending.value = [];
