@@ -195,6 +195,7 @@ impl Live {
             return Err("The session has ended; start it again.");
         }
         self.relearn.ask(camera);
+        self.acknowledge(camera); // Whoever decides where it belongs has seen that it moved.
         Ok(())
     }
 
