@@ -92,5 +92,5 @@ export function Legend({ replay }: { replay: Replay }) {
     ...(replay.found?.outline_m.length ? (["outline"] as const) : []),
     ...(replay.given_outline_m.length ? (["given"] as const) : []),
   ];
-  return <span class="legend">{entries.map((entry) => <span key={entry}><span class={`swatch ${entry}`} aria-hidden="true" />{texts.legend[entry]}</span>)}</span>;
+  return <span class="whisker-legend">{entries.map((entry) => <span key={entry}><span class={`swatch ${entry}`} aria-hidden="true" />{texts.legend[entry]}</span>)}</span>;
 }
