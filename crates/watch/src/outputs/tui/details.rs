@@ -1,6 +1,6 @@
 //! Everything about the last frame of the chosen camera.
 
-use crate::board::PairBoard;
+use crate::board::pair::PairBoard;
 use super::panel;
 use super::picture::Picture;
 use super::table::ms;

@@ -1,6 +1,6 @@
 //! The chosen camera: its state in words, times, scatter, and the rotation through time.
 
-use crate::board::PairBoard;
+use crate::board::pair::PairBoard;
 use super::picture::{Picture, duration};
 use crate::board::statistics::Rolling;
 use super::bars::bars;
