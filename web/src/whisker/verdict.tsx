@@ -76,7 +76,7 @@ export function Record({ replay }: { replay: Replay }) {
       {replay.is_consistent !== null && <p>{replay.is_consistent ? texts.consistent : texts.inconsistent}</p>}
       {replay.warnings.map((warning) => <Note key={warning} tone="warn">{warning}.</Note>)}
       <Figure title={help.readings} words={counts.join(", ")} help={help.readingsHelp} link="whisker.md" name="readings" />
-      {replay.mu !== null && <Figure title={help.mu} words={plusMinus(replay.mu, replay.mu_sigma, 1, "").trim()} help={help.muHelp} link="whisker.md" name="mu" />}
+      {replay.mu !== null && <Figure title={help.mu} words={plusMinus(replay.mu, replay.mu_sigma, 1, "")} help={help.muHelp} link="whisker.md" name="mu" />}
       {replay.median_sigma_m !== null && <Figure title={help.sigma} words={`${fixed(MM * replay.median_sigma_m, 2)} mm`} help={help.sigmaHelp} link="whisker.md" name="sigma" />}
       {1 < replay.shapes_one_in && <p class="quiet small">{texts.shapesOneIn(replay.shapes_one_in)}</p>}
       {replay.length_m === null && <p class="quiet small">{texts.noShapes}</p>}
