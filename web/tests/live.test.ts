@@ -261,7 +261,7 @@ test("ten cameras, both themes, both widths: nothing that axe finds", { timeout:
         assert.deepEqual(small, [], at);
         for (const view of ["Points", "In space"]) {
           await page.getByRole("button", { name: view }).click();
-          await page.waitForSelector(view === "Points" ? ".shares rect" : ".space canvas", { timeout: SLOW_MS });
+          await page.waitForSelector(view === "Points" ? ".shares rect" : ".live-space canvas", { timeout: SLOW_MS });
           await accessible(page, `${view}, ${at}`);
         }
         await page.getByRole("button", { name: "Cameras" }).click();
