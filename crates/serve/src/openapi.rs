@@ -54,8 +54,8 @@ pub fn description() -> Value {
         .chain(server());
     let mut paths = Map::new();
     for operation in operations {
-        let path = paths.entry(operation.path).or_insert_with(|| json!({}));
-        path[operation.method] = operation.object(&error);
+        let (method, path) = (operation.method, paths.entry(operation.path).or_insert_with(|| json!({})));
+        path[method] = operation.object(&error);
     }
     let components = schemas.components(&mut paths);
     json!({
