@@ -205,6 +205,33 @@ test("without frames a camera is hatched, and without the program nothing is sho
   }
 });
 
+test("`watch --serve` shows a session that runs in a terminal", { timeout: 120_000 }, async () => {
+  const watch = new Watch(["gate"], images);
+  watch.start();
+  const child = spawn(process.env.RESIGHT_PROGRAM!, ["watch", watch.session(), "--serve", "127.0.0.1:0"], { stdio: ["ignore", "ignore", "pipe"] });
+  const address = await new Promise<string>((found) => {
+    let said = "";
+    child.stderr.on("data", (text) => {
+      said += text;
+      const at = /http:\/\/[\d.:]+/.exec(said);
+      if (at) found(at[0]);
+    });
+  });
+  const server: Server = { address, process: child, stop: async () => void child.kill() };
+  const page = await open(chromium, server, "live");
+  try {
+    await reaches(page, "gate", "steady");
+    await page.waitForSelector(".tile[data-camera=gate] canvas[data-frame]");
+    await tile(page, "gate").getByRole("button", { name: /full size/ }).click();
+    await page.getByRole("button", { name: "Set as new reference" }).waitFor();
+    assert.deepEqual(faultsOf(page), []);
+  } finally {
+    await page.close();
+    await server.stop();
+    watch.end();
+  }
+});
+
 test("without a session the tab says how to start one", async () => {
   const server = await serve();
   const page = await open(chromium, server, "live");
@@ -234,7 +261,7 @@ test("ten cameras, both themes, both widths: nothing that axe finds", { timeout:
         assert.deepEqual(small, [], at);
         for (const view of ["Points", "In space"]) {
           await page.getByRole("button", { name: view }).click();
-          await page.waitForSelector(view === "Points" ? ".shares rect" : ".space canvas", { timeout: SLOW_MS });
+          await page.waitForSelector(view === "Points" ? ".shares rect" : ".live-space canvas", { timeout: SLOW_MS });
           await accessible(page, `${view}, ${at}`);
         }
         await page.getByRole("button", { name: "Cameras" }).click();

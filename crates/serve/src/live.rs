@@ -10,7 +10,7 @@ pub mod pictures;
 pub mod routes;
 mod small;
 
-use answers::{LiveView, ReferenceView};
+use answers::{LiveMessage, LiveView, ReferenceView};
 use axum::extract::ws::Utf8Bytes;
 use pictures::{Pictures, Tap};
 use resight::core::{Camera, Pose, Target};
@@ -114,7 +114,7 @@ impl Live {
         match &*shared {
             Some((at, text)) if at.elapsed() < YOUNG => text.clone(),
             _ => {
-                let text: Utf8Bytes = json!({ "live": self.view() }).to_string().into();
+                let text: Utf8Bytes = json!(LiveMessage { live: self.view() }).to_string().into();
                 *shared = Some((Instant::now(), text.clone()));
                 text
             }
@@ -197,6 +197,7 @@ impl Live {
             return Err("The session has ended; start it again.");
         }
         self.relearn.ask(camera);
+        self.acknowledge(camera); // Whoever decides where it belongs has seen that it moved.
         Ok(())
     }
 

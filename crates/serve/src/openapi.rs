@@ -5,8 +5,9 @@ mod schemas;
 
 use crate::app::App;
 use crate::error::ErrorObject;
-use crate::live::answers::{LiveView, LogLine, ReferenceView, StripView};
+use crate::live::answers::{LiveMessage, LiveView, LogLine, ReferenceView, StripView};
 use crate::live::feed::Said;
+use crate::live::pictures::PictureHeader;
 use crate::live::routes::{Asked, HistoryEvent, Named as NamedCamera};
 use crate::photograph::{Named, Numbered, NumberedView, Open, Opened};
 use crate::results::GivenFiles;
@@ -21,9 +22,7 @@ use resight::scene::around::AroundScene;
 use resight_session::View;
 use resight_watch::outputs::said::object::EventObject;
 use resight_whisker::replay::Replay;
-use schemars::JsonSchema;
 use schemas::Schemas;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 const ABOUT: &str = "Everything the page of `resight serve` does. Errors are {\"error\": {\"kind\", \"message\"}}. \
@@ -43,13 +42,6 @@ async fn health(State(app): State<App>) -> Response {
     }
 }
 
-/// The message of `/ws/live` that comes four times a second.
-#[derive(Serialize, JsonSchema)]
-struct LiveMessage {
-    /// How the cameras are.
-    live: LiveView,
-}
-
 /// The whole description.
 pub fn description() -> Value {
     let mut schemas = Schemas::new();
@@ -62,8 +54,8 @@ pub fn description() -> Value {
         .chain(server());
     let mut paths = Map::new();
     for operation in operations {
-        let path = paths.entry(operation.path).or_insert_with(|| json!({}));
-        path[operation.method] = operation.object(&error);
+        let (method, path) = (operation.method, paths.entry(operation.path).or_insert_with(|| json!({})));
+        path[method] = operation.object(&error);
     }
     let components = schemas.components(&mut paths);
     json!({
@@ -175,15 +167,15 @@ fn sockets(s: &mut Schemas) -> Vec<Operation> {
     vec![
         Operation::get("/ws/session", "WebSocket: commands in, views out.")
             .query(s.query::<socket::Named>(&["session"]))
-            .upgrades(s.given::<Numbered>(), vec![s.answer::<NumberedView>(), s.answer::<ErrorObject>()], ""),
+            .upgrades(s.given::<Numbered>(), vec![s.answer::<NumberedView>(), s.answer::<ErrorObject>()]),
         Operation::get(
             "/ws/live",
             "WebSocket: states four times a second, events as they come, a picture after each acknowledgement.",
         )
-        .upgrades(
-            s.given::<Said>(),
-            vec![s.answer::<LiveMessage>(), s.answer::<EventObject>()],
-            "A picture: the length of a header (4 bytes, the least significant first), the header (JSON), a JPEG.",
+        .upgrades(s.given::<Said>(), vec![s.answer::<LiveMessage>(), s.answer::<EventObject>()])
+        .sends_binary(
+            "A picture: the length of its header (4 bytes, the least significant first), the header (JSON), a JPEG.",
+            s.answer::<PictureHeader>(),
         ),
     ]
 }

@@ -74,6 +74,10 @@ struct Watching {
 }
 
 fn watching(names: &[&str]) -> Watching {
+    watched_with(names, |_| {})
+}
+
+fn watched_with(names: &[&str], change: impl FnOnce(&mut Request)) -> Watching {
     films(); // Drawn before the clock starts.
     let chosen: Vec<Arc<AtomicUsize>> = names.iter().map(|_| Arc::default()).collect();
     let one = |(name, chosen): (&&str, &Arc<AtomicUsize>)| {
@@ -85,6 +89,7 @@ fn watching(names: &[&str]) -> Watching {
     let cameras = names.iter().zip(&chosen).map(one).collect();
     let mut request = Request::new(cameras, LiveConfig { learn_readings: 20, ..config() });
     request.is_once = false;
+    change(&mut request);
     let mut server = Server::bind(&ServeConfig {
         flag: "--listen",
         address: "127.0.0.1:0".into(),
@@ -122,7 +127,12 @@ fn right_deg(view: &Value) -> f64 {
 
 #[test]
 fn an_alarm_waits_the_way_back_shrinks_and_a_new_reference_is_learned() {
-    let hall = watching(&["gate", "yard"]);
+    let folder = std::env::temp_dir().join(format!("resight-serve-live-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let file = folder.join("gate.ref.toml");
+    let hall = watched_with(&["gate", "yard"], |request| {
+        request.save_references = vec![Some(file.display().to_string()), None];
+    });
     let steady = |view: &Value| view["state"] == "steady";
     hall.until(0, "gate is steady", steady);
     hall.until(1, "yard is steady", steady);
@@ -152,6 +162,9 @@ fn an_alarm_waits_the_way_back_shrinks_and_a_new_reference_is_learned() {
     hall.until(0, "gate learns", |view| view["state"] == "learning");
     assert_eq!(hall.view(1)["state"], "steady", "the other camera keeps its reference");
     hall.until(0, "steady where it is", steady);
+    let kept = |name: &str| std::fs::read_to_string(folder.join(name)).expect("a reference");
+    assert_ne!(kept("gate.ref.toml"), kept("gate.ref.toml.old1"), "the old one is kept beside the new one");
+    std::fs::remove_dir_all(&folder).expect("removed");
     let references = get(hall.place, "/api/live/reference?camera=gate").json();
     let by = references[0]["changed"]["rotation_rad"][1].as_f64().expect("old and new").to_degrees();
     assert!((by - 0.3).abs() < 0.06, "{references:#}");

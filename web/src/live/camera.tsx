@@ -116,7 +116,7 @@ function Numbers({ camera, isLive, store }: { camera: CameraView; isLive: boolea
           <>
             <Triple title={words.distance} help={words.distanceHelp} all={pose.position_m.map((x, i) => metres(x, pose.sigma_m[i]!))} />
             <Triple title={words.angles} help={words.anglesHelp} all={pose.yaw_pitch_roll_rad.map((x, i) => degrees(x, pose.rotation_sigma_rad[[1, 0, 2][i]!]!))} />
-            <Figure title={words.rms} help={words.rmsHelp} link="reading-the-answer.md" words={camera.rms_px === null ? "–" : `${camera.rms_px.toFixed(3)} px`} />
+            <Figure title={words.rms} help={words.rmsHelp} link="reading-the-answer.md" words={camera.rms_px == null ? "–" : `${camera.rms_px.toFixed(3)} px`} />
             <Figure title={words.agree} help={words.agreeHelp} words={`${camera.n_agree ?? 0} / ${camera.n_points}`} name="agree" />
             {ambiguity && <Figure title={words.ambiguity} help={words.ambiguityHelp} link="reading-the-answer.md" words={ambiguity.is_ambiguous ? texts.ambiguous((100 * ambiguity.probability).toFixed(0)) : texts.unique} name="ambiguity" />}
           </>
@@ -202,7 +202,7 @@ function Reference({ camera, store }: { camera: CameraView; store: LiveStore }) 
 }
 
 function Log({ camera, store }: { camera: string; store: LiveStore }) {
-  const lines = store.log.value.filter((line) => line.camera === camera || line.camera === null).reverse();
+  const lines = store.log.value.filter((line) => line.camera === camera || line.camera == null).reverse();
   return (
     <section class="step">
       <header><h2>{texts.sections.log}</h2></header>

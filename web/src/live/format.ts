@@ -36,14 +36,14 @@ export function length(m: number): string {
 }
 
 /** `3.1 ms` */
-export function milliseconds(us: number | null): string {
-  if (us === null) return "–";
+export function milliseconds(us: number | null | undefined): string {
+  if (us == null) return "–";
   const ms = us / 1e3;
   return `${ms.toFixed(ms < 1 ? 3 : ms < 10 ? 2 : ms < 100 ? 1 : 0)} ms`;
 }
 
-export function rate(fps: number | null): string {
-  if (fps === null) return "–";
+export function rate(fps: number | null | undefined): string {
+  if (fps == null) return "–";
   return fps.toFixed(fps < 1 ? 2 : 1);
 }
 

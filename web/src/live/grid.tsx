@@ -50,7 +50,7 @@ export function NotLive({ camera }: { camera: CameraView }) {
     <span class="hatch">
       <span class="label">
         {texts.notLive}
-        {camera.age_s !== null && ` · ${texts.age(duration(camera.age_s))}`}
+        {camera.age_s != null && ` · ${texts.age(duration(camera.age_s))}`}
       </span>
     </span>
   );

@@ -40,6 +40,6 @@ export function Comparison({ reference, pose }: { reference: ReferenceView; pose
   );
 }
 
-function dated(unixS: number | null): string {
-  return unixS === null ? texts.given : texts.learned(clock(unixS));
+function dated(unixS: number | null | undefined): string {
+  return unixS == null ? texts.given : texts.learned(clock(unixS));
 }

@@ -32,7 +32,7 @@ export function Space({ store }: { store: LiveStore }) {
   useEffect(() => () => view.current?.release(), []);
   if (!scene) return <p class="nothing">{texts.spaceNothing}</p>;
   return (
-    <div class="space" data-live={store.isNow.value}>
+    <div class="live-space" data-live={store.isNow.value}>
       <div class="row">
         {1 < scenes.value.length && (
           <label class="row">{texts.spaceTarget}

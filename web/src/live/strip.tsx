@@ -47,7 +47,7 @@ export function Strip({ camera, store }: { camera: string; store: LiveStore }) {
     observer.observe(box.current!);
     return () => observer.disconnect();
   }, []);
-  const words = [...new Set(strip.value?.bins.map((bin) => bin.state).filter((state) => state !== null))];
+  const words = [...new Set(strip.value?.bins.map((bin) => bin.state).filter((state) => state != null))];
   return (
     <section class="strip" aria-label={texts.sections.history} data-live={store.isNow.value}>
       <div class="row tight">
@@ -68,7 +68,7 @@ function plot(box: HTMLElement, strip: StripView, ink: Colours, zoom: (from: num
   const width = (strip.to_s - strip.from_s) / strip.bins.length;
   const data: uPlot.AlignedData = [
     strip.bins.map((bin) => bin.from_s + width / 2),
-    strip.bins.map((bin) => (bin.rotation_rad === null ? null : bin.rotation_rad * DEGREES)),
+    strip.bins.map((bin) => (bin.rotation_rad == null ? null : bin.rotation_rad * DEGREES)),
   ];
   const axis = { stroke: ink.quiet, grid: { stroke: ink.line, width: 1 }, ticks: { stroke: ink.line, width: 1 }, font: "14px system-ui, sans-serif" };
   const made = new uPlot({
@@ -99,7 +99,7 @@ function band(at: uPlot, strip: StripView, ink: Colours) {
   const heights = { good: 0.4, grey: 0.55, warn: 0.7, bad: 1 };
   const width = (strip.to_s - strip.from_s) / strip.bins.length;
   for (const bin of strip.bins) {
-    if (bin.state === null) continue;
+    if (bin.state == null) continue;
     const tone = toneOf(bin.state);
     const from = at.valToPos(bin.from_s, "x", true);
     const to = at.valToPos(bin.from_s + width, "x", true);

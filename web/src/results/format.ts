@@ -12,12 +12,16 @@ export function fixed(x: number, decimals: number): string {
   return /^-0\.?0*$/.test(text) ? text.slice(1) : text.replace("-", "−");
 }
 
+/** A unit behind its number: no space before a degree sign, nothing where there is none. */
+function behind(unit: string): string {
+  return unit === "" || unit === "°" ? unit : ` ${unit}`;
+}
+
 /** `12.345 ± 0.012 unit`, both scaled; without a ± where there is none. */
 export function plusMinus(value: number, sigma: number | null | undefined, scale: number, unit: string, decimals = 1): string {
-  if (sigma === null || sigma === undefined) return `${fixed(value * scale, decimals)} ${unit}`;
-  if (sigma === 0) return `${fixed(value * scale, decimals)} ${unit}`;
+  if (!sigma) return fixed(value * scale, decimals) + behind(unit);
   const n = decimalsFor(sigma * scale);
-  return `${fixed(value * scale, n)} ± ${fixed(sigma * scale, n)} ${unit}`;
+  return `${fixed(value * scale, n)} ± ${fixed(sigma * scale, n)}${behind(unit)}`;
 }
 
 export const MM = 1e3;
@@ -30,5 +34,5 @@ export function factor(x: number): string {
 
 /** A standard deviation alone. */
 export function sigmaOnly(sigma: number, scale: number, unit: string): string {
-  return `${fixed(sigma * scale, decimalsFor(sigma * scale))} ${unit}`;
+  return fixed(sigma * scale, decimalsFor(sigma * scale)) + behind(unit);
 }

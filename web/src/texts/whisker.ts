@@ -30,6 +30,7 @@ export const whiskerTexts = {
   } as Record<string, string>,
   contact: (x: string, y: string, sigma: string) => `at x ${x} mm, y ${y} mm, ± ${sigma} mm in the worst direction`,
   modes: { mid: "between clamp and tip", tip: "at the tip", free: "" } as Record<string, string>,
+  legendLabel: "What the colours mean",
   legend: { mid: "between clamp and tip", tip: "at the tip", weak: "too light", odd: "not to be relied on", hub: "hub", outline: "outline found", given: "outline given" },
   record: "Record",
   consistent: "Readings and whisker agree.",

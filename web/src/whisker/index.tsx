@@ -68,7 +68,7 @@ function Shown({ replay }: { replay: Replay }) {
               drawSweep(pen, now, framed.value, replay, readings.value, reading.value, choice.value);
             }}
           />
-          <div class="caption"><Legend replay={replay} /></div>
+          <div class="caption" tabIndex={0} role="group" aria-label={texts.legendLabel}><Legend replay={replay} /></div>
           <Player />
           <div class="player">
             <button aria-pressed={!isNear} onClick={() => setNear(false)}>{texts.whole}</button>

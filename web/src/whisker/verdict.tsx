@@ -76,7 +76,7 @@ export function Record({ replay }: { replay: Replay }) {
       {replay.is_consistent !== null && <p>{replay.is_consistent ? texts.consistent : texts.inconsistent}</p>}
       {replay.warnings.map((warning) => <Note key={warning} tone="warn">{warning}.</Note>)}
       <Figure title={help.readings} words={counts.join(", ")} help={help.readingsHelp} link="whisker.md" name="readings" />
-      {replay.mu !== null && <Figure title={help.mu} words={plusMinus(replay.mu, replay.mu_sigma, 1, "").trim()} help={help.muHelp} link="whisker.md" name="mu" />}
+      {replay.mu !== null && <Figure title={help.mu} words={plusMinus(replay.mu, replay.mu_sigma, 1, "")} help={help.muHelp} link="whisker.md" name="mu" />}
       {replay.median_sigma_m !== null && <Figure title={help.sigma} words={`${fixed(MM * replay.median_sigma_m, 2)} mm`} help={help.sigmaHelp} link="whisker.md" name="sigma" />}
       {1 < replay.shapes_one_in && <p class="quiet small">{texts.shapesOneIn(replay.shapes_one_in)}</p>}
       {replay.length_m === null && <p class="quiet small">{texts.noShapes}</p>}
@@ -92,5 +92,5 @@ export function Legend({ replay }: { replay: Replay }) {
     ...(replay.found?.outline_m.length ? (["outline"] as const) : []),
     ...(replay.given_outline_m.length ? (["given"] as const) : []),
   ];
-  return <span class="legend">{entries.map((entry) => <span key={entry}><span class={`swatch ${entry}`} aria-hidden="true" />{texts.legend[entry]}</span>)}</span>;
+  return <span class="whisker-legend">{entries.map((entry) => <span key={entry}><span class={`swatch ${entry}`} aria-hidden="true" />{texts.legend[entry]}</span>)}</span>;
 }

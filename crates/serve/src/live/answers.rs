@@ -13,6 +13,13 @@ use resight_watch::outputs::said::word;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+/// The message of the WebSocket that comes four times a second.
+#[derive(Serialize, JsonSchema)]
+pub struct LiveMessage {
+    /// How everything is.
+    pub live: LiveView,
+}
+
 /// How everything is.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct LiveView {

@@ -9,7 +9,8 @@ use resight::overlay::ground::target_lines;
 use resight_watch::Request;
 use resight_watch::live::Observation;
 use resight_watch::source::{Content, Next, Source};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -50,9 +51,28 @@ struct Waiting {
     residuals: Vec<[f64; 5]>,
 }
 
+/// What a picture is of: it goes before the JPEG of the same frame.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct PictureHeader {
+    /// The camera's name.
+    camera: String,
+    /// Number of the frame.
+    frame: u64,
+    /// When it was taken, seconds of capture.
+    time_s: f64,
+    /// Of the frame itself; the JPEG may be smaller.
+    width_px: u32,
+    height_px: u32,
+    /// Edges of the targets, in pixels of the frame.
+    outline: Vec<Vec<[f64; 2]>>,
+    /// Points with their residuals: column, row, the two parts of the residual, and 1 where it agrees with the pose. Large pictures only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    points: Option<Vec<[f64; 5]>>,
+}
+
 struct Job {
     camera: usize,
-    header: Value,
+    header: PictureHeader,
     residuals: Vec<[f64; 5]>,
     images: [Option<GrayImage>; 2],
 }
@@ -188,10 +208,15 @@ impl Pictures {
             return;
         };
         drop(kept);
-        let header = json!({
-            "camera": one.name, "frame": observation.number, "time_s": observation.capture_s,
-            "width_px": size_px[0], "height_px": size_px[1], "outline": outlines,
-        });
+        let header = PictureHeader {
+            camera: one.name.clone(),
+            frame: observation.number,
+            time_s: observation.capture_s,
+            width_px: size_px[0],
+            height_px: size_px[1],
+            outline: outlines,
+            points: None,
+        };
         let sender = self.jobs.lock().unwrap_or_else(PoisonError::into_inner).clone();
         // Left out where encoding does not keep up.
         let _ = sender.try_send(Job { camera, header, residuals, images });
@@ -256,7 +281,7 @@ fn encoded(job: Job) -> Vec<(Size, Message)> {
     let Job { mut header, residuals, images: [small, large], .. } = job;
     let small = small.and_then(|image| Some((Size::Small, message(&header, &image, QUALITY)?.into())));
     let large = large.and_then(|image| {
-        header["points"] = json!(residuals);
+        header.points = Some(residuals);
         Some((Size::Large, message(&header, &image, QUALITY)?.into()))
     });
     small.into_iter().chain(large).collect()

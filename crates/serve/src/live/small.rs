@@ -43,8 +43,8 @@ fn add_chunks<const K: usize>(sums: &mut [u32], pixels: &[u8]) {
 }
 
 /// A message: length of the header (u32, little end first), header, JPEG.
-pub fn message(header: &serde_json::Value, image: &GrayImage, quality: u8) -> Option<Vec<u8>> {
-    let header = header.to_string();
+pub fn message(header: &impl serde::Serialize, image: &GrayImage, quality: u8) -> Option<Vec<u8>> {
+    let header = serde_json::to_string(header).ok()?;
     let mut message = u32::try_from(header.len()).ok()?.to_le_bytes().to_vec();
     message.extend(header.as_bytes());
     let GrayImage { width_px, height_px, data } = image;

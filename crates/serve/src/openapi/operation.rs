@@ -50,13 +50,17 @@ impl Operation {
         media_types.iter().fold(self, |this, media_type| this.answers(media_type, binary()))
     }
 
-    /// A WebSocket: what it takes, what it gives, and what its binary messages are.
-    pub fn upgrades(mut self, receives: Value, sends: Vec<Value>, binary: &str) -> Self {
-        let mut messages = json!({ "receives": receives, "sends": { "oneOf": sends } });
-        if !binary.is_empty() {
-            messages["binary"] = json!(binary);
+    /// A WebSocket: what it takes and what it gives.
+    pub fn upgrades(mut self, receives: Value, sends: Vec<Value>) -> Self {
+        self.messages = Some(json!({ "receives": receives, "sends": { "anyOf": sends } }));
+        self
+    }
+
+    /// Its binary messages: what they are, and the schema of their headers.
+    pub fn sends_binary(mut self, description: &str, header: Value) -> Self {
+        if let Some(messages) = &mut self.messages {
+            messages["binary"] = json!({ "description": description, "header": header });
         }
-        self.messages = Some(messages);
         self
     }
 
