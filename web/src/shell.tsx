@@ -37,7 +37,7 @@ export function Shell() {
             </button>
           ))}
         </nav>
-        <span class="space" />
+        <span class="spring" />
         <div class="row tight" ref={place} />
       </header>
       <main>

@@ -1,6 +1,7 @@
 // Which tab is open, and the actions that it puts into the bar at the top.
 import { effect, signal } from "@preact/signals";
-import { createPortal } from "preact/compat";
+import { render } from "preact";
+import { useEffect } from "preact/hooks";
 
 export const TAB_NAMES = ["photograph", "live", "rig", "whisker"] as const;
 export type TabName = (typeof TAB_NAMES)[number];
@@ -19,7 +20,14 @@ effect(() => {
 /** Where actions go. */
 export const actionsPlace = signal<HTMLElement | null>(null);
 
-/** Puts a tab's actions into the bar at the top. */
+/** Puts a tab's actions into the bar at the top: a tree of its own, for a portal would bring React's meaning of `onChange` with it. */
 export function Actions({ children }: { children: preact.ComponentChildren }) {
-  return actionsPlace.value ? createPortal(<>{children}</>, actionsPlace.value) : null;
+  const place = actionsPlace.value;
+  useEffect(() => {
+    if (place) render(<>{children}</>, place);
+  });
+  useEffect(() => () => {
+    if (place) render(null, place);
+  }, [place]);
+  return null;
 }

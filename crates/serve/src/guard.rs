@@ -55,7 +55,8 @@ pub async fn in_time(request: Request, next: Next) -> Response {
 /// other refusals.
 pub async fn in_one_form(request: Request, next: Next) -> Response {
     let response = next.run(request).await;
-    let is_plain = text(response.headers(), &header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("text/plain"));
+    let is_plain =
+        text(response.headers(), &header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("text/plain"));
     let status = response.status();
     if !status.is_client_error() || !is_plain {
         return response;

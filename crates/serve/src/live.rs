@@ -15,7 +15,7 @@ use axum::extract::ws::Utf8Bytes;
 use pictures::{Pictures, Tap};
 use resight::core::{Camera, Pose, Target};
 use resight::scene::around::{AroundScene, CameraAround, cameras_around};
-use resight_watch::board::strip::{StripBin, Stretch};
+use resight_watch::board::strip::{Stretch, StripBin};
 use resight_watch::board::{Board, Instants};
 use resight_watch::live::{Relearn, references};
 use resight_watch::outputs::said::EventText;
@@ -147,9 +147,11 @@ impl Live {
                 };
                 let is_fresh = board.is_fresh(c, now);
                 let seen = pair.last.as_ref().and_then(|last| last.estimate.as_ref()).filter(|_| is_fresh);
-                cameras.extend(pair.reference.map(|learnt| {
-                    around(learnt.reference.a_from_b, learnt.reference.noise.reference, true)
-                }));
+                cameras.extend(
+                    pair.reference.map(|learnt| {
+                        around(learnt.reference.a_from_b, learnt.reference.noise.reference, true)
+                    }),
+                );
                 cameras.extend(seen.map(|e| around(e.cam_from_target, e.covariance, false)));
             }
             (!cameras.is_empty()).then(|| cameras_around(board.names.target(t), target, &cameras))

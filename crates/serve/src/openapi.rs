@@ -97,6 +97,8 @@ fn photographs(s: &mut Schemas) -> Vec<Operation> {
         Operation::get("/api/session/export", "The answer in another format; JSON where none is named.")
             .query(named(s, &["session", "photo", "format"]))
             .answers_file(&["*/*"]),
+        Operation::get("/api/session/exports", "The words that /api/session/export takes as its format.")
+            .answers(JSON, s.answer::<Vec<String>>()),
         Operation::get("/api/session/birdseye", "The ground from straight above.")
             .query(of_photograph)
             .answers_file(&["image/png"]),
@@ -114,13 +116,20 @@ fn live(s: &mut Schemas) -> Vec<Operation> {
         Operation::get("/api/live", "How every watched camera is.").answers(JSON, s.answer::<LiveView>()),
         action(s, "/api/live/acknowledge", "Acknowledges an alarm."),
         action(s, "/api/live/reset", "Begins the standard deviations anew."),
-        action(s, "/api/live/reference", "Learns a camera's reference anew; the old one is kept. Asks for `confirm`."),
+        action(
+            s,
+            "/api/live/reference",
+            "Learns a camera's reference anew; the old one is kept. Asks for `confirm`.",
+        ),
         Operation::get("/api/live/reference", "What a camera is compared with, by target.")
             .query(of_camera.clone())
             .answers(JSON, s.answer::<Vec<ReferenceView>>()),
-        Operation::get("/api/live/strip", "States and rotations of a camera: of the last day, or of a stretch.")
-            .query(s.query::<Asked>(&["camera", "from_s", "to_s", "bins"]))
-            .answers(JSON, s.answer::<StripView>()),
+        Operation::get(
+            "/api/live/strip",
+            "States and rotations of a camera: of the last day, or of a stretch.",
+        )
+        .query(s.query::<Asked>(&["camera", "from_s", "to_s", "bins"]))
+        .answers(JSON, s.answer::<StripView>()),
         Operation::get("/api/live/scene", "The cameras around each target.")
             .answers(JSON, s.answer::<Vec<AroundScene>>()),
         Operation::get("/api/live/log", "What happened: the last 200 lines, oldest first.")

@@ -77,6 +77,7 @@ pub fn routes() -> Router<App> {
     Router::new()
         .route("/api/session", post(open).layer(large(SESSION_BYTES)))
         .route("/api/session/photograph", get(photograph).post(add).layer(large(PHOTOGRAPH_BYTES)))
+        .route("/api/session/exports", get(async || Json(resight_session::exports())))
         .route("/api/session/command", post(command).layer(large(COMMAND_BYTES)))
         .route("/api/session/view", get(view))
         .route("/api/session/save", get(save))

@@ -97,13 +97,12 @@ impl Server {
             .enable_all()
             .build()
             .context("threads for --listen")?;
-        let app =
-            App {
-                sessions: Arc::default(),
-                live: self.live,
-                decoding: Arc::new(Semaphore::new(DECODING)),
-                solving: Arc::new(Semaphore::new(SOLVING)),
-            };
+        let app = App {
+            sessions: Arc::default(),
+            live: self.live,
+            decoding: Arc::new(Semaphore::new(DECODING)),
+            solving: Arc::new(Semaphore::new(SOLVING)),
+        };
         Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
     }
 }

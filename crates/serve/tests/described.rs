@@ -22,7 +22,9 @@ fn routes_in_sources(folder: &Path, found: &mut BTreeSet<String>, others: &mut u
             let text = std::fs::read_to_string(&path).expect("a source");
             for rest in text.split(".route(").skip(1) {
                 match rest.trim_start().strip_prefix('"') {
-                    Some(literal) => drop(found.insert(literal.split('"').next().expect("a path").to_owned())),
+                    Some(literal) => {
+                        drop(found.insert(literal.split('"').next().expect("a path").to_owned()))
+                    }
                     None => *others += 1,
                 }
             }
@@ -51,9 +53,17 @@ fn every_route_is_described_and_every_described_one_exists() {
         let refused = ask(place, &format!("DELETE {path}"), &[], b"");
         assert_eq!(refused.status, 405, "{path}");
         let head = refused.head.to_ascii_lowercase();
-        let allowed = head.lines().find_map(|line| line.strip_prefix("allow: ")).unwrap_or_else(|| panic!("{path}: {head}"));
-        let allowed: BTreeSet<&str> = allowed.split(',').map(str::trim).filter(|method| *method != "head").collect();
-        assert_eq!(allowed, methods.as_object().expect("methods").keys().map(String::as_str).collect(), "{path}");
+        let allowed = head
+            .lines()
+            .find_map(|line| line.strip_prefix("allow: "))
+            .unwrap_or_else(|| panic!("{path}: {head}"));
+        let allowed: BTreeSet<&str> =
+            allowed.split(',').map(str::trim).filter(|method| *method != "head").collect();
+        assert_eq!(
+            allowed,
+            methods.as_object().expect("methods").keys().map(String::as_str).collect(),
+            "{path}"
+        );
     }
 }
 
@@ -111,8 +121,11 @@ fn must_fit(description: &Value, path: &str, method: &str, answer: &Value) {
     assert!(schema.is_object(), "{method} {path} is not described as JSON");
     let whole = json!({ "allOf": [schema], "components": description["components"] });
     let validator = jsonschema::draft202012::new(&whole).unwrap_or_else(|e| panic!("{path}: {e}"));
-    let faults: Vec<String> =
-        validator.iter_errors(answer).map(|fault| format!("{}: {fault}", fault.instance_path())).take(5).collect();
+    let faults: Vec<String> = validator
+        .iter_errors(answer)
+        .map(|fault| format!("{}: {fault}", fault.instance_path()))
+        .take(5)
+        .collect();
     assert!(faults.is_empty(), "{method} {path}: {faults:#?}");
 }
 
@@ -138,14 +151,25 @@ fn answers_are_as_described() {
         must_fit(&description, "/api/session/command", "post", &done);
     }
     must_fit(&description, "/api/rig", "post", &post(place, "/api/rig", &json!({ "example": true })).json());
-    must_fit(&description, "/api/whisker", "post", &post(place, "/api/whisker", &json!({ "example": true })).json());
-    let unsolved = json!({ "schema": 2, "status": "not_connected", "message": "m", "groups": [["a"], ["b"]] });
+    must_fit(
+        &description,
+        "/api/whisker",
+        "post",
+        &post(place, "/api/whisker", &json!({ "example": true })).json(),
+    );
+    let unsolved =
+        json!({ "schema": 2, "status": "not_connected", "message": "m", "groups": [["a"], ["b"]] });
     let unsolved = json!({ "files": [{ "name": "a", "text": unsolved.to_string() }] });
     must_fit(&description, "/api/rig", "post", &post(place, "/api/rig", &unsolved).json());
     // And what is refused.
     let error = json!({ "allOf": [{ "$ref": "#/components/schemas/ErrorObject" }], "components": description["components"] });
     let validator = jsonschema::draft202012::new(&error).expect("a schema");
-    for refused in [get(place, "/nothing"), get(place, "/api/live"), get(place, "/api/session"), post(place, "/api/rig", &json!(3))] {
+    for refused in [
+        get(place, "/nothing"),
+        get(place, "/api/live"),
+        get(place, "/api/session"),
+        post(place, "/api/rig", &json!(3)),
+    ] {
         assert!(validator.is_valid(&refused.json()), "{}", refused.json());
     }
     // A schema that lets anything through would pass all of that.

@@ -101,7 +101,8 @@ fn who_takes_nothing_is_left() {
     let place = server(None);
     let id = large_session(place);
     let mut stuck = TcpStream::connect(place).expect("a connection");
-    let head = format!("GET /api/session/save?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", place.port());
+    let head =
+        format!("GET /api/session/save?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", place.port());
     stuck.write_all(head.as_bytes()).expect("sent");
     std::thread::sleep(Duration::from_secs(25));
     stuck.set_read_timeout(Some(Duration::from_secs(5))).expect("a timeout");
@@ -121,7 +122,12 @@ fn large_session(place: SocketAddr) -> String {
         *value = (noise >> 24) as u8;
     }
     let png = image.png().expect("a PNG");
-    let added = ask(place, &format!("POST /api/session/photograph?session={id}"), &[("Content-Type", "image/png")], &png);
+    let added = ask(
+        place,
+        &format!("POST /api/session/photograph?session={id}"),
+        &[("Content-Type", "image/png")],
+        &png,
+    );
     assert_eq!(added.status, 200);
     id
 }
@@ -155,8 +161,20 @@ fn hostile_results_get_a_sentence() {
         ("/api/rig", json!({ "files": [] }), "no file"),
         ("/api/rig", one(&deep), ""),
         ("/api/rig", one("\0\u{feff}%YAML"), ""),
-        ("/api/rig", one(r#"{"status":"ok","cameras":{"a":{"cam_from_rig":{"rotation_wxyz":[0,0,0,0],"translation_m":[0,0,0]}}}}"#), "quaternion"),
-        ("/api/rig", one(r#"{"status":"ok","cameras":{"a":{"cam_from_rig":{"rotation_wxyz":[1,0,0,0],"translation_m":[1e300,0,0]}}}}"#), "translation_m"),
+        (
+            "/api/rig",
+            one(
+                r#"{"status":"ok","cameras":{"a":{"cam_from_rig":{"rotation_wxyz":[0,0,0,0],"translation_m":[0,0,0]}}}}"#,
+            ),
+            "quaternion",
+        ),
+        (
+            "/api/rig",
+            one(
+                r#"{"status":"ok","cameras":{"a":{"cam_from_rig":{"rotation_wxyz":[1,0,0,0],"translation_m":[1e300,0,0]}}}}"#,
+            ),
+            "translation_m",
+        ),
         ("/api/rig", one(r#"{"status":"wonderful","cameras":{}}"#), "wonderful"),
         ("/api/rig", json!({ "files": (0..17).map(|_| file("x", "")).collect::<Vec<_>>() }), "17 files"),
         ("/api/whisker", json!({ "files": [] }), "no file"),

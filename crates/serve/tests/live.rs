@@ -54,7 +54,12 @@ impl Source for Turned {
         let film = &films()[self.chosen.load(Ordering::Relaxed)];
         let image = film[self.number as usize % film.len()].clone();
         let capture_s = self.began.elapsed().as_secs_f64();
-        Next::Frame(Frame { number: self.number, capture_s, name: String::new(), content: Content::Image(image) })
+        Next::Frame(Frame {
+            number: self.number,
+            capture_s,
+            name: String::new(),
+            content: Content::Image(image),
+        })
     }
 
     fn is_live(&self) -> bool {
@@ -170,15 +175,21 @@ fn an_alarm_waits_the_way_back_shrinks_and_a_new_reference_is_learned() {
     let strip = get(hall.place, "/api/live/strip?camera=gate&bins=200").json();
     let bins = strip["bins"].as_array().expect("bins");
     assert_eq!((bins.len(), &strip["is_from_history"]), (200, &json!(false)));
-    assert!(bins.iter().any(|bin| bin["state"] == "drifted") && bins.iter().any(|bin| bin["state"] == "steady"));
+    assert!(
+        bins.iter().any(|bin| bin["state"] == "drifted") && bins.iter().any(|bin| bin["state"] == "steady")
+    );
 
     let scene = get(hall.place, "/api/live/scene").json();
     let cameras = scene[0]["cameras"].as_array().expect("cameras");
     let is = |camera: &&Value| camera["name"] == "gate" && camera["is_reference"] == json!(false);
     let gate = cameras.iter().find(is).expect("gate");
     let place = tag_pose(120.0, 80.0, -60.0).origin();
-    let seen: Vec<f64> = gate["position_m"].as_array().expect("three").iter().filter_map(Value::as_f64).collect();
-    assert!((Pose::identity().translation + place - nalgebra::Vector3::from_row_slice(&seen)).norm() < 0.1 * TAG_M);
+    let seen: Vec<f64> =
+        gate["position_m"].as_array().expect("three").iter().filter_map(Value::as_f64).collect();
+    assert!(
+        (Pose::identity().translation + place - nalgebra::Vector3::from_row_slice(&seen)).norm()
+            < 0.1 * TAG_M
+    );
     assert_eq!(gate["half_axes_m"].as_array().map(Vec::len), Some(3));
 }
 
@@ -254,7 +265,13 @@ fn one_camera_is_shown_large_with_the_residuals_of_its_points() {
 #[test]
 fn without_a_session_every_route_says_how_to_start_one() {
     let place = crate::client::server(None);
-    for path in ["/api/live", "/api/live/log", "/api/live/scene", "/api/live/strip?camera=a", "/cameras.mjpg?camera=a"] {
+    for path in [
+        "/api/live",
+        "/api/live/log",
+        "/api/live/scene",
+        "/api/live/strip?camera=a",
+        "/cameras.mjpg?camera=a",
+    ] {
         let answer = get(place, path);
         assert_eq!(answer.status, 404, "{path}");
         assert!(answer.message().contains("resight serve SESSION.toml"), "{path}: {}", answer.message());
@@ -270,6 +287,11 @@ fn what_makes_no_sense_is_refused_in_a_sentence() {
     assert!(status == 422 && message.contains("before to_s"), "{status} {message}");
     let (status, message) = refused("/api/live/history?camera=gate");
     assert!(status == 404 && message.contains("`history`"), "{status} {message}");
-    let form = ask(hall.place, "POST /api/live/acknowledge", &[("Content-Type", "text/plain")], b"{\"camera\":\"gate\"}");
+    let form = ask(
+        hall.place,
+        "POST /api/live/acknowledge",
+        &[("Content-Type", "text/plain")],
+        b"{\"camera\":\"gate\"}",
+    );
     assert_eq!(form.status, 415);
 }

@@ -33,7 +33,8 @@ fn a_rig_is_turned_round() {
             "covariance": covariance
         } }
     });
-    let view = post(place, "/api/rig", &json!({ "files": [{ "name": "a", "text": answer.to_string() }] })).json();
+    let view =
+        post(place, "/api/rig", &json!({ "files": [{ "name": "a", "text": answer.to_string() }] })).json();
     let camera = &view["cameras"][0];
     // R turns x to y: x_in_cam = (−y, x, z) + t, so the centre is (−2, 1, −3).
     let near = |seen: &Value, wanted: [f64; 3]| {
@@ -52,7 +53,10 @@ fn a_rig_is_turned_round() {
 fn the_example_of_a_rig_is_that_of_its_files() {
     let place = server(None);
     let named = post(place, "/api/rig", &json!({ "example": true })).json();
-    assert_eq!(named, post(place, "/api/rig", &files(&["examples/rig/rig.toml", "examples/rig/answer.json"])).json());
+    assert_eq!(
+        named,
+        post(place, "/api/rig", &files(&["examples/rig/rig.toml", "examples/rig/answer.json"])).json()
+    );
     assert_eq!(named["status"], "ok");
     assert_eq!(named["cameras"].as_array().expect("cameras").len(), 4);
     let (mut n_used, mut n_seen) = (0, 0);
@@ -64,7 +68,12 @@ fn the_example_of_a_rig_is_that_of_its_files() {
     }
     assert_eq!((json!(n_used), json!(n_seen)), (named["n_used"].clone(), named["n_seen"].clone()));
     assert_eq!(named["rejected"][0]["kind"], "observation");
-    let residuals: Vec<f64> = named["rejected"].as_array().expect("rows").iter().filter_map(|row| row["residual_px"].as_f64()).collect();
+    let residuals: Vec<f64> = named["rejected"]
+        .as_array()
+        .expect("rows")
+        .iter()
+        .filter_map(|row| row["residual_px"].as_f64())
+        .collect();
     assert!(residuals.windows(2).all(|w| w[1] <= w[0]) && 10 < residuals.len());
 
     let answer_alone = post(place, "/api/rig", &files(&["examples/rig/answer.json"])).json();
@@ -73,7 +82,13 @@ fn the_example_of_a_rig_is_that_of_its_files() {
     let file_alone = post(place, "/api/rig", &files(&["examples/rig/rig.toml"])).json();
     for (alone, both) in file_alone["cameras"].as_array().expect("cameras").iter().zip(
         ["front", "left", "rear", "right"].map(|name| {
-            named["cameras"].as_array().expect("cameras").iter().find(|one| one["name"] == name).expect("a camera").clone()
+            named["cameras"]
+                .as_array()
+                .expect("cameras")
+                .iter()
+                .find(|one| one["name"] == name)
+                .expect("a camera")
+                .clone()
         }),
     ) {
         let (a, b) = (numbers(&alone["position_m"]), numbers(&both["position_m"]));
@@ -87,7 +102,12 @@ fn the_example_of_a_rig_is_that_of_its_files() {
 #[test]
 fn rigs_of_other_programs_are_shown() {
     let place = server(None);
-    for path in ["testdata/formats/kalibr_camchain.yaml", "testdata/formats/opencv_stereo.yml", "testdata/formats/caliscope.toml", "testdata/formats/basalt.json"] {
+    for path in [
+        "testdata/formats/kalibr_camchain.yaml",
+        "testdata/formats/opencv_stereo.yml",
+        "testdata/formats/caliscope.toml",
+        "testdata/formats/basalt.json",
+    ] {
         let answer = post(place, "/api/rig", &files(&[path]));
         assert_eq!(answer.status, 200, "{path}: {}", String::from_utf8_lossy(&answer.body));
         let view = answer.json();
@@ -164,9 +184,13 @@ fn distance(x: &[f64], a: &[f64], b: &[f64]) -> f64 {
 #[test]
 fn contacts_alone_are_enough_and_one_corner_is_not() {
     let place = server(None);
-    let read = |path: &str| std::fs::read_to_string(format!("{}/../../{path}", env!("CARGO_MANIFEST_DIR"))).expect(path);
-    let whisker = resight_whisker::files::whisker::read(&read("testdata/whisker/whisker.json")).expect("a whisker");
-    let hub = resight_whisker::files::read_hub(&read("testdata/whisker/hub.csv"), whisker.conventions).expect("readings");
+    let read = |path: &str| {
+        std::fs::read_to_string(format!("{}/../../{path}", env!("CARGO_MANIFEST_DIR"))).expect(path)
+    };
+    let whisker =
+        resight_whisker::files::whisker::read(&read("testdata/whisker/whisker.json")).expect("a whisker");
+    let hub = resight_whisker::files::read_hub(&read("testdata/whisker/hub.csv"), whisker.conventions)
+        .expect("readings");
     let solved = resight_whisker::solve::solve(&whisker, &hub, None, &Default::default()).expect("contacts");
     let contacts = |rows: &[resight_whisker::files::ContactRow]| {
         let text = resight_whisker::files::contacts::write_csv(rows);
@@ -178,6 +202,10 @@ fn contacts_alone_are_enough_and_one_corner_is_not() {
     let first: Vec<_> = solved.rows.iter().filter(|row| row.sweep == 0).take(60).cloned().collect();
     let few = contacts(&first);
     assert_eq!(few["found"]["is_named"], false);
-    assert!(few["found"]["message"].as_str().expect("a message").starts_with("Not decided"), "{}", few["found"]["message"]);
+    assert!(
+        few["found"]["message"].as_str().expect("a message").starts_with("Not decided"),
+        "{}",
+        few["found"]["message"]
+    );
     assert_ne!(few["found"]["identification"]["advice"], "");
 }

@@ -149,7 +149,10 @@ fn names_of_files_open_nothing() {
             let answer = post(place, path, &json!({ "files": [{ "name": here, "text": text }] }));
             assert_eq!(answer.status, 422, "{path} {text}");
             let message = answer.message();
-            assert!(!message.contains(env!("CARGO_MANIFEST_DIR")) && !message.contains("resight-serve"), "{message}");
+            assert!(
+                !message.contains(env!("CARGO_MANIFEST_DIR")) && !message.contains("resight-serve"),
+                "{message}"
+            );
         }
     }
     let lens = json!({ "kind": "set_lens", "lens": { "kind": "file", "name": here, "text": "" } });
@@ -233,7 +236,11 @@ fn sockets_bring_the_token_among_their_protocols() {
     let offer = |protocols: &str| ask(place, &path, &upgrade(&[("Sec-WebSocket-Protocol", protocols)]), &[]);
     let accepted = offer(&format!("resight, bearer.{TOKEN}"));
     assert_eq!(accepted.status, 101);
-    assert!(accepted.head.to_ascii_lowercase().contains("sec-websocket-protocol: resight"), "{}", accepted.head);
+    assert!(
+        accepted.head.to_ascii_lowercase().contains("sec-websocket-protocol: resight"),
+        "{}",
+        accepted.head
+    );
     assert!(!accepted.head.contains(TOKEN));
     for wrong in ["resight", "resight, bearer.", "resight, bearer.x", TOKEN] {
         assert_eq!(offer(wrong).status, 401, "{wrong}");
@@ -275,9 +282,13 @@ fn a_token_is_secret_and_cannot_be_guessed() {
 #[test]
 fn further_names_can_be_allowed() {
     let place = server_with(None, &["survey.local", "gate.local:80"]);
-    for (host, status) in
-        [("survey.local", 200), ("survey.local:99", 200), ("gate.local:80", 200), ("gate.local", 421), ("gate.local:81", 421)]
-    {
+    for (host, status) in [
+        ("survey.local", 200),
+        ("survey.local:99", 200),
+        ("gate.local:80", 200),
+        ("gate.local", 421),
+        ("gate.local:81", 421),
+    ] {
         assert_eq!(ask(place, "GET /healthz", &[("Host", host)], &[]).status, status, "{host}");
     }
     let origin = [("Host", "survey.local"), ("Origin", "https://survey.local")];

@@ -78,8 +78,8 @@ pub struct Alarm {
 impl Board {
     /// Statistics are over the last `window` frames; `references` by pair, where they are known.
     pub fn new(names: &Names, references: &[Option<Reference>], window: usize) -> Self {
-        let pairs = (0..names.pairs().len())
-            .map(|i| PairBoard::new(references.get(i).copied().flatten(), window));
+        let pairs =
+            (0..names.pairs().len()).map(|i| PairBoard::new(references.get(i).copied().flatten(), window));
         Board {
             names: names.clone(),
             cameras: vec![CameraBoard::default(); names.cameras.len()],

@@ -115,9 +115,9 @@ impl LiveConfig {
             _ if self.rig.is_some() => Some(
                 "These cameras are watched as a rig, which has one reference for all: make a new one with `resight rig -o`, or start again without the session's `state`.",
             ),
-            Motion::ConstantVelocity { .. } => {
-                Some("These cameras move by themselves (`motion = \"moving\"`): there is no reference to set.")
-            }
+            Motion::ConstantVelocity { .. } => Some(
+                "These cameras move by themselves (`motion = \"moving\"`): there is no reference to set.",
+            ),
             _ => None,
         }
     }

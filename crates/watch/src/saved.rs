@@ -110,9 +110,15 @@ impl Saved {
         let free = (1..10_000).map(|i| PathBuf::from(format!("{file}.old{i}"))).find(|to| !to.exists());
         let kept = free.map(|to| (resight::formats::write_atomically(Path::new(&to), &bytes), to));
         match kept {
-            Some((Ok(()), to)) => self.log.say("reference", &format!("the one before is kept in {}", to.display())),
-            Some((Err(reason), _)) => self.log.say("reference", &format!("the one before cannot be kept: {reason}")),
-            None => self.log.say("reference", &format!("the one before cannot be kept: {file}.old1 to .old9999 exist")),
+            Some((Ok(()), to)) => {
+                self.log.say("reference", &format!("the one before is kept in {}", to.display()))
+            }
+            Some((Err(reason), _)) => {
+                self.log.say("reference", &format!("the one before cannot be kept: {reason}"))
+            }
+            None => self
+                .log
+                .say("reference", &format!("the one before cannot be kept: {file}.old1 to .old9999 exist")),
         }
     }
 

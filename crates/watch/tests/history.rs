@@ -356,7 +356,8 @@ fn a_stretch_is_told_in_few_parts() {
     assert_eq!(states[..6], ["steady", "steady", "steady", "drifted", "steady", "steady"].map(Some));
     assert_eq!(states[7..12], [None; 5], "nobody watched");
     assert_eq!(states[12..], [Some("steady"); 6]);
-    let rotations: Vec<_> = bins.iter().map(|bin| bin.rotation_rad.map(|r| (r * 1e6).round() / 1e6)).collect();
+    let rotations: Vec<_> =
+        bins.iter().map(|bin| bin.rotation_rad.map(|r| (r * 1e6).round() / 1e6)).collect();
     assert_eq!(rotations[..3], [Some(0.0); 3]);
     assert_eq!(rotations[3..6], [Some(0.1); 3]);
     assert_eq!(rotations[8], None);

@@ -10,8 +10,8 @@ use crate::identify::{self, Identification, Touch, Verdict, identify};
 use crate::shape::Shape;
 use crate::solve::{self, Solved, solve};
 use files::Given;
-use schemars::JsonSchema;
 use scene::{PlayedReading, Stage, readings};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

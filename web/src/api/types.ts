@@ -108,6 +108,7 @@ export type Command = {
   kind: "put_point";
   /** Its name: the same one in each photograph. */
   name: string;
+  sigma_px?: number | null;
   /** Column. */
   u_px: number;
   /** Row. */
@@ -506,6 +507,7 @@ export type PhotoView = {
 
 /** A point of the photograph. */
 export type PointView = {
+  sigma_px: number;
   /** 95 % half widths of it where photographs gave it. */
   half_width_95_m?: [number, number, number] | null;
   /** Whether it fits worst. */
@@ -665,6 +667,7 @@ export type TransformObject = {
 
 /** What a page shows. Pixels are those of the file: (0, 0) is the centre of the top-left one. */
 export type View = {
+  names_elsewhere: string[];
   /** Where the next point would help most; none while one is dragged. */
   advice?: Advice | null;
   /** The pose, as `resight solve --json` has it. */

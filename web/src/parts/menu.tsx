@@ -1,4 +1,4 @@
-// A button that opens a list of buttons; Esc and a press elsewhere close it.
+// A button that opens a list of buttons; Esc and a press elsewhere close it. A closed list stays: a file dialogue may hang on it.
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 
@@ -27,7 +27,7 @@ export function Menu({ label, children, disabled }: { label: string; children: p
   return (
     <div class="menu" ref={box} onKeyDown={keys}>
       <button aria-expanded={open.value} disabled={disabled} onClick={() => (open.value = !open.value)}>{label} <span aria-hidden="true">▾</span></button>
-      {open.value && <div class="list" onClick={() => (open.value = false)}>{children}</div>}
+      <div class="list" hidden={!open.value} onClick={() => (open.value = false)}>{children}</div>
     </div>
   );
 }

@@ -6,7 +6,15 @@ import { sheetTexts } from "../texts/common";
 export type Pull = "low" | "middle" | "high";
 const ORDER: Pull[] = ["low", "middle", "high"];
 
-export function Sheet({ label, children, pull }: { label: string; children: preact.ComponentChildren; pull?: Signal<Pull> }) {
+export interface SheetProps {
+  label: string;
+  children: preact.ComponentChildren;
+  pull?: Signal<Pull>;
+  /** What is seen of it beside the handle, even where it is low. */
+  summary?: preact.ComponentChildren;
+}
+
+export function Sheet({ label, children, pull, summary }: SheetProps) {
   const height = useMemo(() => pull ?? signal<Pull>("middle"), [pull]);
   const from = useRef<number | null>(null);
   const step = (by: number) => {
@@ -23,7 +31,7 @@ export function Sheet({ label, children, pull }: { label: string; children: prea
     <aside class="sheet" aria-label={label} data-pull={height.value} tabIndex={0}>
       <button
         class="handle"
-        aria-label={sheetTexts.handle}
+        title={sheetTexts.handle}
         aria-expanded={height.value !== "low"}
         onPointerDown={(event) => {
           from.current = event.clientY;
@@ -38,7 +46,11 @@ export function Sheet({ label, children, pull }: { label: string; children: prea
           else return;
           event.preventDefault();
         }}
-      />
+      >
+        <span class="grip" aria-hidden="true" />
+        <span class="visually-hidden">{sheetTexts.handle}</span>
+        {summary}
+      </button>
       <div class="body">{children}</div>
     </aside>
   );

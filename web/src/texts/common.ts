@@ -49,6 +49,12 @@ export function book(page: string): string {
   return `https://github.com/resight/resight/blob/main/docs/${page}`;
 }
 
+/** A sentence of the program as one of the page: capital letter and full stop. */
+export function sentence(text: string): string {
+  const first = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(first) ? first : `${first}.`;
+}
+
 export function helpOn(title: string): string {
   return `What is ${title.toLowerCase()}?`;
 }

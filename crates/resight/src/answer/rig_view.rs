@@ -94,7 +94,8 @@ fn of_answer(
     let has_lens = |camera: &&cameras::Placed| lenses.of(&camera.name).is_some();
     match placed.iter().filter(has_lens).count() {
         0 if !placed.is_empty() => {
-            remarks.push("The answer holds no lenses: give the rig file too to see the fields of view.".into());
+            remarks
+                .push("The answer holds no lenses: give the rig file too to see the fields of view.".into());
         }
         n if n < placed.len() => {
             remarks.push(format!("{} cameras have no lens in the files given.", placed.len() - n));
@@ -138,7 +139,10 @@ fn of_files(lenses: &read::Lenses, mut remarks: Vec<String>) -> Result<RigView, 
     let n = placed.len();
     Ok(RigView {
         status: lenses.contradiction.as_ref().map(|_| Status::Inconsistent),
-        message: format!("{n} camera{} of a rig file, in the frame {reference}.", if n == 1 { "" } else { "s" }),
+        message: format!(
+            "{n} camera{} of a rig file, in the frame {reference}.",
+            if n == 1 { "" } else { "s" }
+        ),
         contradiction: lenses.contradiction.clone(),
         reference,
         remarks,

@@ -7,7 +7,7 @@ use resight::report::words::{position_sigma_m, sigmas, yaw_pitch_roll_rad};
 use resight_watch::board::motion::Present;
 use resight_watch::board::pair::{Learnt, PairBoard};
 use resight_watch::board::statistics::Rolling;
-use resight_watch::board::strip::{StripBin, Stretch};
+use resight_watch::board::strip::{Stretch, StripBin};
 use resight_watch::board::{Board, Instants};
 use resight_watch::outputs::said::word;
 use schemars::JsonSchema;

@@ -37,7 +37,8 @@ pub fn routes() -> Router<App> {
 
 async fn open(State(app): State<App>, upgrade: WebSocketUpgrade) -> Result<Response, Problem> {
     let live = Arc::clone(live(&app)?);
-    let upgrade = upgrade.max_message_size(MESSAGE_BYTES).write_buffer_size(WRITE_BYTES).protocols(["resight"]);
+    let upgrade =
+        upgrade.max_message_size(MESSAGE_BYTES).write_buffer_size(WRITE_BYTES).protocols(["resight"]);
     Ok(upgrade.on_upgrade(move |socket| show(socket, live)))
 }
 

@@ -195,14 +195,18 @@ impl Pictures {
         while kept.waiting.front().is_some_and(|w| w.number < observation.number) {
             kept.waiting.pop_front();
         }
-        let Some(waiting) = kept.waiting.front_mut().filter(|w| w.number == observation.number) else { return };
+        let Some(waiting) = kept.waiting.front_mut().filter(|w| w.number == observation.number) else {
+            return;
+        };
         let (outlines, residuals) = one.overlay(target, observation, waiting.size_px);
         waiting.outlines.extend(outlines);
         waiting.residuals.extend(residuals);
         if target + 1 < one.targets.len() {
             return;
         }
-        let Some(Waiting { size_px, images, outlines, residuals, .. }) = kept.waiting.pop_front() else { return };
+        let Some(Waiting { size_px, images, outlines, residuals, .. }) = kept.waiting.pop_front() else {
+            return;
+        };
         drop(kept);
         let header = PictureHeader {
             camera: one.name.clone(),

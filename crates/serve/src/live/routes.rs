@@ -164,7 +164,8 @@ async fn log(State(app): State<App>) -> Result<Json<Vec<LogLine>>, Problem> {
 async fn frame(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Response, Problem> {
     let live = live(&app)?;
     let none = || {
-        let message = "The camera gave no picture within 20 s; its source may be detections without pictures.";
+        let message =
+            "The camera gave no picture within 20 s; its source may be detections without pictures.";
         Problem::new(StatusCode::SERVICE_UNAVAILABLE, "frame", message)
     };
     let next = live.pictures.frame(number(live, &asked.camera)?).ok_or_else(none)?;

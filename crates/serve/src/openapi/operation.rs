@@ -72,12 +72,14 @@ impl Operation {
                 let description = "The WebSocket is open; its messages are those of `x-messages`.";
                 responses.insert("101".to_owned(), json!({ "description": description }))
             }
-            None => responses.insert("200".to_owned(), json!({ "description": "Done.", "content": self.answer })),
+            None => {
+                responses.insert("200".to_owned(), json!({ "description": "Done.", "content": self.answer }))
+            }
         };
         let refusal = json!({ "application/json": { "schema": error } });
-        responses.insert("default".to_owned(), json!({ "description": "What is wrong.", "content": refusal }));
-        let mut one =
-            json!({ "summary": self.summary, "parameters": self.query, "responses": responses });
+        responses
+            .insert("default".to_owned(), json!({ "description": "What is wrong.", "content": refusal }));
+        let mut one = json!({ "summary": self.summary, "parameters": self.query, "responses": responses });
         if !self.body.is_empty() {
             one["requestBody"] = json!({ "required": true, "content": self.body });
         }

@@ -15,7 +15,8 @@ pub(super) struct Schemas {
 
 impl Schemas {
     pub fn new() -> Self {
-        let settings = || SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
+        let settings =
+            || SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
         Schemas {
             answers: settings().for_serialize().into_generator(),
             given: settings().for_deserialize().into_generator(),
@@ -34,9 +35,11 @@ impl Schemas {
 
     /// The parameters of a query with these keys of a type.
     pub fn query<T: JsonSchema>(&mut self, keys: &[&str]) -> Vec<Value> {
-        let schema = SchemaSettings::draft2020_12().for_deserialize().into_generator().into_root_schema_for::<T>();
+        let schema =
+            SchemaSettings::draft2020_12().for_deserialize().into_generator().into_root_schema_for::<T>();
         let schema = schema.to_value();
-        let required = |key: &str| schema["required"].as_array().is_some_and(|all| all.iter().any(|one| one == key));
+        let required =
+            |key: &str| schema["required"].as_array().is_some_and(|all| all.iter().any(|one| one == key));
         let parameter = |key: &&str| {
             let mut own = schema["properties"][*key].clone();
             let description = own.as_object_mut().and_then(|own| own.remove("description"));
@@ -82,10 +85,12 @@ fn differing(answers: &Map<String, Value>, given: &Map<String, Value>) -> BTreeS
 
 fn refers_to(schema: &Value, names: &BTreeSet<String>) -> bool {
     match schema {
-        Value::Object(keys) => keys.iter().any(|(key, value)| match value.as_str().filter(|_| key == "$ref") {
-            Some(place) => place.strip_prefix(PLACE).is_some_and(|name| names.contains(name)),
-            None => refers_to(value, names),
-        }),
+        Value::Object(keys) => {
+            keys.iter().any(|(key, value)| match value.as_str().filter(|_| key == "$ref") {
+                Some(place) => place.strip_prefix(PLACE).is_some_and(|name| names.contains(name)),
+                None => refers_to(value, names),
+            })
+        }
         Value::Array(all) => all.iter().any(|one| refers_to(one, names)),
         _ => false,
     }

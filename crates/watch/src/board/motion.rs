@@ -39,7 +39,8 @@ impl Present {
     /// `rotated right 0.507° ± 0.010°, …; shifted …`: all six coordinates, as they are.
     pub fn words(&self) -> String {
         let sigma = self.sigma();
-        let all = [said("rotated", 0, &self.old_from_new, &sigma), said("shifted", 3, &self.old_from_new, &sigma)];
+        let all =
+            [said("rotated", 0, &self.old_from_new, &sigma), said("shifted", 3, &self.old_from_new, &sigma)];
         let all: Vec<String> = all.into_iter().flatten().collect();
         if all.is_empty() { "not moved at all".to_string() } else { all.join("; ") }
     }

@@ -84,8 +84,11 @@ mod tests {
 
     #[test]
     fn the_gravest_of_several_targets_counts_and_nothing_is_said_of_before() {
-        let states =
-            HOUR.gravest([(2300.0, "door", "steady"), (2900.0, "wall", "drifted"), (3500.0, "door", "steady")]);
+        let states = HOUR.gravest([
+            (2300.0, "door", "steady"),
+            (2900.0, "wall", "drifted"),
+            (3500.0, "door", "steady"),
+        ]);
         let words = [None, None, Some("steady"), Some("drifted"), Some("drifted"), Some("drifted")];
         assert_eq!(states, words);
     }

@@ -99,10 +99,7 @@ fn a_camera_is_as_its_gravest_pair() {
 fn the_reference_before_is_kept_beside_the_new_one() {
     let mut board = Board::new(&names(&["tag"]), &[Some(reference()), None], 100);
     let new = Reference { a_from_b: Pose::identity(), ..reference() };
-    board.take(
-        &Event::Learned { camera: 0, target: 0, reference: Box::new(new), promise: None },
-        NOW,
-    );
+    board.take(&Event::Learned { camera: 0, target: 0, reference: Box::new(new), promise: None }, NOW);
     let pair = &board.pairs[0];
     assert_eq!(pair.reference.map(|learnt| (learnt.reference, learnt.unix_s)), Some((new, Some(1e9))));
     assert_eq!(pair.earlier.map(|learnt| (learnt.reference, learnt.unix_s)), Some((reference(), None)));

@@ -3,7 +3,7 @@
 use super::columns;
 use super::read::History;
 use super::{HistoryError, StoredRow};
-use crate::board::strip::{StripBin, Stretch};
+use crate::board::strip::{Stretch, StripBin};
 use resight_core::temporal::monitor::rotation_alone;
 use resight_core::{Matrix6, Pose, Vector6};
 use rusqlite::{Connection, params};
@@ -73,9 +73,7 @@ fn changes(
     let state = columns::state("state");
     let of = "FROM event WHERE kind = 'state' AND camera = ?1";
     let target = "coalesce(target, '')";
-    let before = format!(
-        "SELECT t_s, {target}, {state}, max(id) {of} AND t_s < ?2 GROUP BY target"
-    );
+    let before = format!("SELECT t_s, {target}, {state}, max(id) {of} AND t_s < ?2 GROUP BY target");
     let within = format!("SELECT t_s, {target}, {state} {of} AND ?2 <= t_s AND t_s < ?3 ORDER BY id");
     let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
     let mut all: Vec<(f64, String, String)> = connection

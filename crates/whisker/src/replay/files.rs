@@ -49,7 +49,8 @@ impl Given {
             }
             Kind::Readings => {
                 let Some((_, whisker)) = &self.whisker else {
-                    let reason = "these are readings, it seems; give the whisker file (whisker.json) with them";
+                    let reason =
+                        "these are readings, it seems; give the whisker file (whisker.json) with them";
                     return Err(named(reason.to_owned()));
                 };
                 let rows = read_hub(text, whisker.conventions).map_err(located)?;
@@ -61,10 +62,15 @@ impl Given {
 
     /// Why there is nothing to play.
     pub fn lacking(&self) -> TextError {
-        let needed = "a whisker file and hub readings are needed, or the contacts that `resight whisker solve` wrote";
+        let needed =
+            "a whisker file and hub readings are needed, or the contacts that `resight whisker solve` wrote";
         TextError::whole(match (&self.whisker, &self.object) {
-            (Some((name, _)), _) => format!("{name} describes a whisker, and there are no readings; {needed}"),
-            (None, Some((name, _))) => format!("{name} describes an object, and there are no contacts; {needed}"),
+            (Some((name, _)), _) => {
+                format!("{name} describes a whisker, and there are no readings; {needed}")
+            }
+            (None, Some((name, _))) => {
+                format!("{name} describes an object, and there are no contacts; {needed}")
+            }
             (None, None) => format!("no file; {needed}"),
         })
     }
@@ -103,7 +109,9 @@ fn kind(text: &str) -> Kind {
         return Kind::Readings;
     }
     match serde_json::from_str::<Value>(trimmed) {
-        Ok(Value::Object(keys)) if ["type", "verdict", "object"].iter().any(|key| keys.contains_key(*key)) => {
+        Ok(Value::Object(keys))
+            if ["type", "verdict", "object"].iter().any(|key| keys.contains_key(*key)) =>
+        {
             Kind::Object
         }
         Ok(Value::Object(keys)) if keys.contains_key("mz") => Kind::Readings,

@@ -58,7 +58,8 @@ impl Rig {
         Ok(match (&reading.reading, reading.out_of_plane) {
             (Ok(sample), Some(rest)) => six_axis::row(&self.rod, &self.cell, sample, rest)?,
             (Ok(_), None) => {
-                let reason = format!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line);
+                let reason =
+                    format!("line {}: fz, mx and my are missing here, but not elsewhere", reading.line);
                 return Err(Error::request(reason));
             }
             (Err(cells), _) => ContactRow::missing(reading.sweep, reading.sample, reading.t_s, cells),

@@ -125,11 +125,7 @@ impl Rate {
 pub fn along(motion: &Vector6, covariance: &Matrix6, axis: usize) -> Option<Alone> {
     let weight = covariance.cholesky()?.inverse();
     let of_axis = weight[(axis, axis)];
-    Some(Alone {
-        axis,
-        size: (weight.row(axis) * motion)[0] / of_axis,
-        sigma: of_axis.sqrt().recip(),
-    })
+    Some(Alone { axis, size: (weight.row(axis) * motion)[0] / of_axis, sigma: of_axis.sqrt().recip() })
 }
 
 /// The rotation of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:

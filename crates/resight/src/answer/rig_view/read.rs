@@ -1,7 +1,7 @@
 //! Files of a rig, told apart by their contents; numbers that no rig has are refused here.
 
-use super::cameras::Placed;
 use super::Status;
+use super::cameras::Placed;
 use crate::FileError;
 use crate::core::{Camera, Matrix6, Pose};
 use crate::formats::{CameraFile, Placement, read_cameras_from_bytes, scene};
@@ -78,10 +78,14 @@ impl TransformIn {
     pub fn pose(&self, what: &str) -> Result<Pose, String> {
         let norm = self.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
         if !((norm - 1.0).abs() < 1e-3) {
-            return Err(format!("{what}: the quaternion rotation_wxyz has the length {norm:.3e}; 1 is needed"));
+            return Err(format!(
+                "{what}: the quaternion rotation_wxyz has the length {norm:.3e}; 1 is needed"
+            ));
         }
         match self.translation_m.iter().find(|x| !(x.abs() < MOST_M)) {
-            Some(x) => Err(format!("{what}: translation_m holds {x:.3e} m; less than {MOST_M:e} m is needed")),
+            Some(x) => {
+                Err(format!("{what}: translation_m holds {x:.3e} m; less than {MOST_M:e} m is needed"))
+            }
             None => Ok(Pose::from_quaternion_wxyz(
                 self.rotation_wxyz.map(|q| q / norm),
                 Vector3::from(self.translation_m),
@@ -145,7 +149,10 @@ impl Source {
             return Ok(());
         }
         if self.answer.is_some() {
-            return Err(FileError::new(name, "a second answer of `resight rig`; give one, and rig files with it"));
+            return Err(FileError::new(
+                name,
+                "a second answer of `resight rig`; give one, and rig files with it",
+            ));
         }
         let fault = |reason: serde_json::Error| {
             FileError::new(&name, format!("this is no answer of `resight rig --json`: {reason}"))
@@ -193,7 +200,8 @@ fn is_answer(text: &str) -> bool {
         #[serde(default, rename = "status")]
         status: Option<serde::de::IgnoredAny>,
     }
-    text.trim_start().starts_with('{') && serde_json::from_str::<Any>(text).is_ok_and(|any| any.status.is_some())
+    text.trim_start().starts_with('{')
+        && serde_json::from_str::<Any>(text).is_ok_and(|any| any.status.is_some())
 }
 
 impl Answer {

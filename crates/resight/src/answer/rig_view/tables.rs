@@ -152,7 +152,8 @@ pub(super) fn pairs(answer: &Answer) -> Result<(Vec<PairRow>, usize), String> {
 /// What took no part whole, then the points farthest off; and how much is left out.
 pub(super) fn rejected(answer: &Answer) -> (Vec<RejectedRow>, usize) {
     let mut all = answer.rejected.clone();
-    let key = |row: &RejectedRow| if row.kind == "point" { row.residual_px.unwrap_or(0.0) } else { f64::INFINITY };
+    let key =
+        |row: &RejectedRow| if row.kind == "point" { row.residual_px.unwrap_or(0.0) } else { f64::INFINITY };
     all.sort_by(|a, b| key(b).total_cmp(&key(a)));
     let left_out = all.len().saturating_sub(MOST_REJECTED);
     all.truncate(MOST_REJECTED);

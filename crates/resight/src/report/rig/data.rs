@@ -1,8 +1,8 @@
 //! What the script draws from, as JSON in the page.
 
+use super::Drawn;
 use super::pieces::number;
 use super::residuals::{self, Packed};
-use super::Drawn;
 use crate::core::{Point, Pose};
 use crate::scene::geometry;
 

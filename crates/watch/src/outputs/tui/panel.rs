@@ -1,9 +1,9 @@
 //! The chosen camera: its state in words, times, scatter, and the rotation through time.
 
-use crate::board::pair::PairBoard;
-use super::picture::{Picture, duration};
-use crate::board::statistics::Rolling;
 use super::bars::bars;
+use super::picture::{Picture, duration};
+use crate::board::pair::PairBoard;
+use crate::board::statistics::Rolling;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;
