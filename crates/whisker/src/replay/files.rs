@@ -3,7 +3,7 @@
 use super::MOST_READINGS;
 use crate::files::object::{self, ObjectFile};
 use crate::files::{ContactRow, HubRow, TextError, WhiskerFile, contacts, read_hub, whisker};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 /// What the files hold, each with its name.
 #[derive(Default)]
@@ -101,24 +101,20 @@ fn few(name: &str, n: usize) -> Result<(), TextError> {
 
 /// A whole JSON object is a whisker or an object; everything else has rows.
 fn kind(text: &str) -> Kind {
-    if contacts::is_contacts(text) {
-        return Kind::Contacts;
-    }
     let trimmed = text.trim_start_matches('\u{feff}').trim_start();
     if !trimmed.starts_with('{') {
-        return Kind::Readings;
+        return if contacts::is_contacts(text) { Kind::Contacts } else { Kind::Readings };
     }
-    match serde_json::from_str::<Value>(trimmed) {
-        Ok(Value::Object(keys))
-            if ["type", "verdict", "object"].iter().any(|key| keys.contains_key(*key)) =>
-        {
-            Kind::Object
-        }
-        Ok(Value::Object(keys)) if keys.contains_key("mz") => Kind::Readings,
-        // Also what is broken: that it begins as a whisker file says what it was meant to be, unless it has rows.
-        Ok(_) => Kind::Whisker,
-        Err(_) if trimmed.lines().next().is_some_and(|line| line.trim_end().ends_with('}')) => Kind::Readings,
-        Err(_) => Kind::Whisker,
+    let keys = |text: &str| serde_json::from_str::<Map<String, Value>>(text).ok();
+    let has = |keys: &Map<String, Value>, names: &[&str]| names.iter().any(|name| keys.contains_key(*name));
+    // JSON Lines: the first line is a whole object.
+    let first = trimmed.lines().next().unwrap_or_default();
+    match (keys(first), keys(trimmed)) {
+        (Some(row), _) if has(&row, &["side"]) => Kind::Contacts,
+        (Some(row), _) if has(&row, &["mz", "hub_x"]) => Kind::Readings,
+        (_, Some(whole)) if has(&whole, &["type", "verdict", "object"]) => Kind::Object,
+        // Also what is broken: that it begins as a whisker file says what it was meant to be.
+        _ => Kind::Whisker,
     }
 }
 
