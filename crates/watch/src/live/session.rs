@@ -88,7 +88,8 @@ pub fn run_from(
             });
             let (event_sender, turns) = (sender.clone(), &turns);
             scope.spawn(move || {
-                let mut watcher = Watcher::new(camera, (look, memory), &to_look, turns, event_sender);
+                let shared = (turns, config.relearn.clone());
+                let mut watcher = Watcher::new(camera, (look, memory), &to_look, shared, event_sender);
                 if let Err(reason) = guarded(|| watcher.watch()) {
                     watcher.fail(reason);
                 }
