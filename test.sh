@@ -70,14 +70,23 @@ wheel() { # the Python package as it is released, for glibc 2.28 where the linke
     PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build --release "${portable[@]}" --out "$target/wheels"
 }
 
-wheel_tests() { # in a virtual environment that has nothing else of this repository
-    local venv=$target/wheel-test python=$target/wheel-test/bin/python package
+wheel_tests() { # in a virtual environment that has nothing else of this repository; types are checked while the tests run
+    local venv=$target/wheel-test python=$target/wheel-test/bin/python types
     rm -rf "$venv"
     python3 -m venv "$venv" || return 1
     "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
+    wheel_types >"$target/wheel-types.log" 2>&1 &
+    types=$!
+    (cd crates/python/tests && "$python" -m pytest -q --no-header -n 2 .) || { kill "$types"; return 1; }
+    wait "$types" || { cat "$target/wheel-types.log"; return 1; }
+}
+
+wheel_types() { # of the stubs against the package, of the package, of the examples
+    local python=$target/wheel-test/bin/python package
+    export MYPY_CACHE_DIR=$target/mypy
     package=$("$python" -c 'import pathlib, resight; print(pathlib.Path(resight.__file__).parent)') || return 1
     (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict -p resight && "$python" -m mypy --strict ../examples &&
-        "$venv/bin/pyright" --pythonpath "$python" "$package" ../examples && "$python" -m pytest -q --no-header .)
+        "$target/wheel-test/bin/pyright" --pythonpath "$python" "$package" ../examples)
 }
 
 frames() { # the recorded videos as images, once
