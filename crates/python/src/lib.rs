@@ -19,6 +19,7 @@ mod lines;
 mod advice;
 mod monitor;
 mod table;
+mod fleet;
 mod program;
 
 use pyo3::prelude::*;
@@ -31,6 +32,8 @@ mod _native {
     use super::answer::PoseAnswer;
     #[pymodule_export]
     use super::camera::Camera;
+    #[pymodule_export]
+    use super::fleet::{Cameras, FleetState, batch, fleet_report, fleet_span_s, locate_views, solve_views};
     #[pymodule_export]
     use super::image::{detect, locate_image, locate_images};
     #[pymodule_export]
