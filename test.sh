@@ -89,6 +89,10 @@ wheel_types() { # of the stubs against the package, of the package, of the examp
         "$target/wheel-test/bin/pyright" --pythonpath "$python" "$package" ../examples)
 }
 
+cluster_tests() { # fleets on Spark and Sail
+    CARGO_TARGET_DIR=$target scripts/cluster_tests.sh "$target"/wheels/resight-*.whl
+}
+
 frames() { # the recorded videos as images, once
     sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
@@ -113,6 +117,7 @@ if [ "$mode" = everything ]; then
     step "files read by other programs" foreign_readers
     step "python wheel" wheel
     step "tests of the wheel" wheel_tests
+    step "fleets on clusters" cluster_tests
 fi
 
 printf '\n== summary\n'
