@@ -48,6 +48,7 @@ export function Birdseye() {
     <section class="birdseye" aria-label={texts.birdseye.label} data-old={isOld}>
       <Viewport state={state} picture={image} draw={() => {}} label={texts.birdseye.label} />
       {(reason.value || !image.value) && <p class="over-note">{reason.value ?? texts.birdseye.none}</p>}
+      <p class="legend small">{texts.birdseye.legend}</p>
       <button class="close" aria-label={texts.birdseye.close} onClick={() => (showsBirdseye.value = false)}>✕</button>
     </section>
   );

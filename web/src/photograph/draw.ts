@@ -3,7 +3,7 @@ import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
 import {
-  hovered, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
+  aim, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
 } from "./store";
 
 type Context = CanvasRenderingContext2D;
@@ -202,11 +202,12 @@ function advice(context: Context, at: Point) {
 
 /** A measurement that is not complete, up to the pointer, and where the next mark would go. */
 function underway(context: Context, t: Transform) {
-  const at = hovered.value;
+  const at = aim.value;
   if (pending.value.length) {
     lines(context, t, [at ? [...pending.value, at] : pending.value], MEASURE, 2, [6, 4]);
     pending.value.forEach((point) => ring(context, toScreen(t, point), 5, MEASURE));
   }
+  if (at && !moved.value && nextMark.value) cross(context, toScreen(t, at), 3, 10, MARK);
   if (at && !moved.value && nextMark.value) label(context, nextMark.value, toScreen(t, at), "#ffffff", 14, -10);
 }
 
@@ -224,7 +225,7 @@ function proposal(context: Context, t: Transform) {
 function loupe(context: Context, t: Transform, state: ViewportState) {
   const hand = moved.value;
   const isPlacing = !hand && (nextMark.value || tool.value !== "marks");
-  const at = hand ? hand.at : isPlacing ? hovered.value : null;
+  const at = hand ? hand.at : isPlacing ? aim.value : null;
   if (!at || !picture.value) return;
   drawLoupe(context, picture.value, t, at, toScreen(t, at), state.size.value, hand ? "#ffffff" : MARK);
 }

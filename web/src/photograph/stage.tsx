@@ -1,18 +1,20 @@
 // The photograph with everything over it: clicks, drags and keys.
 import { useEffect } from "preact/hooks";
 import { Viewport, type PointerHandler, type ViewportPointer } from "../parts/viewport";
-import { type Point, motionInPicture, toPicture, toScreen } from "../parts/transform";
+import { type Point, motionInPicture, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
 import { draw } from "./draw";
 import { Chips } from "./chips";
 import {
-  acceptSnap, addMeasured, addsMark, apply, hovered, marks, measured, move, moved, nextMark, pending, picture, placeOf, proposeSnap,
+  acceptSnap, addMeasured, addsMark, aim, apply, byKeys, hovered, marks, measured, move, moved, nextMark, pending, picture, placeOf, proposeSnap,
   sameHandle, selected, showsKeys, snapTo, snapped, tool, view, viewport, type Handle,
 } from "./store";
 
 /** How near a press must be to a point to take it, px: fingers are wider. */
 const NEAR_PX = 14;
 const NEAR_FINGER_PX = 30;
+/** How far an arrow key pans where nothing is selected, px; with Shift a tenth. */
+const PAN_PX = 40;
 
 export function handles(): { handle: Handle; at: Point }[] {
   const all: { handle: Handle; at: Point }[] = marks.value.map(({ name, at }) => ({ handle: { kind: "mark", name }, at }));
@@ -81,6 +83,7 @@ const handler: PointerHandler = {
   },
   hover(pointer) {
     hovered.value = pointer && inPhotograph(pointer.at) ? pointer.at : null;
+    if (pointer) byKeys.value = false;
   },
 };
 
@@ -110,8 +113,13 @@ function step(by: number): boolean {
 
 function nudge(event: KeyboardEvent): boolean {
   const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+  if (!by) return false;
   const at = selected.value && placeOf(selected.value);
-  if (!by || !at || !selected.value) return false;
+  if (!at || !selected.value) {
+    const px = event.shiftKey ? PAN_PX / 10 : PAN_PX;
+    viewport.pan(-px * by[0]!, -px * by[1]!);
+    return true;
+  }
   const px = event.shiftKey ? 0.1 : 1;
   const turned = motionInPicture({ ...viewport.transform.value, scale: 1 }, by[0]! * px, by[1]! * px);
   viewport.reveal(at);
@@ -140,15 +148,17 @@ export function leave() {
 }
 
 function enter() {
-  const middle = () => toPicture(viewport.transform.value, [viewport.size.value.width / 2, viewport.size.value.height / 2]);
+  byKeys.value = true;
+  const at = aim.value;
   if (snapped.value) void acceptSnap();
   else if (pending.value.length && ["polyline", "area"].includes(tool.value)) void addMeasured([0, 0], true);
-  else if (tool.value !== "marks") void addMeasured(hovered.value ?? middle());
-  else if (nextMark.value) void place(nextMark.value, hovered.value ?? middle());
+  else if (tool.value !== "marks" && at) void addMeasured(at);
+  else if (nextMark.value && at) void place(nextMark.value, at);
 }
 
 function key(event: KeyboardEvent) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
+  byKeys.value = true;
   const digit = /^[1-9]$/.test(event.key) ? marks.value[Number(event.key) - 1] : undefined;
   if (digit) {
     selected.value = { kind: "mark", name: digit.name };

@@ -2,7 +2,7 @@
 import { batch, computed, signal } from "@preact/signals";
 import type { Command, MeasuredKind, Snapped, SnapTo, View } from "../api/types";
 import { decodePicture, type Picture } from "../parts/picture";
-import { type Point, ViewportState } from "../parts/transform";
+import { type Point, ViewportState, toPicture } from "../parts/transform";
 import { Problem, transport } from "../transport";
 import { photographTexts as texts } from "../texts/photograph";
 import { Link } from "./link";
@@ -31,6 +31,8 @@ export const addsMark = signal(false);
 /** Points of a measurement that is not complete yet. */
 export const pending = signal<Point[]>([]);
 export const hovered = signal<Point | null>(null);
+/** Whether the last thing done was done by keys: the middle of the view is then the pointer. */
+export const byKeys = signal(false);
 export const snapTo = signal<SnapTo | null>(null);
 export const snapped = signal<{ handle: Handle; found: Snapped } | null>(null);
 export const showsBirdseye = signal(false);
@@ -72,6 +74,13 @@ export const measured = computed(() => (view.value?.measurements ?? []).filter((
     hand?.kind === "measurement" && hand.name === m.name && hand.index === index ? moved.value!.at : (point as [number, number]));
   return { ...m, points };
 }));
+
+/** Where a click or Enter would place something: the pointer, or the middle of the view. */
+export const aim = computed((): Point | null => {
+  if (hovered.value || !byKeys.value) return hovered.value;
+  const { width, height } = viewport.size.value;
+  return toPicture(viewport.transform.value, [width / 2, height / 2]);
+});
 
 const NEEDED = { line_and_post: 4, four_points: 4, rectangle: 4, target: 0, own: 3 };
 

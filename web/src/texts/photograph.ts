@@ -144,7 +144,7 @@ export const photographTexts = {
     chosen: "You chose between two poses that fit.",
     back: "take the other",
   },
-  birdseye: { none: "The bird's-eye view needs a pose.", label: "The ground from straight above", close: "Close the bird's-eye view" },
+  birdseye: { none: "The bird's-eye view needs a pose.", label: "The ground from straight above", close: "Close the bird's-eye view", legend: "Grey: not in the photograph. Hatched ⟋: a pixel covers more than 5 cm. Hatched ⟍: a point is off by more than 10 cm (95 %)." },
 
   kinds,
   measure: {
@@ -216,8 +216,8 @@ export const photographTexts = {
     rows: [
       ["1 – 9", "select a mark"],
       ["Tab, Shift Tab", "next, previous point"],
-      ["Arrows", "move it 1 pixel; with Shift 0.1 pixel"],
-      ["Enter", "place the next mark in the middle; accept a snap; end a polyline"],
+      ["Arrows", "move it 1 pixel, with Shift 0.1; pan where nothing is selected"],
+      ["Enter", "place the next mark (in the middle, or at the pointer); accept a snap; end a polyline"],
       ["S", "look for something to snap to"],
       ["Delete", "remove what is selected"],
       ["Ctrl Z, Ctrl Y", "undo, redo"],

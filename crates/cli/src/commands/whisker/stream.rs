@@ -205,7 +205,7 @@ impl<'a> Answering<'a> {
         if self.args.lag.is_some() || self.args.predict {
             bail!("stdin: line {line}: --lag and --predict follow a contact in the plane; {SIX_AXES}");
         }
-        self.rig.row_in_space(reading)
+        Ok(self.rig.row_in_space(reading)?)
     }
 
     /// With --predict: hub steps until slip-off, and their standard deviation.
