@@ -103,6 +103,7 @@ export const photographTexts = {
     to: "to",
     noDistance: "This is no distance: a number of metres above 0 is needed.",
     noNumber: "This is no number of metres.",
+    noPixels: "This is no standard deviation: a number of pixels above 0 is needed.",
     points: "Points",
     coordinates: (name: string, axis: string) => `${axis} of ${name} in metres`,
     residual: "off by",
