@@ -63,11 +63,11 @@ test("a token is asked for, a wrong one named, the right one remembered until th
   const server = await serve("--token-file", join(folder, "token"));
   const page = await open(chromium, server, "rig");
   await page.getByRole("button", { name: "Try the example" }).click();
-  await page.getByLabel("Token").fill("wrong".repeat(8));
+  await page.getByRole("textbox", { name: "Token" }).fill("wrong".repeat(8));
   await page.getByRole("button", { name: "Use it" }).click();
   await page.getByRole("button", { name: "Try the example" }).click();
   await page.getByText("does not know this token").waitFor();
-  await page.getByLabel("Token").fill(token);
+  await page.getByRole("textbox", { name: "Token" }).fill(token);
   await page.getByRole("button", { name: "Use it" }).click();
   await page.getByRole("button", { name: "Try the example" }).click();
   await page.locator("[data-summary]").waitFor();

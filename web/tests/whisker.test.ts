@@ -90,7 +90,7 @@ test("sweeps, the near view and what is drawn can be chosen; keys move and zoom"
   };
   await changes("sweep", () => page.getByLabel("Sweep", { exact: true }).selectOption({ index: 1 }));
   await changes("near", () => page.getByRole("button", { name: "Contacts, near" }).click());
-  for (const name of ["All shapes", "95 % ellipses", "Outline"]) await changes(name, () => page.getByLabel(name).click());
+  for (const name of ["All shapes", "95 % ellipses", "Outline"]) await changes(name, () => page.getByRole("checkbox", { name }).click());
   await page.locator(".viewport").focus();
   for (const key of ["+", "ArrowLeft", "0"]) await changes(key, () => page.keyboard.press(key));
   await page.close();

@@ -104,7 +104,6 @@ fn rigs_of_other_programs_are_shown() {
     let place = server(None);
     for path in [
         "testdata/formats/kalibr_camchain.yaml",
-        "testdata/formats/opencv_stereo.yml",
         "testdata/formats/caliscope.toml",
         "testdata/formats/basalt.json",
     ] {
