@@ -179,7 +179,7 @@ def scipy_least_squares(pixels, r, t):
     """Residuals and derivatives by OpenCV, MINPACK's Levenberg-Marquardt: as fast as SciPy gets it."""
     seen = pixels.ravel()
     project = lambda x: cv2.projectPoints(POINTS, x[:3], x[3:], CAMERA, None)
-    found = least_squares(lambda x: project(x)[0].ravel() - seen, np.concatenate([r, t]).ravel(), lambda x: project(x)[1][:, :6], "lm")
+    found = least_squares(lambda x: project(x)[0].ravel() - seen, np.concatenate([r, t]).ravel(), lambda x: project(x)[1][:, :6], method="lm")
     return found.x[:3], found.x[3:]
 
 

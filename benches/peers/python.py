@@ -1,7 +1,7 @@
 """Everybody called from Python, what a call costs included for all: the table of the README (four points), one view, a thousand views in one
 call, the cost of a call alone, and rigs beside OpenCV's calibrateMultiview. Prints Markdown.
 
-Times are of one thread, the least of several rounds in which the contenders take turns. `--rust PROGRAM` (bench_points) prints what the same
+Times are of one thread, of rigs of the whole process, the least of several rounds in which the contenders take turns. `--rust PROGRAM` (bench_points) prints what the same
 jobs take in Rust, in nanoseconds, so that the share of the call is known; nobody else is compared with those figures.
 """
 
@@ -98,11 +98,11 @@ def rigs(rounds):
         table = columns(board, pixels)
         least = [np.inf, np.inf]
         for _ in range(rounds):
-            start = time.perf_counter()
+            start = time.process_time()
             theirs = multiview(cameras, board, pixels)
-            least[0], start = min(least[0], time.perf_counter() - start), time.perf_counter()
+            least[0], start = min(least[0], time.process_time() - start), time.process_time()
             rig = resight.rig_from_detections(lenses, table, sigma_px=noise_px)
-            least[1] = min(least[1], time.perf_counter() - start)
+            least[1] = min(least[1], time.process_time() - start)
         matrices = [rig.cameras[str(i)]["cam_from_rig"]["matrix"] for i in range(len(cameras))]
         ours = [(np.array(m)[:3, :3], np.array(m)[:3, 3]) for m in matrices]
         worst = [np.max([errors(r, t, camera) for (r, t), camera in zip(poses, cameras)][1:], axis=0) for poses in (theirs, ours)]

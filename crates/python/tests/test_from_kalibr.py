@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 import resight
-from conftest import ROOT, Rows
+from conftest import ROOT, Rows, program
 
 ROWS = Rows("from-kalibr.md")
 FORMATS = ROOT / "testdata/formats"
@@ -60,8 +60,10 @@ def test_a_rig_becomes_a_camchain(rig, tmp_path):
     pair = rig.pairs[0]
     assert {pair.a, pair.b} == {"left", "right"} and np.array(pair.covariance).shape == (6, 6)
     assert 0 < rig.rms_px < 0.2 and 0 < left.rms_px < 0.2
-    with pytest.raises(resight.Error, match="radtan has k1, k2, p1, p2 only"):
-        resight.convert("examples/photo/left.yml", "kalibr", tmp_path / "x.yaml")
+    size = dict(width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=319.5, cy_px=239.5)
+    (tmp_path / "k3.toml").write_text(resight.Camera("brown_conrady", **size, distortion=[-0.2, 0.1, 0, 0, 0.05]).to_toml())
+    refused = resight.convert(tmp_path / "k3.toml", "kalibr", tmp_path / "x.yaml")
+    assert refused.status != "ok" and "radtan has k1, k2, p1, p2 only" in refused.message and not (tmp_path / "x.yaml").exists()
 
 
 @ROWS.run("`results-cam.txt`")
@@ -75,7 +77,7 @@ def test_a_report_keeps_its_standard_deviations():
 def test_lens_and_rig_from_folders_of_images():
     board, left = "examples/photo/board.toml", "examples/photo/left0*.jpg"
     lens = resight.intrinsics(board, left, model="brown_conrady")
-    assert lens.cameras[0].model == "brown_conrady"
+    assert lens.cameras[0].intrinsics.model == "brown_conrady"
     assert resight.check_intrinsics("examples/photo/left.yml", board, left).cameras[0].status
     cameras = {"left": "examples/photo/left.yml", "right": "examples/photo/right.yml"}
     images = {"left": left, "right": "examples/photo/right0*.jpg"}
@@ -84,26 +86,21 @@ def test_lens_and_rig_from_folders_of_images():
 
 @ROWS.run("`--approx-sync")
 def test_frames_are_joined_by_time(tmp_path):
-    """Frame 1 of the right camera is given another name: by time it is the same view."""
     board, cameras = "examples/photo/board.toml", {"left": "examples/photo/left.yml", "right": "examples/photo/right.yml"}
     numbers = ["01", "03", "04", "05", "06", "07", "08"]
     images = {name: [f"examples/photo/{name}{i}.jpg" for i in numbers] for name in cameras}
-    rows = ["camera,frame,t_s"] + [f"{name},{i:06},{10 * i + (0.004 if name == 'right' else 0)}" for name in cameras for i in range(len(numbers))]
+    rows = [f"{name},{name}{i},{10 * int(i) + (0.004 if name == 'right' else 0)}" for name in cameras for i in numbers]
     times = tmp_path / "times.csv"
-    times.write_text("\n".join(rows) + "\n")
-    images = {name: {f"{i:06}": path for i, path in enumerate(paths)} for name, paths in images.items()}
+    times.write_text("\n".join(["camera,frame,t_s", *rows]) + "\n")
     joined = resight.rig_from_images(cameras, board, images, timestamps=times, sync_tolerance_s=0.02)
     assert joined.status == "ok" and joined.pairs[0].n_shared_views == len(numbers)
-    apart = resight.rig_from_images(cameras, board, images, timestamps=times, sync_tolerance_s=0.001)
-    assert apart.status != "ok"
+    assert resight.rig_from_images(cameras, board, images, timestamps=times, sync_tolerance_s=0.001).status != "ok"
     with pytest.raises(resight.Error, match="time stamps"):
         resight.rig_from_images(cameras, board, images, sync_tolerance_s=0.02)
 
 
 @ROWS.run("`report-cam.pdf`")
 def test_the_report_is_a_page(tmp_path):
-    from conftest import program
-
     program("rig", "--camera", "testdata/rig/cameras.toml", "--detections", "testdata/rig/detections.csv", "--report", tmp_path / "rig.html")
     assert "<svg" in (tmp_path / "rig.html").read_text()
 

@@ -90,8 +90,9 @@ def test_tables_of_detections_are_the_csv_file():
     cameras = "testdata/rig/cameras.toml"
     expected = resight.rig_from_detections(cameras, "testdata/rig/detections.csv")
     assert expected.status == "ok"
+    same = lambda answer: {key: value for key, value in answer.to_dict().items() if key != "inputs"}  # Names of files.
     for table in detections():
-        assert resight.rig_from_detections(cameras, table) == expected, type(table)
+        assert same(resight.rig_from_detections(cameras, table)) == same(expected), type(table)
     columns = next(detections())
     apart = columns | {"t_s": np.where(columns["camera"] == "right", 100.0, 0.0) + 10 * columns["view"]}
     assert resight.rig_from_detections(cameras, apart, sync_tolerance_s=0.1).status != "ok"

@@ -237,6 +237,8 @@ def _taken(images: Mapping[str, Any]) -> list[Taken]:
 
 def _of_camera(camera: str, given: Any) -> list[Taken]:
     if isinstance(given, Mapping):
+        if any(isinstance(image, (str, os.PathLike)) for image in given.values()):
+            raise Error(f"images of {camera}: names of views are for arrays; the view of a file is called by its name, give a list of paths")
         return [(camera, str(view), None, image) for view, image in given.items()]
     if isinstance(given, (str, os.PathLike)):
         pattern = os.fspath(given)
