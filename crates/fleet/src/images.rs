@@ -95,7 +95,7 @@ const UNKNOWN_CAMERA: &str = "the camera of this image is not among the cameras;
 
 fn read(image: &ImageCell) -> Result<GrayImage, String> {
     match image {
-        ImageCell::Bytes(bytes) => GrayImage::decode(bytes).map_err(|reason| format!("the image {reason}")),
+        ImageCell::Bytes(bytes) => GrayImage::decode(bytes).map_err(|reason| format!("the image: {reason}")),
         ImageCell::Path(path) => GrayImage::read(path).map_err(|reason| reason.to_string()),
         ImageCell::Missing => Err("there is no image in this row".into()),
     }

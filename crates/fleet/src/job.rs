@@ -40,7 +40,7 @@ pub enum News {
     Progress(Progress),
 }
 
-/// Solves all views. `hear` is told how far the work is; where it returns false the work ends with `Stopped`, and what is solved by then is
+/// Solves all views. `hear` learns how far the work is; where it returns false the work ends with `Stopped`, and what is solved by then is
 /// kept for the next run.
 ///
 /// # Errors

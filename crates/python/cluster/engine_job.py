@@ -50,8 +50,8 @@ def answers(spark, folder):
     yield "nothing", solve(views.where("camera = 'nobody'"))
     if (folder / "images").exists():
         shots = spark.read.parquet(str(folder / "images"))
-        yield "bytes", resight.spark.locate(shots.drop("path"), str(folder / "photo.csv"), target)
-        yield "paths", resight.spark.locate(shots.drop("image"), str(folder / "photo.csv"), target, image="path")
+        yield "bytes", resight.spark.locate(shots.drop("path"), str(folder / "lenses"), target)
+        yield "paths", resight.spark.locate(shots.drop("image"), str(folder / "lenses"), target, image="path")
 
 
 def slow(batches):

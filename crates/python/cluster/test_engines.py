@@ -46,12 +46,10 @@ def data(tmp_path_factory):
     assert 0.4 < pa.compute.equal(skew["camera"], "cam-0").to_pandas().mean()
     pq.write_table(skew, folder / "skew" / "0.parquet")
     photo = ROOT / "examples" / "photo"
-    camera = resight.read_camera(photo / "left.yml")
-    k = camera.matrix
-    (folder / "photo.csv").write_text(
-        "camera,width_px,height_px,fx_px,fy_px,cx_px,cy_px\n" + f"left,640,480,{k[0, 0]},{k[1, 1]},{k[0, 2]},{k[1, 2]}\n")
+    (folder / "lenses").mkdir()
+    (folder / "lenses" / "left.yml").write_text((photo / "left.yml").read_text())
     (folder / "board.toml").write_text((photo / "board.toml").read_text())
-    files = [photo / "left01.jpg", photo / "left02.jpg", folder / "photo.csv", folder / "none.jpg"]
+    files = [photo / "left01.jpg", photo / "left03.jpg", folder / "board.toml", folder / "none.jpg"]
     images = [path.read_bytes() if path.exists() else None for path in files]
     (folder / "images").mkdir()
     pq.write_table(pa.table({"camera": ["left", "left", "left", "nobody"], "view": ["a", "b", "c", "d"], "time_s": [0.0, 1.0, 2.0, 3.0],
@@ -110,12 +108,9 @@ def test_spark_in_one_process_is_embedded(local, data):
 def test_images_on_workers_are_those_of_this_process(local, data):
     poses = compare_images(local)
     photo = ROOT / "examples" / "photo"
-    camera = resight.Cameras.read(data / "photo.csv")
-    assert camera.names == ["left"]
-    k = resight.read_camera(photo / "left.yml").matrix
-    pinhole = resight.Camera("pinhole", width_px=640, height_px=480, fx_px=k[0, 0], fy_px=k[1, 1], cx_px=k[0, 2], cy_px=k[1, 2])
-    for name, row in zip(("left01.jpg", "left02.jpg"), poses):
-        answer = resight.locate_image(photo / name, pinhole, resight.read_target(photo / "board.toml"))
+    camera = resight.read_camera(photo / "left.yml")
+    for name, row in zip(("left01.jpg", "left03.jpg"), poses):
+        answer = resight.locate_image(photo / name, camera, resight.read_target(photo / "board.toml"))
         t = [float.fromhex(row[f"cam_from_target_{axis}_m"]) for axis in "xyz"]
         assert t == list(answer.cam_from_target.translation_m) and float.fromhex(row["chi2"]) == answer.chi2
 
@@ -222,9 +217,9 @@ def test_the_program_asks_the_cluster(standalone, data, tmp_path):
 def test_columns_that_are_missing_are_named_before_any_work(data):
     """Without a cluster: the columns of a DataFrame are all that is asked."""
     class Frame:
-        dtypes = [("cam", "string"), ("u0_px", "double"), ("v0_px", "double")]
+        dtypes = [("camra", "string"), ("u0_px", "double"), ("v0_px", "double")]
 
-    with pytest.raises(resight.Error, match="did you mean `cam`"):
+    with pytest.raises(resight.Error, match="did you mean `camra`"):
         resight.spark.solve(Frame(), data / "cameras.csv")
     Frame.dtypes = [("camera", "string"), *((name, "double") for name in ("x_m", "y_m", "z_m", "u_px", "v_px"))]
     with pytest.raises(resight.Error, match="collect_list"):

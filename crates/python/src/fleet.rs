@@ -5,7 +5,7 @@ use crate::error;
 use crate::run::run;
 use crate::table::Table;
 use crate::target::Target;
-use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resight_fleet::assess::AssessConfig;
@@ -119,8 +119,9 @@ impl<'py> Lent<'py> {
             }
             "lists" => {
                 let offsets: PyReadonlyArray1<'py, i64> = item(2)?.extract()?;
-                let offsets = offsets.as_array().iter().map(|at| usize::try_from(*at).unwrap_or(usize::MAX));
-                Ok(Lent::Lists(Numbers::new(name, &item(1)?)?, offsets.collect()))
+                let offsets = offsets.as_array();
+                let offsets = offsets.iter().map(|at| usize::try_from(*at).unwrap_or(usize::MAX)).collect();
+                Ok(Lent::Lists(Numbers::new(name, &item(1)?)?, offsets))
             }
             _ => Ok(Lent::Unused),
         }

@@ -1,4 +1,4 @@
-"""A small fleet with its truth, as columns and files: cameras on posts, one of which is knocked at noon, one with a wrong map, one dead."""
+"""A small fleet with its truth, as columns and files: cameras on posts, one of which rotates amid the day, one with a wrong map, one dead."""
 
 import math
 

@@ -151,7 +151,7 @@ def test_cameras_travel_whole(fleet, tmp_path):
 
 @pytest.mark.parametrize(("change", "message"), [
     (lambda t: t.drop_columns(["camera"]), "no column `camera`"),
-    (lambda t: t.rename_columns(["cam" if name == "camera" else name for name in t.column_names]), "did you mean `cam`"),
+    (lambda t: t.rename_columns(["camra" if name == "camera" else name for name in t.column_names]), "did you mean `camra`"),
     (lambda t: t.drop_columns(["v2_px"]), "no column `v2_px`"),
     (lambda t: t.set_column(3, "u0_px", pa.array(["x"] * len(t))), "column `u0_px` is of type string"),
 ])
@@ -185,6 +185,68 @@ def test_a_run_that_is_stopped_is_continued(fleet, tmp_path):
     assert seen[-1] == (answer.rows, answer.rows)
     assert (tmp_path / "poses.parquet").read_bytes() == (folder / "poses.parquet").read_bytes()
     assert again.parts == answer.parts
+
+
+def varint(n):
+    """A whole number as Parquet's footer writes it."""
+    n, out = 2 * n, b""
+    while 0x7F < n:
+        out, n = out + bytes([n & 0x7F | 0x80]), n >> 7
+    return out + bytes([n])
+
+
+@pytest.mark.parametrize("claimed", [2**40, 2**62, 0])
+def test_a_file_that_states_more_rows_than_it_can_hold_takes_no_memory(fleet, tmp_path, claimed):
+    """Its footer says so many rows wherever it said how many there are."""
+    folder, _ = fleet
+    table = pq.read_table(folder / "views").slice(0, 613)
+    (tmp_path / "views").mkdir()
+    pq.write_table(table, tmp_path / "views" / "good.parquet")
+    pq.write_table(table, tmp_path / "views" / "liar.parquet", store_schema=False)
+    whole = (tmp_path / "views" / "liar.parquet").read_bytes()
+    size = int.from_bytes(whole[-8:-4], "little")
+    body, footer = whole[: -8 - size], whole[-8 - size : -8]
+    assert 2 < footer.count(b"\x16" + varint(613))
+    footer = footer.replace(b"\x16" + varint(613), b"\x16" + varint(claimed))
+    (tmp_path / "views" / "liar.parquet").write_bytes(body + footer + len(footer).to_bytes(4, "little") + b"PAR1")
+    answer = resight.batch(tmp_path / "views", folder / "cameras.csv", tmp_path / "poses.parquet")
+    assert answer.rows == 613 and len(answer.failed) == (claimed != 0)
+    if claimed:
+        assert "liar.parquet" in answer.failed[0].file and "do not fit its" in answer.failed[0].reason
+
+
+def test_killed_at_two_hundred_instants_the_output_is_that_of_an_undisturbed_run(tmp_path):
+    """By SIGKILL, at instants spread over the run, some of them of runs that continue one that was killed."""
+    import random
+    import time
+
+    fleet_data.write(tmp_path, n=12, files=24, hours=24.0)
+
+    def start(output):
+        words = ["batch", "views", "--cameras", "cameras.csv", "--sigma-px", "0.3", "-o", output, "--drift", output + ".jsonl", "-q"]
+        code = "import sys; from resight._native import main; sys.exit(main(['resight', *sys.argv[1:]]))"
+        return subprocess.Popen([sys.executable, "-c", code, *words], cwd=tmp_path, stdout=subprocess.DEVNULL)
+
+    begun = time.monotonic()
+    assert start("whole.parquet").wait() == 1
+    took = time.monotonic() - begun
+    read = lambda name: (tmp_path / name).read_bytes()
+    whole, drift = read("whole.parquet"), read("whole.parquet.jsonl")
+    chance, kills, parts = random.Random(4), 0, 0
+    while kills < 200:
+        (tmp_path / "out.parquet").unlink(missing_ok=True)
+        for _ in range(chance.randint(1, 4)):
+            run = start("out.parquet")
+            time.sleep(chance.uniform(0.1, 1.0) * took)
+            run.kill()
+            run.wait()
+            kills += 1
+            parts += any((tmp_path / "out.parquet.parts").glob("*.parquet"))
+            assert not (tmp_path / "out.parquet").exists() or read("out.parquet") == whole, kills
+        assert start("out.parquet").wait() == 1
+        assert read("out.parquet") == whole and read("out.parquet.jsonl") == drift, kills
+        assert not (tmp_path / "out.parquet.parts").exists()
+    assert 40 < parts, f"only {parts} of {kills} kills left parts to continue from"
 
 
 def test_what_cannot_be_is_refused_before_any_work(fleet, tmp_path):

@@ -9,12 +9,11 @@ last bit, whatever the workers, and so is every line of `drift`.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from typing import Any
-
-import numpy as np
 
 from . import _native
 from ._columns import columns, empty_column, pyarrow
@@ -106,8 +105,8 @@ def _known(text: str) -> _native.Cameras:
 
 def _output(cameras: _native.Cameras, has_view: bool) -> str:
     """The columns of poses in Spark's words."""
-    given = [("camera", ("names", [], np.zeros(0, np.int32))), ("points_px", ("lists", np.zeros(0), np.zeros(1, np.int64)))]
-    view = [("view", ("names", [], np.zeros(0, np.int32)))] if has_view else []
+    given = [("camera", empty_column("camera", "string")), ("points_px", empty_column("points_px", "array<double>"))]
+    view = [("view", empty_column("view", "string"))] if has_view else []
     kinds = {"camera": "string", "view": "string", "status": "string", "reason": "string", "n_points": "int"}
     names = _native.solve_views([*given, *view], cameras, 1.0).column_names
     return ", ".join(f"{name} {kinds.get(name, 'double')}" for name in names)
@@ -169,8 +168,6 @@ def _assess(cameras: str | None, span: tuple[float, float] | None, period_s: flo
 
 
 def _answers(lines: list[str]) -> Any:
-    import json
-
     pa = pyarrow()
     answers = [json.loads(line) for line in lines]
     motion: Callable[[str], list[Any]] = lambda key: [(answer["motion"] or {}).get(key) for answer in answers]
