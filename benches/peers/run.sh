@@ -10,6 +10,7 @@
 #   benches/peers/run.sh hand-eye       where a camera sits on a robot, against the seven methods of OpenCV, on held-out views
 #   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
 #   benches/peers/run.sh python         all called from Python, what a call costs included: the README's table, single calls, rigs
+#   benches/peers/run.sh fleet          a table of a fleet's views, file to file, against loops over OpenCV and PoseLib
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 #   benches/peers/run.sh faults         wrong files for recorded pairs of cameras, beside OpenCV; needs RESIGHT_DATA
 set -eu
@@ -59,6 +60,13 @@ python)
     build -p resight --example bench_points
     compare python.py --rust "$folder/examples/bench_points" "$@"
     ;;
+fleet)
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check pandas==2.3.3 pyarrow==26.0.1 polars==2.1.0
+    build -p resight-cli
+    build -p resight-fleet --example make_fleet
+    "$folder/examples/make_fleet" "$target/peers/fleet" cameras=1000 hours=1 every_s=3.6
+    compare fleet.py "$folder/resight" "$target/peers/fleet" "$@"
+    ;;
 family)
     build -p resight-core --example bench_family
     compare solvers.py "$folder/examples/bench_family" "$@"
@@ -93,13 +101,13 @@ faults)
     compare faults.py "$folder/resight" --data "$RESIGHT_DATA" "$@"
     ;;
 all)
-    for table in tag detect four-points python family rig hand-eye whisker bad-inputs faults; do
+    for table in tag detect four-points python family rig hand-eye whisker fleet bad-inputs faults; do
         printf '\n## %s\n\n' "$table"
         "$0" "$table"
     done
     ;;
 *)
-    echo "no such table: $table; there are tag, detect, four-points, python, family, rig, hand-eye, whisker, bad-inputs, faults and, without a name, all of them" >&2
+    echo "no such table: $table; there are tag, detect, four-points, python, family, rig, hand-eye, whisker, fleet, bad-inputs, faults and, without a name, all of them" >&2
     exit 2
     ;;
 esac

@@ -13,7 +13,7 @@ fn who_moved_is_found_and_nobody_else() {
     let fleet = day.fleet().expect("a fleet");
     let (inputs, solver) = (written(&fleet, &folder), solver(&fleet));
     let (_, state, _) = solved(&inputs, &solver, &folder.join("poses.parquet"), 2);
-    let judged = assess(state, Some(&solver.cameras), &AssessConfig::default()).expect("verdicts");
+    let judged = assess(state, Some(&*solver.cameras), &AssessConfig::default()).expect("verdicts");
     // What a steady camera promises to find, the middle one of all.
     let mut promised: Vec<f64> = judged
         .cameras
@@ -45,6 +45,6 @@ fn who_moved_is_found_and_nobody_else() {
         }
     }
     assert!(5 <= moved, "only {moved} cameras moved by more than {promised} rad");
-    let page = report::page(&judged, Some(&solver.cameras));
+    let page = report::page(&judged, Some(&*solver.cameras));
     assert!(page.contains("<svg") && page.contains("Moved cameras") && !page.contains("http"));
 }

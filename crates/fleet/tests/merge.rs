@@ -80,3 +80,36 @@ proptest! {
 fn states_of_other_periods_do_not_mix() {
     assert!(FleetState::new(900.0).merge(FleetState::new(60.0)).is_err());
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    /// Bytes hold a state whole, whatever the order of its rows; parts of single cameras are the state again.
+    #[test]
+    fn states_travel_as_bytes(of in prop::collection::vec(0_usize..2, 5..60)) {
+        let [a, b] = [0, 1].map(|number| part(&of, number));
+        let (ab, ba) = (merged(state(&a), state(&b)), merged(state(&b), state(&a)));
+        let bytes = ab.to_bytes();
+        prop_assert_eq!(&bytes, &ba.to_bytes());
+        let again = FleetState::from_bytes(&bytes).expect("a state");
+        let parts = FleetState::new(900.0);
+        for (_, part) in ab.split() {
+            parts.absorb(FleetState::from_bytes(&part).expect("a part")).expect("one period");
+        }
+        let cameras = ab.into_cameras();
+        prop_assert!(again.into_cameras() == cameras && parts.into_cameras() == cameras);
+    }
+}
+
+/// Bytes cut anywhere, or turned over, are refused or are another state; never a panic, never memory for what is not there.
+#[test]
+fn damaged_bytes_are_refused() {
+    let bytes = state(rows()).to_bytes();
+    for cut in (0..bytes.len()).step_by(7) {
+        assert!(FleetState::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
+    }
+    for at in (0..bytes.len()).step_by(11) {
+        let mut other = bytes.clone();
+        other[at] ^= 0x80;
+        let _ = FleetState::from_bytes(&other);
+    }
+}

@@ -20,6 +20,7 @@ mod lines;
 mod advice;
 mod monitor;
 mod table;
+mod fleet;
 mod program;
 
 use pyo3::prelude::*;
@@ -34,6 +35,8 @@ mod _native {
     use super::camera::Camera;
     #[pymodule_export]
     use super::columns::rig_from_columns;
+    #[pymodule_export]
+    use super::fleet::{Cameras, FleetState, batch, fleet_report, fleet_span_s, locate_views, solve_views};
     #[pymodule_export]
     use super::image::{detect, locate_image, locate_images};
     #[pymodule_export]
