@@ -97,6 +97,15 @@ def test_wrong_options_are_named(camera, points_m, pixels):
         resight.solve_many(points_m, pixels[None], resight.Camera.nominal(image_size_px=(1280, 960), hfov_deg=60))
 
 
+def test_huge_arrays_without_points_are_refused_before_anything_is_allocated(camera, points_m):
+    for pixels in (np.zeros((10**12, 0, 2)), np.zeros((0, 4, 2))[:, :0]):
+        with pytest.raises(resight.Error, match="is needed"):
+            resight.solve_many(points_m, pixels, camera)
+    assert len(resight.solve_many(points_m, np.zeros((0, 4, 2)), camera)) == 0
+    with pytest.raises(resight.Error, match="real numbers"):  # 64 TB, were it copied.
+        resight.solve_many(points_m, np.broadcast_to(points_m[:, :2], (10**12, 4, 2)), camera)
+
+
 ANYTHING = st.one_of(
     arrays.arrays(st.sampled_from([np.float64, np.float32, np.int64, np.uint8, np.bool_, np.complex64]),
                   arrays.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5)),
