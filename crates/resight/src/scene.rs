@@ -3,6 +3,7 @@
 //! The file holds Foxglove's schemas as Protocol Buffers. Foxglove draws all of it; other viewers that know these schemas show what they
 //! know of them. What is in it: docs/report.md.
 
+pub mod around;
 pub(crate) mod geometry;
 mod protobuf;
 mod schema;

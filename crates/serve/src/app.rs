@@ -14,4 +14,6 @@ pub struct App {
     pub live: Option<Arc<Live>>,
     /// Turns of decoding.
     pub decoding: Arc<Semaphore>,
+    /// Turns of solving results that were dropped in.
+    pub solving: Arc<Semaphore>,
 }

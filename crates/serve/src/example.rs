@@ -20,7 +20,7 @@ pub fn session() -> Result<Session, String> {
         vec![Command::SetLens { lens }, Command::SetTemplate { template: Template::Rectangle }];
     commands.push(Command::SetSigma { sigma_px: 0.5 });
     for (name, u_px, v_px) in CORNERS {
-        commands.push(Command::PutPoint { name: name.to_owned(), u_px, v_px, drag: false });
+        commands.push(Command::PutPoint { name: name.to_owned(), u_px, v_px, drag: false, sigma_px: None });
     }
     for (a, b, distance_m) in SIDES {
         let sigma_m = Some(0.0002);

@@ -1,18 +1,27 @@
 //! Before anything is routed: the name the request came by, the page it came from, the token it brings; and the headers of every answer.
 
 use crate::error::Problem;
+use axum::body::to_bytes;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use resight_watch::web::access::Access;
 use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
 
 /// The page's own files hold no data, and a page must be there to ask for the token.
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
 
+/// For a request, its body included. What streams its answer, or becomes a WebSocket, has its own patience after that.
+const PATIENCE: Duration = Duration::from_secs(120);
+
 /// No route takes a larger body, bytes; each has a limit of its own besides.
 pub const LARGEST: usize = 256 << 20;
+
+/// Of a refusal in plain words, bytes.
+const MOST_SAID: usize = 4096;
 
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -34,6 +43,28 @@ pub async fn guard(State(access): State<Arc<Access>>, request: Request, next: Ne
     }
     headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     response
+}
+
+/// A request that takes longer is given up.
+pub async fn in_time(request: Request, next: Next) -> Response {
+    let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
+    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
+}
+
+/// What is refused in plain words before a route is reached (a query that lacks a key, a body that is too large) in the form of all
+/// other refusals.
+pub async fn in_one_form(request: Request, next: Next) -> Response {
+    let response = next.run(request).await;
+    let is_plain =
+        text(response.headers(), &header::CONTENT_TYPE).is_some_and(|kind| kind.starts_with("text/plain"));
+    let status = response.status();
+    if !status.is_client_error() || !is_plain {
+        return response;
+    }
+    let said = to_bytes(response.into_body(), MOST_SAID).await.unwrap_or_default();
+    let said = String::from_utf8_lossy(&said);
+    let kind = if status == StatusCode::PAYLOAD_TOO_LARGE { "size" } else { "request" };
+    Problem::new(status, kind, format!("{}.", said.trim().trim_end_matches('.'))).into_response()
 }
 
 fn admitted(access: &Access, request: &Request) -> Result<(), Problem> {

@@ -25,5 +25,5 @@ mod live;
 mod openapi;
 mod server;
 
-pub use live::{Live, Start};
+pub use live::Live;
 pub use server::{ServeConfig, Server};

@@ -3,61 +3,74 @@
 //! The session runs on a thread of its own, as `resight watch` runs it; nothing here waits in its way. A picture is kept only while a page
 //! looks on, made small on the reader's thread, and encoded on another; whoever is slow gets fewer of them.
 
-pub mod cameras;
+pub mod answers;
+pub mod feed;
+pub mod mjpeg;
 pub mod pictures;
 pub mod routes;
+mod small;
 
-use cameras::{Cameras, LiveView};
+use answers::{LiveMessage, LiveView, ReferenceView};
+use axum::extract::ws::Utf8Bytes;
 use pictures::{Pictures, Tap};
+use resight::core::{Camera, Pose, Target};
+use resight::scene::around::{AroundScene, CameraAround, cameras_around};
+use resight_watch::board::strip::{Stretch, StripBin};
+use resight_watch::board::{Board, Instants};
+use resight_watch::live::{Relearn, references};
 use resight_watch::outputs::said::EventText;
 use resight_watch::{Event, Log, Request};
-use std::collections::BTreeSet;
+use serde_json::json;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast;
 
 /// Events that a page may be behind; beyond it misses some, and its next status is whole again.
 const EVENTS: usize = 256;
-
-/// Makes the session's request; the cameras named learn their reference anew.
-pub type Start = Box<dyn Fn(&BTreeSet<String>) -> anyhow::Result<Request> + Send>;
+/// Frames that statistics are of.
+const WINDOW: usize = 300;
+/// A view this young is not made again: all pages share it.
+const YOUNG: Duration = Duration::from_millis(200);
 
 /// What routes and the session share.
 pub struct Live {
-    cameras: Mutex<Cameras>,
+    board: Mutex<Board>,
+    /// Why the session is no more.
+    failed: Mutex<Option<String>>,
+    shared: Mutex<Option<(Instant, Utf8Bytes)>>,
     pub(crate) pictures: Arc<Pictures>,
-    pub(crate) events: broadcast::Sender<Arc<str>>,
+    pub(crate) events: broadcast::Sender<Utf8Bytes>,
     /// The history that the session writes.
     pub(crate) history: Option<PathBuf>,
     /// Why references cannot be learned anew.
     fixed: Option<&'static str>,
-    stop: Arc<AtomicBool>,
-    anew: Mutex<BTreeSet<String>>,
-    again: AtomicBool,
+    relearn: Relearn,
+    lenses: Vec<Camera>,
+    targets: Vec<Arc<Target>>,
+    began: Instant,
 }
 
 impl Live {
     /// Of a session that is about to start.
-    pub fn new(request: &Request, can_restart: bool) -> Self {
-        let fixed = match (can_restart, &request.state) {
-            (false, _) => Some(
-                "`watch --serve` shows a session and does not restart it; set references with `resight serve SESSION.toml`.",
-            ),
-            (true, Some(_)) => Some(
-                "The session keeps its state in a file, which remembers the references; leave out its key `state` to set them here.",
-            ),
-            (true, None) => None,
-        };
+    pub fn new(request: &Request) -> Self {
+        // What is wrong with a camera the session says itself.
+        let known = |camera| references(camera, &request.config, None).unwrap_or_default();
+        let references: Vec<_> = request.cameras.iter().flat_map(known).collect();
+        let targets = request.cameras.first().map(|camera| camera.targets.iter());
         Live {
-            cameras: Mutex::new(Cameras::new(&request.names)),
+            board: Mutex::new(Board::new(&request.names, &references, WINDOW)),
+            failed: Mutex::default(),
+            shared: Mutex::default(),
             pictures: Arc::new(Pictures::new(request)),
             events: broadcast::channel(EVENTS).0,
             history: request.outputs.history.as_ref().map(|history| history.file.clone()),
-            fixed,
-            stop: Arc::default(),
-            anew: Mutex::default(),
-            again: AtomicBool::new(false),
+            fixed: request.config.without_references(),
+            relearn: request.config.relearn.clone(),
+            lenses: request.cameras.iter().map(|camera| camera.camera.clone()).collect(),
+            targets: targets.into_iter().flatten().map(|watched| Arc::clone(&watched.target)).collect(),
+            began: Instant::now(),
         }
     }
 
@@ -71,69 +84,148 @@ impl Live {
 
     /// The next event of the session.
     pub fn take(&self, text: &EventText, event: &Event) {
+        let now = self.now();
+        self.board().take(event, now);
         if let Event::Observed { camera, target, observation } = event {
             self.pictures.observed(*camera, *target, observation);
         } else if 0 < self.events.receiver_count() {
-            let _ = self.events.send(text.object(event).to_string().into()); // Nobody may be there any more.
+            let mut object = text.object(event);
+            object["text"] = json!(text.words(event));
+            object["unix_s"] = json!(now.unix_s);
+            let _ = self.events.send(object.to_string().into()); // Nobody may be there any more.
         }
-        self.lock().take(event);
+    }
+
+    /// No more events will come, and why where something failed.
+    pub fn ended(&self, failed: Option<String>) {
+        self.board().is_over = true;
+        *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = failed;
     }
 
     /// How everything is.
     pub fn view(&self) -> LiveView {
-        self.lock().view(self.pictures.now_s())
+        let failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        LiveView::of(&self.board(), self.now(), failed, self.fixed, self.history.is_some())
     }
 
-    /// Whether a camera has that name.
-    pub fn number(&self, camera: &str) -> Option<usize> {
-        self.lock().number(camera)
+    /// The same as text, made at most five times a second.
+    fn view_text(&self) -> Utf8Bytes {
+        let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*shared {
+            Some((at, text)) if at.elapsed() < YOUNG => text.clone(),
+            _ => {
+                let text: Utf8Bytes = json!(LiveMessage { live: self.view() }).to_string().into();
+                *shared = Some((Instant::now(), text.clone()));
+                text
+            }
+        }
+    }
+
+    /// Which camera has that name.
+    fn number(&self, camera: &str) -> Option<usize> {
+        self.board().names.cameras.iter().position(|name| name == camera)
+    }
+
+    /// References of a camera: what it is compared with, what it was compared with before, and where it is.
+    fn references(&self, camera: usize) -> Vec<ReferenceView> {
+        ReferenceView::all(&self.board(), camera)
+    }
+
+    /// The cameras around each target, where they are and where they were.
+    fn scenes(&self) -> Vec<AroundScene> {
+        let (board, now) = (self.board(), self.now());
+        let of_target = |(t, target): (usize, &Arc<Target>)| {
+            let mut cameras = Vec::new();
+            for (c, lens) in self.lenses.iter().enumerate() {
+                let Some(pair) = board.pairs.get(board.names.pair_index(c, t)) else { continue };
+                let around = |pose: Pose, covariance, is_reference| CameraAround {
+                    name: board.names.camera(c).to_owned(),
+                    camera: lens,
+                    cam_from_target: pose,
+                    covariance,
+                    is_reference,
+                };
+                let is_fresh = board.is_fresh(c, now);
+                let seen = pair.last.as_ref().and_then(|last| last.estimate.as_ref()).filter(|_| is_fresh);
+                cameras.extend(
+                    pair.reference.map(|learnt| {
+                        around(learnt.reference.a_from_b, learnt.reference.noise.reference, true)
+                    }),
+                );
+                cameras.extend(seen.map(|e| around(e.cam_from_target, e.covariance, false)));
+            }
+            (!cameras.is_empty()).then(|| cameras_around(board.names.target(t), target, &cameras))
+        };
+        self.targets.iter().enumerate().filter_map(of_target).collect()
+    }
+
+    /// A stretch of what is remembered of a camera, and which it is: by default all of it.
+    fn remembered(&self, camera: usize, asked: &routes::Asked) -> Option<(Stretch, Vec<StripBin>)> {
+        let board = self.board();
+        let (first_s, last_s) = board.span_s(camera, self.now())?;
+        let stretch = asked.stretch(first_s, last_s);
+        let bins = board.strip(camera, &stretch);
+        Some((stretch, bins))
+    }
+
+    /// Newest capture time of a camera, and its references by target.
+    fn compared(&self, camera: usize) -> (Option<f64>, Vec<(String, Pose)>) {
+        let board = self.board();
+        let last_s = board.span_s(camera, self.now()).map(|(_, last_s)| last_s);
+        let of = |pair: usize| {
+            let (_, target) = board.names.of_pair(pair);
+            let reference = board.pairs[pair].reference?.reference;
+            Some((board.names.target(target).to_owned(), reference.a_from_b))
+        };
+        (last_s, board.pairs_of(camera).filter_map(of).collect())
     }
 
     pub(crate) fn acknowledge(&self, camera: usize) -> bool {
-        self.lock().acknowledge(camera)
+        self.changed(|board| board.acknowledge(camera))
     }
 
     pub(crate) fn reset(&self, camera: usize) {
-        self.lock().reset(camera);
+        self.changed(|board| board.reset_camera(camera));
     }
 
-    /// Starts the session again with that camera's reference learned anew; a sentence where that cannot be.
-    pub(crate) fn set_reference(&self, camera: &str) -> Result<(), &'static str> {
+    /// The camera learns where it is; a sentence where that cannot be.
+    pub(crate) fn set_reference(&self, camera: usize) -> Result<(), &'static str> {
         if let Some(reason) = self.fixed {
             return Err(reason);
         }
-        self.anew.lock().unwrap_or_else(PoisonError::into_inner).insert(camera.to_owned());
-        self.again.store(true, Ordering::Relaxed);
-        self.stop.store(true, Ordering::Relaxed);
+        if self.board().is_over {
+            return Err("The session has ended; start it again.");
+        }
+        self.relearn.ask(camera);
+        self.acknowledge(camera); // Whoever decides where it belongs has seen that it moved.
         Ok(())
     }
 
-    fn lock(&self) -> MutexGuard<'_, Cameras> {
-        self.cameras.lock().unwrap_or_else(PoisonError::into_inner)
+    /// What an operator did shows at once.
+    fn changed<T>(&self, change: impl FnOnce(&mut Board) -> T) -> T {
+        let done = change(&mut self.board());
+        *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        done
+    }
+
+    fn now(&self) -> Instants {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Instants { up_s: self.began.elapsed().as_secs_f64(), unix_s: unix.as_secs_f64() }
+    }
+
+    fn board(&self) -> MutexGuard<'_, Board> {
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Runs the session on this thread, and again each time a reference is set, until its sources end.
-pub fn run(live: &Arc<Live>, start: &Start, log: &Log) {
-    loop {
-        let anew = live.anew.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        live.stop.store(false, Ordering::Relaxed);
-        let mut request = match start(&anew) {
-            Ok(request) => request,
-            Err(reason) => return live.lock().failed(format!("{reason:#}")),
-        };
-        live.tap(&mut request);
-        let text = EventText::new(&request.names);
-        let ended = resight_watch::run(request, log, &live.stop, |event| {
-            live.take(&text, event);
-            Ok(())
-        });
-        if let Err(reason) = ended {
-            live.lock().failed(format!("{:#}", anyhow::Error::new(reason)));
-        }
-        if !live.again.swap(false, Ordering::Relaxed) {
-            return;
-        }
-        live.lock().started_again();
-    }
+/// Runs a session on this thread until its sources end.
+pub fn run(live: &Live, mut request: Request, log: &Log) {
+    live.tap(&mut request);
+    let text = EventText::new(&request.names);
+    let stop = Arc::new(AtomicBool::new(false));
+    let ended = resight_watch::run(request, log, &stop, |event| {
+        live.take(&text, event);
+        Ok(())
+    });
+    live.ended(ended.err().map(|reason| format!("{:#}", anyhow::Error::new(reason))));
 }

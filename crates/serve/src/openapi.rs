@@ -1,138 +1,193 @@
-//! The description of the interface, generated from the types of its answers.
+//! The description of the interface, OpenAPI 3.1, generated from the types of its answers and requests.
 
+mod operation;
+mod schemas;
+
+use crate::app::App;
 use crate::error::ErrorObject;
-use crate::live::cameras::LiveView;
-use crate::live::routes::{HistoryEvent, Named};
-use crate::photograph::{Numbered, NumberedView, Open, Opened};
-use crate::results::RigView;
+use crate::live::answers::{LiveMessage, LiveView, LogLine, ReferenceView, StripView};
+use crate::live::feed::Said;
+use crate::live::pictures::PictureHeader;
+use crate::live::routes::{Asked, HistoryEvent, Named as NamedCamera};
+use crate::photograph::{Named, Numbered, NumberedView, Open, Opened};
+use crate::results::GivenFiles;
+use crate::socket;
+use axum::extract::State;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Json, Router};
+use operation::Operation;
+use resight::answer::RigView;
+use resight::scene::around::AroundScene;
 use resight_session::View;
-use schemars::JsonSchema;
-use schemars::generate::{SchemaGenerator, SchemaSettings};
+use resight_watch::outputs::said::object::EventObject;
+use resight_whisker::replay::Replay;
+use schemas::Schemas;
 use serde_json::{Map, Value, json};
 
-/// One route: method, path, what it does, its query, its body and its answer.
-struct Route {
-    method: &'static str,
-    path: &'static str,
-    summary: &'static str,
-    query: &'static [&'static str],
-    body: Option<Value>,
-    answer: Value,
+const ABOUT: &str = "Everything the page of `resight serve` does. Errors are {\"error\": {\"kind\", \"message\"}}. \
+                     What is posted must say its type: application/json, or that of an image. \
+                     With a token: Authorization: Bearer TOKEN; a WebSocket offers the protocols `resight` and `bearer.TOKEN`.";
+
+/// The routes of the server itself.
+pub fn routes() -> Router<App> {
+    Router::new().route("/healthz", get(health)).route("/openapi.json", get(async || Json(description())))
 }
 
-/// The whole description, OpenAPI 3.1.
-pub fn description() -> Value {
-    let settings = SchemaSettings::draft2020_12().with(|s| s.definitions_path = "/components/schemas".into());
-    let mut generator = settings.into_generator();
-    let routes = routes(&mut generator);
-    let error = schema::<ErrorObject>(&mut generator);
-    let mut paths = Map::new();
-    for route in routes {
-        let one = operation(&route, &error);
-        let path = paths.entry(route.path).or_insert_with(|| json!({}));
-        path[route.method] = one;
+/// One word, for supervisors; what is wrong, the page says.
+async fn health(State(app): State<App>) -> Response {
+    match app.live.as_ref().is_some_and(|live| live.view().failed.is_some()) {
+        true => (axum::http::StatusCode::SERVICE_UNAVAILABLE, "degraded\n").into_response(),
+        false => "ok\n".into_response(),
     }
-    let schemas: Map<String, Value> = generator.take_definitions(true).into_iter().collect();
+}
+
+/// The whole description.
+pub fn description() -> Value {
+    let mut schemas = Schemas::new();
+    let error = schemas.answer::<ErrorObject>();
+    let operations = photographs(&mut schemas)
+        .into_iter()
+        .chain(live(&mut schemas))
+        .chain(results(&mut schemas))
+        .chain(sockets(&mut schemas))
+        .chain(server());
+    let mut paths = Map::new();
+    for operation in operations {
+        let (method, path) = (operation.method, paths.entry(operation.path).or_insert_with(|| json!({})));
+        path[method] = operation.object(&error);
+    }
+    let components = schemas.components(&mut paths);
     json!({
         "openapi": "3.1.0",
-        "info": {
-            "title": "Resight",
-            "version": env!("CARGO_PKG_VERSION"),
-            "description": "Everything the page of `resight serve` does. Errors are {\"error\": {\"kind\", \"message\"}}. WebSockets: /ws/session?session=ID takes {seq, photo, command} and gives {seq, view}; /ws/live gives events, states and pictures."
-        },
+        "info": { "title": "Resight", "version": env!("CARGO_PKG_VERSION"), "description": ABOUT },
+        "security": [{}, { "token": [] }],
         "paths": paths,
-        "components": { "schemas": schemas, "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } } }
+        "components": { "schemas": components, "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } } }
     })
 }
 
-fn schema<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
-    generator.subschema_for::<T>().to_value()
+const JSON: &str = "application/json";
+
+fn photographs(s: &mut Schemas) -> Vec<Operation> {
+    let named = |s: &mut Schemas, keys: &[&str]| s.query::<Named>(keys);
+    let of_session = named(s, &["session"]);
+    let of_photograph = named(s, &["session", "photo"]);
+    vec![
+        Operation::post("/api/session", "Opens a session: empty, saved or the example.")
+            .takes(JSON, s.given::<Open>())
+            .answers(JSON, s.answer::<Opened>()),
+        Operation::post("/api/session/photograph", "Adds a photograph.")
+            .query(named(s, &["session", "name"]))
+            .takes_file(&["image/jpeg", "image/png"])
+            .answers(JSON, s.answer::<View>()),
+        Operation::get("/api/session/photograph", "A photograph as it came.")
+            .query(of_photograph.clone())
+            .answers_file(&["image/jpeg", "image/png"]),
+        Operation::post("/api/session/command", "Applies a command.")
+            .query(of_session.clone())
+            .takes(JSON, s.given::<Numbered>())
+            .answers(JSON, s.answer::<NumberedView>()),
+        Operation::get("/api/session/view", "What is so now.")
+            .query(of_photograph.clone())
+            .answers(JSON, s.answer::<View>()),
+        Operation::get("/api/session/save", "The session as one file, which `resight measure` reads too.")
+            .query(of_session)
+            .answers_file(&["application/toml"]),
+        Operation::get("/api/session/export", "The answer in another format; JSON where none is named.")
+            .query(named(s, &["session", "photo", "format"]))
+            .answers_file(&["*/*"]),
+        Operation::get("/api/session/exports", "The words that /api/session/export takes as its format.")
+            .answers(JSON, s.answer::<Vec<String>>()),
+        Operation::get("/api/session/birdseye", "The ground from straight above.")
+            .query(of_photograph)
+            .answers_file(&["image/png"]),
+    ]
 }
 
-fn operation(route: &Route, error: &Value) -> Value {
-    let parameter = |name: &&str| json!({ "name": name, "in": "query", "required": *name == "session", "schema": { "type": "string" } });
-    let mut one = json!({
-        "summary": route.summary,
-        "parameters": route.query.iter().map(parameter).collect::<Vec<_>>(),
-        "responses": { "200": route.answer, "default": content("application/json", error, "What is wrong.") }
-    });
-    if let Some(body) = &route.body {
-        one["requestBody"] = body.clone();
-    }
-    one
-}
-
-fn content(media_type: &str, schema: &Value, description: &str) -> Value {
-    json!({ "description": description, "content": { media_type: { "schema": schema } } })
-}
-
-fn routes(generator: &mut SchemaGenerator) -> Vec<Route> {
-    let view = content("application/json", &schema::<View>(generator), "What is so now.");
-    let opened = content("application/json", &schema::<Opened>(generator), "A session and its view.");
-    let numbered =
-        content("application/json", &schema::<NumberedView>(generator), "What is so after the command.");
-    let rig = content("application/json", &schema::<RigView>(generator), "What a 3-D view needs.");
-    let live = content("application/json", &schema::<LiveView>(generator), "How the cameras are.");
-    let camera = content("application/json", &schema::<Named>(generator), "Which camera.");
-    let history =
-        content("application/json", &schema::<Vec<HistoryEvent>>(generator), "Events, oldest first.");
-    let binary = json!({ "type": "string", "format": "binary" });
-    let file = content("application/octet-stream", &binary, "The file.");
-    let any = json!({ "type": "object" });
-    let object = content("application/json", &any, "As described in the book.");
-    let open = content("application/json", &schema::<Open>(generator), "What to open.");
-    let command = content("application/json", &schema::<Numbered>(generator), "A command.");
-    let image =
-        json!({ "content": { "image/jpeg": { "schema": binary }, "image/png": { "schema": binary } } });
-    let json_body = content("application/json", &any, "JSON.");
-    let get = |path, summary, query, answer: &Value| Route {
-        method: "get",
-        path,
-        summary,
-        query,
-        body: None,
-        answer: answer.clone(),
-    };
-    let post = |path, summary, query, body: &Value, answer: &Value| Route {
-        method: "post",
-        path,
-        summary,
-        query,
-        body: Some(body.clone()),
-        answer: answer.clone(),
+fn live(s: &mut Schemas) -> Vec<Operation> {
+    let of_camera = s.query::<Asked>(&["camera"]);
+    let action = |s: &mut Schemas, path, summary| {
+        Operation::post(path, summary)
+            .takes(JSON, s.given::<NamedCamera>())
+            .answers(JSON, s.answer::<LiveView>())
     };
     vec![
-        post("/api/session", "Opens a session: empty, saved or the example.", &[], &open, &opened),
-        post("/api/session/photograph", "Adds a photograph.", &["session", "name"], &image, &view),
-        get("/api/session/photograph", "A photograph as it came.", &["session", "photo"], &file),
-        post("/api/session/command", "Applies a command.", &["session"], &command, &numbered),
-        get("/api/session/view", "What is so now.", &["session", "photo"], &view),
-        get(
-            "/api/session/save",
-            "The session as one file, which `resight measure` reads too.",
-            &["session"],
-            &file,
-        ),
-        get("/api/session/export", "The answer in another format.", &["session", "photo", "format"], &file),
-        get("/api/session/birdseye", "The ground from straight above, PNG.", &["session", "photo"], &file),
-        post("/api/rig", "A rig's answer as a 3-D view needs it.", &[], &json_body, &rig),
-        get("/api/live", "How every watched camera is.", &[], &live),
-        post("/api/live/acknowledge", "Acknowledges an alarm.", &[], &camera, &live),
-        post("/api/live/reset", "Begins the standard deviations anew.", &[], &camera, &live),
-        post(
+        Operation::get("/api/live", "How every watched camera is.").answers(JSON, s.answer::<LiveView>()),
+        action(s, "/api/live/acknowledge", "Acknowledges an alarm."),
+        action(s, "/api/live/reset", "Begins the standard deviations anew."),
+        action(
+            s,
             "/api/live/reference",
-            "Learns a camera's reference anew; the old file is kept.",
-            &[],
-            &camera,
-            &live,
+            "Learns a camera's reference anew; the old one is kept. Asks for `confirm`.",
         ),
-        get(
-            "/api/live/history",
-            "Events of a camera from the history file.",
-            &["camera", "from_s", "to_s"],
-            &history,
+        Operation::get("/api/live/reference", "What a camera is compared with, by target.")
+            .query(of_camera.clone())
+            .answers(JSON, s.answer::<Vec<ReferenceView>>()),
+        Operation::get(
+            "/api/live/strip",
+            "States and rotations of a camera: of the last day, or of a stretch.",
+        )
+        .query(s.query::<Asked>(&["camera", "from_s", "to_s", "bins"]))
+        .answers(JSON, s.answer::<StripView>()),
+        Operation::get("/api/live/scene", "The cameras around each target.")
+            .answers(JSON, s.answer::<Vec<AroundScene>>()),
+        Operation::get("/api/live/log", "What happened: the last 200 lines, oldest first.")
+            .answers(JSON, s.answer::<Vec<LogLine>>()),
+        Operation::get("/api/live/frame", "The next frame of a camera.")
+            .query(of_camera.clone())
+            .answers_file(&["image/png"]),
+        Operation::get("/api/live/history", "Events of a camera from the history file, oldest first.")
+            .query(s.query::<Asked>(&["camera", "from_s", "to_s"]))
+            .answers(JSON, s.answer::<Vec<HistoryEvent>>()),
+        Operation::get("/cameras.mjpg", "A camera as motion JPEG.")
+            .query(of_camera)
+            .answers_file(&["multipart/x-mixed-replace"]),
+    ]
+}
+
+fn results(s: &mut Schemas) -> Vec<Operation> {
+    vec![
+        Operation::post(
+            "/api/rig",
+            "A rig as a viewer needs it: from the answer of `resight rig --json`, rig and camera files, or both.",
+        )
+        .takes(JSON, s.given::<GivenFiles>())
+        .answers(JSON, s.answer::<RigView>()),
+        Operation::post(
+            "/api/whisker",
+            "Sweeps as a viewer plays them, and the object behind them: from a whisker file and hub readings, or from contacts.",
+        )
+        .takes(JSON, s.given::<GivenFiles>())
+        .answers(JSON, s.answer::<Replay>()),
+    ]
+}
+
+fn sockets(s: &mut Schemas) -> Vec<Operation> {
+    vec![
+        Operation::get("/ws/session", "WebSocket: commands in, views out.")
+            .query(s.query::<socket::Named>(&["session"]))
+            .upgrades(s.given::<Numbered>(), vec![s.answer::<NumberedView>(), s.answer::<ErrorObject>()]),
+        Operation::get(
+            "/ws/live",
+            "WebSocket: states four times a second, events as they come, a picture after each acknowledgement.",
+        )
+        .upgrades(s.given::<Said>(), vec![s.answer::<LiveMessage>(), s.answer::<EventObject>()])
+        .sends_binary(
+            "A picture: the length of its header (4 bytes, the least significant first), the header (JSON), a JPEG.",
+            s.answer::<PictureHeader>(),
         ),
-        get("/cameras.mjpg", "A camera as motion JPEG.", &["camera"], &file),
-        get("/healthz", "Whether the server is well.", &[], &object),
+    ]
+}
+
+fn server() -> Vec<Operation> {
+    let text = || json!({ "type": "string" });
+    vec![
+        Operation::get("/", "The page.").answers("text/html", text()),
+        Operation::get("/app.js", "The page's script.").answers("text/javascript", text()),
+        Operation::get("/app.css", "The page's style.").answers("text/css", text()),
+        Operation::get("/openapi.json", "This description.").answers(JSON, json!({ "type": "object" })),
+        Operation::get("/healthz", "`ok`; with status 503 `degraded` where the watch session has failed.")
+            .answers("text/plain", json!({ "enum": ["ok\n", "degraded\n"] })),
     ]
 }

@@ -8,7 +8,6 @@ use crate::{example, page};
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -16,15 +15,11 @@ use resight_session::{Command, Photograph, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::{MutexGuard, PoisonError};
-use std::time::Duration;
 use tokio::task::spawn_blocking;
-use tokio::time::timeout;
 
 /// Largest photograph and largest saved session, bytes: base64 takes a third more, and a session holds several.
 const PHOTOGRAPH_BYTES: usize = 96 << 20;
 const SESSION_BYTES: usize = crate::guard::LARGEST;
-/// For a whole request.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Largest command: camera and target files are in them.
 pub const COMMAND_BYTES: usize = 8 << 20;
 
@@ -82,18 +77,12 @@ pub fn routes() -> Router<App> {
     Router::new()
         .route("/api/session", post(open).layer(large(SESSION_BYTES)))
         .route("/api/session/photograph", get(photograph).post(add).layer(large(PHOTOGRAPH_BYTES)))
+        .route("/api/session/exports", get(async || Json(resight_session::exports())))
         .route("/api/session/command", post(command).layer(large(COMMAND_BYTES)))
         .route("/api/session/view", get(view))
         .route("/api/session/save", get(save))
         .route("/api/session/export", get(export))
         .route("/api/session/birdseye", get(birdseye))
-        .layer(middleware::from_fn(in_time))
-}
-
-/// A request that takes longer, body included, is given up.
-async fn in_time(request: Request, next: Next) -> Response {
-    let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
-    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
 /// Whoever failed while it held a session left it whole: a command changes its state at its end.

@@ -2,14 +2,14 @@
 
 use crate::app::App;
 use crate::error::Problem;
-use crate::live::{self, Live, Start};
+use crate::live::{self, Live};
 use crate::{guard, openapi, page, photograph, results, socket};
 use anyhow::{Context, Result};
-use axum::routing::get;
-use axum::{Json, Router, middleware};
-use resight_watch::Log;
+use axum::http::StatusCode;
+use axum::{Router, middleware};
 use resight_watch::web::access::{self, Access};
 use resight_watch::web::{Flags, Patience, accept, listen};
+use resight_watch::{Log, Request};
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,6 +17,8 @@ use tokio::sync::Semaphore;
 
 /// Photographs decoded at once.
 const DECODING: usize = 2;
+/// Results that were dropped in, solved at once.
+const SOLVING: usize = 1;
 /// Threads that answer; what computes has others.
 const THREADS: usize = 2;
 /// Threads that compute.
@@ -71,11 +73,11 @@ impl Server {
     /// Runs a session beside the server, on a thread of its own.
     ///
     /// # Errors
-    /// What is wrong with the session.
-    pub fn watch(&mut self, start: Start, log: Log) -> Result<()> {
-        let live = Arc::new(Live::new(&start(&Default::default())?, true));
+    /// No thread to be had.
+    pub fn watch(&mut self, request: Request, log: Log) -> Result<()> {
+        let live = Arc::new(Live::new(&request));
         self.live = Some(Arc::clone(&live));
-        let run = move || live::run(&live, &start, &log);
+        let run = move || live::run(&live, request, &log);
         std::thread::Builder::new()
             .name("watch".to_owned())
             .spawn(run)
@@ -95,22 +97,34 @@ impl Server {
             .enable_all()
             .build()
             .context("threads for --listen")?;
-        let app =
-            App { sessions: Arc::default(), live: self.live, decoding: Arc::new(Semaphore::new(DECODING)) };
+        let app = App {
+            sessions: Arc::default(),
+            live: self.live,
+            decoding: Arc::new(Semaphore::new(DECODING)),
+            solving: Arc::new(Semaphore::new(SOLVING)),
+        };
         Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
     }
 }
 
 fn routes(app: App, access: Access) -> Router {
-    Router::new()
+    let routes = Router::new()
         .merge(page::routes())
         .merge(photograph::routes())
         .merge(socket::routes())
         .merge(results::routes())
         .merge(live::routes::routes())
-        .route("/healthz", get(async || "ok\n"))
-        .route("/openapi.json", get(async || Json(openapi::description())))
+        .merge(openapi::routes())
         .fallback(async || Problem::missing("There is nothing here; see /openapi.json."))
+        .method_not_allowed_fallback(async || {
+            let message = "This address takes other methods; see /openapi.json.";
+            Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
+        })
+        .layer(middleware::from_fn(guard::in_one_form))
+        .layer(middleware::from_fn(guard::in_time))
+        .with_state(app);
+    // Around everything: nothing is routed before the guard has looked at the request.
+    Router::new()
+        .fallback_service(routes)
         .layer(middleware::from_fn_with_state(Arc::new(access), guard::guard))
-        .with_state(app)
 }

@@ -9,6 +9,7 @@ use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
 use axum::response::Response;
 use axum::routing::any;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use std::time::Duration;
 use tokio::time::timeout;
@@ -18,8 +19,9 @@ const SILENCE: Duration = Duration::from_secs(3600);
 /// For a client to take an answer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-#[derive(Deserialize)]
-struct Named {
+/// Names a session.
+#[derive(Deserialize, JsonSchema)]
+pub struct Named {
     session: String,
 }
 

@@ -8,8 +8,13 @@ use std::time::Duration;
 
 /// A server that runs until the tests end.
 pub fn server(token_file: Option<std::path::PathBuf>) -> SocketAddr {
-    let config =
-        ServeConfig { flag: "--listen", address: "127.0.0.1:0".into(), token_file, hosts: Vec::new() };
+    server_with(token_file, &[])
+}
+
+/// One that is reached by further names.
+pub fn server_with(token_file: Option<std::path::PathBuf>, hosts: &[&str]) -> SocketAddr {
+    let hosts = hosts.iter().map(|host| (*host).to_owned()).collect();
+    let config = ServeConfig { flag: "--listen", address: "127.0.0.1:0".into(), token_file, hosts };
     let server = Server::bind(&config).expect("a free port");
     let place = server.place();
     std::thread::spawn(move || server.run());
@@ -40,22 +45,31 @@ pub fn ask(place: SocketAddr, request: &str, headers: &[(&str, &str)], body: &[u
     let host = format!("127.0.0.1:{}", place.port());
     let has_host = headers.iter().any(|(name, _)| *name == "Host");
     let own = if has_host { String::new() } else { format!("Host: {host}\r\n") };
+    let is_upgrade = headers.iter().any(|(name, _)| *name == "Upgrade");
+    let close = if is_upgrade { "" } else { "Connection: close\r\n" };
     let headers: String = headers.iter().map(|(name, value)| format!("{name}: {value}\r\n")).collect();
-    let head = format!(
-        "{request} HTTP/1.1\r\n{own}{headers}Content-Length: {}\r\nConnection: close\r\n\r\n",
-        body.len()
-    );
+    let head = format!("{request} HTTP/1.1\r\n{own}{headers}Content-Length: {}\r\n{close}\r\n", body.len());
     let mut stream = TcpStream::connect(place).expect("a connection");
     stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a timeout");
     stream.write_all(head.as_bytes()).expect("sent");
     let _ = stream.write_all(body); // A server that refuses the head may close before the body is there.
-    let mut all = Vec::new();
-    let _ = stream.read_to_end(&mut all);
-    let end =
-        all.windows(4).position(|w| w == b"\r\n\r\n").unwrap_or_else(|| panic!("no answer to {request}"));
+    answer(&mut stream, is_upgrade).unwrap_or_else(|| panic!("no answer to {request}"))
+}
+
+/// The answer on a connection: its head alone, or all that comes until it closes.
+pub fn answer(stream: &mut TcpStream, is_head_enough: bool) -> Option<Answer> {
+    let (mut all, mut part) = (Vec::new(), [0; 16 << 10]);
+    let end = |all: &[u8]| all.windows(4).position(|w| w == b"\r\n\r\n");
+    while !(is_head_enough && end(&all).is_some()) {
+        match stream.read(&mut part) {
+            Ok(n) if 0 < n => all.extend(&part[..n]),
+            _ => break,
+        }
+    }
+    let end = end(&all)?;
     let head = String::from_utf8_lossy(&all[..end]).into_owned();
-    let status = head.split(' ').nth(1).and_then(|s| s.parse().ok()).expect("a status");
-    Answer { status, head, body: all[end + 4..].to_vec() }
+    let status = head.split(' ').nth(1)?.parse().ok()?;
+    Some(Answer { status, head, body: all[end + 4..].to_vec() })
 }
 
 const JSON: (&str, &str) = ("Content-Type", "application/json");

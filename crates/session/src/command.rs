@@ -28,6 +28,9 @@ pub enum Command {
         /// Still under the hand: all that follow until one is not are undone together.
         #[serde(default)]
         drag: bool,
+        /// Standard deviation of u and v where it snapped to something; none where placed by hand.
+        #[serde(default)]
+        sigma_px: Option<f64>,
     },
     /// Removes a point from the photograph.
     RemovePoint {

@@ -23,7 +23,9 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
             state.template = template;
             Ok(())
         }
-        Command::PutPoint { name, u_px, v_px, .. } => put_point(photo_of(state, photo)?, name, u_px, v_px),
+        Command::PutPoint { name, u_px, v_px, sigma_px, .. } => {
+            put_point(photo_of(state, photo)?, ImagePoint { name, u_px, v_px, sigma_px })
+        }
         Command::RemovePoint { name } => remove_point(state, photo, &name),
         Command::RenamePoint { name, to } => rename(state, &name, to),
         Command::SetPosition { name, x_m, y_m, z_m, sigma_m } => {
@@ -121,18 +123,19 @@ fn set_lens(photo: &mut PhotoState, given: GivenLens) -> Edited {
     Ok(())
 }
 
-fn put_point(photo: &mut PhotoState, name: String, u_px: f64, v_px: f64) -> Edited {
-    inside(photo, u_px, v_px, Step::Points)?;
-    named(&name)?;
+fn put_point(photo: &mut PhotoState, put: ImagePoint) -> Edited {
+    inside(photo, put.u_px, put.v_px, Step::Points)?;
+    named(&put.name)?;
+    put.sigma_px.map_or(Ok(()), |sigma_px| positive("The point's standard deviation", sigma_px, "px"))?;
     photo.chosen = None;
-    if let Some(point) = photo.points.iter_mut().find(|p| p.name == name) {
-        (point.u_px, point.v_px, point.sigma_px) = (u_px, v_px, None);
+    if let Some(point) = photo.points.iter_mut().find(|p| p.name == put.name) {
+        *point = put;
         return Ok(());
     }
     if MOST_POINTS <= photo.points.len() {
         return Err(points(texts::too_many("points", MOST_POINTS)));
     }
-    photo.points.push(ImagePoint { name, u_px, v_px, sigma_px: None });
+    photo.points.push(put);
     Ok(())
 }
 

@@ -22,7 +22,12 @@ pub struct Export {
 }
 
 /// What can be exported besides the formats of `resight convert`.
-pub const EXPORTS: [&str; 5] = ["json", "homography", "svg", "report", "csv"];
+const EXPORTS: [&str; 5] = ["json", "homography", "svg", "report", "csv"];
+
+/// Every word that [`Session::export`] takes.
+pub fn exports() -> Vec<&'static str> {
+    EXPORTS.into_iter().chain(Format::writable().filter_map(|(_, words)| words.first().copied())).collect()
+}
 
 impl Session {
     /// The answer of a photograph as `json`, `homography` (3×3, pixels from the plane z = 0), `csv` (measurements), `svg`, `report` (HTML), or
@@ -156,11 +161,7 @@ impl Session {
 }
 
 fn unknown(word: &str) -> String {
-    let words: Vec<&str> = EXPORTS
-        .into_iter()
-        .chain(Format::writable().filter_map(|(_, words)| words.first().copied()))
-        .collect();
-    format!("There is no export `{word}`; there are {}.", words.join(", "))
+    format!("There is no export `{word}`; there are {}.", exports().join(", "))
 }
 
 fn escaped(text: &str) -> String {

@@ -37,13 +37,14 @@ mod target;
 mod snap;
 mod view;
 mod refusal;
+mod parts;
 mod edit;
 mod session;
 mod save;
 mod export;
 
 pub use command::{Command, GivenLens, GivenTarget, MeasuredKind, SnapTo, Template};
-pub use export::{EXPORTS, Export};
+pub use export::{Export, exports};
 pub use photograph::Photograph;
 pub use refusal::{Refusal, Step};
 pub use session::Session;

@@ -12,9 +12,12 @@ use resight::measure::NamedScene;
 use resight::measure::scene::SceneCamera;
 use resight::measure::{Answers, NamedQuery, QueryKind, ScenePhoto};
 
+use std::collections::BTreeSet;
+
 /// A scene as `resight measure` takes it.
 pub type Scene = NamedScene;
-use std::collections::BTreeSet;
+/// What was measured; none where nothing is asked for.
+pub type MeasuredNow = Option<Result<(Scene, Answers), String>>;
 
 /// How flat the ground is, in parts of the extent of the points: 9 mm over 3 m. Beyond that of `resight measure` it does not grow.
 const FLATNESS: f64 = 0.003;

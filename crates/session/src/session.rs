@@ -2,31 +2,25 @@
 
 use crate::command::Command;
 use crate::figures::{Figure, figures};
-use crate::lens::{self, KnownLens};
+use crate::lens;
 use crate::lines::{Overlay, overlay};
-use crate::network;
+use crate::network::{self, MeasuredNow};
+use crate::parts::{distances_view, lens_view, measurement_view, names_elsewhere, photo_view, points_view};
 use crate::photograph::Photograph;
 use crate::places::{Places, places};
 use crate::pose::{Attempt, Solved, solve, without_place};
 use crate::refusal::{Refusal, Step};
 use crate::snap::snap;
 use crate::state::{PhotoState, State};
-use crate::view::{
-    BirdseyeView, DistanceView, LensView, MeasurementView, PhotoView, PointView, ShowView, StepText, View,
-};
+use crate::view::{BirdseyeView, PhotoView, ShowView, StepText, View};
 use crate::{advice, edit, texts};
 use resight::core::Pixel;
-use resight::measure::Answers;
-use resight::measure::words::values_in_words;
-use resight::overlay::ground::prediction_ellipse;
 use std::sync::Arc;
 
 /// Photographs of one session: each is held in memory.
 const MOST_PHOTOS: usize = 6;
 /// Steps that can be undone.
 const MOST_STEPS: usize = 500;
-/// Two-sided 95 % point of the normal distribution.
-const NORMAL_95: f64 = 1.96;
 
 /// A session. Nothing is remembered besides it.
 #[derive(Debug, Clone, Default)]
@@ -175,8 +169,9 @@ impl Session {
             points: state
                 .photos
                 .get(photo)
-                .map(|p| points_view(p, &places, shown.filter(|_| !is_old), &measured))
+                .map(|p| points_view(state, p, &places, shown.filter(|_| !is_old), &measured))
                 .unwrap_or_default(),
+            names_elsewhere: names_elsewhere(state, photo),
             distances: distances_view(state, &places),
             missing: now.missing,
             error: None,
@@ -250,7 +245,7 @@ impl Session {
         now
     }
 
-    fn measured(&self, places: &Places) -> Option<Result<(network::Scene, Answers), String>> {
+    fn measured(&self, places: &Places) -> MeasuredNow {
         let is_open = self.state.photos.len() > 1;
         if self.state.measurements.is_empty() && !is_open {
             return None;
@@ -290,8 +285,6 @@ struct Now {
     refusal: Option<StepText>,
 }
 
-type MeasuredNow = Option<Result<(network::Scene, Answers), String>>;
-
 fn continues(command: &Command, dragged: Option<&str>) -> bool {
     let what = match command {
         Command::PutPoint { name, .. } => format!("point {name}"),
@@ -299,162 +292,4 @@ fn continues(command: &Command, dragged: Option<&str>) -> bool {
         _ => return false,
     };
     dragged == Some(what.as_str())
-}
-
-fn photo_view(p: &PhotoState) -> PhotoView {
-    let size = p.photograph.size();
-    PhotoView {
-        name: p.photograph.name.clone(),
-        width_px: size.width_px,
-        height_px: size.height_px,
-        has_exif_lens: p.photograph.exif.is_some(),
-    }
-}
-
-fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView> {
-    let given = photo.lens.as_ref()?;
-    let none = LensView {
-        state: "given",
-        words: String::new(),
-        model: None,
-        hfov_deg: None,
-        remark: None,
-        error: None,
-    };
-    Some(match lens::known(given, &photo.photograph) {
-        Ok(KnownLens::Camera { camera, remark, name, .. }) => LensView {
-            words: name,
-            model: Some(camera.model_name().to_owned()),
-            hfov_deg: lens::hfov_deg(&camera),
-            remark,
-            ..none
-        },
-        Ok(KnownLens::Unknown(_)) => {
-            let focal = solved.and_then(|s| s.answer.estimated_focal.as_ref());
-            LensView {
-                state: "estimated",
-                words: focal.map_or_else(|| texts::ESTIMATED.to_owned(), |focal| focal.words()),
-                hfov_deg: focal.map(|f| f.horizontal_field_of_view_rad.to_degrees()),
-                ..none
-            }
-        }
-        Err(error) => LensView { state: "refused", error: Some(error), ..none },
-    })
-}
-
-fn points_view(
-    photo: &PhotoState,
-    places: &Places,
-    solved: Option<&Solved>,
-    measured: &MeasuredNow,
-) -> Vec<PointView> {
-    let mut all: Vec<PointView> =
-        photo.points.iter().map(|p| point_view(p, places, solved, measured)).collect();
-    let has_check = solved.is_some_and(|s| s.answer.estimate.is_some_and(|e| 0 < e.degrees_of_freedom));
-    let residual = |p: &PointView| p.residual_px.unwrap_or(0.0);
-    let worst = all.iter_mut().max_by(|a, b| residual(a).total_cmp(&residual(b)));
-    if let Some(worst) = worst.filter(|p| has_check && 0.0 < residual(p)) {
-        worst.is_worst = true;
-    }
-    all
-}
-
-fn point_view(
-    p: &crate::state::ImagePoint,
-    places: &Places,
-    solved: Option<&Solved>,
-    measured: &MeasuredNow,
-) -> PointView {
-    let used = solved.and_then(|s| Some((s, s.points.iter().find(|q| q.name == p.name)?)));
-    let predicted = used.and_then(|(s, q)| s.camera.project(&(s.cam_from_world * q.seen.x_in_target)));
-    let place = places.by_name.get(&p.name);
-    let found = if place.is_none() { position(&p.name, measured) } else { None };
-    PointView {
-        name: p.name.clone(),
-        u_px: p.u_px,
-        v_px: p.v_px,
-        position_m: place.map(|place| place.x_m.into()).or(found.map(|f| f.0)),
-        half_width_95_m: found.map(|f| f.1),
-        residual_px: predicted.map(|pixel| (pixel - Pixel::new(p.u_px, p.v_px)).norm()),
-        leverage: used.and_then(|(s, q)| leverage(s, q)),
-        is_worst: false,
-    }
-}
-
-/// Half the variance of the prediction, over that of the point itself.
-fn leverage(solved: &Solved, point: &resight::locate::NamedPoint) -> Option<f64> {
-    let covariance = &solved.covariance;
-    let ellipse =
-        prediction_ellipse(&solved.camera, &solved.cam_from_world, &point.seen.x_in_target, covariance)?;
-    let middle = solved.camera.project(&(solved.cam_from_world * point.seen.x_in_target))?;
-    // Ends of two semi-axes of the 95 % ellipse.
-    let squared = |i: usize| (ellipse[i] - middle).norm_squared() / 5.991_464_547;
-    let variance = 0.5 * (squared(0) + squared(10));
-    Some((variance / point.seen.sigma_px.powi(2)).min(1.0))
-}
-
-/// Where several photographs put a point.
-fn position(name: &str, measured: &MeasuredNow) -> Option<([f64; 3], [f64; 3])> {
-    let Some(Ok((_, answers))) = measured else { return None };
-    let answer = answers.answers.iter().find(|a| a.query.name == name)?;
-    let values = answer.result.as_ref().ok().filter(|v| v.len() == 3)?;
-    Some((std::array::from_fn(|i| values[i].value), std::array::from_fn(|i| NORMAL_95 * values[i].sigma)))
-}
-
-fn distances_view(state: &State, places: &Places) -> Vec<DistanceView> {
-    let one = |(i, d): (usize, &crate::state::Distance)| {
-        let ends = places.by_name.get(&d.a).zip(places.by_name.get(&d.b));
-        let by_places = ends.map(|(a, b)| (a.x_m - b.x_m).norm());
-        let computed_m = places.computed_m.get(i).copied().flatten().or(by_places);
-        DistanceView {
-            a: d.a.clone(),
-            b: d.b.clone(),
-            distance_m: d.distance_m,
-            sigma_m: d.sigma_m,
-            computed_m,
-        }
-    };
-    state.distances.iter().enumerate().map(one).collect()
-}
-
-fn measurement_view(m: &crate::state::Measurement, measured: &MeasuredNow) -> MeasurementView {
-    let unit = if m.what == crate::MeasuredKind::Area { "m²" } else { "m" };
-    let mut view = MeasurementView {
-        name: m.name.clone(),
-        what: m.what,
-        photo: m.photo,
-        points: m.points.clone(),
-        status: None,
-        value: None,
-        half_width_95: None,
-        low: None,
-        high: None,
-        values: Vec::new(),
-        unit,
-        words: String::new(),
-        error: Some(texts::NO_POSE_YET.to_owned()),
-    };
-    let answers = match measured {
-        Some(Ok((_, answers))) => answers,
-        Some(Err(reason)) => {
-            view.error = Some(reason.clone());
-            return view;
-        }
-        None => return view,
-    };
-    let Some(answer) = answers.answers.iter().find(|a| a.query.name == m.name) else { return view };
-    view.status = Some(answer.status.name());
-    match &answer.result {
-        Ok(values) => {
-            let first = values.first();
-            view.values = values.iter().map(|v| v.value).collect();
-            view.value = first.map(|v| v.value);
-            (view.low, view.high) = (first.map(|v| v.low), first.map(|v| v.high));
-            view.half_width_95 = first.map(|v| 0.5 * (v.high - v.low));
-            view.words = values_in_words(answer.query.kind, values);
-            view.error = None;
-        }
-        Err(reason) => view.error = Some(reason.clone()),
-    }
-    view
 }

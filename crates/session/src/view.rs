@@ -28,6 +28,8 @@ pub struct View {
     pub sigma_px: f64,
     /// Its points.
     pub points: Vec<PointView>,
+    /// Names of points that other photographs show and this one does not yet.
+    pub names_elsewhere: Vec<String>,
     /// The distances typed.
     pub distances: Vec<DistanceView>,
     /// What is still needed.
@@ -108,6 +110,8 @@ pub struct PointView {
     pub u_px: f64,
     /// Row.
     pub v_px: f64,
+    /// Standard deviation of both: of a detector, of what it snapped to, or of a hand.
+    pub sigma_px: f64,
     /// Where it is: typed, by distances, or by several photographs.
     pub position_m: Option<[f64; 3]>,
     /// 95 % half widths of it where photographs gave it.

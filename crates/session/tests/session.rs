@@ -45,7 +45,7 @@ fn pixel(x: f64, y: f64, z: f64) -> Pixel {
 }
 
 fn put(session: &mut Session, name: &str, at: Pixel, drag: bool) -> View {
-    session.apply(0, Command::PutPoint { name: name.into(), u_px: at.x, v_px: at.y, drag })
+    session.apply(0, Command::PutPoint { name: name.into(), u_px: at.x, v_px: at.y, drag, sigma_px: None })
 }
 
 fn distance(session: &mut Session, a: &str, b: &str, distance_m: f64) -> View {
@@ -148,9 +148,9 @@ fn a_drag_is_one_step_back() {
 fn what_is_wrong_is_said_and_nothing_is_lost() {
     let (mut session, good) = four_clicks();
     let bad: Vec<Command> = vec![
-        Command::PutPoint { name: "A".into(), u_px: f64::NAN, v_px: 3.0, drag: false },
-        Command::PutPoint { name: "A".into(), u_px: 1e9, v_px: 3.0, drag: false },
-        Command::PutPoint { name: String::new(), u_px: 3.0, v_px: 3.0, drag: false },
+        Command::PutPoint { name: "A".into(), u_px: f64::NAN, v_px: 3.0, drag: false, sigma_px: None },
+        Command::PutPoint { name: "A".into(), u_px: 1e9, v_px: 3.0, drag: false, sigma_px: None },
+        Command::PutPoint { name: String::new(), u_px: 3.0, v_px: 3.0, drag: false, sigma_px: None },
         Command::SetDistance { a: "A".into(), b: "B".into(), distance_m: -1.0, sigma_m: None },
         Command::SetDistance { a: "A".into(), b: "A".into(), distance_m: 1.0, sigma_m: None },
         Command::SetLens { lens: GivenLens::File { name: "x.toml".into(), text: "no camera".into() } },
@@ -252,7 +252,12 @@ fn a_saved_session_is_the_same_one_and_measure_reads_it() {
     for broken in ["", "x = 1", "[session]\nsigma_px = 1.0", &saved[..saved.len() / 2]] {
         assert!(Session::load(broken).is_err());
     }
-    for format in ["json", "svg", "report", "csv", "opencv", "colmap", "ros"] {
+    for format in resight_session::exports() {
+        // This lens is bent, and a homography is not.
+        if format == "homography" {
+            assert!(session.export(0, format).is_err_and(|e| e.text.contains("bent")));
+            continue;
+        }
         let export = session.export(0, format).unwrap_or_else(|e| panic!("{format}: {e}"));
         assert!(export.text.len() > 20, "{format}");
     }
@@ -272,6 +277,20 @@ fn points_snap() {
     let snap = view.snap.expect("a corner");
     assert!((snap.u_px - corner.u_px).hypot(snap.v_px - corner.v_px) < 1.0, "{snap:?} {corner:?}");
     assert_eq!(view.points.len(), found.points.len());
+    // What snapped is as sure as the detector says; what is moved by hand afterwards is not.
+    let snapped = |sigma_px| Command::PutPoint {
+        name: corner.name.clone(),
+        u_px: snap.u_px,
+        v_px: snap.v_px,
+        drag: false,
+        sigma_px,
+    };
+    let sigma =
+        |view: &View| view.points.iter().find(|p| p.name == corner.name).expect("the corner").sigma_px;
+    assert_eq!(sigma(&session.apply(0, snapped(Some(snap.sigma_px)))), snap.sigma_px);
+    assert_eq!(sigma(&session.apply(0, snapped(None))), 1.0);
+    let refused = session.apply(0, snapped(Some(0.0)));
+    assert!(refused.error.is_some_and(|e| e.text.contains("positive")));
 }
 
 /// A second photograph of the scene: a point without a place, clicked in both, gets one.
@@ -279,7 +298,8 @@ fn points_snap() {
 fn two_photographs_give_a_place() {
     let (mut session, _) = four_clicks();
     let second = Photograph::decode("second.png", file("testdata/demo/left.png")).expect("a photograph");
-    session.add_photograph(second).expect("room");
+    let view = session.add_photograph(second).expect("room");
+    assert_eq!(view.names_elsewhere, ["A", "B", "C", "D"]);
     session.apply(1, lens());
     let camera = camera();
     let turned = Pose::exp(&resight::core::Vector6::new(125f64.to_radians(), 0.0, 0.0, 0.0, 0.0, 0.0));
@@ -287,12 +307,18 @@ fn two_photographs_give_a_place() {
     let seen = |x, y, z| camera.project(&(cam_from_world * Point::new(x, y, z))).expect("in front");
     for (name, x, y) in [("A", 0.0, 0.0), ("B", 1.5, 0.0), ("C", 3.0, 0.0), ("D", 0.8, 1.6)] {
         let at = seen(x, y, 0.0);
-        session.apply(1, Command::PutPoint { name: name.into(), u_px: at.x, v_px: at.y, drag: false });
+        session.apply(
+            1,
+            Command::PutPoint { name: name.into(), u_px: at.x, v_px: at.y, drag: false, sigma_px: None },
+        );
     }
     put(&mut session, "lamp", pixel(1.2, 1.0, 0.7), false);
     let at = seen(1.2, 1.0, 0.7);
-    let view =
-        session.apply(1, Command::PutPoint { name: "lamp".into(), u_px: at.x, v_px: at.y, drag: false });
+    let view = session.apply(
+        1,
+        Command::PutPoint { name: "lamp".into(), u_px: at.x, v_px: at.y, drag: false, sigma_px: None },
+    );
+    assert!(view.names_elsewhere.is_empty(), "{:?}", view.names_elsewhere);
     let lamp = view.points.iter().find(|p| p.name == "lamp").expect("lamp");
     let place = lamp.position_m.expect("a place");
     let off = (Point::from(place) - Point::new(1.2, 1.0, 0.7)).norm();

@@ -14,6 +14,7 @@ mod store;
 mod thin;
 mod recorder;
 mod read;
+mod strip;
 pub mod export;
 
 pub use error::HistoryError;

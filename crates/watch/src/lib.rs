@@ -30,6 +30,7 @@
 //! | a whole session with its outputs | [`run()`], asked for by a [`Request`] |
 //! | the session alone: threads, tracking, alarms | [`live`] |
 //! | where frames come from | [`source`]: images, folders, videos, streams, recordings, JSON Lines |
+//! | how a session is, for those who look at it | [`board`] |
 //! | every frame kept, and read again | [`mod@history`] |
 //! | metrics, webhook, MQTT, ROS transforms, the view in a terminal | [`outputs`] |
 //! | what its servers have in common | [`web`] |
@@ -46,11 +47,12 @@ mod log;
 pub mod names;
 pub mod signals;
 pub mod web;
+pub mod board;
 pub mod outputs;
 mod saved;
 mod run;
 
 pub use error::Error;
 pub use live::Event;
-pub use log::Log;
+pub use log::{Line, Log};
 pub use run::{Ended, Request, run};

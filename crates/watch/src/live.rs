@@ -12,15 +12,18 @@ mod outlet;
 mod pace;
 mod queue;
 mod reader;
+mod relearn;
 pub mod reference;
 pub mod rig;
 mod session;
 mod sparingly;
 mod state;
+mod turns;
 mod watcher;
 
 pub use known::references;
 pub use look::{CameraWatcher, CameraWatcherError, FrameResult};
+pub use relearn::Relearn;
 pub use session::{run, run_from};
 pub use state::StateFile;
 
@@ -34,8 +37,8 @@ use resight_core::temporal::monitor::learn::LearnConfig;
 use resight_core::temporal::monitor::{
     Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled,
 };
-use resight_core::temporal::track::{TrackConfig, Tracked};
-use resight_core::{Camera, Correspondence, Matrix6, Target};
+use resight_core::temporal::track::{Motion, TrackConfig, Tracked};
+use resight_core::{Camera, Correspondence, Matrix6, Pixel, Target};
 use std::sync::Arc;
 
 /// One camera of a session.
@@ -102,6 +105,23 @@ pub struct LiveConfig {
     pub rig: Option<rig::RigConfig>,
     /// A lost source is tried again after this time, seconds, doubled up to 32 times after each failure.
     pub retry_s: f64,
+    /// Asks the session, while it runs, to learn references anew.
+    pub relearn: Relearn,
+}
+
+impl LiveConfig {
+    /// Why no camera has a reference of its own that could be learned anew, where that is so.
+    pub fn without_references(&self) -> Option<&'static str> {
+        match self.track.motion {
+            _ if self.rig.is_some() => Some(
+                "These cameras are watched as a rig, which has one reference for all: make a new one with `resight rig -o`, or start again without the session's `state`.",
+            ),
+            Motion::ConstantVelocity { .. } => Some(
+                "These cameras move by themselves (`motion = \"moving\"`): there is no reference to set.",
+            ),
+            _ => None,
+        }
+    }
 }
 
 impl Default for LiveConfig {
@@ -116,6 +136,7 @@ impl Default for LiveConfig {
             queue_frames: 2,
             retry_s: 1.0,
             rig: None,
+            relearn: Relearn::default(),
         }
     }
 }
@@ -152,6 +173,8 @@ pub struct Observation {
     pub seen: Vec<Correspondence>,
     /// The lens that saw them, at the size of the image; kept with them.
     pub lens: Option<Box<Camera>>,
+    /// Its points, as they differ from that pose.
+    pub residuals: Vec<PointResidual>,
     /// Why there is none.
     pub reason: Option<String>,
     /// The pose through time.
@@ -164,6 +187,17 @@ pub struct Observation {
     pub reference_image: Option<Arc<GrayImage>>,
     /// How long it took.
     pub times: StageTimes,
+}
+
+/// A point of a frame, and how it differs from the pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointResidual {
+    /// Where it was seen.
+    pub pixel: Pixel,
+    /// Observed less predicted, px.
+    pub residual_px: [f64; 2],
+    /// Whether chance makes it as large more often than once in a hundred.
+    pub agrees: bool,
 }
 
 /// State of a camera against a target.

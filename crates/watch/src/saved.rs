@@ -3,8 +3,9 @@
 
 use super::log::Log;
 use super::names::Names;
-use crate::live::{Event, reference};
+use crate::live::{Event, State, reference};
 use resight::FileError;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Failed files are tried again this long after the last try.
@@ -15,6 +16,8 @@ pub struct Saved {
     names: Names,
     references: Vec<Option<String>>,
     pictures: Vec<Option<String>>,
+    /// Pairs that were compared with a reference: what they learn now takes its place, and its file is kept.
+    compared: Vec<bool>,
     waiting: Vec<(Unwritten, FileError)>,
     tried: Instant,
     log: Log,
@@ -39,16 +42,28 @@ impl Saved {
         log: &Log,
     ) -> Self {
         let (names, log) = (names.clone(), log.clone());
-        Saved { names, references, pictures, waiting: Vec::new(), tried: Instant::now(), log }
+        let compared = vec![false; names.pairs().len()];
+        Saved { names, references, pictures, compared, waiting: Vec::new(), tried: Instant::now(), log }
     }
 
     /// The next event; also when to try again.
     pub fn take(&mut self, event: &Event) {
         match event {
             Event::Learned { camera, target, reference, .. } => {
-                let file = self.references.get(self.names.pair_index(*camera, *target)).cloned().flatten();
+                let pair = self.names.pair_index(*camera, *target);
+                let file = self.references.get(pair).cloned().flatten();
+                if let Some(file) = file.as_ref().filter(|_| self.compared.get(pair) == Some(&true)) {
+                    self.keep(file);
+                }
                 let words = format!("{} is saved", self.names.pair(*camera, *target));
                 self.save("reference", file, words, || reference::to_text(reference).map(String::into_bytes));
+            }
+            Event::StateChanged { camera, target, state, .. } => {
+                let pair = self.names.pair_index(*camera, *target);
+                let is_compared = matches!(state, State::Steady | State::Checking(_) | State::Drifted(_));
+                if let Some(compared) = self.compared.get_mut(pair) {
+                    *compared |= is_compared;
+                }
             }
             Event::Observed { camera, target: 0, observation } => {
                 if let Some(picture) = &observation.reference_image {
@@ -86,6 +101,24 @@ impl Saved {
             self.log.say(part, &words);
             self.tried = Instant::now();
             self.waiting.push((unwritten, reason));
+        }
+    }
+
+    /// Copies a file to one of a free name beside it, if there is one already.
+    fn keep(&self, file: &str) {
+        let Ok(bytes) = std::fs::read(file) else { return };
+        let free = (1..10_000).map(|i| PathBuf::from(format!("{file}.old{i}"))).find(|to| !to.exists());
+        let kept = free.map(|to| (resight::formats::write_atomically(Path::new(&to), &bytes), to));
+        match kept {
+            Some((Ok(()), to)) => {
+                self.log.say("reference", &format!("the one before is kept in {}", to.display()))
+            }
+            Some((Err(reason), _)) => {
+                self.log.say("reference", &format!("the one before cannot be kept: {reason}"))
+            }
+            None => self
+                .log
+                .say("reference", &format!("the one before cannot be kept: {file}.old1 to .old9999 exist")),
         }
     }
 

@@ -1,6 +1,7 @@
 //! What every server of this program has in common: whom it answers, where it listens, and how much patience it has.
 
 pub mod access;
+mod patient;
 
 use access::Access;
 use anyhow::{Context, Result, bail};
@@ -8,6 +9,7 @@ use axum::Router;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use patient::Patient;
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,6 +21,8 @@ use tokio::time::{sleep, timeout};
 const CONNECTIONS: usize = 256;
 /// For the head of a request; a connection that is kept open waits as long for the next one.
 const HEAD_PATIENCE: Duration = Duration::from_secs(5);
+/// For the other side to take some of an answer.
+const WRITE_PATIENCE: Duration = Duration::from_secs(20);
 /// After a failure to accept (no more file descriptors): it passes.
 const PAUSE: Duration = Duration::from_millis(100);
 /// A head larger than this is refused, bytes.
@@ -105,14 +109,15 @@ async fn serve(stream: TcpStream, routes: Router, patience: Patience) {
     let service = TowerToHyperService::new(routes);
     // Small answers are wanted at once.
     let _ = stream.set_nodelay(true);
+    let stream = Patient::new(TokioIo::new(stream), WRITE_PATIENCE);
     // Whoever breaks a connection or is too slow needs no telling.
     match patience {
         Patience::OneRequest(limit) => {
-            let connection = builder.keep_alive(false).serve_connection(TokioIo::new(stream), service);
+            let connection = builder.keep_alive(false).serve_connection(stream, service);
             let _ = timeout(limit, connection).await;
         }
         Patience::Kept => {
-            let _ = builder.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
+            let _ = builder.serve_connection(stream, service).with_upgrades().await;
         }
     }
 }

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use resight::core::Pose;
+use resight_watch::board::strip::Stretch;
 use resight_watch::history::export::{Table, export};
 use resight_watch::history::{
     EventRow, FrameRow, History, Measured, NotStored, Recording, Reported, Retention, Selection, Span,
@@ -319,4 +320,46 @@ fn the_judged_tables_are_what_is_written() {
         }
         assert!(std::fs::read(judged.join(name)).expect("the judged table") == written, "{name} differs");
     }
+}
+
+/// Three hours: steady, moved for a minute, and an hour in which nobody watched.
+#[test]
+fn a_stretch_is_told_in_few_parts() {
+    let path = file("strip");
+    let mut store = open(&path);
+    let still = Pose::exp(&nalgebra::Vector6::new(0.2, -0.7, 0.1, 0.3, -0.2, 2.5));
+    let turned = Pose::exp(&nalgebra::Vector6::new(0.0, 0.1, 0.0, 0.0, 0.0, 0.0)).inverse() * still;
+    let pose = |t_s: f64| if t_s < 1800.0 { still } else { turned };
+    let mut all = frames(every(1.0, 0.0, 3600.0).chain(every(1.0, 7200.0, 10_800.0)), "steady", 9);
+    for frame in &mut all {
+        frame.measured =
+            frame.measured.map(|measured| Measured { cam_from_target: pose(frame.t_s), ..measured });
+    }
+    let change = |t_s: f64, state: &'static str| EventRow {
+        t_s: Some(t_s),
+        camera: Some("gate".into()),
+        target: Some("door".into()),
+        kind: "state".into(),
+        state: Some(state),
+        pair: Some(0),
+        detail: "{}".into(),
+    };
+    let events = [change(1.0, "steady"), change(1800.0, "drifted"), change(1860.0, "steady")];
+    store.append(&all, &events).expect("stored");
+    let stretch = Stretch { from_s: 0.0, to_s: 10_800.0, bins: 18 };
+    let read = |camera: &str| {
+        let history = History::open(&path).expect("a history");
+        history.strip(camera, &stretch, &[("door".to_string(), still)]).expect("a strip")
+    };
+    let bins = read("gate");
+    let states: Vec<_> = bins.iter().map(|bin| bin.state).collect();
+    assert_eq!(states[..6], ["steady", "steady", "steady", "drifted", "steady", "steady"].map(Some));
+    assert_eq!(states[7..12], [None; 5], "nobody watched");
+    assert_eq!(states[12..], [Some("steady"); 6]);
+    let rotations: Vec<_> =
+        bins.iter().map(|bin| bin.rotation_rad.map(|r| (r * 1e6).round() / 1e6)).collect();
+    assert_eq!(rotations[..3], [Some(0.0); 3]);
+    assert_eq!(rotations[3..6], [Some(0.1); 3]);
+    assert_eq!(rotations[8], None);
+    assert!(read("yard").iter().all(|bin| bin.state.is_none() && bin.rotation_rad.is_none()));
 }

@@ -107,4 +107,17 @@ pub enum Error {
         /// Which pose, from 0.
         pose: usize,
     },
+    /// A request that contradicts itself, or the files it comes with.
+    #[error("{reason}")]
+    Request {
+        /// What is wrong, and what is needed.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// What is wrong with a request.
+    pub fn request(reason: impl Into<String>) -> Self {
+        Error::Request { reason: reason.into() }
+    }
 }

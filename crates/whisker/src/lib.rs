@@ -41,6 +41,8 @@ pub mod simulate;
 pub mod calibrate;
 pub mod spatial;
 pub mod files;
+pub mod solve;
+pub mod replay;
 
 pub use contact::HubContact;
 pub use error::Error;

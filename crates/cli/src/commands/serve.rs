@@ -3,8 +3,8 @@
 use crate::output::{Outcome, print, remark};
 use anyhow::Result;
 use clap::Args;
-use resight_serve::{ServeConfig, Server, Start};
-use resight_watch::Log;
+use resight_serve::{ServeConfig, Server};
+use resight_watch::{Log, Request};
 use std::path::{Path, PathBuf};
 
 /// Serves photographs, points and watched cameras over HTTP and WebSocket on this machine.
@@ -33,8 +33,8 @@ pub struct Serve {
     allowed_host: Vec<String>,
 }
 
-/// See `Serve`. `start` makes the session of a session file.
-pub fn run(args: &Serve, start: impl Fn(&Path) -> Start) -> Result<Outcome> {
+/// See `Serve`. `session_of` reads a session file.
+pub fn run(args: &Serve, session_of: impl Fn(&Path) -> Result<Request>) -> Result<Outcome> {
     let mut server = Server::bind(&ServeConfig {
         flag: "--listen",
         address: args.listen.clone(),
@@ -42,7 +42,7 @@ pub fn run(args: &Serve, start: impl Fn(&Path) -> Start) -> Result<Outcome> {
         hosts: args.allowed_host.clone(),
     })?;
     if let Some(session) = &args.session {
-        server.watch(start(session), Log::new(remark))?;
+        server.watch(session_of(session)?, Log::new(remark))?;
     }
     let place = server.place();
     if !place.ip().is_loopback() {

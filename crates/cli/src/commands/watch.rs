@@ -27,7 +27,6 @@ use resight_watch::outputs::said::{self, EventText, Verdict};
 use resight_watch::{Ended, Error, Log, Request, signals};
 use rig::RigArgs;
 use sources::SourceArgs;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -215,31 +214,13 @@ fn request(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveCo
     })
 }
 
-/// The session of a session file, its cameras those named excepted from their references: they learn theirs anew, and what was saved of
-/// them before is kept beside.
+/// The session of a session file.
 ///
 /// # Errors
 /// What is wrong with the file.
-pub fn request_of(args: &Watch, anew: &BTreeSet<String>) -> Result<Request> {
-    let (names, mut cameras, config) = parts(args)?;
-    for camera in cameras.iter_mut().filter(|camera| anew.contains(&camera.name)) {
-        camera.targets.iter_mut().for_each(|target| target.reference = None);
-    }
-    let request = request(args, &names, cameras, config)?;
-    for (pair, file) in request.save_references.iter().enumerate() {
-        let (camera, _) = names.of_pair(pair);
-        if let Some(file) = file.as_ref().filter(|_| anew.contains(names.camera(camera))) {
-            keep(Path::new(file))?;
-        }
-    }
-    Ok(request)
-}
-
-/// Copies a file to one of a free name beside it.
-fn keep(file: &Path) -> Result<()> {
-    let Ok(bytes) = std::fs::read(file) else { return Ok(()) }; // None was learned yet.
-    let free = (1..).map(|i| PathBuf::from(format!("{}.old{i}", file.display()))).find(|to| !to.exists());
-    free.map_or(Ok(()), |to| Ok(formats::write_atomically(&to, &bytes)?))
+pub fn request_of(args: &Watch) -> Result<Request> {
+    let (names, cameras, config) = parts(args)?;
+    request(args, &names, cameras, config)
 }
 
 /// A page that shows this session, on a thread of its own.
@@ -250,7 +231,7 @@ fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resig
         token_file: args.serve_token_file.clone(),
         hosts: args.serve_host.clone(),
     })?;
-    let live = Arc::new(resight_serve::Live::new(request, false));
+    let live = Arc::new(resight_serve::Live::new(request));
     live.tap(request);
     server.show(Arc::clone(&live));
     crate::output::remark(&format!("the page of this session is http://{}/", server.place()));

@@ -4,14 +4,12 @@ mod answer;
 mod calibrate;
 mod check;
 mod drift;
-mod prediction;
 mod identify;
 mod input;
 mod picture;
-mod rig;
-mod record;
 mod simulate;
 mod solve;
+mod solving;
 mod stream;
 mod summary;
 

@@ -22,7 +22,7 @@ impl Command {
         let line = line.trim().replace("cargo run --release --", "resight");
         let code = remark.trim().strip_prefix("exit status ").map_or(0, |n| n.trim().parse().unwrap());
         let is_for_tools =
-            ["cargo ", "git ", "./test.sh", "benches/"].iter().any(|tool| line.starts_with(tool));
+            ["cargo ", "pip ", "git ", "./test.sh", "benches/"].iter().any(|tool| line.starts_with(tool));
         (!line.is_empty() && !is_for_tools).then_some(Command { line, code })
     }
 }

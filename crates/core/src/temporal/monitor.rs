@@ -30,7 +30,7 @@ pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Alone, Drift, Rate, rotation_alone};
+pub use drift::{Alone, Drift, Rate, along, rotation_alone};
 pub use priors::MotionKind;
 pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
 pub use test::DriftNoise;

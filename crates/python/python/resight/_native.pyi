@@ -37,10 +37,11 @@ __all__ = [
     "locate_views",
     "main",
     "measure",
+    "panic_on_purpose",
     "pose_graph",
+    "rig_from_columns",
     "rig_from_detections",
     "rig_from_images",
-    "rig_from_rows",
     "rig_pose",
     "schema",
     "solve",
@@ -421,7 +422,7 @@ def solve_lines(
     file: str, camera: Camera | None, sigma_px: float | None, image_size_px: tuple[int, int] | None
 ) -> list[str]: ...
 def table(answers: Sequence[PoseAnswer] | Poses) -> Table:
-    """Answers as a table, one row each: for `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table`, DuckDB.
+    """Answers as a table, one row each: for `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table`.
 
     Columns: view, status, message, n_points; null where there is no pose: rotation_wxyz and translation_m of cam_from_target, covariance (36
     numbers, row by row), probability, rms_px, chi2.
@@ -466,15 +467,28 @@ _Named: TypeAlias = list[tuple[str | None, Any]]
 _Taken: TypeAlias = list[tuple[str, str | None, str | None, Any]]
 
 def rig_from_images(
-    cameras: _Named, targets: _Named, images: _Taken, solving: dict[str, Any], corner_half_px: int | None, progress: Any
+    cameras: _Named,
+    targets: _Named,
+    images: _Taken,
+    solving: dict[str, Any],
+    timestamps: str | None,
+    corner_half_px: int | None,
+    progress: Any,
 ) -> list[str]: ...
 def rig_from_detections(
     cameras: _Named, targets: _Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
-def rig_from_rows(
-    cameras: _Named, targets: _Named, rows: list[tuple[Any, ...]], sigma_px: float | None, solving: dict[str, Any]
+def rig_from_columns(
+    cameras: _Named, targets: _Named, columns: dict[str, Any], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
-def pose_graph(file: str, reference: str | None, joint_covariance: bool) -> list[str]: ...
+def pose_graph(
+    file: str,
+    cameras: _Named,
+    reference: str | None,
+    is_chain: bool,
+    sigmas: tuple[float, float] | None,
+    joint_covariance: bool,
+) -> list[str]: ...
 def intrinsics(
     targets: _Named,
     images: _Taken,
@@ -536,6 +550,7 @@ def advise_boards(
 def compare(before: str, after: str, alpha: float, sigmas: tuple[float, float] | None) -> list[str]: ...
 def measure(scene: str) -> list[str]: ...
 def explain(file: str) -> list[str]: ...
+def panic_on_purpose(on_own_thread: bool) -> None: ...
 def schema() -> str: ...
 def write_atomically(path: str | os.PathLike[str], text: str) -> None: ...
 def main(arguments: list[str]) -> int: ...

@@ -85,7 +85,7 @@ def rig_3d(rig: Answer, axes: Any = None, *, size_m: float | None = None) -> Any
     return axes
 
 
-def residuals(points_m: Any, pixels: Any, answer: PoseAnswer, camera: Camera, axes: Any = None, *, magnification: float = 20.0) -> Any:
+def residuals(points_m: Any, pixels: Any, answer: PoseAnswer, camera: Camera, axes: Any = None, *, magnification: float = 50.0) -> Any:
     """Arrows from pixels (n, 2) to where the answer puts their points (n, 3), magnified; px, y down. The title says how much.
 
     An answer without a pose shows the pixels alone and says why in the title.

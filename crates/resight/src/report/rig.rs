@@ -24,8 +24,9 @@ pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict_se
 
 const STYLE: &str = include_str!("rig/page.css");
 /// One script: the parts share one scope and nothing else on the page.
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
     include_str!("rig/data.js"),
+    include_str!("rig/view.js"),
     include_str!("rig/space.js"),
     include_str!("rig/residuals.js"),
     include_str!("rig/controls.js"),

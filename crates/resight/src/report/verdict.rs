@@ -9,10 +9,10 @@ use crate::core::multiview::tag_map::{DisplacedTag, TargetPose};
 use crate::core::solve::line_plus_one::Weakness;
 use crate::report::words::percent;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Whether an answer may be relied on, and if not, why. Every answer has one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// One pose, and its residual agrees with the stated noise.

@@ -215,14 +215,18 @@ pub(crate) struct Extent {
 /// One target thrown far off must not shrink the rest to a dot: hence 95 %.
 pub(crate) fn extent(run: &RigRun, targets: &[TargetInView]) -> Extent {
     let cameras: Vec<Point> = run.solution.cameras.iter().map(|c| c.cam_from_rig.origin()).collect();
-    let middle = mean(&cameras);
-    let mut places: Vec<Point> = targets.iter().map(|t| t.rig_from_target.translation).collect();
-    places.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
-    places.truncate((places.len() * 95).div_ceil(100));
-    places.extend(&cameras);
+    extent_of(&cameras, targets.iter().map(|t| t.rig_from_target.translation).collect())
+}
+
+/// Of places of cameras and targets, rig frame.
+pub(crate) fn extent_of(cameras: &[Point], mut targets: Vec<Point>) -> Extent {
+    let middle = mean(cameras);
+    targets.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
+    targets.truncate((targets.len() * 95).div_ceil(100));
+    targets.extend(cameras);
     // The middle of the box, not the mean: where most targets were held must not push the cameras out of the image.
-    let centre = middle_of_box(&places);
-    let radius_m = places.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
+    let centre = middle_of_box(&targets);
+    let radius_m = targets.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
     Extent { centre, radius_m: if 1e-6 < radius_m && radius_m.is_finite() { radius_m } else { 1.0 } }
 }
 

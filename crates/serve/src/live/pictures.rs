@@ -1,18 +1,22 @@
-//! Pictures of watched cameras: taken where frames are read, kept until the session has looked at them, encoded aside.
+//! Pictures of watched cameras: taken where frames are read, kept until the session has looked at them, encoded aside. Each is encoded once,
+//! and all pages share its bytes.
 
+use super::small::{message, reduced};
+use axum::body::Bytes;
 use resight::GrayImage;
-use resight::core::{Camera, Target};
+use resight::core::{Camera, Pixel, Target};
 use resight::overlay::ground::target_lines;
 use resight_watch::Request;
 use resight_watch::live::Observation;
 use resight_watch::source::{Content, Next, Source};
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::watch;
+use tokio::sync::{oneshot, watch};
 
 /// Longer side of a picture in the grid of cameras, px, and of the one shown at full size.
 const SMALL_PX: u32 = 640;
@@ -26,151 +30,239 @@ const ENCODING: usize = 4;
 const QUALITY: u8 = 75;
 
 /// A frame as pages get it: length of the header (u32, little end first), header, JPEG.
-pub type Message = Arc<Vec<u8>>;
+pub type Message = Bytes;
 
+/// Which picture of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// In the grid of cameras.
+    Small = 0,
+    /// One camera alone.
+    Large = 1,
+}
+
+/// A frame on its way through the session.
 struct Waiting {
     number: u64,
     size_px: [u32; 2],
-    small: GrayImage,
+    /// Small and large, as far as somebody looks at them.
+    images: [Option<GrayImage>; 2],
+    outlines: Vec<Vec<[f64; 2]>>,
+    residuals: Vec<[f64; 5]>,
+}
+
+/// What a picture is of: it goes before the JPEG of the same frame.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct PictureHeader {
+    /// The camera's name.
+    camera: String,
+    /// Number of the frame.
+    frame: u64,
+    /// When it was taken, seconds of capture.
+    time_s: f64,
+    /// Of the frame itself; the JPEG may be smaller.
+    width_px: u32,
+    height_px: u32,
+    /// Edges of the targets, in pixels of the frame.
+    outline: Vec<Vec<[f64; 2]>>,
+    /// Points with their residuals: column, row, the two parts of the residual, and 1 where it agrees with the pose. Large pictures only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    points: Option<Vec<[f64; 5]>>,
 }
 
 struct Job {
     camera: usize,
-    header: serde_json::Value,
-    image: GrayImage,
+    header: PictureHeader,
+    residuals: Vec<[f64; 5]>,
+    images: [Option<GrayImage>; 2],
+}
+
+#[derive(Default)]
+struct Kept {
+    last: Option<Instant>,
+    waiting: VecDeque<Waiting>,
+    /// Who wants the next frame as it is.
+    wanted: Vec<oneshot::Sender<GrayImage>>,
 }
 
 struct OneCamera {
     name: String,
     camera: Camera,
     targets: Vec<Arc<Target>>,
-    waiting: Mutex<(Option<Instant>, VecDeque<Waiting>)>,
-    /// Pages that show it at full size.
-    large: AtomicUsize,
-    newest: watch::Sender<Option<Message>>,
+    kept: Mutex<Kept>,
+    /// Pages that look at its small and its large picture.
+    lookers: [AtomicUsize; 2],
+    newest: [watch::Sender<Option<Message>>; 2],
 }
 
 /// All cameras' pictures.
 pub struct Pictures {
     cameras: Vec<OneCamera>,
-    /// Pages that look on.
-    lookers: AtomicUsize,
     jobs: Mutex<SyncSender<Job>>,
-    began: Instant,
+    /// Changes with every picture.
+    news: watch::Sender<u64>,
 }
 
 impl Pictures {
     /// Starts the thread that encodes; it ends with the pictures.
     pub fn new(request: &Request) -> Self {
         let cameras: Vec<OneCamera> = request.cameras.iter().map(one_camera).collect();
-        let newest: Vec<watch::Sender<Option<Message>>> = cameras.iter().map(|c| c.newest.clone()).collect();
+        let newest: Vec<_> = cameras.iter().map(|c| c.newest.clone()).collect();
         let (sender, jobs) = sync_channel::<Job>(ENCODING);
+        let news = watch::Sender::new(0);
+        let told = news.clone();
         std::thread::spawn(move || {
             for job in jobs {
-                if let (Some(message), Some(newest)) = (encoded(&job), newest.get(job.camera)) {
-                    newest.send_replace(Some(Arc::new(message)));
+                let Some(newest) = newest.get(job.camera) else { continue };
+                for (size, message) in encoded(job) {
+                    newest[size as usize].send_replace(Some(message));
                 }
+                told.send_modify(|n| *n += 1);
             }
         });
-        Pictures { cameras, lookers: AtomicUsize::new(0), jobs: Mutex::new(sender), began: Instant::now() }
+        Pictures { cameras, jobs: Mutex::new(sender), news }
     }
 
-    /// Seconds since the start.
-    pub fn now_s(&self) -> f64 {
-        self.began.elapsed().as_secs_f64()
+    /// How many cameras there are.
+    pub fn n_cameras(&self) -> usize {
+        self.cameras.len()
     }
 
-    /// The newest picture of each camera.
-    pub fn newest(&self) -> Vec<watch::Receiver<Option<Message>>> {
-        self.cameras.iter().map(|c| c.newest.subscribe()).collect()
+    /// Says that there is a picture, of any camera.
+    pub fn news(&self) -> watch::Receiver<u64> {
+        self.news.subscribe()
     }
 
-    /// One more page looks on, or one less.
-    pub fn look(&self, more: bool) {
+    /// The pictures of a camera from now on; an earlier one is not shown as if it were live.
+    pub fn newest(&self, camera: usize, size: Size) -> Option<watch::Receiver<Option<Message>>> {
+        self.cameras.get(camera).map(|one| one.newest[size as usize].subscribe())
+    }
+
+    /// One more page looks at this picture, or one less.
+    pub fn look(&self, camera: usize, size: Size, more: bool) {
+        let Some(one) = self.cameras.get(camera) else { return };
         match more {
-            true => self.lookers.fetch_add(1, Ordering::Relaxed),
-            false => self.lookers.fetch_sub(1, Ordering::Relaxed),
+            true => one.lookers[size as usize].fetch_add(1, Ordering::Relaxed),
+            false => one.lookers[size as usize].fetch_sub(1, Ordering::Relaxed),
         };
     }
 
-    /// One more page shows this camera at full size, or one less.
-    pub fn enlarge(&self, camera: usize, more: bool) {
-        if let Some(one) = self.cameras.get(camera) {
-            match more {
-                true => one.large.fetch_add(1, Ordering::Relaxed),
-                false => one.large.fetch_sub(1, Ordering::Relaxed),
-            };
-        }
+    /// The next frame of a camera as it is.
+    pub fn frame(&self, camera: usize) -> Option<oneshot::Receiver<GrayImage>> {
+        let one = self.cameras.get(camera)?;
+        let (sender, receiver) = oneshot::channel();
+        let mut kept = one.kept();
+        kept.wanted.retain(|wanted| !wanted.is_closed());
+        kept.wanted.push(sender);
+        Some(receiver)
     }
 
     /// A frame was read: kept small, if anybody looks on and the last was long enough ago.
     fn read(&self, camera: usize, number: u64, image: &GrayImage) {
-        if self.lookers.load(Ordering::Relaxed) == 0 {
-            return;
-        }
         let Some(one) = self.cameras.get(camera) else { return };
-        let now = Instant::now();
+        let wants = [Size::Small, Size::Large].map(|s| 0 < one.lookers[s as usize].load(Ordering::Relaxed));
         {
-            let mut waiting = one.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-            if waiting.0.is_some_and(|last| now.duration_since(last) < APART) {
+            let mut kept = one.kept();
+            for wanted in std::mem::take(&mut kept.wanted) {
+                let _ = wanted.send(image.clone()); // Who asked may have left.
+            }
+            let now = Instant::now();
+            let is_early = kept.last.is_some_and(|last| now.duration_since(last) < APART);
+            if is_early || wants == [false, false] {
                 return;
             }
-            waiting.0 = Some(now);
+            kept.last = Some(now);
         }
-        let limit = if 0 < one.large.load(Ordering::Relaxed) { LARGE_PX } else { SMALL_PX };
-        let small = reduced(image, limit);
-        let kept = Waiting { number, size_px: [image.width_px, image.height_px], small };
-        let mut waiting = one.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        if WAITING <= waiting.1.len() {
-            waiting.1.pop_front();
+        let made = |is_wanted: bool, limit_px| is_wanted.then(|| reduced(image, limit_px));
+        let waiting = Waiting {
+            number,
+            size_px: [image.width_px, image.height_px],
+            images: [made(wants[0], SMALL_PX), made(wants[1], LARGE_PX)],
+            outlines: Vec::new(),
+            residuals: Vec::new(),
+        };
+        let mut kept = one.kept();
+        if WAITING <= kept.waiting.len() {
+            kept.waiting.pop_front();
         }
-        waiting.1.push_back(kept);
+        kept.waiting.push_back(waiting);
     }
 
-    /// The session has looked at a frame: its picture goes out with what was found in it.
+    /// The session has looked at a frame for one target: after the last one its picture goes out with all that was found in it.
     pub fn observed(&self, camera: usize, target: usize, observation: &Observation) {
         let Some(one) = self.cameras.get(camera) else { return };
-        if target + 1 < one.targets.len() && observation.estimate.is_none() {
-            return; // A later target of the same frame may have been seen.
+        let mut kept = one.kept();
+        while kept.waiting.front().is_some_and(|w| w.number < observation.number) {
+            kept.waiting.pop_front();
         }
-        let mut waiting = one.waiting.lock().unwrap_or_else(PoisonError::into_inner);
-        while waiting.1.front().is_some_and(|w| w.number < observation.number) {
-            waiting.1.pop_front();
-        }
-        if waiting.1.front().is_none_or(|w| w.number != observation.number) {
+        let Some(waiting) = kept.waiting.front_mut().filter(|w| w.number == observation.number) else {
+            return;
+        };
+        let (outlines, residuals) = one.overlay(target, observation, waiting.size_px);
+        waiting.outlines.extend(outlines);
+        waiting.residuals.extend(residuals);
+        if target + 1 < one.targets.len() {
             return;
         }
-        let Some(Waiting { size_px, small, .. }) = waiting.1.pop_front() else { return };
-        drop(waiting);
-        let overlay = one.overlay(target, observation, size_px);
-        let header = json!({
-            "camera": one.name, "frame": observation.number, "time_s": observation.capture_s,
-            "width_px": size_px[0], "height_px": size_px[1], "overlay": overlay,
-        });
+        let Some(Waiting { size_px, images, outlines, residuals, .. }) = kept.waiting.pop_front() else {
+            return;
+        };
+        drop(kept);
+        let header = PictureHeader {
+            camera: one.name.clone(),
+            frame: observation.number,
+            time_s: observation.capture_s,
+            width_px: size_px[0],
+            height_px: size_px[1],
+            outline: outlines,
+            points: None,
+        };
         let sender = self.jobs.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let _ = sender.try_send(Job { camera, header, image: small }); // Left out where encoding does not keep up.
+        // Left out where encoding does not keep up.
+        let _ = sender.try_send(Job { camera, header, residuals, images });
     }
 }
 
 impl OneCamera {
-    /// Edges of the target, in pixels of the frame.
-    fn overlay(&self, target: usize, observation: &Observation, [w, h]: [u32; 2]) -> serde_json::Value {
-        let drawn = || {
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Edges of the target, and its points with their residuals, in pixels of the frame.
+    fn overlay(
+        &self,
+        target: usize,
+        observation: &Observation,
+        [w, h]: [u32; 2],
+    ) -> (Vec<Vec<[f64; 2]>>, Vec<[f64; 5]>) {
+        let outline = || {
             let (estimate, target) = (observation.estimate.as_ref()?, self.targets.get(target)?);
             let camera = resight::formats::check_image_size(&self.camera, w, h).ok()?;
             let lines = target_lines(&camera, &estimate.cam_from_target, target);
-            let tenth = |x: f64| (10.0 * x).round() / 10.0;
-            let curve = |line: &Vec<resight::core::Pixel>| -> Vec<[f64; 2]> {
-                // A straight edge of 49 points is sent as seven.
-                let step = (line.len() / 6).max(1);
-                let last = line.len().saturating_sub(1);
-                let kept = line.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last);
-                kept.map(|(_, p)| [tenth(p.x), tenth(p.y)]).collect()
-            };
-            Some(lines.iter().map(curve).collect::<Vec<_>>())
+            Some(lines.iter().map(|line| thinned(line)).collect::<Vec<_>>())
         };
-        json!({ "outline": drawn().unwrap_or_default(), "n_points": observation.n_points })
+        let point = |r: &resight_watch::live::PointResidual| {
+            let ([du, dv], agrees) = (r.residual_px, f64::from(u8::from(r.agrees)));
+            [tenth(r.pixel.x), tenth(r.pixel.y), hundredth(du), hundredth(dv), agrees]
+        };
+        (outline().unwrap_or_default(), observation.residuals.iter().map(point).collect())
     }
+}
+
+/// A straight edge of 49 points is sent as seven.
+fn thinned(line: &[Pixel]) -> Vec<[f64; 2]> {
+    let step = (line.len() / 6).max(1);
+    let last = line.len().saturating_sub(1);
+    let kept = line.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last);
+    kept.map(|(_, p)| [tenth(p.x), tenth(p.y)]).collect()
+}
+
+fn tenth(x: f64) -> f64 {
+    (10.0 * x).round() / 10.0
+}
+
+fn hundredth(x: f64) -> f64 {
+    (100.0 * x).round() / 100.0
 }
 
 fn one_camera(camera: &resight_watch::live::LiveCamera) -> OneCamera {
@@ -178,49 +270,21 @@ fn one_camera(camera: &resight_watch::live::LiveCamera) -> OneCamera {
         name: camera.name.clone(),
         camera: camera.camera.clone(),
         targets: camera.targets.iter().map(|t| Arc::clone(&t.target)).collect(),
-        waiting: Mutex::default(),
-        large: AtomicUsize::new(0),
-        newest: watch::Sender::new(None),
+        kept: Mutex::default(),
+        lookers: Default::default(),
+        newest: [watch::Sender::new(None), watch::Sender::new(None)],
     }
 }
 
-/// Means of squares of pixels, so that the longer side is within the limit.
-fn reduced(image: &GrayImage, limit_px: u32) -> GrayImage {
-    let k = image.width_px.max(image.height_px).div_ceil(limit_px).max(1);
-    if k == 1 {
-        return image.clone();
-    }
-    let (width_px, height_px) = (image.width_px / k, image.height_px / k);
-    let mut data = Vec::with_capacity((width_px * height_px) as usize);
-    let mut sums = vec![0u32; width_px as usize];
-    for v in 0..height_px {
-        sums.fill(0);
-        for row in 0..k {
-            let from = ((v * k + row) * image.width_px) as usize;
-            let pixels = &image.data[from..from + (width_px * k) as usize];
-            for (sum, square) in sums.iter_mut().zip(pixels.chunks_exact(k as usize)) {
-                *sum += square.iter().map(|p| u32::from(*p)).sum::<u32>();
-            }
-        }
-        data.extend(sums.iter().map(|sum| (sum / (k * k)) as u8));
-    }
-    GrayImage { width_px, height_px, data }
-}
-
-fn encoded(job: &Job) -> Option<Vec<u8>> {
-    let header = job.header.to_string();
-    let mut message = u32::try_from(header.len()).ok()?.to_le_bytes().to_vec();
-    message.extend(header.as_bytes());
-    let GrayImage { width_px, height_px, data } = &job.image;
-    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut message, QUALITY);
-    encoder.encode(data, *width_px, *height_px, image::ExtendedColorType::L8).ok()?;
-    Some(message)
-}
-
-/// The JPEG of a message.
-pub fn jpeg(message: &[u8]) -> Option<&[u8]> {
-    let length = u32::from_le_bytes(message.get(..4)?.try_into().ok()?) as usize;
-    message.get(4 + length..)
+/// Residuals go with the large picture only, where they can be seen.
+fn encoded(job: Job) -> Vec<(Size, Message)> {
+    let Job { mut header, residuals, images: [small, large], .. } = job;
+    let small = small.and_then(|image| Some((Size::Small, message(&header, &image, QUALITY)?.into())));
+    let large = large.and_then(|image| {
+        header.points = Some(residuals);
+        Some((Size::Large, message(&header, &image, QUALITY)?.into()))
+    });
+    small.into_iter().chain(large).collect()
 }
 
 /// A source that pages see too.

@@ -1,36 +1,35 @@
-//! The routes of watched cameras: their states, events and pictures over a WebSocket, and what an operator does.
+//! The routes of watched cameras: how they are, and what an operator does.
 
-use super::Live;
-use super::cameras::LiveView;
-use super::pictures::{Message as Picture, jpeg};
+use super::answers::{LiveView, LogLine, ReferenceView, StripView};
+use super::{Live, feed, mjpeg};
 use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
 use crate::photograph::aside;
-use axum::body::{Body, Bytes};
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::body::Bytes;
 use axum::extract::{Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{any, get, post};
+use axum::routing::{get, post};
 use axum::{Json, Router};
-use resight_watch::history::{History, Selection};
+use resight::scene::around::AroundScene;
+use resight_watch::board::strip::Stretch;
+use resight_watch::history::{History, HistoryError, Selection};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::broadcast::error::RecvError;
-use tokio::sync::watch;
-use tokio::time::{interval, timeout};
+use tokio::time::timeout;
 
-/// How often states are sent.
-const STATES: Duration = Duration::from_millis(250);
-/// For a client to take a message.
-const PATIENCE: Duration = Duration::from_secs(20);
 /// Events of a history sent at once.
 const MOST_EVENTS: usize = 5000;
-/// A message of a page.
-const MESSAGE_BYTES: usize = 4096;
+/// Parts of a strip, if nobody says how many, and at most.
+const BINS: usize = 240;
+const MOST_BINS: usize = 1000;
+/// A strip is of a day, if nobody says of how much; seconds.
+const DAY_S: f64 = 86_400.0;
+/// For the next frame of a camera; slow ones give one a minute.
+const FRAME_PATIENCE: Duration = Duration::from_secs(20);
 
 /// Names a camera.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -52,11 +51,32 @@ pub struct HistoryEvent {
     detail: serde_json::Value,
 }
 
-#[derive(Deserialize)]
-struct Selected {
-    camera: String,
+/// A camera and a stretch of time, seconds of capture.
+#[derive(Deserialize, JsonSchema)]
+pub struct Asked {
+    pub(super) camera: String,
     from_s: Option<f64>,
     to_s: Option<f64>,
+    bins: Option<usize>,
+}
+
+impl Asked {
+    /// The stretch, from these times where it does not say others.
+    pub(super) fn stretch(&self, first_s: f64, last_s: f64) -> Stretch {
+        let to_s = self.to_s.unwrap_or(last_s);
+        let from_s = self.from_s.unwrap_or(first_s).min(to_s - 1e-3);
+        Stretch { from_s, to_s, bins: self.bins.unwrap_or(BINS).clamp(1, MOST_BINS) }
+    }
+
+    fn check(&self) -> Result<(), Problem> {
+        let given = [self.from_s, self.to_s];
+        let is_fine = given.iter().flatten().all(|t_s| t_s.is_finite() && t_s.abs() < 1e12);
+        let is_ordered = self.from_s.zip(self.to_s).is_none_or(|(from_s, to_s)| from_s < to_s);
+        match is_fine && is_ordered {
+            true => Ok(()),
+            false => Err(Problem::input("from_s must be before to_s, both seconds of capture.")),
+        }
+    }
 }
 
 /// The routes.
@@ -65,18 +85,22 @@ pub fn routes() -> Router<App> {
         .route("/api/live", get(view))
         .route("/api/live/acknowledge", post(acknowledge))
         .route("/api/live/reset", post(reset))
-        .route("/api/live/reference", post(reference))
+        .route("/api/live/reference", get(references).post(reference))
         .route("/api/live/history", get(history))
-        .route("/cameras.mjpg", get(stream))
-        .route("/ws/live", any(open))
+        .route("/api/live/strip", get(strip))
+        .route("/api/live/scene", get(scene))
+        .route("/api/live/log", get(log))
+        .route("/api/live/frame", get(frame))
+        .merge(mjpeg::routes())
+        .merge(feed::routes())
 }
 
-fn live(app: &App) -> Result<&Arc<Live>, Problem> {
+pub(super) fn live(app: &App) -> Result<&Arc<Live>, Problem> {
     let none = "No cameras are watched; start with a session file: resight serve SESSION.toml.";
     app.live.as_ref().ok_or_else(|| Problem::missing(none))
 }
 
-fn number(live: &Live, camera: &str) -> Result<usize, Problem> {
+pub(super) fn number(live: &Live, camera: &str) -> Result<usize, Problem> {
     live.number(camera).ok_or_else(|| Problem::missing("No camera of this session has that name."))
 }
 
@@ -85,12 +109,8 @@ fn named(headers: &HeaderMap, body: &[u8]) -> Result<Named, Problem> {
     serde_json::from_slice(body).map_err(|reason| Problem::input(format!("Name a camera: {reason}.")))
 }
 
-fn now(live: &Live) -> LiveView {
-    LiveView { has_history: live.history.is_some(), ..live.view() }
-}
-
 async fn view(State(app): State<App>) -> Result<Json<LiveView>, Problem> {
-    Ok(Json(now(live(&app)?)))
+    Ok(Json(live(&app)?.view()))
 }
 
 async fn acknowledge(
@@ -100,13 +120,21 @@ async fn acknowledge(
 ) -> Result<Json<LiveView>, Problem> {
     let (live, asked) = (live(&app)?, named(&headers, &body)?);
     live.acknowledge(number(live, &asked.camera)?);
-    Ok(Json(now(live)))
+    Ok(Json(live.view()))
 }
 
 async fn reset(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<LiveView>, Problem> {
     let (live, asked) = (live(&app)?, named(&headers, &body)?);
     live.reset(number(live, &asked.camera)?);
-    Ok(Json(now(live)))
+    Ok(Json(live.view()))
+}
+
+async fn references(
+    State(app): State<App>,
+    Query(asked): Query<Asked>,
+) -> Result<Json<Vec<ReferenceView>>, Problem> {
+    let live = live(&app)?;
+    Ok(Json(live.references(number(live, &asked.camera)?)))
 }
 
 async fn reference(
@@ -115,22 +143,61 @@ async fn reference(
     body: Bytes,
 ) -> Result<Json<LiveView>, Problem> {
     let (live, asked) = (live(&app)?, named(&headers, &body)?);
-    number(live, &asked.camera)?;
+    let camera = number(live, &asked.camera)?;
     if !asked.confirm {
-        let message = "The reference is learned anew from the frames to come, and the session starts again: confirm it.";
+        let message = "The camera learns where it is from its next frames, and is compared with that from then on: confirm it.";
         return Err(Problem::new(StatusCode::CONFLICT, "confirm", message));
     }
-    live.set_reference(&asked.camera)
-        .map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
-    Ok(Json(now(live)))
+    live.set_reference(camera).map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
+    Ok(Json(live.view()))
+}
+
+async fn scene(State(app): State<App>) -> Result<Json<Vec<AroundScene>>, Problem> {
+    Ok(Json(live(&app)?.scenes()))
+}
+
+async fn log(State(app): State<App>) -> Result<Json<Vec<LogLine>>, Problem> {
+    Ok(Json(LogLine::all(&live(&app)?.board())))
+}
+
+/// The next frame as a PNG: the Photograph tab takes it.
+async fn frame(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Response, Problem> {
+    let live = live(&app)?;
+    let none = || {
+        let message =
+            "The camera gave no picture within 20 s; its source may be detections without pictures.";
+        Problem::new(StatusCode::SERVICE_UNAVAILABLE, "frame", message)
+    };
+    let next = live.pictures.frame(number(live, &asked.camera)?).ok_or_else(none)?;
+    let Ok(Ok(image)) = timeout(FRAME_PATIENCE, next).await else { return Err(none()) };
+    let png = aside(move || image.png()).await?.map_err(|_| Problem::failed())?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], png).into_response())
+}
+
+/// A stretch of time in few parts: from the history file, or from what the session remembers.
+async fn strip(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Json<StripView>, Problem> {
+    let live = live(&app)?;
+    let camera = number(live, &asked.camera)?;
+    asked.check()?;
+    let none = || Problem::missing("Nothing has been seen of this camera yet.");
+    let Some(path) = live.history.clone() else {
+        let (stretch, bins) = live.remembered(camera, &asked).ok_or_else(none)?;
+        return Ok(Json(StripView::new(&stretch, bins, false)));
+    };
+    let (last_s, references) = live.compared(camera);
+    let last_s = asked.to_s.or(last_s).ok_or_else(none)?;
+    let stretch = asked.stretch(last_s - DAY_S, last_s);
+    let read = aside(move || History::open(&path)?.strip(&asked.camera, &stretch, &references));
+    Ok(Json(StripView::new(&stretch, read.await?.map_err(unreadable)?, true)))
 }
 
 async fn history(
     State(app): State<App>,
-    Query(asked): Query<Selected>,
+    Query(asked): Query<Asked>,
 ) -> Result<Json<Vec<HistoryEvent>>, Problem> {
     let live = live(&app)?;
     number(live, &asked.camera)?;
+    asked.check()?;
     let none = "This session writes no history; give it the key `history`.";
     let path = live.history.clone().ok_or_else(|| Problem::missing(none))?;
     let selection = Selection { cameras: vec![asked.camera], from_s: asked.from_s, to_s: asked.to_s };
@@ -142,166 +209,12 @@ async fn history(
             all.push(HistoryEvent { unix_s, t_s, kind, state: event.state, detail });
             all.len() < MOST_EVENTS
         })?;
-        Ok::<_, resight_watch::history::HistoryError>(all)
+        Ok::<_, HistoryError>(all)
     });
-    // Its message names the file, which pages need not know.
-    let unreadable =
-        |_| Problem::new(StatusCode::SERVICE_UNAVAILABLE, "history", "The history cannot be read now.");
     Ok(Json(read.await?.map_err(unreadable)?))
 }
 
-/// Counts a page that looks on, however it leaves.
-struct Looker(Arc<Live>, Option<usize>);
-
-impl Looker {
-    fn new(live: Arc<Live>) -> Self {
-        live.pictures.look(true);
-        Looker(live, None)
-    }
-
-    fn show(&mut self, camera: Option<usize>) {
-        if let Some(old) = std::mem::replace(&mut self.1, camera) {
-            self.0.pictures.enlarge(old, false);
-        }
-        if let Some(new) = camera {
-            self.0.pictures.enlarge(new, true);
-        }
-    }
-}
-
-impl Drop for Looker {
-    fn drop(&mut self) {
-        self.show(None);
-        self.0.pictures.look(false);
-    }
-}
-
-/// A camera as motion JPEG, for dashboards.
-async fn stream(State(app): State<App>, Query(asked): Query<Selected>) -> Result<Response, Problem> {
-    let live = Arc::clone(live(&app)?);
-    let camera = number(&live, &asked.camera)?;
-    let newest = live.pictures.newest().swap_remove(camera);
-    let looker = Looker::new(live);
-    let parts = parts(newest, looker);
-    let media_type = "multipart/x-mixed-replace; boundary=frame";
-    Ok(([(header::CONTENT_TYPE, media_type)], Body::from_stream(parts)).into_response())
-}
-
-/// Part after part; a slow reader gets the newest when it is ready.
-fn parts(newest: watch::Receiver<Option<Picture>>, looker: Looker) -> Parts {
-    let (sender, receiver) = tokio::sync::mpsc::channel::<Bytes>(1);
-    tokio::spawn(async move {
-        let (mut newest, _looker) = (newest, looker);
-        loop {
-            tokio::select! {
-                changed = newest.changed() => if changed.is_err() { return },
-                () = sender.closed() => return,
-            }
-            let picture = newest.borrow_and_update().clone();
-            let Some(jpeg) = picture.as_deref().and_then(|p| jpeg(p)) else { continue };
-            let mut part =
-                format!("--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len())
-                    .into_bytes();
-            part.extend(jpeg);
-            part.extend(b"\r\n");
-            if !matches!(timeout(PATIENCE, sender.send(part.into())).await, Ok(Ok(()))) {
-                return;
-            }
-        }
-    });
-    Parts(receiver)
-}
-
-struct Parts(tokio::sync::mpsc::Receiver<Bytes>);
-
-impl futures_core::Stream for Parts {
-    type Item = std::io::Result<Bytes>;
-
-    fn poll_next(
-        mut self: std::pin::Pin<&mut Self>,
-        context: &mut std::task::Context<'_>,
-    ) -> std::task::Poll<Option<Self::Item>> {
-        self.0.poll_recv(context).map(|part| part.map(Ok))
-    }
-}
-
-async fn open(State(app): State<App>, upgrade: WebSocketUpgrade) -> Result<Response, Problem> {
-    let live = Arc::clone(live(&app)?);
-    let upgrade = upgrade.max_message_size(MESSAGE_BYTES).protocols(["resight"]);
-    Ok(upgrade.on_upgrade(move |socket| show(socket, live)))
-}
-
-/// What a page says.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Said {
-    #[serde(default)]
-    ack: Option<u64>,
-    #[serde(default, deserialize_with = "given")]
-    show: Option<Option<String>>,
-}
-
-/// `null` is something else than nothing.
-fn given<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Option<String>>, D::Error> {
-    Option::deserialize(deserializer).map(Some)
-}
-
-/// Until the page leaves: states four times a second, events as they come, and one picture after each acknowledgement.
-async fn show(mut socket: WebSocket, live: Arc<Live>) {
-    let mut looker = Looker::new(Arc::clone(&live));
-    let (mut events, mut newest) = (live.events.subscribe(), live.pictures.newest());
-    let (mut tick, mut next, mut free) = (interval(STATES), 0, true);
-    loop {
-        let message = tokio::select! {
-            said = socket.recv() => {
-                let Some(Ok(said)) = said else { return };
-                match said {
-                    Message::Close(_) => return,
-                    Message::Text(text) => heard(&text, &live, &mut looker, &mut free),
-                    _ => {}
-                }
-                continue;
-            }
-            event = events.recv() => match event {
-                Ok(text) => Message::Text(text.to_string().into()),
-                Err(RecvError::Lagged(_)) => continue,
-                Err(RecvError::Closed) => return,
-            },
-            _ = tick.tick() => match serde_json::to_string(&serde_json::json!({ "live": now(&live) })) {
-                Ok(text) => Message::Text(text.into()),
-                Err(_) => return,
-            },
-            picture = any_new(&mut newest, next), if free => {
-                let (camera, picture) = picture;
-                (next, free) = (camera + 1, false);
-                Message::Binary(picture.to_vec().into())
-            }
-        };
-        if !matches!(timeout(PATIENCE, socket.send(message)).await, Ok(Ok(()))) {
-            return;
-        }
-    }
-}
-
-fn heard(text: &str, live: &Live, looker: &mut Looker, free: &mut bool) {
-    let Ok(Said { ack, show }) = serde_json::from_str(text) else { return };
-    *free |= ack.is_some();
-    if let Some(camera) = show {
-        looker.show(camera.and_then(|name| live.number(&name)));
-    }
-}
-
-/// The newest picture that was not sent yet, cameras in turn.
-async fn any_new(newest: &mut [watch::Receiver<Option<Picture>>], first: usize) -> (usize, Picture) {
-    let n = newest.len();
-    loop {
-        for camera in (0..n).map(|i| (first + i) % n) {
-            if newest[camera].has_changed().unwrap_or(false)
-                && let Some(picture) = newest[camera].borrow_and_update().clone()
-            {
-                return (camera, picture);
-            }
-        }
-        tokio::time::sleep(Duration::from_millis(10)).await;
-    }
+/// Its message names the file, which pages need not know.
+fn unreadable(_: HistoryError) -> Problem {
+    Problem::new(StatusCode::SERVICE_UNAVAILABLE, "history", "The history cannot be read now.")
 }

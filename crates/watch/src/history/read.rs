@@ -117,7 +117,11 @@ impl History {
         self.reported(self.try_events(selection, kinds, &mut take))
     }
 
-    fn reported<T>(&self, result: rusqlite::Result<T>) -> Result<T, HistoryError> {
+    pub(super) fn connection(&self) -> &Connection {
+        &self.connection
+    }
+
+    pub(super) fn reported<T>(&self, result: rusqlite::Result<T>) -> Result<T, HistoryError> {
         result.map_err(|e| HistoryError::of(&self.path, &e))
     }
 

@@ -108,6 +108,12 @@ impl CameraWatcher {
         is_any
     }
 
+    /// Forgets what it compares with, and learns where the camera is from the next frame on.
+    pub(super) fn learn_anew(&mut self) {
+        self.pairs.iter_mut().for_each(Pair::learn_anew);
+        self.landmarks.iter_mut().for_each(LandmarkWatch::learn_anew);
+    }
+
     /// An earlier session took in all up to then.
     pub(super) fn resume(&mut self, last_s: f64) {
         self.resumed_s = Some(last_s);

@@ -300,6 +300,10 @@ fn clock_words(step_s: f64) -> String {
 pub const WORDS: [&str; 7] =
     ["learning", "steady", "checking", "drifted", "stale", "inconsistent", "tracking"];
 
+/// The same, the gravest last.
+pub const BY_SEVERITY: [&str; 7] =
+    ["steady", "tracking", "learning", "stale", "checking", "inconsistent", "drifted"];
+
 /// The word of the JSON.
 pub fn word(state: &State) -> &'static str {
     match state {

@@ -1,22 +1,20 @@
 //! The session drawn in the terminal. A thread of its own draws a copy, ten times a second at most, and reads the keys; taking an event
 //! only changes numbers.
 
-mod board;
+mod bars;
 mod details;
 mod keys;
 mod picture;
 mod panel;
-mod statistics;
 mod table;
 mod terminal;
-mod trail;
 mod view;
 
 use super::super::log::{Line, Log, now_unix_s};
 use super::{Output, Session};
+use crate::board::{Board, Instants};
 use crate::live::Event;
 use anyhow::{Context, Result, anyhow};
-use board::{Board, Instants};
 use keys::{Pressed, View};
 use picture::Picture;
 use ratatui::crossterm::event;
@@ -66,7 +64,7 @@ struct Shared {
 pub(super) fn open(config: TuiConfig, session: &Session<'_>) -> Result<Box<dyn Output>> {
     let screen = Screen::open(config.has_json)?;
     let shared = Shared {
-        board: Arc::new(Mutex::new(Board::new(session, config.window))),
+        board: Arc::new(Mutex::new(Board::new(session.names, &session.references, config.window))),
         log: session.log.clone(),
         stop: Arc::clone(session.stop),
         is_closing: Arc::new(AtomicBool::new(false)),

@@ -3,7 +3,7 @@
 use super::answer;
 use super::drift::{self, AgainstArgs, Compared, ComparedObject};
 use super::input::{self, WhiskerArgs};
-use super::record::{MethodArg, parse_mu};
+use super::solving::{MethodArg, parse_mu};
 use crate::output::{Outcome, print};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};

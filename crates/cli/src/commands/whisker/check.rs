@@ -2,12 +2,13 @@
 
 use super::answer;
 use super::input::{self, ReadingArgs};
-use super::record::{self, SolvingArgs};
+use super::solving::SolvingArgs;
 use crate::output::{Outcome, print};
 use anyhow::{Result, anyhow, bail};
 use clap::Args;
 use resight_whisker::files::score::{Comparison, Group, Score, compare};
 use resight_whisker::files::{ContactRow, contacts, truth};
+use resight_whisker::solve;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -58,7 +59,7 @@ fn rows(args: &Check) -> Result<Vec<ContactRow>> {
         (false, Some(whisker)) => {
             let file = input::whisker_file(whisker, &args.readings)?;
             let readings = input::readings(&args.measured, file.conventions)?;
-            Ok(record::solve(&file, &readings, None, &args.solving)?.rows)
+            Ok(solve::solve(&file, &readings, None, &(&args.solving).into())?.rows)
         }
         (false, None) => Err(anyhow!(
             "{}: no contacts (there is no column `status`); to solve hub readings give --whisker META.json",

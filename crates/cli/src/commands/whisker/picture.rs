@@ -1,6 +1,5 @@
 //! Images: the sweeps with whisker shapes and hub path; the contacts with their ellipses and the outline.
 
-use super::record::Solved;
 use anyhow::{Result, anyhow, bail};
 use nalgebra::Vector2;
 use resight::drawing::chart::Chart;
@@ -12,6 +11,7 @@ use resight_whisker::contact::bent::shape_in_hub;
 use resight_whisker::estimate::{Mode, Status};
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::RowStatus;
+use resight_whisker::solve::Solved;
 use resight_whisker::{Rod, Sample, Shape};
 use std::path::{Path, PathBuf};
 

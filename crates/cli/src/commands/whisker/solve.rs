@@ -1,8 +1,7 @@
 //! `whisker solve`: the contact of every reading of a record.
 
 use super::input::{self, WhiskerArgs};
-use super::record::{self, Solved, SolvingArgs};
-use super::rig::SIX_AXES;
+use super::solving::SolvingArgs;
 use super::summary::RecordObject;
 use super::{answer, picture, summary};
 use crate::output::{Outcome, print};
@@ -10,6 +9,8 @@ use anyhow::{Result, bail};
 use clap::Args;
 use resight::formats::write_atomically;
 use resight_whisker::files::contacts::{self, ContactObject};
+use resight_whisker::solve::rig::SIX_AXES;
+use resight_whisker::solve::{self, Solved};
 use std::path::{Path, PathBuf};
 
 /// The contact of every reading of a record, with its covariance and a verdict.
@@ -51,7 +52,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let readings = input::readings(&args.hub, file.conventions)?;
     let object = args.object.as_deref().map(input::object).transpose()?;
     let tare = args.tare.as_deref().map(|path| input::tare(path, &file)).transpose()?;
-    let solved = record::solve(&file, &readings, tare.as_ref(), &args.solving)?;
+    let solved = solve::solve(&file, &readings, tare.as_ref(), &(&args.solving).into())?;
     let is_in_space = readings.iter().any(|row| row.out_of_plane.is_some());
     if is_in_space && args.picture.is_some() {
         bail!("--picture shows the plane; {SIX_AXES}");

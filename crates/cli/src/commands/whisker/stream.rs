@@ -1,9 +1,7 @@
 //! `whisker stream`: one line in, one line out, before the next arrives.
 
 use super::input::{self, WhiskerArgs};
-use super::prediction::{self, WINDOW_READINGS};
-use super::record::{MethodArg, parse_mu};
-use super::rig::{Rig, SIX_AXES};
+use super::solving::{MethodArg, parse_mu};
 use super::{answer, summary};
 use crate::output::{Outcome, print};
 use anyhow::{Context, Result, bail};
@@ -16,6 +14,8 @@ use resight_whisker::files::hub::Conventions;
 use resight_whisker::files::line::is_silent;
 use resight_whisker::files::{ContactRow, HubFormat, HubRow, TextError};
 use resight_whisker::friction::{Mu, Online};
+use resight_whisker::solve::prediction::{self, WINDOW_READINGS};
+use resight_whisker::solve::rig::{Rig, SIX_AXES};
 use resight_whisker::sweep;
 use resight_whisker::sweep::fixed_lag::{FixedLag, Settled};
 use resight_whisker::{ContactEstimate, Sample};
@@ -205,7 +205,7 @@ impl<'a> Answering<'a> {
         if self.args.lag.is_some() || self.args.predict {
             bail!("stdin: line {line}: --lag and --predict follow a contact in the plane; {SIX_AXES}");
         }
-        self.rig.row_in_space(reading)
+        Ok(self.rig.row_in_space(reading)?)
     }
 
     /// With --predict: hub steps until slip-off, and their standard deviation.

@@ -1,11 +1,11 @@
 //! A record in a few lines, and as one JSON object.
 
-use super::prediction::{self, ForecastObject};
-use super::record::Solved;
 use resight::report::verdict::Status;
 use resight_whisker::estimate::Status as Contact;
 use resight_whisker::files::ContactRow;
 use resight_whisker::files::contacts::{RowStatus, mode_name};
+use resight_whisker::solve::Solved;
+use resight_whisker::solve::prediction::{self, ForecastObject};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -68,11 +68,7 @@ impl Drift {
         if is_rivalled || is_left || explained(axis) < RIVALLED {
             return None;
         }
-        Some(Alone {
-            axis,
-            size: score[axis] / weight[(axis, axis)],
-            sigma: weight[(axis, axis)].sqrt().recip(),
-        })
+        along(&self.old_from_new, &self.covariance, axis)
     }
 
     /// Whether it goes beyond what the configuration tolerates. A rotation and a shift look much alike, and neither estimate is ever zero:
@@ -122,6 +118,14 @@ impl Rate {
         let is_likely = PURE_ROTATION_PROBABILITY < chance;
         if is_likely { rotation_alone(&self.per_s, &self.covariance) } else { None }
     }
+}
+
+/// What a small motion `[rotation_rad; translation_m]` is about or along one of its six axes, were the other five zero: docs/math/monitor.md
+/// eq. (49). None where the covariance is not positive definite.
+pub fn along(motion: &Vector6, covariance: &Matrix6, axis: usize) -> Option<Alone> {
+    let weight = covariance.cholesky()?.inverse();
+    let of_axis = weight[(axis, axis)];
+    Some(Alone { axis, size: (weight.row(axis) * motion)[0] / of_axis, sigma: of_axis.sqrt().recip() })
 }
 
 /// The rotation of a small motion `[rotation_rad; translation_m]`, radians about x, y, z, and its covariance, were its shift zero:

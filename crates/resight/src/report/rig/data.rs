@@ -1,8 +1,8 @@
 //! What the script draws from, as JSON in the page.
 
+use super::Drawn;
 use super::pieces::number;
 use super::residuals::{self, Packed};
-use super::{Drawn, space};
 use crate::core::{Point, Pose};
 use crate::scene::geometry;
 
@@ -28,12 +28,9 @@ pub(super) fn json(drawn: &Drawn, packed: &Packed) -> String {
     let extent = numbers(drawn.extent.centre.iter().copied().chain([drawn.extent.radius_m]), 6);
     format!(
         "<script type=\"application/json\" id=\"rig-data\">{{\"cameras\":{cameras},\"targets\":{targets},\"views\":{views},\"placed\":{placed},\
-         \"placed_one_in\":{one_in},\"observations\":{observations},\"extent\":{extent},\"depth_m\":{},\"eye\":[{},{},{}],\
+         \"placed_one_in\":{one_in},\"observations\":{observations},\"extent\":{extent},\"depth_m\":{},\
          \"ellipse_magnification\":{},\"residual_magnification\":{},\"residuals\":\"{}\"}}</script>",
         number(geometry::pyramid_depth_m(&drawn.extent), 6),
-        space::YAW_RAD,
-        space::PITCH_RAD,
-        space::DISTANCE,
         drawn.ellipse_magnification,
         residuals::first_magnification(run),
         packed.base64,

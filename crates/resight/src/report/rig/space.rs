@@ -12,11 +12,11 @@ const SIZE: [f64; 2] = [960.0, 560.0];
 const MOST_TARGETS: usize = 60;
 /// Corners of an ellipse drawn as a line.
 const ROUND: usize = 32;
-/// From behind the cameras' right shoulder; `space.js` starts there too.
-pub(super) const YAW_RAD: f64 = 0.6;
-pub(super) const PITCH_RAD: f64 = 0.45;
+/// From behind the cameras' right shoulder; `view.js` starts there too.
+const YAW_RAD: f64 = 0.6;
+const PITCH_RAD: f64 = 0.45;
 /// Distance of the eye in reaches of the scene, and the part of the image's half height that the reach fills.
-pub(super) const DISTANCE: f64 = 3.2;
+const DISTANCE: f64 = 3.2;
 const FILLED: f64 = 1.3;
 
 pub(super) fn viewpoint(drawn: &Drawn) -> Viewpoint {

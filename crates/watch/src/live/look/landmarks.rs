@@ -100,6 +100,12 @@ impl LandmarkWatch {
         }
     }
 
+    /// The camera was put somewhere else on purpose: a later image is the reference, also where one was given.
+    pub fn learn_anew(&mut self) {
+        self.settings = None;
+        self.begin_anew();
+    }
+
     /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0. `has_moved` says whether a
     /// target may be elsewhere than it was: then the image is no reference.
     pub fn stand_in(

@@ -4,13 +4,14 @@ use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{CheckingReason, LiveConfig, Observation, Promise, State, Watched};
+use crate::live::{CheckingReason, LiveConfig, Observation, PointResidual, Promise, State, Watched};
 use crate::source::{Content, Frame};
 use resight::GrayImage;
 use resight::detect::follow::Follower;
 use resight::locate::IntrinsicsCovariance;
 use resight_core::correspondence::Detection;
 use resight_core::locate::consistency::Consistency;
+use resight_core::locate::refine::residual_px;
 use resight_core::locate::{Config, PoseEstimate};
 use resight_core::multiview::tag_map::locate_target;
 use resight_core::temporal::monitor::learn::{LEAST_READINGS, learn, unsettled};
@@ -154,6 +155,14 @@ impl Pair {
         PairRecord { target: self.name.clone(), settings: self.settings.clone(), tracker, stage }
     }
 
+    /// Forgets what it compares with, and learns where the camera is from the next reading on. Who has no reference has none to forget.
+    pub fn learn_anew(&mut self) {
+        if matches!(self.stage, Stage::Starting(_) | Stage::Learning(_) | Stage::Watching(_)) {
+            self.stage = Stage::Learning(Vec::new());
+            self.disagreement.end();
+        }
+    }
+
     /// Goes on where another session stopped: false where that had nothing of this target.
     ///
     /// # Errors
@@ -280,6 +289,7 @@ impl Pair {
         observation.times.solve_us = micros(started);
         let started = Instant::now();
         observation.estimate = Some(estimate);
+        observation.residuals = residuals(&estimate, &points, lens);
         if let (Some(_), Stage::Following { last_s, is_seen }) = (&self.config.rig, &mut self.stage) {
             (*last_s, *is_seen) = (Some(frame.capture_s), true);
             (observation.seen, observation.lens) = (points, Some(Box::new(lens.clone())));
@@ -425,6 +435,19 @@ fn is_fault(
 
 /// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.
 const UNLIKELY: f64 = 16.8;
+
+/// χ² of two numbers that one point in a hundred exceeds.
+const ODD: f64 = 9.21;
+
+/// How each point differs from the pose; those behind the lens model's edge are left out.
+fn residuals(estimate: &PoseEstimate, points: &[Correspondence], lens: &Camera) -> Vec<PointResidual> {
+    let residual = |c: &Correspondence| {
+        let px = residual_px(&estimate.cam_from_target, c, lens)?;
+        let agrees = px.norm_squared() <= ODD * c.sigma_px * c.sigma_px;
+        Some(PointResidual { pixel: c.pixel, residual_px: px.into(), agrees })
+    };
+    points.iter().filter_map(residual).collect()
+}
 
 /// All minima of a frame: time chooses among them.
 fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {

@@ -80,7 +80,7 @@ impl Pairs {
         match event {
             Event::StateChanged { camera, target, t_s, state } => {
                 let index = self.index(camera, target);
-                self.pairs[index].state = Some(state);
+                self.pairs[index].is_now(state);
                 self.weighed(t_s, false)
             }
             Event::Observed { camera, target, observation } => {
@@ -273,6 +273,14 @@ impl Pair {
     /// Whether a drift is one against the target, or one that landmarks found while it was not seen.
     fn is_of_target(&self, drift: &Drift) -> bool {
         self.began_s() == Some(drift.began_s)
+    }
+
+    /// Who learns anew has nothing to compare with.
+    fn is_now(&mut self, state: State) {
+        if matches!(state, State::Learning { .. }) {
+            (self.reference, self.monitor) = (None, None);
+        }
+        self.state = Some(state);
     }
 
     fn push(&mut self, observation: &Observation, config: &MonitorConfig) {

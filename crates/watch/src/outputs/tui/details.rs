@@ -1,9 +1,9 @@
 //! Everything about the last frame of the chosen camera.
 
-use super::board::PairBoard;
 use super::panel;
 use super::picture::Picture;
 use super::table::ms;
+use crate::board::pair::PairBoard;
 use crate::live::Observation;
 use nalgebra::{Matrix6, Vector3};
 use ratatui::Frame;

@@ -1,9 +1,9 @@
 //! The chosen camera: its state in words, times, scatter, and the rotation through time.
 
-use super::board::PairBoard;
+use super::bars::bars;
 use super::picture::{Picture, duration};
-use super::statistics::Rolling;
-use super::trail::bars;
+use crate::board::pair::PairBoard;
+use crate::board::statistics::Rolling;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Color;

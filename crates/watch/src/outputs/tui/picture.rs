@@ -1,8 +1,8 @@
 //! All that the view draws: the numbers, the words and the colours of the states.
 
 use super::super::super::log::Line as EventText;
-use super::board::{Board, Instants};
 use super::keys::View;
+use crate::board::{Board, Instants};
 use crate::live::State;
 use ratatui::style::{Color, Style};
 

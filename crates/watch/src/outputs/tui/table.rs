@@ -1,7 +1,7 @@
 //! One line for each camera, or pair of camera and target.
 
+use super::bars::bars;
 use super::picture::Picture;
-use super::trail::bars;
 use crate::live::State;
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Rect};

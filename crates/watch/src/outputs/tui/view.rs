@@ -124,7 +124,8 @@ fn keys(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
 
 /// What happened and what the session said, in order of time; the newest at the bottom.
 fn log(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
-    let mut all: Vec<&EventText> = picture.board.reported.iter().chain(picture.lines).collect();
+    let mut all: Vec<&EventText> =
+        picture.board.reported.iter().map(|reported| &reported.line).chain(picture.lines).collect();
     all.sort_by(|a, b| a.unix_s.total_cmp(&b.unix_s));
     let first = all.len().saturating_sub(usize::from(area.height));
     let line = |said: &&EventText| {

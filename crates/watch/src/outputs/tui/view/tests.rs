@@ -1,11 +1,11 @@
 //! Images of a session whose events are made up, beside golden ones. `RESIGHT_BLESS=1` writes those anew; read the difference.
 
 use super::*;
+use crate::board::{Board, Instants};
 use crate::live::{CheckingReason, Event, Observation, StageTimes, State};
 use crate::log::Log;
 use crate::names::Names;
 use crate::outputs::Session;
-use crate::outputs::tui::board::{Board, Instants};
 use crate::outputs::tui::keys::View;
 use nalgebra::{Matrix6, Vector6};
 use ratatui::Terminal;
@@ -123,7 +123,7 @@ impl Made {
             stop: &stop,
             is_once: false,
         };
-        let board = Board::new(&session, 100);
+        let board = Board::new(session.names, &session.references, 100);
         Made { board, log, now: Instants { up_s: 3600.0, unix_s: 45_000.0 } }
     }
 

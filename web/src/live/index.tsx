@@ -1,0 +1,71 @@
+// The tab Live: all cameras, one of them at full size, all of them in space, or their points.
+import "./live.css";
+import { useSignal } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import { Note } from "../parts/status";
+import { liveTexts as texts } from "../texts/live";
+import { Camera } from "./camera";
+import { Grid } from "./grid";
+import { PointTable } from "./points";
+import { Space } from "./space";
+import { LiveStore } from "./store";
+
+export function Live() {
+  const [store, set] = useState<LiveStore | null>(null);
+  useEffect(() => {
+    const made = new LiveStore();
+    set(made);
+    return () => made.close();
+  }, []);
+  if (!store) return null;
+  const { link, view } = store;
+  if (link.value === "no session") return <NoSession />;
+  if (!view.value) return <div class="nothing" role="status"><p>{link.value === "gone" ? texts.gone : texts.connecting}</p></div>;
+  return <Session store={store} />;
+}
+
+function NoSession() {
+  return (
+    <div class="nothing">
+      <h1>{texts.noSession}</h1>
+      <p>{texts.noSessionHow}</p>
+      <p><code>{texts.noSessionCommand}</code></p>
+      <p class="quiet">{texts.noSessionMake}</p>
+      <p><code>{texts.noSessionServe}</code></p>
+    </div>
+  );
+}
+
+type Shown = "cameras" | "space" | "points";
+const SHOWN: Shown[] = ["cameras", "space", "points"];
+const NAMES: Record<Shown, string> = { cameras: texts.cameras, space: texts.space, points: texts.points };
+
+function Session({ store }: { store: LiveStore }) {
+  const shown = useSignal<Shown>("cameras");
+  const chosen = store.view.value!.cameras.find((camera) => camera.name === store.chosen.value);
+  if (chosen) return <><Notices store={store} /><Camera key={chosen.name} camera={chosen} store={store} /></>;
+  return (
+    <div class="live">
+      <Notices store={store} />
+      <div class="row views" role="group" aria-label={texts.title}>
+        {SHOWN.map((name) => (
+          <button key={name} aria-pressed={shown.value === name} onClick={() => (shown.value = name)}>{NAMES[name]}</button>
+        ))}
+      </div>
+      {shown.value === "cameras" && <Grid store={store} />}
+      {shown.value === "space" && <Space store={store} />}
+      {shown.value === "points" && <PointTable store={store} />}
+    </div>
+  );
+}
+
+/** Why what is shown may not be so. */
+function Notices({ store }: { store: LiveStore }) {
+  const { failed, is_over: isOver } = store.view.value!;
+  return (
+    <div class="notices">
+      {!store.isNow.value && store.link.value !== "connecting" && <Note tone="bad" live>{texts.gone}</Note>}
+      {failed ? <Note tone="bad" live>{texts.failed} {failed}</Note> : isOver && <Note tone="grey" live>{texts.over}</Note>}
+    </div>
+  );
+}

@@ -1,0 +1,9 @@
+// The page: one element, four tabs.
+import "./style/tokens.css";
+import "./style/base.css";
+import "./style/parts.css";
+import "./style/photograph.css";
+import { render } from "preact";
+import { Shell } from "./shell";
+
+render(<Shell />, document.getElementById("app")!);

@@ -1,0 +1,231 @@
+// What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next.
+import { colours } from "../parts/theme";
+import { drawLoupe } from "../parts/loupe";
+import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
+import {
+  aim, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
+} from "./store";
+
+type Context = CanvasRenderingContext2D;
+
+// On photographs, of any theme: bright lines with a dark rim.
+const GRID = "#7fd6ff";
+const GHOST = "#ffb03b";
+const MARK = "#ff6a5e";
+const MEASURE = "#ffe36b";
+const RIM = "rgb(0 0 0 / 55%)";
+const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" };
+const FONT = '600 14px system-ui, "DejaVu Sans", sans-serif';
+
+/** Draws everything; every signal that it reads draws it again. */
+export function draw(context: Context, state: ViewportState) {
+  const t = state.transform.value;
+  const now = view.value;
+  if (!now?.photo || !picture.value) return;
+  context.lineJoin = "round";
+  context.lineCap = "round";
+  context.globalAlpha = now.is_old ? 0.45 : 1;
+  const overlay = now.overlay;
+  if (overlay) {
+    lines(context, t, overlay.grid, GRID, 1.2);
+    if (overlay.ghost) ghost(context, t, overlay.ghost);
+    lines(context, t, overlay.horizon, GRID, 1, [2, 6]);
+    lines(context, t, overlay.ellipses, MARK, 1);
+    for (const axis of overlay.axes) {
+      lines(context, t, [axis.points], AXES[axis.name] ?? GRID, 3.5);
+      const end = axis.points.at(-1);
+      if (end) label(context, axis.name, toScreen(t, end), AXES[axis.name] ?? GRID, 6, -8);
+    }
+  }
+  context.globalAlpha = 1;
+  if (now.advice && tool.value === "marks" && !moved.value) advice(context, toScreen(t, [now.advice.u_px, now.advice.v_px]));
+  measurements(context, t);
+  distances(context, t);
+  allMarks(context, t);
+  values(context, t);
+  underway(context, t);
+  proposal(context, t);
+  loupe(context, t, state);
+}
+
+function path(context: Context, t: Transform, curve: readonly (readonly number[])[]) {
+  curve.forEach((at, i) => {
+    const [x, y] = toScreen(t, at as unknown as Point);
+    if (i) context.lineTo(x, y);
+    else context.moveTo(x, y);
+  });
+}
+
+function lines(context: Context, t: Transform, curves: readonly (readonly (readonly number[])[])[], colour: string, width: number, dash: number[] = []) {
+  context.beginPath();
+  curves.forEach((curve) => path(context, t, curve));
+  context.setLineDash(dash);
+  context.strokeStyle = RIM;
+  context.lineWidth = width + 1.6;
+  context.stroke();
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+/** The second pose's grid: thinner, and without a rim. */
+function ghost(context: Context, t: Transform, curves: number[][][]) {
+  context.beginPath();
+  curves.forEach((curve) => path(context, t, curve));
+  context.setLineDash([5, 6]);
+  context.strokeStyle = GHOST;
+  context.lineWidth = 1.2;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function label(context: Context, text: string, [x, y]: Point, colour: string, dx = 12, dy = -12) {
+  context.font = FONT;
+  context.lineWidth = 4;
+  context.strokeStyle = "rgb(0 0 0 / 80%)";
+  context.strokeText(text, x + dx, y + dy);
+  context.fillStyle = colour;
+  context.fillText(text, x + dx, y + dy);
+}
+
+/** A sentence on a dark plate, so that it is read on any photograph. */
+function plate(context: Context, text: string, [x, y]: Point, colour: string) {
+  context.font = FONT;
+  const width = context.measureText(text).width;
+  context.fillStyle = "rgb(15 18 22 / 82%)";
+  context.beginPath();
+  context.roundRect(x - width / 2 - 7, y - 12, width + 14, 24, 5);
+  context.fill();
+  context.fillStyle = colour;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillText(text, x, y + 1);
+  context.textAlign = "start";
+  context.textBaseline = "alphabetic";
+}
+
+function ring(context: Context, [x, y]: Point, radius: number, colour: string, width = 2) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.strokeStyle = RIM;
+  context.lineWidth = width + 2;
+  context.stroke();
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.stroke();
+}
+
+function cross(context: Context, [x, y]: Point, inner: number, outer: number, colour: string) {
+  context.beginPath();
+  for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]] as const) {
+    context.moveTo(x + inner * dx, y + inner * dy);
+    context.lineTo(x + outer * dx, y + outer * dy);
+  }
+  context.strokeStyle = RIM;
+  context.lineWidth = 3.5;
+  context.stroke();
+  context.strokeStyle = colour;
+  context.lineWidth = 1.5;
+  context.stroke();
+}
+
+/** Boards have hundreds of points: beyond so many they are small and without names. */
+const MANY = 24;
+
+function allMarks(context: Context, t: Transform) {
+  const many = MANY < marks.value.length;
+  for (const mark of marks.value) {
+    const at = toScreen(t, mark.at);
+    const isSelected = sameHandle(selected.value, { kind: "mark", name: mark.name });
+    if (many && !isSelected && !mark.is_worst) {
+      ring(context, at, 3, MARK, 1.5);
+      continue;
+    }
+    const colour = isSelected ? "#ffffff" : MARK;
+    ring(context, at, isSelected ? 11 : 9, colour, isSelected ? 2.5 : 2);
+    cross(context, at, 2, 7, colour);
+    if (mark.is_worst) ring(context, at, 15, colours.value.bad, 2);
+    const off = mark.is_worst && mark.residual_px != null ? ` ${mark.residual_px.toFixed(1)} px` : "";
+    label(context, mark.name + off, at, "#ffffff", 14, -10);
+  }
+}
+
+function distances(context: Context, t: Transform) {
+  const now = view.value!;
+  if (tool.value !== "marks") return;
+  const at = (name: string) => marks.value.find((mark) => mark.name === name)?.at;
+  const typed = now.distances.map((d) => [at(d.a), at(d.b)] as const);
+  const curves = typed.filter(([a, b]) => a && b).map(([a, b]) => [a!, b!]);
+  lines(context, t, curves, "#ffffff", 1.5, [1, 5]);
+}
+
+function measurements(context: Context, t: Transform) {
+  for (const m of measured.value) {
+    const closed = m.what === "area" ? [...m.points, m.points[0]!] : m.points;
+    if (m.what === "area") {
+      context.beginPath();
+      path(context, t, closed);
+      context.fillStyle = "rgb(255 227 107 / 18%)";
+      context.fill();
+    }
+    lines(context, t, [closed], MEASURE, 2.5);
+    m.points.forEach((point, index) => {
+      const isSelected = sameHandle(selected.value, { kind: "measurement", name: m.name, index });
+      ring(context, toScreen(t, point), isSelected ? 8 : 5, isSelected ? "#ffffff" : MEASURE);
+    });
+  }
+}
+
+/** What was measured, with its interval, over everything else. */
+function values(context: Context, t: Transform) {
+  for (const m of measured.value) plate(context, m.error ? "–" : m.words, plateOf(m, t), MEASURE);
+}
+
+/** Where the value of a measurement is written. */
+export function plateOf(m: { what: string; points: Point[] }, t: Transform): Point {
+  const [x, y] = middle(m.points.map((point) => toScreen(t, point)));
+  return m.what === "position" ? [x, y + 26] : [x, y];
+}
+
+function middle(points: Point[]): Point {
+  const n = points.length;
+  return [points.reduce((sum, [x]) => sum + x, 0) / n, points.reduce((sum, [, y]) => sum + y, 0) / n];
+}
+
+function advice(context: Context, at: Point) {
+  context.setLineDash([4, 4]);
+  ring(context, at, 12, "#7dff9b", 2);
+  context.setLineDash([]);
+  cross(context, at, 0, 5, "#7dff9b");
+}
+
+/** A measurement that is not complete, up to the pointer, and where the next mark would go. */
+function underway(context: Context, t: Transform) {
+  const at = aim.value;
+  if (pending.value.length) {
+    lines(context, t, [at ? [...pending.value, at] : pending.value], MEASURE, 2, [6, 4]);
+    pending.value.forEach((point) => ring(context, toScreen(t, point), 5, MEASURE));
+  }
+  if (at && !moved.value && nextMark.value) cross(context, toScreen(t, at), 3, 10, MARK);
+  if (at && !moved.value && nextMark.value) label(context, nextMark.value, toScreen(t, at), "#ffffff", 14, -10);
+}
+
+function proposal(context: Context, t: Transform) {
+  const one = snapped.value;
+  if (!one) return;
+  const to: Point = [one.found.u_px, one.found.v_px];
+  const from = placeOf(one.handle);
+  if (from) lines(context, t, [[from, to]], "#7dff9b", 2);
+  ring(context, toScreen(t, to), 9, "#7dff9b", 2);
+  cross(context, toScreen(t, to), 2, 14, "#7dff9b");
+}
+
+/** While a point is placed: around the hand, or around where a selected point is moved by keys. */
+function loupe(context: Context, t: Transform, state: ViewportState) {
+  const hand = moved.value;
+  const isPlacing = !hand && (nextMark.value || tool.value !== "marks");
+  const at = hand ? hand.at : isPlacing ? aim.value : null;
+  if (!at || !picture.value) return;
+  drawLoupe(context, picture.value, t, at, toScreen(t, at), state.size.value, hand ? "#ffffff" : MARK);
+}

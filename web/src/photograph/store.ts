@@ -1,0 +1,337 @@
+// What the tab knows: the session's view as the program last gave it, and what the person is about to do.
+import { batch, computed, signal } from "@preact/signals";
+import type { Command, MeasuredKind, Snapped, SnapTo, View } from "../api/types";
+import { decodePicture, type Picture } from "../parts/picture";
+import { type Point, ViewportState, toPicture } from "../parts/transform";
+import { Problem, transport } from "../transport";
+import { photographTexts as texts } from "../texts/photograph";
+import { Link } from "./link";
+
+export interface StepError {
+  step: string;
+  text: string;
+}
+
+/** A point that can be moved: a mark, or one of a measurement. */
+export type Handle = { kind: "mark"; name: string } | { kind: "measurement"; name: string; index: number };
+export type Tool = "marks" | MeasuredKind;
+
+export const session = signal<string | null>(null);
+export const photo = signal(0);
+export const view = signal<View | null>(null);
+export const error = signal<StepError | null>(null);
+export const busy = signal<string | null>(null);
+export const picture = signal<Picture | null>(null);
+export const selected = signal<Handle | null>(null);
+/** Where the dragged point is now: it moves at once, the answer follows. */
+export const moved = signal<{ handle: Handle; at: Point } | null>(null);
+export const tool = signal<Tool>("marks");
+/** Whether a click adds a further mark beyond those that the template needs. */
+export const addsMark = signal(false);
+/** Points of a measurement that is not complete yet. */
+export const pending = signal<Point[]>([]);
+export const hovered = signal<Point | null>(null);
+/** Whether the last thing done was done by keys: the middle of the view is then the pointer. */
+export const byKeys = signal(false);
+export const snapTo = signal<SnapTo | null>(null);
+export const snapped = signal<{ handle: Handle; found: Snapped } | null>(null);
+export const showsBirdseye = signal(false);
+export const showsKeys = signal(false);
+export const viewport = new ViewportState();
+
+let link: Link | null = null;
+let pictureOf = "";
+
+export function sameHandle(a: Handle | null, b: Handle | null): boolean {
+  return !!a && !!b && a.kind === b.kind && a.name === b.name && (a.kind === "mark" || a.index === (b as typeof a).index);
+}
+
+/** What is drawn of a mark. */
+export interface Mark {
+  name: string;
+  at: Point;
+  residual_px: number | null;
+  is_worst: boolean;
+}
+
+/** Marks as they are drawn: the dragged one where the hand has it, and the one just placed, before the answer is there. */
+export const marks = computed((): Mark[] => {
+  const hand = moved.value?.handle.kind === "mark" ? moved.value : null;
+  const all = (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_worst }): Mark => ({
+    name,
+    at: hand?.handle.name === name ? hand.at : [u_px, v_px],
+    residual_px: residual_px ?? null,
+    is_worst,
+  }));
+  const isNew = hand && !all.some((mark) => mark.name === hand.handle.name);
+  return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_worst: false }] : all;
+});
+
+/** Measurements of the photograph, likewise. */
+export const measured = computed(() => (view.value?.measurements ?? []).filter((m) => m.photo === photo.value).map((m) => {
+  const hand = moved.value?.handle;
+  const points = m.points.map((point, index): Point =>
+    hand?.kind === "measurement" && hand.name === m.name && hand.index === index ? moved.value!.at : (point as [number, number]));
+  return { ...m, points };
+}));
+
+/** Where a click or Enter would place something: the pointer, or the middle of the view. */
+export const aim = computed((): Point | null => {
+  if (hovered.value || !byKeys.value) return hovered.value;
+  const { width, height } = viewport.size.value;
+  return toPicture(viewport.transform.value, [width / 2, height / 2]);
+});
+
+const NEEDED = { line_and_post: 4, four_points: 4, rectangle: 4, target: 0, own: 3 };
+
+/** The name that the next click gives, where it adds a mark. */
+export const nextMark = computed((): string | null => {
+  const now = view.value;
+  if (!now?.photo || tool.value !== "marks") return null;
+  const names = marks.value.map((mark) => mark.name);
+  const elsewhere = now.names_elsewhere.find((name) => !names.includes(name));
+  if (elsewhere) return elsewhere;
+  if (!addsMark.value && NEEDED[now.template] <= names.length) return null;
+  return freeName(names);
+});
+
+/** A, B, … Z, A1, … */
+function freeName(taken: string[]): string {
+  for (let i = 0; ; i++) {
+    const name = String.fromCharCode(65 + (i % 26)) + (i < 26 ? "" : Math.floor(i / 26));
+    if (!taken.includes(name)) return name;
+  }
+}
+
+export const needsMarks = computed(() => (view.value ? NEEDED[view.value.template] : 4));
+
+function took(next: View) {
+  batch(() => {
+    view.value = next;
+    photo.value = next.photo_index;
+    error.value = next.error ?? null;
+    const handle = selected.value;
+    const isThere = !handle || (handle.kind === "mark"
+      ? next.points.some((point) => point.name === handle.name)
+      : next.measurements.some((m) => m.name === handle.name && handle.index < m.points.length));
+    if (!isThere) selected.value = null;
+  });
+  remember();
+  void showPicture(next);
+}
+
+function failed(step: string, problem: unknown) {
+  error.value = { step, text: problem instanceof Error ? problem.message : String(problem) };
+}
+
+/** Applies a command; answers the view, or null where it was overtaken or failed. */
+export async function apply(command: Command, step = "marks"): Promise<View | null> {
+  if (!link) return null;
+  try {
+    const next = await link.send(photo.value, command);
+    if (next) {
+      took(next);
+      if (link.isIdle && !isHeld) moved.value = null;
+    }
+    return next;
+  } catch (problem) {
+    moved.value = null;
+    failed(problem instanceof Problem && problem.kind === "not_found" ? "photograph" : step, problem);
+    return null;
+  }
+}
+
+let isHeld = false;
+
+/** Moves a point while it is held (`drag`), or puts it where it stays. */
+export function move(handle: Handle, at: Point, drag: boolean): Promise<View | null> {
+  const shown = view.value?.photo;
+  if (!shown) return Promise.resolve(null);
+  const inside = (x: number, n: number) => Math.max(-0.5, Math.min(n - 0.5, x));
+  const [u_px, v_px] = [inside(at[0], shown.width_px), inside(at[1], shown.height_px)];
+  isHeld = drag;
+  batch(() => {
+    moved.value = { handle, at: [u_px, v_px] };
+    snapped.value = null;
+  });
+  return apply(handle.kind === "mark"
+    ? { kind: "put_point", name: handle.name, u_px, v_px, drag }
+    : { kind: "move_measurement", name: handle.name, index: handle.index, u_px, v_px, drag }, handle.kind === "mark" ? "marks" : "measure");
+}
+
+/** Where a handle is. */
+export function placeOf(handle: Handle): Point | null {
+  if (handle.kind === "mark") return marks.value.find((mark) => mark.name === handle.name)?.at ?? null;
+  return measured.value.find((m) => m.name === handle.name)?.points[handle.index] ?? null;
+}
+
+/** Asks what a point would snap to; it is shown, and done only when accepted. */
+export async function proposeSnap(handle: Handle) {
+  const at = placeOf(handle);
+  if (!at || !snapTo.value) return;
+  const next = await apply({ kind: "snap", u_px: at[0], v_px: at[1], to: snapTo.value });
+  snapped.value = next?.snap ? { handle, found: next.snap } : null;
+}
+
+export async function acceptSnap() {
+  const proposal = snapped.value;
+  if (!proposal) return;
+  snapped.value = null;
+  const { u_px, v_px, sigma_px } = proposal.found;
+  const { handle } = proposal;
+  if (handle.kind === "mark") await apply({ kind: "put_point", name: handle.name, u_px, v_px, sigma_px });
+  else await move(handle, [u_px, v_px], false);
+}
+
+/** Adds the point of a click to the measurement under way, and the measurement when it is complete. */
+export async function addMeasured(at: Point, ends = false) {
+  const what = tool.value;
+  if (what === "marks") return;
+  const points = ends ? pending.value : [...pending.value, at];
+  const needed = { length: 2, height: 2, position: 1, polyline: Infinity, area: Infinity }[what];
+  pending.value = points;
+  const isComplete = needed <= points.length || (ends && (what === "area" ? 3 : 2) <= points.length);
+  if (!isComplete) return;
+  pending.value = [];
+  const name = freeMeasurement(what);
+  await apply({ kind: "add_measurement", name, what, points: points.map(([u, v]) => [u, v]) }, "measure");
+  selected.value = { kind: "measurement", name, index: points.length - 1 };
+}
+
+function freeMeasurement(what: MeasuredKind): string {
+  const taken = new Set(view.value?.measurements.map((m) => m.name));
+  for (let i = 1; ; i++) {
+    const name = `${texts.kinds[what].toLowerCase()} ${i}`;
+    if (!taken.has(name)) return name;
+  }
+}
+
+async function showPicture(next: View) {
+  const shown = next.photo;
+  const key = shown ? `${session.value} ${next.photo_index} ${shown.name} ${shown.width_px}×${shown.height_px}` : "";
+  if (key === pictureOf) return;
+  pictureOf = key;
+  if (!shown || !session.value) {
+    picture.value = null;
+    return;
+  }
+  try {
+    const decoded = await decodePicture(await transport.photograph(session.value, next.photo_index));
+    if (pictureOf !== key) return;
+    viewport.show(decoded.width, decoded.height, decoded.turns);
+    picture.value = decoded;
+  } catch (problem) {
+    failed("photograph", problem);
+  }
+}
+
+// What is open survives a reload of the page: the session itself is the program's.
+const KEPT = "resight session";
+
+function remember() {
+  if (session.value) sessionStorage.setItem(KEPT, JSON.stringify({ session: session.value, photo: photo.value }));
+  else sessionStorage.removeItem(KEPT);
+}
+
+function use(id: string, next: View) {
+  link?.close();
+  link = new Link(id);
+  pictureOf = "";
+  batch(() => {
+    session.value = id;
+    selected.value = null;
+    pending.value = [];
+    snapped.value = null;
+    moved.value = null;
+    tool.value = "marks";
+    addsMark.value = false;
+    took(next);
+  });
+}
+
+/** Opens a session: empty, the example, or a saved one. What is open stays where that fails. */
+export async function open(what: { example?: boolean; load?: string } = {}): Promise<boolean> {
+  busy.value = texts.opening;
+  try {
+    const opened = await transport.open(what);
+    use(opened.session, opened.view);
+    return true;
+  } catch (problem) {
+    failed("photograph", problem);
+    return false;
+  } finally {
+    busy.value = null;
+  }
+}
+
+/** The session that was open before the page was loaded again. */
+export async function resume() {
+  const kept = sessionStorage.getItem(KEPT);
+  if (!kept || session.value) return;
+  busy.value = texts.opening;
+  try {
+    const { session: id, photo: number } = JSON.parse(kept);
+    use(id, await transport.view(id, number));
+  } catch (problem) {
+    sessionStorage.removeItem(KEPT);
+    failed("photograph", problem);
+  } finally {
+    busy.value = null;
+  }
+}
+
+/** Adds a photograph to the session, or begins one with it. */
+export async function addPhotograph(file: File) {
+  if (!session.value && !(await open())) return;
+  busy.value = texts.sending(file.name, 0);
+  try {
+    took(await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share))));
+  } catch (problem) {
+    failed("photograph", problem);
+  } finally {
+    busy.value = null;
+  }
+}
+
+/** The next frame of a watched camera as a photograph. */
+export async function takeFrame(camera: string) {
+  busy.value = texts.waitingFor(camera);
+  try {
+    const { blob } = await transport.file("/api/live/frame", { camera });
+    await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" }));
+  } catch (problem) {
+    failed("photograph", problem);
+  } finally {
+    busy.value = null;
+  }
+}
+
+export async function showPhoto(number: number) {
+  if (!session.value) return;
+  try {
+    took(await transport.view(session.value, number));
+  } catch (problem) {
+    failed("photograph", problem);
+  }
+}
+
+/** Files from anywhere: photographs, a saved session, a camera file. */
+export async function takeFiles(files: File[]) {
+  for (const file of files) {
+    if (/\.(png|jpe?g)$/i.test(file.name) || file.type.startsWith("image/")) await addPhotograph(file);
+    else await takeText(file);
+  }
+}
+
+async function takeText(file: File) {
+  if (TEXT_BYTES < file.size) return failed("photograph", texts.tooLargeText(file.name));
+  const text = await file.text();
+  if (/^\[session\]/m.test(text)) await open({ load: text });
+  else if (view.value?.photo) await apply({ kind: "set_lens", lens: { by: "file", name: file.name, text } }, "lens");
+  else failed("photograph", texts.noUse(file.name));
+}
+
+/** Saved sessions hold their photographs. */
+const TEXT_BYTES = 256 << 20;
+
+export { failed };
