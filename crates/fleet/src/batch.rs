@@ -4,7 +4,7 @@ use crate::FleetError;
 use crate::answers::{Answers, NUMBERS, upper_triangle};
 use crate::arrays::{names, numbers};
 use crate::assemble::Assembler;
-use crate::cameras::UNKNOWN;
+use crate::cameras::{Cameras, UNKNOWN};
 use crate::columns::{Column, Columns, is_of_points, slices};
 use crate::layout::{Layout, PointColumns};
 use crate::solve::{Numbers, Solver, ViewColumns};
@@ -70,10 +70,7 @@ fn solve_views(columns: &[Column], rows: usize, layout: &Layout, solver: &Solver
         Column::Names { names, rows } => (names.clone(), rows.to_vec()),
         _ => (Vec::new(), vec![UNKNOWN; rows]),
     };
-    let number_of: Vec<u32> =
-        names.iter().map(|name| solver.cameras.number(name).unwrap_or(UNKNOWN)).collect();
-    let numbered: Vec<u32> =
-        camera.iter().map(|name| number_of.get(*name as usize).copied().unwrap_or(UNKNOWN)).collect();
+    let numbered = numbered(&names, &camera, &solver.cameras);
     let time_s = match layout.time {
         Some(column) => columns[column].numbers().to_vec(),
         None => vec![f64::NAN; rows],
@@ -98,6 +95,12 @@ fn solve_views(columns: &[Column], rows: usize, layout: &Layout, solver: &Solver
     };
     let view = layout.view.map(|column| columns[column].array(rows));
     SolvedRows { names, camera, time_s, view, answers }
+}
+
+/// Numbers of the cameras in their table, row by row.
+fn numbered(names: &[String], rows: &[u32], cameras: &Cameras) -> Vec<u32> {
+    let number_of: Vec<u32> = names.iter().map(|name| cameras.number(name).unwrap_or(UNKNOWN)).collect();
+    rows.iter().map(|name| number_of.get(*name as usize).copied().unwrap_or(UNKNOWN)).collect()
 }
 
 fn listed<'a>(column: &'a Column) -> Numbers<'a> {

@@ -23,7 +23,13 @@ def session(engine, master):
         server = SparkConnectServer("127.0.0.1", 0)
         server.start(background=True)
         _, port = server.listening_address
-        return SparkSession.builder.remote(f"sc://127.0.0.1:{port}").getOrCreate(), server.stop
+        made = SparkSession.builder.remote(f"sc://127.0.0.1:{port}").getOrCreate()
+
+        def stop():
+            made.stop()
+            os._exit(0)  # `server.stop()` waits for ever for clients of its own process.
+
+        return made, stop
     builder = SparkSession.builder.master(master).appName("resight tests")
     for key, value in {
         "spark.ui.enabled": "false", "spark.driver.host": "127.0.0.1", "spark.driver.bindAddress": "127.0.0.1", "spark.driver.memory": "600m",
