@@ -28,11 +28,46 @@ export type Agreement = {
   truncation: number;
 };
 
+/** An alarm that waits. */
+export type AlarmView = {
+  /** Seconds since 1970. */
+  unix_s: number;
+  words: string;
+};
+
+/** What may have moved instead. */
+export type Alternatives = string[] | string[][];
+
 export type AmbiguityObject = {
-  delta_chi2?: number | null;
-  other?: OtherObject | null;
-  ratio?: number | null;
+  delta_chi2: number | null;
+  other: OtherObject | null;
+  ratio: number | null;
   verdict: string;
+};
+
+/** Whether another pose fits as well. */
+export type AmbiguityView = {
+  is_ambiguous: boolean;
+  /** Probability of the pose. */
+  probability: number;
+  /** Error of the second pose by that of this one; none where there is none. */
+  ratio: number | null;
+};
+
+/** What a viewer draws, metres, frame of the target. */
+export type AroundScene = {
+  /** Length of the target's axes and depth of the fields of view, chosen for the eye. */
+  axis_m: number;
+  cameras: DrawnCamera[];
+  centre_m: [number, number, number];
+  /** By which viewers multiply the ellipsoids: 1, 2 or 5 times a power of ten. */
+  ellipsoid_magnification: number;
+  /** Hull of a flat target, a closed line; none of others. */
+  outline_m: ([number, number, number])[];
+  points_m: ([number, number, number])[];
+  radius_m: number;
+  /** Name of the target. */
+  target: string;
 };
 
 /** One axis of the frame. */
@@ -43,53 +78,72 @@ export type AxisLine = {
   points: ([number, number])[];
 };
 
+/** A motion about or along one axis. */
+export type AxisObject = {
+  /** `tilt`, `pan`, `roll`, `x`, `y`, `range`. */
+  name: string;
+  /** About the axis. */
+  rotation_rad?: number | null;
+  /** Its standard deviation. */
+  sigma_m?: number | null;
+  /** Its standard deviation. */
+  sigma_rad?: number | null;
+  /** Along the axis. */
+  translation_m?: number | null;
+};
+
+/** A part of a stretch. */
+export type BinView = {
+  from_s: number;
+  /** How far the camera was rotated from its reference. */
+  rotation_rad: number | null;
+  /** The gravest state in it; none where nothing was watched. */
+  state: string | null;
+};
+
 /** A bird's-eye view. */
 export type BirdseyeView = {
   /** Changes when the image would. */
   version: number;
 };
 
-/** How a camera is. */
+/** How a camera is; numbers of poses are against its gravest target. */
 export type CameraView = {
-  /** Seconds since the last frame was looked at. */
-  age_s?: number | null;
-  /** Changes of state: seconds of capture and the word. */
-  changes: ([number, string])[];
-  /** Whether its source is connected and has not ended. */
-  connected: boolean;
-  decide_ms: number;
-  detect_ms: number;
-  /** Frames dropped and left out. */
+  /** Seconds since the last frame. */
+  age_s: number | null;
+  /** A motion that nobody has acknowledged. */
+  alarm: AlarmView | null;
+  ambiguity: AmbiguityView | null;
   dropped: number;
-  /** Frames a second, over the last 300. */
-  fps?: number | null;
-  /** An alarm that nobody has acknowledged. */
-  is_alarm: boolean;
-  /** Whether two poses fit the last frame. */
-  is_ambiguous: boolean;
+  /** Frames a second. */
+  fps: number | null;
+  has_ended: boolean;
+  /** Whether the last frame is no longer ago than a few frames are apart, and the source is there. What is not fresh is not live. */
+  is_fresh: boolean;
   left_out: number;
-  /** Standard deviation over the frames since Reset, at most 300. */
-  measured_sigma_m?: [number, number, number] | null;
-  n_measured: number;
-  /** Points in the last frame, and why there is no pose. */
+  /** Why the source gives nothing. */
+  lost: string | null;
+  n_agree: number | null;
+  /** Points in the last frame, and those that agree with its pose. */
   n_points: number;
   name: string;
-  no_pose?: string | null;
-  /** `[rotation_rad; translation_m]` of a motion, camera axes; the way back is its negative. */
-  old_from_new?: [number, number, number, number, number, number] | null;
+  /** Why the last frame has no pose. */
+  no_pose: string | null;
+  /** Points found and points that agree in the last frames, oldest first; −1 where there is no pose. */
+  points: ([number, number])[];
   /** Where the camera was in the last frame, frame of the target. */
-  position_m?: [number, number, number] | null;
-  /** Why not. */
-  reason?: string | null;
-  rms_px?: number | null;
-  /** 1σ of that by the pose's covariance. */
-  sigma_m?: [number, number, number] | null;
-  solve_ms: number;
-  /** `learning`, `steady`, `checking`, `drifted`, `stale`, `inconsistent` or `tracking`, of the worst target; none before the first frame. */
-  state?: string | null;
-  /** Mean times over the last 300 frames. */
-  waited_ms: number;
-  /** In a sentence, with what puts the camera back. */
+  pose: PoseView | null;
+  rms_px: number | null;
+  /** How far the poses of the last frames scatter, at most 300 since Reset. */
+  spread: SpreadView;
+  /** Of the last 300 frames. */
+  stages: StageView[];
+  /** `learning`, `steady`, `checking`, `drifted`, `stale`, `inconsistent` or `tracking`, of the gravest target; none before the first frame. */
+  state: string | null;
+  target: string | null;
+  /** What puts a camera back that moved: it shrinks as the camera is put back. */
+  way_back: WayBackView | null;
+  /** In a sentence. */
   words: string;
 };
 
@@ -108,6 +162,7 @@ export type Command = {
   kind: "put_point";
   /** Its name: the same one in each photograph. */
   name: string;
+  /** Standard deviation of u and v where it snapped to something; none where placed by hand. */
   sigma_px?: number | null;
   /** Column. */
   u_px: number;
@@ -211,6 +266,49 @@ export type Command = {
   kind: "show";
 };
 
+/** Errors that neighbouring readings share. */
+export type CorrelatedObject = {
+  /** Over a reading's own noise. */
+  sigma_ratio: number;
+  /** Their time constant. */
+  time_s: number;
+};
+
+/** What of the object was touched. */
+export type CoverageObject = {
+  /** Corners that the whisker rotated about: x and y, metres. */
+  corners_seen_m: ([number, number])[];
+  /** Faces that the whisker lay on. */
+  faces_seen: number;
+  /** Arcs inside that range without a contact: from, to, radians. */
+  gaps_rad: ([number, number])[];
+  /** Contacts not used: their status, their uncertainty, or outliers. */
+  gated: number;
+  /** Directions of outward normals seen between clamp and tip: from, to, counter-clockwise from the world's x axis, radians. */
+  normals_range_rad: [number, number] | null;
+  /** Contacts at the tip among those used. */
+  tip_contacts: number;
+  /** Contacts used. */
+  used: number;
+};
+
+/** A reference. */
+export type DatedPose = {
+  pose: PoseView;
+  /** When it was learned, seconds since 1970; none where a file gave it. */
+  unix_s: number | null;
+};
+
+/** A motion that is found nine times in ten. */
+export type DetectableObject = {
+  /** About each axis. */
+  rotation_rad: [number, number, number];
+  /** Along each axis. */
+  translation_m: [number, number, number];
+  /** In this time. */
+  within_s: number;
+};
+
 /** A distance. */
 export type DistanceView = {
   /** One end. */
@@ -218,11 +316,25 @@ export type DistanceView = {
   /** The other. */
   b: string;
   /** What it is by the places of its ends. */
-  computed_m?: number | null;
+  computed_m: number | null;
   /** As typed. */
   distance_m: number;
   /** Its standard deviation. */
   sigma_m: number;
+};
+
+/** One camera. */
+export type DrawnCamera = {
+  /** The border of its image, through the lens, a closed line; none where the camera has no image size. */
+  border_m: ([number, number, number])[];
+  /** Half axes of the ellipsoid that contains 95 % of its position, not magnified, the longest first. */
+  half_axes_m: ([number, number, number])[];
+  /** It is where the camera was by its reference, not where it is. */
+  is_reference: boolean;
+  name: string;
+  position_m: [number, number, number];
+  /** Standard deviations of that, along the axes of the target. */
+  sigma_m: [number, number, number];
 };
 
 /** The object around it. */
@@ -248,6 +360,108 @@ export type EstimatedFocal = {
   sigma_px: number;
 };
 
+/** One event. `event` says what happened, and with it which other keys there are. */
+export type EventObject = {
+  /** What may have moved instead. */
+  alternatives?: Alternatives | null;
+  /** The one axis that explains the motion. */
+  axis?: AxisObject | null;
+  /** When it began. */
+  began_s?: number;
+  /** The standard deviation of that time. */
+  began_sigma_s?: number;
+  /** Of `frame` and `learned`: where the camera is, or is from now on held to be. */
+  cam_from_target?: TransformObject | null;
+  /** The camera's name. */
+  camera?: string | null;
+  /** Of `source`: whether there are frames again. */
+  connected?: boolean | null;
+  /** `step` or `ramp`. */
+  course?: string;
+  /** Probability that it is that one. */
+  course_probability?: number;
+  /** 6×6. */
+  covariance?: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
+  /** Of `learned`: the motion that is found nine times in ten. */
+  detectable?: DetectableObject | null;
+  /** `frame`, `state`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
+  event: string;
+  /** Of the state `stale`: for how long. */
+  for_s?: number | null;
+  /** Of `dropped` and `left_out`: how many. */
+  frames?: number | null;
+  /** Of `moved_while_learning`: `step`, `ramp`, `wander`. */
+  how?: string | null;
+  /** Whether most landmarks agree. */
+  is_consistent?: boolean;
+  /** A sentence. */
+  message?: string | null;
+  /** Of `moved`: how. */
+  motions?: NodeMotionObject[] | null;
+  /** Of `moved` and `verdict`: the cameras and targets that moved. */
+  moved?: string[] | null;
+  /** Of `verdict`: whether the camera moved while its reference was learned; absent where it did not. */
+  moved_while_learning?: boolean | null;
+  /** Landmarks that the camera should see. */
+  n_in_view?: number;
+  /** Landmarks that agree. */
+  n_landmarks?: number;
+  /** Landmarks found again. */
+  n_matched?: number;
+  /** Points found. */
+  n_points?: number;
+  /** Its name. */
+  name?: string;
+  /** See `readings`. */
+  needed?: number | null;
+  /** Of `learned`: the noise of the readings. */
+  noise?: NoiseObject | null;
+  /** Its number. */
+  number?: number;
+  /** `[rotation_rad; translation_m]` of the camera in its old frame. */
+  old_from_new?: [number, number, number, number, number, number];
+  /** Of the pose, among all that fit. */
+  probability?: number | null;
+  /** The rotation alone, where that explains the motion. */
+  pure_rotation_rad?: [number, number, number] | null;
+  /** Its standard deviations. */
+  pure_rotation_sigma_rad?: [number, number, number] | null;
+  /** Its covariance. */
+  rate_covariance?: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]] | null;
+  /** `[rad/s; m/s]` of a ramp. */
+  rate_per_s?: [number, number, number, number, number, number] | null;
+  /** Of `moved_while_learning`: the number of the reading. */
+  reading?: number | null;
+  /** Of the state `learning`: readings so far and needed. */
+  readings?: number | null;
+  /** Of the state `checking`: `correlated_errors` or `different`; of `source`: why it was lost. */
+  reason?: string | null;
+  /** Of the landmarks that agree. */
+  rms_px?: number;
+  /** Their covariance. */
+  rotation_covariance_rad2?: [[number, number, number], [number, number, number], [number, number, number]];
+  /** Rotation vector of old_from_new, camera frame. */
+  rotation_rad?: [number, number, number];
+  /** The number of the JSON schema. */
+  schema: 2;
+  /** How far the image has shifted, columns and rows, where the rotation does not explain it all. */
+  shift_px?: [number, number] | null;
+  /** Its standard deviations. */
+  shift_sigma_px?: [number, number] | null;
+  /** Standard deviations of its components. */
+  sigma_rad?: [number, number, number];
+  /** Of `state` and `verdict`: `learning`, `steady`, `checking`, `drifted`, `stale`, `inconsistent`, `tracking`. */
+  state?: string | null;
+  /** Of `clock`: by how much the clock of the frames was set. */
+  step_s?: number | null;
+  /** When, in the time of the frames. */
+  t_s?: number | null;
+  /** The target's name. */
+  target?: string | null;
+  /** How long it waited and was worked on. */
+  times_us?: TimesObject;
+};
+
 /** One number of the answer. */
 export type Figure = {
   /** Half of the 95 % interval. */
@@ -268,13 +482,39 @@ export type Figure = {
   words: string;
 };
 
+/** The object behind the contacts, its outline, and the verdict in a sentence. */
+export type FoundObject = {
+  /** What `resight whisker identify --json` answers. */
+  identification: IdentificationObject;
+  /** Whether a class was named. */
+  is_named: boolean;
+  /** The verdict in a sentence. */
+  message: string;
+  /** The outline as a closed counter-clockwise line; without a class that of the best hypothesis, empty where none fits. */
+  outline_m: ([number, number])[];
+};
+
 /** What was measured on the points before anything was solved. */
 export type GeometryObject = {
   configuration: string;
   length_m: number;
-  line_height?: MeasureObject | null;
-  thickness_over_width?: MeasureObject | null;
+  line_height: MeasureObject | null;
+  thickness_over_width: MeasureObject | null;
   width_over_length: MeasureObject;
+};
+
+/** A file. */
+export type GivenFile = {
+  /** Its name, for messages; nothing of that name is opened. */
+  name: string;
+  /** Its contents. */
+  text: string;
+};
+
+/** Files that belong together, or the example that comes with the program. */
+export type GivenFiles = {
+  example?: boolean;
+  files?: GivenFile[];
 };
 
 /** What is known of a lens. */
@@ -313,9 +553,51 @@ export type GivenTarget = {
 export type HistoryEvent = {
   detail: unknown;
   kind: string;
-  state?: string | null;
-  t_s?: number | null;
+  state: string | null;
+  t_s: number | null;
   unix_s: number;
+};
+
+/** How one hypothesis fares. */
+export type HypothesisObject = {
+  /** Bayesian information criterion; lower is better. */
+  bic: number | null;
+  /** Sum of the squared distances to the outline in standard deviations, each bounded as an outlier's is. */
+  chi2: number | null;
+  /** The same over the contacts that are no outliers to it, by degree of freedom. */
+  chi2_per_dof: number | null;
+  /** A class, `corner`, or `polygon_N` with N corners. */
+  model: string;
+  /** Contacts that are outliers to it. */
+  n_outliers: number;
+  /** Of its outline. */
+  n_parameters: number;
+};
+
+/** The object behind the contacts, world frame, or what is missing to name it. Numbers that are not bounded are null. */
+export type IdentificationObject = {
+  /** A further sweep that would decide; empty with a class. */
+  advice: string;
+  /** χ² per degree of freedom of the best hypothesis. */
+  chi2_per_dof: number | null;
+  /** Of the parameters, row by row: m², m rad, rad². */
+  covariance: ((number | null)[])[];
+  /** What of the object was touched. */
+  coverage: CoverageObject;
+  /** Whether the best hypothesis explains the contacts. */
+  fits: boolean;
+  /** Its outline; without a class that of the best hypothesis, null where none fits. */
+  object: OutlineObject | null;
+  /** Rows and columns of `covariance`. */
+  parameter_order: string[];
+  /** The parameters of the outline by their names, which end in their units. */
+  parameters: Record<string, ParameterObject>;
+  /** Why nothing is decided; null with a class. */
+  reason: ReasonObject | null;
+  /** All hypotheses, the best first. */
+  scores: HypothesisObject[];
+  /** Its class, or `insufficient_coverage`. */
+  verdict: "circle" | "ellipse" | "square" | "rectangle" | "polygon" | "insufficient_coverage";
 };
 
 /** What uncertain intrinsics cost: standard deviations of the camera's position, the root of the sum over its three axes, metres. */
@@ -332,36 +614,59 @@ export type IntrinsicsCost = {
 
 /** A tag that is not where the map says; numbers are null where the tag alone gives no pose. */
 export type LeftOutTag = {
-  distance_m?: number | null;
+  distance_m: number | null;
   id: number;
-  limit_m?: number | null;
-  rotation_rad?: number | null;
+  limit_m: number | null;
+  rotation_rad: number | null;
 };
 
 /** The lens of a photograph. */
 export type LensView = {
   /** Why it is refused. */
-  error?: string | null;
+  error: string | null;
   /** Horizontal field of view. */
-  hfov_deg?: number | null;
+  hfov_deg: number | null;
   /** Name of its model. */
-  model?: string | null;
+  model: string | null;
   /** What one must know of it. */
-  remark?: string | null;
+  remark: string | null;
   /** `given`, `estimated` or `refused`. */
   state: string;
   /** In words. */
   words: string;
 };
 
+/** The message of the WebSocket that comes four times a second. */
+export type LiveMessage = {
+  /** How everything is. */
+  live: LiveView;
+};
+
 /** How everything is. */
 export type LiveView = {
   /** The cameras, in the session's order. */
   cameras: CameraView[];
-  /** Why there is no session any more. */
-  failed?: string | null;
+  /** Why it has, where something failed. */
+  failed: string | null;
+  /** Why references cannot be set here. */
+  fixed: string | null;
   /** Whether a history file is there to be asked. */
   has_history: boolean;
+  /** Whether the session has ended. */
+  is_over: boolean;
+  /** What they look at. */
+  targets: string[];
+  /** When this was so, seconds since 1970. */
+  unix_s: number;
+};
+
+/** A line about what happened. */
+export type LogLine = {
+  /** None where it is about several. */
+  camera: string | null;
+  text: string;
+  /** Seconds since 1970. */
+  unix_s: number;
 };
 
 export type MeasureObject = {
@@ -375,13 +680,13 @@ export type MeasuredKind = "length" | "polyline" | "area" | "height" | "position
 /** Something measured. */
 export type MeasurementView = {
   /** Why there is no value. */
-  error?: string | null;
+  error: string | null;
   /** Half of the 95 % interval. */
-  half_width_95?: number | null;
+  half_width_95: number | null;
   /** Upper end. */
-  high?: number | null;
+  high: number | null;
   /** Lower end of it. */
-  low?: number | null;
+  low: number | null;
   /** Its name. */
   name: string;
   /** Number of its photograph. */
@@ -389,11 +694,11 @@ export type MeasurementView = {
   /** Its points in the photograph. */
   points: ([number, number])[];
   /** Status word of the network. */
-  status?: string | null;
+  status: string | null;
   /** Unit of the values. */
   unit: string;
   /** Its value; x of a position. */
-  value?: number | null;
+  value: number | null;
   /** All values: three of a position. */
   values: number[];
   /** What it is. */
@@ -414,11 +719,44 @@ export type MinimumObject = {
   within_gate: boolean;
 };
 
+/** A motion, in the old frame of the camera. */
+export type MotionView = {
+  rotation_rad: [number, number, number];
+  rotation_sigma_rad: [number, number, number];
+  translation_m: [number, number, number];
+  translation_sigma_m: [number, number, number];
+  words: string;
+};
+
 /** Names a camera. */
 export type Named = {
   camera: string;
   /** Setting a reference asks for it. */
   confirm?: boolean;
+};
+
+/** How a camera or target moved. */
+export type NodeMotionObject = {
+  /** 6×6. */
+  covariance: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
+  /** Its name. */
+  name: string;
+  /** `[rotation_rad; translation_m]` in its old frame. */
+  old_from_new: [number, number, number, number, number, number];
+};
+
+/** The noise of the readings. */
+export type NoiseObject = {
+  /** Whether the two contradict each other. */
+  contradicts_stated: boolean;
+  /** Correlated errors; null where there are none. */
+  correlated: CorrelatedObject | null;
+  /** Readings behind this. */
+  n_readings: number;
+  /** Measured over stated standard deviation. */
+  sigma_ratio: number;
+  /** Its standard deviation. */
+  sigma_ratio_sigma: number;
 };
 
 /** A command with its number. */
@@ -477,6 +815,43 @@ export type OtherObject = {
   target_from_cam: TransformObject;
 };
 
+/** The outline of an object in the world, as an object file states it. */
+export type OutlineObject = {
+  /** x and y, metres. */
+  centre: [number, number];
+  /** Metres. */
+  radius: number;
+  type: "circle";
+} | {
+  /** Direction of the larger semi-axis, counter-clockwise from the world's x axis, degrees. */
+  angle_deg: number;
+  /** x and y, metres. */
+  centre: [number, number];
+  /** The larger first, metres. */
+  semi_axes: [number, number];
+  type: "ellipse";
+} | {
+  /** Direction of a side, counter-clockwise from the world's x axis, degrees. */
+  angle_deg: number;
+  /** x and y, metres. */
+  centre: [number, number];
+  /** Metres. */
+  side: number;
+  type: "square";
+} | {
+  /** Direction of the first side, counter-clockwise from the world's x axis, degrees. */
+  angle_deg: number;
+  /** x and y, metres. */
+  centre: [number, number];
+  /** Metres. */
+  sides: [number, number];
+  type: "rectangle";
+} | {
+  /** x and y, metres, counter-clockwise. */
+  corners: ([number, number])[];
+  type: "polygon";
+};
+
 /** Curves of the photograph; each went through the lens. */
 export type Overlay = {
   /** The axes. */
@@ -484,13 +859,38 @@ export type Overlay = {
   /** 95 % ellipses of where the pose puts each point. */
   ellipses: (([number, number])[])[];
   /** The grid as the second pose has it. */
-  ghost?: (([number, number])[])[] | null;
+  ghost: (([number, number])[])[] | null;
   /** Lines of the plane z = 0. */
   grid: (([number, number])[])[];
   /** From one to the next, metres. */
   grid_spacing_m: number;
   /** Where the plane ends at infinity. */
   horizon: (([number, number])[])[];
+};
+
+/** Two cameras. */
+export type PairRow = {
+  a: string;
+  /** Angle of the rotation between the two. */
+  angle_rad: number;
+  /** Standard deviation of the rotation about the axis that is known worst. */
+  angle_sigma_rad: number | null;
+  b: string;
+  distance_m: number;
+  /** Standard deviation of the distance. */
+  distance_sigma_m: number | null;
+  n_shared_views: number;
+  n_shared_views_used: number | null;
+};
+
+/** A parameter of the outline. */
+export type ParameterObject = {
+  /** Standard deviation. */
+  sigma: number | null;
+  /** Of both. */
+  unit: "m" | "rad";
+  /** In `unit`. */
+  value: number;
 };
 
 /** A photograph. */
@@ -505,21 +905,71 @@ export type PhotoView = {
   width_px: number;
 };
 
+/** What a picture is of: it goes before the JPEG of the same frame. */
+export type PictureHeader = {
+  /** The camera's name. */
+  camera: string;
+  /** Number of the frame. */
+  frame: number;
+  height_px: number;
+  /** Edges of the targets, in pixels of the frame. */
+  outline: (([number, number])[])[];
+  /** Points with their residuals: column, row, the two parts of the residual, and 1 where it agrees with the pose. Large pictures only. */
+  points?: ([number, number, number, number, number])[] | null;
+  /** When it was taken, seconds of capture. */
+  time_s: number;
+  /** Of the frame itself; the JPEG may be smaller. */
+  width_px: number;
+};
+
+/** A contact. */
+export type PlayedContact = {
+  /** Half axes of the ellipse that contains 95 % of it, the longer first. */
+  half_axes_m: [[number, number], [number, number]];
+  /** Whether its numbers may be relied on. */
+  is_ok: boolean;
+  /** Where on the whisker: `mid` or `tip`. */
+  mode: string;
+  /** Arc length from the clamp; contact files may not state it. */
+  s_m: number | null;
+  /** Standard deviation in the worst direction. */
+  sigma_m: number;
+  /** The point of the centre line that touches. */
+  x_m: [number, number];
+};
+
+/** One reading. */
+export type PlayedReading = {
+  contact: PlayedContact | null;
+  /** The clamp: x and y, metres, and its direction, radians. */
+  hub: [number, number, number] | null;
+  /** Why there is no more information. */
+  note: string;
+  sample: number;
+  /** The whisker's centre line from the clamp to the tip; empty where it is not drawn. */
+  shape_m: ([number, number])[];
+  /** `ok`, `no_contact`, `low_force`, …: the words of `resight whisker solve`. */
+  status: string;
+  sweep: number;
+  t_s: number | null;
+};
+
 /** A point of the photograph. */
 export type PointView = {
-  sigma_px: number;
   /** 95 % half widths of it where photographs gave it. */
-  half_width_95_m?: [number, number, number] | null;
+  half_width_95_m: [number, number, number] | null;
   /** Whether it fits worst. */
   is_worst: boolean;
   /** How much of the point's own error the pose takes up: 0 none, 1 all of it, so that nothing checks it. */
-  leverage?: number | null;
+  leverage: number | null;
   /** Its name. */
   name: string;
   /** Where it is: typed, by distances, or by several photographs. */
-  position_m?: [number, number, number] | null;
+  position_m: [number, number, number] | null;
   /** How far the pose puts it from where it was clicked. */
-  residual_px?: number | null;
+  residual_px: number | null;
+  /** Standard deviation of both: of a detector, of what it snapped to, or of a hand. */
+  sigma_px: number;
   /** Column. */
   u_px: number;
   /** Row. */
@@ -528,16 +978,16 @@ export type PointView = {
 
 /** The JSON object; keys without a value are null. */
 export type PoseObject = {
-  ambiguity?: AmbiguityObject | null;
-  cam_from_target?: TransformObject | null;
-  chi2?: number | null;
+  ambiguity: AmbiguityObject | null;
+  cam_from_target: TransformObject | null;
+  chi2: number | null;
   consensus?: Agreement | null;
-  contradicting_tags: number[];
-  covariance?: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]] | null;
-  degrees_of_freedom?: number | null;
+  contradicting_tags?: number[];
+  covariance: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]] | null;
+  degrees_of_freedom: number | null;
   /** The focal length, where it was estimated with the pose. */
   estimated_focal?: EstimatedFocal | null;
-  geometry?: GeometryObject | null;
+  geometry: GeometryObject | null;
   image_unit: string;
   /** Row numbers within the view, counted from 0. */
   inliers?: number[] | null;
@@ -545,37 +995,48 @@ export type PoseObject = {
   intrinsics_cost?: IntrinsicsCost | null;
   /** The image size that the intrinsics are of, where they were scaled to this image's. */
   intrinsics_scaled_from_px?: [number, number] | null;
-  intrinsics_sigma?: Record<string, number> | null;
-  left_out_tags: LeftOutTag[];
+  intrinsics_sigma: Record<string, number> | null;
+  left_out_tags?: LeftOutTag[];
   message: string;
-  method?: string | null;
-  minima?: MinimumObject[] | null;
+  method: string | null;
+  minima: MinimumObject[] | null;
   n_inliers?: number | null;
   /** Lines that took part, where there were any. */
   n_lines?: number | null;
   n_points: number;
-  observability?: ObservabilityObject | null;
-  point_sigma_m?: number | null;
+  observability: ObservabilityObject | null;
+  point_sigma_m: number | null;
   /** The measured scale of a printed target; the points lie as printed, and `covariance` holds its standard deviation. */
   printed_scale?: PrintedScaleObject | null;
   /** Of this pose among all that were found: its covariance holds only as far as it is the right one. */
-  probability?: number | null;
-  remarks: string[];
-  rms_px?: number | null;
+  probability: number | null;
+  remarks?: string[];
+  rms_px: number | null;
   schema: 2;
   /** Root mean square of what all points share along one axis of the image, where that shows; `covariance` holds it. */
   shared_error_px?: number | null;
-  sigma_m?: [number, number, number] | null;
-  sigma_px?: number | null;
-  sigma_rad?: [number, number, number] | null;
+  sigma_m: [number, number, number] | null;
+  sigma_px: number | null;
+  sigma_rad: [number, number, number] | null;
   /** Of the vector `cam_from_target.translation_m` itself, which a rotation of the camera changes too. */
-  sigma_translation_m?: [number, number, number] | null;
-  skipped: string[];
+  sigma_translation_m: [number, number, number] | null;
+  skipped?: string[];
   status: Status;
-  target_from_cam?: TransformObject | null;
+  target_from_cam: TransformObject | null;
   view: string;
-  weakness?: WeaknessObject | null;
-  worst_point?: WorstPoint | null;
+  weakness: WeaknessObject | null;
+  worst_point: WorstPoint | null;
+};
+
+/** A pose. */
+export type PoseView = {
+  /** Where the camera is, frame of the target, and its standard deviations. */
+  position_m: [number, number, number];
+  /** Standard deviations of the rotation about the camera's x, y, z. */
+  rotation_sigma_rad: [number, number, number];
+  sigma_m: [number, number, number];
+  /** For display only. */
+  yaw_pitch_roll_rad: [number, number, number];
 };
 
 /** The scale of a print, as in a target file. */
@@ -598,27 +1059,187 @@ export type Problem = {
   message: string;
 };
 
-/** A camera of a rig. */
-export type RigCamera = {
-  /** Covariance of the position, rig's frame. */
-  covariance_m2?: [[number, number, number], [number, number, number], [number, number, number]] | null;
-  /** The camera's own object in the answer. */
-  details: unknown;
-  name: string;
-  /** Where it is in the rig's frame. */
-  position_m?: [number, number, number] | null;
-  /** Row by row: axes of the camera are its columns. */
-  rotation?: [[number, number, number], [number, number, number], [number, number, number]] | null;
+/** Why nothing is decided. */
+export type ReasonObject = {
+  kind: "too_few_contacts";
+  /** Usable ones that are needed. */
+  needed: number;
+  /** Usable ones. */
+  seen: number;
+} | {
+  /** x and y, metres. */
+  corner_m: [number, number];
+  /** m². */
+  covariance_m2: [[number, number], [number, number]];
+  kind: "one_corner";
+  /** The radius of curvature there is below this, metres. */
+  radius_bound_m: number | null;
+} | {
+  /** The better hypothesis. */
+  best: string;
+  /** How much worse its BIC is. */
+  delta_bic: number | null;
+  kind: "two_hypotheses";
+  /** How much worse it would have to be. */
+  needed: number;
+  /** The second one. */
+  rival: string;
+} | {
+  /** The better hypothesis. */
+  best: string;
+  /** How much worse that ratio explains the contacts. */
+  delta_chi2: number | null;
+  kind: "ratio_open";
+  /** How much worse it would have to. */
+  needed: number;
+  /** The ratio that is not excluded, or its inverse. */
+  ratio: number;
+} | {
+  kind: "sides_unseen";
+  /** Radians. */
+  needed_rad: number;
+  /** Arc of outward normals seen, radians. */
+  seen_rad: number;
+} | {
+  /** Of the best. */
+  chi2_per_dof: number | null;
+  kind: "nothing_fits";
+  /** Share of the contacts that are outliers to it, 0 to 1. */
+  outlier_share: number;
 };
 
-/** What the page needs of a rig. */
+/** The reference of a camera and a target, and what it is compared with. */
+export type ReferenceView = {
+  /** How the reference differs from the one before. */
+  changed: MotionView | null;
+  /** What it was compared with before. */
+  earlier: DatedPose | null;
+  /** Where the camera is now, from its readings of the last half second, against the reference. */
+  now: MotionView | null;
+  /** None while it is learned for the first time. */
+  reference: DatedPose | null;
+  target: string;
+};
+
+/** What took no part. */
+export type RejectedRow = {
+  camera: string;
+  id: string | null;
+  /** `frame`, `observation` or `point`. */
+  kind: string;
+  reason: string;
+  residual_px: number | null;
+  target: string | null;
+  view: string;
+};
+
+/** Sweeps as a viewer plays them: SI units, world frame. Null where the files do not state it. */
+export type Replay = {
+  /** The corner of the least coordinates of everything, and that of the greatest. */
+  extent_m: [[number, number], [number, number]];
+  /** The object behind the contacts. */
+  found: FoundObject | null;
+  /** The outline of an object file that came along: closed, counter-clockwise. */
+  given_outline_m: ([number, number])[];
+  /** Whether readings and whisker agree; null where only contacts were given. */
+  is_consistent: boolean | null;
+  /** The whisker's length. */
+  length_m: number | null;
+  /** The same of the contacts that are known well, and the outline. */
+  locus_extent_m: [[number, number], [number, number]];
+  /** Half the contacts have a smaller standard deviation in the worst direction. */
+  median_sigma_m: number | null;
+  /** Coulomb's coefficient of friction. */
+  mu: number | null;
+  mu_sigma: number | null;
+  /** Why it was not looked for. */
+  not_looked_for: string | null;
+  /** In their order. */
+  readings: PlayedReading[];
+  /** Every so many readings have a shape. */
+  shapes_one_in: number;
+  /** Readings by their status. */
+  statuses: Record<string, number>;
+  /** What the user should know. */
+  warnings: string[];
+};
+
+/** One camera. */
+export type RigCamera = {
+  /** The border of its image, through the lens, at the depth `axis_m`, a closed line; none where the lens is not known. */
+  border_m: ([number, number, number])[];
+  /** Half axes of the ellipsoid that contains 95 % of its position, not magnified, the longest first; none where nothing is known. */
+  half_axes_m: ([number, number, number])[];
+  /** What is wrong with it. */
+  message: string | null;
+  n_seen: number | null;
+  n_used: number | null;
+  n_views: number | null;
+  name: string;
+  position_m: [number, number, number];
+  rms_px: number | null;
+  /** Row by row: axes of the camera are its columns. */
+  rotation: [[number, number, number], [number, number, number], [number, number, number]];
+  /** Standard deviations of that, along the axes of the rig. */
+  sigma_m: [number, number, number] | null;
+  /** Of its rotation, about the axes of the camera. */
+  sigma_rad: [number, number, number] | null;
+  status: Status | null;
+};
+
+/** What a viewer of a rig shows: metres, radians, the frame of the rig. Null where the files do not state it. */
 export type RigView = {
-  /** The whole answer: tables are shown from it. */
-  answer: unknown;
+  /** Length of the axes of the rig and depth of the cameras' fields of view, chosen for the eye. */
+  axis_m: number;
   cameras: RigCamera[];
+  /** The centre of everything and its reach: what a viewer shows first. */
+  centre_m: [number, number, number];
+  /** What contradicts, and the likely cause. */
+  contradiction: string | null;
+  /** By which viewers multiply the ellipsoids: 1, 2 or 5 times a power of ten. */
+  ellipsoid_magnification: number;
+  /** In a sentence. */
   message: string;
-  reference?: string | null;
-  status: string;
+  /** Pairs left out of `pairs`. */
+  n_pairs_left_out: number;
+  /** What is left out of `rejected`. */
+  n_rejected_left_out: number;
+  n_seen: number | null;
+  n_used: number | null;
+  n_views: number | null;
+  pairs: PairRow[];
+  radius_m: number;
+  /** The frame of the rig: a camera's name, or another frame's. */
+  reference: string;
+  /** What took no part: whole frames and observations first, then points by their residuals, the largest first. */
+  rejected: RejectedRow[];
+  /** What is unusual about the files. */
+  remarks: string[];
+  rms_px: number | null;
+  /** Of the answer: how large targets are against their stated sizes. */
+  scale: string | null;
+  /** Whether the rig may be relied on; rig files without a status have none. */
+  status: Status | null;
+  /** Targets where they stood; evenly one in `targets_one_in`. */
+  targets: TargetPlace[];
+  targets_one_in: number;
+  /** One a view, with a cell for every camera; those with the smallest share of points used where there are too many. */
+  views: ViewRow[];
+};
+
+/** What a page says. */
+export type Said = {
+  /** It has taken a picture and is ready for the next. */
+  ack?: number | null;
+  /** The one camera that it shows at full size; null: all of them, small. */
+  show?: string | null;
+};
+
+/** What a camera, or all, saw in a view. */
+export type SeenCell = {
+  n_seen: number;
+  n_used: number;
+  rms_px: number | null;
 };
 
 /** What is drawn. */
@@ -644,6 +1265,22 @@ export type Snapped = {
   words: string;
 };
 
+/** Standard deviations over frames. */
+export type SpreadView = {
+  n: number;
+  /** About the camera's x, y, z. */
+  rotation_rad: [number, number, number] | null;
+  translation_m: [number, number, number] | null;
+};
+
+/** How long a stage takes. */
+export type StageView = {
+  median_us: number | null;
+  /** `waited`, `detect`, `solve`, `decide`, and `latency`: all of it. */
+  name: string;
+  p99_us: number | null;
+};
+
 /** Whether an answer may be relied on, and if not, why. Every answer has one. */
 export type Status = "ok" | "ambiguous" | "degenerate" | "inconsistent" | "not_found" | "undecided" | "not_connected" | "error";
 
@@ -655,8 +1292,41 @@ export type StepText = {
   text: string;
 };
 
+/** A stretch of time in few parts. */
+export type StripView = {
+  /** Equal parts of it, in order. */
+  bins: BinView[];
+  /** Seconds of capture. */
+  from_s: number;
+  /** Whether it comes from the history file, or from what this session remembers. */
+  is_from_history: boolean;
+  to_s: number;
+};
+
+/** A target where it stood. */
+export type TargetPlace = {
+  position_m: [number, number, number];
+  /** Row by row: axes of the target are its columns. */
+  rotation: [[number, number, number], [number, number, number], [number, number, number]];
+  target: string;
+  /** Name of the view. */
+  view: string;
+};
+
 /** What the points are. */
 export type Template = "line_and_post" | "four_points" | "rectangle" | "target" | "own";
+
+/** Microseconds. */
+export type TimesObject = {
+  /** To decide whether the camera moved. */
+  decide: number;
+  /** To find the points. */
+  detect: number;
+  /** To compute the pose. */
+  solve: number;
+  /** From its arrival to a free thread. */
+  waited: number;
+};
 
 /** A rigid transform as JSON has it. */
 export type TransformObject = {
@@ -667,13 +1337,12 @@ export type TransformObject = {
 
 /** What a page shows. Pixels are those of the file: (0, 0) is the centre of the top-left one. */
 export type View = {
-  names_elsewhere: string[];
   /** Where the next point would help most; none while one is dragged. */
-  advice?: Advice | null;
+  advice: Advice | null;
   /** The pose, as `resight solve --json` has it. */
-  answer?: PoseObject | null;
+  answer: PoseObject | null;
   /** Whether a bird's-eye view can be asked for. */
-  birdseye?: BirdseyeView | null;
+  birdseye: BirdseyeView | null;
   /** Whether there is one to make again. */
   can_redo: boolean;
   /** Whether there is a change to take back. */
@@ -683,21 +1352,23 @@ export type View = {
   /** The distances typed. */
   distances: DistanceView[];
   /** Why the last command was refused. */
-  error?: StepText | null;
+  error: StepText | null;
   /** What the pose means. */
   figures: Figure[];
   /** Whether the answer is that of an earlier state, kept while what is stated now gives none. */
   is_old: boolean;
   /** Its lens. */
-  lens?: LensView | null;
+  lens: LensView | null;
   /** What is measured. */
   measurements: MeasurementView[];
   /** What is still needed. */
   missing: StepText[];
+  /** Names of points that other photographs show and this one does not yet. */
+  names_elsewhere: string[];
   /** What is drawn over the photograph. */
-  overlay?: Overlay | null;
+  overlay: Overlay | null;
   /** That photograph. */
-  photo?: PhotoView | null;
+  photo: PhotoView | null;
   /** Number of the photograph that this is a view of. */
   photo_index: number;
   /** All photographs. */
@@ -705,17 +1376,36 @@ export type View = {
   /** Its points. */
   points: PointView[];
   /** Why what is stated now gives no answer. */
-  refusal?: StepText | null;
+  refusal: StepText | null;
   /** What is drawn. */
   show: ShowView;
   /** How exactly points are placed by hand. */
   sigma_px: number;
   /** The answer to `snap`. */
-  snap?: Snapped | null;
+  snap: Snapped | null;
   /** What the points are. */
   template: Template;
   /** Counts the commands. */
   version: number;
+};
+
+/** One view. */
+export type ViewRow = {
+  all: SeenCell;
+  /** In the order of `cameras`; null where a camera saw nothing. */
+  cells: (SeenCell | null)[];
+  view: string;
+};
+
+/** What puts a camera back: what does not stand out of its error is zero. */
+export type WayBackView = {
+  /** About the camera's x right, y down, z forward. */
+  rotation_rad: [number, number, number];
+  rotation_sigma_rad: [number, number, number];
+  translation_m: [number, number, number];
+  translation_sigma_m: [number, number, number];
+  /** `rotate left 0.507° ± 0.010°`. */
+  words: string;
 };
 
 /** What makes the view weak: the number seen and the number needed, in standard deviations of a pixel. */
@@ -730,8 +1420,3 @@ export type WorstPoint = {
   name: string;
   residual_px: number;
 };
-export type RigCamera = any;
-export type SeenCell = any;
-export type Replay = any;
-export type PlayedReading = any;
-export type PlayedContact = any;

@@ -24,7 +24,7 @@ export function Strip({ camera, store }: { camera: string; store: LiveStore }) {
   useEffect(() => {
     let isGone = false;
     const ask = async () => {
-      const query = zoom.value ? { from_s: zoom.value[0], to_s: zoom.value[1] } : {};
+      const query: Record<string, number> = zoom.value ? { from_s: zoom.value[0], to_s: zoom.value[1] } : {};
       const found = await transport.get<StripView>("/api/live/strip", { camera, bins: 240, ...query }).catch(() => null);
       if (!isGone && found) strip.value = found;
     };

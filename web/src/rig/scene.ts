@@ -8,10 +8,7 @@ const TARGET_AXES = 0.5;
 /** The whole rig; with a view, only the targets of that view. */
 export function sceneOf(rig: RigView, view: string | null): SpaceScene {
   const targets = rig.targets.filter((one) => view === null || one.view === view);
-  const seenBy = (name: string) => {
-    const row = rig.views.find((one) => one.view === name);
-    return row ? row.cells.flatMap((cell, i) => (cell && 0 < cell.n_used ? [i] : [])) : [];
-  };
+  const seenBy = new Map(rig.views.map((row) => [row.view, row.cells.flatMap((cell, i) => (cell && 0 < cell.n_used ? [i] : []))]));
   const length = TARGET_AXES * rig.axis_m;
   const drawn: SpaceTarget[] = targets.map((one) => {
     const end = (axis: number): Triple => {
@@ -26,7 +23,7 @@ export function sceneOf(rig: RigView, view: string | null): SpaceScene {
       is_closed: false,
       points_m: [],
       middle_m: one.position_m,
-      seen_by: seenBy(one.view),
+      seen_by: seenBy.get(one.view) ?? [],
       is_strong: view !== null,
     };
   });

@@ -14,8 +14,8 @@ use serde::Serialize;
 const MOST_SHAPES: usize = 2_000;
 /// Points of a drawn whisker.
 const SHAPE_POINTS: usize = 41;
-/// Shapes are rounded to this, metres: far below a pixel of any screen.
-const STEP_M: f64 = 1e-6;
+/// Shapes are rounded to one of so many parts of a metre: far below a pixel of any screen.
+const STEPS_PER_M: f64 = 1e6;
 /// χ² with two degrees of freedom stays below this in 95 % of cases: −2 ln 0.05.
 const CHI2_2_95: f64 = 5.991_464_547_107_98;
 
@@ -78,7 +78,7 @@ pub(super) fn readings(rows: &[ContactRow], solved: Option<&Solved>) -> (Vec<Pla
 /// Straight where nothing is touched: what the cell reads then is noise.
 fn shape(rod: &Rod, sample: &Sample, row: &ContactRow) -> Vec<[f64; 2]> {
     let load = if row.status.is_touching() { sample.load } else { Default::default() };
-    let rounded = |x: f64| (x / STEP_M).round() * STEP_M;
+    let rounded = |x: f64| (x * STEPS_PER_M).round() / STEPS_PER_M;
     let line = shape_in_hub(rod, &load, Method::Auto, SHAPE_POINTS);
     let in_world = line.into_iter().map(|x_in_hub| sample.world_from_hub.apply(x_in_hub));
     in_world.map(|x| [rounded(x.x), rounded(x.y)]).collect()
