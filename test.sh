@@ -36,15 +36,10 @@ python_environment() {
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r docs/math/check/requirements.txt
 }
 
-derivations() {
-    local check found=0
-    for check in docs/math/check/*.py; do
-        [ -e "$check" ] || continue
-        found=1
-        printf '%s\n' "$check"
-        "$target/check-venv/bin/python" "$check" >"$target/check.log" 2>&1 || { cat "$target/check.log"; return 1; }
-    done
-    [ "$found" = 1 ]
+derivations() { # two at a time: each is one thread
+    export python=$target/check-venv/bin/python
+    printf '%s\n' docs/math/check/*.py | xargs -P 2 -I CHECK bash -c \
+        'text=$("$python" CHECK 2>&1) && echo CHECK || { printf "%s\n" "CHECK FAILED" "$text"; exit 1; }'
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
@@ -75,14 +70,27 @@ wheel() { # the Python package as it is released, for glibc 2.28 where the linke
     PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build --release "${portable[@]}" --out "$target/wheels"
 }
 
-wheel_tests() { # in a virtual environment that has nothing else of this repository
-    local venv=$target/wheel-test python=$target/wheel-test/bin/python package
+wheel_tests() { # in a virtual environment that has nothing else of this repository; types are checked while the tests run
+    local venv=$target/wheel-test python=$target/wheel-test/bin/python types
     rm -rf "$venv"
     python3 -m venv "$venv" || return 1
     "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
+    wheel_types >"$target/wheel-types.log" 2>&1 &
+    types=$!
+    (cd crates/python/tests && "$python" -m pytest -q --no-header -n 2 .) || { kill "$types"; return 1; }
+    wait "$types" || { cat "$target/wheel-types.log"; return 1; }
+}
+
+wheel_types() { # of the stubs against the package, of the package, of the examples
+    local python=$target/wheel-test/bin/python package
+    export MYPY_CACHE_DIR=$target/mypy
     package=$("$python" -c 'import pathlib, resight; print(pathlib.Path(resight.__file__).parent)') || return 1
     (cd crates/python/tests && "$python" -m mypy.stubtest resight._native && "$python" -m mypy --strict -p resight && "$python" -m mypy --strict ../examples &&
-        "$venv/bin/pyright" --pythonpath "$python" "$package" ../examples && "$python" -m pytest -q --no-header .)
+        "$target/wheel-test/bin/pyright" --pythonpath "$python" "$package" ../examples)
+}
+
+cluster_tests() { # fleets on Spark and Sail
+    CARGO_TARGET_DIR=$target scripts/cluster_tests.sh "$target"/wheels/resight-*.whl
 }
 
 frames() { # the recorded videos as images, once
@@ -109,6 +117,7 @@ if [ "$mode" = everything ]; then
     step "files read by other programs" foreign_readers
     step "python wheel" wheel
     step "tests of the wheel" wheel_tests
+    step "fleets on clusters" cluster_tests
 fi
 
 printf '\n== summary\n'

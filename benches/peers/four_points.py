@@ -1,4 +1,5 @@
-"""Four points to a pose, Resight against OpenCV, PoseLib and COLMAP, on the same points in one run; prints a Markdown table.
+"""Four points to a pose, Resight against OpenCV, SciPy, PoseLib and COLMAP, all called from Python on the same points in one run; prints a
+Markdown table.
 
 The scenes: a target of three points on a line (0, 0.5 and 1 m) and a fourth 1 m beside the line's first end, seen by a
 1280 x 960 camera with f = 1000 px, its middle anywhere in the picture, all four points inside. The attitude is random: turned
@@ -8,16 +9,16 @@ tenth of the distance, or where it gives no answer.
 """
 
 import argparse
-import json
 import statistics
-import subprocess
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
 import poselib
+import scipy
+from scipy.optimize import least_squares
 
+import resight
 from scenes import CAMERA, CENTRE, F, SIZE, cross, rotation
 
 try:
@@ -160,6 +161,40 @@ def colmap():
     return run, np.copy, unpack
 
 
+def from_sqpnp(refine):
+    """OpenCV's SQPNP, then `refine(pixels, rvec, tvec)`."""
+
+    def run(pixels):
+        found, r, t = cv2.solvePnP(POINTS, pixels, CAMERA, None, flags=cv2.SOLVEPNP_SQPNP)
+        return refine(pixels, r, t) if found else None
+
+    return run, np.copy, (lambda a: (cv2.Rodrigues(a[0])[0], np.ravel(a[1])))
+
+
+def refine_lm(pixels, r, t):
+    return cv2.solvePnPRefineLM(POINTS, pixels, CAMERA, None, r, t)
+
+
+def scipy_least_squares(pixels, r, t):
+    """Residuals and derivatives by OpenCV, MINPACK's Levenberg-Marquardt: as fast as SciPy gets it."""
+    seen = pixels.ravel()
+    project = lambda x: cv2.projectPoints(POINTS, x[:3], x[3:], CAMERA, None)
+    found = least_squares(lambda x: project(x)[0].ravel() - seen, np.concatenate([r, t]).ravel(), lambda x: project(x)[1][:, :6], "lm")
+    return found.x[:3], found.x[3:]
+
+
+LENS = resight.Camera("pinhole", width_px=SIZE[0], height_px=SIZE[1], fx_px=F, fy_px=F, cx_px=CENTRE[0], cy_px=CENTRE[1])
+NONE = np.full((3, 3), np.nan), np.full(3, np.nan)
+
+
+def matrix_of(pose):
+    return NONE if pose is None else (pose.rotation, pose.translation_m)
+
+
+def ours(sigma_px):
+    return (lambda pixels: resight.solve(POINTS, pixels, LENS, sigma_px=sigma_px)), np.copy, (lambda a: matrix_of(a.cam_from_target))
+
+
 def contenders():
     """(library and version, call, its three functions)."""
     cv, pl = f"OpenCV {cv2.__version__}", f"PoseLib {poselib.__version__}"
@@ -169,6 +204,8 @@ def contenders():
         rows.append((cv, call, opencv(getattr(cv2, f"SOLVEPNP_{name}"), FOURTH_IS_THIRD)))
     for name in ("ITERATIVE", "EPNP", "IPPE", "SQPNP"):
         rows.append((cv, f"solvePnP {name}", opencv(getattr(cv2, f"SOLVEPNP_{name}"))))
+    rows.append((cv, "SQPNP, then solvePnPRefineLM", from_sqpnp(refine_lm)))
+    rows.append((f"SciPy {scipy.__version__}", "least_squares, from the same SQPNP", from_sqpnp(scipy_least_squares)))
     rows.append((pl, "estimate_absolute_pose", pose_lib({})))
     rows.append((pl, "estimate_absolute_pose, min_iterations 10", pose_lib({"min_iterations": 10})))
     if pycolmap:
@@ -195,6 +232,7 @@ def binding_us():
     seen, camera = np.zeros((4, 2)), {"model": "PINHOLE", "width": SIZE[0], "height": SIZE[1], "params": [F, F, *CENTRE]}
     none = np.zeros((0, 2)), np.zeros((0, 3))
     calls = {"OpenCV (norm of the points)": lambda: cv2.norm(POINTS)}
+    calls["Resight (no points)"] = lambda: resight.solve(none[1], none[0], LENS)
     calls["PoseLib (no points)"] = lambda: poselib.estimate_absolute_pose(*none, camera, {}, {})
     if pycolmap:
         model = pycolmap.Camera(model="PINHOLE", width=SIZE[0], height=SIZE[1], params=[F, F, *CENTRE])
@@ -210,38 +248,6 @@ def binding_us():
     return found
 
 
-# ---- Resight, through its program
-
-
-def write_scenes(path, pixels):
-    lines = ["view,x_m,y_m,z_m,u_px,v_px"]
-    for k, seen in enumerate(pixels):
-        lines += [f"{k},{x[0]},{x[1]},{x[2]},{u[0]!r},{u[1]!r}" for x, u in zip(POINTS.tolist(), seen.tolist())]
-    path.write_text("\n".join(lines) + "\n")
-
-
-def resight(program, folder, pixels, sigma_px):
-    """Its answers, the second poses it names, and each status."""
-    camera, points = folder / "camera.toml", folder / "scenes.csv"
-    size = f"width_px = {SIZE[0]}\nheight_px = {SIZE[1]}\n"
-    camera.write_text(f'model = "pinhole"\n{size}fx_px = {F}\nfy_px = {F}\ncx_px = {CENTRE[0]}\ncy_px = {CENTRE[1]}\n')
-    write_scenes(points, pixels)
-    command = [program, "solve", points, "--camera", camera, "--sigma-px", str(sigma_px), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode in (0, 1), done.stderr  # 1: some views have no answer, which counts as a failure here
-    views = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [v["view"] for v in views] == [str(k) for k in range(len(pixels))]
-    others = [(v.get("ambiguity") or {}).get("other") for v in views]
-    return poses(views), poses(others), np.array([v["status"] for v in views])
-
-
-def poses(objects):
-    none = np.full((4, 4), np.nan)
-    found = [o["cam_from_target"]["matrix"] if o and o.get("cam_from_target") else none for o in objects]
-    matrices = np.array(found)
-    return matrices[:, :3, :3], matrices[:, :3, 3]
-
-
 # ---- the table
 
 
@@ -250,59 +256,60 @@ def percent(part, of=None):
     return f"{100 * share:.1f}"
 
 
-def cell(options, rows, range_m, noise_px):
+def cell(rows, range_m, noise_px, count):
     """One column: a percentage for each line of the table."""
-    *truth, pixels = scenes(range_m, noise_px, options.scenes)
+    *truth, pixels = scenes(range_m, noise_px, count)
     found = [answers(functions, pixels)[0] for _, _, functions in rows]
-    ours, other, status = resight(options.program, options.folder, pixels, max(noise_px, 0.1))
-    best = least_residual([truth, *found, ours, other], pixels)
-    bad, second_bad = wrong(*ours, truth), wrong(*other, truth)
-    column = [percent(wrong(*best, truth))] + [percent(wrong(*pose, truth)) for pose in found]
-    column += [percent(bad), percent(status == "ambiguous"), percent(bad, of=status == "ok"), percent(bad & second_bad)]
-    return column
+    run = ours(max(noise_px, 0.1))[0]
+    told = [run(seen) for seen in pixels]
+    status = np.array([answer.status for answer in told])
+    first, other = (stacked([getattr(answer, name) for answer in told]) for name in ("cam_from_target", "other_cam_from_target"))
+    best = least_residual([truth, *found, first, other], pixels)
+    bad, second_bad = wrong(*first, truth), wrong(*other, truth)
+    column = [percent(wrong(*best, truth))] + [percent(wrong(*pose, truth)) for pose in [*found, first]]
+    return column + [percent(status == "ambiguous"), percent(bad, of=status == "ok"), percent(bad & second_bad)]
 
 
-def times_us(options, rows):
-    """Median over scenes of each scene's fastest call, contenders in turns; Resight's in its own process on the same scenes."""
+def stacked(poses):
+    rotations, translations = zip(*map(matrix_of, poses))
+    return np.array(rotations), np.array(translations)
+
+
+def times_us(rows, count):
+    """Median over scenes of each scene's fastest call, contenders in turns; ours last."""
     range_m, noise_px = TIMED
-    pixels = scenes(range_m, noise_px, options.scenes)[2]
-    path = options.folder / "timed.csv"
-    write_scenes(path, pixels)
-    rounds, ours = [], []
-    for _ in range(ROUNDS):
-        rounds.append([answers(functions, pixels)[1] for _, _, functions in rows])
-        command = [options.timer, path, str(noise_px)]
-        ours.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["median_ns"])
-    return [np.median(np.min(t, axis=0)) / 1e3 for t in zip(*rounds)], statistics.median(ours) / 1e3
+    pixels = scenes(range_m, noise_px, count)[2]
+    all_rows = [functions for _, _, functions in rows] + [ours(noise_px)]
+    rounds = [[answers(functions, pixels)[1] for functions in all_rows] for _ in range(ROUNDS)]
+    return [np.median(np.min(t, axis=0)) / 1e3 for t in zip(*rounds)]
 
 
-def main():
-    parser = argparse.ArgumentParser()
-    parser.add_argument("program", help="path of resight")
-    parser.add_argument("timer", help="path of the example bench_four_points")
-    parser.add_argument("--folder", type=Path, default=Path("/tmp"))
-    parser.add_argument("--scenes", type=int, default=1000)
-    options = parser.parse_args()
+def print_table(cells, count):
     cv2.setNumThreads(1)
     if pycolmap:
         pycolmap.set_random_seed(0)
     rows = contenders()
-    times, ours_us = times_us(options, rows)
-    cells = [(r, n) for r in RANGES_M for n in NOISES_PX]
-    columns = [cell(options, rows, *c) for c in cells]
-    version = subprocess.run([options.program, "--version"], check=True, capture_output=True, text=True).stdout.split()[1]
+    times = times_us(rows, count)
+    columns = [cell(rows, *c, count) for c in cells]
     labels = [("", "the pose of least residual", "")]
-    labels += [(library, call, f"{us:.1f}") for (library, call, _), us in zip(rows, times)]
-    labels += [(f"Resight {version}", "locate", f"{ours_us:.2f}")]
+    named = [*rows, (f"Resight {resight.__version__}", "solve", None)]
+    labels += [(library, call, f"{us:.1f}") for (library, call, _), us in zip(named, times)]
     labels += [("", text, "") for text in ("says ambiguous", "fails among its `ok`", "neither of its poses is right")]
-    print(f"Fails in % of {options.scenes} scenes; µs of one thread at {TIMED[0][0]:.0f}-{TIMED[0][1]:.0f} m, {TIMED[1]} px.\n")
+    print(f"Fails in % of {count} scenes; µs of one thread, call included, at {TIMED[0][0]:.0f}-{TIMED[0][1]:.0f} m, {TIMED[1]} px.\n")
     heads = [f"{r[0]:.0f}-{r[1]:.0f} m, {n:g} px" for r, n in cells]
     print("| " + " | ".join(["library", "call", "µs", *heads]) + " |")
     print("| --- | --- |" + " ---: |" * (1 + len(cells)))
     for k, label in enumerate(labels):
         print("| " + " | ".join([*label, *(c[k] for c in columns)]) + " |")
     overheads = ", ".join(f"{name} {us:.1f} µs" for name, us in binding_us().items())
-    print(f"\nIncluded in the times, the cost of a Python call that does no work: {overheads}. Resight is timed in its own process.")
+    print(f"\nIncluded in the times, the cost of a call that does no work: {overheads}.")
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--folder", help="not used")
+    parser.add_argument("--scenes", type=int, default=1000)
+    print_table([(r, n) for r in RANGES_M for n in NOISES_PX], parser.parse_args().scenes)
 
 
 if __name__ == "__main__":

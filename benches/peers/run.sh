@@ -9,7 +9,7 @@
 #   benches/peers/run.sh rig            relative extrinsics of several cameras, against mrcal (Debian's python3-mrcal) and OpenCV
 #   benches/peers/run.sh hand-eye       where a camera sits on a robot, against the seven methods of OpenCV, on held-out views
 #   benches/peers/run.sh whisker        a whisker's hub signals → contacts, against SciPy and the torque-only estimator
-#   benches/peers/run.sh python         calls from Python, all overheads included, against OpenCV, PoseLib and COLMAP
+#   benches/peers/run.sh python         all called from Python, what a call costs included: the README's table, single calls, rigs
 #   benches/peers/run.sh bad-inputs     what each makes of 23 bad inputs
 #   benches/peers/run.sh faults         wrong files for recorded pairs of cameras, beside OpenCV; needs RESIGHT_DATA
 set -eu
@@ -28,6 +28,13 @@ compare() { # compare SCRIPT ARGUMENT…
     shift
     "$venv/bin/python" "$root/benches/peers/$script" "$@" --folder "$target/peers"
 }
+wheel() { # the package; RESIGHT_WHEEL is one that is built already
+    if [ -z "${RESIGHT_WHEEL:-}" ]; then
+        pip ../../crates/python/requirements-build.txt
+        (cd "$root" && PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target maturin build --quiet --release --out "$target/peers")
+    fi
+    "$venv/bin/python" -m pip install --quiet --force-reinstall --no-deps "${RESIGHT_WHEEL:-$(ls -t "$target"/peers/resight-*.whl | head -n 1)}"
+}
 mkdir -p "$target/peers"
 table=${1:-all}
 [ $# = 0 ] || shift
@@ -44,14 +51,11 @@ detect)
     compare detect.py "$folder/examples/bench_detect" "$@"
     ;;
 four-points)
-    build -p resight-cli
-    build -p resight-core --example bench_four_points
-    compare four_points.py "$folder/resight" "$folder/examples/bench_four_points" "$@"
+    wheel
+    compare four_points.py "$@"
     ;;
 python)
-    pip ../../crates/python/requirements-build.txt
-    (cd "$root" && PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target maturin build --quiet --release --out "$target/peers")
-    "$venv/bin/python" -m pip install --quiet --force-reinstall --no-deps "$target"/peers/resight-*.whl
+    wheel
     build -p resight --example bench_points
     compare python.py --rust "$folder/examples/bench_points" "$@"
     ;;

@@ -51,7 +51,8 @@ export interface Transport {
   live(): Promise<LiveView>;
 }
 
-export type Query = Record<string, string | number>;
+/** Keys without a value are left out. */
+export type Query = Record<string, string | number | undefined>;
 
 const TOKEN = "resight token";
 
@@ -71,7 +72,7 @@ function authorization(): Record<string, string> {
 }
 
 function address(path: string, query: Query = {}): string {
-  const words = new URLSearchParams(Object.entries(query).map(([key, value]) => [key, String(value)]));
+  const words = new URLSearchParams(Object.entries(query).filter(([, value]) => value !== undefined).map(([key, value]) => [key, String(value)]));
   return words.size ? `${path}?${words}` : path;
 }
 

@@ -6,9 +6,22 @@ use crate::run::Done;
 use resight::answer::{SchemaNumber, TransformObject};
 use resight::report::verdict::Status;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// What a cluster says of a job that it has done.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct ClusterAnswer {
+    /// Rows by status: ok, ambiguous, degenerate, inconsistent, anything else.
+    pub counts: [u64; 5],
+    /// Cameras of the table.
+    pub cameras: usize,
+    /// Files of the output.
+    pub parts: usize,
+    /// Files of the input that could not be read, and why.
+    pub failed: Vec<(PathBuf, String)>,
+}
 
 /// What a run of `batch` comes to.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -41,22 +54,29 @@ const WORDS: [&str; 5] = ["ok", "ambiguous", "degenerate", "inconsistent", "erro
 impl BatchObject {
     /// Of a run that took so long; `counts` are the rows of each status.
     pub fn of(done: &Done, counts: [u64; 5], cameras: usize, output: &Path, seconds: f64) -> Self {
-        let is_whole = done.failed.is_empty() && counts[1..].iter().all(|n| *n == 0);
-        let failed = done
-            .failed
-            .iter()
-            .map(|(file, reason)| FailedObject { file: file.display().to_string(), reason: reason.clone() });
+        let answer = ClusterAnswer { counts, cameras, parts: done.parts, failed: done.failed.clone() };
+        BatchObject { resumed_parts: done.resumed_parts, ..Self::of_cluster(answer, output, seconds) }
+    }
+
+    /// Of a job on many machines.
+    pub fn of_cluster(answer: ClusterAnswer, output: &Path, seconds: f64) -> Self {
+        let ClusterAnswer { counts, cameras, parts, failed } = answer;
+        let (rows, is_whole) =
+            (counts.iter().sum(), failed.is_empty() && counts[1..].iter().all(|n| *n == 0));
+        let failed = failed
+            .into_iter()
+            .map(|(file, reason)| FailedObject { file: file.display().to_string(), reason });
         BatchObject {
             schema: SchemaNumber,
             status: if is_whole { Status::Ok } else { Status::Error },
             output: output.display().to_string(),
-            rows: done.rows,
+            rows,
             statuses: WORDS.into_iter().zip(counts).collect(),
             cameras,
             seconds,
-            rows_per_s: done.rows as f64 / seconds.max(1e-9),
-            parts: done.parts,
-            resumed_parts: done.resumed_parts,
+            rows_per_s: rows as f64 / seconds.max(1e-9),
+            parts,
+            resumed_parts: 0,
             failed: failed.collect(),
         }
     }

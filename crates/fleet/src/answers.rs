@@ -1,6 +1,7 @@
 //! Answers as columns: one row a view, in the order of the views.
 
 use nalgebra::Vector3;
+use resight::PoseAnswer;
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
@@ -96,8 +97,25 @@ impl Answers {
 
     /// A row that is not solved.
     pub(crate) fn refuse(&mut self, row: usize, fault: &Fault) {
+        self.fail(row, reason_of(fault));
+    }
+
+    /// A row without a pose, and why.
+    pub(crate) fn fail(&mut self, row: usize, reason: String) {
         self.status[row] = Status::Error;
-        self.reasons.insert(row as u32, reason_of(fault));
+        self.reasons.insert(row as u32, reason);
+    }
+
+    /// The answer of an image.
+    pub(crate) fn take(&mut self, row: usize, answer: &PoseAnswer) {
+        self.status[row] = answer.status();
+        self.n_points[row] = answer.n_points as u32;
+        if let Some(estimate) = answer.estimate.as_ref().filter(|_| answer.status().has_pose()) {
+            self.set_numbers(row, estimate);
+        }
+        if answer.status() != Status::Ok {
+            self.reasons.insert(row as u32, answer.verdict.message.clone());
+        }
     }
 
     pub(crate) fn set(&mut self, row: usize, solved: &Solved) {

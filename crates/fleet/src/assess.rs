@@ -9,13 +9,13 @@ mod clock;
 mod drift;
 mod verdict;
 
+pub use clock::FleetSpan;
 pub use drift::Motion;
 pub use verdict::{CameraVerdict, Found};
 
 use crate::FleetError;
 use crate::cameras::Cameras;
 use crate::state::{CameraState, FleetState};
-use clock::FleetSpan;
 use nalgebra::Matrix6;
 use rayon::prelude::*;
 use resight::core::temporal::monitor::FALSE_ALARM_PROBABILITY;
@@ -96,31 +96,57 @@ pub fn assess(
     known: Option<&Cameras>,
     config: &AssessConfig,
 ) -> Result<Assessment, FleetError> {
-    let period_s = state.period_s();
-    if !(0.0 < period_s && period_s.is_finite()) {
-        let reason = format!("the period is {period_s} s; a positive number of seconds is needed");
-        return Err(FleetError::Setting(reason));
-    }
+    let period_s = positive(state.period_s())?;
     let mut cameras: BTreeMap<String, CameraState> = state.into_cameras().into_iter().collect();
     for name in known.iter().flat_map(|cameras| cameras.names()) {
         cameras.entry(name.clone()).or_default();
     }
-    let fleet = FleetSpan::of(cameras.values(), period_s);
+    let fleet = FleetSpan::of(cameras.values().filter_map(|camera| camera.span_s), period_s);
+    Ok(judged(&cameras, known, &fleet, config))
+}
+
+/// The same of a part of a fleet whose span in time is known: only the cameras of the state. All parts together say what `assess` says of
+/// the whole.
+///
+/// # Errors
+/// As `assess`.
+pub fn assess_part(
+    state: FleetState,
+    known: Option<&Cameras>,
+    span_s: Option<(f64, f64)>,
+    config: &AssessConfig,
+) -> Result<Assessment, FleetError> {
+    let fleet = FleetSpan::new(span_s, positive(state.period_s())?);
+    Ok(judged(&state.into_cameras().into_iter().collect(), known, &fleet, config))
+}
+
+fn positive(period_s: f64) -> Result<f64, FleetError> {
+    if 0.0 < period_s && period_s.is_finite() {
+        return Ok(period_s);
+    }
+    let reason = format!("the period is {period_s} s; a positive number of seconds is needed");
+    Err(FleetError::Setting(reason))
+}
+
+fn judged(
+    cameras: &BTreeMap<String, CameraState>,
+    known: Option<&Cameras>,
+    fleet: &FleetSpan,
+    config: &AssessConfig,
+) -> Assessment {
     let all: Vec<(&String, &CameraState)> = cameras.iter().collect();
     let is_known = |name: &str| known.is_none_or(|cameras| cameras.number(name).is_some());
-    let mut verdicts: Vec<CameraVerdict> = all
-        .par_iter()
-        .map(|(name, state)| verdict::of(name, state, is_known(name), &fleet, config))
-        .collect();
+    let mut verdicts: Vec<CameraVerdict> =
+        all.par_iter().map(|(name, state)| verdict::of(name, state, is_known(name), fleet, config)).collect();
     verdicts.sort_by(|a, b| {
         let evidence = |v: &CameraVerdict| v.motion.as_ref().map_or(0.0, |motion| motion.chi2);
         a.found.cmp(&b.found).then(evidence(b).total_cmp(&evidence(a))).then(a.camera.cmp(&b.camera))
     });
     let tested = verdicts.iter().filter(|v| matches!(v.found, Found::Steady | Found::Wandering)).count();
-    Ok(Assessment {
+    Assessment {
         cameras: verdicts,
         span_s: fleet.span_s(),
-        period_s,
+        period_s: fleet.period_s,
         expected_false_alarms: tested as f64 * FALSE_ALARM_PROBABILITY,
-    })
+    }
 }

@@ -2,9 +2,10 @@
 
 use crate::FleetError;
 use crate::answers::{Answers, NUMBERS, upper_triangle};
-use crate::arrays::{lists, names, numbers};
+use crate::arrays::{names, numbers};
 use crate::assemble::Assembler;
 use crate::cameras::UNKNOWN;
+use crate::columns::{Column, Columns, is_of_points, slices};
 use crate::layout::{Layout, PointColumns};
 use crate::solve::{Numbers, Solver, ViewColumns};
 use arrow_array::builder::StringBuilder;
@@ -14,7 +15,6 @@ use arrow_array::{Array, ArrayRef, DictionaryArray, Float64Array, Int32Array, Re
 use arrow_buffer::{BooleanBuffer, NullBuffer, ScalarBuffer};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use resight::report::verdict::Status;
-use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Solved rows with their names and times, before they become Arrow or enter a state.
@@ -38,7 +38,7 @@ pub struct SolvedRows {
 /// `Columns` where columns are missing or of another type. What is wrong with a row is in its status.
 pub fn solve_batch(batch: &RecordBatch, solver: &Solver) -> Result<RecordBatch, FleetError> {
     let layout = Layout::of(&batch.schema())?;
-    if !matches!(layout.points, PointColumns::Points { .. }) {
+    if !is_of_points(&layout) {
         return solve_rows(batch, &layout, solver).record_batch();
     }
     let mut views = Assembler::default();
@@ -48,65 +48,63 @@ pub fn solve_batch(batch: &RecordBatch, solver: &Solver) -> Result<RecordBatch, 
     solve_rows(&batch, &layout, solver).record_batch()
 }
 
+/// The same for columns that lie elsewhere, as in NumPy: they are read where they are.
+///
+/// # Errors
+/// As `solve_batch`.
+pub fn solve_columns(table: &Columns, solver: &Solver) -> Result<RecordBatch, FleetError> {
+    let layout = Layout::of(&table.schema())?;
+    if is_of_points(&layout) {
+        return solve_batch(&table.record_batch()?, solver);
+    }
+    solve_views(&table.columns, table.rows, &layout, solver).record_batch()
+}
+
 /// The same with columns found beforehand, rows of views only (not a row a point).
 pub fn solve_rows(batch: &RecordBatch, layout: &Layout, solver: &Solver) -> SolvedRows {
-    let (names, camera) = names(batch.column(layout.camera));
+    solve_views(&Column::of_batch(batch, layout), batch.num_rows(), layout, solver)
+}
+
+fn solve_views(columns: &[Column], rows: usize, layout: &Layout, solver: &Solver) -> SolvedRows {
+    let (names, camera) = match &columns[layout.camera] {
+        Column::Names { names, rows } => (names.clone(), rows.to_vec()),
+        _ => (Vec::new(), vec![UNKNOWN; rows]),
+    };
     let number_of: Vec<u32> =
         names.iter().map(|name| solver.cameras.number(name).unwrap_or(UNKNOWN)).collect();
     let numbered: Vec<u32> =
         camera.iter().map(|name| number_of.get(*name as usize).copied().unwrap_or(UNKNOWN)).collect();
     let time_s = match layout.time {
-        Some(column) => numbers(batch.column(column)).into_owned(),
-        None => vec![f64::NAN; batch.num_rows()],
+        Some(column) => columns[column].numbers().to_vec(),
+        None => vec![f64::NAN; rows],
     };
-    let sigma_px = layout.sigma_px.map(|column| numbers(batch.column(column)));
-    let sigma_px = sigma_px.as_deref();
+    let sigma_px = layout.sigma_px.map(|column| columns[column].numbers());
+    let solve = |pixels: Numbers, points_m: Option<Numbers>| {
+        solver.solve(&ViewColumns { camera: &numbered, pixels, points_m, sigma_px })
+    };
     let answers = match &layout.points {
         PointColumns::Flat { pixels, points_m } => {
-            let (pixels, points_m) =
-                (flat(batch, pixels), points_m.as_ref().map(|columns| flat(batch, columns)));
-            let pixels: Vec<&[f64]> = pixels.iter().map(|column| &column[..]).collect();
-            let points: Option<Vec<&[f64]>> =
-                points_m.as_ref().map(|columns| columns.iter().map(|column| &column[..]).collect());
-            let points_m = points.as_deref().map(Numbers::Columns);
-            solver.solve(&ViewColumns {
-                camera: &numbered,
-                pixels: Numbers::Columns(&pixels),
-                points_m,
-                sigma_px,
-            })
+            let points_m = points_m.as_ref().map(|which| slices(columns, which));
+            solve(Numbers::Columns(&slices(columns, pixels)), points_m.as_deref().map(Numbers::Columns))
         }
         PointColumns::Lists { pixels, points_m } => {
-            let (values, offsets) = lists(batch.column(*pixels));
-            let points = points_m.map(|column| lists(batch.column(column)));
-            let points_m = points.as_ref().map(|(values, offsets)| Numbers::Lists { values, offsets });
-            let pixels = Numbers::Lists { values: &values, offsets: &offsets };
-            solver.solve(&ViewColumns { camera: &numbered, pixels, points_m, sigma_px })
+            solve(listed(&columns[*pixels]), points_m.map(|column| listed(&columns[column])))
         }
         // Rows of points are put together first; on its own each is a view of one point, and says so.
-        PointColumns::Points { pixels, points_m } => solver.solve(&ViewColumns {
-            camera: &numbered,
-            pixels: Numbers::Columns(
-                &flat(batch, pixels).iter().map(|column| &column[..]).collect::<Vec<_>>(),
-            ),
-            points_m: Some(Numbers::Columns(
-                &flat(batch, points_m).iter().map(|column| &column[..]).collect::<Vec<_>>(),
-            )),
-            sigma_px,
-        }),
+        PointColumns::Points { pixels, points_m } => {
+            let points_m = slices(columns, points_m);
+            solve(Numbers::Columns(&slices(columns, pixels)), Some(Numbers::Columns(&points_m)))
+        }
     };
-    let view = layout.view.map(|column| text(batch.column(column)));
+    let view = layout.view.map(|column| columns[column].array(rows));
     SolvedRows { names, camera, time_s, view, answers }
 }
 
-fn flat<'a>(batch: &'a RecordBatch, columns: &[usize]) -> Vec<Cow<'a, [f64]>> {
-    columns.iter().map(|column| numbers(batch.column(*column))).collect()
-}
-
-/// A column of names as plain text.
-fn text(array: &ArrayRef) -> ArrayRef {
-    let (names, rows) = names(array);
-    Arc::new(rows.iter().map(|row| names.get(*row as usize).map(String::as_str)).collect::<StringArray>())
+fn listed<'a>(column: &'a Column) -> Numbers<'a> {
+    match column {
+        Column::Lists { values, offsets } => Numbers::Lists { values, offsets },
+        _ => Numbers::Columns(&[]),
+    }
 }
 
 /// Names of the columns of numbers, in their order, with their units.
@@ -118,7 +116,8 @@ pub fn number_names() -> Vec<String> {
 }
 
 /// Words of column `status`, by key.
-const STATUSES: [Status; 4] = [Status::Ok, Status::Ambiguous, Status::Degenerate, Status::Inconsistent];
+const STATUSES: [Status; 5] =
+    [Status::Ok, Status::Ambiguous, Status::Degenerate, Status::Inconsistent, Status::NotFound];
 
 /// The columns of answers; `view` only where the views have names.
 pub fn schema(has_view: bool) -> SchemaRef {

@@ -1,6 +1,7 @@
 //! The cameras of a fleet by name: lens, the points that each sees, where it stands on a map.
 
 mod table;
+mod text;
 
 use crate::FleetError;
 use resight::core::{Camera, Lens, Point, Target};

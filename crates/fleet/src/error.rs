@@ -18,6 +18,9 @@ pub enum FleetError {
     /// A setting that cannot be.
     #[error("{0}")]
     Setting(String),
+    /// Whoever waited for the work wants no more of it.
+    #[error("stopped; the same job continues where this one was")]
+    Stopped,
 }
 
 impl FleetError {

@@ -2,12 +2,13 @@
 //!
 //! | stage | file |
 //! | --- | --- |
-//! | columns of a table | `layout.rs`, `arrays.rs` |
-//! | views to poses, on plain slices and on Arrow | `solve.rs`, `answers.rs`, `batch.rs` |
+//! | columns of a table | `layout.rs`, `arrays.rs`, `columns.rs` |
+//! | views to poses, on plain slices and on Arrow | `solve.rs`, `answers.rs`, `batch.rs`; from images: `images.rs` |
 //! | files in, pieces, parts, one file out | `source.rs`, `assemble.rs`, `run.rs`, `reread.rs` |
 //! | what is kept of a camera: exact sums that merge in any order | `state.rs` |
 //! | which cameras moved, are dead, have wrong maps or clocks | `assess.rs` |
 //! | a page for people, JSON for programs | `report.rs`, `answer.rs` |
+//! | the jobs as doors ask for them | `job.rs` |
 //! | a day of a fleet with its truth | `simulate.rs` |
 //!
 //! ```
@@ -18,7 +19,7 @@
 //! let fleet = Simulation { cameras: 3, ..Simulation::default() }.fleet()?;
 //! let (camera, pixels) = (&fleet.cameras[1], fleet.cameras[1].row(&fleet.simulation, 0));
 //! let pixels: Vec<f64> = pixels.iter().flat_map(|(_, p)| p.iter().flat_map(|p| [p.x, p.y])).collect();
-//! let solver = Solver { cameras: fleet.known()?, sigma_px: 0.3 };
+//! let solver = Solver { cameras: fleet.known()?.into(), sigma_px: 0.3 };
 //! let number = solver.cameras.number(&camera.name).ok_or("no such camera")?;
 //! let pixels = Numbers::Rows { values: &pixels, width: 8 };
 //! let answers = solver.solve(&ViewColumns { camera: &[number], pixels, points_m: None, sigma_px: None });
@@ -35,9 +36,11 @@ mod assemble;
 mod csv_out;
 pub mod cameras;
 pub mod layout;
+pub mod columns;
 pub mod solve;
 pub mod answers;
 pub mod batch;
+pub mod images;
 pub mod state;
 pub mod source;
 pub mod run;
@@ -45,9 +48,10 @@ mod reread;
 pub mod assess;
 pub mod answer;
 pub mod report;
+pub mod job;
 pub mod simulate;
 
-pub use batch::{SolvedRows, solve_batch};
+pub use batch::{SolvedRows, solve_batch, solve_columns};
 pub use cameras::Cameras;
 pub use error::FleetError;
 pub use reread::reread;

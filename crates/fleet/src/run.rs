@@ -53,12 +53,12 @@ pub struct Done {
     pub failed: Vec<(PathBuf, String)>,
 }
 
-/// Solves every row of every file.
+/// Solves every row of every file. Where `progress` returns false the work ends; the next run of the same job continues it.
 ///
 /// # Errors
 /// Before any work: a file that is missing or lacks columns, an output that cannot be written. A file that turns out to be damaged is in
-/// `failed`.
-pub fn run(job: &Job, progress: &(dyn Fn(Progress) + Sync)) -> Result<Done, FleetError> {
+/// `failed`. `Stopped` where `progress` wants no more.
+pub fn run(job: &Job, progress: &(dyn Fn(Progress) -> bool + Sync)) -> Result<Done, FleetError> {
     let mut failed = Vec::new();
     let mut sources = Vec::new();
     for path in job.inputs {
@@ -71,6 +71,10 @@ pub fn run(job: &Job, progress: &(dyn Fn(Progress) + Sync)) -> Result<Done, Flee
     if sources.is_empty() {
         let reason = failed.into_iter().map(|(_, reason)| reason).next();
         return Err(FleetError::Setting(reason.unwrap_or_else(|| "no file of views is given".into())));
+    }
+    if job.output.is_dir() {
+        let reason = "this is a folder; the output is one file, e.g. poses.parquet";
+        return Err(FleetError::at(job.output, reason));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
     let pool = pool.map_err(|e| FleetError::Setting(format!("threads cannot be started: {e}")))?;
@@ -114,7 +118,7 @@ struct Work<'a> {
     resumed: AtomicU64,
     /// File, part and reason.
     failed: Mutex<Vec<(usize, usize, String)>>,
-    progress: &'a (dyn Fn(Progress) + Sync),
+    progress: &'a (dyn Fn(Progress) -> bool + Sync),
 }
 
 impl Work<'_> {
@@ -146,7 +150,11 @@ impl Work<'_> {
             return Ok(Some(part));
         }
         // Damaged bytes may make the decoder give up in its own way.
-        let read = || source.read(piece).and_then(|batches| self.solved(source, batches));
+        let read = || {
+            let rows = self.solved(source, source.read(piece)?)?;
+            let n: usize = rows.iter().map(|rows| rows.answers.len()).sum();
+            if n == piece.rows { Ok(rows) } else { Err(source.cut_short(piece, n)) }
+        };
         let solved = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
         match solved.unwrap_or_else(|_| {
             Err(FleetError::at(&source.path, "the bytes are damaged; write the file again"))
@@ -204,21 +212,23 @@ impl Work<'_> {
         let Some(batches) = self.parts.read(part) else { return Ok(false) };
         let Ok(rows) = batches.collect::<Result<Vec<SolvedRows>, FleetError>>() else { return Ok(false) };
         self.resumed.fetch_add(1, Ordering::Relaxed);
-        rows.iter().for_each(|rows| self.enter(rows));
+        rows.iter().try_for_each(|rows| self.enter(rows))?;
         Ok(true)
     }
 
     fn write(&self, part: Part, rows: Vec<SolvedRows>) -> Result<Part, FleetError> {
-        rows.iter().for_each(|rows| self.enter(rows));
+        // What is solved is kept, whoever wants no more.
+        let entered = rows.iter().try_for_each(|rows| self.enter(rows));
         self.parts.write(part, rows, self.has_view)?;
-        Ok(part)
+        entered.map(|()| part)
     }
 
-    fn enter(&self, rows: &SolvedRows) {
+    fn enter(&self, rows: &SolvedRows) -> Result<(), FleetError> {
         self.state.add(rows);
         let n = rows.answers.len() as u64;
         let rows = self.rows.fetch_add(n, Ordering::Relaxed) + n;
-        (self.progress)(Progress { rows, of: self.of });
+        let goes_on = (self.progress)(Progress { rows, of: self.of });
+        if goes_on { Ok(()) } else { Err(FleetError::Stopped) }
     }
 
     fn fail(&self, part: Part, reason: &FleetError) {

@@ -9,6 +9,7 @@ use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Correspondence, Error as MathError, Pixel, Point};
 use std::array::from_fn;
+use std::sync::Arc;
 
 /// One number of each row at a time, from a column of its own or from rows that lie side by side; what is missing is NaN.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +77,7 @@ pub struct ViewColumns<'a> {
 #[derive(Debug, Clone)]
 pub struct Solver {
     /// The cameras, by number.
-    pub cameras: Cameras,
+    pub cameras: Arc<Cameras>,
     /// Standard deviation of pixel coordinates where no row states its own, px.
     pub sigma_px: f64,
 }

@@ -25,6 +25,9 @@ pub const PIECE: usize = 131_072;
 /// Rows that are solved together.
 pub const BATCH: usize = 32_768;
 
+/// Rows a byte of a file beyond which its figures cannot be: a file says how many rows it has, and memory is set aside for them.
+const MOST_ROWS_PER_BYTE: u64 = 4096;
+
 /// Batches one after the other.
 pub type Batches = Box<dyn Iterator<Item = Result<RecordBatch, FleetError>> + Send>;
 
@@ -144,6 +147,14 @@ impl Source {
         }
     }
 
+    /// That a piece has fewer rows than the file states.
+    pub(crate) fn cut_short(&self, piece: &Piece, rows: usize) -> FleetError {
+        let (group, stated) = (piece.group, piece.rows);
+        let reason =
+            format!("{rows} of {stated} rows of row group {group} are there; write the file again, or leave it out");
+        FleetError::at(&self.path, reason)
+    }
+
     fn builder(
         &self,
         metadata: &ArrowReaderMetadata,
@@ -191,6 +202,8 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
         let metadata =
             ArrowReaderMetadata::load(&file, ArrowReaderOptions::new().with_skip_arrow_metadata(false));
         let metadata = metadata.map_err(|e| FleetError::parquet(path, &e))?;
+        let bytes = file.metadata().map_err(|e| FleetError::at(path, e.to_string()))?.len();
+        check_rows(&metadata, bytes).map_err(|reason| FleetError::at(path, reason))?;
         return Ok((
             metadata.schema().clone(),
             Kind::Parquet { metadata: Box::new(metadata), columns: Vec::new() },
@@ -201,6 +214,23 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
         true => Ok((json_lines::schema(path)?, Kind::JsonLines)),
         false => Ok((csv::schema(path)?, Kind::Csv)),
     }
+}
+
+/// Refuses figures that no file of this size has.
+fn check_rows(metadata: &ArrowReaderMetadata, bytes: u64) -> Result<(), String> {
+    let most = i64::try_from(bytes.saturating_mul(MOST_ROWS_PER_BYTE)).unwrap_or(i64::MAX);
+    let groups = metadata.metadata().row_groups();
+    let in_groups = groups.iter().try_fold(0_i64, |sum, group| {
+        Some(group.num_rows()).filter(|n| (0..=most).contains(n)).and_then(|n| sum.checked_add(n))
+    });
+    let stated = metadata.metadata().file_metadata().num_rows();
+    if in_groups == Some(stated) && stated <= most {
+        return Ok(());
+    }
+    let groups = groups.len();
+    Err(format!(
+        "it states {stated} rows in {groups} groups, which do not add up or do not fit its {bytes} bytes; write the file again"
+    ))
 }
 
 /// The layout of batches that hold these columns only.

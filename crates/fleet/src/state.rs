@@ -3,6 +3,7 @@
 //! Sums of rounded numbers depend on their order. These are whole numbers (fixed point), so that threads, machines and restarts may add
 //! rows and merge states as they please: docs/math/fleet.md eqs. (1)–(5).
 
+mod bytes;
 mod camera;
 mod sums;
 
@@ -64,6 +65,32 @@ impl FleetState {
         }
     }
 
+    /// A camera that should be there, whether it was seen or not.
+    pub fn expect(&self, name: &str) {
+        self.enter(name.to_string(), CameraState::default());
+    }
+
+    fn enter(&self, name: String, state: CameraState) {
+        let mut shard = self.shards[shard_of(&name)].lock().unwrap_or_else(PoisonError::into_inner);
+        match shard.entry(name) {
+            Entry::Occupied(mut known) => known.get_mut().merge(&state),
+            Entry::Vacant(free) => {
+                free.insert(state);
+            }
+        }
+    }
+
+    /// Each camera's name with the first and last time of its rows, seconds; sorted by name.
+    pub fn spans(&self) -> Vec<(String, Option<(f64, f64)>)> {
+        let mut spans = Vec::new();
+        for shard in &self.shards {
+            let shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
+            spans.extend(shard.iter().map(|(name, camera)| (name.clone(), camera.span_s)));
+        }
+        spans.sort_by(|a, b| a.0.cmp(&b.0));
+        spans
+    }
+
     fn add_unnamed(&self, counts: [u64; 5]) {
         let mut unnamed = self.unnamed.lock().unwrap_or_else(PoisonError::into_inner);
         unnamed.iter_mut().zip(counts).for_each(|(all, n)| *all += n);
@@ -85,22 +112,22 @@ impl FleetState {
     /// # Errors
     /// The other state, where its periods are of another length: such states do not mix.
     pub fn merge(self, other: FleetState) -> Result<FleetState, Box<FleetState>> {
+        self.absorb(other).map(|()| self)
+    }
+
+    /// The same in place.
+    ///
+    /// # Errors
+    /// As `merge`.
+    pub fn absorb(&self, other: FleetState) -> Result<(), Box<FleetState>> {
         if self.period_s != other.period_s {
             return Err(Box::new(other));
         }
-        self.add_unnamed(other.unnamed.into_inner().unwrap_or_else(PoisonError::into_inner));
-        for (mine, theirs) in self.shards.iter().zip(other.shards) {
-            let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
-            for (name, state) in theirs.into_inner().unwrap_or_else(PoisonError::into_inner) {
-                match mine.entry(name) {
-                    Entry::Occupied(mut known) => known.get_mut().merge(&state),
-                    Entry::Vacant(free) => {
-                        free.insert(state);
-                    }
-                }
-            }
+        self.add_unnamed(*other.unnamed.lock().unwrap_or_else(PoisonError::into_inner));
+        for (name, state) in other.into_cameras() {
+            self.enter(name, state);
         }
-        Ok(self)
+        Ok(())
     }
 
     /// Every camera with its name, sorted by name.

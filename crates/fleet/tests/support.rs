@@ -30,7 +30,7 @@ pub fn written(fleet: &SimulatedFleet, folder: &Path) -> Vec<PathBuf> {
 }
 
 pub fn solver(fleet: &SimulatedFleet) -> Solver {
-    Solver { cameras: fleet.known().expect("cameras"), sigma_px: fleet.simulation.sigma_px }
+    Solver { cameras: fleet.known().expect("cameras").into(), sigma_px: fleet.simulation.sigma_px }
 }
 
 /// The output's bytes and the state.
@@ -41,7 +41,7 @@ pub fn solved(
     threads: usize,
 ) -> (Vec<u8>, FleetState, usize) {
     let job = Job { inputs, solver, output, period_s: 900.0, threads };
-    let done = run(&job, &|_: Progress| {}).expect("a run");
+    let done = run(&job, &|_: Progress| true).expect("a run");
     assert!(done.failed.is_empty(), "{:?}", done.failed);
     (std::fs::read(output).expect("an output"), done.state, done.resumed_parts)
 }

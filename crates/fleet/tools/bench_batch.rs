@@ -12,12 +12,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).ok_or("a folder of make_fleet is needed")?;
     let folder = Path::new(&folder);
     let inputs = expand(&[folder.join("views").display().to_string()])?;
-    let solver = Solver { cameras: Cameras::read(&folder.join("cameras.csv"))?, sigma_px: 0.3 };
+    let solver = Solver { cameras: Cameras::read(&folder.join("cameras.csv"))?.into(), sigma_px: 0.3 };
     let (output, mut walls) = (folder.join("bench.parquet"), Vec::new());
     for threads in [1, 2, 1, 2] {
         let job = Job { inputs: &inputs, solver: &solver, output: &output, period_s: 900.0, threads };
         let begun = Instant::now();
-        let done = run(&job, &|_: Progress| {})?;
+        let done = run(&job, &|_: Progress| true)?;
         let wall_s = begun.elapsed().as_secs_f64();
         println!(
             "{threads} threads: {:.3} µs a row and core, {} rows",

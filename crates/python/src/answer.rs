@@ -139,7 +139,6 @@ impl PoseAnswer {
             return format!("PoseAnswer({status}: {})", self.answer.verdict.message);
         };
         let (turn, shift) = sigmas(&estimate.covariance);
-        let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
         format!(
             "PoseAnswer({status}, {} ± {:.2} mm, ± {:.3} deg)",
             pose(estimate, false).words(),
@@ -164,6 +163,11 @@ impl PoseAnswer {
     fn estimate(&self) -> Option<&PoseEstimate> {
         self.answer.estimate.as_ref()
     }
+}
+
+/// Of three standard deviations.
+pub fn largest(sigmas: [f64; 3]) -> f64 {
+    sigmas.into_iter().fold(0.0, f64::max)
 }
 
 fn pose(estimate: &PoseEstimate, inverse: bool) -> Pose {

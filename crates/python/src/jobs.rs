@@ -9,10 +9,12 @@ use pyo3::prelude::*;
 use resight::answer::{CompareAnswer, IntrinsicsAnswer, IntrinsicsCheckAnswer, PoseGraphAnswer, RigAnswer};
 use resight::compare::CompareOptions;
 use resight::core::camera::ImageSize;
+use resight::core::multiview::pose_graph::PairSigma;
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, model_names};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{
-    CameraDistance, CameraImage, DetectionRow, Detections, ImageOptions, PoseGraphRequest, RigRequest,
+    CameraDistance, CameraImage, Detections, FrameTimes, ImageOptions, PoseGraphMethod, PoseGraphRequest,
+    RigRequest,
 };
 use std::path::PathBuf;
 
@@ -107,7 +109,7 @@ impl Solving {
 }
 
 /// The answer, and the file that `resight rig -o` writes where there is a rig; empty where cameras do not say how large their images are.
-fn rig_lines(answer: &RigAnswer) -> JobResult<Vec<String>> {
+pub fn rig_lines(answer: &RigAnswer) -> JobResult<Vec<String>> {
     match answer {
         RigAnswer::Solved(solved) => Ok(vec![line(solved)?, solved.file().unwrap_or_default()]),
         RigAnswer::Unsolved(reason) => Ok(vec![line(reason)?]),
@@ -137,13 +139,18 @@ pub fn rig_from_images(
     targets: Vec<Named<'_>>,
     images: Vec<Taken<'_>>,
     solving: Solving,
+    timestamps: Option<PathBuf>,
     corner_half_px: Option<u32>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
     let request = solving.of(request(cameras, targets)?);
     let images = taken(images)?;
-    let options = ImageOptions { times: None, corner_window: corner_window(corner_half_px) };
-    observed(py, progress, move || rig_lines(&resight::rig_from_images(&images, &options, &request)?))
+    observed(py, progress, move || {
+        let names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let times = timestamps.map(|file| FrameTimes::read(&file, &names)).transpose()?;
+        let options = ImageOptions { times, corner_window: corner_window(corner_half_px) };
+        rig_lines(&resight::rig_from_images(&images, &options, &request)?)
+    })
 }
 
 #[pyfunction]
@@ -162,39 +169,6 @@ pub fn rig_from_detections(
     })
 }
 
-/// A point in one frame of one camera: camera, view, target, id, position (m), pixel, standard deviation (px).
-type Row = (String, String, Option<String>, Option<String>, Option<[f64; 3]>, [f64; 2], Option<f64>);
-
-fn row_of((camera, view, target, id, position_m, image_px, sigma_px): &Row) -> DetectionRow<'_> {
-    DetectionRow {
-        camera,
-        view,
-        target: target.as_deref(),
-        id: id.as_deref(),
-        position_m: *position_m,
-        image_px: *image_px,
-        sigma_px: *sigma_px,
-        ..DetectionRow::default()
-    }
-}
-
-#[pyfunction]
-pub fn rig_from_rows(
-    py: Python<'_>,
-    cameras: Vec<Named<'_>>,
-    targets: Vec<Named<'_>>,
-    rows: Vec<Row>,
-    sigma_px: Option<f64>,
-    solving: Solving,
-) -> PyResult<Vec<String>> {
-    let request = solving.of(request(cameras, targets)?);
-    answered(py, move || {
-        let seen: Vec<DetectionRow> = rows.iter().map(row_of).collect();
-        let detections = Detections { sigma_px, ..Detections::rows(&seen) };
-        rig_lines(&resight::rig_from_detections(&detections, &request)?)
-    })
-}
-
 /// Writes a text whole or not at all.
 #[pyfunction]
 pub fn write_atomically(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
@@ -205,16 +179,27 @@ pub fn write_atomically(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<(
 pub fn pose_graph(
     py: Python<'_>,
     file: PathBuf,
+    cameras: Vec<Named<'_>>,
     reference: Option<String>,
+    is_chain: bool,
+    sigmas: Option<(f64, f64)>,
     joint_covariance: bool,
 ) -> PyResult<Vec<String>> {
+    let lenses = request(cameras, Vec::new())?.cameras;
+    let method = if is_chain { PoseGraphMethod::Chain } else { PoseGraphMethod::Joint };
+    let median_sigma = sigmas.map(|(sigma_rad, sigma_m)| PairSigma { sigma_rad, sigma_m });
     answered(py, move || {
-        let pairs = read_pairs(&file)?;
-        let request = PoseGraphRequest { reference, joint_covariance, ..PoseGraphRequest::new(pairs) };
-        Ok(vec![match resight::pose_graph(&request)? {
-            PoseGraphAnswer::Solved(solved) => line(&solved)?,
-            PoseGraphAnswer::Unsolved(reason) => line(&reason)?,
-        }])
+        let request = PoseGraphRequest {
+            reference,
+            method,
+            median_sigma,
+            joint_covariance,
+            ..PoseGraphRequest::new(read_pairs(&file)?)
+        };
+        match resight::pose_graph(&request)? {
+            PoseGraphAnswer::Solved(solved) => Ok(vec![line(&solved)?, solved.file(&lenses)?]),
+            PoseGraphAnswer::Unsolved(reason) => Ok(vec![line(&reason)?]),
+        }
     })
 }
 

@@ -14,11 +14,13 @@ mod points;
 mod many;
 mod image;
 mod jobs;
+mod columns;
 mod robot;
 mod lines;
 mod advice;
 mod monitor;
 mod table;
+mod fleet;
 mod program;
 
 use pyo3::prelude::*;
@@ -32,11 +34,15 @@ mod _native {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
+    use super::columns::rig_from_columns;
+    #[pymodule_export]
+    use super::fleet::{Cameras, FleetState, batch, fleet_report, fleet_span_s, locate_views, solve_views};
+    #[pymodule_export]
     use super::image::{detect, locate_image, locate_images};
     #[pymodule_export]
     use super::jobs::{
         check_intrinsics, compare, explain, intrinsics, measure, pose_graph, rig_from_detections,
-        rig_from_images, rig_from_rows, schema, write_atomically,
+        rig_from_images, schema, write_atomically,
     };
     #[pymodule_export]
     use super::lines::solve_lines;
@@ -52,6 +58,8 @@ mod _native {
     use super::program::main;
     #[pymodule_export]
     use super::robot::{hand_eye, hand_eye_of_poses, rig_pose};
+    #[pymodule_export]
+    use super::run::panic_on_purpose;
     #[pymodule_export]
     use super::table::{Table, table};
     #[pymodule_export]

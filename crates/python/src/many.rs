@@ -2,7 +2,9 @@
 
 use crate::arrays::{Numbers, array, words};
 use crate::camera::Camera;
+use crate::answer::largest;
 use crate::error;
+use crate::run::here;
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};
@@ -10,13 +12,16 @@ use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Correspondence, Error as MathError, Pixel, Point};
+use resight::report::words::sigmas;
+use std::ops::Range;
 
 type Answers = Vec<Result<PoseEstimate, MathError>>;
 
 /// Poses of many views, as arrays. Rows of views without a pose are zero, and their status says why.
 #[pyclass(frozen, module = "resight")]
 pub struct Poses {
-    answers: Answers,
+    /// Of each block of views.
+    answers: Vec<Answers>,
     /// Points of each view.
     n_points: Vec<usize>,
 }
@@ -24,7 +29,7 @@ pub struct Poses {
 #[pymethods]
 impl Poses {
     fn __len__(&self) -> usize {
-        self.answers.len()
+        self.n_points.len()
     }
 
     /// Homogeneous matrices, (n, 4, 4).
@@ -60,28 +65,41 @@ impl Poses {
     /// Status of each view.
     #[getter]
     fn status(&self) -> Vec<&'static str> {
-        self.answers.iter().map(status).collect()
+        self.answers().map(status).collect()
     }
 
     /// Which views are `ok`, (n,) of bool.
     #[getter]
     fn is_ok<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        PyArray1::from_vec(py, self.answers.iter().map(|answer| status(answer) == "ok").collect())
+        PyArray1::from_vec(py, self.answers().map(|answer| status(answer) == "ok").collect())
     }
 
     /// Why a view has no pose; none where it has one.
     fn error(&self, py: Python<'_>, view: usize) -> PyResult<Option<String>> {
-        match self.answers.get(view) {
+        match self.answers().nth(view) {
             Some(answer) => Ok(answer.as_ref().err().map(ToString::to_string)),
             None => {
-                Err(error::input(py, format!("view {view} is asked for, there are {}", self.answers.len())))
+                Err(error::input(py, format!("view {view} is asked for, there are {}", self.__len__())))
             }
         }
     }
 
     fn __repr__(&self) -> String {
-        let n_ok = self.answers.iter().filter(|answer| status(answer) == "ok").count();
-        format!("Poses({} views cam_from_target, {n_ok} ok)", self.answers.len())
+        let ok: Vec<&PoseEstimate> =
+            self.answers().filter(|answer| status(answer) == "ok").filter_map(|answer| answer.as_ref().ok()).collect();
+        let counted = format!("{} views cam_from_target, {} ok", self.__len__(), ok.len());
+        let typical = |of: fn(&PoseEstimate) -> f64| {
+            let mut sigmas: Vec<f64> = ok.iter().map(|e| of(e)).collect();
+            sigmas.sort_by(f64::total_cmp);
+            sigmas.get(sigmas.len() / 2).copied()
+        };
+        match (typical(|e| largest(sigmas(&e.covariance).1)), typical(|e| largest(sigmas(&e.covariance).0))) {
+            (Some(shift_m), Some(turn_rad)) => {
+                let (shift_mm, turn_deg) = (1e3 * shift_m, turn_rad.to_degrees());
+                format!("Poses({counted}, median ± {shift_mm:.2} mm, ± {turn_deg:.3} deg)")
+            }
+            _ => format!("Poses({counted})"),
+        }
     }
 }
 
@@ -90,8 +108,12 @@ impl Poses {
     pub fn rows(
         &self,
     ) -> impl Iterator<Item = (usize, usize, &Result<PoseEstimate, MathError>, &'static str)> {
-        let answers = self.answers.iter().zip(&self.n_points).enumerate();
+        let answers = self.answers().zip(&self.n_points).enumerate();
         answers.map(|(view, (answer, n_points))| (view, *n_points, answer, status(answer)))
+    }
+
+    fn answers(&self) -> impl Iterator<Item = &Result<PoseEstimate, MathError>> {
+        self.answers.iter().flatten()
     }
 
     fn each<'py>(
@@ -101,13 +123,13 @@ impl Poses {
         write: impl Fn(&PoseEstimate, &mut [f64]),
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let size: usize = shape.iter().product();
-        let mut values = vec![0.0; size * self.answers.len()];
-        for (answer, out) in self.answers.iter().zip(values.chunks_exact_mut(size)) {
+        let mut values = vec![0.0; size * self.__len__()];
+        for (answer, out) in self.answers().zip(values.chunks_exact_mut(size)) {
             if let Ok(estimate) = answer {
                 write(estimate, out);
             }
         }
-        array(py, values, &[&[self.answers.len()], shape].concat())
+        array(py, values, &[&[self.__len__()], shape].concat())
     }
 }
 
@@ -140,16 +162,17 @@ pub fn solve_many<'py>(
     match offsets {
         None => {
             let answers = together(py, &points, &seen, camera, sigma_px)?;
-            let n_points = vec![seen.shape()[1]; answers.len()];
-            Ok(Poses { answers, n_points })
+            Ok(Poses { answers, n_points: vec![seen.shape()[1]; seen.shape()[0]] })
         }
         Some(offsets) => {
             let (points, seen) = (points.rows::<3>("points_m")?, seen.rows::<2>("pixels")?);
             check_offsets(py, &offsets, points.len(), seen.len())?;
-            let views = || offsets.windows(2);
-            let view = |w: &[usize]| alone(&points[w[0]..w[1]], &seen[w[0]..w[1]], camera, sigma_px);
-            let answers = py.detach(|| views().map(view).collect());
-            Ok(Poses { answers, n_points: views().map(|w| w[1] - w[0]).collect() })
+            let of = |view: usize| {
+                let rows = offsets[view]..offsets[view + 1];
+                alone(&points[rows.clone()], &seen[rows], camera, sigma_px)
+            };
+            let answers = in_blocks(py, offsets.len() - 1, |views| views.map(of).collect())?;
+            Ok(Poses { answers, n_points: offsets.windows(2).map(|w| w[1] - w[0]).collect() })
         }
     }
 }
@@ -165,6 +188,18 @@ fn check_offsets(py: Python<'_>, offsets: &[usize], points: usize, pixels: usize
     Ok(())
 }
 
+/// Views that are solved between two looks for Ctrl-C: a tenth of a second at most.
+const BLOCK: usize = 10_000;
+
+fn in_blocks(py: Python<'_>, n: usize, of: impl Fn(Range<usize>) -> Answers + Sync) -> PyResult<Vec<Answers>> {
+    let mut answers = Vec::with_capacity(n.div_ceil(BLOCK));
+    for first in (0..n).step_by(BLOCK) {
+        answers.push(here(py, || of(first..n.min(first + BLOCK)))?);
+        py.check_signals()?;
+    }
+    Ok(answers)
+}
+
 /// `pixels` (n, k, 2); `points_m` (k, 3) for all, or (n, k, 3).
 fn together(
     py: Python<'_>,
@@ -172,9 +207,9 @@ fn together(
     pixels: &Numbers,
     camera: &Camera,
     sigma_px: f64,
-) -> PyResult<Answers> {
+) -> PyResult<Vec<Answers>> {
     let (n, k) = match *pixels.shape() {
-        [n, k, 2] => (n, k),
+        [n, k, 2] if 0 < k => (n, k),
         ref shape => {
             let message = format!("pixels: shape {} is given, (n, k, 2) is needed", words(shape));
             return Err(error::input(py, message));
@@ -187,16 +222,21 @@ fn together(
         return Err(error::input(py, message));
     }
     let (points, pixels) = (points.slice(), pixels.slice());
-    Ok(py.detach(|| match k {
-        4 => of_four(points, is_shared, pixels, camera, sigma_px),
-        3 => of_three(points, is_shared, pixels, camera, sigma_px),
-        _ => {
-            let (points, _) = points.as_chunks::<3>();
-            let (pixels, _) = pixels.as_chunks::<2>();
-            let of = |view: usize| if is_shared { points } else { &points[view * k..(view + 1) * k] };
-            (0..n).map(|view| alone(of(view), &pixels[view * k..(view + 1) * k], camera, sigma_px)).collect()
+    in_blocks(py, n, |views| {
+        let points = if is_shared { points } else { &points[3 * k * views.start..3 * k * views.end] };
+        let pixels = &pixels[2 * k * views.start..2 * k * views.end];
+        match k {
+            4 => of_four(points, is_shared, pixels, camera, sigma_px),
+            3 => of_three(points, is_shared, pixels, camera, sigma_px),
+            _ => {
+                let (points, _) = points.as_chunks::<3>();
+                let (pixels, _) = pixels.as_chunks::<2>();
+                let of = |view: usize| if is_shared { points } else { &points[view * k..(view + 1) * k] };
+                let pixels = pixels.chunks_exact(k).enumerate();
+                pixels.map(|(view, seen)| alone(of(view), seen, camera, sigma_px)).collect()
+            }
         }
-    }))
+    })
 }
 
 fn of_four(points: &[f64], is_shared: bool, pixels: &[f64], camera: &Camera, sigma_px: f64) -> Answers {

@@ -50,6 +50,9 @@ fn priors(py: Python<'_>, gravity: Option<Gravity>) -> PyResult<Vec<Prior>> {
     }])
 }
 
+/// From so many points on a view may take seconds, during which Ctrl-C must be heard.
+const MANY_POINTS: usize = 1000;
+
 /// The pose of a camera from points (n, 3) in the target frame and their pixels (n, 2).
 #[pyfunction]
 #[pyo3(signature = (points_m, pixels, camera, *, sigma_px=None, sigma_m=None, method="auto", gravity=None, robust_threshold_px=None, names=None, view=""))]
@@ -100,7 +103,13 @@ pub fn solve(
         robust_threshold_px,
         ..PointsOptions::default()
     };
-    let mut answer = locate_points(view, &named, &camera.known.camera, &options);
+    let mut answer = match n < MANY_POINTS {
+        true => crate::run::here(py, || locate_points(view, &named, &camera.known.camera, &options))?,
+        false => {
+            let (view, lens) = (view.to_owned(), camera.known.camera.clone());
+            crate::run::run(py, None, move |_| locate_points(&view, &named, &lens, &options))?
+        }
+    };
     answer.remarks.extend(camera.remark.clone());
     Ok(answer.into())
 }

@@ -3,6 +3,7 @@
 
 use crate::error::error;
 use pyo3::prelude::*;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -69,14 +70,31 @@ pub fn run<T: Send + 'static>(
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => {
-                let message =
-                    "the library panicked, which is a mistake of its own; please report it".to_owned();
-                return Err(error(py, "panic", message));
-            }
+            Err(RecvTimeoutError::Disconnected) => return Err(panicked(py)),
         }
         py.check_signals().map_err(ended)?;
     }
+}
+
+/// Runs a short job on the caller's thread, meanwhile without the interpreter's lock.
+///
+/// # Errors
+/// `panic` for a mistake of this library.
+pub fn here<T: Send>(py: Python<'_>, job: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let job = AssertUnwindSafe(job); // What it leaves half done is dropped with it: inputs are only read.
+    py.detach(|| catch_unwind(job)).map_err(|_| panicked(py))
+}
+
+fn panicked(py: Python<'_>) -> PyErr {
+    let message = "the library panicked, which is a mistake of its own; please report it".to_owned();
+    error(py, "panic", message)
+}
+
+/// Panics, on a thread of its own or here: how the tests see what becomes of a mistake of the library.
+#[pyfunction]
+pub fn panic_on_purpose(py: Python<'_>, on_own_thread: bool) -> PyResult<()> {
+    let job = || panic!("on purpose");
+    if on_own_thread { run(py, None, move |_| job()) } else { here(py, job) }
 }
 
 /// Who is called: `progress` itself, or a bar.

@@ -1,4 +1,4 @@
-//! Answers as a table of columns for pandas, Polars, Arrow and DuckDB: the Arrow PyCapsule interface, without a copy on their side.
+//! Answers as a table of columns for pandas, Polars and Arrow: the Arrow PyCapsule interface, without a copy on their side.
 
 use crate::answer::PoseAnswer;
 use crate::error;
@@ -19,9 +19,15 @@ pub struct Table {
     batch: RecordBatch,
 }
 
+impl From<RecordBatch> for Table {
+    fn from(batch: RecordBatch) -> Self {
+        Table { batch }
+    }
+}
+
 #[pymethods]
 impl Table {
-    /// The Arrow PyCapsule interface: `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table` and DuckDB take it.
+    /// The Arrow PyCapsule interface: `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table` take it.
     #[pyo3(signature = (requested_schema=None))]
     fn __arrow_c_stream__<'py>(
         &self,
@@ -38,6 +44,25 @@ impl Table {
     #[getter]
     fn column_names(&self) -> Vec<String> {
         self.batch.schema().fields().iter().map(|field| field.name().clone()).collect()
+    }
+
+    /// A column as an array: doubles with NaN where there is no number, whole numbers, or text.
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let array = self.batch.column_by_name(name).ok_or_else(|| {
+            let there = self.column_names().join(", ");
+            error::input(py, format!("no column `{name}`; the columns are {there}"))
+        })?;
+        match array.data_type() {
+            DataType::Float64 | DataType::Int32 | DataType::UInt32 => {
+                let numbers = resight_fleet::columns::numbers(array.as_ref()).into_owned();
+                Ok(numpy::PyArray1::from_vec(py, numbers).into_any())
+            }
+            DataType::Utf8 | DataType::Dictionary(_, _) => {
+                let text = resight_fleet::columns::text(array.as_ref());
+                Ok(text.into_pyobject(py)?)
+            }
+            other => Err(error::input(py, format!("column `{name}` is of type {other}; ask pyarrow.table for it"))),
+        }
     }
 
     fn __len__(&self) -> usize {

@@ -1,6 +1,7 @@
 """What the tests of the package share: the repository's data, the program of the wheel, and a camera."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -49,3 +50,33 @@ def points_m():
 @pytest.fixture
 def pixels(camera, truth, points_m):
     return camera.project(truth @ points_m)
+
+
+def rows_of(page):
+    """First cells of the tables of a page: what its readers come from."""
+    lines = (ROOT / "docs" / page).read_text().splitlines()
+    first = [re.split(r"(?<!\\)\|", line)[1].strip() for line in lines if line.startswith("| ")]
+    heads = {i + 1 for i, cell in enumerate(first) if cell.startswith("---")}
+    return [cell for i, cell in enumerate(first, start=1) if i not in heads and i + 1 not in heads]
+
+
+class Rows:
+    """Which rows of a page are run: `@rows.run("beginning of its first cell", …)` above a test, `rows.check()` in the last one."""
+
+    def __init__(self, page):
+        self.page, self.beginnings = page, []
+
+    def run(self, *beginnings):
+        def keep(test):
+            self.beginnings += beginnings
+            return test
+
+        return keep
+
+    def check(self):
+        cells = rows_of(self.page)
+        assert cells, self.page
+        for cell in cells:
+            assert any(cell.startswith(known) for known in self.beginnings), f"{self.page}: no test runs the row {cell}"
+        for known in self.beginnings:
+            assert any(cell.startswith(known) for cell in cells), f"{self.page}: there is no row {known}"

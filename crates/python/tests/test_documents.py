@@ -8,7 +8,7 @@ import pytest
 
 from conftest import ROOT
 
-PAGES = ["docs/python.md", "docs/from-opencv.md", "docs/from-apriltag.md", "docs/from-colmap.md", "crates/python/README.md"]
+PAGES = ["docs/python.md", "docs/from-opencv.md", "docs/from-apriltag.md", "docs/from-colmap.md", "docs/from-kalibr.md", "crates/python/README.md", "README.md"]
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -112,19 +112,47 @@ def test_other_threads_run_meanwhile():
     assert 5 < len(ticks)
 
 
-def test_ctrl_c_ends_a_long_job():
-    script = textwrap.dedent("""
+LONG = {
+    "images": 'resight.locate_images(["examples/photo/left01.jpg"] * 20000, camera, resight.read_target("examples/photo/board.toml"))',
+    "views": "resight.solve_many(np.random.rand(5, 3), np.tile(np.random.rand(5, 2) * 100 + 200, (2_000_000, 1, 1)), camera)",
+    "points": "resight.solve(np.random.rand(200_000, 3), np.random.rand(200_000, 2) * 400, camera, robust_threshold_px=1.0)",
+}
+
+
+@pytest.mark.parametrize("job", LONG)
+def test_ctrl_c_ends_a_long_job(job):
+    script = textwrap.dedent(f"""
+        import numpy as np
         import resight
-        camera, target = resight.read_camera("examples/photo/left.yml"), resight.read_target("examples/photo/board.toml")
+        camera = resight.Camera("pinhole", width_px=640, height_px=480, fx_px=500, fy_px=500, cx_px=319.5, cy_px=239.5)
         print("begun", flush=True)
-        resight.locate_images(["examples/photo/left01.jpg"] * 20000, camera, target)
+        {LONG[job]}
+        print("ended by itself", flush=True)
     """)
     running = subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert running.stdout.readline() == "begun\n"
     time.sleep(1)
     running.send_signal(signal.SIGINT)
-    _, words = running.communicate(timeout=30)
-    assert "KeyboardInterrupt" in words and running.returncode != 0
+    printed, words = running.communicate(timeout=30)
+    assert "KeyboardInterrupt" in words and running.returncode != 0 and "by itself" not in printed
+
+
+@pytest.mark.parametrize("on_own_thread", [False, True])
+def test_a_panic_of_the_library_is_an_exception(on_own_thread):
+    with pytest.raises(resight.Error, match="please report it") as caught:
+        resight._native.panic_on_purpose(on_own_thread)
+    assert caught.value.kind == "panic" and isinstance(caught.value, Exception)
+
+
+def test_reprs_say_frames_and_standard_deviations(camera, truth, points_m, pixels):
+    assert repr(truth) == "Pose(cam_from_target: t (0.0200, 0.0300, 1.2000) m, rotation 33.89 deg)"
+    answer = resight.solve(points_m, pixels, camera, sigma_px=0.3)
+    largest = f"± {1e3 * answer.sigma_m.max():.2f} mm, ± {np.degrees(answer.sigma_rad.max()):.3f} deg"
+    assert "cam_from_target t (0.0200, 0.0300, 1.2000) m" in repr(answer) and largest in repr(answer)
+    views = resight.solve_many(points_m, np.repeat(pixels[None], 3, axis=0), camera, sigma_px=0.3)
+    assert repr(views) == f"Poses(3 views cam_from_target, 3 ok, median {largest})"
+    rig = resight.rig_from_detections("testdata/rig/cameras.toml", "testdata/rig/detections.csv")
+    assert "right: " in repr(rig) and "_from_" in repr(rig) and "±" in repr(rig) and "mm" in repr(rig.cameras.right)
 
 
 def test_a_second_interpreter_is_refused_clearly():

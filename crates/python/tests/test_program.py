@@ -7,6 +7,7 @@ import sys
 import tomllib
 
 import numpy as np
+import pandas
 import pytest
 
 import resight
@@ -40,6 +41,11 @@ def test_locate_without_a_camera_file():
 def test_detect():
     found = [resight.detect(image, BOARD).to_json() for image in LEFT[:3]]
     assert found == program("detect", *LEFT[:3], "--target", BOARD)
+
+
+def test_every_tag():
+    found = resight.detect("testdata/demo/left.png", family="any", view="testdata/demo/left.png").to_json()
+    assert [found] == program("detect", "testdata/demo/left.png", "--family", "any")
 
 
 def test_solve():
@@ -82,6 +88,30 @@ def test_rig(tmp_path):
     written = (tmp_path / "program.toml").read_text().splitlines()
     assert (tmp_path / "python.toml").read_text().splitlines()[1:] == written[1:]
     assert resight.compare(tmp_path / "python.toml", tmp_path / "program.toml")[0].verdict == "unmoved"
+
+
+def test_rig_of_detections():
+    files = "testdata/rig/cameras.toml", "testdata/rig/detections.csv"
+    for joint in (False, True):
+        answer = resight.rig_from_detections(*files, joint_covariance=joint)
+        lines = program("rig", "--camera", files[0], "--detections", files[1], *(["--joint-covariance"] if joint else []))
+        assert without([answer.to_json()], "command") == without(lines, "command")
+
+
+def test_pose_graph(tmp_path):
+    """Three cameras, each pair stated: the loop does not close quite, so that something is adjusted."""
+    rows = ["a,b,qw,qx,qy,qz,x_m,y_m,z_m,sigma_deg,sigma_mm"]
+    rows += [f"{pair},1,0,0,0,{place},0.05,2" for pair, place in (("one,two", "-0.1,0,0"), ("two,three", "-0.1,0,0.001"), ("one,three", "-0.201,0,0"))]
+    (tmp_path / "pairs.csv").write_text("\n".join(rows) + "\n")
+    for chain in (False, True):
+        answer = resight.pose_graph(tmp_path / "pairs.csv", reference="two", chain=chain)
+        answer.save(tmp_path / "python.toml")
+        flags = ["--chain"] if chain else []
+        lines = program("pose-graph", tmp_path / "pairs.csv", "--reference", "two", "-o", tmp_path / "program.toml", *flags)
+        assert [answer.to_json()] == lines and answer.status == "ok"
+        assert (tmp_path / "python.toml").read_bytes() == (tmp_path / "program.toml").read_bytes()
+    with pytest.raises(resight.Error, match="needed together"):
+        resight.pose_graph(tmp_path / "pairs.csv", pair_sigma_m=0.001)
 
 
 def test_intrinsics(tmp_path):
@@ -133,6 +163,49 @@ def test_advise():
     assert [a.to_json() for a in answers] == program("advise", "--camera", rig, "--target", BOARD, "--distance-m", "0.5..2")
     with pytest.raises(resight.Error, match="distance_m"):
         resight.advise_boards(rig, BOARD, (2, 0.5))
+
+
+def test_hand_eye_of_poses(tmp_path):
+    """Poses of the views of the example, solved here, as the program reads them."""
+    motions, camera, corners = "examples/robot/motions.csv", "examples/robot/camera.toml", "examples/robot/corners.csv"
+    views = resight.solve_table(corners, resight.read_camera(camera))
+    (tmp_path / "poses.jsonl").write_text("".join(view.to_json() + "\n" for view in views))
+    answer = resight.hand_eye(motions, poses=tmp_path / "poses.jsonl")
+    lines = program("hand-eye", "--motions", motions, "--poses", tmp_path / "poses.jsonl")
+    assert without([answer.to_json()], "command") == without(lines, "command") and answer.status == "ok"
+
+
+def test_intrinsics_of_detections():
+    files, size = "examples/robot/corners.csv", (1280, 960)
+    answer = resight.intrinsics((), detections=files, image_size_px=size)
+    assert [answer.to_json()] == program("intrinsics", "--detections", files, "--image-size-px", "1280x960")
+
+
+def test_history(tmp_path):
+    """A session's memory: summary and exports are the program's."""
+    kept = tmp_path / "gate.history"
+    program("watch", "--camera", "gate=examples/gate/gate.toml", "--target", "examples/gate/tag.toml", "--source", "examples/gate/day.jsonl",
+            "--once", "--history", kept)
+    assert [resight.history(kept).to_json()] == program("history", kept)
+    for name, events in (("frames.csv", False), ("events.csv", True)):
+        resight.export_history(kept, tmp_path / f"python_{name}", events=events)
+        program("history", kept, "--export", tmp_path / name, *(["--events"] if events else []))
+        assert (tmp_path / f"python_{name}").read_bytes() == (tmp_path / name).read_bytes() != b""
+    resight.export_history(kept, tmp_path / "frames.parquet")
+    assert len(pandas.read_parquet(tmp_path / "frames.parquet")) == len((tmp_path / "frames.csv").read_text().splitlines()) - 1
+
+
+def test_convert_and_print(tmp_path):
+    """The answers name the files, so both write to the same place in turn."""
+    written = tmp_path / "camchain.yaml"
+    answer = resight.convert("testdata/formats/own_rig.toml", "kalibr", written)
+    first = written.read_bytes()
+    assert [answer.to_json()] == program("convert", "testdata/formats/own_rig.toml", "--to", "kalibr", "-o", written)
+    assert written.read_bytes() == first
+    answer = resight.print_target("examples/photo/board.toml", tmp_path / "board.pdf", paper="A3")
+    first = (tmp_path / "board.pdf").read_bytes()
+    assert [answer.to_json()] == program("print", "--target", "examples/photo/board.toml", "--paper", "A3", "-o", tmp_path / "board.pdf")
+    assert (tmp_path / "board.pdf").read_bytes() == first
 
 
 def test_compare():

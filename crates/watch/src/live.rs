@@ -18,6 +18,7 @@ pub mod rig;
 mod session;
 mod sparingly;
 mod state;
+mod turns;
 mod watcher;
 
 pub use known::references;

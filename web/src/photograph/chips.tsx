@@ -1,10 +1,10 @@
 // Distances, typed where they are drawn.
-import { useSignal } from "@preact/signals";
 import type { DistanceView } from "../api/types";
 import { type Point, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
 import { plateOf } from "./draw";
 import { apply, failed, marks, measured, tool, view, viewport } from "./store";
+import { Field } from "./field";
 import { number, pairs, type Pair } from "./pairs";
 
 const WIDTH = 118;
@@ -79,45 +79,25 @@ function Chip({ a, b, typed, x, y }: Placed) {
   );
 }
 
-/** A field for a distance: Enter or leaving it states it, an empty one forgets it. */
+/** A field for a distance; an empty one forgets it. */
 export function DistanceInput({ a, b, typed }: { a: string; b: string; typed: DistanceView | null }) {
-  const text = useSignal<string | null>(null);
-  const known = typed ? shortest(typed.distance_m) : "";
-  const state = async () => {
-    const now = text.value;
-    text.value = null;
-    if (now === null || now.trim() === known) return;
-    if (now.trim() === "") {
-      if (typed) await apply({ kind: "remove_distance", a, b });
+  const state = (text: string) => {
+    if (text === "") {
+      if (typed) void apply({ kind: "remove_distance", a, b });
       return;
     }
-    const distance_m = number(now);
-    if (!(0 < distance_m)) {
-      text.value = now;
-      failed("marks", texts.marks.noDistance);
-      return;
-    }
-    await apply({ kind: "set_distance", a, b, distance_m });
+    const distance_m = number(text);
+    if (0 < distance_m) void apply({ kind: "set_distance", a, b, distance_m });
+    else failed("marks", texts.marks.noDistance);
+    return 0 < distance_m;
   };
   return (
-    <input
-      inputMode="decimal"
-      autocomplete="off"
-      aria-label={texts.marks.distance(a, b)}
+    <Field
+      label={texts.marks.distance(a, b)}
       placeholder="?"
-      aria-invalid={text.value !== null && text.value.trim() !== "" && !(0 < number(text.value))}
-      value={text.value ?? known}
-      onFocus={(event) => event.currentTarget.select()}
-      onInput={(event) => (text.value = event.currentTarget.value)}
-      onBlur={state}
-      onKeyDown={(event) => {
-        if (event.key === "Enter") event.currentTarget.blur();
-        if (event.key === "Escape") {
-          text.value = null;
-          event.currentTarget.blur();
-        }
-        event.stopPropagation();
-      }}
+      value={typed ? shortest(typed.distance_m) : ""}
+      isWrong={(text) => !(0 < number(text))}
+      onState={state}
     />
   );
 }

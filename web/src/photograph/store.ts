@@ -221,7 +221,7 @@ async function showPicture(next: View) {
     viewport.show(decoded.width, decoded.height, decoded.turns);
     picture.value = decoded;
   } catch (problem) {
-    failed("photograph", problem);
+    if (pictureOf === key) failed("photograph", problem);
   }
 }
 
@@ -286,10 +286,24 @@ export async function addPhotograph(file: File) {
   busy.value = texts.sending(file.name, 0);
   try {
     took(await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share))));
+    if (await isTorn(file)) {
+      await apply({ kind: "undo" });
+      failed("photograph", texts.torn(file.name));
+    }
   } catch (problem) {
     failed("photograph", problem);
   } finally {
     busy.value = null;
+  }
+}
+
+/** Whether the browser cannot show what the program could read a part of. */
+async function isTorn(file: Blob): Promise<boolean> {
+  try {
+    (await createImageBitmap(file)).close();
+    return false;
+  } catch {
+    return true;
   }
 }
 

@@ -1,20 +1,19 @@
 //! `batch`: millions of views to poses.
 
+mod spark;
+
 use crate::args::{positive, seconds};
 use crate::output::{Outcome, print_answer, remark};
 use crate::stdio::is_quiet;
 use anyhow::{Result, bail};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use resight::formats::{read_target, write_atomically};
-use resight_fleet::answer::{BatchObject, ColumnsObject, FleetCameraObject};
-use resight_fleet::assess::{AssessConfig, assess};
-use resight_fleet::run::{Job, Progress, run as solve};
+use resight_fleet::answer::ColumnsObject;
+use resight_fleet::job::{BatchRequest, News, batch};
+use resight_fleet::run::Progress;
 use resight_fleet::source::{expand, explain_file};
-use resight_fleet::{Cameras, FleetState, Solver};
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::PathBuf;
 
 /// Computes the poses of millions of views, of a fleet of cameras, in bounded memory and on all cores.
 ///
@@ -29,7 +28,8 @@ use std::time::Instant;
 #[command(after_long_help = "Examples:
   resight batch views/ --cameras cameras.csv -o poses.parquet
   resight batch 'day-*.parquet' --cameras rig.toml --target target.toml -o poses.parquet --drift cameras.jsonl
-  resight batch --explain views/000.parquet")]
+  resight batch --explain views/000.parquet
+  resight batch 's3a://fleet/day/' --cameras cameras.csv --engine spark --master spark://host:7077 -o s3a://fleet/poses")]
 pub struct Batch {
     /// Files of views, folders of them, or patterns.
     #[arg(value_name = "IN", required = true)]
@@ -55,6 +55,12 @@ pub struct Batch {
     /// Threads [default: one for each core].
     #[arg(long, hide_short_help = true, value_name = "N")]
     threads: Option<usize>,
+    /// What does the work: this machine, or a cluster of Apache Spark (with the Python package and PySpark).
+    #[arg(long, hide_short_help = true, value_name = "ENGINE", default_value = "embedded")]
+    engine: Engine,
+    /// The cluster for --engine spark, such as spark://host:7077 or local[2] [default: that of the environment].
+    #[arg(long, hide_short_help = true, value_name = "URL")]
+    master: Option<String>,
     /// Only says which columns the files have, what each is taken for, and what is missing.
     #[arg(long)]
     explain: bool,
@@ -63,47 +69,62 @@ pub struct Batch {
     json: bool,
 }
 
+/// What does the work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Engine {
+    /// This machine.
+    Embedded,
+    /// A cluster.
+    Spark,
+}
+
 /// See `Batch`.
 pub fn run(args: &Batch) -> Result<Outcome> {
-    let inputs = expand(&args.inputs)?;
     if args.explain {
-        return explain(&inputs, args.json);
+        return explain(&expand(&args.inputs)?, args.json);
     }
-    let (Some(cameras), Some(output)) = (&args.cameras, &args.output) else {
-        bail!("--cameras and -o are needed");
-    };
-    crate::files::must_be_writable(output)?;
-    if let Some(drift) = &args.drift {
+    let request = request(args)?;
+    if args.engine == Engine::Spark {
+        return spark::run(&request, args.master.as_deref(), args.json);
+    }
+    crate::files::must_be_writable(&request.output)?;
+    if let Some(drift) = &request.drift {
         crate::files::can_be_written("--drift", drift)?;
     }
-    if let Some(same) = inputs.iter().find(|input| is_same(input, output)) {
-        bail!("-o {}: this is one of the inputs; write elsewhere", same.display());
-    }
-    let mut cameras = Cameras::read(cameras)?;
-    if let Some(target) = &args.target {
+    if let Some(target) = &request.target {
         crate::files::must_exist(target)?;
-        cameras = cameras.with_target(&read_target(target)?.target)?;
     }
-    cameras.warnings.iter().for_each(|text| remark(&format!("warning: {text}")));
-    let solver = Solver { cameras, sigma_px: args.sigma_px };
-    let threads = args.threads.unwrap_or(0);
-    let job = Job { inputs: &inputs, solver: &solver, output, period_s: args.period_s, threads };
-    let (bar, begun) = (bar(), Instant::now());
-    let done = solve(&job, &|progress| show(&bar, progress));
+    let bar = bar();
+    let answer = batch(&request, &|news| {
+        match news {
+            News::Warning(text) => bar.suspend(|| remark(&format!("warning: {text}"))),
+            News::Progress(progress) => show(&bar, progress),
+        }
+        true
+    });
     bar.finish_and_clear();
-    let done = done?;
-    let counts = done.state.counts();
-    let answer = BatchObject::of(&done, counts, solver.cameras.len(), output, begun.elapsed().as_secs_f64());
-    if let Some(drift) = &args.drift {
-        write_drift(drift, done.state, &solver.cameras)?;
-    }
+    let answer = answer?;
     print_answer(args.json, &answer, &answer.in_words(), answer.status())?;
     Ok(Outcome::of([answer.status()]))
 }
 
-fn is_same(a: &Path, b: &Path) -> bool {
-    let (a, b) = (a.canonicalize(), b.canonicalize());
-    a.is_ok_and(|a| b.is_ok_and(|b| a == b))
+fn request(args: &Batch) -> Result<BatchRequest> {
+    let (Some(cameras), Some(output)) = (&args.cameras, &args.output) else {
+        bail!("--cameras and -o are needed");
+    };
+    if args.master.is_some() && args.engine != Engine::Spark {
+        bail!("--master is the address of a cluster; add --engine spark");
+    }
+    Ok(BatchRequest {
+        inputs: args.inputs.clone(),
+        cameras: cameras.clone(),
+        target: args.target.clone(),
+        output: output.clone(),
+        drift: args.drift.clone(),
+        sigma_px: args.sigma_px,
+        period_s: args.period_s,
+        threads: args.threads.unwrap_or(0),
+    })
 }
 
 fn explain(inputs: &[PathBuf], json: bool) -> Result<Outcome> {
@@ -115,17 +136,6 @@ fn explain(inputs: &[PathBuf], json: bool) -> Result<Outcome> {
         statuses.push(answer.status());
     }
     Ok(Outcome::of(statuses))
-}
-
-fn write_drift(path: &Path, state: FleetState, cameras: &Cameras) -> Result<()> {
-    let fleet = assess(state, Some(cameras), &AssessConfig::default())?;
-    let mut lines = Vec::new();
-    for camera in &fleet.cameras {
-        serde_json::to_writer(&mut lines, &FleetCameraObject::from(camera))?;
-        lines.push(b'\n');
-    }
-    write_atomically(path, &lines)?;
-    Ok(())
 }
 
 /// On a terminal only.

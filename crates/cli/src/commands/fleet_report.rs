@@ -4,11 +4,9 @@ use crate::args::{not_negative, seconds};
 use crate::output::{Outcome, print};
 use anyhow::Result;
 use clap::Args;
-use resight::formats::write_atomically;
-use resight_fleet::answer::{FleetCameraObject, in_words};
-use resight_fleet::assess::{AssessConfig, Found, assess};
-use resight_fleet::source::expand;
-use resight_fleet::{Cameras, report, reread};
+use resight_fleet::answer::in_words;
+use resight_fleet::assess::{AssessConfig, Found};
+use resight_fleet::job::{ReportRequest, fleet_report, json_lines};
 use std::path::PathBuf;
 
 /// Says which cameras of a fleet moved, which are dead, and whose map or clock is wrong, from the poses that `batch` wrote.
@@ -50,22 +48,21 @@ pub fn run(args: &FleetReport) -> Result<Outcome> {
     if let Some(output) = &args.output {
         crate::files::must_be_writable(output)?;
     }
-    let inputs = expand(&args.inputs)?;
-    let cameras = args.cameras.as_deref().map(Cameras::read).transpose()?;
-    let state = reread(&inputs, args.period_s)?;
-    let config = AssessConfig {
-        diurnal_rad: args.diurnal_deg.to_radians(),
-        diurnal_m: args.diurnal_mm / 1e3,
-        ..AssessConfig::default()
-    };
-    let fleet = assess(state, cameras.as_ref(), &config)?;
-    if let Some(output) = &args.output {
-        write_atomically(output, report::page(&fleet, cameras.as_ref()).as_bytes())?;
-    }
+    let fleet = fleet_report(&ReportRequest {
+        inputs: args.inputs.clone(),
+        cameras: args.cameras.clone(),
+        output: args.output.clone(),
+        period_s: args.period_s,
+        config: AssessConfig {
+            diurnal_rad: args.diurnal_deg.to_radians(),
+            diurnal_m: args.diurnal_mm / 1e3,
+            ..AssessConfig::default()
+        },
+    })?;
     match args.json {
         true => {
-            for camera in &fleet.cameras {
-                print(&format!("{}\n", serde_json::to_string(&FleetCameraObject::from(camera))?))?;
+            for line in json_lines(&fleet)? {
+                print(&(line + "\n"))?;
             }
         }
         false => print(&in_words(&fleet, LISTED))?,

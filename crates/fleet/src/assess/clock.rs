@@ -4,10 +4,10 @@ use crate::state::{CameraState, MOST_PERIODS};
 
 /// When most cameras were seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FleetSpan {
+pub struct FleetSpan {
     span_s: Option<(f64, f64)>,
     /// Seconds of a period.
-    pub period_s: f64,
+    pub(super) period_s: f64,
 }
 
 /// Cameras of which one in so many may begin earlier, or end later, than the fleet.
@@ -20,9 +20,14 @@ const TWICE: f64 = 1.6;
 const FEWEST: usize = 2;
 
 impl FleetSpan {
-    /// Of all cameras together; clocks that are off by years are too few to matter.
-    pub fn of<'a>(cameras: impl Iterator<Item = &'a CameraState>, period_s: f64) -> Self {
-        let (mut first, mut last): (Vec<f64>, Vec<f64>) = cameras.filter_map(|camera| camera.span_s).unzip();
+    /// One that is known.
+    pub(super) fn new(span_s: Option<(f64, f64)>, period_s: f64) -> Self {
+        FleetSpan { span_s, period_s }
+    }
+
+    /// Of all cameras together, by the first and last time of each; clocks that are off by years are too few to matter.
+    pub fn of(cameras: impl Iterator<Item = (f64, f64)>, period_s: f64) -> Self {
+        let (mut first, mut last): (Vec<f64>, Vec<f64>) = cameras.unzip();
         first.sort_by(f64::total_cmp);
         last.sort_by(f64::total_cmp);
         // The middle one of all stands for a fleet whose cameras begin and end together.
@@ -37,13 +42,13 @@ impl FleetSpan {
     }
 
     /// How long before the end of the fleet a camera was last seen, seconds.
-    pub fn silent_s(&self, camera: &CameraState) -> Option<f64> {
+    pub(super) fn silent_s(&self, camera: &CameraState) -> Option<f64> {
         let ((_, end), (_, last)) = (self.span_s?, camera.span_s?);
         Some(end - last)
     }
 
     /// What is wrong with a camera's times, in a sentence.
-    pub fn fault(&self, camera: &CameraState) -> Option<String> {
+    pub(super) fn fault(&self, camera: &CameraState) -> Option<String> {
         let rows = camera.rows();
         if 0 < rows && rows < 2 * camera.without_time {
             return Some(format!("{} of {rows} rows state no time that is a number", camera.without_time));

@@ -15,9 +15,9 @@ pub const SAMPLES: usize = 9;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// What chose it: smaller stays.
-    key: u64,
+    pub(super) key: u64,
     /// Its time, seconds, as bits.
-    time: u64,
+    pub(super) time: u64,
     /// The pose.
     pub cam_from_target: Pose,
     /// Its covariance, `[rotation_rad; translation_m]`, camera frame.

@@ -24,6 +24,27 @@ pub struct Sums {
 }
 
 impl Sums {
+    /// Whole numbers that it is made of.
+    pub(super) const PARTS: usize = 14;
+
+    /// All of them, in a fixed order.
+    pub(super) fn parts(&self) -> [u64; Sums::PARTS] {
+        let sums = self.position.iter().chain(&self.products);
+        let mut parts = [self.n; Sums::PARTS];
+        parts[1..].iter_mut().zip(sums).for_each(|(part, sum)| *part = *sum as u64);
+        parts
+    }
+
+    /// Made of them again.
+    pub(super) fn of_parts(parts: [u64; Sums::PARTS]) -> Self {
+        let part = |i: usize| parts[i] as i64;
+        Sums {
+            n: parts[0],
+            position: std::array::from_fn(|i| part(1 + i)),
+            products: std::array::from_fn(|i| part(4 + i)),
+        }
+    }
+
     /// Adds a pose; false where it lies too far off.
     #[inline]
     pub fn add(&mut self, quaternion: [f64; 4], translation: [f64; 3]) -> bool {

@@ -11,9 +11,11 @@ only `ok` may be used unseen.
 """
 
 from . import interop as interop
+from . import spark as spark
 from . import whisker as whisker
 from ._answer import Answer
 from ._error import Error
+from ._fleet import FleetState, batch, fleet_report, solve_views
 from ._jobs import (
     advise_boards,
     advise_points,
@@ -36,6 +38,7 @@ from ._jobs import (
 from ._monitor import Monitor
 from ._native import (
     Camera,
+    Cameras,
     Pose,
     PoseAnswer,
     Poses,
@@ -55,7 +58,9 @@ __all__ = [
     "__version__",
     "Answer",
     "Camera",
+    "Cameras",
     "Error",
+    "FleetState",
     "Monitor",
     "Pose",
     "PoseAnswer",
@@ -66,12 +71,14 @@ __all__ = [
     "advise_boards",
     "advise_points",
     "advise_target",
+    "batch",
     "check_intrinsics",
     "compare",
     "convert",
     "detect",
     "explain",
     "export_history",
+    "fleet_report",
     "hand_eye",
     "history",
     "intrinsics",
@@ -90,6 +97,7 @@ __all__ = [
     "solve_lines",
     "solve_many",
     "solve_table",
+    "solve_views",
     "table",
     "watch",
 ]

@@ -1,5 +1,6 @@
 """The program `resight`, as the wheel installs it."""
 
+import os
 import signal
 import sys
 
@@ -9,6 +10,7 @@ from ._native import main as run
 def main() -> int:
     """Runs the program with the arguments of this process; its exit status."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it as it ends the binary; `watch` has a handler of its own.
+    os.environ.setdefault("RESIGHT_PYTHON", sys.executable)  # What `batch --engine spark` runs.
     return run(["resight", *sys.argv[1:]])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -85,7 +86,28 @@ class Answer:
 
     def __repr__(self) -> str:
         message = self._keys.get("message")
-        return f"Answer({self.status}{f': {message}' if message else ''}; {', '.join(self._keys)})"
+        parts = [f"{self.status}: {message}" if message else self.status, *_poses(self._keys), ", ".join(self._keys)]
+        return f"Answer({'; '.join(parts)})"
+
+
+def _poses(keys: dict[str, Any]) -> list[str]:
+    """The pose of an answer, or of each camera of a rig, with its frames and the largest of its standard deviations."""
+    cameras = keys.get("cameras")
+    parts = cameras if isinstance(cameras, dict) else {}
+    words = [f"{name}: {pose}" for name, camera in parts.items() if (pose := _pose(camera))]
+    own = _pose(keys)
+    return ([own] if own else []) + words[:4] + ([f"{len(words) - 4} more"] if 4 < len(words) else [])
+
+
+def _pose(keys: dict[str, Any]) -> str | None:
+    for name, value in keys.items():
+        if "_from_" in name and isinstance(value, dict) and "translation_m" in value:
+            x, y, z = value["translation_m"]
+            place = f"{name} t ({x:.4f}, {y:.4f}, {z:.4f}) m"
+            if not (keys.get("sigma_m") and keys.get("sigma_rad")):
+                return place
+            return f"{place} ± {1e3 * max(keys['sigma_m']):.2f} mm, ± {math.degrees(max(keys['sigma_rad'])):.3f} deg"
+    return None
 
 
 def _value(value: Any) -> Any:

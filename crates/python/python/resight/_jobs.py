@@ -5,12 +5,12 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import import_module
 from typing import Any
 
 from . import _native
 from ._answer import Answer
 from ._error import Error
+from ._table import columns
 
 
 def read_camera(file: Any) -> _native.Camera:
@@ -33,41 +33,49 @@ def detect(image: Any, target: Any = None, *, family: str | None = None, corner_
 def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, reference: str | None = None,
                     world: str | None = None, fixed_together: Sequence[Sequence[str]] = (),
                     known_distances_m: Sequence[tuple[str, str, float, float]] = (),
+                    timestamps: Any = None, sync_tolerance_s: float | None = None,
                     joint_covariance: bool = False, corner_half_px: int | None = None,
                     progress: Any = None) -> Answer:
     """The extrinsics of several cameras from images of targets that they see together.
 
     `cameras`: names to cameras or files, or one file of several cameras. `targets`: one target or file, a list of them, or names to them.
     `images`: names of cameras to a pattern such as `left*.jpg`, a list of paths, or names of views to grey arrays (height, width) of uint8;
-    images of one name are one view. `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
+    images of one name are one view, or with `timestamps` (a CSV file of camera, frame, t_s) those within `sync_tolerance_s` of each other.
+    `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
     `progress(done, total)` is called after each image, True is a bar by tqdm; Ctrl-C ends the work.
     """
-    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance)
-    taken = _taken(images)
-    lines = _native.rig_from_images(_named("cameras", cameras), _named("targets", targets), taken, solving, corner_half_px, progress)
-    return Answer(*lines)
+    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s)
+    named, taken = (_named("cameras", cameras), _named("targets", targets)), _taken(images)
+    times = None if timestamps is None else os.fspath(timestamps)
+    return Answer(*_native.rig_from_images(*named, taken, solving, times, corner_half_px, progress))
 
 
 def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sigma_px: float | None = None,
                         reference: str | None = None, world: str | None = None,
                         fixed_together: Sequence[Sequence[str]] = (),
                         known_distances_m: Sequence[tuple[str, str, float, float]] = (),
-                        joint_covariance: bool = False) -> Answer:
+                        sync_tolerance_s: float | None = None, joint_covariance: bool = False) -> Answer:
     """The same from points that were detected already.
 
     `detections`: CSV files, or a table (a dictionary of columns, pandas, Polars, Arrow) with the columns camera, view, id, u_px, v_px and
-    optionally target, x_m, y_m, z_m (where no target knows the id) and sigma_px.
+    optionally target, body, corner, x_m, y_m, z_m (where no target knows the id), sigma_px, sigma_m and t_s, which `sync_tolerance_s` needs.
     """
-    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance)
+    solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s)
     named = _named("cameras", cameras), _named("targets", targets)
     if _is_paths(detections):
         return Answer(*_native.rig_from_detections(*named, _paths(detections), sigma_px, solving))
-    return Answer(*_native.rig_from_rows(*named, _rows(detections), sigma_px, solving))
+    return Answer(*_native.rig_from_columns(*named, columns(detections), sigma_px, solving))
 
 
-def pose_graph(file: Any, *, reference: str | None = None, joint_covariance: bool = False) -> Answer:
-    """The extrinsics of several cameras from the relative poses of pairs of them, in a file that `resight pose-graph` reads."""
-    return Answer(*_native.pose_graph(os.fspath(file), reference, joint_covariance))
+def pose_graph(file: Any, *, cameras: Any = (), reference: str | None = None, chain: bool = False, pair_sigma_rad: float | None = None,
+               pair_sigma_m: float | None = None, joint_covariance: bool = False) -> Answer:
+    """The extrinsics of several cameras from the relative poses of pairs of them, in a file that `resight pose-graph` reads.
+
+    `cameras`: whose intrinsics `answer.save("rig.toml")` writes beside the poses. `chain`: the one chain of pairs of least error for each camera,
+    instead of all pairs. `pair_sigma_rad`, `pair_sigma_m`: of a pair of median error, estimated from the pairs where not given.
+    """
+    sigmas = _both("pair_sigma_rad and pair_sigma_m", pair_sigma_rad, pair_sigma_m)
+    return Answer(*_native.pose_graph(os.fspath(file), _named("cameras", cameras), reference, chain, sigmas, joint_covariance))
 
 
 def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any = (),
@@ -91,7 +99,7 @@ def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any
     taken = [] if images is None else _taken(images)
     files = [] if detections is None else _paths(detections)
     named = _named("cameras", cameras), _named("targets", targets)
-    solving = _solving(reference, None, (), (), False)
+    solving = _solving(reference, None, (), (), False, None)
     return Answer(*_native.hand_eye(os.fspath(motions), *named, taken, files, sigma_px, solving, robot, progress))
 
 
@@ -166,9 +174,7 @@ def check_intrinsics(cameras: Any, targets: Any = (), images: Any = None, *, det
 def compare(before: Any, after: Any, *, alpha: float = 1e-3, sigma_m: float | None = None,
             sigma_rad: float | None = None) -> list[Answer]:
     """What moved between two rigs (one answer) or two files of poses (one a view). `alpha`: the chance of a false alarm."""
-    if (sigma_m is None) != (sigma_rad is None):
-        raise Error("sigma_m and sigma_rad are needed together")
-    sigmas = None if sigma_m is None or sigma_rad is None else (sigma_m, sigma_rad)
+    sigmas = _both("sigma_m and sigma_rad", sigma_m, sigma_rad)
     lines = _native.compare(os.fspath(before), os.fspath(after), alpha, sigmas)
     return [Answer(line) for line in lines]
 
@@ -183,6 +189,12 @@ def explain(file: Any) -> Answer:
     return Answer(*_native.explain(os.fspath(file)))
 
 
+def _both(names: str, first: float | None, second: float | None) -> tuple[float, float] | None:
+    if (first is None) != (second is None):
+        raise Error(f"{names} are needed together")
+    return None if first is None or second is None else (first, second)
+
+
 def _camera(value: Any) -> _native.Camera:
     return value if isinstance(value, _native.Camera) else read_camera(value)
 
@@ -192,13 +204,14 @@ def _target(value: Any) -> _native.Target:
 
 
 def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
-             known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool) -> dict[str, Any]:
+             known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool,
+             sync_tolerance_s: float | None) -> dict[str, Any]:
     return {
         "reference": reference,
         "world": world,
         "fixed_together": [list(names) for names in fixed_together],
         "known_distances_m": [tuple(distance) for distance in known_distances_m],
-        "sync_tolerance_s": None,
+        "sync_tolerance_s": sync_tolerance_s,
         "joint_covariance": joint_covariance,
     }
 
@@ -257,45 +270,3 @@ def _paths(values: Any) -> list[str]:
     if isinstance(values, (str, os.PathLike)):
         return [os.fspath(values)]
     return [os.fspath(value) for value in values]
-
-
-def _columns(table: Any) -> dict[str, list[Any]]:
-    if hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):  # Arrow by its PyCapsule interface alone
-        table = import_module("pyarrow").table(table)
-    if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # pyarrow
-        table = table.to_pydict()
-    names = list(table.keys()) if isinstance(table, Mapping) else list(getattr(table, "columns", []))
-    if not names:
-        raise Error(f"detections: CSV files or a table with columns are needed, not {type(table).__name__}")
-    return {str(name): list(table[name]) for name in names}
-
-
-def _rows(table: Any) -> list[tuple[Any, ...]]:
-    columns = _columns(table)
-    missing = [name for name in ("camera", "view", "u_px", "v_px") if name not in columns]
-    if missing:
-        raise Error(f"detections: column {missing[0]} is missing; there are {', '.join(columns)}")
-    known = {"camera", "view", "id", "target", "x_m", "y_m", "z_m", "u_px", "v_px", "sigma_px"}
-    other = [name for name in columns if name not in known]
-    if other:
-        raise Error(f"detections: column {other[0]} is not known; known are {', '.join(sorted(known))}")
-    n = len(columns["camera"])
-    if any(len(values) != n for values in columns.values()):
-        raise Error("detections: columns of different lengths")
-
-    def at(name: str, i: int) -> Any:
-        value = columns[name][i] if name in columns else None
-        return None if value is None or value != value else value
-
-    def word(name: str, i: int) -> str | None:
-        value = at(name, i)
-        return None if value is None else str(int(value) if hasattr(value, "is_integer") else value)
-
-    def row(i: int) -> tuple[Any, ...]:
-        x, y, z = at("x_m", i), at("y_m", i), at("z_m", i)
-        position = None if x is None or y is None or z is None else (float(x), float(y), float(z))
-        pixel = (float(columns["u_px"][i]), float(columns["v_px"][i]))
-        camera, view = str(columns["camera"][i]), str(columns["view"][i])
-        return camera, view, word("target", i), word("id", i), position, pixel, at("sigma_px", i)
-
-    return [row(i) for i in range(n)]

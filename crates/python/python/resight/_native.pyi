@@ -10,6 +10,8 @@ _Image: TypeAlias = str | os.PathLike[str] | bytes | NDArray[np.uint8]
 
 __all__ = [
     "Camera",
+    "Cameras",
+    "FleetState",
     "Pose",
     "PoseAnswer",
     "Monitor",
@@ -20,27 +22,33 @@ __all__ = [
     "advise_boards",
     "advise_points",
     "advise_target",
+    "batch",
     "check_intrinsics",
     "compare",
     "detect",
     "explain",
+    "fleet_report",
+    "fleet_span_s",
     "hand_eye",
     "hand_eye_of_poses",
     "intrinsics",
     "locate_image",
     "locate_images",
+    "locate_views",
     "main",
     "measure",
+    "panic_on_purpose",
     "pose_graph",
+    "rig_from_columns",
     "rig_from_detections",
     "rig_from_images",
-    "rig_from_rows",
     "rig_pose",
     "schema",
     "solve",
     "solve_lines",
     "solve_many",
     "solve_table",
+    "solve_views",
     "table",
     "write_atomically",
 ]
@@ -318,6 +326,10 @@ class Table:
     @property
     def column_names(self) -> list[str]:
         """Names of its columns, in their order."""
+
+    def column(self, name: str) -> Any:
+        """A column: an array of doubles with NaN where there is no number, or a list of text with None where there is none."""
+
     def __len__(self) -> int: ...
 
 @final
@@ -410,7 +422,7 @@ def solve_lines(
     file: str, camera: Camera | None, sigma_px: float | None, image_size_px: tuple[int, int] | None
 ) -> list[str]: ...
 def table(answers: Sequence[PoseAnswer] | Poses) -> Table:
-    """Answers as a table, one row each: for `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table`, DuckDB.
+    """Answers as a table, one row each: for `pandas.DataFrame.from_arrow`, `polars.DataFrame`, `pyarrow.table`.
 
     Columns: view, status, message, n_points; null where there is no pose: rotation_wxyz and translation_m of cam_from_target, covariance (36
     numbers, row by row), probability, rms_px, chi2.
@@ -455,15 +467,28 @@ _Named: TypeAlias = list[tuple[str | None, Any]]
 _Taken: TypeAlias = list[tuple[str, str | None, str | None, Any]]
 
 def rig_from_images(
-    cameras: _Named, targets: _Named, images: _Taken, solving: dict[str, Any], corner_half_px: int | None, progress: Any
+    cameras: _Named,
+    targets: _Named,
+    images: _Taken,
+    solving: dict[str, Any],
+    timestamps: str | None,
+    corner_half_px: int | None,
+    progress: Any,
 ) -> list[str]: ...
 def rig_from_detections(
     cameras: _Named, targets: _Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
-def rig_from_rows(
-    cameras: _Named, targets: _Named, rows: list[tuple[Any, ...]], sigma_px: float | None, solving: dict[str, Any]
+def rig_from_columns(
+    cameras: _Named, targets: _Named, columns: dict[str, Any], sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
-def pose_graph(file: str, reference: str | None, joint_covariance: bool) -> list[str]: ...
+def pose_graph(
+    file: str,
+    cameras: _Named,
+    reference: str | None,
+    is_chain: bool,
+    sigmas: tuple[float, float] | None,
+    joint_covariance: bool,
+) -> list[str]: ...
 def intrinsics(
     targets: _Named,
     images: _Taken,
@@ -525,6 +550,82 @@ def advise_boards(
 def compare(before: str, after: str, alpha: float, sigmas: tuple[float, float] | None) -> list[str]: ...
 def measure(scene: str) -> list[str]: ...
 def explain(file: str) -> list[str]: ...
+def panic_on_purpose(on_own_thread: bool) -> None: ...
 def schema() -> str: ...
 def write_atomically(path: str | os.PathLike[str], text: str) -> None: ...
 def main(arguments: list[str]) -> int: ...
+
+@final
+class Cameras:
+    """The cameras of a fleet by name: lenses, the points that each sees, sites. They can be pickled, as for the workers of a cluster."""
+
+    @staticmethod
+    def read(file: str | os.PathLike[str], target: Target | None = None) -> Cameras:
+        """From a CSV table, a camera file that names several, or a folder of camera files. `target`: the points of cameras that state none."""
+
+    @staticmethod
+    def parse(text: str) -> Cameras:
+        """From what `to_text` gave."""
+
+    def to_text(self) -> str:
+        """Every lens, point and site, to the last bit, for other machines."""
+
+    @property
+    def names(self) -> list[str]:
+        """Names in column `camera`."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is unusual but not wrong, in sentences."""
+
+    def __len__(self) -> int: ...
+
+@final
+class FleetState:
+    def __new__(cls, period_s: float = 900.0) -> FleetState: ...
+    @staticmethod
+    def from_bytes(state: bytes) -> FleetState: ...
+    @property
+    def period_s(self) -> float: ...
+    @property
+    def counts(self) -> list[int]: ...
+    @property
+    def spans_s(self) -> list[tuple[str, tuple[float, float] | None]]: ...
+    def add_columns(self, columns: Sequence[tuple[str, Any]]) -> None: ...
+    def expect(self, names: Sequence[str]) -> None: ...
+    def merge(self, other: FleetState) -> None: ...
+    def split(self) -> list[tuple[str, bytes]]: ...
+    def to_bytes(self) -> bytes: ...
+    def assessed(
+        self,
+        cameras: Cameras | None,
+        span_s: tuple[float, float] | None,
+        is_part: bool,
+        output: str | os.PathLike[str] | None,
+        diurnal_deg: float,
+        diurnal_mm: float,
+    ) -> list[str]: ...
+    def __len__(self) -> int: ...
+
+def solve_views(columns: Sequence[tuple[str, Any]], cameras: Cameras, sigma_px: float) -> Table: ...
+def locate_views(columns: Sequence[tuple[str, Any]], images: Sequence[Any], cameras: Cameras, target: Target) -> Table: ...
+def fleet_span_s(spans_s: Sequence[tuple[float, float]]) -> tuple[float, float] | None: ...
+def batch(
+    inputs: Sequence[str],
+    cameras: str | os.PathLike[str],
+    target: str | os.PathLike[str] | None,
+    output: str | os.PathLike[str],
+    drift: str | os.PathLike[str] | None,
+    sigma_px: float,
+    period_s: float,
+    threads: int,
+    progress: Any,
+) -> tuple[str, list[str]]: ...
+def fleet_report(
+    inputs: Sequence[str],
+    cameras: str | os.PathLike[str] | None,
+    output: str | os.PathLike[str] | None,
+    period_s: float,
+    diurnal_deg: float,
+    diurnal_mm: float,
+) -> list[str]: ...

@@ -26,6 +26,8 @@ use words::Reported;
 
 /// Largest frame accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
+/// How far the decoder's priority is below ours: a third of the processor where both want it.
+const BEHIND: &str = "5";
 /// A longer line is no header.
 const MAX_HEADER_BYTES: u64 = 1024;
 /// A longer line of ffmpeg's words is cut.
@@ -86,6 +88,18 @@ pub struct Decoder {
     decoded: Receiver<Decoded>,
     to_reader: Sender<GrayImage>,
     last_words: Arc<Mutex<Option<Words>>>,
+}
+
+/// `ffmpeg` behind what takes its frames: whoever decodes ahead of a search makes the search late, and is itself early for nothing.
+fn command() -> Command {
+    match Command::new("nice").stdin(Stdio::null()).stdout(Stdio::null()).status() {
+        Ok(_) => {
+            let mut command = Command::new("nice");
+            command.args(["-n", BEHIND, "ffmpeg"]);
+            command
+        }
+        Err(_) => Command::new("ffmpeg"),
+    }
 }
 
 /// What ffmpeg complained of.
@@ -155,7 +169,7 @@ impl Ffmpeg {
         name: &str,
         playlist: Option<String>,
     ) -> Result<Decoder, String> {
-        let mut process = Command::new("ffmpeg")
+        let mut process = command()
             .args(["-nostdin", "-hide_banner", "-nostats", "-v", "repeat+level+info"])
             .args(self.release.decoder_says())
             .args(input_options)

@@ -9,6 +9,7 @@ use super::queue::Queue;
 use super::reader::{PATIENCE, Reader};
 use super::rig::{Nodes, Relations};
 use super::state::{StateFile, rig_settings};
+use super::turns::Turns;
 use super::watcher::Watcher;
 use super::{Event, LiveCamera, LiveConfig};
 use crate::source::Source;
@@ -61,6 +62,7 @@ pub fn run_from(
         }
     }
     let (sender, events) = sync_channel(EVENTS);
+    let turns = Turns::new();
     thread::scope(|scope| {
         let _ending = Ending { stop, state };
         if let Some(state) = state {
@@ -84,10 +86,10 @@ pub fn run_from(
                     queue.fail(reason);
                 }
             });
-            let event_sender = sender.clone();
+            let (event_sender, turns) = (sender.clone(), &turns);
             scope.spawn(move || {
-                let relearn = config.relearn.clone();
-                let mut watcher = Watcher::new(camera, (look, memory), &to_look, relearn, event_sender);
+                let shared = (turns, config.relearn.clone());
+                let mut watcher = Watcher::new(camera, (look, memory), &to_look, shared, event_sender);
                 if let Err(reason) = guarded(|| watcher.watch()) {
                     watcher.fail(reason);
                 }

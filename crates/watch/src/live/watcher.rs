@@ -6,6 +6,7 @@ use super::queue::{Queue, Taken};
 use super::reader::PATIENCE;
 use super::relearn::Relearn;
 use super::sparingly::Sparingly;
+use super::turns::Turns;
 use super::{Event, State};
 use crate::source::{Content, Frame};
 use std::sync::mpsc::SyncSender;
@@ -16,6 +17,7 @@ pub(super) struct Watcher<'a> {
     look: CameraWatcher,
     memory: Memory<'a>,
     queue: &'a Queue<(Instant, Frame)>,
+    turns: &'a Turns,
     relearn: Relearn,
     teller: Teller,
     /// Capture time and arrival of the last frame taken in: what the clock of the frames says while none comes.
@@ -31,11 +33,11 @@ impl<'a> Watcher<'a> {
         camera: usize,
         (look, memory): (CameraWatcher, Memory<'a>),
         queue: &'a Queue<(Instant, Frame)>,
-        relearn: Relearn,
+        (turns, relearn): (&'a Turns, Relearn),
         event_sender: SyncSender<Event>,
     ) -> Self {
         let teller = Teller { camera, event_sender, states: Vec::new(), dropped: Sparingly::default() };
-        Watcher { look, memory, queue, relearn, teller, last: None, has_begun: false, is_new: false }
+        Watcher { look, memory, queue, turns, relearn, teller, last: None, has_begun: false, is_new: false }
     }
 
     pub fn watch(&mut self) {
@@ -74,6 +76,7 @@ impl<'a> Watcher<'a> {
     }
 
     fn frame(&mut self, arrived: Instant, mut frame: Frame) -> bool {
+        let turn = self.turns.take();
         let waited_us = arrived.elapsed().as_secs_f64() * 1e6;
         if self.relearn.take(self.teller.camera) {
             self.look.learn_anew();
@@ -94,6 +97,7 @@ impl<'a> Watcher<'a> {
                 (frame.capture_s, self.look.take(&frame, waited_us))
             }
         };
+        drop(turn); // Whoever hears of it may be slow.
         self.queue.give_back((arrived, frame));
         self.teller.looked(t_s, looked) && self.dropped(false)
     }

@@ -6,6 +6,7 @@ import { Pictogram } from "../pictograms";
 import { photographTexts as texts } from "../../texts/photograph";
 import { addsMark, apply, failed, needsMarks, nextMark, sameHandle, selected, tool, view, viewport } from "../store";
 import { DistanceInput, shortest } from "../chips";
+import { Field } from "../field";
 import { number, pairs } from "../pairs";
 import { Step } from "./step";
 
@@ -119,20 +120,13 @@ function Distances() {
 }
 
 function SigmaInput({ a, b, distance_m, sigma_m }: { a: string; b: string; distance_m: number; sigma_m: number }) {
-  return (
-    <input
-      class="short"
-      inputMode="decimal"
-      autocomplete="off"
-      aria-label={t.sigma(a, b)}
-      value={String(Number(sigma_m.toPrecision(3)))}
-      onChange={(event) => {
-        const sigma = number(event.currentTarget.value);
-        if (0 < sigma) void apply({ kind: "set_distance", a, b, distance_m, sigma_m: sigma });
-        else failed("marks", t.noNumber);
-      }}
-    />
-  );
+  const state = (text: string) => {
+    const sigma = number(text);
+    if (0 < sigma) void apply({ kind: "set_distance", a, b, distance_m, sigma_m: sigma });
+    else failed("marks", t.noNumber);
+    return 0 < sigma;
+  };
+  return <Field class="short" label={t.sigma(a, b)} value={String(Number(sigma_m.toPrecision(3)))} onState={state} />;
 }
 
 /** A distance that the template does not ask for: it checks the others. */
@@ -205,31 +199,26 @@ function Spatial({ point }: { point: PointView }) {
 }
 
 function Coordinates({ point }: { point: PointView }) {
-  const typed = useSignal<[string, string, string]>(point.position_m ? (point.position_m.map((x) => shortest(x)) as [string, string, string]) : ["", "", ""]);
-  const name = useSignal(point.name);
-  const state = () => {
-    const [x, y, z] = typed.value.map((text, i) => (i === 2 && text.trim() === "" ? 0 : number(text))) as [number, number, number];
-    if (typed.value[0].trim() === "" || typed.value[1].trim() === "") return;
-    if ([x, y, z].some(Number.isNaN)) failed("marks", t.noNumber);
-    else void apply({ kind: "set_position", name: point.name, x_m: x, y_m: y, z_m: z });
+  // Kept until x and y are there: only together are they a position.
+  const typed = useSignal<(number | null)[]>(point.position_m ? [...point.position_m] : [null, null, 0]);
+  const rename = (to: string) => void apply({ kind: "rename_point", name: point.name, to });
+  const state = (i: number) => (text: string) => {
+    const value = number(text);
+    if (Number.isNaN(value)) {
+      failed("marks", t.noNumber);
+      return false;
+    }
+    typed.value = typed.value.map((old, k) => (k === i ? value : old));
+    const [x_m, y_m, z_m] = typed.value;
+    if (x_m != null && y_m != null) void apply({ kind: "set_position", name: point.name, x_m, y_m, z_m: z_m ?? 0 });
+    return true;
   };
   return (
     <div class="row tight coordinates">
-      <input class="short" aria-label={t.rename(point.name)} value={name.value} onChange={async (event) => {
-        const next = await apply({ kind: "rename_point", name: point.name, to: event.currentTarget.value.trim() });
-        if (next?.error) name.value = point.name;
-      }} />
+      <Field class="short" mode="text" label={t.rename(point.name)} value={point.name} onState={rename} />
       {(["x", "y", "z"] as const).map((axis, i) => (
         <label key={axis} class="unit"><span class="quiet">{axis}</span>
-          <input
-            inputMode="decimal"
-            autocomplete="off"
-            placeholder={axis === "z" ? "0" : "?"}
-            aria-label={t.coordinates(point.name, axis)}
-            value={typed.value[i]}
-            onInput={(event) => (typed.value = typed.value.map((old, k) => (k === i ? event.currentTarget.value : old)) as [string, string, string])}
-            onChange={state}
-          />
+          <Field placeholder="?" label={t.coordinates(point.name, axis)} value={typed.value[i] == null ? "" : shortest(typed.value[i]!)} onState={state(i)} />
         </label>
       ))}
       <span class="quiet">m</span>
@@ -238,11 +227,16 @@ function Coordinates({ point }: { point: PointView }) {
 }
 
 function Exactness() {
-  const now = view.value!;
+  const state = (text: string) => {
+    const sigma_px = number(text);
+    if (0 < sigma_px) void apply({ kind: "set_sigma", sigma_px });
+    else failed("marks", t.noPixels);
+    return 0 < sigma_px;
+  };
   return (
     <label class="row tight small" title={t.sigmaPxHelp}>
       <span class="quiet">{t.sigmaPx} ±</span>
-      <input class="short" inputMode="decimal" autocomplete="off" value={String(now.sigma_px)} onChange={(event) => apply({ kind: "set_sigma", sigma_px: number(event.currentTarget.value) })} />
+      <Field class="short" value={String(view.value!.sigma_px)} onState={state} />
       <span class="quiet">px</span>
     </label>
   );
