@@ -1,21 +1,9 @@
-// The pictures of docs/serve.md: `npm run build`, build the program, then RESIGHT_PROGRAM=… node screenshots.mjs
-import { spawn } from "node:child_process";
-import { once } from "node:events";
-import { createInterface } from "node:readline";
-import { chromium } from "playwright-core";
+// The pictures of the photograph tab in docs/serve.md. Use: RESIGHT_PROGRAM=… npm run screenshots
+import { PHONE, WIDE, browser, open, serve } from "./dist-tests/server.js";
 
 const FOLDER = "../docs/images";
-const FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
-const SIZES = {
-  wide: { viewport: { width: 1280, height: 800 } },
-  phone: { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
-};
-
-const program = process.env.RESIGHT_PROGRAM;
-if (!program) throw new Error("RESIGHT_PROGRAM names no program; set it to the path of `resight`.");
-const server = spawn(program, ["serve", "--listen", "127.0.0.1:0"], { stdio: ["ignore", "pipe", "inherit"] });
-const [address] = await once(createInterface({ input: server.stdout }), "line");
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
+// One pixel of the picture for each of the page: the pictures stay small.
+const SIZES = { wide: WIDE, phone: { ...PHONE, deviceScaleFactor: 1 } };
 
 async function photograph(page, shoot) {
   await page.getByRole("button", { name: "Try the example" }).waitFor();
@@ -25,20 +13,21 @@ async function photograph(page, shoot) {
   await page.waitForTimeout(500);
   await shoot("photograph");
   await page.getByRole("button", { name: "Bird's-eye view", exact: true }).click();
-  await page.waitForTimeout(1500);
+  await page.locator(".birdseye[data-ready=true]").waitFor();
+  await page.waitForTimeout(300);
   await shoot("birdseye");
 }
 
+const [chromium, server] = await Promise.all([browser(), serve()]);
 try {
   for (const [size, options] of Object.entries(SIZES)) {
     for (const colorScheme of ["light", "dark"]) {
-      const page = await browser.newPage({ ...options, colorScheme });
-      await page.goto(address);
+      const page = await open(chromium, server, "photograph", { ...options, colorScheme });
       await photograph(page, (name) => page.screenshot({ path: `${FOLDER}/serve-${name}-${size}-${colorScheme}.png` }));
-      await page.close();
+      await page.context().close();
     }
   }
 } finally {
-  await browser.close();
-  server.kill();
+  await chromium.close();
+  await server.stop();
 }

@@ -1,15 +1,11 @@
 // From pointer move to answer drawn on a 12-megapixel photograph: a mark is dragged for 300 moves, and p50, p95 and p99 are printed.
 // Counted is what the page does: the handler of the move until it sends, the answer of the program, and drawing it (the rest of a frame's
-// wait for the screen is the browser's). Use: RESIGHT_PROGRAM=… node bench/drag.mjs
-import { spawn } from "node:child_process";
-import { once } from "node:events";
-import { createInterface } from "node:readline";
-import { chromium } from "playwright-core";
+// wait for the screen is the browser's). Use: RESIGHT_PROGRAM=… npm run drag
+import { browser, open, serve } from "../dist-tests/server.js";
 
 const [WIDTH, HEIGHT] = [4000, 3000];
 const MOVES = 300;
 const BAR_MS = 16;
-const FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 
 /** A camera 5 m above a plane, looking 35° down; pixel of a place on it. */
 function pixel(x, y) {
@@ -51,15 +47,10 @@ function instrument() {
   });
 }
 
-const program = process.env.RESIGHT_PROGRAM;
-if (!program) throw new Error("RESIGHT_PROGRAM names no program; set it to the path of `resight`.");
-const server = spawn(program, ["serve", "--listen", "127.0.0.1:0"], { stdio: ["ignore", "pipe", "inherit"] });
-const [address] = await once(createInterface({ input: server.stdout }), "line");
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
+const [chromium, server] = await Promise.all([browser(), serve()]);
 try {
-  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  const page = await open(chromium, server);
   await page.addInitScript(instrument);
-  await page.goto(address);
   const photograph = await page.evaluate(async ([width, height]) => {
     const canvas = new OffscreenCanvas(width, height);
     const context = canvas.getContext("2d");
@@ -78,7 +69,7 @@ try {
   await page.locator("[data-step=lens]").waitFor({ timeout: 120000 });
 
   const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")).session);
-  const command = (one) => page.request.post(`${address}api/session/command?session=${session}`, { data: { command: one } });
+  const command = (one) => page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command: one } });
   await command({ kind: "set_lens", lens: { by: "field_of_view", hfov_deg: 60 } });
   await command({ kind: "set_template", template: "four_points" });
   const marks = { A: [-2, 5], B: [2, 5], C: [2, 9], D: [-2, 9] };
@@ -113,6 +104,6 @@ try {
   console.log(`${times.length} answers drawn to ${MOVES} moves on ${WIDTH} × ${HEIGHT} px: p50 ${at(0.5).toFixed(1)} ms, p95 ${at(0.95).toFixed(1)} ms, p99 ${at(0.99).toFixed(1)} ms`);
   process.exitCode = times.length < MOVES / 2 || BAR_MS < at(0.95) ? 1 : 0;
 } finally {
-  await browser.close();
-  server.kill();
+  await chromium.close();
+  await server.stop();
 }

@@ -7,7 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
-import { browser, faultsOf, open, serve } from "./server.js";
+import { another, browser, faultsOf, open, serve } from "./server.js";
 
 let chromium: Browser;
 before(async () => {
@@ -81,15 +81,11 @@ test("a token is asked for, a wrong one named, the right one remembered until th
 /** A browser keeps six connections to a host at a time: what streams must not take them. */
 test("ten tabs of one browser are all answered", async () => {
   const server = await serve();
-  const context = await chromium.newContext();
-  const tabs = [];
-  for (let i = 0; i < 10; i++) {
-    const page = await context.newPage();
-    await page.goto(`${server.address}/#rig`);
-    await page.getByRole("button", { name: "Try the example" }).click();
-    tabs.push(page);
-  }
+  const first = await open(chromium, server, "rig");
+  const tabs = [first];
+  for (let i = 1; i < 10; i++) tabs.push(await another(first, server, "rig"));
+  for (const page of tabs) await page.getByRole("button", { name: "Try the example" }).click();
   for (const page of tabs) await page.locator("[data-summary]").waitFor({ timeout: 20_000 });
-  await context.close();
+  await first.context().close();
   await server.stop();
 });

@@ -19,16 +19,23 @@ after(async () => {
 
 const IMAGES = "input[type=file][accept='image/png,image/jpeg']";
 
-/** The first bytes of a PNG that claims 20 000 × 15 000 px. */
-function hugePng(): Buffer {
-  const head = Buffer.alloc(25);
-  head.writeUInt32BE(13, 0);
-  head.write("IHDR", 4, "latin1");
-  head.writeUInt32BE(20000, 8);
-  head.writeUInt32BE(15000, 12);
-  head.set([8, 0, 0, 0, 0], 16);
-  head.writeUInt32BE(crc32(head.subarray(4, 21)), 21);
-  return Buffer.concat([Buffer.from("\x89PNG\r\n\x1a\n", "latin1"), head, Buffer.alloc(1000)]);
+/** A chunk of a PNG. */
+function chunk(name: string, data: Buffer): Buffer {
+  const all = Buffer.alloc(12 + data.length);
+  all.writeUInt32BE(data.length, 0);
+  all.write(name, 4, "latin1");
+  data.copy(all, 8);
+  all.writeUInt32BE(crc32(all.subarray(4, 8 + data.length)), 8 + data.length);
+  return all;
+}
+
+/** A PNG whose head claims 20 000 × 15 000 px, and whose pixels are not there. */
+function hugePng(bytes = 1000): Buffer {
+  const head = Buffer.alloc(13);
+  head.writeUInt32BE(20000, 0);
+  head.writeUInt32BE(15000, 4);
+  head.set([8, 0, 0, 0, 0], 8);
+  return Buffer.concat([Buffer.from("\x89PNG\r\n\x1a\n", "latin1"), chunk("IHDR", head), chunk("IDAT", Buffer.alloc(bytes, 0x78))]);
 }
 
 async function refused(page: Page, step: string, words: RegExp) {
@@ -40,9 +47,9 @@ async function refused(page: Page, step: string, words: RegExp) {
 test("images that are none, on the first screen and beside an open one", async () => {
   const page = await open(chromium, server);
   const inputs: [string, Buffer, RegExp][] = [
-    ["huge.png", hugePng(), /20000|300 megapixels|large/i],
+    ["huge.png", hugePng(), /20000×15000 px; the limit is 64 Mpx/],
     ["notes.png", Buffer.from("dear diary\n"), /no photograph|PNG|JPEG/i],
-    ["torn.jpg", readFileSync(file("examples/photo/left03.jpg")).subarray(0, 4000), /no photograph|torn|end/i],
+    ["torn.jpg", readFileSync(file("examples/photo/left03.jpg")).subarray(0, 4000), /no photograph|is torn/],
   ];
   for (const [name, buffer, words] of inputs) {
     await page.locator(IMAGES).first().setInputFiles({ name, mimeType: name.endsWith("jpg") ? "image/jpeg" : "image/png", buffer });
@@ -93,7 +100,7 @@ test("points all on a line: a sentence, and the last answer stays, marked old", 
     }
   }
   await refused(page, "marks", /line/);
-  await page.locator("[data-status=old]").first().waitFor();
+  await page.locator("[data-step=answer] [data-status=old]").waitFor();
   assert.equal(await page.locator(".answer-figures").textContent(), figures);
   assert.deepEqual(faultsOf(page), []);
   await page.context().close();
@@ -126,8 +133,8 @@ test("a tab closed while it sends: the program goes on", async () => {
   await other.getByRole("button", { name: "Try the example" }).click();
   await other.locator("[data-step=answer] [data-status=ok]").waitFor();
   const slow = await page.context().newCDPSession(page);
-  await slow.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: 1e6, uploadThroughput: 2e5 });
-  await page.locator(IMAGES).first().setInputFiles({ name: "large.png", mimeType: "image/png", buffer: Buffer.concat([hugePng(), Buffer.alloc(20 << 20)]) });
+  await slow.send("Network.emulateNetworkConditions", { offline: false, latency: 0, downloadThroughput: 1e6, uploadThroughput: 1e5 });
+  await page.locator(IMAGES).first().setInputFiles({ name: "large.png", mimeType: "image/png", buffer: hugePng(3 << 20) });
   await page.getByText(/Sending large.png/).waitFor();
   await page.context().close();
   assert.equal(await (await fetch(`${server.address}/healthz`)).text(), "ok\n");

@@ -9,9 +9,13 @@ import { file } from "./server.js";
 const WIDTH = 640;
 const HEIGHT = 480;
 const FOCAL = 600;
-/** Millimetres of the printed tag in a pixel, and where its middle is on its sheet, mm. */
-const PX_PER_MM = 1.4;
+/** The middle of the printed tag on its sheet, mm, and where the sheet hangs: rotation about x, then y, rad, and place, m. */
+const MIDDLE_MM = [113.25, 137.8] as const;
+const TILT = [0.3, -0.5] as const;
+const PLACE_M = [0.03, -0.02, 0.5] as const;
 const VARIANTS = 8;
+
+type Corner = [number, number];
 
 /** Images of a tag for each angle by which the camera is turned right, degrees; each several times, with a noise of its own. */
 export async function drawn(browser: Browser, anglesDeg: number[]): Promise<Map<number, Buffer[]>> {
@@ -20,33 +24,49 @@ export async function drawn(browser: Browser, anglesDeg: number[]): Promise<Map<
   const svg = readFileSync(join(folder, "tag.svg"), "utf8");
   rmSync(folder, { recursive: true });
   const path = /<path fill-rule="evenodd" d="([^"]*)"/.exec(svg)![1]!;
+  const tag = path.split("Z").filter(Boolean).map((part) => [...part.matchAll(/[ML]([\d.]+) ([\d.]+)/g)].map(([, x, y]): Corner => [Number(x), Number(y)]));
+  const sheet: Corner[] = [[45, 70], [181, 70], [181, 206], [45, 206]];
   const page = await browser.newPage();
   const images = new Map<number, Buffer[]>();
   for (const angle of anglesDeg) {
-    // A camera turned right sees everything further left.
-    const shift = -FOCAL * Math.tan((angle * Math.PI) / 180);
-    const urls = await page.evaluate(draw, { path, shift, n: VARIANTS, WIDTH, HEIGHT, PX_PER_MM });
+    const seen = (outline: Corner[]) => outline.map((corner) => projected(corner, (angle * Math.PI) / 180));
+    const urls = await page.evaluate(draw, { sheet: seen(sheet), tag: tag.map(seen), n: VARIANTS, WIDTH, HEIGHT });
     images.set(angle, urls.map((url) => Buffer.from(url.split(",")[1]!, "base64")));
   }
   await page.close();
   return images;
 }
 
-interface Drawing { path: string; shift: number; n: number; WIDTH: number; HEIGHT: number; PX_PER_MM: number }
+/** A place on the sheet, mm, in the image of a camera that is turned right; (0.5, 0.5) is the middle of the first pixel, as canvases have it. */
+function projected([xMm, yMm]: Corner, right: number): Corner {
+  const [x0, y0] = [(xMm - MIDDLE_MM[0]) / 1e3, (yMm - MIDDLE_MM[1]) / 1e3];
+  const [about, over] = TILT;
+  const [y1, z1] = [y0 * Math.cos(about), y0 * Math.sin(about)];
+  const [x2, z2] = [x0 * Math.cos(over) + z1 * Math.sin(over), z1 * Math.cos(over) - x0 * Math.sin(over)];
+  const [x, y, z] = [x2 + PLACE_M[0], y1 + PLACE_M[1], z2 + PLACE_M[2]];
+  const [xNow, zNow] = [x * Math.cos(right) - z * Math.sin(right), z * Math.cos(right) + x * Math.sin(right)];
+  return [WIDTH / 2 + (FOCAL * xNow) / zNow, HEIGHT / 2 + (FOCAL * y) / zNow];
+}
 
-function draw({ path, shift, n, WIDTH, HEIGHT, PX_PER_MM }: Drawing): string[] {
+interface Drawing { sheet: Corner[]; tag: Corner[][]; n: number; WIDTH: number; HEIGHT: number }
+
+function draw({ sheet, tag, n, WIDTH, HEIGHT }: Drawing): string[] {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [WIDTH, HEIGHT];
   const pen = canvas.getContext("2d")!;
+  const fill = (outlines: Corner[][], colour: string) => {
+    pen.fillStyle = colour;
+    pen.beginPath();
+    for (const outline of outlines) {
+      outline.forEach(([x, y], i) => (i ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+      pen.closePath();
+    }
+    pen.fill("evenodd");
+  };
   return Array.from({ length: n }, (_, variant) => {
-    pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.fillStyle = "#7c8287";
-    pen.fillRect(0, 0, WIDTH, HEIGHT);
-    pen.setTransform(PX_PER_MM, 0.12, -0.1, 0.92 * PX_PER_MM, WIDTH / 2 + shift - 113 * PX_PER_MM, HEIGHT / 2 - 138 * 0.92 * PX_PER_MM);
-    pen.fillStyle = "#e8e8e8";
-    pen.fillRect(45, 70, 136, 136);
-    pen.fillStyle = "#202020";
-    pen.fill(new Path2D(path), "evenodd");
+    fill([[[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]]], "#7c8287");
+    fill([sheet], "#e8e8e8");
+    fill(tag, "#202020");
     const image = pen.getImageData(0, 0, WIDTH, HEIGHT);
     let seed = 1 + variant;
     for (let i = 0; i < image.data.length; i += 4) {

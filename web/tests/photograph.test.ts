@@ -287,7 +287,7 @@ test("on a phone a finger moves the selected mark without covering it", async ()
   await page.locator("[data-step=marks] summary").click();
   assert.equal(await page.locator("[data-step=marks] tr[data-selected=true] th").textContent(), "A");
   // Far from the mark: it moves by as much as the finger does.
-  const [x, y] = at([320, 300]);
+  const [x, y] = at([90, 410]);
   const client = await page.context().newCDPSession(page);
   const touch = (type: "touchStart" | "touchMove" | "touchEnd", dx = 0) =>
     client.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x: x + dx, y }] });

@@ -65,6 +65,14 @@ export async function open(browser: Browser, server: Server, tab = "photograph",
   return page;
 }
 
+/** Another tab beside a page, in the same window. */
+export async function another(beside: Page, server: Server, tab: string): Promise<Page> {
+  const page = await beside.context().newPage();
+  if (process.env.PAGE_DIR) await replaced(page, server, process.env.PAGE_DIR);
+  await page.goto(`${server.address}/#${tab}`);
+  return page;
+}
+
 const FAULTS = new WeakMap<Page, string[]>();
 
 /** What went wrong in a page: exceptions, and what the browser reported, violations of the policy among it. */

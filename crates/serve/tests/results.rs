@@ -168,7 +168,8 @@ fn the_example_of_a_whisker_finds_its_square() {
             let x = numbers(&one["contact"]["x_m"]);
             let off = shape.windows(2).map(|w| distance(&x, &w[0], &w[1])).fold(f64::INFINITY, f64::min);
             let sigma = one["contact"]["sigma_m"].as_f64().expect("a sigma");
-            assert!(off < 1e-4 + 0.2 * sigma, "{off} m off the whisker, {sigma}");
+            // The shape is that of the reading alone; friction and tip move the contact within its error bar.
+            assert!(off < 3.0 * sigma, "{off} m off the whisker, {sigma}");
         }
     }
 }

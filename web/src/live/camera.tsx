@@ -10,9 +10,10 @@ import { Note } from "../parts/status";
 import { colours } from "../parts/theme";
 import { ViewportState, toScreen } from "../parts/transform";
 import { Viewport } from "../parts/viewport";
+import { common } from "../texts/common";
 import { liveTexts as texts } from "../texts/live";
 import { transport } from "../transport";
-import { angle, clock, degrees, length, metres, milliseconds } from "./format";
+import { angle, clock, degrees, length, metres, milliseconds, timed } from "./format";
 import { Alarm, NotLive, State, WayBack } from "./grid";
 import { Comparison } from "./reference";
 import { outline } from "./shot";
@@ -43,7 +44,7 @@ export function Camera({ camera, store }: { camera: CameraView; store: LiveStore
         <section class="step">
           {camera.alarm && <Alarm camera={camera} store={store} />}
           <WayBack camera={camera} isLive={isLive} />
-          {isLive && camera.way_back && <p class="small">{camera.words}</p>}
+          {isLive && camera.way_back && <p class="small">{timed(camera.words)}</p>}
         </section>
         <Numbers camera={camera} isLive={isLive} store={store} />
         <Reference camera={camera} store={store} />
@@ -192,7 +193,7 @@ function Reference({ camera, store }: { camera: CameraView; store: LiveStore }) 
       {fixed ? <p class="quiet small">{fixed}</p> : <button onClick={() => (asks.value = true)}>{texts.setReference}</button>}
       {said.value && <Note tone={said.value.tone} live>{said.value.text}</Note>}
       {asks.value && (
-        <Confirm title={texts.setReferenceTitle(name)} yes={texts.setReferenceYes} no={texts.back.split(" ")[0]!} onYes={() => void set()} onClose={() => (asks.value = false)}>
+        <Confirm title={texts.setReferenceTitle(name)} yes={texts.setReferenceYes} no={common.cancel} onYes={() => void set()} onClose={() => (asks.value = false)}>
           {all.value.map((one) => <Comparison key={one.target} reference={one} pose={camera.target === one.target ? camera.pose : null} />)}
           <p>{texts.setReferenceWhat}</p>
         </Confirm>
@@ -208,7 +209,7 @@ function Log({ camera, store }: { camera: string; store: LiveStore }) {
       <header><h2>{texts.sections.log}</h2></header>
       {lines.length === 0 && <p class="quiet">{texts.logNothing}</p>}
       <ol class="log small">
-        {lines.map((line, i) => <li key={lines.length - i}><time>{clock(line.unix_s)}</time> {line.text}</li>)}
+        {lines.map((line, i) => <li key={lines.length - i}><time>{clock(line.unix_s)}</time> {timed(line.text)}</li>)}
       </ol>
     </section>
   );

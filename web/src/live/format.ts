@@ -53,6 +53,11 @@ export function duration(s: number): string {
   return s < 5400 ? `${Math.round(s / 60)} min` : `${Math.round(s / 3600)} h`;
 }
 
+/** Times of capture that are seconds since 1970, as times of day. */
+export function timed(text: string): string {
+  return text.replace(/\b(1\d{9}(?:\.\d+)?) s\b/g, (_, unixS) => clock(Number(unixS)));
+}
+
 /** A time of day; with its day where that is not today. */
 export function clock(unixS: number): string {
   const at = new Date(1e3 * unixS);

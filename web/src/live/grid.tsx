@@ -5,7 +5,7 @@ import type { CameraView } from "../api/types";
 import { Note, Status } from "../parts/status";
 import { liveTexts as texts } from "../texts/live";
 import { Arrow, forget } from "./arrow";
-import { angle, clock, duration, length, milliseconds, rate, size } from "./format";
+import { angle, clock, duration, length, milliseconds, rate, size, timed } from "./format";
 import { ShotCanvas } from "./shot";
 import type { LiveStore } from "./store";
 
@@ -74,8 +74,8 @@ export function Alarm({ camera, store }: { camera: CameraView; store: LiveStore 
 export function WayBack({ camera, isLive }: { camera: CameraView; isLive: boolean }) {
   const { way_back: back, name } = camera;
   if (!back) forget(name + true), forget(name + false);
-  if (!isLive) return <p class="back quiet">{camera.lost ? `${texts.lost} ${camera.lost}` : camera.has_ended ? texts.ended : camera.words}</p>;
-  if (!back) return <p class="back quiet">{camera.words}</p>;
+  if (!isLive) return <p class="back quiet">{camera.lost ? `${texts.lost} ${camera.lost}` : camera.has_ended ? texts.ended : timed(camera.words)}</p>;
+  if (!back) return <p class="back quiet">{timed(camera.words)}</p>;
   return (
     <div class="back row tight">
       <Arrow camera={name} back={back} />

@@ -47,7 +47,7 @@ function Session({ store }: { store: LiveStore }) {
   return (
     <div class="live">
       <Notices store={store} />
-      <div class="row views" role="group" aria-label={texts.title}>
+      <div class="row live-views" role="group" aria-label={texts.title}>
         {SHOWN.map((name) => (
           <button key={name} aria-pressed={shown.value === name} onClick={() => (shown.value = name)}>{NAMES[name]}</button>
         ))}

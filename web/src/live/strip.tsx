@@ -78,7 +78,7 @@ function plot(box: HTMLElement, strip: StripView, ink: Colours, zoom: (from: num
     legend: { show: false },
     cursor: { drag: { x: true, y: false, setScale: false } },
     scales: { x: { time: UNIX_S < strip.from_s, range: [strip.from_s, strip.to_s] }, y: { range: (_, __, most) => [0, most ? 1.1 * most : 0.01] } },
-    axes: [{ ...axis }, { ...axis, size: 64, values: (_, all) => all.map((x) => `${x}°`) }],
+    axes: [{ ...axis, ...(UNIX_S < strip.from_s && { values: times }) }, { ...axis, size: 64, values: (_, all) => all.map((x) => `${x}°`) }],
     series: [{}, { label: texts.stripAxis, stroke: ink.accent, width: 2, points: { show: false }, spanGaps: false }],
     hooks: {
       draw: [(at) => band(at, strip, ink)],
@@ -89,6 +89,17 @@ function plot(box: HTMLElement, strip: StripView, ink: Colours, zoom: (from: num
     },
   }, data, box);
   PLOTS.set(box, made);
+}
+
+/** Hours and minutes; the day where it begins. */
+function times(_: uPlot, all: number[]): string[] {
+  const isShort = 1 < all.length && all[1]! - all[0]! < 60;
+  return all.map((unixS) => {
+    const at = new Date(1e3 * unixS);
+    const isMidnight = at.getHours() === 0 && at.getMinutes() === 0 && at.getSeconds() === 0;
+    if (isMidnight) return at.toLocaleDateString("en-GB", { day: "numeric", month: "short" });
+    return at.toLocaleTimeString("en-GB", { hour: "2-digit", minute: "2-digit", ...(isShort && { second: "2-digit" }) });
+  });
 }
 
 /** The states above the line: by colour, and by height for who does not tell colours apart. */

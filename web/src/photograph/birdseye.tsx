@@ -5,6 +5,7 @@ import { decodePicture, type Picture } from "../parts/picture";
 import { ViewportState } from "../parts/transform";
 import { Viewport } from "../parts/viewport";
 import { Problem, transport } from "../transport";
+import { common } from "../texts/common";
 import { photographTexts as texts } from "../texts/photograph";
 import { moved, photo, session, showsBirdseye, view } from "./store";
 
@@ -45,9 +46,9 @@ export function Birdseye() {
   }, []);
   const isOld = !view.value?.birdseye;
   return (
-    <section class="birdseye" aria-label={texts.birdseye.label} data-old={isOld}>
+    <section class="birdseye" aria-label={texts.birdseye.label} data-old={isOld} data-ready={!!image.value}>
       <Viewport state={state} picture={image} draw={() => {}} label={texts.birdseye.label} />
-      {(reason.value || !image.value) && <p class="over-note">{reason.value ?? texts.birdseye.none}</p>}
+      {(reason.value || !image.value) && <p class="over-note">{reason.value ?? (isOld ? texts.birdseye.none : common.loading)}</p>}
       <p class="legend small">{texts.birdseye.legend}</p>
       <button class="close" aria-label={texts.birdseye.close} onClick={() => (showsBirdseye.value = false)}>✕</button>
     </section>

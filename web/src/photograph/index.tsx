@@ -53,6 +53,7 @@ export function Photograph() {
   if (!now?.photo) return <First />;
   return (
     <>
+      <h1 class="visually-hidden">{texts.title}</h1>
       <Menus />
       <Keys />
       <Drop class="split" label={texts.title} onFiles={takeFiles}>

@@ -106,6 +106,8 @@ function freeName(taken: string[]): string {
 export const needsMarks = computed(() => (view.value ? NEEDED[view.value.template] : 4));
 
 function took(next: View) {
+  // Its photograph was taken back.
+  if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -221,7 +223,7 @@ async function showPicture(next: View) {
     viewport.show(decoded.width, decoded.height, decoded.turns);
     picture.value = decoded;
   } catch (problem) {
-    failed("photograph", problem);
+    if (pictureOf === key) failed("photograph", problem);
   }
 }
 
@@ -283,13 +285,27 @@ export async function resume() {
 /** Adds a photograph to the session, or begins one with it. */
 export async function addPhotograph(file: File) {
   if (!session.value && !(await open())) return;
+  const before = photo.value;
   busy.value = texts.sending(file.name, 0);
   try {
-    took(await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share))));
+    const next = await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share)));
+    if (!(await isTorn(file))) return took(next);
+    await link?.send(before, { kind: "undo" });
+    failed("photograph", texts.torn(file.name));
   } catch (problem) {
     failed("photograph", problem);
   } finally {
     busy.value = null;
+  }
+}
+
+/** Whether the browser cannot show what the program could read a part of. */
+async function isTorn(file: Blob): Promise<boolean> {
+  try {
+    (await createImageBitmap(file)).close();
+    return false;
+  } catch {
+    return true;
   }
 }
 

@@ -58,6 +58,7 @@ export const photographTexts = {
   sending: (name: string, share: number) => (share < 1 ? `Sending ${name}: ${Math.round(100 * share)} %` : `Looking at ${name} …`),
   waitingFor: (camera: string) => `Waiting for a frame of ${camera} …`,
   tooLargeText: (name: string) => `${name} is larger than 256 MB; a photograph, a camera file or a saved session is needed.`,
+  torn: (name: string) => `${name} is torn: only a part of the photograph is in the file. Copy or save it again.`,
   noUse: (name: string) => `${name} is neither a photograph (PNG or JPEG) nor a saved session. Drop the photograph first, then the camera file.`,
 
   stage: (name: string) => `${name}, with marks. Numbers select a mark, arrows move it, Enter places one, question mark lists all keys.`,
@@ -145,7 +146,7 @@ export const photographTexts = {
     chosen: "You chose between two poses that fit.",
     back: "take the other",
   },
-  birdseye: { none: "The bird's-eye view needs a pose.", label: "The ground from straight above", close: "Close the bird's-eye view", legend: "Grey: not in the photograph. Hatched ⟋: a pixel covers more than 5 cm. Hatched ⟍: a point is off by more than 10 cm (95 %)." },
+  birdseye: { none: "The bird's-eye view needs a pose.", label: "The ground from straight above", close: "Close the bird's-eye view", legend: "Grey: not in the photograph. Hatched /: a pixel covers more than 5 cm. Hatched \\: a point is off by more than 10 cm (95 %)." },
 
   kinds,
   measure: {
