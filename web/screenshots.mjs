@@ -5,13 +5,13 @@ const FOLDER = "../docs/images";
 // One pixel of the picture for each of the page: the pictures stay small.
 const SIZES = { wide: WIDE, phone: { ...PHONE, deviceScaleFactor: 1 } };
 
-async function photograph(page, shoot) {
+async function photograph(page, shoot, hasBirdseye) {
   await page.getByRole("button", { name: "Try the example" }).waitFor();
-  await shoot("first");
   await page.getByRole("button", { name: "Try the example" }).click();
   await page.locator("[data-step=answer] [data-status=ok]").waitFor();
   await page.waitForTimeout(500);
   await shoot("photograph");
+  if (!hasBirdseye) return;
   await page.getByRole("button", { name: "Bird's-eye view", exact: true }).click();
   await page.locator(".birdseye[data-ready=true]").waitFor();
   await page.waitForTimeout(300);
@@ -23,7 +23,7 @@ try {
   for (const [size, options] of Object.entries(SIZES)) {
     for (const colorScheme of ["light", "dark"]) {
       const page = await open(chromium, server, "photograph", { ...options, colorScheme });
-      await photograph(page, (name) => page.screenshot({ path: `${FOLDER}/serve-${name}-${size}-${colorScheme}.png` }));
+      await photograph(page, (name) => page.screenshot({ path: `${FOLDER}/serve-${name}-${size}-${colorScheme}.png` }), size === "wide" && colorScheme === "dark");
       await page.context().close();
     }
   }

@@ -230,9 +230,12 @@ async function showPicture(next: View) {
 // What is open survives a reload of the page: the session itself is the program's.
 const KEPT = "resight session";
 
+let kept = "";
+
 function remember() {
-  if (session.value) sessionStorage.setItem(KEPT, JSON.stringify({ session: session.value, photo: photo.value }));
-  else sessionStorage.removeItem(KEPT);
+  const now = JSON.stringify({ session: session.value, photo: photo.value });
+  if (now !== kept) sessionStorage.setItem(KEPT, now);
+  kept = now;
 }
 
 function use(id: string, next: View) {
