@@ -6,7 +6,7 @@ mod schemas;
 use crate::app::App;
 use crate::error::ErrorObject;
 use crate::live::answers::{LiveMessage, LiveView, LogLine, ReferenceView, StripView};
-use crate::live::feed::Said;
+use crate::live::feed::PageMessage;
 use crate::live::pictures::PictureHeader;
 use crate::live::routes::{Asked, HistoryEvent, Named as NamedCamera};
 use crate::photograph::{Named, Numbered, NumberedView, Open, Opened};
@@ -172,7 +172,7 @@ fn sockets(s: &mut Schemas) -> Vec<Operation> {
             "/ws/live",
             "WebSocket: states four times a second, events as they come, a picture after each acknowledgement.",
         )
-        .upgrades(s.given::<Said>(), vec![s.answer::<LiveMessage>(), s.answer::<EventObject>()])
+        .upgrades(s.given::<PageMessage>(), vec![s.answer::<LiveMessage>(), s.answer::<EventObject>()])
         .sends_binary(
             "A picture: the length of its header (4 bytes, the least significant first), the header (JSON), a JPEG.",
             s.answer::<PictureHeader>(),

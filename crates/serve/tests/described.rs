@@ -78,7 +78,9 @@ fn every_schema_is_there_and_valid() {
         assert!(schemas.contains_key(name), "{name}");
     }
     assert!(!description.to_string().contains("x-given"));
-    for name in ["View", "Command", "LiveView", "RigView", "Replay", "ErrorObject", "EventObject", "Said"] {
+    for name in
+        ["View", "Command", "LiveView", "RigView", "Replay", "ErrorObject", "EventObject", "PageMessage"]
+    {
         assert!(schemas.contains_key(name), "{name}");
     }
     for schema in schemas.values() {

@@ -1153,7 +1153,7 @@ export type Replay = {
   mu: number | null;
   mu_sigma: number | null;
   /** Why it was not looked for. */
-  not_looked_for: string | null;
+  no_object: string | null;
   /** In their order. */
   readings: PlayedReading[];
   /** Every so many readings have a shape. */
@@ -1228,7 +1228,7 @@ export type RigView = {
 };
 
 /** What a page says. */
-export type Said = {
+export type PageMessage = {
   /** It has taken a picture and is ready for the next. */
   ack?: number | null;
   /** The one camera that it shows at full size; null: all of them, small. */

@@ -45,7 +45,7 @@ async fn open(State(app): State<App>, upgrade: WebSocketUpgrade) -> Result<Respo
 /// What a page says.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Said {
+pub struct PageMessage {
     /// It has taken a picture and is ready for the next.
     #[serde(default)]
     ack: Option<u64>,
@@ -170,7 +170,7 @@ fn picture(looker: &mut Looker, is_ready: &mut bool) -> Option<Message> {
 
 /// Whether a picture was acknowledged.
 fn heard(text: &str, live: &Live, looker: &mut Looker) -> bool {
-    let Ok(Said { ack, show }) = serde_json::from_str(text) else { return false };
+    let Ok(PageMessage { ack, show }) = serde_json::from_str(text) else { return false };
     if let Some(camera) = show {
         looker.show(camera.and_then(|name| live.number(&name)));
     }

@@ -1,21 +1,12 @@
 //! Cameras of a rig as they are drawn and listed.
 
-use super::read::{CameraIn, Lenses};
+use super::read::{Lenses, Placed};
 use super::{Stage, Status};
-use crate::core::{Matrix6, Pixel, Point, Pose};
+use crate::core::{Pixel, Point, Pose};
 use crate::report::words::{position_sigma_m, sigmas};
 use crate::scene::geometry::{self, Area, CHI2_3_95};
 use schemars::JsonSchema;
 use serde::Serialize;
-
-/// A camera with its pose.
-pub(super) struct Placed {
-    pub name: String,
-    pub cam_from_rig: Pose,
-    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
-    pub covariance: Option<Matrix6>,
-    pub counts: CameraIn,
-}
 
 /// One camera.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]

@@ -1,12 +1,12 @@
 //! Files of a rig, told apart by their contents; numbers that no rig has are refused here.
 
 use super::Status;
-use super::cameras::Placed;
 use crate::FileError;
 use crate::core::{Camera, Matrix6, Pose};
 use crate::formats::{CameraFile, Placement, read_cameras_from_bytes, scene};
 use nalgebra::{Matrix6 as Dense, Vector3};
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -17,6 +17,28 @@ const MOST_M: f64 = 1e8;
 pub(super) struct Source {
     pub answer: Option<(String, Answer)>,
     files: Vec<(String, CameraFile)>,
+}
+
+/// A camera with its pose.
+pub(super) struct Placed {
+    pub name: String,
+    pub cam_from_rig: Pose,
+    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    pub covariance: Option<Matrix6>,
+    pub counts: CameraIn,
+}
+
+/// What took no part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RejectedRow {
+    /// `frame`, `observation` or `point`.
+    pub(super) kind: String,
+    pub(super) camera: String,
+    pub(super) view: String,
+    pub(super) target: Option<String>,
+    pub(super) id: Option<String>,
+    pub(super) residual_px: Option<f64>,
+    pub(super) reason: String,
 }
 
 /// The JSON object of `resight rig`, as far as it is shown.
@@ -36,7 +58,7 @@ pub(super) struct Answer {
     #[serde(default)]
     pub pairs: Vec<PairIn>,
     #[serde(default)]
-    pub rejected: Vec<super::RejectedRow>,
+    pub rejected: Vec<RejectedRow>,
     #[serde(default)]
     pub views: Vec<ViewIn>,
     pub scale: Option<ScaleIn>,
@@ -265,7 +287,7 @@ impl Lenses<'_> {
                 name: camera.name.clone(),
                 cam_from_rig: rig_from_cam.inverse(),
                 covariance: camera.placement.as_ref().filter(is_its_own).and_then(|p| p.covariance),
-                counts: super::read::CameraIn::default(),
+                counts: CameraIn::default(),
             });
         }
         let far = cameras.iter().find(|one| !one.cam_from_rig.translation.iter().all(|x| x.abs() < MOST_M));

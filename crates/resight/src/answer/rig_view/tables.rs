@@ -1,11 +1,11 @@
 //! Tables of a rig: views, pairs, what took no part; and targets where they stood.
 
 use super::cameras::rows;
-use super::read::{Answer, SeenIn, covariance};
+use super::read::{Answer, RejectedRow, SeenIn, covariance};
 use crate::core::Point;
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Cells of views and cameras; beyond, the views with the smallest share of points used.
 const MOST_CELLS: usize = 24_000;
@@ -50,19 +50,6 @@ pub struct PairRow {
     angle_rad: f64,
     /// Standard deviation of the rotation about the axis that is known worst.
     angle_sigma_rad: Option<f64>,
-}
-
-/// What took no part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct RejectedRow {
-    /// `frame`, `observation` or `point`.
-    kind: String,
-    camera: String,
-    view: String,
-    target: Option<String>,
-    id: Option<String>,
-    residual_px: Option<f64>,
-    reason: String,
 }
 
 /// A target where it stood.
