@@ -4,6 +4,7 @@
 //! looks on, made small on the reader's thread, and encoded on another; whoever is slow gets fewer of them.
 
 pub mod answers;
+pub mod asked;
 pub mod feed;
 pub mod mjpeg;
 pub mod pictures;
@@ -160,7 +161,7 @@ impl Live {
     }
 
     /// A stretch of what is remembered of a camera, and which it is: by default all of it.
-    fn remembered(&self, camera: usize, asked: &routes::Asked) -> Option<(Stretch, Vec<StripBin>)> {
+    fn remembered(&self, camera: usize, asked: &asked::Asked) -> Option<(Stretch, Vec<StripBin>)> {
         let board = self.board();
         let (first_s, last_s) = board.span_s(camera, self.now())?;
         let stretch = asked.stretch(first_s, last_s);

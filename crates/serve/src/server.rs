@@ -114,6 +114,8 @@ fn routes(app: App, access: Access) -> Router {
         .merge(socket::routes())
         .merge(results::routes())
         .merge(live::routes::routes())
+        .merge(live::mjpeg::routes())
+        .merge(live::feed::routes())
         .merge(openapi::routes())
         .fallback(async || Problem::missing("There is nothing here; see /openapi.json."))
         .method_not_allowed_fallback(async || {

@@ -46,8 +46,8 @@ pub struct Replay {
     locus_extent_m: [[f64; 2]; 2],
     /// The object behind the contacts.
     found: Option<FoundObject>,
-    /// Why it was not looked for.
-    not_identified: Option<String>,
+    /// Why there is none where none was sought.
+    no_object: Option<String>,
     /// The outline of an object file that came along: closed, counter-clockwise.
     given_outline_m: Vec<[f64; 2]>,
 }
@@ -88,7 +88,7 @@ pub fn replay(files: &[(&str, &str)]) -> Result<Replay, TextError> {
 }
 
 fn of_rows(rows: &[ContactRow], solved: Option<&Solved>, given: &Given) -> Replay {
-    let (found, not_identified) = object(rows);
+    let (found, no_object) = object(rows);
     let outline_m = found.as_ref().map_or(Vec::new(), |found| found.outline_m.clone());
     let given_outline_m = given.object.as_ref().map_or(Vec::new(), |(_, object)| outline(&object.shape));
     let (played, shapes_one_in) = readings(rows, solved);
@@ -108,7 +108,7 @@ fn of_rows(rows: &[ContactRow], solved: Option<&Solved>, given: &Given) -> Repla
         locus_extent_m: stage.locus_extent_m(scene::typical_m(rows)),
         readings: played,
         found,
-        not_identified,
+        no_object,
         given_outline_m,
     }
 }

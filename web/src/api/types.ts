@@ -1153,7 +1153,7 @@ export type Replay = {
   mu: number | null;
   mu_sigma: number | null;
   /** Why it was not looked for. */
-  not_identified: string | null;
+  no_object: string | null;
   /** In their order. */
   readings: PlayedReading[];
   /** Every so many readings have a shape. */

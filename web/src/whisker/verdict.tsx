@@ -9,8 +9,8 @@ import { kindOf } from "./draw";
 import { readings, result } from "./player";
 
 export function Found({ replay }: { replay: Replay }) {
-  const { found, not_identified } = replay;
-  if (!found) return not_identified ? <section class="section"><h2>{texts.object}</h2><Note tone="grey">{not_identified}</Note></section> : null;
+  const { found, no_object } = replay;
+  if (!found) return no_object ? <section class="section"><h2>{texts.object}</h2><Note tone="grey">{no_object}</Note></section> : null;
   const { identification: id } = found;
   const word = found.is_named ? "ok" : "ambiguous";
   const coverage = id.coverage;

@@ -11,7 +11,7 @@ use crate::FileError;
 use crate::core::Point;
 use crate::scene::geometry;
 use cameras::RigCamera;
-use read::{Answer, RejectedRow, Source};
+use read::{Answer, Placed, RejectedRow, Source};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tables::{PairRow, TargetPlace, ViewRow};
@@ -91,7 +91,7 @@ fn of_answer(
     let placed = answer.placed().map_err(fault)?;
     let targets = tables::targets(answer).map_err(fault)?;
     let stage = Stage::around(placed.iter().map(|one| one.origin_in_rig()), &targets.places);
-    let has_lens = |camera: &&read::Placed| lenses.of(&camera.name).is_some();
+    let has_lens = |camera: &&Placed| lenses.of(&camera.name).is_some();
     match placed.iter().filter(has_lens).count() {
         0 if !placed.is_empty() => {
             remarks

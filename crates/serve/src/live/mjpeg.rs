@@ -1,8 +1,9 @@
 //! A camera as motion JPEG, for dashboards: no overlay, and a slow reader gets the newest picture when it is ready.
 
+use super::asked::Asked;
 use super::feed::Looker;
 use super::pictures::Size;
-use super::routes::{Asked, live, number};
+use super::routes::{live, number};
 use super::small::jpeg_at;
 use crate::app::App;
 use crate::error::Problem;

@@ -1,7 +1,8 @@
 //! The routes of watched cameras: how they are, and what an operator does.
 
+use super::Live;
 use super::answers::{LiveView, LogLine, ReferenceView, StripView};
-use super::{Live, feed, mjpeg};
+use super::asked::Asked;
 use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
@@ -13,7 +14,6 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use resight::scene::around::AroundScene;
-use resight_watch::board::strip::Stretch;
 use resight_watch::history::{History, HistoryError, Selection};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,6 @@ use tokio::time::timeout;
 
 /// Events of a history sent at once.
 const MOST_EVENTS: usize = 5000;
-/// Parts of a strip, if nobody says how many, and at most.
-const BINS: usize = 240;
-const MOST_BINS: usize = 1000;
 /// A strip is of a day, if nobody says of how much; seconds.
 const DAY_S: f64 = 86_400.0;
 /// For the next frame of a camera; slow ones give one a minute.
@@ -51,34 +48,6 @@ pub struct HistoryEvent {
     detail: serde_json::Value,
 }
 
-/// A camera and a stretch of time, seconds of capture.
-#[derive(Deserialize, JsonSchema)]
-pub struct Asked {
-    pub(super) camera: String,
-    from_s: Option<f64>,
-    to_s: Option<f64>,
-    bins: Option<usize>,
-}
-
-impl Asked {
-    /// The stretch, from these times where it does not say others.
-    pub(super) fn stretch(&self, first_s: f64, last_s: f64) -> Stretch {
-        let to_s = self.to_s.unwrap_or(last_s);
-        let from_s = self.from_s.unwrap_or(first_s).min(to_s - 1e-3);
-        Stretch { from_s, to_s, bins: self.bins.unwrap_or(BINS).clamp(1, MOST_BINS) }
-    }
-
-    fn check(&self) -> Result<(), Problem> {
-        let given = [self.from_s, self.to_s];
-        let is_fine = given.iter().flatten().all(|t_s| t_s.is_finite() && t_s.abs() < 1e12);
-        let is_ordered = self.from_s.zip(self.to_s).is_none_or(|(from_s, to_s)| from_s < to_s);
-        match is_fine && is_ordered {
-            true => Ok(()),
-            false => Err(Problem::input("from_s must be before to_s, both seconds of capture.")),
-        }
-    }
-}
-
 /// The routes.
 pub fn routes() -> Router<App> {
     Router::new()
@@ -91,8 +60,6 @@ pub fn routes() -> Router<App> {
         .route("/api/live/scene", get(scene))
         .route("/api/live/log", get(log))
         .route("/api/live/frame", get(frame))
-        .merge(mjpeg::routes())
-        .merge(feed::routes())
 }
 
 pub(super) fn live(app: &App) -> Result<&Arc<Live>, Problem> {

@@ -19,6 +19,28 @@ pub(super) struct Source {
     files: Vec<(String, CameraFile)>,
 }
 
+/// A camera with its pose.
+pub(super) struct Placed {
+    pub name: String,
+    pub cam_from_rig: Pose,
+    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    pub covariance: Option<Matrix6>,
+    pub counts: CameraIn,
+}
+
+/// What took no part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct RejectedRow {
+    /// `frame`, `observation` or `point`.
+    pub(super) kind: String,
+    pub(super) camera: String,
+    pub(super) view: String,
+    pub(super) target: Option<String>,
+    pub(super) id: Option<String>,
+    pub(super) residual_px: Option<f64>,
+    pub(super) reason: String,
+}
+
 /// The JSON object of `resight rig`, as far as it is shown.
 #[derive(Debug, Deserialize)]
 pub(super) struct Answer {
@@ -40,28 +62,6 @@ pub(super) struct Answer {
     #[serde(default)]
     pub views: Vec<ViewIn>,
     pub scale: Option<ScaleIn>,
-}
-
-/// What took no part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct RejectedRow {
-    /// `frame`, `observation` or `point`.
-    pub(super) kind: String,
-    camera: String,
-    view: String,
-    target: Option<String>,
-    id: Option<String>,
-    pub(super) residual_px: Option<f64>,
-    reason: String,
-}
-
-/// A camera with its pose.
-pub(super) struct Placed {
-    pub name: String,
-    pub cam_from_rig: Pose,
-    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
-    pub covariance: Option<Matrix6>,
-    pub counts: CameraIn,
 }
 
 #[derive(Debug, Deserialize)]
