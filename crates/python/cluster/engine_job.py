@@ -6,6 +6,7 @@ ENGINE is `spark` (MASTER: local[2] or spark://…) or `sail` (MASTER: a name on
 import os
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -60,28 +61,27 @@ def answers(spark, folder):
         yield "paths", resight.spark.locate(shots.drop("image"), str(folder / "lenses"), target, image="path")
 
 
-def slow(batches):
-    """As the kernel, but long enough for somebody to kill the worker amid it."""
-    import pyarrow as pa
-
-    sign = Path(os.environ["RESIGHT_TEST_SIGN"])
+def slow(sign, batches):
+    """Hands rows on, but slowly enough for somebody to kill the worker amid it; the file `sign` says that it is at work."""
     for batch in batches:
-        sign.touch()
+        Path(sign).touch()
         time.sleep(0.4)
-        yield pa.RecordBatch.from_arrays(batch.columns, schema=batch.schema)
+        yield batch
 
 
 def main():
     engine, master, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
     out = folder / (engine + "-" + "".join(c if c.isalnum() else "-" for c in master))
-    out.mkdir()
+    out.mkdir(exist_ok=True)
     spark, stop = session(engine, master)
-    for name, df in answers(spark, folder):
-        pq.write_table(df.toArrow(), out / f"{name}.parquet")
     if "RESIGHT_TEST_SIGN" in os.environ:
         views = spark.read.parquet(str(folder / "views"))
-        slowed = views.repartition(8, "view").mapInArrow(slow, views.schema)
+        # Executors do not have the environment of the driver.
+        slowed = views.repartition(8, "view").mapInArrow(partial(slow, os.environ["RESIGHT_TEST_SIGN"]), views.schema)
         pq.write_table(resight.spark.solve(slowed, str(folder / "cameras.csv"), sigma_px=0.3).toArrow(), out / "killed.parquet")
+    else:
+        for name, df in answers(spark, folder):
+            pq.write_table(df.toArrow(), out / f"{name}.parquet")
     stop()
 
 

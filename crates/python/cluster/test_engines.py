@@ -176,7 +176,13 @@ def standalone(tmp_path_factory):
         log.close()
 
 
-def test_a_cluster_is_embedded_and_a_killed_executor_loses_nothing(standalone, data, tmp_path):
+def test_a_cluster_is_embedded(standalone, data):
+    out = run(sys.executable, "spark", standalone[0], data)
+    compare(out, data)
+    compare_images(out)
+
+
+def test_an_executor_that_is_killed_amid_a_job_loses_nothing(standalone, data, tmp_path):
     url, workers = standalone
     sign = tmp_path / "running"
     job = subprocess.Popen([sys.executable, str(HERE / "engine_job.py"), "spark", url, str(data)], env=environment(RESIGHT_TEST_SIGN=str(sign)),
@@ -190,8 +196,6 @@ def test_a_cluster_is_embedded_and_a_killed_executor_loses_nothing(standalone, d
     said, _ = job.communicate(timeout=600)
     assert job.returncode == 0, said[-4000:]
     out = data / ("spark-" + "".join(c if c.isalnum() else "-" for c in url))
-    compare(out, data)
-    compare_images(out)
     assert rows(out / "killed.parquet") == rows(data / "embedded" / "solve.parquet")
 
 

@@ -86,11 +86,16 @@ def ordered(lines: list[str]) -> list[str]:
 
 def failed(views: Any) -> list[tuple[str, str]]:
     """Files of which no row could be read."""
-    files = set(views.inputFiles())
+    # Spark writes one slash after `file:` here, and three there.
+    files = {_path(name) for name in views.inputFiles()}
     if not files:
         return []
-    read = {row[0] for row in views.select("_metadata.file_path").distinct().collect()}
+    read = {_path(row[0]) for row in views.select("_metadata.file_path").distinct().collect()}
     return [(name, "no row of it could be read; write the file again, or leave it out") for name in sorted(files - read)]
+
+
+def _path(name: str) -> str:
+    return "/" + name[5:].lstrip("/") if name.startswith("file:") else name
 
 
 def main() -> int:
