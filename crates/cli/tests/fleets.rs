@@ -57,10 +57,7 @@ fn killed_at_two_hundred_instants_the_output_is_that_of_an_undisturbed_run() {
             let _ = run.wait();
             kills += 1;
             let out = std::fs::read(folder.join("out.parquet"));
-            assert!(
-                out.is_err() || out.is_ok_and(|bytes| bytes == whole),
-                "half an output after {kills} kills"
-            );
+            assert!(out.is_err() || out.is_ok_and(|bytes| bytes == whole), "half an output after {kills} kills");
         }
         assert_eq!(command(&folder, "out.parquet").status().expect("a run").code(), Some(1));
         assert!(read("out.parquet") == whole, "another output after {kills} kills");
@@ -100,8 +97,7 @@ fn what_is_wrong_with_files_and_flags_is_named() {
     let spark = ["batch", "views", "--cameras", "cameras.csv", "-o", "o", "--engine", "spark"];
     let text = refused(&folder, &spark);
     assert!(text.contains("pip install") && text.contains("RESIGHT_PYTHON"), "{text}");
-    let text =
-        refused(&folder, &["batch", "views", "--cameras", "cameras.csv", "-o", "o", "--master", "local"]);
+    let text = refused(&folder, &["batch", "views", "--cameras", "cameras.csv", "-o", "o", "--master", "local"]);
     assert!(text.contains("--engine spark"), "{text}");
     let text = refused(&folder, &["fleet-report", "views/000.parquet"]);
     assert!(text.contains("the output of `resight batch` is needed"), "{text}");
@@ -123,18 +119,14 @@ fn wrong_units_and_swapped_pixels_are_no_answers() {
         "{header}{name},3,{swapped}\n{name},2,{millimetres}\n{name},1,\nnobody,0,{pixels}\n{name},nan,1e70,{pixels}\n"
     );
     std::fs::write(folder.join("wrong.csv"), rows).expect("written");
-    let words =
-        ["batch", "wrong.csv", "--cameras", "cameras.csv", "--sigma-px", "0.3", "-o", "out.csv", "--json"];
+    let words = ["batch", "wrong.csv", "--cameras", "cameras.csv", "--sigma-px", "0.3", "-o", "out.csv", "--json"];
     let done = resight().current_dir(&folder).args(words).output().expect("a run");
     assert_eq!(done.status.code(), Some(1));
     let text = std::fs::read_to_string(folder.join("out.csv")).expect("an output");
     let lines: Vec<&str> = text.lines().skip(1).collect();
     assert_eq!(lines.len(), 5, "{text}");
     assert!(lines.iter().all(|line| !line.contains(",ok,")), "{text}");
-    assert!(
-        lines[2].contains("is missing or not a number") && lines[3].contains("not among the cameras"),
-        "{text}"
-    );
+    assert!(lines[2].contains("is missing or not a number") && lines[3].contains("not among the cameras"), "{text}");
     assert!(lines[4].contains("check the unit"), "{text}");
 }
 
@@ -145,11 +137,7 @@ fn explain_says_what_is_there_and_what_is_missing() {
     let text = String::from_utf8_lossy(&done.expect("a run").stdout).into_owned();
     assert!(text.contains("time of the image") && text.contains("u of point 3, px"), "{text}");
     std::fs::write(folder.join("some.csv"), "camra,u0_px,v0_px,u1_px\n").expect("written");
-    let done = resight()
-        .current_dir(&folder)
-        .args(["batch", "--explain", "some.csv", "--json"])
-        .output()
-        .expect("a run");
+    let done = resight().current_dir(&folder).args(["batch", "--explain", "some.csv", "--json"]).output().expect("a run");
     assert_eq!(done.status.code(), Some(1));
     let answer: serde_json::Value = serde_json::from_slice(&done.stdout).expect("JSON");
     let missing = answer["missing"].to_string();

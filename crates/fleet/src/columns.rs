@@ -100,7 +100,9 @@ impl<'a> Column<'a> {
         match self {
             Column::Numbers(_) => DataType::Float64,
             Column::Names { .. } => DataType::Utf8,
-            Column::Lists { .. } => DataType::List(Arc::new(Field::new_list_field(DataType::Float64, true))),
+            Column::Lists { .. } => {
+                DataType::List(Arc::new(Field::new_list_field(DataType::Float64, true)))
+            }
             Column::Unused => DataType::Null,
         }
     }
@@ -127,8 +129,7 @@ impl<'a> Columns<'a> {
         let lengths = || names.iter().zip(columns.iter().map(Column::len));
         let first = lengths().find_map(|(name, n)| Some((name, n?)));
         let rows = first.map_or(0, |(_, n)| n);
-        if let Some((name, n)) = lengths().find_map(|(name, n)| Some((name, n?)).filter(|(_, n)| *n != rows))
-        {
+        if let Some((name, n)) = lengths().find_map(|(name, n)| Some((name, n?)).filter(|(_, n)| *n != rows)) {
             let first = first.map_or("", |(name, _)| name);
             let reason = format!("column `{name}` has {n} rows and `{first}` has {rows}; as many are needed");
             return Err(FleetError::Columns(reason));

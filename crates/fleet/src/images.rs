@@ -78,9 +78,9 @@ pub fn locate_rows(rows: ImageRows, cameras: &Cameras, target: &Target) -> Solve
             continue;
         };
         let camera = &cameras.cameras()[number as usize];
-        let locator = locators.entry(number).or_insert_with(|| {
-            ImageLocator::new(camera, target, &options).map_err(|reason| reason.to_string())
-        });
+        let locator = locators
+            .entry(number)
+            .or_insert_with(|| ImageLocator::new(camera, target, &options).map_err(|reason| reason.to_string()));
         match (locator, read(image)) {
             (Ok(locator), Ok(image)) => answers.take(row, &locator.locate(&image, String::new()).answer),
             (Err(reason), _) => answers.fail(row, reason.clone()),

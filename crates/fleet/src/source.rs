@@ -150,9 +150,8 @@ impl Source {
     /// That a piece has fewer rows than the file states.
     pub(crate) fn cut_short(&self, piece: &Piece, rows: usize) -> FleetError {
         let (group, stated) = (piece.group, piece.rows);
-        let reason = format!(
-            "{rows} of {stated} rows of row group {group} are there; write the file again, or leave it out"
-        );
+        let reason =
+            format!("{rows} of {stated} rows of row group {group} are there; write the file again, or leave it out");
         FleetError::at(&self.path, reason)
     }
 

@@ -1,8 +1,8 @@
 //! Runs: whatever the threads, cut off or not, with damaged files among the good ones.
 
 use crate::support::{day, folder, solved, solver, written};
-use resight_fleet::run::{Job, Progress, run};
 use resight_fleet::{FleetError, reread};
+use resight_fleet::run::{Job, Progress, run};
 
 /// One, two and five threads write the same bytes and come to the same state, which reading the output gives too.
 #[test]

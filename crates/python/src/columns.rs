@@ -71,8 +71,7 @@ impl Columns<'_> {
 impl Owned {
     fn row(&self, i: usize) -> DetectionRow<'_> {
         let [target, body, id, corner] = self.words.each_ref().map(|words| words.as_ref()?[i].as_deref());
-        let number =
-            |column: &Option<Vec<f64>>| column.as_ref().map(|values| values[i]).filter(|x| !x.is_nan());
+        let number = |column: &Option<Vec<f64>>| column.as_ref().map(|values| values[i]).filter(|x| !x.is_nan());
         let position_m = self.position_m.as_ref().map(|[x, y, z]| [x[i], y[i], z[i]]);
         DetectionRow {
             camera: &self.camera[i],

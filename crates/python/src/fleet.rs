@@ -114,8 +114,7 @@ impl<'py> Lent<'py> {
             "names" => {
                 let rows: PyReadonlyArray1<'py, i32> = item(2)?.extract()?;
                 // A missing name is −1, and the library's is the largest number.
-                let rows =
-                    rows.as_array().iter().map(|row| u32::try_from(*row).unwrap_or(u32::MAX)).collect();
+                let rows = rows.as_array().iter().map(|row| u32::try_from(*row).unwrap_or(u32::MAX)).collect();
                 Ok(Lent::Names(item(1)?.extract()?, rows))
             }
             "lists" => {
@@ -207,10 +206,7 @@ impl FleetState {
     #[pyo3(signature = (period_s=900.0))]
     fn new(py: Python<'_>, period_s: f64) -> PyResult<Self> {
         if !(0.0 < period_s && period_s.is_finite()) {
-            return Err(error::input(
-                py,
-                format!("period_s: {period_s} is given, a positive number is needed"),
-            ));
+            return Err(error::input(py, format!("period_s: {period_s} is given, a positive number is needed")));
         }
         Ok(FleetState { state: resight_fleet::FleetState::new(period_s) })
     }
@@ -246,8 +242,7 @@ impl FleetState {
         let other = other.copy(py)?;
         self.state.absorb(other).map_err(|other| {
             let (mine, theirs) = (self.period_s(), other.period_s());
-            let message =
-                format!("states of periods of {mine} s and {theirs} s do not mix; sum the rows again");
+            let message = format!("states of periods of {mine} s and {theirs} s do not mix; sum the rows again");
             error::input(py, message)
         })
     }

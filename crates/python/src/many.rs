@@ -1,8 +1,8 @@
 //! Many views at once, on the vector kernel of `core::batch` where there are three or four points.
 
-use crate::answer::largest;
 use crate::arrays::{Numbers, array, words};
 use crate::camera::Camera;
+use crate::answer::largest;
 use crate::error;
 use crate::run::here;
 use numpy::{PyArray1, PyArrayDyn};
@@ -78,16 +78,15 @@ impl Poses {
     fn error(&self, py: Python<'_>, view: usize) -> PyResult<Option<String>> {
         match self.answers().nth(view) {
             Some(answer) => Ok(answer.as_ref().err().map(ToString::to_string)),
-            None => Err(error::input(py, format!("view {view} is asked for, there are {}", self.__len__()))),
+            None => {
+                Err(error::input(py, format!("view {view} is asked for, there are {}", self.__len__())))
+            }
         }
     }
 
     fn __repr__(&self) -> String {
-        let ok: Vec<&PoseEstimate> = self
-            .answers()
-            .filter(|answer| status(answer) == "ok")
-            .filter_map(|answer| answer.as_ref().ok())
-            .collect();
+        let ok: Vec<&PoseEstimate> =
+            self.answers().filter(|answer| status(answer) == "ok").filter_map(|answer| answer.as_ref().ok()).collect();
         let counted = format!("{} views cam_from_target, {} ok", self.__len__(), ok.len());
         let typical = |of: fn(&PoseEstimate) -> f64| {
             let mut sigmas: Vec<f64> = ok.iter().map(|e| of(e)).collect();
@@ -192,11 +191,7 @@ fn check_offsets(py: Python<'_>, offsets: &[usize], points: usize, pixels: usize
 /// Views that are solved between two looks for Ctrl-C: a tenth of a second at most.
 const BLOCK: usize = 10_000;
 
-fn in_blocks(
-    py: Python<'_>,
-    n: usize,
-    of: impl Fn(Range<usize>) -> Answers + Sync,
-) -> PyResult<Vec<Answers>> {
+fn in_blocks(py: Python<'_>, n: usize, of: impl Fn(Range<usize>) -> Answers + Sync) -> PyResult<Vec<Answers>> {
     let mut answers = Vec::with_capacity(n.div_ceil(BLOCK));
     for first in (0..n).step_by(BLOCK) {
         answers.push(here(py, || of(first..n.min(first + BLOCK)))?);

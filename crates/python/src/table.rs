@@ -61,9 +61,7 @@ impl Table {
                 let text = resight_fleet::columns::text(array.as_ref());
                 Ok(text.into_pyobject(py)?)
             }
-            other => {
-                Err(error::input(py, format!("column `{name}` is of type {other}; ask pyarrow.table for it")))
-            }
+            other => Err(error::input(py, format!("column `{name}` is of type {other}; ask pyarrow.table for it"))),
         }
     }
 

@@ -54,8 +54,7 @@ impl Cameras {
         let Text { cameras_toml, cameras } = serde_json::from_str(text).map_err(setting)?;
         let lenses = read_cameras_from_bytes(Path::new("cameras"), cameras_toml.into_bytes())?.cameras;
         if lenses.len() != cameras.len() {
-            let reason =
-                format!("{} lenses of {} cameras; a lens for each is needed", lenses.len(), cameras.len());
+            let reason = format!("{} lenses of {} cameras; a lens for each is needed", lenses.len(), cameras.len());
             return Err(FleetError::Setting(reason));
         }
         let camera = |(row, lens): (Row, NamedCamera)| FleetCamera {
