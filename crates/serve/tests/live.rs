@@ -217,14 +217,13 @@ fn a_client_that_is_slow_gets_less_and_the_others_all() {
     let hall = watching(&["gate", "yard"]);
     hall.until(0, "gate is steady", |view| view["state"] == "steady");
     let mut deaf: Vec<Feed> = (0..3).map(|_| Feed::open(hall.place)).collect();
-    deaf.iter_mut().for_each(Feed::acknowledge); // Two pictures in the pipe, and never read.
+    deaf.iter_mut().for_each(Feed::acknowledge);
     let mut silent = Feed::open(hall.place);
     let mut quick = Feed::open(hall.place);
-    let (slow, fast) = std::thread::scope(|scope| {
+    let (fast, slow) = std::thread::scope(|scope| {
         let slow = scope.spawn(|| counted(&mut silent, 4.0, false));
         (counted(&mut quick, 4.0, true), slow.join().expect("counted"))
     });
-    let (fast, slow) = (slow, fast);
     assert_eq!(slow.0, 1, "no second picture before the first is acknowledged");
     assert!(8 <= slow.1 && 8 <= fast.1, "states: {slow:?} {fast:?}");
     assert!(20 <= fast.0, "{} pictures in 4 s of two cameras", fast.0);
