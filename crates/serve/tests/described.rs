@@ -22,9 +22,7 @@ fn routes_in_sources(folder: &Path, found: &mut BTreeSet<String>, others: &mut u
             let text = std::fs::read_to_string(&path).expect("a source");
             for rest in text.split(".route(").skip(1) {
                 match rest.trim_start().strip_prefix('"') {
-                    Some(literal) => {
-                        drop(found.insert(literal.split('"').next().expect("a path").to_owned()))
-                    }
+                    Some(literal) => _ = found.insert(literal.split('"').next().expect("a path").to_owned()),
                     None => *others += 1,
                 }
             }
