@@ -868,6 +868,14 @@ export type Overlay = {
   horizon: (([number, number])[])[];
 };
 
+/** What a page says. */
+export type PageMessage = {
+  /** It has taken a picture and is ready for the next. */
+  ack?: number | null;
+  /** The one camera that it shows at full size; null: all of them, small. */
+  show?: string | null;
+};
+
 /** Two cameras. */
 export type PairRow = {
   a: string;
@@ -1152,7 +1160,7 @@ export type Replay = {
   /** Coulomb's coefficient of friction. */
   mu: number | null;
   mu_sigma: number | null;
-  /** Why it was not looked for. */
+  /** Why there is none where none was sought. */
   no_object: string | null;
   /** In their order. */
   readings: PlayedReading[];
@@ -1225,14 +1233,6 @@ export type RigView = {
   targets_one_in: number;
   /** One a view, with a cell for every camera; those with the smallest share of points used where there are too many. */
   views: ViewRow[];
-};
-
-/** What a page says. */
-export type PageMessage = {
-  /** It has taken a picture and is ready for the next. */
-  ack?: number | null;
-  /** The one camera that it shows at full size; null: all of them, small. */
-  show?: string | null;
 };
 
 /** What a camera, or all, saw in a view. */
