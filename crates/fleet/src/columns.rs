@@ -60,7 +60,7 @@ impl<'a> Column<'a> {
     }
 
     /// Rows; none where the column is not read.
-    pub fn len(&self) -> Option<usize> {
+    pub fn rows(&self) -> Option<usize> {
         match self {
             Column::Numbers(values) => Some(values.len()),
             Column::Names { rows, .. } => Some(rows.len()),
@@ -124,7 +124,7 @@ impl<'a> Columns<'a> {
     /// `Columns` where they are not of one length, or a list's rows run beyond its numbers.
     pub fn new(named: Vec<(String, Column<'a>)>) -> Result<Self, FleetError> {
         let (names, columns): (Vec<String>, Vec<Column>) = named.into_iter().unzip();
-        let lengths = || names.iter().zip(columns.iter().map(Column::len));
+        let lengths = || names.iter().zip(columns.iter().map(Column::rows));
         let first = lengths().find_map(|(name, n)| Some((name, n?)));
         let rows = first.map_or(0, |(_, n)| n);
         if let Some((name, n)) = lengths().find_map(|(name, n)| Some((name, n?)).filter(|(_, n)| *n != rows))
