@@ -208,7 +208,7 @@ function Log({ camera, store }: { camera: string; store: LiveStore }) {
     <section class="step">
       <header><h2>{texts.sections.log}</h2></header>
       {lines.length === 0 && <p class="quiet">{texts.logNothing}</p>}
-      <ol class="log small">
+      <ol class="log small" tabIndex={0} aria-label={texts.sections.log}>
         {lines.map((line, i) => <li key={lines.length - i}><time>{clock(line.unix_s)}</time> {timed(line.text)}</li>)}
       </ol>
     </section>

@@ -46,6 +46,7 @@ function Session({ store }: { store: LiveStore }) {
   if (chosen) return <><Notices store={store} /><Camera key={chosen.name} camera={chosen} store={store} /></>;
   return (
     <div class="live">
+      <h1 class="visually-hidden">{texts.title}</h1>
       <Notices store={store} />
       <div class="row live-views" role="group" aria-label={texts.title}>
         {SHOWN.map((name) => (

@@ -18,7 +18,7 @@ export function Comparison({ reference, pose }: { reference: ReferenceView; pose
   ];
   return (
     <div class="comparison" data-target={reference.target}>
-      <div class="wide">
+      <div class="wide" tabIndex={0} role="region" aria-label={`${texts.sections.reference} ${reference.target}`}>
         <table>
           <caption class="cut">{reference.target}</caption>
           <thead>
