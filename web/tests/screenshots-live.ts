@@ -36,7 +36,7 @@ async function main(folder: string) {
       await page.getByRole("button", { name: "Points" }).click();
       await shot("points");
       await page.getByRole("button", { name: "In space" }).click();
-      await page.waitForSelector(".space canvas");
+      await page.waitForSelector(".live-space canvas");
       await shot("space");
       await page.getByRole("button", { name: "Cameras" }).click();
       await page.getByRole("button", { name: "Show yard entrance at full size" }).click();
