@@ -26,7 +26,7 @@ def session(engine, master):
         _, port = server.listening_address
         made = SparkSession.builder.remote(f"sc://127.0.0.1:{port}").getOrCreate()
 
-        def stop():
+        def stop(_server=server):  # It ends with the last that knows it.
             made.stop()
             os._exit(0)  # `server.stop()` waits for ever for clients of its own process.
 
