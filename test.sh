@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The one test command. Needs a Rust toolchain, Python 3.11 or newer with venv, Java 17 or newer; installs the rest below target/.
+# The one test command. Needs a Rust toolchain and Python 3.11 or newer with venv; installs the rest below target/, and as root on Debian
+# Chromium and Java 17 where they are missing.
 #   ./test.sh          everything
 #   ./test.sh fast     without the derivations, other people's readers and the slow tests of scripts/slow_tests.txt: for daily work
 # Tests on recorded images read the folder named by RESIGHT_DATA and show as ignored without it.
