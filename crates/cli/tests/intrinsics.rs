@@ -188,6 +188,16 @@ fn photographs_give_the_published_camera() {
     assert!(run.code == 2 && run.stderr.contains("another size"), "{} {}", run.code, run.stderr);
 }
 
+/// The lens is what is sought: dots are looked for without one, as `detect` does. That four are too few is the reason, not that there are none.
+#[test]
+fn dots_are_found_without_a_lens() {
+    let dots = crate::support::demo("dots.toml");
+    let run = resight(&["intrinsics", &testdata_image(), "--target", &dots, "--json"]);
+    let answer = json_lines(&run).pop().unwrap();
+    let reason = answer["cameras"][0]["left_out"][0]["reason"].as_str().unwrap_or_default();
+    assert!(reason.contains("4 points given, 6 needed"), "{answer}");
+}
+
 fn testdata_image() -> String {
     crate::support::demo("left.png")
 }

@@ -51,10 +51,11 @@ pub(super) struct Gathered {
 pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
     let names = names(request)?;
     let mut collected = Collected::new(&RigRequest {
-        cameras: names.iter().map(|name| placeholder(name)).collect(),
+        cameras: names.iter().map(|name| of_unknown_lens(name)).collect(),
         targets: request.targets.clone(),
         ..RigRequest::default()
     })?;
+    collected.knows_lenses = false;
     let stated = match &request.source {
         IntrinsicsSource::Images { images, options } => {
             collect_images(images, options, &mut collected)?;
@@ -101,8 +102,9 @@ fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
     }
 }
 
-/// Detectors and rows want a camera; this one has a bearing for every pixel, and none of it is used.
-fn placeholder(name: &str) -> NamedCamera {
+/// A camera whose intrinsics are sought. A correspondence has a bearing beside its pixel: this pinhole gives every pixel one, which neither
+/// detectors (`knows_lenses`) nor the adjustment read.
+fn of_unknown_lens(name: &str) -> NamedCamera {
     let matrix = CameraMatrix { fx_px: 1e3, fy_px: 1e3, cx_px: 0.0, cy_px: 0.0 };
     let camera = Camera { lens: Pinhole { matrix }.into(), size: None };
     NamedCamera { name: name.to_string(), camera, placement: None, intrinsics_covariance: None }

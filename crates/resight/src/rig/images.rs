@@ -212,13 +212,13 @@ impl Search<'_> {
     fn frames(&mut self, jobs: &[Job]) -> Result<(), Error> {
         let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
         let cameras: Vec<Camera> = self.collected.cameras.iter().map(|c| c.camera.clone()).collect();
-        let window = self.options.corner_window;
+        let (window, knows_lens) = (self.options.corner_window, self.collected.knows_lenses);
         let detectors =
             || targets.iter().map(|target| Detector::with_corner_window(target, window)).collect();
         let work = |detectors: &mut Vec<Detector>, job: &Job| FrameResult {
             camera: job.camera,
             name: job.name.clone(),
-            found: find(detectors, &targets, &cameras[job.camera], &job.image),
+            found: find(detectors, &targets, (&cameras[job.camera], knows_lens), &job.image),
         };
         let mut n_done = 0;
         detect_in_order(jobs, detectors, work, |result| {
@@ -263,7 +263,7 @@ fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>>
 fn find(
     detectors: &mut [Detector],
     targets: &[Target],
-    camera: &Camera,
+    (camera, knows_lens): (&Camera, bool),
     pixels: &Pixels,
 ) -> Result<FoundTargets, String> {
     let read;
@@ -278,7 +278,11 @@ fn find(
     let lens = check_image_size(camera, image.width_px, image.height_px)?;
     let mut found = FoundTargets { lens, targets: Vec::new(), skipped: Vec::new() };
     for (number, (detector, target)) in detectors.iter_mut().zip(targets).enumerate() {
-        match detector.detect_with_camera(image, &found.lens) {
+        let detections = match knows_lens {
+            true => detector.detect_with_camera(image, &found.lens),
+            false => detector.detect(image),
+        };
+        match detections {
             Ok(detections) => found.add(number, target, &detections),
             Err(reason) => found.skipped.push((target.kind().to_string(), reason.to_string())),
         }

@@ -38,6 +38,8 @@ pub struct LeftOut {
 #[derive(Debug)]
 pub(crate) struct Collected {
     pub cameras: Vec<NamedCamera>,
+    /// Whether their intrinsics are known; where those are sought, detectors look without a lens.
+    pub knows_lenses: bool,
     pub targets: Vec<NamedTarget>,
     pub frames: Vec<Frame>,
     pub left_out: Vec<LeftOut>,
@@ -51,6 +53,7 @@ impl Collected {
         request.check()?;
         Ok(Collected {
             cameras: request.cameras.clone(),
+            knows_lenses: true,
             targets: request.named_targets(),
             frames: Vec::new(),
             left_out: Vec::new(),
