@@ -115,7 +115,7 @@ def test_other_threads_run_meanwhile():
 LONG = {
     "images": 'resight.locate_images(["examples/photo/left01.jpg"] * 20000, camera, resight.read_target("examples/photo/board.toml"))',
     "views": "resight.solve_many(np.random.rand(5, 3), np.tile(np.random.rand(5, 2) * 100 + 200, (2_000_000, 1, 1)), camera)",
-    "points": "resight.solve(np.random.rand(200_000, 3), np.random.rand(200_000, 2) * 400, camera, robust_threshold_px=1.0)",
+    "points": "resight.solve(np.random.rand(5_000_000, 3), np.random.rand(5_000_000, 2) * 400, camera, robust_threshold_px=1.0)",
 }
 
 
