@@ -1,7 +1,7 @@
 //! The state of a fleet from files that `batch` wrote, in one run or in many.
 
 use crate::batch::SolvedRows;
-use crate::source::BATCH;
+use crate::source::PIECE;
 use crate::{FleetError, FleetState};
 use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
@@ -27,7 +27,7 @@ pub fn reread(files: &[PathBuf], period_s: f64) -> Result<FleetState, FleetError
         let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
         let builder =
             ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata).with_row_groups(vec![group]);
-        let reader = builder.with_batch_size(BATCH).build().map_err(|e| FleetError::parquet(path, &e))?;
+        let reader = builder.with_batch_size(PIECE).build().map_err(|e| FleetError::parquet(path, &e))?;
         for batch in reader {
             let batch = batch.map_err(|e| FleetError::at(path, e.to_string()))?;
             let rows =

@@ -1,20 +1,21 @@
 //! Files of views to one file of poses, on all cores, in bounded memory, and from where it was when it was cut off.
 //!
-//! Each piece of the input becomes a part, which is written whole or not at all; in the end the parts are joined in the order of the input.
-//! Which thread wrote a part, and in which run, leaves no trace in it: output and state are the same to the last bit.
+//! Each piece of the input becomes a part of the output, written in the order of the input and noted when it is there. Which thread solved
+//! it, and in which run, leaves no trace in it: output and state are the same to the last bit.
 
-mod join;
-mod parts;
+mod growing;
 mod plan;
+mod queue;
 
 use crate::batch::{SolvedRows, solve_rows};
-use crate::source::{Batches, Piece, Source};
+use crate::source::{Piece, Source};
 use crate::{FleetError, FleetState, Solver};
-use parts::{Part, Parts};
-use rayon::prelude::*;
+use growing::{Growing, Note, Ready};
+use queue::{Claim, Queue, Task};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// What is to be done.
 pub struct Job<'a> {
@@ -78,28 +79,34 @@ pub fn run(job: &Job, progress: &(dyn Fn(Progress) -> bool + Sync)) -> Result<Do
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(job.threads).build();
     let pool = pool.map_err(|e| FleetError::Setting(format!("threads cannot be started: {e}")))?;
-    let parts = Parts::open(job.output, &plan::of(job))?;
+    let has_view = sources.iter().any(|source| source.layout.view.is_some());
     let rows: Option<usize> = sources.iter().map(Source::rows).sum();
     let work = Work {
         job,
         sources: &sources,
-        parts: &parts,
+        output: Growing::open(job.output, &plan::of(job), has_view)?,
+        queue: Mutex::new(Queue::new(&sources)),
         state: FleetState::new(job.period_s),
-        has_view: sources.iter().any(|source| source.layout.view.is_some()),
         rows: AtomicU64::new(0),
         of: rows.map(|rows| rows as u64),
         resumed: AtomicU64::new(0),
         failed: Mutex::new(Vec::new()),
         progress,
     };
-    let names = pool.install(|| work.all())?;
-    let (state, resumed) = (work.state, work.resumed.into_inner() as usize);
-    let mut broken = work.failed.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let ends = pool.broadcast(|_| work.work());
+    // Who only went home because another could not go on has nothing to say.
+    let (gone, others): (Vec<_>, Vec<_>) =
+        ends.into_iter().filter_map(Result::err).partition(|reason| matches!(reason, FleetError::Stopped));
+    if let Some(reason) = others.into_iter().chain(gone).next() {
+        return Err(reason);
+    }
+    let Work { output, state, rows, resumed, failed: broken, .. } = work;
+    let mut broken = broken.into_inner().unwrap_or_else(PoisonError::into_inner);
     broken.sort();
     failed.extend(broken.into_iter().map(|(file, _, reason)| (sources[file].path.clone(), reason)));
-    join::join(&parts, &names, job.output, work.has_view)?;
-    parts.remove();
-    Ok(Done { state, rows: work.rows.into_inner(), resumed_parts: resumed, parts: names.len(), failed })
+    let (resumed_parts, rows) = (resumed.into_inner() as usize, rows.into_inner());
+    let parts = output.finish(job.output)?;
+    Ok(Done { state, rows, resumed_parts, parts, failed })
 }
 
 /// Whether a file is of the right kind, but broken: the others are still worth the work.
@@ -110,9 +117,9 @@ fn is_damaged(reason: &FleetError) -> bool {
 struct Work<'a> {
     job: &'a Job<'a>,
     sources: &'a [Source],
-    parts: &'a Parts,
+    output: Growing,
+    queue: Mutex<Queue<'a>>,
     state: FleetState,
-    has_view: bool,
     rows: AtomicU64,
     of: Option<u64>,
     resumed: AtomicU64,
@@ -122,117 +129,74 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// The parts that there are in the end, in order.
-    fn all(&self) -> Result<Vec<Part>, FleetError> {
-        let mut pieces: Vec<(Part, Piece)> = Vec::new();
-        let mut streams = Vec::new();
-        for (file, source) in self.sources.iter().enumerate() {
-            match source.pieces() {
-                Some(own) => pieces
-                    .extend(own.into_iter().enumerate().map(|(i, piece)| (Part { file, number: i }, piece))),
-                None => streams.push(file),
+    /// What each thread does, until nothing is left or one of them cannot go on.
+    fn work(&self) -> Result<(), FleetError> {
+        let done = catch_unwind(AssertUnwindSafe(|| {
+            while let Some(claim) = self.claim() {
+                self.part(claim)?;
             }
+            Ok(())
+        }));
+        if !matches!(done, Ok(Ok(()))) {
+            self.output.give_up();
         }
-        let done: Result<Vec<Option<Part>>, FleetError> =
-            pieces.par_iter().with_max_len(1).map(|(part, piece)| self.piece(*part, piece)).collect();
-        let mut parts: Vec<Part> = done?.into_iter().flatten().collect();
-        for file in streams {
-            parts.extend(self.stream(file)?);
-        }
-        parts.sort();
-        Ok(parts)
+        done.unwrap_or_else(|panic| resume_unwind(panic))
     }
 
-    /// None where the piece cannot be read.
-    fn piece(&self, part: Part, piece: &Piece) -> Result<Option<Part>, FleetError> {
-        let source = &self.sources[part.file];
-        if self.is_there(part)? {
-            return Ok(Some(part));
+    fn claim(&self) -> Option<Claim> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner).claim()
+    }
+
+    fn part(&self, claim: Claim) -> Result<(), FleetError> {
+        let (part, file) = (claim.part, claim.file);
+        let (ready, rows) = self.ready(claim)?;
+        if let Ready::Failed(reason) | Ready::Broken(reason) = &ready {
+            self.fail(file, part, reason);
         }
-        // Damaged bytes may make the decoder give up in its own way.
-        let read = || {
-            let rows = self.solved(source, source.read(piece)?)?;
-            let n: usize = rows.iter().map(|rows| rows.answers.len()).sum();
-            if n == piece.rows { Ok(rows) } else { Err(source.cut_short(piece, n)) }
-        };
-        let solved = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        match solved.unwrap_or_else(|_| {
-            Err(FleetError::at(&source.path, "the bytes are damaged; write the file again"))
-        }) {
-            Ok(rows) => self.write(part, rows).map(Some),
-            Err(reason) => {
-                self.fail(part, &reason);
-                Ok(None)
-            }
-        }
-    }
-
-    fn solved(&self, source: &Source, batches: Batches) -> Result<Vec<SolvedRows>, FleetError> {
-        let layout = source.view_layout();
-        batches.map(|batch| Ok(solve_rows(&batch?, &layout, self.job.solver))).collect()
-    }
-
-    /// A file that is read from beginning to end: one thread reads, all solve.
-    fn stream(&self, file: usize) -> Result<Vec<Part>, FleetError> {
-        let source = &self.sources[file];
-        let (mut batches, layout) = (source.stream()?, source.view_layout());
-        let mut parts = Vec::new();
-        loop {
-            let some: Vec<_> = batches.by_ref().take(rayon::current_num_threads()).collect();
-            if some.is_empty() {
-                return Ok(parts);
-            }
-            let first = parts.len();
-            let work = |(i, batch): (usize, Result<arrow_array::RecordBatch, FleetError>)| {
-                let part = Part { file, number: first + i };
-                match batch {
-                    Ok(_) if self.is_there(part)? => Ok(Some(part)),
-                    Ok(batch) => {
-                        self.write(part, vec![solve_rows(&batch, &layout, self.job.solver)]).map(Some)
-                    }
-                    Err(reason) => {
-                        self.fail(part, &reason);
-                        Ok(None)
-                    }
-                }
-            };
-            let done: Result<Vec<Option<Part>>, FleetError> =
-                some.into_par_iter().enumerate().map(work).collect();
-            let done = done?;
-            let is_broken = done.iter().any(Option::is_none);
-            parts.extend(done.into_iter().flatten());
-            if is_broken {
-                return Ok(parts);
-            }
-        }
-    }
-
-    /// Whether an earlier run has written a part; its rows enter the state as if they were solved now.
-    fn is_there(&self, part: Part) -> Result<bool, FleetError> {
-        let Some(batches) = self.parts.read(part) else { return Ok(false) };
-        let Ok(rows) = batches.collect::<Result<Vec<SolvedRows>, FleetError>>() else { return Ok(false) };
-        self.resumed.fetch_add(1, Ordering::Relaxed);
-        rows.iter().try_for_each(|rows| self.enter(rows))?;
-        Ok(true)
-    }
-
-    fn write(&self, part: Part, rows: Vec<SolvedRows>) -> Result<Part, FleetError> {
         // What is solved is kept, whoever wants no more.
-        let entered = rows.iter().try_for_each(|rows| self.enter(rows));
-        self.parts.write(part, rows, self.has_view)?;
-        entered.map(|()| part)
-    }
-
-    fn enter(&self, rows: &SolvedRows) -> Result<(), FleetError> {
-        self.state.add(rows);
-        let n = rows.answers.len() as u64;
-        let rows = self.rows.fetch_add(n, Ordering::Relaxed) + n;
-        let goes_on = (self.progress)(Progress { rows, of: self.of });
+        let goes_on = self.output.write(part, ready)?;
+        let rows = self.rows.fetch_add(rows, Ordering::Relaxed) + rows;
+        let goes_on = goes_on && (self.progress)(Progress { rows, of: self.of });
         if goes_on { Ok(()) } else { Err(FleetError::Stopped) }
     }
 
-    fn fail(&self, part: Part, reason: &FleetError) {
-        let mut failed = self.failed.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        failed.push((part.file, part.number, reason.to_string()));
+    /// A part with its number of rows, which are in the state then.
+    fn ready(&self, claim: Claim) -> Result<(Ready, u64), FleetError> {
+        match self.output.note(claim.part) {
+            Some(Note::Failed(reason)) => return Ok((Ready::Failed(reason.clone()), 0)),
+            // Its rows enter the state as if they were solved now.
+            Some(Note::Written(group)) => {
+                if let Some(rows) = self.output.read(group) {
+                    self.resumed.fetch_add(1, Ordering::Relaxed);
+                    self.state.add(&rows);
+                    return Ok((Ready::There(group.clone()), rows.answers.len() as u64));
+                }
+            }
+            None => {}
+        }
+        let source = &self.sources[claim.file];
+        let solved = match claim.task {
+            Task::Piece(piece) => self.solve_piece(source, &piece),
+            Task::Rows(batch) => Ok(solve_rows(&batch, &source.view_layout(), self.job.solver)),
+            Task::Broken(reason) => return Ok((Ready::Broken(reason.to_string()), 0)),
+        };
+        match solved {
+            Ok(rows) => {
+                self.state.add(&rows);
+                let n = rows.answers.len() as u64;
+                Ok((self.output.encode(claim.part, rows)?, n))
+            }
+            Err(reason) => Ok((Ready::Failed(reason.to_string()), 0)),
+        }
+    }
+
+    /// Damaged bytes may make the decoder give up in its own way.
+    fn solve_piece(&self, source: &Source, piece: &Piece) -> Result<SolvedRows, FleetError> {
+        let batch = queue::guarded(source, || source.read(piece))?;
+        Ok(solve_rows(&batch, &source.view_layout(), self.job.solver))
+    }
+
+    fn fail(&self, file: usize, part: usize, reason: &str) {
+        self.failed.lock().unwrap_or_else(PoisonError::into_inner).push((file, part, reason.to_string()));
     }
 }

@@ -11,7 +11,7 @@ use crate::FleetError;
 use crate::assemble::{Assembler, assembled};
 use crate::layout::{Columns, Layout, PointColumns, explain};
 use arrow_array::RecordBatch;
-use arrow_schema::SchemaRef;
+use arrow_schema::{DataType, FieldRef, Fields, Schema, SchemaRef};
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
@@ -19,11 +19,10 @@ use parquet::arrow::arrow_reader::{
 };
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Rows of a piece, which is read, solved and written on its own.
 pub const PIECE: usize = 131_072;
-/// Rows that are solved together.
-pub const BATCH: usize = 32_768;
 
 /// Rows a byte of a file beyond which its figures cannot be: a file says how many rows it has, and memory is set aside for them.
 const MOST_ROWS_PER_BYTE: u64 = 4096;
@@ -66,6 +65,7 @@ impl Source {
         let (layout, kind) = match kind {
             Kind::Parquet { metadata, .. } => {
                 let columns = layout.read();
+                let metadata = Box::new(with_numbered_names(*metadata, layout.camera));
                 (projected(&layout, &columns), Kind::Parquet { metadata, columns })
             }
             text => (layout, text),
@@ -111,7 +111,7 @@ impl Source {
     ///
     /// # Errors
     /// What is wrong with the file.
-    pub fn read(&self, piece: &Piece) -> Result<Batches, FleetError> {
+    pub fn read(&self, piece: &Piece) -> Result<RecordBatch, FleetError> {
         let Kind::Parquet { metadata, columns } = &self.kind else {
             return Err(FleetError::at(&self.path, "this file has no pieces"));
         };
@@ -123,7 +123,9 @@ impl Source {
         } else {
             builder.with_row_selection(selection)
         };
-        self.batches(builder.build())
+        let batch = self.batches(builder.build())?.next().transpose()?;
+        let n = batch.as_ref().map_or(0, RecordBatch::num_rows);
+        batch.filter(|_| n == piece.rows).ok_or_else(|| self.cut_short(piece, n))
     }
 
     /// All rows, views put together, in batches of `PIECE` rows at most.
@@ -148,7 +150,7 @@ impl Source {
     }
 
     /// That a piece has fewer rows than the file states.
-    pub(crate) fn cut_short(&self, piece: &Piece, rows: usize) -> FleetError {
+    fn cut_short(&self, piece: &Piece, rows: usize) -> FleetError {
         let (group, stated) = (piece.group, piece.rows);
         let reason = format!(
             "{rows} of {stated} rows of row group {group} are there; write the file again, or leave it out"
@@ -164,7 +166,7 @@ impl Source {
         let file = File::open(&self.path).map_err(|e| FleetError::at(&self.path, e.to_string()))?;
         let mask = ProjectionMask::roots(metadata.parquet_schema(), columns.iter().copied());
         let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata.clone());
-        Ok(builder.with_projection(mask).with_batch_size(BATCH))
+        Ok(builder.with_projection(mask).with_batch_size(PIECE))
     }
 
     fn batches(
@@ -215,6 +217,24 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
         true => Ok((json_lines::schema(path)?, Kind::JsonLines)),
         false => Ok((csv::schema(path)?, Kind::Csv)),
     }
+}
+
+/// Reads a column of names as numbers into a dictionary, which most files hold: few names come in many rows.
+fn with_numbered_names(metadata: ArrowReaderMetadata, column: usize) -> ArrowReaderMetadata {
+    let schema = metadata.schema();
+    if !matches!(schema.field(column).data_type(), DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View)
+    {
+        return metadata;
+    }
+    let numbered = DataType::Dictionary(Box::new(DataType::Int32), Box::new(DataType::Utf8));
+    let as_read = |(i, field): (usize, &FieldRef)| match i == column {
+        true => Arc::new(field.as_ref().clone().with_data_type(numbered.clone())),
+        false => field.clone(),
+    };
+    let fields: Fields = schema.fields().iter().enumerate().map(as_read).collect();
+    let options = ArrowReaderOptions::new().with_schema(Arc::new(Schema::new(fields)));
+    // A file that cannot be read so is read as it is.
+    ArrowReaderMetadata::try_new(metadata.metadata().clone(), options).unwrap_or(metadata)
 }
 
 /// Refuses figures that no file of this size has.

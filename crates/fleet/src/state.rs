@@ -43,16 +43,34 @@ impl FleetState {
 
     /// Adds solved rows. Threads may add at once; the order does not matter, to the last bit.
     pub fn add(&self, rows: &SolvedRows) {
-        let mut by_camera: Vec<Vec<u32>> = vec![Vec::new(); rows.names.len()];
         let mut unnamed = [0; 5];
+        // Where the rows of each name begin in `order`, in which they keep their own order.
+        let mut ends = vec![0_u32; rows.names.len() + 1];
         for (row, name) in rows.camera.iter().enumerate() {
-            match by_camera.get_mut(*name as usize) {
-                Some(own) => own.push(row as u32),
+            match ends.get_mut(*name as usize + 1) {
+                Some(n) => *n += 1,
                 None => unnamed[camera::kind(rows.answers.status[row])] += 1,
             }
         }
+        for i in 1..ends.len() {
+            ends[i] += ends[i - 1];
+        }
+        let mut order = vec![0_u32; ends[rows.names.len()] as usize];
+        for (row, name) in
+            rows.camera.iter().enumerate().filter(|(_, name)| (**name as usize) < rows.names.len())
+        {
+            let at = &mut ends[*name as usize];
+            order[*at as usize] = row as u32;
+            *at += 1;
+        }
         self.add_unnamed(unnamed);
-        for (name, own) in rows.names.iter().zip(&by_camera).filter(|(_, own)| !own.is_empty()) {
+        let mut first = 0;
+        for (name, end) in rows.names.iter().zip(ends) {
+            let own = &order[first..end as usize];
+            first = end as usize;
+            if own.is_empty() {
+                continue;
+            }
             let mut shard = self.shards[shard_of(name)].lock().unwrap_or_else(PoisonError::into_inner);
             // Most names are known: no copy is made to look for one.
             let state = match shard.get_mut(name) {

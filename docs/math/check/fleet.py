@@ -79,33 +79,20 @@ def check_scale():
     assert abs(half - 0.5) < 1e-9
     a = rng.normal(size=(6, 6))
     c = a @ a.T + 0.1 * np.eye(6)
-    n = rng.integers(600, 900, 3000)
-    y = np.array([np.linalg.cholesky(c / k) @ rng.normal(size=6) for k in n])
-
-    def scale(y):
-        d = np.diff(y, axis=0)
-        of = [v @ np.linalg.solve(c / k + c / m, v) for v, k, m in zip(d, n, n[1:])]
-        return np.median(of) / 5.348120627
-
-    assert abs(scale(y) - 1) < 0.06, scale(y)
-    assert abs(scale(3 * y) / scale(y) - 9) < 1e-9
-    stepped = y + 1e3 * (np.arange(len(y)) > 1000)[:, None]
-    assert abs(scale(stepped) - scale(y)) < 0.01
-
-
-def check_instant():
-    """(8): the share of the new pose in the mean of a period says when the step fell, with the stated uncertainty."""
-    a = rng.normal(size=(6, 6))
-    c = a @ a.T + 0.1 * np.eye(6)
-    delta, period, n = rng.normal(size=6) * 40, 900.0, 900
-    size = delta @ np.linalg.solve(c / n, delta)
-    sigma, errors = period * np.sqrt(1 / size + 1e-4), []
-    for fell in rng.uniform(0, n, 400):
-        rows = (np.arange(n) >= fell)[:, None] * delta + rng.normal(size=(n, 6)) @ np.linalg.cholesky(c).T
-        share = delta @ np.linalg.solve(c / n, rows.mean(axis=0)) / size
-        errors.append((1 - share) * period - fell * period / n)
-    assert np.std(errors) < 1.2 * sigma, (np.std(errors), sigma)
-    assert np.std(errors) > 0.5 * period * np.sqrt(1 / size)
+    root, period = np.linalg.cholesky(c), 900.0
+    delta = rng.normal(size=6) * 40
+    for n in (900, 15):
+        size = delta @ np.linalg.solve(c / n, delta)
+        sigma, errors = period * np.sqrt(9 / (8 * size) + 1 / (3 * n**2) + 1e-4), []
+        for _ in range(2000):
+            # Times of the rows and of the step in units of the period; the first row comes at any time after the border.
+            times, fell = (np.arange(n) + rng.uniform()) / n, rng.uniform(2 / n, 1 - 2 / n)
+            mean = (times >= fell).mean() * delta + root @ rng.normal(size=6) / np.sqrt(n)
+            before = root @ rng.normal(size=6) / np.sqrt(8 * n)
+            share = delta @ np.linalg.solve(c / n, mean - before) / size
+            errors.append(((1 - share) - fell) * period)
+        known = period * np.sqrt(9 / (8 * size))
+        assert known * 0.9 < np.std(errors) < sigma and abs(np.mean(errors)) < 0.1 * sigma, (n, np.std(errors), sigma)
 
 
 for check in (check_sums, check_chordal_mean, check_choice, check_scale, check_instant):

@@ -1,5 +1,5 @@
 //! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` continues
-//! from there, with the start left over and those of P3P, here of many views side by side.
+//! from there, with the start left over and those of P3P, and of SQPnP where nothing fits, here of many views side by side.
 
 use super::starts::{End, Start, refine_all};
 use super::{Views, alone, correspondences};
@@ -14,8 +14,10 @@ use crate::locate::multi_start::{is_in_doubt, of_method, three_of};
 use crate::locate::problem::Problem;
 use crate::locate::refine::refine_against;
 use crate::locate::{Method, PoseEstimate};
+use crate::solve::Candidates;
 use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;
+use crate::solve::sqpnp::sqpnp;
 use crate::{Camera, Correspondence, Error, Pose};
 use arrayvec::ArrayVec;
 
@@ -66,32 +68,32 @@ pub(super) fn settle(
     singly
 }
 
-/// A doubtful view, and where else its search starts: from what is left over, then from P3P's poses.
+/// A doubtful view, and where else its search starts: from what is left over, then from SQPnP's poses where nothing fits, then from P3P's.
 struct Case<'a> {
     known: &'a Doubtful,
     camera: &'a Camera,
     matrix: &'a CameraMatrix,
     seen: [Correspondence; 4],
-    starts: ArrayVec<Pose, 5>,
+    starts: ArrayVec<Pose, 9>,
+    n_of_sqpnp: usize,
     weakness: Option<Weakness>,
 }
 
 impl<'a> Case<'a> {
-    /// None where not even the lowest minimum fits: `search` then starts from more than P3P.
+    /// None where no minimum is known.
     fn of(views: &Views<'a>, known: &'a Doubtful) -> Option<Self> {
         let (seen, _) = correspondences(views, known.view).ok()?;
         let (camera, matrix) = views.pinhole(known.view)?;
-        let fits = known.minima.first().is_some_and(|m| !is_unlikely(m.chi2, DEGREES_OF_FREEDOM));
-        if !fits {
-            return None;
-        }
+        let fits = !is_unlikely(known.minima.first()?.chi2, DEGREES_OF_FREEDOM);
         let problem = &Problem::new(&seen, camera);
         let weakness = match known.is_strong {
             true => None,
             false => of_method(Method::LinePlusOne, &known.geometry.configuration, problem).1,
         };
-        let starts = known.left_over.into_iter().chain(three_of(&seen)).collect();
-        Some(Case { known, camera, matrix, seen, starts, weakness })
+        let of_sqpnp = if fits { Candidates::new() } else { sqpnp(&seen) };
+        let n_of_sqpnp = of_sqpnp.len();
+        let starts = known.left_over.into_iter().chain(of_sqpnp).chain(three_of(&seen)).collect();
+        Some(Case { known, camera, matrix, seen, starts, n_of_sqpnp, weakness })
     }
 
     fn lowest_chi2(&self) -> f64 {
@@ -119,8 +121,11 @@ impl<'a> Case<'a> {
         let is_bent = !(is_known && self.known.is_straight)
             && minima.first().is_some_and(|m| curvature::is_bent(m, problem));
         let is_between_layouts = self.known.geometry.is_between_layouts();
-        if is_between_layouts || self.weakness.is_some() || is_bent || is_in_doubt(minima) {
+        if minima.first().is_none_or(|m| is_unlikely(m.chi2, DEGREES_OF_FREEDOM)) {
             self.follow(&starts[n_left_over..], &ends[n_left_over..], problem, minima);
+        } else if is_between_layouts || self.weakness.is_some() || is_bent || is_in_doubt(minima) {
+            let first = n_left_over + self.n_of_sqpnp;
+            self.follow(&starts[first..], &ends[first..], problem, minima);
         }
         let view = View {
             problem: *problem,

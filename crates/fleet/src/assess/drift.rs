@@ -45,6 +45,8 @@ pub(super) struct Course {
 
 /// Of a change of variance between neighbours: the median of χ² with six degrees of freedom.
 const MEDIAN: f64 = 5.348_120_627;
+/// Readings before a step whose mean is the pose before it: few enough that slow errors are those of the step's time.
+const NEIGHBOURS: usize = 8;
 /// Scales of the noise that are believed.
 const SCALES: (f64, f64) = (1e-4, 1e12);
 
@@ -63,9 +65,10 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
         Some(found) => {
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
-            let within = before
-                .as_ref()
-                .and_then(|(pose, _)| instant(&found, pose, &readings[first - 1..=first], period_s));
+            let within =
+                mean(&readings[(first - 1).saturating_sub(NEIGHBOURS)..first - 1]).and_then(|(before, _)| {
+                    instant(&found, &before, &readings[first - 1..=first], state, period_s)
+                });
             Course { reference: before, motion: Some(motion(&found, within, period_s)), ..nothing }
         }
         None => steady(&readings, &correlated, period_s, config),
@@ -137,8 +140,17 @@ fn mean(readings: &[Reading]) -> Option<(Pose, Matrix6)> {
 
 /// A period amid which a step fell is a mean of both poses, whose share of the new one says when: docs/math/fleet.md eq. (8). Time and its
 /// standard deviation, seconds; none where the periods are no neighbours or the share is none.
-fn instant(found: &Unsettled, before: &Pose, around: &[Reading], period_s: f64) -> Option<(f64, f64)> {
+fn instant(
+    found: &Unsettled,
+    before: &Pose,
+    around: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+) -> Option<(f64, f64)> {
     let [last, first] = around else { return None };
+    let period = (last.t_s / period_s).floor() as i64;
+    let at = state.periods.binary_search_by_key(&period, |(known, _)| *known).ok()?;
+    let rows = state.periods[at].1.n as f64;
     let is_neighbour = first.t_s - last.t_s < 1.5 * period_s;
     if found.unrest != Unrest::Step || !is_neighbour {
         return None;
@@ -148,7 +160,8 @@ fn instant(found: &Unsettled, before: &Pose, around: &[Reading], period_s: f64) 
     let (size, share) = (weighed.dot(&whole), weighed.dot(&part) / weighed.dot(&whole));
     // Of a step that fell between the periods the share is none but for noise, and the time is their border.
     let is_share = (-0.1..=1.0).contains(&share) && 25.0 < size;
-    is_share.then(|| (last.t_s + (0.5 - share.max(0.0)) * period_s, period_s * (1.0 / size + 1e-4).sqrt()))
+    let variance = (1.0 + 1.0 / NEIGHBOURS as f64) / size + 1.0 / (3.0 * rows * rows) + 1e-4;
+    is_share.then(|| (last.t_s + (0.5 - share.max(0.0)) * period_s, period_s * variance.sqrt()))
 }
 
 fn motion(found: &Unsettled, within: Option<(f64, f64)>, period_s: f64) -> Motion {

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::time::UNIX_EPOCH;
 
 /// Raised when parts are written in another way.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Inputs with their sizes and times, cameras, noise; equal where every part would be the same.
 pub(super) fn of(job: &Job) -> String {

@@ -107,8 +107,37 @@ impl Sums {
     }
 }
 
-/// To the nearest whole number; what is summed is far below 2⁶³.
+/// To the nearest whole number, ties to the even one, of what is below 2⁵¹: near 1.5 · 2⁵² doubles are whole numbers and their bits count them.
 #[inline]
 fn whole(x: f64) -> i64 {
-    x.round_ties_even() as i64
+    const MIDDLE: f64 = 6_755_399_441_055_744.0;
+    (x + MIDDLE).to_bits().wrapping_sub(MIDDLE.to_bits()) as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_rounded_as_they_should_be() {
+        let large = FARTHEST_M * PER_METRE;
+        for x in [
+            0.0,
+            -0.0,
+            0.5,
+            1.5,
+            2.5,
+            -0.5,
+            -1.5,
+            -2.5,
+            0.49999999999999994,
+            1e9 + 0.5,
+            large,
+            -large,
+            large - 0.5,
+            PER_PRODUCT,
+        ] {
+            assert_eq!(whole(x), x.round_ties_even() as i64, "{x}");
+        }
+    }
 }

@@ -1,0 +1,93 @@
+//! What is still to be done, handed out in the order of the input.
+
+use crate::FleetError;
+use crate::source::{Batches, Piece, Source};
+use arrow_array::RecordBatch;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// A part to be done.
+pub(super) struct Claim {
+    /// Its place in the output.
+    pub part: usize,
+    /// The file it comes from.
+    pub file: usize,
+    pub task: Task,
+}
+
+pub(super) enum Task {
+    /// Rows to be read and solved.
+    Piece(Piece),
+    /// Rows of a file that is read from beginning to end.
+    Rows(RecordBatch),
+    /// Such a file ends here, in this way.
+    Broken(FleetError),
+}
+
+/// The files from the one that is at work on.
+pub(super) struct Queue<'a> {
+    sources: &'a [Source],
+    file: usize,
+    part: usize,
+    open: Option<Open>,
+}
+
+enum Open {
+    Pieces(std::vec::IntoIter<Piece>),
+    Stream(Batches),
+    /// Nothing more comes of it.
+    Ended,
+}
+
+impl<'a> Queue<'a> {
+    pub fn new(sources: &'a [Source]) -> Self {
+        Queue { sources, file: 0, part: 0, open: None }
+    }
+
+    /// The next part; none: all are handed out.
+    pub fn claim(&mut self) -> Option<Claim> {
+        while let Some(source) = self.sources.get(self.file) {
+            if let Some(task) = self.task(source) {
+                let claim = Claim { part: self.part, file: self.file, task };
+                self.part += 1;
+                return Some(claim);
+            }
+            (self.open, self.file) = (None, self.file + 1);
+        }
+        None
+    }
+
+    fn task(&mut self, source: &Source) -> Option<Task> {
+        if self.open.is_none() {
+            self.open = Some(match source.pieces() {
+                Some(pieces) => Open::Pieces(pieces.into_iter()),
+                None => match guarded(source, || source.stream()) {
+                    Ok(batches) => Open::Stream(batches),
+                    Err(reason) => {
+                        self.open = Some(Open::Ended);
+                        return Some(Task::Broken(reason));
+                    }
+                },
+            });
+        }
+        match self.open.as_mut()? {
+            Open::Pieces(pieces) => pieces.next().map(Task::Piece),
+            Open::Stream(batches) => match guarded(source, || batches.next().transpose()) {
+                Ok(batch) => batch.map(Task::Rows),
+                Err(reason) => {
+                    self.open = Some(Open::Ended);
+                    Some(Task::Broken(reason))
+                }
+            },
+            Open::Ended => None,
+        }
+    }
+}
+
+/// Damaged bytes may make a decoder give up in its own way.
+pub(super) fn guarded<T>(
+    source: &Source,
+    read: impl FnOnce() -> Result<T, FleetError>,
+) -> Result<T, FleetError> {
+    catch_unwind(AssertUnwindSafe(read))
+        .unwrap_or_else(|_| Err(FleetError::at(&source.path, "the bytes are damaged; write the file again")))
+}
