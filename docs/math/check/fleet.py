@@ -79,6 +79,24 @@ def check_scale():
     assert abs(half - 0.5) < 1e-9
     a = rng.normal(size=(6, 6))
     c = a @ a.T + 0.1 * np.eye(6)
+    n = rng.integers(600, 900, 3000)
+    y = np.array([np.linalg.cholesky(c / k) @ rng.normal(size=6) for k in n])
+
+    def scale(y):
+        d = np.diff(y, axis=0)
+        of = [v @ np.linalg.solve(c / k + c / m, v) for v, k, m in zip(d, n, n[1:])]
+        return np.median(of) / 5.348120627
+
+    assert abs(scale(y) - 1) < 0.06, scale(y)
+    assert abs(scale(3 * y) / scale(y) - 9) < 1e-9
+    stepped = y + 1e3 * (np.arange(len(y)) > 1000)[:, None]
+    assert abs(scale(stepped) - scale(y)) < 0.01
+
+
+def check_instant():
+    """(8): the share of the new pose in the mean of a period says when the step fell, with the stated uncertainty."""
+    a = rng.normal(size=(6, 6))
+    c = a @ a.T + 0.1 * np.eye(6)
     root, period = np.linalg.cholesky(c), 900.0
     delta = rng.normal(size=6) * 40
     for n in (900, 15):
