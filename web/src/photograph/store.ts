@@ -316,18 +316,23 @@ export async function resume() {
   }
 }
 
-/** Adds a photograph to the session, or begins one with it. */
-export async function addPhotograph(file: File) {
-  if (!session.value && !(await open())) return;
+/** Adds a photograph to the session, or begins one with it; whether it is there now. */
+export async function addPhotograph(file: File): Promise<boolean> {
+  if (!session.value && !(await open())) return false;
   const before = photo.value;
   busy.value = texts.sending(file.name, 0);
   try {
     const next = await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share)));
-    if (!(await isTorn(file))) return took(next);
+    if (!(await isTorn(file))) {
+      took(next);
+      return true;
+    }
     await link?.send(before, { kind: "undo" });
     failed("photograph", texts.torn(file.name));
+    return false;
   } catch (problem) {
     failed("photograph", problem);
+    return false;
   } finally {
     busy.value = null;
   }
@@ -343,12 +348,14 @@ async function isTorn(file: Blob): Promise<boolean> {
   }
 }
 
-/** The next frame of a watched camera as a photograph. */
+/** The next frame of a watched camera as a photograph, with the camera's lens. */
 export async function takeFrame(camera: string) {
   busy.value = texts.waitingFor(camera);
   try {
     const { blob } = await transport.file("/api/live/frame", { camera });
-    await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" }));
+    if (!(await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" })))) return;
+    const lens = await transport.file("/api/live/lens", { camera });
+    await apply({ kind: "set_lens", lens: { by: "file", name: `${camera}.toml`, text: await lens.blob.text() } }, "lens");
   } catch (problem) {
     failed("photograph", problem);
   } finally {
