@@ -30,7 +30,7 @@ export function draw(context: Context, state: ViewportState) {
   context.globalAlpha = now.is_old ? 0.45 : 1;
   const overlay = now.overlay;
   if (overlay) {
-    lines(context, t, overlay.grid, GRID, THIN);
+    manyLines(context, t, overlay.grid, GRID);
     if (overlay.ghost) ghost(context, t, overlay.ghost);
     lines(context, t, overlay.horizon, GRID, THIN, [2, 6]);
     lines(context, t, overlay.ellipses, MARK, THIN);
@@ -51,13 +51,15 @@ export function draw(context: Context, state: ViewportState) {
   loupe(context, t, state);
 }
 
+function pathOf(t: Transform, curve: Curve): Path2D {
+  const path = new Path2D();
+  trace(path, t, curve);
+  return path;
+}
+
 /** Strokes each curve by itself, without round ends: strokes of straight lines are many times as fast as those of what holds several. */
 function lines(context: Context, t: Transform, curves: readonly Curve[], colour: string, width: number, dash: number[] = []) {
-  const paths = curves.map((curve) => {
-    const path = new Path2D();
-    trace(path, t, curve);
-    return path;
-  });
+  const paths = curves.map((curve) => pathOf(t, curve));
   context.lineCap = "butt";
   context.setLineDash(dash);
   context.strokeStyle = RIM;
@@ -70,17 +72,35 @@ function lines(context: Context, t: Transform, curves: readonly Curve[], colour:
   context.lineCap = "round";
 }
 
+/** Many long lines: their rims are thin lines too, one on either side. */
+function manyLines(context: Context, t: Transform, curves: readonly Curve[], colour: string) {
+  context.lineCap = "butt";
+  context.lineWidth = THIN;
+  const all = curves.filter((curve) => 1 < curve.length).map((curve) => {
+    const [from, to] = [curve[0], curve.at(-1)].map((at) => toScreen(t, at as unknown as Point)) as [Point, Point];
+    const isSteep = Math.abs(to[0] - from[0]) < Math.abs(to[1] - from[1]);
+    return { path: pathOf(t, curve), aside: isSteep ? [THIN, 0] as const : [0, THIN] as const };
+  });
+  context.strokeStyle = RIM;
+  for (const { path, aside: [dx, dy] } of all) {
+    context.translate(dx, dy);
+    context.stroke(path);
+    context.translate(-2 * dx, -2 * dy);
+    context.stroke(path);
+    context.translate(dx, dy);
+  }
+  context.strokeStyle = colour;
+  all.forEach(({ path }) => context.stroke(path));
+  context.lineCap = "round";
+}
+
 /** The second pose's grid: thinner, and without a rim. */
 function ghost(context: Context, t: Transform, curves: readonly Curve[]) {
   context.lineCap = "butt";
   context.setLineDash([5, 6]);
   context.strokeStyle = GHOST;
   context.lineWidth = THIN;
-  for (const curve of curves) {
-    context.beginPath();
-    trace(context, t, curve);
-    context.stroke();
-  }
+  curves.forEach((curve) => context.stroke(pathOf(t, curve)));
   context.setLineDash([]);
   context.lineCap = "round";
 }
