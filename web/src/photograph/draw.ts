@@ -73,8 +73,9 @@ function lines(context: Context, t: Transform, curves: readonly Curve[], colour:
 }
 
 /** Many long lines: their rims are thin lines too, one on either side. */
-function manyLines(context: Context, t: Transform, curves: readonly Curve[], colour: string) {
+function manyLines(context: Context, t: Transform, curves: readonly Curve[], colour: string, dash: number[] = []) {
   context.lineCap = "butt";
+  context.setLineDash(dash);
   context.lineWidth = THIN;
   const all = curves.filter((curve) => 1 < curve.length).map((curve) => {
     const [from, to] = [curve[0], curve.at(-1)].map((at) => toScreen(t, at as unknown as Point)) as [Point, Point];
@@ -91,6 +92,7 @@ function manyLines(context: Context, t: Transform, curves: readonly Curve[], col
   }
   context.strokeStyle = colour;
   all.forEach(({ path }) => context.stroke(path));
+  context.setLineDash([]);
   context.lineCap = "round";
 }
 
@@ -182,7 +184,7 @@ function distances(context: Context, t: Transform) {
   const at = (name: string) => marks.value.find((mark) => mark.name === name)?.at;
   const typed = now.distances.map((d) => [at(d.a), at(d.b)] as const);
   const curves = typed.filter(([a, b]) => a && b).map(([a, b]) => [a!, b!]);
-  lines(context, t, curves, "#ffffff", THIN, [2, 4]);
+  manyLines(context, t, curves, "#ffffff", [2, 4]);
 }
 
 function measurements(context: Context, t: Transform) {
