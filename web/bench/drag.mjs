@@ -1,6 +1,7 @@
-// From pointer move to answer drawn on a 12-megapixel photograph: a mark is dragged for 300 moves, and p50, p95 and p99 are printed.
-// Counted is what the page does: the handler of the move until it sends, the answer of the program, and drawing it (the rest of a frame's
-// wait for the screen is the browser's). Use: RESIGHT_PROGRAM=… npm run drag
+// From pointer move to answer drawn on a 12-megapixel photograph: a mark is dragged for 300 moves, and p50, p95 and p99 are printed by stages.
+// "Move to drawn" is what the bar is about: from the time stamp of the move, through the page's handler, the program's answer and everything
+// that hangs on it, to the overlay drawn with it. "Frame painted" further holds the wait for the browser's next frame and that frame's work.
+// Use: RESIGHT_PROGRAM=… npm run drag
 import { browser, open, serve } from "../dist-tests/server.js";
 
 const [WIDTH, HEIGHT] = [4000, 3000];
@@ -17,17 +18,30 @@ function pixel(x, y) {
   return [(f * x) / z + WIDTH / 2 - 0.5, (f * v) / z + HEIGHT / 2 - 0.5];
 }
 
-/** Notes when a move began and when the answer to what it sent was drawn. */
+/** Notes for each move that is sent when it happened, reached the page, was sent and answered, and when the overlay was drawn with the answer. */
 function instrument() {
-  window.times = [];
-  window.drawing = [];
-  let begun = 0;
+  window.moves = [];
+  let last = null;
   const sent = new Map();
-  addEventListener("pointermove", () => (begun = performance.now()), true);
+  const undrawn = [];
+  const following = [];
+  document.addEventListener("DOMContentLoaded", () => {
+    const panels = new MutationObserver((changes) => {
+      if (!changes.some(({ target }) => target.parentElement?.closest(".answer-figures"))) return;
+      following.splice(0).forEach((move) => (move.followed_ms = performance.now()));
+    });
+    panels.observe(document.body, { subtree: true, characterData: true });
+  });
+  // Before the page's own listeners; a browser that tells of a move twice tells first of it raw.
+  const begin = (event) => {
+    if (last?.happened_ms !== event.timeStamp) last = { happened_ms: event.timeStamp, begun_ms: performance.now() };
+  };
+  addEventListener("pointerrawupdate", begin, true);
+  addEventListener("pointermove", begin, true);
   const send = WebSocket.prototype.send;
   WebSocket.prototype.send = function (data) {
     const { seq, command } = JSON.parse(data);
-    if (command?.drag) sent.set(seq, begun);
+    if (command?.drag) sent.set(seq, { ...last, sent_ms: performance.now() });
     send.call(this, data);
   };
   const { set } = Object.getOwnPropertyDescriptor(WebSocket.prototype, "onmessage");
@@ -35,22 +49,29 @@ function instrument() {
     set(handler) {
       set.call(this, (event) => {
         const seq = typeof event.data === "string" ? Number(/^\{"seq":(\d+)/.exec(event.data)?.[1]) : NaN;
-        const answered = performance.now();
+        const move = sent.get(seq);
+        if (move) undrawn.push({ ...move, answered_ms: performance.now() });
+        sent.delete(seq);
         handler.call(this, event);
-        // Once everything that hangs on the answer has run.
-        const channel = new MessageChannel();
-        channel.port1.onmessage = () => {
-          const now = performance.now();
-          if (sent.has(seq)) {
-            window.times.push(now - sent.get(seq));
-            window.drawing.push(now - answered);
-          }
-          sent.delete(seq);
-        };
-        channel.port2.postMessage(0);
       });
     },
   });
+  // The overlay begins by being cleared; it is drawn when whatever hangs on that has run, and on the screen at the end of the next frame.
+  const clear = CanvasRenderingContext2D.prototype.clearRect;
+  CanvasRenderingContext2D.prototype.clearRect = function (...box) {
+    clear.apply(this, box);
+    const isOverlay = this.canvas.parentElement?.matches(".views > .viewport") && this.canvas.nextElementSibling?.className === "over";
+    if (!isOverlay || !undrawn.length) return;
+    const moves = undrawn.splice(0);
+    const after = (then) => {
+      const channel = new MessageChannel();
+      channel.port1.onmessage = () => then(performance.now());
+      channel.port2.postMessage(0);
+    };
+    after((drawn_ms) => moves.forEach((move) => window.moves.push(Object.assign(move, { drawn_ms }))));
+    following.push(...moves);
+    requestAnimationFrame(() => after((painted_ms) => moves.forEach((move) => Object.assign(move, { painted_ms }))));
+  };
 }
 
 const [chromium, server] = await Promise.all([browser(), serve()]);
@@ -105,15 +126,30 @@ try {
   }
   await page.mouse.up();
   await page.waitForTimeout(300);
-  const sorted = (values) => values.sort((a, b) => a - b);
-  const of = (values, share) => values[Math.min(values.length - 1, Math.floor(share * values.length))];
-  const times = sorted(await page.evaluate(() => window.times));
-  const drawing = sorted(await page.evaluate(() => window.drawing));
-  const at = (share) => of(times, share);
-  console.log(`of these drawing: p50 ${of(drawing, 0.5).toFixed(1)} ms, p95 ${of(drawing, 0.95).toFixed(1)} ms`);
-  console.log(`${times.length} answers drawn to ${MOVES} moves on ${WIDTH} × ${HEIGHT} px: p50 ${at(0.5).toFixed(1)} ms, p95 ${at(0.95).toFixed(1)} ms, p99 ${at(0.99).toFixed(1)} ms`);
-  process.exitCode = times.length < MOVES / 2 || BAR_MS < at(0.95) ? 1 : 0;
+  report(await page.evaluate(() => window.moves));
 } finally {
   await chromium.close();
   await server.stop();
+}
+
+/** Prints the stages of the moves, and whether the bar is met. */
+function report(moves) {
+  const stages = [
+    ["until the page has it", "happened_ms", "begun_ms"],
+    ["until it is sent", "begun_ms", "sent_ms"],
+    ["until it is answered", "sent_ms", "answered_ms"],
+    ["until it is drawn", "answered_ms", "drawn_ms"],
+    ["handler to drawn", "begun_ms", "drawn_ms"],
+    ["move to frame painted", "happened_ms", "painted_ms"],
+    ["move to panels changed", "happened_ms", "followed_ms"],
+    ["move to drawn", "happened_ms", "drawn_ms"],
+  ];
+  const rows = stages.map(([name, from, to]) => {
+    const all = moves.map((move) => move[to] - move[from]).filter(Number.isFinite).sort((a, b) => a - b);
+    const at = (share) => all[Math.min(all.length - 1, Math.floor(share * all.length))];
+    return { name, p50: at(0.5), p95: at(0.95), p99: at(0.99) };
+  });
+  console.log(`${moves.length} answers drawn to ${MOVES} moves on ${WIDTH} × ${HEIGHT} px, ms:`);
+  for (const { name, p50, p95, p99 } of rows) console.log(`${name.padEnd(24)} p50 ${p50.toFixed(1).padStart(5)}  p95 ${p95.toFixed(1).padStart(5)}  p99 ${p99.toFixed(1).padStart(5)}`);
+  process.exitCode = moves.length < MOVES / 2 || BAR_MS < rows.at(-1).p95 ? 1 : 0;
 }

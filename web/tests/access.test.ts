@@ -72,7 +72,7 @@ test("four clicks without a pointer", async () => {
   for (const [name, keys] of [["A", ["ArrowLeft", "ArrowLeft", "ArrowLeft"]], ["B", ["ArrowRight", "ArrowRight"]], ["C", ["ArrowRight", "ArrowRight"]], ["D", ["ArrowUp", "ArrowUp", "ArrowUp"]]] as const) {
     for (const key of keys) await stage.press(key);
     await stage.press("Enter");
-    await until(async () => (await view(page)).points.some((point) => point.name === name));
+    await page.locator("[data-step=marks] .cut", { hasText: name }).waitFor();
     const placed = (await view(page)).points.find((point) => point.name === name)!;
     await stage.press("ArrowDown");
     await until(async () => Math.abs((await view(page)).points.find((point) => point.name === name)!.v_px - placed.v_px - 1) < 1e-9);

@@ -242,6 +242,26 @@ test("without a session the tab says how to start one", async () => {
   await server.stop();
 });
 
+interface DrawnName { text: string; left: number; right: number; base: number }
+
+/** The names that the next drawing in space holds, and where. */
+function namesInSpace(page: Page): Promise<DrawnName[]> {
+  return page.evaluate(() => new Promise<DrawnName[]>((done) => {
+    const drawn: DrawnName[] = [];
+    const { fillText } = CanvasRenderingContext2D.prototype;
+    CanvasRenderingContext2D.prototype.fillText = function (text: string, x: number, y: number) {
+      fillText.call(this, text, x, y);
+      if (!this.canvas.matches(".live-space canvas")) return;
+      drawn.push({ text, left: x, right: x + this.measureText(text).width, base: y });
+      // All names of a drawing are drawn at once.
+      if (drawn.length === 1) setTimeout(() => {
+        CanvasRenderingContext2D.prototype.fillText = fillText;
+        done(drawn);
+      });
+    };
+  }));
+}
+
 test("ten cameras, both themes, both widths: nothing that axe finds", { timeout: 240_000 }, async () => {
   const names = [...Array.from({ length: 9 }, (_, i) => `camera ${i + 1}`), LONG];
   const watch = new Watch(names, images, 400);
@@ -264,6 +284,17 @@ test("ten cameras, both themes, both widths: nothing that axe finds", { timeout:
           await page.waitForSelector(view === "Points" ? ".shares rect" : ".live-space canvas", { timeout: SLOW_MS });
           await accessible(page, `${view}, ${at}`);
         }
+        // Ten cameras that stand where one does: some names find a side, none lies over another, and the list is no wider than the page.
+        const names = await namesInSpace(page);
+        assert(0 < names.length && names.length < 10, `${at}: ${names.length} names`);
+        for (const [i, a] of names.entries()) {
+          for (const b of names.slice(0, i)) {
+            const isApart = a.right < b.left || b.right < a.left || 14 <= Math.abs(a.base - b.base);
+            assert(isApart, `${at}: ${a.text} lies over ${b.text}`);
+          }
+        }
+        const list = await page.evaluate(() => [".places", ".places tbody tr"].map((one) => document.querySelector(one)!.getBoundingClientRect().right - innerWidth));
+        assert(list.every((over) => over <= 0), `${at}: ${list}`);
         await page.getByRole("button", { name: "Cameras" }).click();
         await page.getByRole("button", { name: /Show camera 1 / }).click();
         await page.waitForSelector(".one .plot canvas", { timeout: SLOW_MS });

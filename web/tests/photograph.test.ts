@@ -251,8 +251,10 @@ test("a frame of a running camera becomes a photograph, and dragging on it delay
     await menu.click();
     await page.getByRole("button", { name: "gate", exact: true }).click();
     await page.locator(".photos").getByRole("button", { name: "gate.png" }).waitFor();
-    await page.locator("[data-step=lens] input[type=file]").setInputFiles(watch.file("camera.toml"));
+    // Its lens comes with it.
     await page.locator("[data-step=lens][data-done=true]").waitFor();
+    const { lens } = await view(page);
+    assert.deepEqual([lens?.state, lens?.model], ["given", "pinhole"]);
     await page.getByRole("button", { name: /Tag or board/ }).click();
     await page.locator("[data-step=marks] input[type=file]").setInputFiles(watch.file("tag.toml"));
     await page.locator("[data-figure=height]").waitFor();

@@ -106,6 +106,7 @@ export async function fourClicks(page: Page) {
 interface SeenView {
   points: { name: string; u_px: number; v_px: number; sigma_px: number }[];
   distances: { sigma_m: number }[];
+  lens: { state: string; model: string } | null;
 }
 
 /** What the program says of the session that a page has open. */

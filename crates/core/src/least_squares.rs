@@ -38,6 +38,12 @@ pub trait LeastSquares {
     /// Evaluations after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
     const MAX_STEPS: usize = 200;
 
+    /// The same where it depends on the problem.
+    #[inline(always)]
+    fn max_steps(&self) -> usize {
+        Self::MAX_STEPS
+    }
+
     /// The cost at a state and its derivatives; none where it has none, a point outside the camera's field, say.
     fn evaluate(&self, state: &Self::State) -> Option<Self::Equations>;
 
@@ -146,7 +152,7 @@ pub fn minimize<P: LeastSquares>(
     // Nothing yet, so that the start is accepted as any better trial is: one call of `evaluate`, compiled into the loop.
     let mut lowest: Option<(P::State, P::Equations)> = None;
     let (mut damping, mut promised) = (Damping::NONE, 1.0);
-    for steps in 1..=P::MAX_STEPS {
+    for steps in 1..=problem.max_steps() {
         // What the step before promised, where both are Gauss–Newton's.
         let mut before = 0.0;
         let found = problem.evaluate(&trial);
@@ -183,7 +189,7 @@ pub fn minimize<P: LeastSquares>(
         }
     }
     let (state, equations) = lowest?;
-    Some(Minimum { state, equations, steps: P::MAX_STEPS, ending: Ending::NotConverged })
+    Some(Minimum { state, equations, steps: problem.max_steps(), ending: Ending::NotConverged })
 }
 
 /// The next state and the promise of the step to it, at the least damping from `damping` on that makes the matrix positive; none when no

@@ -20,7 +20,7 @@ use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
-pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance};
+pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;

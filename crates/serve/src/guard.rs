@@ -14,9 +14,6 @@ use tokio::time::timeout;
 /// The page's own files hold no data, and a page must be there to ask for the token.
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
 
-/// For a request, its body included. What streams its answer, or becomes a WebSocket, has its own patience after that.
-const PATIENCE: Duration = Duration::from_secs(120);
-
 /// No route takes a larger body, bytes; each has a limit of its own besides.
 pub const LARGEST: usize = 256 << 20;
 
@@ -46,9 +43,9 @@ pub async fn guard(State(access): State<Arc<Access>>, request: Request, next: Ne
 }
 
 /// A request that takes longer is given up.
-pub async fn in_time(request: Request, next: Next) -> Response {
+pub async fn in_time(State(patience): State<Duration>, request: Request, next: Next) -> Response {
     let late = || Problem::new(StatusCode::REQUEST_TIMEOUT, "time", "This took too long; send it again.");
-    timeout(PATIENCE, next.run(request)).await.unwrap_or_else(|_| late().into_response())
+    timeout(patience, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
 /// What is refused in plain words before a route is reached (a query that lacks a key, a body that is too large) in the form of all

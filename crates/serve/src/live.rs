@@ -15,10 +15,11 @@ use answers::{LiveMessage, LiveView, ReferenceView};
 use axum::extract::ws::Utf8Bytes;
 use pictures::{Pictures, Tap};
 use resight::core::{Camera, Pose, Target};
+use resight::locate::camera_file;
 use resight::scene::around::{AroundScene, CameraAround, cameras_around};
 use resight_watch::board::strip::{Stretch, StripBin};
 use resight_watch::board::{Board, Instants};
-use resight_watch::live::{Relearn, references};
+use resight_watch::live::{LiveCamera, Relearn, references};
 use resight_watch::outputs::said::EventText;
 use resight_watch::{Event, Log, Request};
 use serde_json::json;
@@ -49,6 +50,8 @@ pub struct Live {
     fixed: Option<&'static str>,
     relearn: Relearn,
     lenses: Vec<Camera>,
+    /// The same as camera files.
+    pub(crate) lens_files: Vec<Option<String>>,
     targets: Vec<Arc<Target>>,
     began: Instant,
 }
@@ -70,6 +73,7 @@ impl Live {
             fixed: request.config.without_references(),
             relearn: request.config.relearn.clone(),
             lenses: request.cameras.iter().map(|camera| camera.camera.clone()).collect(),
+            lens_files: request.cameras.iter().map(lens_file).collect(),
             targets: targets.into_iter().flatten().map(|watched| Arc::clone(&watched.target)).collect(),
             began: Instant::now(),
         }
@@ -217,6 +221,11 @@ impl Live {
     fn board(&self) -> MutexGuard<'_, Board> {
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// None where the model has no place in a file.
+fn lens_file(camera: &LiveCamera) -> Option<String> {
+    camera_file(&camera.name, &camera.camera, camera.intrinsics.as_ref()).ok()
 }
 
 /// Runs a session on this thread until its sources end.

@@ -138,6 +138,9 @@ fn live(s: &mut Schemas) -> Vec<Operation> {
         Operation::get("/api/live/frame", "The next frame of a camera.")
             .query(of_camera.clone())
             .answers_file(&["image/png"]),
+        Operation::get("/api/live/lens", "The lens of a camera, as a camera file.")
+            .query(of_camera.clone())
+            .answers_file(&["application/toml"]),
         Operation::get("/api/live/history", "Events of a camera from the history file, oldest first.")
             .query(s.query::<Asked>(&["camera", "from_s", "to_s"]))
             .answers(JSON, s.answer::<Vec<HistoryEvent>>()),

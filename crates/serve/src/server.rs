@@ -13,6 +13,7 @@ use resight_watch::{Log, Request};
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::Semaphore;
 
 /// Photographs decoded at once.
@@ -37,6 +38,14 @@ pub struct ServeConfig {
     pub token_file: Option<PathBuf>,
     /// Names by which the page is reached, besides localhost and the address.
     pub hosts: Vec<String>,
+    /// For a request, its body included; one that takes longer is given up. What streams its answer, or becomes a WebSocket, has its own
+    /// patience after that.
+    pub patience: Duration,
+}
+
+impl ServeConfig {
+    /// Time enough for the largest body over a slow network.
+    pub const PATIENCE: Duration = Duration::from_secs(120);
 }
 
 /// A server that has its address.
@@ -44,6 +53,7 @@ pub struct Server {
     listener: TcpListener,
     place: SocketAddr,
     access: Access,
+    patience: Duration,
     live: Option<Arc<Live>>,
 }
 
@@ -57,7 +67,8 @@ impl Server {
             config.token_file.as_deref().map(|path| access::token(FLAGS.token_file, path)).transpose()?;
         let (listener, place) =
             listen(&config.address, token.is_some(), &config.hosts, Flags { address: config.flag, ..FLAGS })?;
-        Ok(Server { listener, place, access: Access::new(place, token, &config.hosts), live: None })
+        let access = Access::new(place, token, &config.hosts);
+        Ok(Server { listener, place, access, patience: config.patience, live: None })
     }
 
     /// Where it is.
@@ -103,11 +114,12 @@ impl Server {
             decoding: Arc::new(Semaphore::new(DECODING)),
             solving: Arc::new(Semaphore::new(SOLVING)),
         };
-        Ok(runtime.block_on(accept(self.listener, routes(app, self.access), Patience::Kept))?)
+        let routes = routes(app, self.access, self.patience);
+        Ok(runtime.block_on(accept(self.listener, routes, Patience::Kept))?)
     }
 }
 
-fn routes(app: App, access: Access) -> Router {
+fn routes(app: App, access: Access, patience: Duration) -> Router {
     let routes = Router::new()
         .merge(page::routes())
         .merge(photograph::routes())
@@ -123,7 +135,7 @@ fn routes(app: App, access: Access) -> Router {
             Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method", message)
         })
         .layer(middleware::from_fn(guard::in_one_form))
-        .layer(middleware::from_fn(guard::in_time))
+        .layer(middleware::from_fn_with_state(patience, guard::in_time))
         .with_state(app);
     // Around everything: nothing is routed before the guard has looked at the request.
     Router::new()

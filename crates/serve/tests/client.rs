@@ -13,8 +13,17 @@ pub fn server(token_file: Option<std::path::PathBuf>) -> SocketAddr {
 
 /// One that is reached by further names.
 pub fn server_with(token_file: Option<std::path::PathBuf>, hosts: &[&str]) -> SocketAddr {
+    started(token_file, hosts, ServeConfig::PATIENCE)
+}
+
+/// One that gives requests so much time.
+pub fn hasty_server(patience: Duration) -> SocketAddr {
+    started(None, &[], patience)
+}
+
+fn started(token_file: Option<std::path::PathBuf>, hosts: &[&str], patience: Duration) -> SocketAddr {
     let hosts = hosts.iter().map(|host| (*host).to_owned()).collect();
-    let config = ServeConfig { flag: "--listen", address: "127.0.0.1:0".into(), token_file, hosts };
+    let config = ServeConfig { flag: "--listen", address: "127.0.0.1:0".into(), token_file, hosts, patience };
     let server = Server::bind(&config).expect("a free port");
     let place = server.place();
     std::thread::spawn(move || server.run());

@@ -119,14 +119,19 @@ fn what_a_query_needs_is_needed() {
 fn must_fit(description: &Value, path: &str, method: &str, answer: &Value) {
     let schema = &description["paths"][path][method]["responses"]["200"]["content"][JSON]["schema"];
     assert!(schema.is_object(), "{method} {path} is not described as JSON");
+    must_be(description, schema, &format!("{method} {path}"), answer);
+}
+
+/// It is as a schema of the description says.
+pub fn must_be(description: &Value, schema: &Value, what: &str, answer: &Value) {
     let whole = json!({ "allOf": [schema], "components": description["components"] });
-    let validator = jsonschema::draft202012::new(&whole).unwrap_or_else(|e| panic!("{path}: {e}"));
+    let validator = jsonschema::draft202012::new(&whole).unwrap_or_else(|e| panic!("{what}: {e}"));
     let faults: Vec<String> = validator
         .iter_errors(answer)
         .map(|fault| format!("{}: {fault}", fault.instance_path()))
         .take(5)
         .collect();
-    assert!(faults.is_empty(), "{method} {path}: {faults:#?}");
+    assert!(faults.is_empty(), "{what}: {faults:#?}");
 }
 
 #[test]

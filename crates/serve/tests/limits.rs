@@ -1,6 +1,6 @@
 //! Who sends too much, too slowly, or too often is refused or left, and others are answered meanwhile.
 
-use crate::client::{answer, ask, get, post, server, session};
+use crate::client::{answer, ask, get, hasty_server, post, server, session};
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -56,6 +56,26 @@ fn a_large_head_is_refused() {
     let status = answer(&mut stream, true).map(|refusal| refusal.status);
     assert!(matches!(status, Some(431) | None), "{status:?}");
     assert_eq!(get(place, "/healthz").status, 200);
+}
+
+/// A request whose body does not come is given up when its time is over, not before, and others are answered meanwhile.
+#[test]
+fn a_request_that_takes_too_long_is_given_up() {
+    let patience = Duration::from_millis(700);
+    let place = hasty_server(patience);
+    let mut stream = TcpStream::connect(place).expect("a connection");
+    let head = format!(
+        "POST /api/rig HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n{{",
+        place.port()
+    );
+    let began = Instant::now();
+    stream.write_all(head.as_bytes()).expect("sent");
+    assert_eq!(get(place, "/healthz").status, 200);
+    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a timeout");
+    let refusal = answer(&mut stream, true).expect("an answer");
+    assert_eq!(refusal.status, 408);
+    assert!(patience <= began.elapsed(), "{:?}", began.elapsed());
+    assert_eq!(post(place, "/api/rig", &json!({ "example": true })).status, 200);
 }
 
 /// A client that sends its head letter by letter is left after some seconds, however busy it seems.

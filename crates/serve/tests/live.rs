@@ -1,17 +1,23 @@
 //! Watched cameras over the interface: pictures one at a time, an alarm that waits, the way back that shrinks, a new reference.
 
 use crate::client::{ask, get, post};
+use crate::described::must_be;
 use crate::feed::{Feed, Told};
 use crate::live_support::{TAG_M, camera, config, film, picture, tag, tag_pose, trembling};
 use nalgebra::Vector6;
 use resight::GrayImage;
 use resight::core::Pose;
+use resight::formats::read_cameras_from_bytes;
+use resight::locate::IntrinsicsCovariance;
 use resight_serve::{ServeConfig, Server};
+use resight_watch::history::Retention;
 use resight_watch::live::{LiveCamera, LiveConfig, Watched};
+use resight_watch::outputs::history::HistoryConfig;
 use resight_watch::source::{Content, Frame, Next, Source};
 use resight_watch::{Log, Request};
 use serde_json::{Value, json};
 use std::net::SocketAddr;
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -95,6 +101,7 @@ fn watched_with(names: &[&str], change: impl FnOnce(&mut Request)) -> Watching {
         address: "127.0.0.1:0".into(),
         token_file: None,
         hosts: Vec::new(),
+        patience: ServeConfig::PATIENCE,
     })
     .expect("a free port");
     let place = server.place();
@@ -262,6 +269,88 @@ fn one_camera_is_shown_large_with_the_residuals_of_its_points() {
     let is_one = |film: &Arc<Vec<GrayImage>>| film.iter().any(|image| image.data == frame.data);
     assert!(films().iter().any(is_one), "the frame is as the camera gave it");
     let _ = picture; // The rest of the support is for benches.
+}
+
+/// The header of a picture, small and large, a state and an event, as they are really sent.
+#[test]
+fn what_the_socket_sends_is_as_described() {
+    let hall = watching(&["gate"]);
+    let description = get(hall.place, "/openapi.json").json();
+    let messages = &description["paths"]["/ws/live"]["get"]["x-messages"];
+    let (text, header) = (&messages["sends"], &messages["binary"]["header"]);
+    assert!(text.is_object() && header.is_object(), "{messages:#}");
+    let mut feed = Feed::open(hall.place);
+    let (mut states, mut events, mut small, mut large) = (0, 0, 0, 0);
+    let end = Instant::now() + PATIENCE;
+    while states == 0 || events == 0 || small == 0 || large == 0 {
+        assert!(Instant::now() < end, "{states} states, {events} events, {small} and {large} pictures");
+        match feed.next(Duration::from_secs(5)).expect("a message") {
+            Told::Text(message) => {
+                must_be(&description, text, "a message", &message);
+                let is_state = !message["live"].is_null();
+                let name = if is_state { "LiveMessage" } else { "EventObject" };
+                let of_kind = json!({ "$ref": format!("#/components/schemas/{name}") });
+                must_be(&description, &of_kind, name, &message);
+                (states, events) = (states + usize::from(is_state), events + usize::from(!is_state));
+            }
+            Told::Picture(found, _) => {
+                must_be(&description, header, "a header", &found);
+                let is_large = found["points"].as_array().is_some_and(|points| !points.is_empty());
+                (small, large) = (small + usize::from(!is_large), large + usize::from(is_large));
+                feed.say(&json!({ "show": "gate" }));
+                feed.acknowledge();
+            }
+        }
+    }
+    // A schema that lets anything through would pass all of that.
+    let whole = json!({ "allOf": [header], "components": description["components"] });
+    assert!(!jsonschema::draft202012::new(&whole).expect("a schema").is_valid(&json!({ "camera": 1 })));
+}
+
+/// `ok` while the session runs, `degraded` once it has failed: here its history has no place to be written.
+#[test]
+fn a_session_that_failed_is_degraded() {
+    let hall = watching(&["gate"]);
+    hall.until(0, "gate is seen", |view| !view["state"].is_null());
+    let well = get(hall.place, "/healthz");
+    assert_eq!((well.status, well.body.as_slice()), (200, b"ok\n".as_slice()));
+    let broken = watched_with(&["gate"], |request| {
+        let folder = std::env::temp_dir().join("resight-serve-nowhere").join("at-all");
+        request.outputs.history = Some(HistoryConfig {
+            file: folder.join("history.sqlite"),
+            retention: Retention::default(),
+            commit_s: 1.0,
+            on_stored: None,
+        });
+    });
+    let end = Instant::now() + PATIENCE;
+    let failed = loop {
+        let health = get(broken.place, "/healthz");
+        if health.status != 200 {
+            break health;
+        }
+        assert!(Instant::now() < end, "it is still well");
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    assert_eq!((failed.status, failed.body.as_slice()), (503, b"degraded\n".as_slice()));
+    let view = get(broken.place, "/api/live").json();
+    assert!(view["failed"].as_str().is_some_and(|reason| reason.contains("history")), "{view:#}");
+}
+
+/// The lens of a camera is a camera file with all that is known of it.
+#[test]
+fn the_lens_of_a_camera_is_a_camera_file() {
+    let sigmas = [("fx_px".to_owned(), 2.0), ("cx_px".to_owned(), 0.5)].into();
+    let known = IntrinsicsCovariance::independent(&sigmas, &camera()).expect("parameters of the model");
+    let hall = watched_with(&["gate", "yard"], |request| request.cameras[1].intrinsics = Some(known.clone()));
+    for (name, intrinsics) in [("gate", None), ("yard", Some(known))] {
+        let file = get(hall.place, &format!("/api/live/lens?camera={name}"));
+        assert_eq!(file.status, 200);
+        let read = read_cameras_from_bytes(Path::new("camera.toml"), file.body).expect("a camera file");
+        assert_eq!((read.cameras[0].name.as_str(), &read.cameras[0].camera), (name, &camera()));
+        assert_eq!(IntrinsicsCovariance::of(&read.cameras[0]), intrinsics);
+    }
+    assert_eq!(get(hall.place, "/api/live/lens?camera=nobody").status, 404);
 }
 
 #[test]

@@ -249,7 +249,13 @@ fn sockets_bring_the_token_among_their_protocols() {
 
 fn refused(address: &str, token_file: Option<PathBuf>, hosts: &[&str]) -> String {
     let hosts = hosts.iter().map(|host| (*host).to_owned()).collect();
-    let config = ServeConfig { flag: "--listen", address: address.into(), token_file, hosts };
+    let config = ServeConfig {
+        flag: "--listen",
+        address: address.into(),
+        token_file,
+        hosts,
+        patience: ServeConfig::PATIENCE,
+    };
     Server::bind(&config).err().expect("refused").to_string()
 }
 

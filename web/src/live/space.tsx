@@ -10,6 +10,7 @@ import type { LiveStore } from "./store";
 
 const AGAIN_MS = 1000;
 const WAYS: Way[] = ["start", "top", "front", "side"];
+const AXES = ["x", "y", "z"];
 const INK: Record<string, string> = { ink: "--text", faint: "--quiet", x: "--bad", y: "--good", z: "--accent" };
 
 export function Space({ store }: { store: LiveStore }) {
@@ -45,12 +46,15 @@ export function Space({ store }: { store: LiveStore }) {
       </div>
       <canvas ref={canvas} tabIndex={0} role="application" aria-label={texts.spaceLabel} />
       <p class="small quiet">{texts.spaceEllipsoids(String(scene.ellipsoid_magnification))}</p>
-      <table>
+      <table class="places">
+        <thead>
+          <tr><th scope="col">{texts.spaceCamera}</th>{AXES.map((axis) => <th key={axis} scope="col" class="number">{axis}</th>)}</tr>
+        </thead>
         <tbody>
           {scene.cameras.filter((camera) => !camera.is_reference).map((camera) => (
             <tr key={camera.name}>
-              <th scope="row" class="cut">{camera.name}</th>
-              {camera.position_m.map((x, i) => <td key={i} class="number">{metres(x, camera.sigma_m[i]!)}</td>)}
+              <th scope="row">{camera.name}</th>
+              {camera.position_m.map((x, i) => <td key={i} class="number" data-axis={AXES[i]}>{metres(x, camera.sigma_m[i]!)}</td>)}
             </tr>
           ))}
         </tbody>

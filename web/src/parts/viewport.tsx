@@ -125,6 +125,8 @@ function presses(element: HTMLElement, now: () => ViewportProps): () => void {
     [first, isClick] = [pointer, event.button === 0 && !isSpace];
     const pans = event.button === 1 || isSpace || event.button === 2;
     mode = !pans && now().handler?.down?.(pointer) ? "drag" : "pan";
+    // Browsers keep moves until the next frame; a drag has them as they happen, where the browser tells.
+    if (mode === "drag") element.addEventListener("pointerrawupdate", onMove as EventListener);
     if (event.button === 1) event.preventDefault();
   };
   const onMove = (event: PointerEvent) => {
@@ -135,6 +137,8 @@ function presses(element: HTMLElement, now: () => ViewportProps): () => void {
       return;
     }
     const [x, y] = pointer.screen;
+    // What was told raw is told again with the frame.
+    if (x === last[0] && y === last[1]) return;
     if (mode === "pinch") pinched(event.pointerId, pointer.screen);
     down.set(event.pointerId, pointer.screen);
     if (!first || mode === "pinch") return;
@@ -155,6 +159,7 @@ function presses(element: HTMLElement, now: () => ViewportProps): () => void {
   };
   const onUp = (event: PointerEvent) => {
     if (!down.delete(event.pointerId) || 0 < down.size) return;
+    element.removeEventListener("pointerrawupdate", onMove as EventListener);
     const pointer = pointerOf(event);
     const { handler } = now();
     if (mode === "drag") handler?.up?.(pointer);
@@ -164,7 +169,9 @@ function presses(element: HTMLElement, now: () => ViewportProps): () => void {
   const onCancel = (event: PointerEvent) => {
     down.delete(event.pointerId);
     if (mode === "drag") now().handler?.cancel?.();
-    if (down.size === 0) [mode, first, isClick] = ["none", null, false];
+    if (down.size !== 0) return;
+    element.removeEventListener("pointerrawupdate", onMove as EventListener);
+    [mode, first, isClick] = ["none", null, false];
   };
   const onWheel = (event: WheelEvent) => {
     event.preventDefault();

@@ -1,4 +1,6 @@
 // Distances, typed where they are drawn.
+import { computed, untracked, useSignalEffect } from "@preact/signals";
+import { useRef } from "preact/hooks";
 import type { DistanceView } from "../api/types";
 import { type Point, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
@@ -19,7 +21,7 @@ interface Placed extends Pair {
 }
 
 /** Beside the middle of each distance, apart from marks and from each other. */
-function placed(): Placed[] {
+const placed = computed((): Placed[] => {
   const now = view.value;
   if (!now || tool.value !== "marks") return [];
   const t = viewport.transform.value;
@@ -37,7 +39,7 @@ function placed(): Placed[] {
     result.push({ ...pair, x: spot[0], y: spot[1] });
   }
   return result;
-}
+});
 
 function mean(values: number[]): number {
   return values.reduce((sum, value) => sum + value, 0) / Math.max(1, values.length);
@@ -66,12 +68,24 @@ function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Point[],
 }
 
 export function Chips() {
-  return <>{placed().map((one) => <Chip key={`${one.a} ${one.b}`} {...one} />)}</>;
+  return <>{placed.value.map(({ a, b, typed }) => <Chip key={`${a} ${b}`} a={a} b={b} typed={typed} />)}</>;
 }
 
-function Chip({ a, b, typed, x, y }: Placed) {
+/** Where a chip lies now. */
+function transformOf(a: string, b: string): string {
+  const { x, y } = placed.value.find((one) => one.a === a && one.b === b) ?? { x: 0, y: 0 };
+  return `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+}
+
+/** Its place follows what is drawn, while the field itself is rendered with the panels. */
+function Chip({ a, b, typed }: Pair) {
+  const label = useRef<HTMLLabelElement>(null);
+  useSignalEffect(() => {
+    const transform = transformOf(a, b);
+    if (label.current) label.current.style.transform = transform;
+  });
   return (
-    <label class="chip" data-missing={!typed} style={{ transform: `translate(${x}px, ${y}px) translate(-50%, -50%)` }}>
+    <label class="chip" data-missing={!typed} ref={label} style={{ transform: untracked(() => transformOf(a, b)) }}>
       <span aria-hidden="true" class="name">{texts.marks.short(a, b)}</span>
       <DistanceInput a={a} b={b} typed={typed} />
       <span aria-hidden="true">m</span>

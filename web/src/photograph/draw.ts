@@ -1,4 +1,5 @@
 // What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next.
+import { type Curve, trace } from "../parts/curve";
 import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
@@ -15,6 +16,8 @@ const MARK = "#ff6a5e";
 const MEASURE = "#ffe36b";
 const RIM = "rgb(0 0 0 / 55%)";
 const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" };
+/** Lines of a pixel are drawn several times as fast as wider ones. */
+const THIN = 1;
 const FONT = '600 14px system-ui, "DejaVu Sans", sans-serif';
 
 /** Draws everything; every signal that it reads draws it again. */
@@ -27,10 +30,10 @@ export function draw(context: Context, state: ViewportState) {
   context.globalAlpha = now.is_old ? 0.45 : 1;
   const overlay = now.overlay;
   if (overlay) {
-    lines(context, t, overlay.grid, GRID, 1.2);
+    manyLines(context, t, overlay.grid, GRID);
     if (overlay.ghost) ghost(context, t, overlay.ghost);
-    lines(context, t, overlay.horizon, GRID, 1, [2, 6]);
-    lines(context, t, overlay.ellipses, MARK, 1);
+    lines(context, t, overlay.horizon, GRID, THIN, [2, 6]);
+    lines(context, t, overlay.ellipses, MARK, THIN);
     for (const axis of overlay.axes) {
       lines(context, t, [axis.points], AXES[axis.name] ?? GRID, 3.5);
       const end = axis.points.at(-1);
@@ -48,36 +51,60 @@ export function draw(context: Context, state: ViewportState) {
   loupe(context, t, state);
 }
 
-function path(context: Context, t: Transform, curve: readonly (readonly number[])[]) {
-  curve.forEach((at, i) => {
-    const [x, y] = toScreen(t, at as unknown as Point);
-    if (i) context.lineTo(x, y);
-    else context.moveTo(x, y);
-  });
+function pathOf(t: Transform, curve: Curve): Path2D {
+  const path = new Path2D();
+  trace(path, t, curve);
+  return path;
 }
 
-function lines(context: Context, t: Transform, curves: readonly (readonly (readonly number[])[])[], colour: string, width: number, dash: number[] = []) {
-  context.beginPath();
-  curves.forEach((curve) => path(context, t, curve));
+/** Strokes each curve by itself, without round ends: strokes of straight lines are many times as fast as those of what holds several. */
+function lines(context: Context, t: Transform, curves: readonly Curve[], colour: string, width: number, dash: number[] = []) {
+  const paths = curves.map((curve) => pathOf(t, curve));
+  context.lineCap = "butt";
   context.setLineDash(dash);
   context.strokeStyle = RIM;
   context.lineWidth = width + 1.6;
-  context.stroke();
+  paths.forEach((path) => context.stroke(path));
   context.strokeStyle = colour;
   context.lineWidth = width;
-  context.stroke();
+  paths.forEach((path) => context.stroke(path));
   context.setLineDash([]);
+  context.lineCap = "round";
+}
+
+/** Many long lines: their rims are thin lines too, one on either side. */
+function manyLines(context: Context, t: Transform, curves: readonly Curve[], colour: string, dash: number[] = []) {
+  context.lineCap = "butt";
+  context.setLineDash(dash);
+  context.lineWidth = THIN;
+  const all = curves.filter((curve) => 1 < curve.length).map((curve) => {
+    const [from, to] = [curve[0], curve.at(-1)].map((at) => toScreen(t, at as unknown as Point)) as [Point, Point];
+    const isSteep = Math.abs(to[0] - from[0]) < Math.abs(to[1] - from[1]);
+    return { path: pathOf(t, curve), aside: isSteep ? [THIN, 0] as const : [0, THIN] as const };
+  });
+  context.strokeStyle = RIM;
+  for (const { path, aside: [dx, dy] } of all) {
+    context.translate(dx, dy);
+    context.stroke(path);
+    context.translate(-2 * dx, -2 * dy);
+    context.stroke(path);
+    context.translate(dx, dy);
+  }
+  context.strokeStyle = colour;
+  all.forEach(({ path }) => context.stroke(path));
+  context.setLineDash([]);
+  context.lineCap = "round";
 }
 
 /** The second pose's grid: thinner, and without a rim. */
-function ghost(context: Context, t: Transform, curves: number[][][]) {
-  context.beginPath();
-  curves.forEach((curve) => path(context, t, curve));
+function ghost(context: Context, t: Transform, curves: readonly Curve[]) {
+  context.lineCap = "butt";
   context.setLineDash([5, 6]);
   context.strokeStyle = GHOST;
-  context.lineWidth = 1.2;
-  context.stroke();
+  context.lineWidth = THIN;
+  curves.forEach((curve) => context.stroke(pathOf(t, curve)));
   context.setLineDash([]);
+  context.lineCap = "round";
 }
 
 function label(context: Context, text: string, [x, y]: Point, colour: string, dx = 12, dy = -12) {
@@ -157,7 +184,7 @@ function distances(context: Context, t: Transform) {
   const at = (name: string) => marks.value.find((mark) => mark.name === name)?.at;
   const typed = now.distances.map((d) => [at(d.a), at(d.b)] as const);
   const curves = typed.filter(([a, b]) => a && b).map(([a, b]) => [a!, b!]);
-  lines(context, t, curves, "#ffffff", 1.5, [1, 5]);
+  manyLines(context, t, curves, "#ffffff", [2, 4]);
 }
 
 function measurements(context: Context, t: Transform) {
@@ -165,7 +192,7 @@ function measurements(context: Context, t: Transform) {
     const closed = m.what === "area" ? [...m.points, m.points[0]!] : m.points;
     if (m.what === "area") {
       context.beginPath();
-      path(context, t, closed);
+      trace(context, t, closed);
       context.fillStyle = "rgb(255 227 107 / 18%)";
       context.fill();
     }

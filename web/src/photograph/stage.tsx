@@ -6,7 +6,7 @@ import { photographTexts as texts } from "../texts/photograph";
 import { draw } from "./draw";
 import { Chips } from "./chips";
 import {
-  acceptSnap, addMeasured, addsMark, aim, apply, byKeys, hovered, marks, measured, move, moved, nextMark, pending, picture, placeOf, proposeSnap,
+  acceptSnap, addMeasured, addsMark, aim, apply, byKeys, hovered, inHand, marks, measured, move, nextMark, pending, picture, placeOf, proposeSnap,
   sameHandle, selected, showsKeys, snapTo, snapped, tool, view, viewport, type Handle,
 } from "./store";
 
@@ -58,16 +58,16 @@ const handler: PointerHandler = {
     void move(held.handle, [held.from[0] + du, held.from[1] + dv], true);
   },
   up() {
-    const at = moved.value;
-    if (held && at) {
+    const now = inHand();
+    if (held && now) {
       const { handle } = held;
-      void move(handle, at.at, false).then(() => proposeSnap(handle));
+      void move(handle, now.at, false).then(() => proposeSnap(handle));
     }
     held = null;
   },
   cancel() {
-    const at = moved.value;
-    if (held && at) void move(held.handle, at.at, false);
+    const now = inHand();
+    if (held && now) void move(held.handle, now.at, false);
     held = null;
   },
   click(pointer) {
@@ -129,7 +129,8 @@ function nudge(event: KeyboardEvent): boolean {
 }
 
 function released(event: KeyboardEvent) {
-  if (event.key.startsWith("Arrow") && moved.value && !held) void move(moved.value.handle, moved.value.at, false);
+  const now = inHand();
+  if (event.key.startsWith("Arrow") && now && !held) void move(now.handle, now.at, false);
 }
 
 export function removeSelected() {

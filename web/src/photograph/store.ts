@@ -1,5 +1,6 @@
 // What the tab knows: the session's view as the program last gave it, and what the person is about to do.
 import { batch, computed, signal } from "@preact/signals";
+import { options } from "preact";
 import type { Command, MeasuredKind, Snapped, SnapTo, View } from "../api/types";
 import { decodePicture, type Picture } from "../parts/picture";
 import { type Point, ViewportState, toPicture } from "../parts/transform";
@@ -23,7 +24,7 @@ export const error = signal<StepError | null>(null);
 export const busy = signal<string | null>(null);
 export const picture = signal<Picture | null>(null);
 export const selected = signal<Handle | null>(null);
-/** Where the dragged point is now: it moves at once, the answer follows. */
+/** Where the dragged point is drawn: with the answer to where it is, or before it where that is late. */
 export const moved = signal<{ handle: Handle; at: Point } | null>(null);
 export const tool = signal<Tool>("marks");
 /** Whether a click adds a further mark beyond those that the template needs. */
@@ -126,24 +127,54 @@ function failed(step: string, problem: unknown) {
   error.value = { step, text: problem instanceof Error ? problem.message : String(problem) };
 }
 
+/** Where the hand has a point; null where none is being moved. */
+let hand: { handle: Handle; at: Point } | null = null;
+let isHeld = false;
+/** A point whose answer takes longer is drawn without it, ms. */
+const LATE_MS = 16;
+let late = 0;
+
+/** Draws the point where the hand has it. */
+function follow() {
+  clearTimeout(late);
+  late = 0;
+  moved.value = hand;
+}
+
+/** No point is being moved any more. */
+function letGo() {
+  hand = null;
+  follow();
+}
+
+/** The point that is being moved, and where it is now, drawn or not. */
+export function inHand() {
+  return hand;
+}
+
+/** While a point is dragged the panels follow so much later at most, ms: what lies over the photograph is drawn at once. */
+const PANELS_MS = 50;
+options.debounceRendering = (render) => void (hand && isHeld ? setTimeout(render, PANELS_MS) : queueMicrotask(render));
+
 /** Applies a command; answers the view, or null where it was overtaken or failed. */
 export async function apply(command: Command, step = "marks"): Promise<View | null> {
   if (!link) return null;
   try {
     const next = await link.send(photo.value, command);
     if (next) {
-      took(next);
-      if (link.isIdle && !isHeld) moved.value = null;
+      if (link.isIdle && !isHeld) hand = null;
+      batch(() => {
+        follow();
+        took(next);
+      });
     }
     return next;
   } catch (problem) {
-    moved.value = null;
+    letGo();
     failed(problem instanceof Problem && problem.kind === "not_found" ? "photograph" : step, problem);
     return null;
   }
 }
-
-let isHeld = false;
 
 /** Moves a point while it is held (`drag`), or puts it where it stays. */
 export function move(handle: Handle, at: Point, drag: boolean): Promise<View | null> {
@@ -152,10 +183,9 @@ export function move(handle: Handle, at: Point, drag: boolean): Promise<View | n
   const inside = (x: number, n: number) => Math.max(-0.5, Math.min(n - 0.5, x));
   const [u_px, v_px] = [inside(at[0], shown.width_px), inside(at[1], shown.height_px)];
   isHeld = drag;
-  batch(() => {
-    moved.value = { handle, at: [u_px, v_px] };
-    snapped.value = null;
-  });
+  hand = { handle, at: [u_px, v_px] };
+  late ||= window.setTimeout(follow, LATE_MS);
+  snapped.value = null;
   return apply(handle.kind === "mark"
     ? { kind: "put_point", name: handle.name, u_px, v_px, drag }
     : { kind: "move_measurement", name: handle.name, index: handle.index, u_px, v_px, drag }, handle.kind === "mark" ? "marks" : "measure");
@@ -163,6 +193,7 @@ export function move(handle: Handle, at: Point, drag: boolean): Promise<View | n
 
 /** Where a handle is. */
 export function placeOf(handle: Handle): Point | null {
+  if (hand && sameHandle(hand.handle, handle)) return hand.at;
   if (handle.kind === "mark") return marks.value.find((mark) => mark.name === handle.name)?.at ?? null;
   return measured.value.find((m) => m.name === handle.name)?.points[handle.index] ?? null;
 }
@@ -247,7 +278,7 @@ function use(id: string, next: View) {
     selected.value = null;
     pending.value = [];
     snapped.value = null;
-    moved.value = null;
+    letGo();
     tool.value = "marks";
     addsMark.value = false;
     took(next);
@@ -285,18 +316,23 @@ export async function resume() {
   }
 }
 
-/** Adds a photograph to the session, or begins one with it. */
-export async function addPhotograph(file: File) {
-  if (!session.value && !(await open())) return;
+/** Adds a photograph to the session, or begins one with it; whether it is there now. */
+export async function addPhotograph(file: File): Promise<boolean> {
+  if (!session.value && !(await open())) return false;
   const before = photo.value;
   busy.value = texts.sending(file.name, 0);
   try {
     const next = await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share)));
-    if (!(await isTorn(file))) return took(next);
+    if (!(await isTorn(file))) {
+      took(next);
+      return true;
+    }
     await link?.send(before, { kind: "undo" });
     failed("photograph", texts.torn(file.name));
+    return false;
   } catch (problem) {
     failed("photograph", problem);
+    return false;
   } finally {
     busy.value = null;
   }
@@ -312,12 +348,14 @@ async function isTorn(file: Blob): Promise<boolean> {
   }
 }
 
-/** The next frame of a watched camera as a photograph. */
+/** The next frame of a watched camera as a photograph, with the camera's lens. */
 export async function takeFrame(camera: string) {
   busy.value = texts.waitingFor(camera);
   try {
     const { blob } = await transport.file("/api/live/frame", { camera });
-    await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" }));
+    if (!(await addPhotograph(new File([blob], `${camera}.png`, { type: "image/png" })))) return;
+    const lens = await transport.file("/api/live/lens", { camera });
+    await apply({ kind: "set_lens", lens: { by: "file", name: `${camera}.toml`, text: await lens.blob.text() } }, "lens");
   } catch (problem) {
     failed("photograph", problem);
   } finally {

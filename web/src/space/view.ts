@@ -86,7 +86,7 @@ const WAYS: Record<Way, Eye> = {
   front: { ...START, yaw: 0, pitch: 0 },
   side: { ...START, yaw: Math.PI / 2, pitch: 0 },
 };
-/** Part of the image's half height that the reach fills. */
+/** Part of half of the image's shorter side that the reach fills. */
 const FILLED = 1.3;
 /** Nearer than this part of the first distance nothing is drawn. */
 const NEAREST = 0.02;
@@ -117,10 +117,19 @@ export function spaceView(canvas: HTMLCanvasElement, colour: (name: string) => s
   function draw() {
     const { pen, width, height } = cleared(canvas);
     const project = projector(scene, eye, width, height);
-    if (shown.targets) drawTargets(pen, project, scene, shown, colour);
+    if (shown.targets) drawTargets(pen, project, scene, colour);
     if (shown.sights) drawSights(pen, project, scene, colour);
     drawAxes(pen, project, scene.axis_m, colour);
     drawCameras(pen, project, scene, shown, colour);
+    if (shown.names) drawLabels(pen, labels(project), width, height);
+  }
+
+  function labels(project: (x: Triple) => Place): Label[] {
+    const targets = scene.targets.filter((t) => shown.targets && t.is_strong);
+    return [
+      ...scene.cameras.map(({ name, position_m }) => ({ at: project(position_m), text: name, colour: colour("ink") })),
+      ...targets.map(({ name, position_m }) => ({ at: project(position_m), text: name, colour: colour("faint") })),
+    ];
   }
 
   const view: SpaceView = {
@@ -142,7 +151,7 @@ export function spaceView(canvas: HTMLCanvasElement, colour: (name: string) => s
       later();
     },
     shift(right, down) {
-      const scale = (2 * eye.distance) / (FILLED * START.distance * canvas.clientHeight);
+      const scale = (2 * eye.distance) / (FILLED * START.distance * Math.min(canvas.clientWidth, canvas.clientHeight));
       eye = { ...eye, shift: [eye.shift[0] + right * scale, eye.shift[1] + down * scale] };
       later();
     },
@@ -171,7 +180,7 @@ function projector(scene: SpaceScene, eye: Eye, width: number, height: number): 
   const [cx, cy, cz] = scene.centre_m;
   const radius = scene.radius_m;
   const away = eye.distance * radius;
-  const focal = (FILLED * START.distance * height) / 2;
+  const focal = (FILLED * START.distance * Math.min(width, height)) / 2;
   const [sy, cyaw] = [Math.sin(eye.yaw), Math.cos(eye.yaw)];
   const [sp, cp] = [Math.sin(eye.pitch), Math.cos(eye.pitch)];
   return ([x, y, z]) => {
@@ -204,15 +213,38 @@ function stroke(pen: Pen, colour: string, width: number, opacity: number, trace:
   pen.globalAlpha = 1;
 }
 
-function label(pen: Pen, at: Place, text: string, colour: string) {
-  if (at === null) return;
-  pen.fillStyle = colour;
-  pen.fillText(text, at[0] + 6, at[1] - 6);
+interface Label {
+  at: Place;
+  text: string;
+  colour: string;
 }
 
-type Draw = (pen: Pen, project: (x: Triple) => Place, scene: SpaceScene, shown: SpaceShown, colour: (name: string) => string) => void;
+/** Longer names are cut. */
+const MOST_LETTERS = 24;
+/** Room that a line of a name takes, px. */
+const LINE_PX = 16;
+/** Between a name and its place, px. */
+const APART_PX = 6;
 
-const drawTargets: Draw = (pen, project, scene, shown, colour) => {
+/** Names beside their places, on the first side where none lies over another or leaves the image; one that finds no side is left out. */
+function drawLabels(pen: Pen, labels: Label[], width: number, height: number) {
+  const taken: [number, number, number][] = [];
+  for (const { at, text, colour } of labels) {
+    if (at === null || text === "") continue;
+    const short = text.length <= MOST_LETTERS ? text : `${text.slice(0, MOST_LETTERS - 1)}…`;
+    const wide = pen.measureText(short).width;
+    const isFree = ([x, y]: [number, number]) => 0 <= x && x + wide <= width && LINE_PX <= y && y <= height
+      && taken.every(([left, right, base]) => right < x || x + wide < left || LINE_PX <= Math.abs(base - y));
+    const rights = [at[0] + APART_PX, at[0] - APART_PX - wide];
+    const found = rights.flatMap((x): [number, number][] => [[x, at[1] - APART_PX], [x, at[1] + APART_PX + LINE_PX / 2]]).find(isFree);
+    if (!found) continue;
+    taken.push([found[0], found[0] + wide, found[1]]);
+    pen.fillStyle = colour;
+    pen.fillText(short, found[0], found[1]);
+  }
+}
+
+function drawTargets(pen: Pen, project: (x: Triple) => Place, scene: SpaceScene, colour: (name: string) => string) {
   for (const isStrong of [false, true]) {
     const targets = scene.targets.filter((t) => t.is_strong === isStrong);
     stroke(pen, colour(isStrong ? "ink" : "faint"), isStrong ? 1.6 : 0.8, isStrong ? 1 : 0.7, () => {
@@ -225,10 +257,9 @@ const drawTargets: Draw = (pen, project, scene, shown, colour) => {
         const at = project(x);
         if (at) pen.fillRect(at[0] - 1.2, at[1] - 1.2, 2.4, 2.4);
       }
-      if (shown.names) label(pen, project(t.position_m), t.name, colour("faint"));
     }
   }
-};
+}
 
 const ownColour = (camera: SpaceCamera, i: number) => camera.colour ?? `c${i % N_COLOURS}`;
 
@@ -249,7 +280,7 @@ function ring(camera: SpaceCamera, a: Triple, b: Triple, scale: number): Triple[
   });
 }
 
-const drawCameras: Draw = (pen, project, scene, shown, colour) => {
+function drawCameras(pen: Pen, project: (x: Triple) => Place, scene: SpaceScene, shown: SpaceShown, colour: (name: string) => string) {
   scene.cameras.forEach((camera, i) => {
     const own = colour(ownColour(camera, i));
     const border = camera.border_m.map(project);
@@ -271,9 +302,8 @@ const drawCameras: Draw = (pen, project, scene, shown, colour) => {
         for (const [p, q] of pairs) line(pen, ring(camera, p, q, scale).map(project), true);
       });
     }
-    if (shown.names) label(pen, centre, camera.name, colour("ink"));
   });
-};
+}
 
 function drawAxes(pen: Pen, project: (x: Triple) => Place, length: number, colour: (name: string) => string) {
   const ends: [string, Triple][] = [["x", [length, 0, 0]], ["y", [0, length, 0]], ["z", [0, 0, length]]];

@@ -95,6 +95,7 @@ export const liveTexts = {
   spaceLabel: "The cameras around the target. Drag turns, the wheel zooms, arrow keys turn, + and − zoom.",
   spaceNothing: "No camera has seen the target yet.",
   spaceTarget: "Target",
+  spaceCamera: "Camera",
   spaceEllipsoids: (times: string) => `Ellipsoids contain a position with 95 %, drawn ${times} times as large. Grey: the reference.`,
   spaceWays: { start: "Slanted", top: "Top", front: "Front", side: "Side" },
   pointsCaption: "Points that agree with the pose, of those found, in the last 60 frames of each camera",

@@ -40,6 +40,7 @@ pub fn run(args: &Serve, session_of: impl Fn(&Path) -> Result<Request>) -> Resul
         address: args.listen.clone(),
         token_file: args.token_file.clone(),
         hosts: args.allowed_host.clone(),
+        patience: ServeConfig::PATIENCE,
     })?;
     if let Some(session) = &args.session {
         server.watch(session_of(session)?, Log::new(remark))?;

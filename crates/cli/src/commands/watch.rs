@@ -230,6 +230,7 @@ fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resig
         address: address.to_owned(),
         token_file: args.serve_token_file.clone(),
         hosts: args.serve_host.clone(),
+        patience: resight_serve::ServeConfig::PATIENCE,
     })?;
     let live = Arc::new(resight_serve::Live::new(request));
     live.tap(request);

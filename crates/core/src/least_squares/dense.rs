@@ -61,6 +61,7 @@ impl DenseEquations {
 struct DenseCost<F, G, S> {
     evaluate: F,
     moved: G,
+    max_steps: usize,
     state: PhantomData<S>,
 }
 
@@ -72,6 +73,10 @@ where
     type State = S;
     type Equations = DenseEquations;
     type Step = DVector<f64>;
+
+    fn max_steps(&self) -> usize {
+        self.max_steps
+    }
 
     fn evaluate(&self, state: &S) -> Option<DenseEquations> {
         (self.evaluate)(state)
@@ -90,13 +95,26 @@ where
     }
 }
 
+/// Evaluations after which the loop gives up.
+pub const MAX_STEPS: usize = 200;
+
 /// Minimises a cost. `evaluate` returns none where a point leaves a camera's field, `moved` where no state is left.
 pub fn minimize_dense<S>(
     start: S,
     evaluate: impl Fn(&S) -> Option<DenseEquations>,
     moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
 ) -> Option<DenseMinimum<S>> {
-    minimize(&DenseCost { evaluate, moved, state: PhantomData }, start, &Tolerance::FINE)
+    minimize_dense_within(MAX_STEPS, start, evaluate, moved)
+}
+
+/// The same with so many evaluations at most.
+pub fn minimize_dense_within<S>(
+    max_steps: usize,
+    start: S,
+    evaluate: impl Fn(&S) -> Option<DenseEquations>,
+    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
+) -> Option<DenseMinimum<S>> {
+    minimize(&DenseCost { evaluate, moved, max_steps, state: PhantomData }, start, &Tolerance::FINE)
 }
 
 /// Steps on a level: near a minimum each squares the error.

@@ -1,7 +1,7 @@
 //! How well the intrinsics are known, and what that costs.
 
 use crate::error::Error;
-use crate::formats::NamedCamera;
+use crate::formats::{NamedCamera, WriteError, own_file};
 use crate::report::words::position_sigma_m;
 use nalgebra::DMatrix;
 use resight_core::locate::{Config, PoseEstimate, locate};
@@ -10,6 +10,28 @@ use resight_core::{Camera, Correspondence};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+/// Our own camera file of a lens, with the covariance of its intrinsics where there is one.
+///
+/// # Errors
+/// A model that has no place in it.
+pub fn camera_file(
+    name: &str,
+    camera: &Camera,
+    intrinsics: Option<&IntrinsicsCovariance>,
+) -> Result<String, WriteError> {
+    let square = |known: &IntrinsicsCovariance| {
+        let n = known.names.len();
+        DMatrix::from_row_slice(n, n, &known.covariance(camera))
+    };
+    let intrinsics_covariance = intrinsics.map(square);
+    own_file(&[NamedCamera {
+        name: name.to_owned(),
+        camera: camera.clone(),
+        placement: None,
+        intrinsics_covariance,
+    }])
+}
 
 /// The covariance of a camera's intrinsics, at the image size they were calibrated at.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,6 +10,7 @@ const [WIDTH, HEIGHT] = [960, 560];
 class Pen {
   constructor() { this.strokes = []; this.path = []; }
   setTransform() {} fillText() {} fillRect() {} setLineDash() {}
+  measureText(text) { return { width: 8 * text.length }; }
   beginPath() { this.path = []; }
   moveTo(x, y) { this.path.push([[x, y]]); }
   lineTo(x, y) { this.path[this.path.length - 1].push([x, y]); }

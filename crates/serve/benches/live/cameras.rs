@@ -17,8 +17,13 @@ pub fn serve(seconds: f64) -> ExitCode {
     let mut cameras = rendered::from_memory(seconds);
     cameras.iter_mut().zip(NAMES).for_each(|(camera, name)| camera.name = name.to_owned());
     let request = Request { is_once: false, ..Request::new(cameras, config()) };
-    let config =
-        ServeConfig { flag: "--listen", address: "127.0.0.1:0".into(), token_file: None, hosts: Vec::new() };
+    let config = ServeConfig {
+        flag: "--listen",
+        address: "127.0.0.1:0".into(),
+        token_file: None,
+        hosts: Vec::new(),
+        patience: ServeConfig::PATIENCE,
+    };
     let Ok(mut server) = Server::bind(&config) else { return ExitCode::FAILURE };
     let place = server.place();
     if server.watch(request, Log::default()).is_err() {

@@ -60,6 +60,7 @@ pub fn routes() -> Router<App> {
         .route("/api/live/scene", get(scene))
         .route("/api/live/log", get(log))
         .route("/api/live/frame", get(frame))
+        .route("/api/live/lens", get(lens))
 }
 
 pub(super) fn live(app: &App) -> Result<&Arc<Live>, Problem> {
@@ -139,6 +140,14 @@ async fn frame(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Res
     let Ok(Ok(image)) = timeout(FRAME_PATIENCE, next).await else { return Err(none()) };
     let png = aside(move || image.png()).await?.map_err(|_| Problem::failed())?;
     Ok(([(header::CONTENT_TYPE, "image/png")], png).into_response())
+}
+
+/// The lens of a camera as a camera file: the Photograph tab takes it with a frame.
+async fn lens(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Response, Problem> {
+    let live = live(&app)?;
+    let none = || Problem::missing("The lens of this camera has no place in a camera file.");
+    let text = live.lens_files[number(live, &asked.camera)?].clone().ok_or_else(none)?;
+    Ok(([(header::CONTENT_TYPE, "application/toml; charset=utf-8")], text).into_response())
 }
 
 /// A stretch of time in few parts: from the history file, or from what the session remembers.

@@ -17,6 +17,10 @@ const COST_OF_LOSS_CHI2: f64 = 25.0;
 /// Two arrangements are one when their χ² and the photographs' places agree to this.
 const SAME: f64 = 1e-3;
 
+/// A slow arrangement that is higher above the best one than this, times the factor that widens its variances, is not waited for: the gate of
+/// a second solution is a tenth of it.
+const FAR_CHI2: f64 = 100.0;
+
 /// How thoroughly to look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Depth {
@@ -78,12 +82,18 @@ impl Search<'_> {
         let more = first.alternatives.iter().filter(|(photo, _)| last <= *photo).take(MOST_ALTERNATIVES);
         let with = |alternative: &(usize, Pose)| forced.iter().chain([alternative]).copied().collect();
         let next = more.map(with).collect();
-        match settle(self.network, first) {
+        match settle(self.network, first, self.far_chi2()) {
             Ok(adjusted) => self.found.push(adjusted),
             Err(reason) if forced.is_empty() => self.refusal = self.refusal.take().or(Some(reason)),
             Err(_) => {}
         }
         next
+    }
+
+    /// χ² above which an arrangement is no rival of one that was found and places everything.
+    fn far_chi2(&self) -> Option<f64> {
+        let whole = self.found.iter().filter(|a| a.undetermined.is_empty());
+        whole.map(|a| a.chi2 + FAR_CHI2 * a.noise_scale).reduce(f64::min)
     }
 
     fn fits(&self) -> bool {

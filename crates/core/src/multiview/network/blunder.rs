@@ -156,7 +156,7 @@ fn without(network: &NetworkProblem, index: usize, near: Option<Adjusted>) -> Op
         alternatives: Vec::new(),
     };
     let found = match near {
-        Some(near) => settle(&rest, draft(near)).ok()?,
+        Some(near) => settle(&rest, draft(near), None).ok()?,
         None => attempt(&rest, Depth::Single).ok()?,
     };
     let (sigmas, off, _) = predicted(network, index, &found)?;

@@ -5,7 +5,7 @@ use super::starts::{Draft, undetermined};
 use super::state::{Layout, LensAt, State};
 use super::trilaterate::{Places, lengths, plane_of};
 use super::{Adjusted, Constraint, Frame, Item, NetworkProblem, gauge, snoop};
-use crate::least_squares::dense::{DenseMinimum, minimize_dense};
+use crate::least_squares::dense::{DenseMinimum, MAX_STEPS, minimize_dense, minimize_dense_within};
 use crate::locate::consistency::{is_unlikely, noise_scale};
 use crate::{Error, Point};
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
@@ -15,8 +15,13 @@ const LARGEST_SIGMA: f64 = 1.0 / 3.0;
 /// Scaled information below which a direction counts as unknown: rounding of a few hundred unknowns.
 const LEAST_INFORMATION: f64 = 1e-12;
 
-/// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again.
-pub(super) fn settle(network: &NetworkProblem, draft: Draft) -> Result<Adjusted, Error> {
+/// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again. Where there is a limit, a draft that is slow and
+/// still above it is given up.
+pub(super) fn settle(
+    network: &NetworkProblem,
+    draft: Draft,
+    far_chi2: Option<f64>,
+) -> Result<Adjusted, Error> {
     let mut dropped = draft.dropped;
     let (mut state, mut faces) = (draft.state, false);
     loop {
@@ -26,11 +31,7 @@ pub(super) fn settle(network: &NetworkProblem, draft: Draft) -> Result<Adjusted,
             return Err(dropped.into_iter().next().map_or(Error::NoLength, |d| d.1));
         }
         let (layout, frame) = gauge::layout(network, &state, &items, draft.control_points);
-        let solved = minimize_dense(
-            state.clone(),
-            |s| equations(network.constraints, s, &layout),
-            |s, by| s.moved(&layout, by),
-        );
+        let solved = lowest(network, &state, &layout, far_chi2);
         let Some(solved) = solved else {
             let (item, reason) = out_of_field(network, &state, &items)
                 .ok_or(Error::NoSolution { n_points: network.n_points })?;
@@ -57,6 +58,29 @@ pub(super) fn settle(network: &NetworkProblem, draft: Draft) -> Result<Adjusted,
             state = solved.state;
         }
     }
+}
+
+/// Evaluations after which a draft that is compared with a better one is looked at.
+const LOOK_STEPS: usize = 40;
+
+/// The minimum from a state; one that is not converged where it is still above the limit when it is looked at.
+fn lowest(
+    network: &NetworkProblem,
+    state: &State,
+    layout: &Layout,
+    far_chi2: Option<f64>,
+) -> Option<DenseMinimum<State>> {
+    let within = |max_steps| {
+        minimize_dense_within(
+            max_steps,
+            state.clone(),
+            |s| equations(network.constraints, s, layout),
+            |s, by| s.moved(layout, by),
+        )
+    };
+    let Some(far_chi2) = far_chi2 else { return within(MAX_STEPS) };
+    let first = within(LOOK_STEPS)?;
+    if first.is_minimum() || far_chi2 < first.equations.chi2 { Some(first) } else { within(MAX_STEPS) }
 }
 
 fn conclude(

@@ -26,7 +26,7 @@ var resightSpace = (function(exports) {
 			pitch: 0
 		}
 	};
-	/** Part of the image's half height that the reach fills. */
+	/** Part of half of the image's shorter side that the reach fills. */
 	var FILLED = 1.3;
 	/** Nearer than this part of the first distance nothing is drawn. */
 	var NEAREST = .02;
@@ -74,10 +74,23 @@ var resightSpace = (function(exports) {
 		function draw() {
 			const { pen, width, height } = cleared(canvas);
 			const project = projector(scene, eye, width, height);
-			if (shown.targets) drawTargets(pen, project, scene, shown, colour);
+			if (shown.targets) drawTargets(pen, project, scene, colour);
 			if (shown.sights) drawSights(pen, project, scene, colour);
 			drawAxes(pen, project, scene.axis_m, colour);
 			drawCameras(pen, project, scene, shown, colour);
+			if (shown.names) drawLabels(pen, labels(project), width, height);
+		}
+		function labels(project) {
+			const targets = scene.targets.filter((t) => shown.targets && t.is_strong);
+			return [...scene.cameras.map(({ name, position_m }) => ({
+				at: project(position_m),
+				text: name,
+				colour: colour("ink")
+			})), ...targets.map(({ name, position_m }) => ({
+				at: project(position_m),
+				text: name,
+				colour: colour("faint")
+			}))];
 		}
 		const view = {
 			show(next, what = {}) {
@@ -111,7 +124,7 @@ var resightSpace = (function(exports) {
 				later();
 			},
 			shift(right, down) {
-				const scale = 2 * eye.distance / (FILLED * START.distance * canvas.clientHeight);
+				const scale = 2 * eye.distance / (FILLED * START.distance * Math.min(canvas.clientWidth, canvas.clientHeight));
 				eye = {
 					...eye,
 					shift: [eye.shift[0] + right * scale, eye.shift[1] + down * scale]
@@ -145,7 +158,7 @@ var resightSpace = (function(exports) {
 		const [cx, cy, cz] = scene.centre_m;
 		const radius = scene.radius_m;
 		const away = eye.distance * radius;
-		const focal = FILLED * START.distance * height / 2;
+		const focal = FILLED * START.distance * Math.min(width, height) / 2;
 		const [sy, cyaw] = [Math.sin(eye.yaw), Math.cos(eye.yaw)];
 		const [sp, cp] = [Math.sin(eye.pitch), Math.cos(eye.pitch)];
 		return ([x, y, z]) => {
@@ -179,12 +192,32 @@ var resightSpace = (function(exports) {
 		pen.stroke();
 		pen.globalAlpha = 1;
 	}
-	function label(pen, at, text, colour) {
-		if (at === null) return;
-		pen.fillStyle = colour;
-		pen.fillText(text, at[0] + 6, at[1] - 6);
+	/** Longer names are cut. */
+	var MOST_LETTERS = 24;
+	/** Room that a line of a name takes, px. */
+	var LINE_PX = 16;
+	/** Between a name and its place, px. */
+	var APART_PX = 6;
+	/** Names beside their places, on the first side where none lies over another or leaves the image; one that finds no side is left out. */
+	function drawLabels(pen, labels, width, height) {
+		const taken = [];
+		for (const { at, text, colour } of labels) {
+			if (at === null || text === "") continue;
+			const short = text.length <= MOST_LETTERS ? text : `${text.slice(0, 23)}…`;
+			const wide = pen.measureText(short).width;
+			const isFree = ([x, y]) => 0 <= x && x + wide <= width && LINE_PX <= y && y <= height && taken.every(([left, right, base]) => right < x || x + wide < left || LINE_PX <= Math.abs(base - y));
+			const found = [at[0] + APART_PX, at[0] - APART_PX - wide].flatMap((x) => [[x, at[1] - APART_PX], [x, at[1] + APART_PX + LINE_PX / 2]]).find(isFree);
+			if (!found) continue;
+			taken.push([
+				found[0],
+				found[0] + wide,
+				found[1]
+			]);
+			pen.fillStyle = colour;
+			pen.fillText(short, found[0], found[1]);
+		}
 	}
-	var drawTargets = (pen, project, scene, shown, colour) => {
+	function drawTargets(pen, project, scene, colour) {
 		for (const isStrong of [false, true]) {
 			const targets = scene.targets.filter((t) => t.is_strong === isStrong);
 			stroke(pen, colour(isStrong ? "ink" : "faint"), isStrong ? 1.6 : .8, isStrong ? 1 : .7, () => {
@@ -197,10 +230,9 @@ var resightSpace = (function(exports) {
 					const at = project(x);
 					if (at) pen.fillRect(at[0] - 1.2, at[1] - 1.2, 2.4, 2.4);
 				}
-				if (shown.names) label(pen, project(t.position_m), t.name, colour("faint"));
 			}
 		}
-	};
+	}
 	var ownColour = (camera, i) => camera.colour ?? `c${i % N_COLOURS}`;
 	function drawSights(pen, project, scene, colour) {
 		scene.cameras.forEach((camera, i) => {
@@ -221,7 +253,7 @@ var resightSpace = (function(exports) {
 			];
 		});
 	}
-	var drawCameras = (pen, project, scene, shown, colour) => {
+	function drawCameras(pen, project, scene, shown, colour) {
 		scene.cameras.forEach((camera, i) => {
 			const own = colour(ownColour(camera, i));
 			const border = camera.border_m.map(project);
@@ -247,9 +279,8 @@ var resightSpace = (function(exports) {
 					for (const [p, q] of pairs) line(pen, ring(camera, p, q, scale).map(project), true);
 				});
 			}
-			if (shown.names) label(pen, centre, camera.name, colour("ink"));
 		});
-	};
+	}
 	function drawAxes(pen, project, length, colour) {
 		const ends = [
 			["x", [
