@@ -241,7 +241,7 @@ def test_killed_at_two_hundred_instants_the_output_is_that_of_an_undisturbed_run
             run.kill()
             run.wait()
             kills += 1
-            parts += any((tmp_path / "out.parquet.parts").glob("*.parquet"))
+            parts += any((tmp_path / "out.parquet.parts").glob("*.written"))
             assert not (tmp_path / "out.parquet").exists() or read("out.parquet") == whole, kills
         assert start("out.parquet").wait() == 1
         assert read("out.parquet") == whole and read("out.parquet.jsonl") == drift, kills
