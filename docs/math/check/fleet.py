@@ -101,15 +101,16 @@ def check_instant():
     delta = rng.normal(size=6) * 40
     for n in (900, 15):
         size = delta @ np.linalg.solve(c / n, delta)
-        sigma, errors = period * np.sqrt(9 / (8 * size) + 1 / (3 * n**2) + 1e-4), []
+        sigma, errors = period * np.sqrt(4 / (3 * size) + 1 / (3 * n**2) + 1e-4), []
         for _ in range(2000):
             # Times of the rows and of the step in units of the period; the first row comes at any time after the border.
             times, fell = (np.arange(n) + rng.uniform()) / n, rng.uniform(2 / n, 1 - 2 / n)
             mean = (times >= fell).mean() * delta + root @ rng.normal(size=6) / np.sqrt(n)
-            before = root @ rng.normal(size=6) / np.sqrt(8 * n)
-            share = delta @ np.linalg.solve(c / n, mean - before) / size
+            before, after = (root @ rng.normal(size=6) / np.sqrt(3 * n) for _ in range(2))
+            whole = delta + after - before
+            share = whole @ np.linalg.solve(c / n, mean - before) / (whole @ np.linalg.solve(c / n, whole))
             errors.append(((1 - share) - fell) * period)
-        known = period * np.sqrt(9 / (8 * size))
+        known = period * np.sqrt(1 / size)
         assert known * 0.9 < np.std(errors) < sigma and abs(np.mean(errors)) < 0.1 * sigma, (n, np.std(errors), sigma)
 
 

@@ -45,8 +45,8 @@ pub(super) struct Course {
 
 /// Of a change of variance between neighbours: the median of χ² with six degrees of freedom.
 const MEDIAN: f64 = 5.348_120_627;
-/// Readings before a step whose mean is the pose before it: few enough that slow errors are those of the step's time.
-const NEIGHBOURS: usize = 8;
+/// Readings on either side of a step whose means are the poses before and after it: few, so that slow errors are those of its time.
+const NEIGHBOURS: usize = 3;
 /// Scales of the noise that are believed.
 const SCALES: (f64, f64) = (1e-4, 1e12);
 
@@ -65,10 +65,7 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
         Some(found) => {
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
-            let within =
-                mean(&readings[(first - 1).saturating_sub(NEIGHBOURS)..first - 1]).and_then(|(before, _)| {
-                    instant(&found, &before, &readings[first - 1..=first], state, period_s)
-                });
+            let within = instant(&found, &readings, first, state, period_s);
             Course { reference: before, motion: Some(motion(&found, within, period_s)), ..nothing }
         }
         None => steady(&readings, &correlated, period_s, config),
@@ -142,20 +139,23 @@ fn mean(readings: &[Reading]) -> Option<(Pose, Matrix6)> {
 /// standard deviation, seconds; none where the periods are no neighbours or the share is none.
 fn instant(
     found: &Unsettled,
-    before: &Pose,
-    around: &[Reading],
+    readings: &[Reading],
+    first: usize,
     state: &CameraState,
     period_s: f64,
 ) -> Option<(f64, f64)> {
-    let [last, first] = around else { return None };
-    let period = (last.t_s / period_s).floor() as i64;
-    let at = state.periods.binary_search_by_key(&period, |(known, _)| *known).ok()?;
-    let rows = state.periods[at].1.n as f64;
-    let is_neighbour = first.t_s - last.t_s < 1.5 * period_s;
+    let last = &readings[first - 1];
+    let is_neighbour = readings[first].t_s - last.t_s < 1.5 * period_s;
     if found.unrest != Unrest::Step || !is_neighbour {
         return None;
     }
-    let (whole, part) = (found.drift.old_from_new, (*before * last.a_from_b.inverse()).log());
+    let period = (last.t_s / period_s).floor() as i64;
+    let at = state.periods.binary_search_by_key(&period, |(known, _)| *known).ok()?;
+    let rows = state.periods[at].1.n as f64;
+    let (before, _) = mean(&readings[(first - 1).saturating_sub(NEIGHBOURS)..first - 1])?;
+    let (after, _) = mean(&readings[first..readings.len().min(first + NEIGHBOURS)])?;
+    let to = |pose: &Pose| (before * pose.inverse()).log();
+    let (whole, part) = (to(&after), to(&last.a_from_b));
     let weighed = last.covariance.cholesky()?.solve(&whole);
     let (size, share) = (weighed.dot(&whole), weighed.dot(&part) / weighed.dot(&whole));
     // Of a step that fell between the periods the share is none but for noise, and the time is their border.

@@ -11,6 +11,9 @@ pub const MOST_PERIODS: usize = 4096;
 /// Rows kept of a camera with their covariances, a random choice that is the same whatever the order.
 pub const SAMPLES: usize = 9;
 
+/// Periods that are made room for at a time.
+const MORE_PERIODS: usize = 16;
+
 /// A row that is kept as it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
@@ -85,6 +88,10 @@ impl CameraState {
             _ => match self.periods.binary_search_by_key(&period, |(known, _)| *known) {
                 Ok(at) => at,
                 Err(at) => {
+                    // Most memory of a fleet is here: none of it lies idle.
+                    if self.periods.len() == self.periods.capacity() {
+                        self.periods.reserve_exact(MORE_PERIODS);
+                    }
                     self.periods.insert(at, (period, Sums::default()));
                     at
                 }
@@ -108,8 +115,11 @@ impl CameraState {
         match self.samples.binary_search_by(|known| order(known, &sample)) {
             Ok(_) => {}
             Err(at) => {
-                self.samples.insert(at, sample);
-                self.samples.truncate(SAMPLES);
+                self.samples.truncate(SAMPLES - usize::from(at < SAMPLES));
+                if at < SAMPLES {
+                    self.samples.reserve_exact(SAMPLES - self.samples.len());
+                    self.samples.insert(at, sample);
+                }
             }
         }
     }
