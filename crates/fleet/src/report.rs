@@ -35,7 +35,7 @@ const SECTIONS: [(Found, &str, &str); 6] = [
 ];
 
 /// On a phone the table of moved cameras is a list: each camera with its values below, named as the columns are.
-const NARROW: &str = "@media(max-width:40rem){.moved-list table,.moved-list tbody,.moved-list tr,.moved-list td{display:block}.moved-list thead{display:none}\
+const NARROW: &str = "@media(max-width:40rem){.moved-list table{font-size:1em}.moved-list table,.moved-list tbody,.moved-list tr,.moved-list td{display:block}.moved-list thead{display:none}\
     .moved-list tr{padding:.5rem 0;border-bottom:1px solid #8886}.moved-list td{border:0;padding:0;white-space:normal}.moved-list td:first-child{font-weight:600}\
     .moved-list td::before{opacity:.75}.moved-list td:nth-child(2)::before{content:'how '}.moved-list td:nth-child(3)::before{content:'since '}\
     .moved-list td:nth-child(4)::before{content:'± '}.moved-list td:nth-child(5)::before{content:'rotation '}\
@@ -48,7 +48,7 @@ pub fn page(fleet: &Assessment, cameras: Option<&Cameras>) -> String {
         "svg{max-width:100%;height:auto}.axis{stroke:#99a;stroke-width:.6}.grid{stroke:#8886;stroke-width:.5}svg text{font:11px system-ui,sans-serif;fill:#778}\
          .rx{stroke:#c0392b}.ry{stroke:#1e8449}.rz{stroke:#2471a3}.moved{fill:#b3261e}.wrong_map{fill:#9a6b00}.dead{fill:#555}.clock{fill:#6c3483}\
          .wandering,.too_few,.unknown{fill:#2471a3}.steady{fill:#147a3466}.rx,.ry,.rz{fill:none;stroke-width:1.3}.since{stroke:#b3261e;stroke-dasharray:4 3}\
-         td:nth-child(2):last-child{white-space:normal}",
+         td:nth-child(2):last-child{white-space:normal}.moved-list table{font-size:.88em}",
     );
     page.style(NARROW);
     summary(&mut page, fleet);

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Rows of a piece, which is read, solved and written on its own.
-pub const PIECE: usize = 65_536;
+pub const PIECE: usize = 49_152;
 
 /// Rows a byte of a file beyond which its figures cannot be: a file says how many rows it has, and memory is set aside for them.
 const MOST_ROWS_PER_BYTE: u64 = 4096;

@@ -11,8 +11,8 @@ pub const MOST_PERIODS: usize = 4096;
 /// Rows kept of a camera with their covariances, a random choice that is the same whatever the order.
 pub const SAMPLES: usize = 9;
 
-/// Periods that are made room for at a time.
-const MORE_PERIODS: usize = 16;
+/// Periods that are made room for at a time: a day of quarters of an hour, so that a fleet's memory is not left in pieces that fit nothing.
+const MORE_PERIODS: usize = 100;
 
 /// A row that is kept as it is.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,7 +88,7 @@ impl CameraState {
             _ => match self.periods.binary_search_by_key(&period, |(known, _)| *known) {
                 Ok(at) => at,
                 Err(at) => {
-                    // Most memory of a fleet is here: none of it lies idle.
+                    // Room that is not used is no memory yet.
                     if self.periods.len() == self.periods.capacity() {
                         self.periods.reserve_exact(MORE_PERIODS);
                     }
