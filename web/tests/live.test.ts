@@ -189,6 +189,7 @@ test("without frames a camera is hatched, and without the program nothing is sho
     await page.waitForSelector(".tile[data-camera=gate] canvas[data-frame]");
     watch.cameras[0]!.stop();
     await page.waitForSelector(".tile[data-camera=gate][data-live=false] .hatch", { timeout: SLOW_MS });
+    await accessible(page, "a camera without frames");
     assert.match((await tile(page, "gate").textContent())!, /not live/);
     assert.equal(await tile(page, "yard").getAttribute("data-live"), "true");
     await server.stop();

@@ -27,7 +27,8 @@ function Tile({ camera, store }: { camera: CameraView; store: LiveStore }) {
         <h2 class="cut grow" title={name}>{name}</h2>
         <State camera={camera} isLive={isLive} />
       </header>
-      <button class="shot" aria-label={texts.show(name)} onClick={() => store.choose(name)}>
+      <button class="shot" onClick={() => store.choose(name)}>
+        <span class="visually-hidden">{texts.show(name)}</span>
         <ShotCanvas shot={shot} name={name} />
         {!shot.value && <span class="no-picture">{texts.noPicture}</span>}
         {!isLive && <NotLive camera={camera} />}

@@ -33,7 +33,7 @@ export function draw(context: Context, state: ViewportState) {
     manyLines(context, t, overlay.grid, GRID);
     if (overlay.ghost) ghost(context, t, overlay.ghost);
     lines(context, t, overlay.horizon, GRID, THIN, [2, 6]);
-    lines(context, t, overlay.ellipses, MARK, THIN);
+    manyLines(context, t, overlay.ellipses, MARK);
     for (const axis of overlay.axes) {
       lines(context, t, [axis.points], AXES[axis.name] ?? GRID, 3.5);
       const end = axis.points.at(-1);
@@ -72,7 +72,7 @@ function lines(context: Context, t: Transform, curves: readonly Curve[], colour:
   context.lineCap = "round";
 }
 
-/** Many long lines: their rims are thin lines too, one on either side. */
+/** Many long lines: their rims are thin lines too, on one side. */
 function manyLines(context: Context, t: Transform, curves: readonly Curve[], colour: string, dash: number[] = []) {
   context.lineCap = "butt";
   context.setLineDash(dash);
@@ -86,9 +86,7 @@ function manyLines(context: Context, t: Transform, curves: readonly Curve[], col
   for (const { path, aside: [dx, dy] } of all) {
     context.translate(dx, dy);
     context.stroke(path);
-    context.translate(-2 * dx, -2 * dy);
-    context.stroke(path);
-    context.translate(dx, dy);
+    context.translate(-dx, -dy);
   }
   context.strokeStyle = colour;
   all.forEach(({ path }) => context.stroke(path));
