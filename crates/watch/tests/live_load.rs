@@ -4,21 +4,38 @@ use crate::live_support::{Pace, Replay, config, film, tag, tag_pose, trembling, 
 use resight::GrayImage;
 use resight_watch::live::{self, Event};
 use resight_watch::source::{Next, Source};
+use std::process::Command;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The memory of the process is looked at: one test at a time.
-static ALONE: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+/// Whether this process runs the one test alone, whose memory, threads and files are looked at. If not, one is started that does, and
+/// what it says is what the test says.
+fn is_alone(test: &str) -> bool {
+    const ALONE: &str = "RESIGHT_TEST_ALONE";
+    if std::env::var_os(ALONE).is_some() {
+        return true;
+    }
+    let program = std::env::current_exe().expect("this program");
+    let name = format!("{}::{test}", module_path!().rsplit("::").next().unwrap_or_default());
+    let ended = Command::new(program).args(["--exact", &name, "--nocapture"]).env(ALONE, "1").output();
+    let ended = ended.expect("a process");
+    let said = String::from_utf8_lossy(&ended.stdout);
+    assert!(
+        ended.status.success() && said.contains("1 passed"),
+        "{said}{}",
+        String::from_utf8_lossy(&ended.stderr)
+    );
+    print!("{said}");
+    false
 }
 
 /// Twenty seconds of two cameras, as fast as they are looked at.
 #[test]
 fn memory_threads_and_files_stay_as_they_are() {
-    let _alone = alone();
+    if !is_alone("memory_threads_and_files_stay_as_they_are") {
+        return;
+    }
     const FRAMES: u64 = 600;
     /// A leak of one image in a hundred would be 15 MB; the C library's own heap breathes by less.
     const GROWTH_BYTES: f64 = 12e6;
@@ -46,7 +63,7 @@ fn memory_threads_and_files_stay_as_they_are() {
     };
     println!("{:.1} MB, then {:.1} MB; threads and files {counts:?}, {at_last:?}", first / 1e6, last / 1e6);
     assert!(last - first < GROWTH_BYTES, "{first} bytes grew to {last}");
-    // The other tests of this binary wait with their threads until this one is over; looking takes a file or two.
+    // Looking takes a file or two.
     let ((threads, files), (threads_at_last, files_at_last)) =
         counts.zip(at_last).expect("both are reported");
     assert!(threads_at_last <= threads && files_at_last <= files + 2, "{counts:?} grew to {at_last:?}");
@@ -105,7 +122,9 @@ impl Source for Burst {
 /// nothing is left of it.
 #[test]
 fn overload_drops_the_oldest_counts_them_and_passes() {
-    let _alone = alone();
+    if !is_alone("overload_drops_the_oldest_counts_them_and_passes") {
+        return;
+    }
     const CAMERAS: usize = 4;
     /// A hundred events a second, of four hundred.
     const TAKES: Duration = Duration::from_millis(10);
@@ -161,7 +180,6 @@ fn overload_drops_the_oldest_counts_them_and_passes() {
 /// A listener that says stop is the last to hear anything, and every thread ends.
 #[test]
 fn a_session_that_is_stopped_ends() {
-    let _alone = alone();
     let pictures = film(&tag(), &trembling(tag_pose(80.0, 150.0, -80.0), 2), 400);
     let cameras = vec![watched(&tag(), Replay::new(&pictures, Pace::Live, 30.0, u64::MAX))];
     let stop = Arc::new(AtomicBool::new(false));
