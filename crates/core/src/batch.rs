@@ -96,6 +96,9 @@ pub struct Views<'a, const N: usize = 4> {
     pub sigma_px: Given<'a, [f64; N]>,
 }
 
+/// What is said of a view.
+type Answer = Result<PoseEstimate, Error>;
+
 /// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
 /// many views went to the single path, which takes five to fifteen times as long.
 ///
@@ -104,12 +107,24 @@ pub struct Views<'a, const N: usize = 4> {
 /// # Errors
 /// `CountMismatch` when cameras, targets or sigmas are given for each view, but not for as many as there are.
 pub fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<usize, Error> {
-    views.open(answers)?;
-    Ok(line_plus_one::locate_each(views, answers))
+    hold_open(views.pixels.len(), answers);
+    locate_each_with(views, |view, answer| answers[view] = answer).inspect_err(|_| answers.clear())
 }
 
-/// The same for views of three points. The up to four poses that fit exactly come in the order of their rounding, which need not be
-/// that of `locate`: as sets, with their weights, they agree.
+/// The same, each answer handed to `take` with the number of its view as soon as it is found, in any order: an answer is 2 kB.
+///
+/// # Errors
+/// As `locate_each`, before any answer.
+pub fn locate_each_with(
+    views: &Views,
+    mut take: impl FnMut(usize, Result<PoseEstimate, Error>),
+) -> Result<usize, Error> {
+    views.check()?;
+    Ok(line_plus_one::locate_each(views, &mut take))
+}
+
+/// As `locate_each` for views of three points. The up to four poses that fit exactly come in the order of their rounding, which need
+/// not be that of `locate`: as sets, with their weights, they agree.
 ///
 /// # Errors
 /// As `locate_each`.
@@ -117,18 +132,32 @@ pub fn locate_each_of_three(
     views: &Views<3>,
     answers: &mut Vec<Result<PoseEstimate, Error>>,
 ) -> Result<usize, Error> {
-    views.open(answers)?;
-    Ok(three::locate_each(views, answers))
+    hold_open(views.pixels.len(), answers);
+    locate_each_of_three_with(views, |view, answer| answers[view] = answer).inspect_err(|_| answers.clear())
+}
+
+/// As `locate_each_with` for views of three points.
+///
+/// # Errors
+/// As `locate_each`, before any answer.
+pub fn locate_each_of_three_with(
+    views: &Views<3>,
+    mut take: impl FnMut(usize, Result<PoseEstimate, Error>),
+) -> Result<usize, Error> {
+    views.check()?;
+    Ok(three::locate_each(views, &mut take))
+}
+
+fn hold_open(n: usize, answers: &mut Vec<Answer>) {
+    answers.clear();
+    answers.resize_with(n, || Err(Error::NoSolution { n_points: 0 }));
 }
 
 impl<'a, const N: usize> Views<'a, N> {
-    fn open(&self, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<(), Error> {
+    fn check(&self) -> Result<(), Error> {
         self.camera.check("camera", self.pixels.len())?;
         self.points_in_target.check("points_in_target", self.pixels.len())?;
-        self.sigma_px.check("sigma_px", self.pixels.len())?;
-        answers.clear();
-        answers.reserve(self.pixels.len());
-        Ok(())
+        self.sigma_px.check("sigma_px", self.pixels.len())
     }
 
     /// The camera of a view, where its lens is one that the lanes know.

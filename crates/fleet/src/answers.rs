@@ -87,12 +87,12 @@ impl Answers {
         let at = |i: usize| self.numbers[i][row];
         let cam_from_target =
             Pose::from_quaternion_wxyz([at(0), at(1), at(2), at(3)], Vector3::new(at(4), at(5), at(6)));
-        let mut covariance = Matrix6::zeros();
-        for (i, j, k) in upper_triangle() {
-            covariance[(i, j)] = at(COVARIANCE + k);
-            covariance[(j, i)] = at(COVARIANCE + k);
-        }
-        Some((cam_from_target, covariance))
+        Some((cam_from_target, of_triangle(&self.covariance_triangle(row))))
+    }
+
+    /// Upper triangle, row by row, of the covariance of a row's pose; zeros where it has none.
+    pub(crate) fn covariance_triangle(&self, row: usize) -> [f64; 21] {
+        std::array::from_fn(|k| self.numbers[COVARIANCE + k][row])
     }
 
     /// A row that is not solved.
@@ -135,6 +135,13 @@ impl Answers {
         }
     }
 
+    /// What became of rows that were solved together: where that was not possible, each of them says why.
+    pub(crate) fn set_all(&mut self, rows: &[u32], done: Result<usize, MathError>) {
+        if let Err(reason) = done {
+            rows.iter().for_each(|row| self.set(*row as usize, &Err(reason.clone())));
+        }
+    }
+
     fn set_numbers(&mut self, row: usize, estimate: &PoseEstimate) {
         let [w, x, y, z] = estimate.cam_from_target.quaternion_wxyz();
         let t = &estimate.cam_from_target.translation;
@@ -153,6 +160,16 @@ impl Answers {
 /// Row, column and place of each number of a symmetric 6×6 matrix, row by row.
 pub fn upper_triangle() -> impl Iterator<Item = (usize, usize, usize)> {
     (0..6).flat_map(|i| (i..6).map(move |j| (i, j))).enumerate().map(|(k, (i, j))| (i, j, k))
+}
+
+/// The symmetric matrix whose upper triangle is given row by row.
+pub(crate) fn of_triangle(triangle: &[f64; 21]) -> Matrix6 {
+    let mut matrix = Matrix6::zeros();
+    for (i, j, k) in upper_triangle() {
+        matrix[(i, j)] = triangle[k];
+        matrix[(j, i)] = triangle[k];
+    }
+    matrix
 }
 
 /// The rule of `report::verdict`, without its words.

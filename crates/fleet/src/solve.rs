@@ -3,11 +3,11 @@
 //! Three and four points of one view go to the vectors of `core::batch`, others to `locate`. Rows are worked on camera by camera, so that
 //! neighbours in a vector share their target; where a row's answer stands, and every bit of it, does not depend on that.
 
-use crate::answers::{Answers, Fault, Solved};
+use crate::answers::{Answers, Fault};
 use crate::cameras::{Cameras, UNKNOWN};
-use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};
+use resight::core::batch::{Given, Views, locate_each_of_three_with, locate_each_with};
 use resight::core::locate::{Config, PoseEstimate, locate};
-use resight::core::{Correspondence, Error as MathError, Pixel, Point};
+use resight::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 use std::array::from_fn;
 use std::sync::Arc;
 
@@ -82,7 +82,7 @@ pub struct Solver {
     pub sigma_px: f64,
 }
 
-/// As many answers are held at a time: each is 2 kB before it becomes a row.
+/// As many views are gathered at a time, so that what is known about them stays near.
 const BLOCK: usize = 256;
 /// Points of one view that are accepted; more is no view but a mistake in the columns.
 const MOST_POINTS: usize = 100_000;
@@ -114,10 +114,15 @@ impl Solver {
             rows.sort_by_key(|row| views.camera[*row as usize]); // Stable: rows of a camera stay in their order.
         }
         for block in four.chunks(BLOCK) {
-            self.solve_block::<4>(views, block, locate_each, &mut answers);
+            let some = self.gather(views, block);
+            let done = locate_each_with(&some.views(), |i, solved| answers.set(block[i] as usize, &solved));
+            answers.set_all(block, done);
         }
         for block in three.chunks(BLOCK) {
-            self.solve_block::<3>(views, block, locate_each_of_three, &mut answers);
+            let some = self.gather(views, block);
+            let done =
+                locate_each_of_three_with(&some.views(), |i, solved| answers.set(block[i] as usize, &solved));
+            answers.set_all(block, done);
         }
         for row in many {
             answers.set(*row as usize, &self.solve_alone(views, *row as usize));
@@ -162,36 +167,16 @@ impl Solver {
     }
 
     /// Views of three or four points, side by side.
-    fn solve_block<const N: usize>(
-        &self,
-        views: &ViewColumns,
-        rows: &[u32],
-        locate_together: impl Fn(&Views<N>, &mut Vec<Solved>) -> Result<usize, MathError>,
-        answers: &mut Answers,
-    ) {
+    fn gather<const N: usize>(&self, views: &ViewColumns, rows: &[u32]) -> Block<'_, N> {
         let each = || rows.iter().map(|row| *row as usize);
         let pixel =
             |row: usize, k: usize| Pixel::new(views.pixels.at(row, 2 * k), views.pixels.at(row, 2 * k + 1));
-        let pixels: Vec<[Pixel; N]> = each().map(|row| from_fn(|k| pixel(row, k))).collect();
-        let numbers: Vec<u32> = each().map(|row| views.camera[row]).collect();
-        let sigmas: Vec<[f64; N]> = match views.sigma_px {
-            Some(_) => each().map(|row| [self.sigma_px(views, row); N]).collect(),
-            None => Vec::new(),
-        };
-        let shared = [self.sigma_px; N];
-        let points: Vec<[Point; N]> = each().map(|row| from_fn(|k| self.point(views, row, k))).collect();
-        let together = Views {
-            camera: Given::Numbered { values: self.cameras.cameras(), numbers: &numbers },
-            points_in_target: Given::Each(&points),
-            pixels: &pixels,
-            sigma_px: if sigmas.is_empty() { Given::Shared(&shared) } else { Given::Each(&sigmas) },
-        };
-        let mut solved = Vec::with_capacity(rows.len());
-        if let Err(reason) = locate_together(&together, &mut solved) {
-            solved = vec![Err(reason); rows.len()];
-        }
-        for (row, solved) in each().zip(&solved) {
-            answers.set(row, solved);
+        Block {
+            cameras: self.cameras.cameras(),
+            numbers: each().map(|row| views.camera[row]).collect(),
+            pixels: each().map(|row| from_fn(|k| pixel(row, k))).collect(),
+            points: each().map(|row| from_fn(|k| self.point(views, row, k))).collect(),
+            sigmas: each().map(|row| [self.sigma_px(views, row); N]).collect(),
         }
     }
 
@@ -219,6 +204,26 @@ impl Solver {
         let seen: Vec<Correspondence> =
             (0..views.pixels.width(row) / 2).map(one).collect::<Result<_, _>>()?;
         locate(&seen, camera, &Config::default())
+    }
+}
+
+/// Some views of N points.
+struct Block<'a, const N: usize> {
+    cameras: &'a [Camera],
+    numbers: Vec<u32>,
+    pixels: Vec<[Pixel; N]>,
+    points: Vec<[Point; N]>,
+    sigmas: Vec<[f64; N]>,
+}
+
+impl<const N: usize> Block<'_, N> {
+    fn views(&self) -> Views<'_, N> {
+        Views {
+            camera: Given::Numbered { values: self.cameras, numbers: &self.numbers },
+            points_in_target: Given::Each(&self.points),
+            pixels: &self.pixels,
+            sigma_px: Given::Each(&self.sigmas),
+        }
     }
 }
 

@@ -2,8 +2,9 @@
 //! from there, with the start left over and those of P3P, and of SQPnP where nothing fits, here of many views side by side.
 
 use super::starts::{End, Start, refine_all};
-use super::{Views, alone, correspondences};
+use super::{Answer, Views, alone, correspondences};
 use crate::camera::CameraMatrix;
+use crate::locate::Method;
 use crate::locate::answer::conclude;
 use crate::locate::choose::{Minima, Minimum, insert};
 use crate::locate::classify::{Allowed, View};
@@ -13,12 +14,11 @@ use crate::locate::minima::Found;
 use crate::locate::multi_start::{is_in_doubt, of_method, three_of};
 use crate::locate::problem::Problem;
 use crate::locate::refine::refine_against;
-use crate::locate::{Method, PoseEstimate};
 use crate::solve::Candidates;
 use crate::solve::configuration::Geometry;
 use crate::solve::line_plus_one::Weakness;
 use crate::solve::sqpnp::sqpnp;
-use crate::{Camera, Correspondence, Error, Pose};
+use crate::{Camera, Correspondence, Pose};
 use arrayvec::ArrayVec;
 
 /// A view and what is known about it.
@@ -41,11 +41,7 @@ pub(super) const DEGREES_OF_FREEDOM: usize = 2;
 const AT_ONCE: usize = 32;
 
 /// Answers every doubtful view. Returns how many went to the single path from the beginning.
-pub(super) fn settle(
-    views: &Views,
-    doubtful: &[Doubtful],
-    answers: &mut [Result<PoseEstimate, Error>],
-) -> usize {
+pub(super) fn settle(views: &Views, doubtful: &[Doubtful], take: &mut impl FnMut(usize, Answer)) -> usize {
     let mut singly = 0;
     for some in doubtful.chunks(AT_ONCE) {
         let mut cases = Vec::with_capacity(some.len());
@@ -53,7 +49,7 @@ pub(super) fn settle(
             match Case::of(views, known) {
                 Some(case) => cases.push(case),
                 None => {
-                    answers[known.view] = alone(views, known.view);
+                    take(known.view, alone(views, known.view));
                     singly += 1;
                 }
             }
@@ -62,7 +58,8 @@ pub(super) fn settle(
         let mut ends = &refine_all(&starts)[..];
         for case in &cases {
             let (own, others) = ends.split_at(case.starts.len());
-            (answers[case.known.view], ends) = (case.answer(own), others);
+            take(case.known.view, case.answer(own));
+            ends = others;
         }
     }
     singly
@@ -110,7 +107,7 @@ impl<'a> Case<'a> {
     }
 
     /// As `search` and `locate` end; `ends` are those of this view's starts.
-    fn answer(&self, ends: &[End]) -> Result<PoseEstimate, Error> {
+    fn answer(&self, ends: &[End]) -> Answer {
         let problem = &Problem::new(&self.seen, self.camera);
         let mut found = Found::default();
         let minima = &mut found.minima;

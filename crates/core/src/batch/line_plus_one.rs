@@ -6,7 +6,8 @@ use super::doubtful::{DEGREES_OF_FREEDOM, Doubtful, settle};
 use super::group::{Group, Kept, KeptPlace, load};
 use super::lanes::{Column, Mask, Vector, WIDTH};
 use super::refine::{Minimum, ObservedPoints, Place};
-use super::{Given, Views, alone, geometry_of};
+use super::{Answer, Given, Views, alone, geometry_of};
+use crate::Point;
 use crate::camera::{CameraMatrix, pinhole::R2_MAX};
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{
@@ -17,25 +18,24 @@ use crate::locate::multi_start::HOPELESS_CHI2;
 use crate::locate::posterior::weights;
 use crate::locate::{Method, PoseEstimate};
 use crate::solve::configuration::{Configuration, Geometry};
-use crate::{Error, Point};
 use arrayvec::ArrayVec;
 use pulp::{Arch, Simd, WithSimd};
 
 /// See `batch::locate_each`.
-pub(super) fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
+pub(super) fn locate_each(views: &Views, take: &mut impl FnMut(usize, Answer)) -> usize {
     let mut doubtful = Vec::new();
-    let singly = Arch::new().dispatch(Run { views, answers, doubtful: &mut doubtful });
-    singly + settle(views, &doubtful, answers)
+    let singly = Arch::new().dispatch(Run { views, take, doubtful: &mut doubtful });
+    singly + settle(views, &doubtful, take)
 }
 
-struct Run<'a> {
+struct Run<'a, T> {
     views: &'a Views<'a>,
-    answers: &'a mut Vec<Result<PoseEstimate, Error>>,
-    /// Those whose answers are only held open here.
+    /// Takes the answer of a view, but for those in doubt.
+    take: &'a mut T,
     doubtful: &'a mut Vec<Doubtful>,
 }
 
-impl WithSimd for Run<'_> {
+impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
     /// How many views went to the single path.
     type Output = usize;
 
@@ -53,14 +53,11 @@ impl WithSimd for Run<'_> {
                     (first + lane, sights.geometry[lane].filter(|_| sights.is_pinhole[lane]));
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
                     Some(given) if found.sure[lane] != 0.0 && !given.is_between_layouts() => {
-                        self.answers.push(Ok(found.estimate(lane, geometry)));
+                        (self.take)(view, Ok(found.estimate(lane, geometry)));
                     }
-                    Some(geometry) => {
-                        self.doubtful.push(found.doubtful(lane, view, geometry));
-                        self.answers.push(Err(Error::NoSolution { n_points: 4 }));
-                    }
+                    Some(geometry) => self.doubtful.push(found.doubtful(lane, view, geometry)),
                     None => {
-                        self.answers.push(alone(self.views, view));
+                        (self.take)(view, alone(self.views, view));
                         singly += 1;
                     }
                 }
@@ -330,17 +327,16 @@ mod tests {
         (0..37).map(view).collect()
     }
 
-    /// Of the views without doubt; returns how many there are.
-    fn assert_same(answers: &[Result<PoseEstimate, Error>], single: &[PoseEstimate]) -> usize {
-        assert_eq!(answers.len(), single.len());
-        for (e, s) in answers.iter().zip(single).filter_map(|(e, s)| Some((e.as_ref().ok()?, s))) {
+    /// Of the views that were answered; returns how many there are.
+    fn assert_same(answers: &[(usize, Answer)], single: &[PoseEstimate]) -> usize {
+        for (e, s) in answers.iter().filter_map(|(view, e)| Some((e.as_ref().ok()?, &single[*view]))) {
             let off = e.cam_from_target.rotation - s.cam_from_target.rotation;
             // Rounding (1e-16) times the condition of the normal equations (1e4) and of the steps on the way.
             assert!(off.amax() < 1e-11 && (e.chi2 - s.chi2).abs() < 1e-9);
             assert!((e.covariance - s.covariance).amax() < 1e-9 * s.covariance.amax());
             assert_eq!((e.weakness.is_some(), e.geometry), (s.weakness.is_some(), s.geometry));
         }
-        answers.iter().filter(|answer| answer.is_ok()).count()
+        answers.iter().filter(|(_, answer)| answer.is_ok()).count()
     }
 
     /// Machines without the vectors of this one, down to single numbers, give the same answers and leave as few views in doubt; which
@@ -354,19 +350,19 @@ mod tests {
         let views = &Views { camera: Given::Shared(&camera), points_in_target, pixels: &pixels, sigma_px };
         let single: Vec<_> = (0..pixels.len()).filter_map(|view| alone(views, view).ok()).collect();
         let (mut answers, mut doubtful) = (Vec::new(), Vec::new());
-        let run = Run { views, answers: &mut answers, doubtful: &mut doubtful };
-        assert_eq!(run.with_simd(pulp::Scalar), 0);
+        let take = &mut |view: usize, answer: Answer| answers.push((view, answer));
+        assert_eq!(Run { views, take, doubtful: &mut doubtful }.with_simd(pulp::Scalar), 0);
         let sure = assert_same(&answers, &single);
         assert!(pixels.len() / 2 < sure && sure + doubtful.len() == pixels.len(), "{sure}");
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V3::try_new() {
             let mut answers = Vec::new();
-            let run = Run { views, answers: &mut answers, doubtful: &mut Vec::new() };
-            assert_eq!(Simd::vectorize(simd, run), 0);
+            let take = &mut |view: usize, answer: Answer| answers.push((view, answer));
+            assert_eq!(Simd::vectorize(simd, Run { views, take, doubtful: &mut Vec::new() }), 0);
             assert_eq!(assert_same(&answers, &single), sure);
         }
         let mut answers = Vec::new();
-        assert_eq!(locate_each(views, &mut answers), 0);
+        assert_eq!(locate_each(views, &mut |view, answer| answers.push((view, answer))), 0);
         assert_eq!(assert_same(&answers, &single), pixels.len());
     }
 }

@@ -4,8 +4,9 @@
 //! `locate`. (P3P takes about a seventh of an answer's time, so that lanes for its quartic could not gain more than that.)
 
 use super::starts::{End, Start, refine_all};
-use super::{Given, Views, alone, correspondences, geometry_of};
+use super::{Answer, Given, Views, alone, correspondences, geometry_of};
 use crate::camera::CameraMatrix;
+use crate::locate::Method;
 use crate::locate::answer::conclude;
 use crate::locate::choose::{Minima, Minimum, insert};
 use crate::locate::classify::{Allowed, View};
@@ -13,16 +14,15 @@ use crate::locate::minima::Found;
 use crate::locate::multi_start::three_of;
 use crate::locate::problem::Problem;
 use crate::locate::refine::refine_against;
-use crate::locate::{Method, PoseEstimate};
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
-use crate::{Camera, Correspondence, Error, Point};
+use crate::{Camera, Correspondence, Point};
 
 /// As many views at a time, so that what is known about them stays near.
 const AT_ONCE: usize = 32;
 
 /// See `batch::locate_each_of_three`.
-pub(super) fn locate_each(views: &Views<3>, answers: &mut Vec<Result<PoseEstimate, Error>>) -> usize {
+pub(super) fn locate_each(views: &Views<3>, take: &mut impl FnMut(usize, Answer)) -> usize {
     let (mut target, mut singly, count) = (Target::default(), 0, views.pixels.len());
     for first in (0..count).step_by(AT_ONCE) {
         let some = first..count.min(first + AT_ONCE);
@@ -34,9 +34,9 @@ pub(super) fn locate_each(views: &Views<3>, answers: &mut Vec<Result<PoseEstimat
             ends = others;
             let mut found = Found::default();
             match case.as_ref().filter(|case| case.find(own, &mut found.minima)) {
-                Some(case) => answers.push(case.answer(own, &mut found)),
+                Some(case) => take(view, case.answer(own, &mut found)),
                 None => {
-                    answers.push(alone(views, view));
+                    take(view, alone(views, view));
                     singly += 1;
                 }
             }
@@ -112,7 +112,7 @@ impl<'a> Case<'a> {
     }
 
     /// As `locate` ends.
-    fn answer(&self, ends: &[End], found: &mut Found) -> Result<PoseEstimate, Error> {
+    fn answer(&self, ends: &[End], found: &mut Found) -> Answer {
         let leads_to = |end: &End, m: &Minimum| {
             end.minimum.as_ref().is_some_and(|n| n.cam_from_target == m.cam_from_target)
         };

@@ -2,12 +2,10 @@
 
 use super::{CameraState, FleetState, Sample, Sums};
 use crate::FleetError;
-use nalgebra::{Matrix3, Vector3};
-use resight::core::{Matrix6, Pose};
 use std::sync::PoisonError;
 
 /// The first bytes; the last one is the version.
-const MAGIC: [u8; 8] = *b"resight\x01";
+const MAGIC: [u8; 8] = *b"resight\x02";
 
 impl FleetState {
     /// The state as bytes, the same ones whatever the order in which its rows came.
@@ -87,8 +85,6 @@ impl CameraState {
         for sample in &self.samples {
             out.whole(sample.key);
             out.whole(sample.time);
-            let Pose { rotation, translation } = &sample.cam_from_target;
-            rotation.iter().chain(translation.iter()).for_each(|x| out.float(*x));
             sample.covariance.iter().for_each(|x| out.float(*x));
         }
     }
@@ -107,15 +103,7 @@ impl CameraState {
         }
         let mut samples = Vec::new();
         for _ in 0..from.count()? {
-            samples.push(Sample {
-                key: from.whole()?,
-                time: from.whole()?,
-                cam_from_target: Pose {
-                    rotation: Matrix3::from_column_slice(&from.floats::<9>()?),
-                    translation: Vector3::from_column_slice(&from.floats::<3>()?),
-                },
-                covariance: Matrix6::from_column_slice(&from.floats::<36>()?),
-            });
+            samples.push(Sample { key: from.whole()?, time: from.whole()?, covariance: from.floats()? });
         }
         let is_rising = periods.windows(2).all(|w| w[0].0 < w[1].0);
         let span_s = (!span.0.is_nan() && !span.1.is_nan()).then_some(span);

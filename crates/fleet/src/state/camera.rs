@@ -1,9 +1,10 @@
 //! What is kept of one camera.
 
 use super::sums::Sums;
+use crate::answers::of_triangle;
 use crate::batch::SolvedRows;
+use resight::core::Matrix6;
 use resight::core::statistics::random::mixed;
-use resight::core::{Matrix6, Pose};
 use resight::report::verdict::Status;
 
 /// Periods kept of a camera; of more, a random choice that is the same whatever the order: a clock that runs wild must not fill the memory.
@@ -14,17 +15,15 @@ pub const SAMPLES: usize = 9;
 /// Periods that are made room for at a time: a day of quarters of an hour, so that a fleet's memory is not left in pieces that fit nothing.
 const MORE_PERIODS: usize = 100;
 
-/// A row that is kept as it is.
+/// What is kept of a single row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// What chose it: smaller stays.
     pub(super) key: u64,
     /// Its time, seconds, as bits.
     pub(super) time: u64,
-    /// The pose.
-    pub cam_from_target: Pose,
-    /// Its covariance, `[rotation_rad; translation_m]`, camera frame.
-    pub covariance: Matrix6,
+    /// Upper triangle, row by row, of the covariance of its pose, `[rotation_rad; translation_m]`, camera frame.
+    pub covariance: [f64; 21],
 }
 
 /// Counts, times, sums over periods and a few rows of one camera.
@@ -76,9 +75,8 @@ impl CameraState {
     }
 
     fn sample(&mut self, rows: &SolvedRows, row: usize, key: u64) {
-        if let Some((cam_from_target, covariance)) = rows.answers.pose(row) {
-            self.take(Sample { key, time: rows.time_s[row].to_bits(), cam_from_target, covariance });
-        }
+        let covariance = rows.answers.covariance_triangle(row);
+        self.take(Sample { key, time: rows.time_s[row].to_bits(), covariance });
     }
 
     /// The sums of a period. Rows mostly come in the order of time: the last one is looked at first.
@@ -151,10 +149,10 @@ impl CameraState {
 
     /// The stated covariance of a single row: that of the kept row whose determinant is the middle one.
     pub fn covariance(&self) -> Option<Matrix6> {
-        let mut by_size: Vec<(f64, &Sample)> =
-            self.samples.iter().map(|sample| (sample.covariance.determinant(), sample)).collect();
+        let all = self.samples.iter().map(|sample| of_triangle(&sample.covariance));
+        let mut by_size: Vec<(f64, Matrix6)> = all.map(|matrix| (matrix.determinant(), matrix)).collect();
         by_size.sort_by(|a, b| a.0.total_cmp(&b.0));
-        by_size.get(by_size.len() / 2).map(|(_, sample)| sample.covariance)
+        by_size.get(by_size.len() / 2).map(|(_, matrix)| *matrix)
     }
 }
 
@@ -179,10 +177,6 @@ fn span(a: Option<(f64, f64)>, b: Option<(f64, f64)>) -> Option<(f64, f64)> {
 
 /// By key, then by every bit.
 fn order(a: &Sample, b: &Sample) -> std::cmp::Ordering {
-    let bits = |sample: &Sample| -> Vec<u64> {
-        let numbers = sample.cam_from_target.rotation.iter().chain(sample.cam_from_target.translation.iter());
-        numbers.chain(sample.covariance.iter()).map(|x| x.to_bits()).collect()
-    };
-    let first = a.key.cmp(&b.key).then(a.time.cmp(&b.time));
-    if first.is_eq() { bits(a).cmp(&bits(b)) } else { first }
+    let by_covariance = || a.covariance.map(f64::to_bits).cmp(&b.covariance.map(f64::to_bits));
+    a.key.cmp(&b.key).then(a.time.cmp(&b.time)).then_with(by_covariance)
 }
