@@ -26,8 +26,8 @@ use words::Reported;
 
 /// Largest frame accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
-/// How far the decoder's priority is below ours: a third of the processor where both want it.
-const BEHIND: &str = "5";
+/// How far the decoder's priority is below ours: a tenth of the processor where both want it.
+const BEHIND: &str = "10";
 /// A longer line is no header.
 const MAX_HEADER_BYTES: u64 = 1024;
 /// A longer line of ffmpeg's words is cut.
