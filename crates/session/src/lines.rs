@@ -36,10 +36,38 @@ pub struct Overlay {
     pub horizon: Vec<Curve>,
 }
 
-/// Curves in tenths of a pixel.
+/// How far what is drawn may be from the curve, px.
+const APART_PX: f64 = 0.05;
+
+/// Curves in tenths of a pixel, without the points that a straight line passes closely enough.
 fn curve(line: &[Pixel]) -> Curve {
     let tenth = |x: f64| (10.0 * x).round() / 10.0;
-    line.iter().map(|p| [tenth(p.x), tenth(p.y)]).collect()
+    bends(line).map(|p| [tenth(p.x), tenth(p.y)]).collect()
+}
+
+/// The ends of a line and the points between at which it turns: from each to the next it stays within `APART_PX` of the straight line.
+fn bends(line: &[Pixel]) -> impl Iterator<Item = &Pixel> {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        let kept = line.get(from)?;
+        from += 1 + line.get(from + 1..).map_or(0, |next| straight(kept, next).saturating_sub(1));
+        Some(kept)
+    })
+}
+
+/// How many of the points that follow a straight line passes that begins at `start` and ends at the last of them.
+fn straight(start: &Pixel, points: &[Pixel]) -> usize {
+    let Some(axis) = points.first().map(|first| (first - start).normalize()) else { return 0 };
+    let (mut reach, mut least, mut most) = (APART_PX, f64::NEG_INFINITY, f64::INFINITY);
+    for (i, point) in points.iter().enumerate() {
+        let (along, aside) = (axis.dot(&(point - start)), axis.perp(&(point - start)));
+        if !(reach <= along && least <= aside / along && aside / along <= most) {
+            return i;
+        }
+        (reach, least, most) =
+            (along, least.max((aside - APART_PX) / along), most.min((aside + APART_PX) / along));
+    }
+    points.len()
 }
 
 fn curves(lines: &[Vec<Pixel>]) -> Vec<Curve> {
@@ -62,5 +90,46 @@ pub fn overlay(state: &State, solved: &Solved) -> Overlay {
         ghost: solved.other_cam_from_world.as_ref().map(|pose| curves(&lines(pose).grid)),
         ellipses: solved.points.iter().filter_map(ellipse).map(|line| curve(&line)).collect(),
         horizon: curves(&horizon),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Distance of a point from a polyline.
+    fn off(p: &Pixel, line: &[&Pixel]) -> f64 {
+        let from = |w: &[&Pixel]| {
+            let along = w[1] - w[0];
+            let at = ((p - w[0]).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+            (p - (w[0] + along * at)).norm()
+        };
+        line.windows(2).map(from).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn what_is_left_out_lies_on_what_is_drawn() {
+        let arc = |n: usize, radius: f64| -> Vec<Pixel> {
+            (0..=n)
+                .map(|i| i as f64 * 6.2 / n as f64)
+                .map(|t| Pixel::new(radius * t.cos(), radius * t.sin()))
+                .collect()
+        };
+        let straight: Vec<Pixel> =
+            (0..40).map(|i| Pixel::new(3.0 * f64::from(i), 100.0 - 1.7 * f64::from(i))).collect();
+        let there_and_back = [0.0, 5.0, 9.0, 4.0, 1.0].map(|x| Pixel::new(x, 0.0)).to_vec();
+        let standing = vec![Pixel::new(1.0, 1.0); 3];
+        for (line, most) in
+            [(arc(200, 80.0), 120), (arc(64, 4.0), 30), (straight, 2), (there_and_back, 3), (standing, 3)]
+        {
+            let kept: Vec<&Pixel> = bends(&line).collect();
+            assert!(kept.len() <= most, "{}", kept.len());
+            assert_eq!([kept[0], kept[kept.len() - 1]], [&line[0], &line[line.len() - 1]]);
+            for p in line.iter().filter(|p| !kept.contains(p)) {
+                assert!(off(p, &kept) < APART_PX, "{p}");
+            }
+        }
+        assert_eq!(bends(&[]).count(), 0);
+        assert_eq!(bends(&[Pixel::new(1.0, 2.0)]).count(), 1);
     }
 }

@@ -33,7 +33,9 @@ const CLIENTS: usize = 10;
 const PICTURES_HZ: f64 = 5.0;
 /// Growth of memory once caches are warm, megabytes an hour.
 const GROWTH_MB_PER_H: f64 = 1.0;
+/// What is kept of the past fills during the first sixth of a run, and in 20 seconds at least.
 const WARM_S: f64 = 20.0;
+const WARM_SHARE: f64 = 1.0 / 6.0;
 /// Less time than this shows no slope of memory.
 const SLOPE_NEEDS_S: f64 = 300.0;
 
@@ -162,7 +164,7 @@ fn report(measured: &Measured, seconds: f64, bars: &mut Bars) {
     bars.at_most("a picture of a camera, worst client, every", slowest_s, 1.0 / PICTURES_HZ, "s");
     let states = measured.states.iter().min().copied().unwrap_or_default() as f64;
     bars.at_most("a state, worst client, every", seconds / states.max(1.0), 0.3, "s");
-    match growth_mb_per_h(&measured.memory) {
+    match growth_mb_per_h(&measured.memory, WARM_S.max(WARM_SHARE * seconds)) {
         Some(growth) if SLOPE_NEEDS_S <= seconds => {
             bars.at_most("growth of memory", growth, GROWTH_MB_PER_H, "MB/h")
         }
@@ -171,8 +173,8 @@ fn report(measured: &Measured, seconds: f64, bars: &mut Bars) {
 }
 
 /// Least squares over all seconds since the caches were warm.
-fn growth_mb_per_h(memory: &[(f64, f64)]) -> Option<f64> {
-    let warm: Vec<(f64, f64)> = memory.iter().filter(|(t_s, _)| WARM_S <= *t_s).copied().collect();
+fn growth_mb_per_h(memory: &[(f64, f64)], warm_s: f64) -> Option<f64> {
+    let warm: Vec<(f64, f64)> = memory.iter().filter(|(t_s, _)| warm_s <= *t_s).copied().collect();
     let n = warm.len() as f64;
     let (t, m) = (warm.iter().map(|p| p.0).sum::<f64>() / n, warm.iter().map(|p| p.1).sum::<f64>() / n);
     let spread: f64 = warm.iter().map(|p| (p.0 - t).powi(2)).sum();
