@@ -4,7 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use resight::GrayImage;
 use resight::core::camera::ImageSize;
-use resight::image::exif::{self, ExifLens};
+use resight::image::exif::{self, ExifLens, Heading};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A decoded photograph.
@@ -18,6 +18,8 @@ pub struct Photograph {
     pub image: GrayImage,
     /// The lens that it was taken through, where it says.
     pub exif: Option<ExifLens>,
+    /// Which way the camera looked, where it says.
+    pub heading: Option<Heading>,
 }
 
 impl std::fmt::Debug for Photograph {
@@ -37,8 +39,8 @@ impl Photograph {
     /// A sentence: no image, too large, torn.
     pub fn decode(name: &str, bytes: Vec<u8>) -> Result<Self, String> {
         let image = GrayImage::decode(&bytes)?;
-        let exif = exif::lens(&bytes);
-        Ok(Photograph { name: plain_name(name), bytes, image, exif })
+        let (exif, heading) = (exif::lens(&bytes), exif::heading(&bytes));
+        Ok(Photograph { name: plain_name(name), bytes, image, exif, heading })
     }
 
     /// Its size.

@@ -265,8 +265,8 @@ impl Session {
         let (answers, _) = network::measured(&scene).ok()?;
         let at = self.good.iter().take(photo).filter(|solved| solved.is_some()).count();
         self.good.get(photo)?.as_ref()?;
-        let image = &self.state.photos.get(photo)?.photograph.image;
-        resight::measure::birdseye::birdseye(&scene, &answers, at, image)?.png().ok()
+        let Photograph { image, heading, .. } = &*self.state.photos.get(photo)?.photograph;
+        resight::measure::birdseye::birdseye(&scene, &answers, at, image, *heading)?.png().ok()
     }
 
     /// The pose of a photograph that is not old.

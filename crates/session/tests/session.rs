@@ -54,7 +54,10 @@ fn distance(session: &mut Session, a: &str, b: &str, distance_m: f64) -> View {
 
 /// Four clicks: three on a line and one off it.
 fn four_clicks() -> (Session, View) {
-    let mut session = demo();
+    four_clicks_on(demo())
+}
+
+fn four_clicks_on(mut session: Session) -> (Session, View) {
     session.apply(0, lens());
     session.apply(0, Command::SetSigma { sigma_px: 0.2 });
     let places = [("A", 0.0, 0.0), ("B", 1.5, 0.0), ("C", 3.0, 0.0), ("D", 0.8, 1.6)];
@@ -118,6 +121,43 @@ fn what_is_measured_is_true() {
     }
     let png = session.birdseye_png(0).expect("a bird's-eye view");
     assert!(png.starts_with(b"\x89PNG"));
+}
+
+/// A JPEG whose EXIF says how many degrees from magnetic north the camera looked.
+fn looking(jpeg: &[u8], deg: u8) -> Vec<u8> {
+    let list = |entries: &[[u8; 12]]| [&[0, entries.len() as u8][..], &entries.concat(), &[0; 4]].concat();
+    // The header ends at 8, the first list at 26, the second at 56.
+    let first = list(&[[0x88, 0x25, 0, 4, 0, 0, 0, 1, 0, 0, 0, 26]]);
+    let second =
+        list(&[[0, 0x10, 0, 2, 0, 0, 0, 2, b'M', 0, 0, 0], [0, 0x11, 0, 5, 0, 0, 0, 1, 0, 0, 0, 56]]);
+    let tiff = [b"MM\0*\0\0\0\x08", &first[..], &second, &[0, 0, 0, deg, 0, 0, 0, 1]].concat();
+    let exif = [b"Exif\0\0", &tiff[..]].concat();
+    [&jpeg[..2], &[0xff, 0xe1, 0, exif.len() as u8 + 2], &exif, &jpeg[2..]].concat()
+}
+
+/// Where a photograph says which way it looks, its bird's-eye view shows north.
+#[test]
+fn north_is_drawn_where_it_is_known() {
+    let jpeg = file("examples/photo/left03.jpg");
+    let from_above = |bytes: Vec<u8>| {
+        let mut session = Session::new();
+        let photograph = Photograph::decode("left03.jpg", bytes).expect("a photograph");
+        let heading = photograph.heading;
+        session.add_photograph(photograph).expect("room");
+        let (mut session, _) = four_clicks_on(session);
+        let at = |x, y| [pixel(x, y, 0.0).x, pixel(x, y, 0.0).y];
+        let points = vec![at(0.5, 0.5), at(2.5, 0.5)];
+        session.apply(0, Command::AddMeasurement { name: "kerb".into(), what: MeasuredKind::Length, points });
+        (heading.map(|h| (h.deg, h.is_magnetic)), session.birdseye_png(0).expect("a bird's-eye view"))
+    };
+    let (none, plain) = from_above(jpeg.clone());
+    let (east, with_east) = from_above(looking(&jpeg, 90));
+    let (north, with_north) = from_above(looking(&jpeg, 0));
+    assert_eq!((none, east, north), (None, Some((90.0, true)), Some((0.0, true))));
+    assert!(plain != with_east && plain != with_north && with_east != with_north);
+    if let Some(folder) = std::env::var_os("SCREENSHOTS") {
+        std::fs::write(Path::new(&folder).join("north.png"), with_east).expect("a folder");
+    }
 }
 
 #[test]

@@ -7,6 +7,8 @@ use resight::GrayImage;
 use resight::answer::MeasureAnswer;
 use resight::answer::measure::NetworkAnswer;
 use resight::core::multiview::network::NetworkStatus;
+use resight::image::exif;
+use resight::input::{self, Kind};
 use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
     Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,
@@ -152,7 +154,8 @@ fn write_files(folder: &Path, scene: &NamedScene, answers: &Answers, title: &str
     for (index, photo) in scene.photos.iter().enumerate() {
         let Some(file) = &photo.file else { continue };
         let image = GrayImage::read(file)?;
-        if let Some(canvas) = birdseye::birdseye(scene, answers, index, &image) {
+        let heading = exif::heading(&input::read(file, Kind::Image)?);
+        if let Some(canvas) = birdseye::birdseye(scene, answers, index, &image, heading) {
             let png = canvas.png().map_err(|reason| anyhow!("birdseye-{}.png: {reason}", photo.name))?;
             write(format!("birdseye-{}.png", file_name(&photo.name)), &png)?;
         }

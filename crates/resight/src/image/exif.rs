@@ -1,4 +1,4 @@
-//! When an image was taken and through what lens, as its EXIF says (CIPA DC-008).
+//! When an image was taken, through what lens and which way the camera looked, as its EXIF says (CIPA DC-008).
 
 use std::io::Cursor;
 
@@ -7,6 +7,9 @@ const MAKE: u16 = 0x010f;
 const MODEL: u16 = 0x0110;
 const FOCAL_LENGTH_IN_35_MM_FILM: u16 = 0xa405;
 const EXIF_IFD: u16 = 0x8769;
+const GPS_IFD: u16 = 0x8825;
+const GPS_IMG_DIRECTION_REF: u16 = 0x0010;
+const GPS_IMG_DIRECTION: u16 = 0x0011;
 const DATE_TIME_ORIGINAL: u16 = 0x9003;
 const OFFSET_TIME_ORIGINAL: u16 = 0x9011;
 const SUB_SEC_TIME_ORIGINAL: u16 = 0x9291;
@@ -14,6 +17,7 @@ const SUB_SEC_TIME_ORIGINAL: u16 = 0x9291;
 const ASCII: u16 = 2;
 const SHORT: u16 = 3;
 const LONG: u16 = 4;
+const RATIONAL: u16 = 5;
 
 /// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
 /// UTC: differences between images of one camera are right.
@@ -43,15 +47,44 @@ fn lens_of(exif: &[u8]) -> Option<ExifLens> {
     (0 < focal_35mm).then_some(ExifLens { focal_35mm, camera })
 }
 
+/// Which way a camera looked, as its compass had it: some ten degrees off in a hand, more beside iron.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heading {
+    /// `GPSImgDirection`: clockwise from north, degrees.
+    pub deg: f64,
+    /// From magnetic north, not from true north.
+    pub is_magnetic: bool,
+}
+
+/// Which way the camera of a PNG or JPEG looked; none where it does not say.
+pub fn heading(picture: &[u8]) -> Option<Heading> {
+    heading_of(&exif(picture)?)
+}
+
+fn heading_of(exif: &[u8]) -> Option<Heading> {
+    let (tiff, first) = first_list(exif)?;
+    let gps = tiff.u32(tiff.entry(first, GPS_IFD, LONG)? + 8)?;
+    let at = tiff.u32(tiff.entry(gps, GPS_IMG_DIRECTION, RATIONAL)? + 8)?;
+    let deg = f64::from(tiff.u32(at)?) / f64::from(tiff.u32(at.checked_add(4)?)?);
+    let is_magnetic = tiff.text(gps, GPS_IMG_DIRECTION_REF).is_some_and(|reference| reference == "M");
+    (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
+}
+
 fn exif(picture: &[u8]) -> Option<Vec<u8>> {
     let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
     ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()?
 }
 
-/// The block, its first list and that of the details.
-fn lists(exif: &[u8]) -> Option<(Tiff<'_>, u32, u32)> {
+/// The block and its first list.
+fn first_list(exif: &[u8]) -> Option<(Tiff<'_>, u32)> {
     let tiff = Tiff::new(exif.strip_prefix(b"Exif\0\0").unwrap_or(exif))?;
     let first = tiff.u32(4)?;
+    Some((tiff, first))
+}
+
+/// The block, its first list and that of the details.
+fn lists(exif: &[u8]) -> Option<(Tiff<'_>, u32, u32)> {
+    let (tiff, first) = first_list(exif)?;
     let details = tiff.u32(tiff.entry(first, EXIF_IFD, LONG)? + 8)?;
     Some((tiff, first, details))
 }
@@ -221,6 +254,34 @@ mod tests {
             assert_eq!((lens_of(&block[..60]), of_exif(&block)), (None, None));
         }
         assert_eq!(lens_of(&block(true)), None);
+    }
+
+    /// A phone that looks 247.5° clockwise from north.
+    #[test]
+    fn the_heading_is_read() {
+        let block = |is_little: bool, reference: &[u8; 4], hundredths: u32, per: u32| {
+            let n = |value, size| number(value, size, is_little);
+            let entry =
+                |tag, kind, count, value: Vec<u8>| [n(tag, 2), n(kind, 2), n(count, 4), value].concat();
+            let begin = if is_little { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+            // The first list ends at 8 + 2 + 12 + 4 = 26, the second at 26 + 2 + 24 + 4 = 56; the fraction follows.
+            let first = [n(1, 2), entry(0x8825, 4, 1, n(26, 4)), n(0, 4)].concat();
+            let direction = entry(0x0011, 5, 1, n(56, 4));
+            let second = [n(2, 2), entry(0x0010, 2, 2, reference.to_vec()), direction, n(0, 4)].concat();
+            [begin, n(8, 4), first, second, n(hundredths, 4), n(per, 4)].concat()
+        };
+        for is_little in [true, false] {
+            let whole = block(is_little, b"T\0\0\0", 24750, 100);
+            assert_eq!(heading_of(&whole), Some(Heading { deg: 247.5, is_magnetic: false }));
+            assert!((0..whole.len()).all(|length| heading_of(&whole[..length]).is_none()));
+            let magnetic = heading_of(&block(is_little, b"M\0\0\0", 9, 1));
+            assert_eq!(magnetic, Some(Heading { deg: 9.0, is_magnetic: true }));
+            // No number, and none of a circle.
+            for (deg, per) in [(0, 0), (9, 0), (361, 1)] {
+                assert_eq!(heading_of(&block(is_little, b"T\0\0\0", deg, per)), None, "{deg}/{per}");
+            }
+        }
+        assert_eq!((heading_of(&super::tests::block(true)), heading_of(b"II")), (None, None));
     }
 
     #[test]

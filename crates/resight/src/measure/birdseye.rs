@@ -10,6 +10,7 @@ use crate::GrayImage;
 use crate::core::multiview::network::{Adjusted, Constraint};
 use crate::core::{Camera, Pixel, Pose};
 use crate::drawing::{Anchor, strokes};
+use crate::image::exif::Heading;
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::geometry::round_down_125;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
@@ -32,6 +33,10 @@ const CELL_PX: usize = 6;
 /// Pixels between hatch lines.
 const HATCH_PX: usize = 26;
 const CAPTION_PX: u32 = 62;
+/// Length of the arrow to the north, px.
+const ARROW_PX: f64 = 56.0;
+/// The least level part of a line of sight of length one that has a direction: of a camera that looks 12° from straight down.
+const LEAST_LEVEL: f64 = 0.2;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 
@@ -64,7 +69,14 @@ struct Worth {
 }
 
 /// The rectified ground of a photograph; none where the plane or the photograph has no place, or fewer than three points lie on the plane.
-pub fn birdseye(scene: &NamedScene, answers: &Answers, photo: usize, image: &GrayImage) -> Option<Canvas> {
+/// Where it is known which way the camera looked, an arrow shows north.
+pub fn birdseye(
+    scene: &NamedScene,
+    answers: &Answers,
+    photo: usize,
+    image: &GrayImage,
+    heading: Option<Heading>,
+) -> Option<Canvas> {
     let adjusted = &answers.adjusted;
     let source = Source {
         image,
@@ -84,8 +96,12 @@ pub fn birdseye(scene: &NamedScene, answers: &Answers, photo: usize, image: &Gra
     limits(&mut canvas, &worth, scene);
     let step = grid(&mut canvas, &ground, scene, width, height);
     points(&mut canvas, &ground, scene, answers);
+    let north = heading.and_then(|heading| north(&ground.axes, &source.cam_from_world, heading.deg));
+    if let Some(north) = &north {
+        arrow(&mut canvas, north);
+    }
     canvas.open_rows = canvas.height;
-    caption(&mut canvas, scene, photo, step, height);
+    caption(&mut canvas, scene, photo, step, height, heading.filter(|_| north.is_some()));
     Some(canvas)
 }
 
@@ -335,9 +351,44 @@ fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &An
     }
 }
 
-fn caption(canvas: &mut Canvas, scene: &NamedScene, photo: usize, step: f64, height: u32) {
+/// North on the ground, to the right and ahead, of length one: the line of sight turned back by the heading. None of a camera that looks
+/// straight down.
+fn north(axes: &Matrix3x2<f64>, cam_from_world: &Pose, heading_deg: f64) -> Option<Vector2<f64>> {
+    let sight = axes.tr_mul(&cam_from_world.rotation.row(2).transpose());
+    let level = sight.try_normalize(LEAST_LEVEL)?;
+    let (sin, cos) = heading_deg.to_radians().sin_cos();
+    Some(Vector2::new(level.x * cos - level.y * sin, level.x * sin + level.y * cos))
+}
+
+fn arrow(canvas: &mut Canvas, north: &Vector2<f64>) {
+    let along = Vector2::new(north.x, -north.y);
+    let aside = Vector2::new(-along.y, along.x);
+    let centre = Vector2::new(f64::from(canvas.width) - ARROW_PX, ARROW_PX);
+    let at = |a: f64, b: f64| centre + (along * a + aside * b) * ARROW_PX;
+    let pen = Pen { color: PAPER, width: 2.4, opacity: 1.0 };
+    canvas.stroke_with_rim(
+        &[vec![at(-0.45, 0.0), at(0.45, 0.0)], vec![at(0.2, 0.16), at(0.45, 0.0), at(0.2, -0.16)]],
+        pen,
+    );
+    write(canvas, "N", at(0.7, 0.0) + Vector2::new(0.0, 6.0), 14.0, PAPER, Anchor::Middle);
+}
+
+fn caption(
+    canvas: &mut Canvas,
+    scene: &NamedScene,
+    photo: usize,
+    step: f64,
+    height: u32,
+    heading: Option<Heading>,
+) {
     let name = &scene.photos[photo].name;
-    let first = format!("ground of photo {name} from above; grid {step} m; grey: not in the photograph");
+    let north = match heading {
+        Some(Heading { is_magnetic: true, .. }) => "; N: magnetic north by the camera's compass",
+        Some(_) => "; N: north by the camera's compass",
+        None => "",
+    };
+    let first =
+        format!("ground of photo {name} from above; grid {step} m; grey: not in the photograph{north}");
     let second = format!(
         "hatched / : one pixel covers more than {}; hatched \\ : 95 % error of an image point (σ {} px) above {}",
         centimetres(scene.pixel_limit_m),
@@ -348,5 +399,37 @@ fn caption(canvas: &mut Canvas, scene: &NamedScene, photo: usize, step: f64, hei
         let at = Vector2::new(10.0, f64::from(height) + 22.0 + 24.0 * i as f64);
         let pen = Pen { color: PAPER, width: 1.4, opacity: 1.0 };
         canvas.stroke(&strokes(text, at, 10.0, Anchor::Start, 0.0), pen);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    /// A camera that looks along a direction of the world, its x axis level.
+    fn looking(sight: Vector3<f64>) -> Pose {
+        let z = sight.normalize();
+        let x = z.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(Vector3::x());
+        let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
+        Pose::new(rotation, Vector3::new(0.3, -0.2, 4.0))
+    }
+
+    #[test]
+    fn north_is_where_the_compass_says() {
+        let axes = Matrix3x2::from_columns(&[Vector3::x(), Vector3::y()]);
+        let [east, ahead, down] = [Vector3::x(), Vector3::y(), -Vector3::z()];
+        // Who looks north sees it ahead; who looks along x and east has it along y; who looks along x and south has it behind.
+        for (sight, heading_deg, expected) in [
+            (ahead, 0.0, [0.0, 1.0]),
+            (ahead + 2.0 * down, 0.0, [0.0, 1.0]),
+            (east, 90.0, [0.0, 1.0]),
+            (east + down, 180.0, [-1.0, 0.0]),
+            (ahead, 270.0, [1.0, 0.0]),
+        ] {
+            let found = north(&axes, &looking(sight), heading_deg).expect("it looks somewhere");
+            assert!((found - Vector2::from(expected)).norm() < 1e-12, "{sight} {heading_deg}: {found}");
+        }
+        assert_eq!(north(&axes, &looking(down), 10.0), None);
     }
 }
