@@ -1,5 +1,6 @@
 //! Where a camera is now against its reference, and what puts it back: it shrinks as somebody does so.
 
+use resight::core::locate::consistency::is_unlikely;
 use resight::core::temporal::monitor::{Drift, Reference, along, rotation_alone};
 use resight::core::{Matrix6, Vector6};
 use resight::report::turned::parts;
@@ -17,8 +18,8 @@ const CLEAR_SIGMAS: f64 = 2.0;
 pub struct Present {
     /// Where it is in its own frame of the reference, `[rotation_rad; translation_m]` about and along x right, y down, z forward.
     pub old_from_new: Vector6,
-    /// Its covariance: that of one reading, and of the reference. Several readings are not taken for more, because their errors may be
-    /// correlated.
+    /// Its covariance: that of one reading, of the reference, and the scatter of the readings that were joined, which is large while the
+    /// camera moves. Several readings are not taken for more, because their errors may be correlated.
     pub covariance: Matrix6,
 }
 
@@ -64,16 +65,19 @@ pub struct WayBack {
     pub words: String,
 }
 
-/// The motions of the last moment.
+/// The motions of the last moment: none from before a step.
 #[derive(Debug, Clone, Default)]
 pub struct Recent {
     motions: VecDeque<(f64, Vector6, Matrix6)>,
 }
 
 impl Recent {
-    /// A reading's motion against the reference, with the covariance of both.
+    /// A reading's motion against the reference, with the covariance of both. Older ones that differ from it are not of where the camera is
+    /// now.
     pub fn push(&mut self, t_s: f64, old_from_new: Vector6, covariance: Matrix6) {
-        let is_past = |(then_s, _, _): &(f64, Vector6, Matrix6)| !(t_s - WITHIN_S..=t_s).contains(then_s);
+        let is_past = |(then_s, motion, of_it): &(f64, Vector6, Matrix6)| {
+            !(t_s - WITHIN_S..=t_s).contains(then_s) || differ(&(old_from_new - motion), &(covariance + of_it))
+        };
         while MOST <= self.motions.len() || self.motions.front().is_some_and(is_past) {
             self.motions.pop_front();
         }
@@ -83,16 +87,21 @@ impl Recent {
     /// Their mean; none before the first.
     pub fn present(&self) -> Option<Present> {
         let n = self.motions.len() as f64;
-        (0.0 < n).then(|| Present {
-            old_from_new: self.motions.iter().map(|(_, motion, _)| motion).sum::<Vector6>() / n,
-            covariance: self.motions.iter().map(|(_, _, covariance)| covariance).sum::<Matrix6>() / n,
-        })
+        let mean = self.motions.iter().map(|(_, motion, _)| motion).sum::<Vector6>() / n;
+        let scatter = |motion: &Vector6| (motion - mean) * (motion - mean).transpose();
+        let covariances = self.motions.iter().map(|(_, motion, covariance)| covariance + scatter(motion));
+        (0.0 < n).then(|| Present { old_from_new: mean, covariance: covariances.sum::<Matrix6>() / n })
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
         self.motions.clear();
     }
+}
+
+/// Whether two motions are that far apart that their errors would hardly be it; not where those are unknown.
+fn differ(by: &Vector6, covariance: &Matrix6) -> bool {
+    covariance.cholesky().is_some_and(|root| is_unlikely(by.dot(&root.solve(by)), 6))
 }
 
 /// What puts a camera back from where it is. The alarm says which motion it is (about one axis, a rotation alone, all six coordinates); the
@@ -190,5 +199,34 @@ mod tests {
         assert_eq!((now.old_from_new, now.covariance), (Vector6::zeros(), Matrix6::identity()));
         recent.push(0.0, Vector6::ith(0, 1.0), Matrix6::identity()); // A clock that was set back.
         assert_eq!(recent.present().map(|now| now.old_from_new), Some(Vector6::ith(0, 1.0)));
+    }
+    /// A step by ten standard deviations: the first reading after it is where the camera is, not the mean of before and after.
+    #[test]
+    fn no_reading_of_before_a_step_is_joined() {
+        let mut recent = Recent::default();
+        let at = |i: i32, step: f64| (0.03 * f64::from(i), Vector6::ith(1, step + 0.5 * f64::from(i % 2)));
+        for i in 0..10 {
+            let (t_s, motion) = at(i, 0.0);
+            recent.push(t_s, motion, Matrix6::identity());
+        }
+        for i in 10..14 {
+            let (t_s, motion) = at(i, 10.0);
+            recent.push(t_s, motion, Matrix6::identity());
+            let now = recent.present().expect("readings");
+            assert!((now.old_from_new[1] - 10.25).abs() <= 0.25 + 1e-12, "{now:?}");
+        }
+    }
+
+    /// A camera that somebody turns, by a tenth of a standard deviation a reading: the mean lags, and says so.
+    #[test]
+    fn the_error_amid_a_motion_holds_what_the_mean_lags() {
+        let mut recent = Recent::default();
+        for i in 0..60 {
+            recent.push(0.02 * f64::from(i), Vector6::ith(1, 0.1 * f64::from(i)), Matrix6::identity() * 0.04);
+            let now = recent.present().expect("readings");
+            let lag = 0.1 * f64::from(i) - now.old_from_new[1];
+            assert!(lag <= 2.0 * now.sigma()[1], "{lag} {now:?}");
+            assert!(i < 10 || 0.2 < lag, "it lags: {lag}");
+        }
     }
 }
