@@ -1,7 +1,7 @@
 //! Following a target through the images of one camera: searched where it is expected, everywhere once it is not there.
 //!
-//! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole image, so corners are the same; those of a
-//! board that is measured where it was, to a fraction of their sigma.
+//! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole image, so corners are the same; those of
+//! what is measured where it was, to a fraction of their sigma.
 //! A target that left its place is looked for in the whole image at once. What takes long (a look for copies and for tags out of
 //! place, small tags at full size) goes strip by strip, a share of the image for the time that has passed, so no frame waits for it.
 //! Capture times and images alone decide what is searched, not how long it took: the same film gives the same answers.

@@ -1,6 +1,6 @@
 //! Plane to image, to predict where a corner should be: good enough to look there, never the measurement itself.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use resight_core::Pixel;
 
 /// A point of a flat target.
@@ -52,10 +52,18 @@ impl Homography {
         [0, 1, 2].map(|i: usize| self.0[(i, 0)] * x + self.0[(i, 1)] * y + self.0[(i, 2)])
     }
 
-    /// The gradients of the two coordinates of the image `p` of a point, whose third homogeneous coordinate is `z`.
-    pub fn gradients(&self, p: [f64; 2], z: f64) -> [[f64; 2]; 2] {
-        let of = |i: usize, k: usize| (self.0[(i, k)] - p[i] * self.0[(2, k)]) / z;
+    /// The gradients of the two coordinates of the image `p` of a point, one over whose third homogeneous coordinate is `per_z`.
+    pub fn gradients(&self, p: [f64; 2], per_z: f64) -> [[f64; 2]; 2] {
+        let of = |i: usize, k: usize| (self.0[(i, k)] - p[i] * self.0[(2, k)]) * per_z;
         [[of(0, 0), of(0, 1)], [of(1, 0), of(1, 1)]]
+    }
+
+    /// What a covariance in the plane becomes along one coordinate of the image: times z², the third homogeneous coordinate, it is
+    /// a + b p + c p² where that coordinate is p.
+    pub fn scatter(&self, axis: usize, covariance: &Matrix2<f64>) -> [f64; 3] {
+        let row = |i: usize| Vector2::new(self.0[(i, 0)], self.0[(i, 1)]);
+        let product = |i: usize, k: usize| row(i).dot(&(covariance * row(k)));
+        [product(axis, axis), -2.0 * product(axis, 2), product(2, 2)]
     }
 
     /// The image of a plane point.
@@ -100,10 +108,24 @@ mod tests {
         let [u, v, z] = map.homogeneous([x.x, x.y]);
         let p = [u / z, v / z];
         assert_eq!(Pixel::new(p[0], p[1]), map.at(&x));
-        let gradients = map.gradients(p, z);
+        let gradients = map.gradients(p, 1.0 / z);
         for (k, step) in [PlanePoint::x() * h, PlanePoint::y() * h].into_iter().enumerate() {
             let difference = (map.at(&(x + step)) - map.at(&(x - step))) / (2.0 * h);
             (0..2).for_each(|i| assert!((gradients[i][k] - difference[i]).abs() < 1e-6 * 400.0));
+        }
+    }
+
+    #[test]
+    fn a_scatter_is_that_of_the_gradients() {
+        let map = Homography(Matrix3::new(310.0, 21.0, 400.0, -14.0, 290.0, 300.0, 0.2, -0.1, 1.0));
+        let covariance = Matrix2::new(0.3, 0.1, 0.1, 0.2);
+        let [u, v, z] = map.homogeneous([0.4, -0.7]);
+        let p = [u / z, v / z];
+        for (axis, gradient) in map.gradients(p, 1.0 / z).map(Vector2::from).into_iter().enumerate() {
+            let [a, b, c] = map.scatter(axis, &covariance);
+            let (scatter, expected) =
+                ((a + p[axis] * (b + p[axis] * c)) / (z * z), gradient.dot(&(covariance * gradient)));
+            assert!((scatter / expected - 1.0).abs() < 1e-12, "{scatter} {expected}");
         }
     }
 

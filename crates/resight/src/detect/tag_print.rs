@@ -13,7 +13,7 @@ pub(super) use ink::Print;
 
 use super::region::longer_side_px;
 use crate::GrayImage;
-use nalgebra::{Matrix2, SMatrix, SVector, SymmetricEigen};
+use nalgebra::{Cholesky, Const, Matrix2, SMatrix, SVector, SymmetricEigen};
 use part::Part;
 use resight_core::Pixel;
 use rows::{BLUR, BOWS, CornersByMap, GAIN, GRAY, Line, MAP, Placed, Row, SPREAD, UNKNOWNS, WIDTH};
@@ -24,6 +24,21 @@ pub(super) struct LaidTag {
     pub corners: [Pixel; 4],
     /// Standard deviation of each coordinate of each corner, pixels.
     pub sigmas_px: [f64; 4],
+    /// The share of its pixels that look like the print.
+    pub shown: f64,
+    /// What the next image begins with.
+    fit: Fit,
+}
+
+/// What was known in the end.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    reduce: usize,
+    is_smoothed: bool,
+    /// The start was so near that the derivatives there were those of the end.
+    was_near: bool,
+    blur_px2: Matrix2<f64>,
+    x: Row,
 }
 
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
@@ -40,8 +55,18 @@ const FEW: usize = 1000;
 const ROUNDS: usize = 40;
 /// Corners that move less lie near to where they end, pixels.
 const NEAR_PX: f64 = 0.1;
-/// Corners that move less have settled, pixels of the reduced image; the step just taken leaves a tenth of it.
-const SETTLED_PX: f64 = 2e-3;
+/// The same where the last image is known, which is near, or the tag is not there.
+const ROUNDS_AGAIN: usize = 8;
+/// The same from where the last image had them.
+const NEAR_AGAIN_PX: f64 = 0.25;
+/// Corners that move less have settled, pixels of the reduced image, or standard deviations by the noise; the step just taken leaves a tenth of it.
+const SETTLED_PX: f64 = 5e-3;
+const SETTLED_SIGMAS: f64 = 0.2;
+/// Steps that move corners by less, pixels, and the blur by less, in shares of its variance, leave the derivatives as they are:
+const LINEAR_PX: f64 = 0.05;
+const LINEAR_BLUR: f64 = 0.1;
+/// the pixels are only weighted again, so often.
+const REWEIGHTED: usize = 3;
 /// Blur to begin with, without a pixel's own square, and its most, with it: standard deviations in pixels.
 const FIRST_BLUR_PX: f64 = 0.6;
 const MOST_BLUR_PX: f64 = 5.0;
@@ -83,13 +108,15 @@ const TWO_VALUED_METHOD_PX: f64 = 0.289;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
-/// Lays a print on the image, corners as the library found them, one of so many tags that may be there. None where the print does not show there.
+/// Lays a print on the image, corners as the library found them, or as they were in the image `before`; one of so many tags that may be there. None
+/// where the print does not show there.
 pub(super) fn lay(
     image: &GrayImage,
     noise_gray: f64,
     print: &Print,
     corners: &[Pixel; 4],
     n_tags: usize,
+    before: Option<&LaidTag>,
 ) -> Option<LaidTag> {
     let share = if n_tags < MANY { 1.0 } else { 0.5 };
     let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
@@ -111,21 +138,36 @@ pub(super) fn lay(
         is_smoothed: false,
         view_px: image.width_px.max(image.height_px) as f64 / reduce as f64,
     };
+    let known = before.map(|before| &before.fit).filter(|fit| !fit.is_smoothed && fit.reduce == reduce);
+    if let Some(fit) = known {
+        (state.blur_px2, state.x) = (fit.blur_px2, Some(fit.x));
+        (state.foreign, state.least_blur_px) = (FOREIGN.1, LEAST_BLUR_PX);
+    }
     let mut lines = Vec::new();
-    for _ in 0..ROUNDS {
+    for round in 0..if before.is_some() { ROUNDS_AGAIN } else { ROUNDS } {
         let is_strict = state.foreign <= FOREIGN.1;
         let placed = Placed::new(print, &state.at, &state.blur_px2)?;
         // Half of the pixels show the way of a tag that is not small.
-        let rows = if is_strict || n_pixels < FEW { 1 } else { 2 };
+        let is_half = !is_strict || round == 0 && known.is_some_and(|fit| !fit.was_near);
+        let rows = if is_half && FEW <= n_pixels { 2 } else { 1 };
         placed.lines(&part, every, rows, &mut lines)?;
-        let mut solved = state.solve(&lines, noise_gray)?;
-        solved.corners_by_map = placed.corners_by_map(&state.at);
-        let moved_px = state.step(&solved)?;
-        if !(0..4).all(|k| (state.at[k] - start[k]).norm() <= reach_px) {
+        let corners_by_map = placed.corners_by_map(&state.at);
+        let residual = |line: &Line| state.x.map_or(0.0, |x| line.gray() - line.predicted(&x));
+        let mut solved = state.solve(&lines, noise_gray, &corners_by_map, residual)?;
+        let is_last = is_strict && rows == 1 && state.reweight(&lines, noise_gray, &mut solved)?;
+        state.step(&solved)?;
+        let is_another = known.is_some() && is_drawn && state.is_sharp();
+        let away_px = (0..4).map(|k| (state.at[k] - start[k]).norm()).fold(0.0, f64::max);
+        if is_another || reach_px < away_px {
             return None;
         }
-        if moved_px < SETTLED_PX && is_strict {
-            return conclude(&lines, &solved, &state, &part, noise_gray, every);
+        if is_last {
+            let laid = conclude(&lines, &solved, &state, &part, noise_gray, every)?;
+            return Some(LaidTag { fit: Fit { was_near: away_px < LINEAR_PX, ..laid.fit }, ..laid });
+        }
+        let moved_px = solved.steps.amax();
+        if round == 0 && NEAR_AGAIN_PX <= moved_px {
+            state.foreign = FOREIGN.0;
         }
         // Not before the print lies where it is: else an edge that is a little off would be foreign.
         if moved_px < NEAR_PX && !is_strict {
@@ -169,10 +211,36 @@ struct State {
 
 struct Solved {
     x: Row,
-    inverse: Normal,
+    factor: Cholesky<f64, Const<UNKNOWNS>>,
     corners_by_map: CornersByMap,
+    /// How far the coordinates of the corners move.
+    steps: Pull,
     /// Weight of each line.
     weights: Vec<f64>,
+}
+
+impl Solved {
+    /// How the sums over the lines move the eight coordinates of the corners, pixels.
+    fn corners_by_sums(&self) -> SMatrix<f64, 8, UNKNOWNS> {
+        let mut columns = SMatrix::<f64, UNKNOWNS, 8>::zeros();
+        columns.fixed_rows_mut::<8>(MAP.start).copy_from(&(self.corners_by_map.transpose() / self.x[GAIN]));
+        self.factor.solve(&columns).transpose()
+    }
+
+    /// Their covariance by noise of one grey level, pixels².
+    fn by_noise_px2(&self, corners_by_sums: &SMatrix<f64, 8, UNKNOWNS>) -> CornersByMap {
+        corners_by_sums.fixed_columns::<8>(MAP.start) * self.corners_by_map.transpose() / self.x[GAIN]
+    }
+
+    /// Whether steps are too small to be taken.
+    fn are_small(&self, steps: &Pull, noise_gray: f64) -> bool {
+        if LINEAR_PX <= steps.amax() {
+            return false;
+        }
+        let by_noise_px2 = self.by_noise_px2(&self.corners_by_sums());
+        let least_px = |i: usize| SETTLED_PX.max(SETTLED_SIGMAS * noise_gray * by_noise_px2[(i, i)].sqrt());
+        (0..8).all(|i| steps[i].abs() < least_px(i))
+    }
 }
 
 impl State {
@@ -184,9 +252,9 @@ impl State {
 
     /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
     /// standard deviation, grey levels.
-    fn weights(&self, lines: &[Line], noise_gray: f64) -> (Vec<f64>, f64) {
+    fn weights(&self, lines: &[Line], noise_gray: f64, residual: impl Fn(&Line) -> f64) -> (Vec<f64>, f64) {
         let Some(x) = &self.x else { return (lines.iter().map(|line| line.weight).collect(), noise_gray) };
-        let residuals: Vec<f64> = lines.iter().map(|line| line.gray() - line.predicted(x)).collect();
+        let residuals: Vec<f64> = lines.iter().map(residual).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
         let middle = sizes.len() / 2;
         let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
@@ -198,8 +266,35 @@ impl State {
         (lines.iter().zip(&residuals).map(weight).collect(), sigma)
     }
 
-    fn solve(&mut self, lines: &[Line], noise_gray: f64) -> Option<Solved> {
-        let (weights, residual_gray) = self.weights(lines, noise_gray);
+    /// Weighs the lines again by what a small step leaves of them, their derivatives staying as they are; whether the step settles by that.
+    fn reweight(&self, lines: &[Line], noise_gray: f64, solved: &mut Solved) -> Option<bool> {
+        if solved.are_small(&solved.steps, noise_gray) {
+            return Some(true);
+        }
+        let blurred = solved.x.fixed_rows::<3>(BLUR.start).amax() / solved.x[GAIN];
+        for _ in 0..REWEIGHTED {
+            if LINEAR_PX <= solved.steps.amax() || LINEAR_BLUR * self.blur_px2.trace() <= blurred {
+                break;
+            }
+            let next =
+                self.solve(lines, noise_gray, &solved.corners_by_map, |line| line.residual(&solved.x))?;
+            let is_settled = next.are_small(&(next.steps - solved.steps), noise_gray);
+            *solved = next;
+            if is_settled {
+                return Some(true);
+            }
+        }
+        Some(false)
+    }
+
+    fn solve(
+        &self,
+        lines: &[Line],
+        noise_gray: f64,
+        corners_by_map: &CornersByMap,
+        residual: impl Fn(&Line) -> f64,
+    ) -> Option<Solved> {
+        let (weights, residual_gray) = self.weights(lines, noise_gray, residual);
         let sums = products(lines, &weights);
         let mut normal = Normal::from_fn(|i, j| if j <= i { sums[i][j] } else { 0.0 });
         let mut right = Row::from_fn(|i, _| sums[GRAY][i]);
@@ -221,19 +316,20 @@ impl State {
         let bow_px = BOW_PRIOR * edge_px * edge_px / self.view_px;
         BOWS.for_each(|i| known(i, bow_px, 0.0));
         let factor = normal.cholesky()?;
-        let (x, inverse) = (factor.solve(&right), factor.inverse());
+        let x = factor.solve(&right);
+        let steps = corners_by_map * x.fixed_rows::<8>(MAP.start) / x[GAIN];
         (x.iter().all(|x| x.is_finite()) && CONTRAST_GRAY < 2.0 * x[GAIN]).then_some(Solved {
             x,
-            inverse,
-            corners_by_map: CornersByMap::zeros(),
+            factor,
+            corners_by_map: *corners_by_map,
+            steps,
             weights,
         })
     }
 
-    /// Takes a step; how far the furthest corner moves.
-    fn step(&mut self, solved: &Solved) -> Option<f64> {
-        let x = &solved.x;
-        let steps = solved.corners_by_map * x.fixed_rows::<8>(MAP.start) / x[GAIN];
+    /// Takes a step; none of one without end.
+    fn step(&mut self, solved: &Solved) -> Option<()> {
+        let Solved { x, steps, .. } = solved;
         for (k, corner) in self.at.iter_mut().enumerate() {
             *corner += Pixel::new(steps[2 * k], steps[2 * k + 1]);
         }
@@ -246,7 +342,7 @@ impl State {
         self.blur_px2 = eigen.recompose();
         self.x = Some(*x);
         let is_finite = self.blur_px2.iter().all(|x| x.is_finite()) && steps.iter().all(|x| x.is_finite());
-        is_finite.then(|| steps.amax())
+        is_finite.then_some(())
     }
 }
 
@@ -284,7 +380,7 @@ fn conclude(
     noise_gray: f64,
     every: usize,
 ) -> Option<LaidTag> {
-    let Solved { x, inverse, corners_by_map, weights } = solved;
+    let Solved { x, weights, .. } = solved;
     let noise_gray2 = noise_gray * noise_gray;
     let shown: f64 = weights.iter().sum();
     let mean = lines.iter().zip(weights).map(|(line, w)| w * line.gray()).sum::<f64>() / shown;
@@ -294,15 +390,15 @@ fn conclude(
     let cell = if every < 2 { 1 } else { 2 };
     let [width, height] = part.size().map(|n| n.div_ceil(cell));
     let mut pulls = vec![Pull::zeros(); width * height];
-    let rows = corners_by_map * inverse.fixed_rows::<8>(MAP.start) / x[GAIN];
-    let by_noise_px2 = rows.fixed_columns::<8>(MAP.start) * corners_by_map.transpose() / x[GAIN];
+    let rows = solved.corners_by_sums();
+    let by_noise_px2 = solved.by_noise_px2(&rows);
     let (mut total, mut left) = (0.0, 0.0);
     for (line, weight) in lines.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight) {
         let residual = line.residual(x);
         total += weight * (line.gray() - mean).powi(2);
         left += weight * residual * residual;
         let (u, v) = (line.index % part.size()[0] / cell, line.index / part.size()[0] / cell);
-        pulls[v * width + u] += rows * Row::from_column_slice(&line.row[..UNKNOWNS]) * (weight * residual);
+        pull(&rows, line, weight * residual, &mut pulls[v * width + u]);
     }
     let explained = 1.0 - (left - shown * noise_gray2).max(0.0) / (total - shown * noise_gray2).max(1e-9);
     let expected: f64 = lines.iter().map(|line| line.weight).sum();
@@ -333,12 +429,29 @@ fn conclude(
         (part.scale().powi(2) * variance_px2 + method_px.powi(2)).sqrt()
     };
     let sigmas_px = corners.map(sigma);
-    let laid = LaidTag { corners: state.at.map(|corner| part.full(&corner)), sigmas_px };
+    let corners = state.at.map(|corner| part.full(&corner));
+    let fit = Fit {
+        reduce: part.scale() as usize,
+        is_smoothed: state.is_smoothed,
+        was_near: false,
+        blur_px2: state.blur_px2,
+        x: *x,
+    };
+    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, fit };
     sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
 }
 
 /// How a pixel's residual moves the eight coordinates of the corners.
 type Pull = SVector<f64, 8>;
+
+/// Adds the pull of one pixel.
+fn pull(corners_by_sums: &SMatrix<f64, 8, UNKNOWNS>, line: &Line, weighted: f64, sum: &mut Pull) {
+    let mut by_row = Pull::zeros();
+    for (column, x) in corners_by_sums.column_iter().zip(&line.row) {
+        (0..8).for_each(|i| by_row[i] += column[i] * x);
+    }
+    *sum += by_row * weighted;
+}
 
 /// The sums over all squares of so many pixels that touch the part, squared and added.
 fn squares(pulls: &[Pull], width: usize, reach: usize) -> Pull {

@@ -4,7 +4,7 @@ use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
 use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
-use super::tag_print::{self, Print};
+use super::tag_print::{self, LaidTag, Print};
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
@@ -83,27 +83,25 @@ impl TagFinder {
     }
 
     /// Each tag measured by its print, by id, then from the left.
-    pub(super) fn measured(&self, image: &GrayImage, noise_gray: f64, tags: &[DecodedTag]) -> Vec<FoundTag> {
-        let mut found: Vec<FoundTag> = tags.iter().map(|tag| self.by_print(image, noise_gray, tag)).collect();
-        found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
-        found
+    fn measured(&self, image: &GrayImage, noise_gray: f64, tags: &[DecodedTag]) -> Vec<FoundTag> {
+        let measured = |tag: &DecodedTag| {
+            FoundTag::new(tag, self.laid(image, noise_gray, tag.id, &tag.corners, None).as_ref())
+        };
+        sorted(tags.iter().map(measured).collect())
     }
 
-    /// A tag measured by its print; as the library has it where the print does not show.
-    fn by_print(&self, image: &GrayImage, noise_gray: f64, tag: &DecodedTag) -> FoundTag {
-        let index = self.family.ids.iter().position(|id| *id == tag.id);
-        let print = index.and_then(|index| Print::new(&self.family, self.family.codes[index]));
-        let laid =
-            print.and_then(|print| tag_print::lay(image, noise_gray, &print, &tag.corners, self.wanted));
-        match laid {
-            Some(laid) => FoundTag {
-                corners: laid.corners,
-                sigmas_px: laid.sigmas_px,
-                lens_sigma_px: sigma::tag_lens_px(&laid.corners),
-                ..FoundTag::by_edges(tag)
-            },
-            None => FoundTag::by_edges(tag),
-        }
+    /// A tag measured by its print, from the corners that the library found, or those of the image `before`; none where the print does not show.
+    pub(super) fn laid(
+        &self,
+        image: &GrayImage,
+        noise_gray: f64,
+        id: u32,
+        corners: &[Pixel; 4],
+        before: Option<&LaidTag>,
+    ) -> Option<LaidTag> {
+        let index = self.family.ids.iter().position(|known| *known == id)?;
+        let print = Print::new(&self.family, self.family.codes[index])?;
+        tag_print::lay(image, noise_gray, &print, corners, self.wanted, before)
     }
 
     /// Found in the smoothed image, measured in the image as it came, where alone the smallest tags show.
@@ -193,6 +191,12 @@ impl TagFinder {
     }
 }
 
+/// By id, then from the left.
+pub(super) fn sorted(mut found: Vec<FoundTag>) -> Vec<FoundTag> {
+    found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
+    found
+}
+
 /// Adds the tags that are not there yet.
 pub(super) fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
     for tag in found {
@@ -211,12 +215,23 @@ pub(super) const FINEST: f32 = 1.0;
 const FINEST_PIXELS: usize = 1_000_000;
 
 /// Whether two readings are of one tag: same id, centres closer than half an edge.
-fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
+pub(super) fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
     let centre = |tag: &DecodedTag| tag.corners.iter().sum::<Pixel>() / 4.0;
     a.id == b.id && (centre(a) - centre(b)).norm() < 0.5 * sigma::shortest_edge_px(&a.corners)
 }
 
 impl FoundTag {
+    /// As its print has it, or the library where that does not show.
+    pub(super) fn new(tag: &DecodedTag, laid: Option<&LaidTag>) -> Self {
+        let by_edges = FoundTag::by_edges(tag);
+        laid.map_or(by_edges, |laid| FoundTag {
+            corners: laid.corners,
+            sigmas_px: laid.sigmas_px,
+            lens_sigma_px: sigma::tag_lens_px(&laid.corners),
+            ..by_edges
+        })
+    }
+
     /// As the library has it.
     pub(super) fn by_edges(tag: &DecodedTag) -> Self {
         FoundTag {

@@ -110,7 +110,7 @@ impl Picture {
             // Within a pixel the plane is affine, to a ten-thousandth of one.
             let (u, v) = (u as f64, v as f64);
             let (centre, z) = at(u, v);
-            let [x_by, y_by] = plane_from_image.gradients([centre.x, centre.y], z);
+            let [x_by, y_by] = plane_from_image.gradients([centre.x, centre.y], 1.0 / z);
             let place = |d: coverage::InPixel| {
                 centre + PlanePoint::new(x_by[0] * d.x + x_by[1] * d.y, y_by[0] * d.x + y_by[1] * d.y)
             };

@@ -76,7 +76,8 @@ impl Recent {
     /// now.
     pub fn push(&mut self, t_s: f64, old_from_new: Vector6, covariance: Matrix6) {
         let is_past = |(then_s, motion, of_it): &(f64, Vector6, Matrix6)| {
-            !(t_s - WITHIN_S..=t_s).contains(then_s) || differ(&(old_from_new - motion), &(covariance + of_it))
+            !(t_s - WITHIN_S..=t_s).contains(then_s)
+                || differ(&(old_from_new - motion), &(covariance + of_it))
         };
         while MOST <= self.motions.len() || self.motions.front().is_some_and(is_past) {
             self.motions.pop_front();

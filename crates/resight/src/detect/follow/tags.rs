@@ -1,4 +1,7 @@
 //! One tag, or the tags of a map, from image to image.
+//!
+//! A tag that was read is first measured where it was, without being read: its whole print must show there as well as it did. Each is read again
+//! twice a second, in turn, so no frame waits for all of them.
 
 use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
@@ -6,7 +9,10 @@ use crate::detect::DetectError;
 use crate::detect::apriltag::DecodedTag;
 use crate::detect::noise::noise_gray;
 use crate::detect::region::{Region, joined, longer_side_px};
-use crate::detect::tags::{COARSE, FINE, FINEST, TagFinder, add_new, single_or_unique};
+use crate::detect::tag_print::LaidTag;
+use crate::detect::tags::{
+    COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, same_place, single_or_unique, sorted,
+};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
@@ -17,12 +23,38 @@ pub(super) struct TagFollower {
     /// A copied tag of a map is left out, that of a single one is an error.
     is_map: bool,
     /// As found last, copies included.
-    seen: Vec<DecodedTag>,
+    seen: Vec<Seen>,
+    /// Where the pose put the tags in the last image.
+    expected: Vec<(Feature, Pixel)>,
+    /// Tags are read again by the last digits of their ids.
+    reading: Round,
     absence: Absence,
     /// The image at a quarter of its size, then strips at half.
     round: Round,
     /// Strips at full size.
     small_round: Round,
+}
+
+/// A tag that was found.
+struct Seen {
+    /// As it was read, its corners as they are.
+    tag: DecodedTag,
+    /// As its print has it; none where that does not show.
+    laid: Option<LaidTag>,
+    /// The share of the print that showed when it was read.
+    shown: f64,
+}
+
+impl Seen {
+    fn new(tag: &DecodedTag, laid: Option<LaidTag>) -> Self {
+        Seen { tag: *tag, laid, shown: laid.map_or(0.0, |laid| laid.shown) }
+    }
+
+    /// The tag in the next image; none unless as much of it shows.
+    fn again(&self, laid: LaidTag) -> Option<Self> {
+        let tag = DecodedTag { corners: laid.corners, ..self.tag };
+        (SHOWN_AGAIN * self.shown <= laid.shown).then_some(Seen { tag, laid: Some(laid), shown: self.shown })
+    }
 }
 
 /// Where a tag may be. Where the pose puts it and where it was last need not agree while something moves: both are searched.
@@ -44,6 +76,12 @@ impl Place {
     }
 }
 
+/// Tags that stay are read once in this time, seconds; so long none can be exchanged or turned unseen,
+const READ_EVERY_S: f64 = 0.5;
+/// and so many at a time share it.
+const READ_IN_TURN: u32 = 16;
+/// A tag that stays shows at least this share of what it showed when it was read: another's bits, and its own a cell further, hide more.
+const SHOWN_AGAIN: f64 = 0.9;
 /// A tag is sought this far around where it is expected, pixels: what a mount vibrates and a hand moves from frame to frame.
 const REACH_PX: f64 = 16.0;
 /// Strips of an image.
@@ -63,7 +101,17 @@ impl TagFollower {
     pub fn new(finder: TagFinder, is_map: bool) -> Self {
         let absence = Absence::new(TAG_EVERY_S);
         let (round, small_round) = (Round::new(STRIPS + 1, ROUND_S), Round::new(STRIPS, SMALL_ROUND_S));
-        TagFollower { finder, is_map, seen: Vec::new(), absence, round, small_round }
+        let reading = Round::new(READ_IN_TURN, READ_EVERY_S);
+        TagFollower {
+            finder,
+            is_map,
+            seen: Vec::new(),
+            expected: Vec::new(),
+            reading,
+            absence,
+            round,
+            small_round,
+        }
     }
 
     pub fn detect(
@@ -73,7 +121,10 @@ impl TagFollower {
         expected: &[(Feature, Pixel)],
     ) -> Result<(Vec<Detection>, Extent), DetectError> {
         self.absence.passed(elapsed_s);
-        let mut found = self.near(image, expected);
+        let noise_gray = noise_gray(image);
+        let mut seen = self.measured_again(image, noise_gray, elapsed_s, expected);
+        let mut found = seen.iter().map(|seen| seen.tag).collect();
+        self.near(image, expected, &mut found);
         // Half of what was there has gone: the camera moved, or somebody walked into the view.
         let extent = if self.seen.is_empty() || 2 * found.len() < self.seen.len() {
             self.everywhere(image, elapsed_s, &mut found)
@@ -84,37 +135,74 @@ impl TagFollower {
         if !found.is_empty() {
             self.absence.found();
         }
-        self.seen.clone_from(&found);
-        let found = self.finder.measured(image, noise_gray(image), &found);
-        Ok((single_or_unique(&found, self.is_map)?.0, extent))
+        for tag in &found[seen.len()..] {
+            seen.push(Seen::new(tag, self.finder.laid(image, noise_gray, tag.id, &tag.corners, None)));
+        }
+        self.seen = seen;
+        self.expected.clear();
+        self.expected.extend(expected);
+        let found = self.seen.iter().map(|seen| FoundTag::new(&seen.tag, seen.laid.as_ref())).collect();
+        Ok((single_or_unique(&sorted(found), self.is_map)?.0, extent))
     }
 
-    /// Tags where they were last and where they are expected.
-    fn near(&mut self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Vec<DecodedTag> {
-        let places = self.places(image, expected);
+    /// The tags that are where they were, or where the motion of the pose puts the first and its own motion the others, but for those whose turn
+    /// it is to be read.
+    fn measured_again(
+        &mut self,
+        image: &GrayImage,
+        noise_gray: f64,
+        elapsed_s: f64,
+        expected: &[(Feature, Pixel)],
+    ) -> Vec<Seen> {
+        let due: Vec<u32> = self.reading.take(elapsed_s).collect();
+        let mut again = Vec::new();
+        let mut moved = None;
+        for seen in self.seen.iter().filter(|seen| !due.contains(&(seen.tag.id % READ_IN_TURN))) {
+            let Some(before) = &seen.laid else { continue };
+            let id = seen.tag.id;
+            let of_pose =
+                || middle(expected, id).zip(middle(&self.expected, id)).map(|(now, then)| now - then);
+            let motion = moved.or_else(of_pose).unwrap_or_else(Pixel::zeros);
+            let corners = seen.tag.corners.map(|corner| corner + motion);
+            let laid = self.finder.laid(image, noise_gray, id, &corners, Some(before));
+            match laid.and_then(|laid| seen.again(laid)) {
+                Some(now) => {
+                    moved =
+                        Some((0..4).map(|k| now.tag.corners[k] - seen.tag.corners[k]).sum::<Pixel>() / 4.0);
+                    again.push(now);
+                }
+                // The camera moved: the others will not be there either.
+                None if again.is_empty() => break,
+                None => {}
+            }
+        }
+        again
+    }
+
+    /// Adds the tags that are near where they were last and where they are expected.
+    fn near(&mut self, image: &GrayImage, expected: &[(Feature, Pixel)], found: &mut Vec<DecodedTag>) {
+        let places = self.places(image, expected, found);
         let parts = joined(places.iter().flat_map(Place::regions).collect());
-        let mut found = Vec::new();
         let total_px: u64 = parts.iter().map(Region::area_px).sum();
         if MOST_OF_IT * image.data.len() as f64 <= total_px as f64 {
-            add_new(&mut found, self.finder.search(image, &[FINE]));
+            add_new(found, self.finder.search(image, &[FINE]));
         } else {
             for part in &parts {
-                add_new(&mut found, self.finder.find_in(image, part, FINE));
+                add_new(found, self.finder.find_in(image, part, FINE));
             }
         }
         let is_small = |region: &Region| SMALL_SHARE * region.area_px() <= image.data.len() as u64;
         for place in places.iter().filter(|place| place.side_px <= SMALL_PX) {
             if !found.iter().any(|tag| place.holds(tag)) {
                 for region in joined(place.regions().collect()).iter().filter(|region| is_small(region)) {
-                    add_new(&mut found, self.finder.find_in(image, region, FINEST));
+                    add_new(found, self.finder.find_in(image, region, FINEST));
                 }
             }
         }
-        found
     }
 
-    /// The parts of the image that each tag is sought in.
-    fn places(&self, image: &GrayImage, expected: &[(Feature, Pixel)]) -> Vec<Place> {
+    /// The parts of the image that each tag is sought in that is not found yet.
+    fn places(&self, image: &GrayImage, expected: &[(Feature, Pixel)], found: &[DecodedTag]) -> Vec<Place> {
         let size_px = [image.width_px, image.height_px];
         let region = |corners: &[Pixel]| self.finder.region(corners, REACH_PX, size_px);
         let place = |tag: &DecodedTag| Place {
@@ -123,9 +211,14 @@ impl TagFollower {
             last: region(&tag.corners),
             by_pose: None,
         };
-        let mut places: Vec<Place> = self.seen.iter().map(place).collect();
+        let is_new = |tag: &&DecodedTag| !found.iter().any(|found| same_place(found, tag));
+        let mut places: Vec<Place> =
+            self.seen.iter().map(|seen| &seen.tag).filter(is_new).map(place).collect();
         for corners in expected.chunk_by(|a, b| a.0.id == b.0.id) {
             let id = corners[0].0.id;
+            if found.iter().any(|tag| tag.id == id) {
+                continue;
+            }
             let pixels: Vec<Pixel> = corners.iter().map(|(_, pixel)| *pixel).collect();
             let mut seen = places.iter_mut().filter(|place| place.id == id);
             match (seen.next(), seen.next()) {
@@ -178,6 +271,13 @@ impl TagFollower {
     }
 }
 
+/// The middle of where the pose puts a tag.
+fn middle(expected: &[(Feature, Pixel)], id: u32) -> Option<Pixel> {
+    let own = expected.iter().filter(|(feature, _)| feature.id == id);
+    let (sum, n) = own.fold((Pixel::zeros(), 0.0), |(sum, n), (_, pixel)| (sum + pixel, n + 1.0));
+    (0.0 < n).then(|| sum / n)
+}
+
 /// Whether all of these places lie in an image or close to its edges.
 fn is_inside(pixels: &[Pixel], size_px: [u32; 2]) -> bool {
     let reaches = |x: f64, size: u32| -REACH_PX <= x && x < size as f64 + REACH_PX;
@@ -199,10 +299,11 @@ mod tests {
     /// Area searched for a tag that was last seen in one place and is expected in another, pixels.
     fn searched_px(last: [Pixel; 4], by_pose: [Pixel; 4]) -> u64 {
         let mut follower = TagFollower::new(TagFinder::with_ids("tag36h11", &[3]).unwrap(), false);
-        follower.seen = vec![DecodedTag { family: 0, id: 3, margin_gray: 80.0, corners: last }];
+        let tag = DecodedTag { family: 0, id: 3, margin_gray: 80.0, corners: last };
+        follower.seen = vec![Seen::new(&tag, None)];
         let image = GrayImage::filled(SIZE_PX[0], SIZE_PX[1], 128);
         let expected = by_pose.map(|pixel| (Feature { id: 3, corner: 0 }, pixel));
-        let places = follower.places(&image, &expected);
+        let places = follower.places(&image, &expected, &[]);
         joined(places.iter().flat_map(Place::regions).collect()).iter().map(Region::area_px).sum()
     }
 

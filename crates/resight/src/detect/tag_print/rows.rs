@@ -55,8 +55,11 @@ pub(super) struct Placed<'a> {
     blur_px2: Matrix2<f64>,
     /// From pixels off the centre to the square −1 to 1 whose corners are detected.
     from_image: Homography,
+    /// The variance of the blur along each axis of the square, in cells, times z²: polynomials of the place along that axis.
+    variances: [[f64; 3]; 2],
     centre: Pixel,
-    edge_px: f64,
+    /// One over the shortest edge, 1/pixel.
+    per_edge: f64,
     margin_px: f64,
 }
 
@@ -72,7 +75,18 @@ impl<'a> Placed<'a> {
         // Outside of what is printed anything may be, and the blur brings it in.
         let rim_px = inset / (width - 2.0 * inset) * edge_px;
         let margin_px = (1.5 * (0.5 * blur_px2.trace()).sqrt() + 0.5).min(0.5 * rim_px);
-        Some(Placed { print, blur_px2: *blur_px2, from_image, centre, edge_px, margin_px })
+        let variances = [0, 1].map(|axis| {
+            from_image.scatter(axis, blur_px2).map(|coefficient| (0.5 * width - inset).powi(2) * coefficient)
+        });
+        Some(Placed {
+            print,
+            blur_px2: *blur_px2,
+            from_image,
+            variances,
+            centre,
+            per_edge: edge_px.recip(),
+            margin_px,
+        })
     }
 
     /// How the corners move with the entries of the homography from the square to the image.
@@ -92,7 +106,7 @@ impl<'a> Placed<'a> {
     /// How far along a direction the image `p` of a point moves with each entry but the last of the homography: with w the third of the point's
     /// homogeneous coordinates (x, y, w) it is w (e_a − p e_3) times (x/w, y/w, 1). The third row is in edges.
     fn by_map(&self, [x, y, w]: [f64; 3], [du, dv]: [f64; 2], p: [f64; 2]) -> [f64; 8] {
-        let d = -(du * p[0] + dv * p[1]) / self.edge_px;
+        let d = -(du * p[0] + dv * p[1]) * self.per_edge;
         [du * x, du * y, du * w, dv * x, dv * y, dv * w, d * x, d * y]
     }
 
@@ -110,22 +124,27 @@ impl<'a> Placed<'a> {
         let (inset, width) = (self.print.inset as f64, self.print.width as f64);
         let half = 0.5 * width - inset;
         let homogeneous = self.from_image.homogeneous(p);
-        let z = homogeneous[2];
-        let square = [homogeneous[0] / z, homogeneous[1] / z];
+        let per_z = 1.0 / homogeneous[2];
+        let square = [homogeneous[0] * per_z, homogeneous[1] * per_z];
         let x = square.map(|x| 0.5 * width + half * x);
-        if !self.print.is_known(x) {
+        // Most pixels of a large tag are near no line.
+        let variances = [0, 1].map(|axis| {
+            let [a, b, c] = self.variances[axis];
+            (a + square[axis] * (b + square[axis] * c)) * (per_z * per_z)
+        });
+        if !self.print.is_known(x) || !self.print.is_near_line(x, variances) {
             return None;
         }
         // Gradients of the plane's coordinates in the image, in cells.
-        let [g, h] = self.from_image.gradients(square, z).map(|g| g.map(|x| half * x));
+        let [g, h] = self.from_image.gradients(square, per_z).map(|g| g.map(|x| half * x));
         let weight = self.inside(x, [g, h]);
         let b = &self.blur_px2;
         let variance = |g: [f64; 2], h: [f64; 2]| {
             g[0] * (b[(0, 0)] * h[0] + b[(0, 1)] * h[1]) + g[1] * (b[(0, 1)] * h[0] + b[(1, 1)] * h[1])
         };
-        let sigma = [variance(g, g).sqrt(), variance(h, h).sqrt()];
+        let sigma = variances.map(f64::sqrt);
         let area = sigma[0] * sigma[1];
-        if !(0.0 < weight) || !area.is_normal() || !self.print.is_near_line(x, sigma) {
+        if !(0.0 < weight) || !area.is_normal() {
             return None;
         }
         let correlation = (variance(g, h) / area).clamp(-0.9, 0.9);
@@ -133,7 +152,7 @@ impl<'a> Placed<'a> {
         let slope = [0, 1].map(|a: usize| g[a] * ink.slope[0] + h[a] * ink.slope[1]);
         let mut row = [0.0; WIDTH];
         row[0] = 1.0;
-        (row[1], row[2]) = (p[0] / self.edge_px, p[1] / self.edge_px);
+        (row[1], row[2]) = (p[0] * self.per_edge, p[1] * self.per_edge);
         row[GAIN] = ink.value;
         row[MAP].copy_from_slice(&self.by_map(homogeneous, slope.map(|x| -x), p));
         let bend = |a: usize, b: usize| {
@@ -145,7 +164,7 @@ impl<'a> Placed<'a> {
         row[BLUR.start + 2] = 0.5 * bend(1, 1);
         row[SPREAD] = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
         // Both edges of a pair bow to one side, or to opposite ones; and what is between them is moved along.
-        let bow = square.map(|s| (1.0 - s * s) * 2.0 * half / self.edge_px);
+        let bow = square.map(|s| (1.0 - s * s) * 2.0 * half * self.per_edge);
         row[BOWS.start] = -bow[1] * ink.slope[0];
         row[BOWS.start + 1] = row[BOWS.start] * square[0];
         row[BOWS.start + 2] = -bow[0] * ink.slope[1];
