@@ -143,7 +143,8 @@ pub(super) fn lay(
         (state.blur_px2, state.x) = (fit.blur_px2, Some(fit.x));
         (state.foreign, state.least_blur_px) = (FOREIGN.1, LEAST_BLUR_PX);
     }
-    let mut lines = Vec::new();
+    // About half of the pixels are near a line.
+    let mut lines = Vec::with_capacity(n_pixels * 5 / 8);
     for round in 0..if before.is_some() { ROUNDS_AGAIN } else { ROUNDS } {
         let is_strict = state.foreign <= FOREIGN.1;
         let placed = Placed::new(print, &state.at, &state.blur_px2)?;

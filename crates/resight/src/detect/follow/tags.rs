@@ -24,8 +24,6 @@ pub(super) struct TagFollower {
     is_map: bool,
     /// As found last, copies included.
     seen: Vec<Seen>,
-    /// Where the pose put the tags in the last image.
-    expected: Vec<(Feature, Pixel)>,
     /// Tags are read again by the last digits of their ids.
     reading: Round,
     absence: Absence,
@@ -43,17 +41,20 @@ struct Seen {
     laid: Option<LaidTag>,
     /// The share of the print that showed when it was read.
     shown: f64,
+    /// How far it moved since the image before; zero where it was not seen.
+    moved: Pixel,
 }
 
 impl Seen {
     fn new(tag: &DecodedTag, laid: Option<LaidTag>) -> Self {
-        Seen { tag: *tag, laid, shown: laid.map_or(0.0, |laid| laid.shown) }
+        Seen { tag: *tag, laid, shown: laid.map_or(0.0, |laid| laid.shown), moved: Pixel::zeros() }
     }
 
     /// The tag in the next image; none unless as much of it shows.
     fn again(&self, laid: LaidTag) -> Option<Self> {
         let tag = DecodedTag { corners: laid.corners, ..self.tag };
-        (SHOWN_AGAIN * self.shown <= laid.shown).then_some(Seen { tag, laid: Some(laid), shown: self.shown })
+        let moved = (0..4).map(|k| tag.corners[k] - self.tag.corners[k]).sum::<Pixel>() / 4.0;
+        (SHOWN_AGAIN * self.shown <= laid.shown).then_some(Seen { tag, laid: Some(laid), moved, ..*self })
     }
 }
 
@@ -82,6 +83,8 @@ const READ_EVERY_S: f64 = 0.5;
 const READ_IN_TURN: u32 = 16;
 /// A tag that stays shows at least this share of what it showed when it was read: another's bits, and its own a cell further, hide more.
 const SHOWN_AGAIN: f64 = 0.9;
+/// A tag that moved further from one image to the next, pixels, goes on like that; a mount that trembles does not.
+const MOVING_PX: f64 = 1.0;
 /// A tag is sought this far around where it is expected, pixels: what a mount vibrates and a hand moves from frame to frame.
 const REACH_PX: f64 = 16.0;
 /// Strips of an image.
@@ -102,16 +105,7 @@ impl TagFollower {
         let absence = Absence::new(TAG_EVERY_S);
         let (round, small_round) = (Round::new(STRIPS + 1, ROUND_S), Round::new(STRIPS, SMALL_ROUND_S));
         let reading = Round::new(READ_IN_TURN, READ_EVERY_S);
-        TagFollower {
-            finder,
-            is_map,
-            seen: Vec::new(),
-            expected: Vec::new(),
-            reading,
-            absence,
-            round,
-            small_round,
-        }
+        TagFollower { finder, is_map, seen: Vec::new(), reading, absence, round, small_round }
     }
 
     pub fn detect(
@@ -122,7 +116,7 @@ impl TagFollower {
     ) -> Result<(Vec<Detection>, Extent), DetectError> {
         self.absence.passed(elapsed_s);
         let noise_gray = noise_gray(image);
-        let mut seen = self.measured_again(image, noise_gray, elapsed_s, expected);
+        let mut seen = self.measured_again(image, noise_gray, elapsed_s);
         let mut found = seen.iter().map(|seen| seen.tag).collect();
         self.near(image, expected, &mut found);
         // Half of what was there has gone: the camera moved, or somebody walked into the view.
@@ -139,38 +133,26 @@ impl TagFollower {
             seen.push(Seen::new(tag, self.finder.laid(image, noise_gray, tag.id, &tag.corners, None)));
         }
         self.seen = seen;
-        self.expected.clear();
-        self.expected.extend(expected);
         let found = self.seen.iter().map(|seen| FoundTag::new(&seen.tag, seen.laid.as_ref())).collect();
         Ok((single_or_unique(&sorted(found), self.is_map)?.0, extent))
     }
 
-    /// The tags that are where they were, or where the motion of the pose puts the first and its own motion the others, but for those whose turn
-    /// it is to be read.
-    fn measured_again(
-        &mut self,
-        image: &GrayImage,
-        noise_gray: f64,
-        elapsed_s: f64,
-        expected: &[(Feature, Pixel)],
-    ) -> Vec<Seen> {
+    /// The tags that are where they were, but for those whose turn it is to be read. The first is sought where it was, or where it goes if it is
+    /// moving; its motion is that of the others.
+    fn measured_again(&mut self, image: &GrayImage, noise_gray: f64, elapsed_s: f64) -> Vec<Seen> {
         let due: Vec<u32> = self.reading.take(elapsed_s).collect();
-        let mut again = Vec::new();
-        let mut moved = None;
+        let mut again: Vec<Seen> = Vec::new();
         for seen in self.seen.iter().filter(|seen| !due.contains(&(seen.tag.id % READ_IN_TURN))) {
             let Some(before) = &seen.laid else { continue };
-            let id = seen.tag.id;
-            let of_pose =
-                || middle(expected, id).zip(middle(&self.expected, id)).map(|(now, then)| now - then);
-            let motion = moved.or_else(of_pose).unwrap_or_else(Pixel::zeros);
+            let motion = match again.last() {
+                Some(other) => other.moved,
+                None if MOVING_PX < seen.moved.norm() => seen.moved,
+                None => Pixel::zeros(),
+            };
             let corners = seen.tag.corners.map(|corner| corner + motion);
-            let laid = self.finder.laid(image, noise_gray, id, &corners, Some(before));
+            let laid = self.finder.laid(image, noise_gray, seen.tag.id, &corners, Some(before));
             match laid.and_then(|laid| seen.again(laid)) {
-                Some(now) => {
-                    moved =
-                        Some((0..4).map(|k| now.tag.corners[k] - seen.tag.corners[k]).sum::<Pixel>() / 4.0);
-                    again.push(now);
-                }
+                Some(now) => again.push(now),
                 // The camera moved: the others will not be there either.
                 None if again.is_empty() => break,
                 None => {}
@@ -269,13 +251,6 @@ impl TagFollower {
     fn quick_levels(&self) -> &'static [f32] {
         if self.finder.wanted() == 1 { &[COARSE, FINE] } else { &[FINE] }
     }
-}
-
-/// The middle of where the pose puts a tag.
-fn middle(expected: &[(Feature, Pixel)], id: u32) -> Option<Pixel> {
-    let own = expected.iter().filter(|(feature, _)| feature.id == id);
-    let (sum, n) = own.fold((Pixel::zeros(), 0.0), |(sum, n), (_, pixel)| (sum + pixel, n + 1.0));
-    (0.0 < n).then(|| sum / n)
 }
 
 /// Whether all of these places lie in an image or close to its edges.
