@@ -2,13 +2,14 @@
 # The one test command. Needs a Rust toolchain and Python 3.11 or newer with venv; installs the rest below target/, and as root on Debian
 # Chromium and Java 17 where they are missing.
 #   ./test.sh          everything
+#   ./test.sh release  the wheel as it is released, optimised and for glibc 2.28, and its tests alone
 #   ./test.sh fast     without the derivations, other people's readers and the slow tests of scripts/slow_tests.txt: for daily work
 # Tests on recorded images read the folder named by RESIGHT_DATA and show as ignored without it.
 set -euo pipefail
 cd "$(dirname "$0")"
 case "${1:-everything}" in
-everything | fast) mode=${1:-everything} ;;
-*) echo "usage: ./test.sh [fast]" >&2; exit 2 ;;
+everything | fast | release) mode=${1:-everything} ;;
+*) echo "usage: ./test.sh [fast | release]" >&2; exit 2 ;;
 esac
 mkdir -p "${CARGO_TARGET_DIR:-target}"
 target=$(cd "${CARGO_TARGET_DIR:-target}" && pwd)
@@ -62,13 +63,16 @@ tests() { # all, or those that are not slow
     cargo test --workspace --no-fail-fast -- "${slow[@]}"
 }
 
-wheel() { # the Python package as it is released, for glibc 2.28 where the linker for that is to be had
-    local venv=$target/wheel-build portable=()
+wheel() { # the Python package from the crates that the tests built: only its own layer is left to build
+    local venv=$target/wheel-build as=(--profile dev)
     [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r crates/python/requirements-build.txt || return 1
-    [ "$(uname -sm)" != "Linux x86_64" ] || portable=(--zig --compatibility manylinux_2_28 --target x86_64-unknown-linux-gnu)
+    if [ "$mode" = release ]; then # For old systems where the linker for that is to be had.
+        as=(--release)
+        [ "$(uname -sm)" != "Linux x86_64" ] || as+=(--zig --compatibility manylinux_2_28 --target x86_64-unknown-linux-gnu)
+    fi
     rm -rf "$target/wheels"
-    PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build --release "${portable[@]}" --out "$target/wheels"
+    PATH=$venv/bin:$PATH CARGO_TARGET_DIR=$target "$venv/bin/maturin" build "${as[@]}" --out "$target/wheels"
 }
 
 wheel_tests() { # in a virtual environment that has nothing else of this repository; types are checked while the tests run
@@ -131,9 +135,13 @@ if [ -n "${RESIGHT_DATA:-}" ]; then
 fi
 # Drawn inputs are the same ones in each run; `PROPTEST_RNG_SEED=$RANDOM ./test.sh` draws others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-20041}
-step "cargo test" tests
+if [ "$mode" = release ]; then
+    step "python wheel" wheel
+    step "tests of the wheel" wheel_tests
+else
+    step "cargo test" tests
+fi
 if [ "$mode" = everything ]; then
-    # The program that the tests built: built by itself it has other features, and all crates would be built twice.
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
     step "files read by other programs" foreign_readers
     step "page" page

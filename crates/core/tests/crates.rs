@@ -121,13 +121,53 @@ fn brought_along(package: &Package) -> BTreeSet<String> {
 #[test]
 fn formats_bring_no_detector_database_or_decompression() {
     const HEAVY: [&str; 7] =
-        ["apriltag-sys", "calib-targets", "image", "rusqlite", "libsqlite3-sys", "zstd-sys", "mcap"];
+        ["apriltag-sys", "calib-targets-core", "image", "rusqlite", "libsqlite3-sys", "zstd-sys", "mcap"];
     let packages = packages();
     let of = |folder: &str| brought_along(packages.iter().find(|one| one.folder == folder).expect("a crate"));
     let (formats, cli) = (of("formats"), of("cli"));
     assert!(HEAVY.iter().all(|name| cli.contains(*name)), "the lock file is not read any more");
     let heavy: Vec<&&str> = HEAVY.iter().filter(|name| formats.contains(**name)).collect();
     assert!(heavy.is_empty() && formats.contains("toml"), "{heavy:?}");
+}
+
+/// The crates that a selection of packages is built from, each with its features.
+fn built_from(selection: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
+    let cargo = std::process::Command::new(env!("CARGO"))
+        .args(["tree", "--locked", "--prefix", "none", "--format", "{p}|{f}"])
+        .args(selection)
+        .current_dir(root())
+        .output()
+        .expect("cargo runs");
+    let text = String::from_utf8(cargo.stdout).expect("text");
+    assert!(cargo.status.success(), "{}", String::from_utf8_lossy(&cargo.stderr));
+    let mut all: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (package, features) in text.lines().filter_map(|line| line.split_once('|')) {
+        let features = features.trim_end_matches(" (*)").to_string();
+        all.entry(package.replace(" (proc-macro)", "")).or_default().insert(features);
+    }
+    all
+}
+
+/// Cargo builds a crate again where another selection of packages asks other features of it: the wheel after the program, or after the tests.
+#[test]
+fn one_build_serves_program_wheel_and_tests() {
+    let program = built_from(&["-p", "resight-cli", "-e", "normal,build"]);
+    let wheel = built_from(&["-p", "resight-python", "-e", "normal,build"]);
+    let tests = built_from(&["--workspace", "-e", "normal,build,dev"]);
+    assert!(200 < program.len(), "only {} crates seen", program.len());
+    for (others, name) in [(&wheel, "wheel"), (&tests, "tests")] {
+        let differs =
+            |(package, features): &(&String, &BTreeSet<String>)| others.get(*package) != Some(*features);
+        let told = |(package, features): (&String, &BTreeSet<String>)| {
+            format!("{package}: program {features:?}, {name} {:?}", others.get(package))
+        };
+        let again: Vec<String> = program.iter().filter(differs).map(told).collect();
+        assert!(
+            again.is_empty(),
+            "asked for in crates/cli/Cargo.toml they are built once:\n{}",
+            again.join("\n")
+        );
+    }
 }
 
 /// Every crate with what its manifest says of it, and the arrows between them; written anew with RESIGHT_BLESS=1.

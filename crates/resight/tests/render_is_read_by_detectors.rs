@@ -5,7 +5,9 @@
 #![allow(unsafe_code)] // The AprilTag detector is a C library.
 
 use apriltag_sys as sys;
-use calib_targets::charuco::{CharucoBoardSpec, CharucoParams, MarkerLayout};
+use calib_targets_charuco::{CharucoBoardSpec, CharucoDetector, CharucoParams, MarkerLayout};
+use calib_targets_chessboard::{ChessboardDetector, detect_corner_frame};
+use calib_targets_core::{GrayImageView, default_chess_config};
 use resight::GrayImage;
 use resight::render::{Finish, Placed, Scene, Style, family, render, true_pixels};
 use resight_core::camera::{CameraMatrix, ImageSize, Pinhole};
@@ -127,6 +129,11 @@ fn april_grid_has_kalibrs_ids_and_frame() {
     assert!(worst < 0.5, "{worst} px");
 }
 
+/// An image as the detectors of `calib-targets` take it.
+fn view(image: &GrayImage) -> GrayImageView<'_> {
+    GrayImageView { width: image.width_px as usize, height: image.height_px as usize, data: &image.data }
+}
+
 #[test]
 fn charuco_corners_are_where_the_pose_puts_them() {
     let name = "DICT_4X4_50";
@@ -141,11 +148,11 @@ fn charuco_corners_are_where_the_pose_puts_them() {
     let at = pose([0.3, -0.2, 0.4], [-0.05, -0.15, 0.45]);
     let scene = Scene::of(Target::Charuco(board), at, Style::default());
     let image = render(&scene, &camera(), &Finish::default()).unwrap();
-    let picture = image::GrayImage::from_raw(image.width_px, image.height_px, image.data).unwrap();
-    let dictionary = calib_targets::aruco::resolve_dictionary(name).unwrap();
+    let dictionary = calib_targets_aruco::resolve_dictionary(name).unwrap();
     let spec =
         CharucoBoardSpec::new(7, 5, 1.0, 0.75, dictionary).with_marker_layout(MarkerLayout::OpenCvCharuco);
-    let found = calib_targets::detect::detect_charuco(&picture, &CharucoParams::for_board(spec)).unwrap();
+    let detector = CharucoDetector::new(CharucoParams::for_board(spec)).unwrap();
+    let found = detector.detect(&view(&image)).unwrap();
     assert_eq!(found.corners.len(), 24);
     let truth = true_pixels(&scene.placed[0], &camera());
     for corner in &found.corners {
@@ -161,9 +168,8 @@ fn chessboard_corners_are_where_the_pose_puts_them() {
     let scene =
         Scene::of(Target::Chessboard(board), pose([0.2, 0.3, -0.3], [-0.1, -0.05, 0.4]), Style::default());
     let image = render(&scene, &camera(), &Finish::default()).unwrap();
-    let picture = image::GrayImage::from_raw(image.width_px, image.height_px, image.data).unwrap();
-    let chess = calib_targets::detect::default_chess_config();
-    let found = calib_targets::detect::detect_chessboard(&picture, &chess, &Default::default()).unwrap();
+    let corners = detect_corner_frame(&view(&image), &default_chess_config()).corners;
+    let found = ChessboardDetector::new(Default::default()).unwrap().detect(&corners).unwrap();
     assert_eq!(found.corners.len(), 40);
     for (feature, p) in true_pixels(&scene.placed[0], &camera()) {
         let distance = |c: &Pixel| (p - c).norm();

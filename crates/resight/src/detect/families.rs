@@ -7,7 +7,7 @@
 use super::DetectError;
 use super::apriltag;
 pub(super) use super::family::Family;
-use calib_targets::aruco::{Dictionary, resolve_dictionary};
+use calib_targets_aruco::{Dictionary, resolve_dictionary};
 
 /// Names of the AprilTag families, as accepted in target files.
 pub const APRILTAG_FAMILIES: [&str; 8] = [

@@ -3,9 +3,10 @@
 use super::corner::refine_corner;
 use super::sigma;
 use crate::GrayImage;
-use calib_targets::chessboard::{ChessCorner, detect_corner_frame};
-use calib_targets::core::{DetectorConfig, GrayImageView};
-use calib_targets::detect::{ImageRefiner, NoiseLevel, Uncertainty, default_chess_config};
+use calib_targets_chessboard::{ChessCorner, detect_corner_frame};
+use calib_targets_core::{
+    DetectorConfig, GrayImageView, ImageRefiner, NoiseLevel, Uncertainty, default_chess_config,
+};
 use resight_core::Pixel;
 
 /// A saddle point.

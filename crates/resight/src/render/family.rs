@@ -6,7 +6,7 @@
 
 use super::RenderError;
 use crate::detect::apriltag::{Drawing, drawing};
-use calib_targets::aruco::resolve_dictionary;
+use calib_targets_aruco::resolve_dictionary;
 
 /// The cells of one tag, white rim included.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::super::homography::{Homography, PlanePoint};
 use super::super::joints::Joint;
 use super::super::sigma;
-use calib_targets::chessboard::ChessboardDetection;
+use calib_targets_chessboard::ChessboardDetection;
 use resight_core::Pixel;
 use std::collections::BTreeMap;
 
