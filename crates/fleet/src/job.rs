@@ -1,7 +1,7 @@
 //! The jobs of fleets as doors ask for them: files in, files and an answer out.
 
 use crate::answer::{BatchObject, FleetCameraObject};
-use crate::assess::{AssessConfig, Assessment, assess};
+use crate::assess::{AssessConfig, Assessment, assess, assess_since, unit_of_time};
 use crate::run::{Job, Progress, run};
 use crate::source::expand;
 use crate::{Cameras, FleetError, FleetState, Solver, report, reread};
@@ -62,8 +62,10 @@ pub fn batch(
     let job = Job { inputs: &inputs, solver: &solver, output, period_s, threads };
     let begun = Instant::now();
     let done = run(&job, &|progress| hear(News::Progress(progress)))?;
-    let (counts, cameras) = (done.state.counts(), solver.cameras.len());
-    let answer = BatchObject::of(&done, counts, cameras, output, begun.elapsed().as_secs_f64());
+    if let Some(remark) = times_in_words(&done.state) {
+        hear(News::Warning(remark));
+    }
+    let answer = BatchObject::of(&done, &solver.cameras, output, begun.elapsed().as_secs_f64());
     if let Some(drift) = &request.drift {
         write_drift(drift, done.state, &solver.cameras)?;
     }
@@ -77,6 +79,14 @@ fn cameras_of(request: &BatchRequest) -> Result<Cameras, FleetError> {
         Some(target) => cameras.with_target(&read_target(target)?.target),
         None => Ok(cameras),
     }
+}
+
+/// A remark where most times are no seconds.
+fn times_in_words(state: &FleetState) -> Option<String> {
+    let mut last: Vec<f64> = state.spans().into_iter().filter_map(|(_, span)| Some(span?.1)).collect();
+    last.sort_by(f64::total_cmp);
+    let middle = *last.get(last.len() / 2)?;
+    unit_of_time(middle).map(|remark| format!("the times are about {middle:.3e} s: {remark}"))
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {
@@ -112,6 +122,10 @@ pub struct ReportRequest {
     pub cameras: Option<PathBuf>,
     /// Where the page goes, one HTML file.
     pub output: Option<PathBuf>,
+    /// The state that an earlier report wrote, of the time before these poses: what is new since then.
+    pub since: Option<PathBuf>,
+    /// Where the state of these poses goes, for the next report.
+    pub state: Option<PathBuf>,
     /// Seconds of a period.
     pub period_s: f64,
     /// What counts as a motion.
@@ -126,7 +140,20 @@ pub fn fleet_report(request: &ReportRequest) -> Result<Assessment, FleetError> {
     let inputs = expand(&request.inputs)?;
     let cameras = request.cameras.as_deref().map(Cameras::read).transpose()?;
     let state = reread(&inputs, request.period_s)?;
-    report_of(state, cameras.as_ref(), request.output.as_deref(), &request.config)
+    let bytes = request.state.is_some().then(|| state.to_bytes());
+    let fleet = match &request.since {
+        Some(path) => {
+            let before = std::fs::read(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+            let before = FleetState::from_bytes(&before).map_err(|e| FleetError::at(path, e.to_string()))?;
+            assess_since(state, before, cameras.as_ref(), &request.config)?
+        }
+        None => assess(state, cameras.as_ref(), &request.config)?,
+    };
+    write_page(&fleet, cameras.as_ref(), request.output.as_deref())?;
+    if let Some((path, bytes)) = request.state.as_ref().zip(bytes) {
+        write_atomically(path, &bytes)?;
+    }
+    Ok(fleet)
 }
 
 /// The same of a state, as many machines may have summed it.
@@ -140,8 +167,15 @@ pub fn report_of(
     config: &AssessConfig,
 ) -> Result<Assessment, FleetError> {
     let fleet = assess(state, cameras, config)?;
-    if let Some(output) = output {
-        write_atomically(output, report::page(&fleet, cameras).as_bytes())?;
-    }
+    write_page(&fleet, cameras, output)?;
     Ok(fleet)
+}
+
+fn write_page(
+    fleet: &Assessment,
+    cameras: Option<&Cameras>,
+    output: Option<&Path>,
+) -> Result<(), FleetError> {
+    let Some(output) = output else { return Ok(()) };
+    Ok(write_atomically(output, report::page(fleet, cameras).as_bytes())?)
 }

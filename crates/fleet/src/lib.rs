@@ -7,6 +7,7 @@
 //! | files in, pieces, parts, one file out | `source.rs`, `assemble.rs`, `run.rs`, `reread.rs` |
 //! | what is kept of a camera: exact sums that merge in any order | `state.rs` |
 //! | which cameras moved, are dead, have wrong maps or clocks | `assess.rs` |
+//! | times, durations and sizes in words | `words.rs` |
 //! | a page for people, JSON for programs | `report.rs`, `answer.rs` |
 //! | the jobs as doors ask for them | `job.rs` |
 //! | a day of a fleet with its truth | `simulate.rs` |
@@ -34,6 +35,7 @@ mod error;
 mod arrays;
 mod assemble;
 mod csv_out;
+pub mod words;
 pub mod cameras;
 pub mod layout;
 pub mod columns;
