@@ -43,7 +43,7 @@ pub struct AssessConfig {
     pub wrong_share: f64,
     /// Periods without a row, at the end of the record, after which a camera is dead.
     pub dead_periods: u32,
-    /// Motions before this time, seconds, are known: they are told, but a camera that has stayed since is not called moved.
+    /// Motions before this time, seconds, are known: they are reported, but a camera that has stayed since is not called moved.
     pub known_until_s: Option<f64>,
     /// The motion that is promised to be found is that of a step which then lasts for so many periods.
     pub promise_periods: u32,

@@ -1,10 +1,10 @@
 //! The jobs of fleets as doors ask for them: files in, files and an answer out.
 
 use crate::answer::{BatchObject, FleetCameraObject};
-use crate::assess::{AssessConfig, Assessment, assess, assess_since, unit_of_time};
+use crate::assess::{AssessConfig, Assessment, assess, assess_since};
 use crate::run::{Job, Progress, run};
 use crate::source::expand;
-use crate::{Cameras, FleetError, FleetState, Solver, report, reread};
+use crate::{Cameras, FleetError, FleetState, Solver, report, reread, units};
 use resight::formats::{read_target, write_atomically};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,14 +55,15 @@ pub fn batch(
         return Err(FleetError::Setting(reason));
     }
     let solver = Solver { cameras: Arc::new(cameras_of(request)?), sigma_px: request.sigma_px };
-    for text in &solver.cameras.warnings {
+    let of_views = inputs.first().map(|first| units::of_views(first)).unwrap_or_default();
+    for text in solver.cameras.warnings.iter().chain(&of_views) {
         hear(News::Warning(text.clone()));
     }
     let (period_s, threads) = (request.period_s, request.threads);
     let job = Job { inputs: &inputs, solver: &solver, output, period_s, threads };
     let begun = Instant::now();
     let done = run(&job, &|progress| hear(News::Progress(progress)))?;
-    if let Some(remark) = times_in_words(&done.state) {
+    if let Some(remark) = units::of_times(&done.state) {
         hear(News::Warning(remark));
     }
     let answer = BatchObject::of(&done, &solver.cameras, output, begun.elapsed().as_secs_f64());
@@ -79,14 +80,6 @@ fn cameras_of(request: &BatchRequest) -> Result<Cameras, FleetError> {
         Some(target) => cameras.with_target(&read_target(target)?.target),
         None => Ok(cameras),
     }
-}
-
-/// A remark where most times are no seconds.
-fn times_in_words(state: &FleetState) -> Option<String> {
-    let mut last: Vec<f64> = state.spans().into_iter().filter_map(|(_, span)| Some(span?.1)).collect();
-    last.sort_by(f64::total_cmp);
-    let middle = *last.get(last.len() / 2)?;
-    unit_of_time(middle).map(|remark| format!("the times are about {middle:.3e} s: {remark}"))
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {

@@ -9,6 +9,7 @@
 //! | which cameras moved, are dead, have wrong maps or clocks | `assess.rs` |
 //! | times, durations and sizes in words | `words.rs` |
 //! | a page for people, JSON for programs | `report.rs`, `answer.rs` |
+//! | units that are hardly meant | `units.rs` |
 //! | the jobs as doors ask for them | `job.rs` |
 //! | a day of a fleet with its truth | `simulate.rs` |
 //!
@@ -50,6 +51,7 @@ mod reread;
 pub mod assess;
 pub mod answer;
 pub mod report;
+mod units;
 pub mod job;
 pub mod simulate;
 

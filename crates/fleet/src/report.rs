@@ -42,7 +42,7 @@ const NARROW: &str = "@media(max-width:40rem){.moved-list table{font-size:1em}.m
     .moved-list td:nth-child(4)::before{content:'since '}.moved-list td:nth-child(5)::before{content:'± '}.moved-list td:nth-child(6)::before{content:'rotation '}\
     .moved-list td:nth-child(7)::before{content:'x, y, z '}.moved-list td:nth-child(8)::before{content:'shift '}.moved-list td:nth-child(9)::before{content:'χ² (6) '}}";
 
-const STYLE: &str = "svg{max-width:100%;height:auto}.axis{stroke:#99a;stroke-width:.6}.grid{stroke:#8886;stroke-width:.5}svg text{font:11px system-ui,sans-serif;fill:#778}\
+const STYLE: &str = "body{max-width:76rem}svg{max-width:100%;height:auto}.axis{stroke:#99a;stroke-width:.6}.grid{stroke:#8886;stroke-width:.5}svg text{font:11px system-ui,sans-serif;fill:#778}\
      .rx{stroke:#c0392b}.ry{stroke:#1e8449}.rz{stroke:#2471a3}.moved{fill:#b3261e}.wrong_map{fill:#9a6b00}.dead{fill:#555}.clock{fill:#6c3483}\
      .wandering,.too_few,.unknown{fill:#2471a3}.steady{fill:#147a3466}.rx,.ry,.rz{fill:none;stroke-width:1.3}.since{stroke:#b3261e;stroke-dasharray:4 3}\
      .found td:last-child{white-space:normal;min-width:14rem}.moved-list table{font-size:.88em}[hidden]{display:none!important}\

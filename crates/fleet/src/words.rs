@@ -39,6 +39,23 @@ pub fn with_sigma([value, sigma]: [f64; 2]) -> String {
     format!("{value:.decimals$} ± {sigma:.decimals$}")
 }
 
+/// A remark on a column of points in another unit, which is not read.
+pub(crate) fn of_other_unit(name: &str) -> Option<String> {
+    let is_axis = |stem: &str| {
+        let number = stem.strip_prefix(['x', 'y', 'z']);
+        number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
+    };
+    let (stem, divisor) = name
+        .strip_suffix("_mm")
+        .map(|stem| (stem, 1000))
+        .or_else(|| Some((name.strip_suffix("_cm")?, 100)))?;
+    (is_axis(stem) || stem == "points").then(|| {
+        format!(
+            "column `{name}` is not read: points are in metres; divide by {divisor} and name it `{stem}_m`"
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -57,7 +57,7 @@ fn events(verdict: &CameraVerdict, begin_s: f64) -> Vec<(&str, f64, [f64; 2])> {
     verdict.events.iter().map(of).collect()
 }
 
-/// Away for some hours and back, from 12° for 8 h of 24 to 0.3° for 2 h: both steps are told, with their sizes and times.
+/// Away for some hours and back, from 12° for 8 h of 24 to 0.3° for 2 h: both steps are reported, with their sizes and times.
 #[test]
 fn cases_excursions_are_two_steps() {
     let mut squares = Vec::new();
@@ -72,14 +72,14 @@ fn cases_excursions_are_two_steps() {
         let all =
             verdicts(&fleet, |n, t_s| if is_away(t_s) { rotation(n % 3, degrees) } else { Vector6::zeros() });
         for verdict in &all {
-            let told = events(verdict, fleet.simulation.begin_s);
+            let reported = events(verdict, fleet.simulation.begin_s);
             let near = |(kind, at, [angle, sigma]): &(&str, f64, [f64; 2]), h: f64| {
                 *kind == "step"
                     && (at - h).abs() < 0.15
                     && (angle - degrees).abs() < 5.0 * sigma + 1e-3 * degrees
                     && *sigma < 0.3
             };
-            let is_right = told.len() == 2 && near(&told[0], from_h) && near(&told[1], to_h);
+            let is_right = reported.len() == 2 && near(&reported[0], from_h) && near(&reported[1], to_h);
             assert!(
                 verdict.found == Found::Moved && is_right,
                 "{degrees}° {from_h}-{to_h} h of {hours}: {}",
@@ -110,24 +110,24 @@ fn cases_two_steps_and_one_near_the_end() {
             first + if 5.0 * HOUR_S <= t_s { rotation(second, 0.5) } else { Vector6::zeros() }
         });
         for verdict in &all {
-            let told = events(verdict, fleet.simulation.begin_s);
-            let is_right = told.len() == 2
-                && told
+            let reported = events(verdict, fleet.simulation.begin_s);
+            let is_right = reported.len() == 2
+                && reported
                     .iter()
                     .zip([2.0, 5.0])
                     .all(|(e, h)| (e.1 - h).abs() < 0.4 && (e.2[0] - 0.5).abs() < 5.0 * e.2[1]);
-            assert!(is_right, "{told:?} {}", verdict.message);
+            assert!(is_right, "{reported:?} {}", verdict.message);
         }
     }
     let fleet = still(12, 24.0, 90.0, 7);
     let all =
         verdicts(&fleet, |_, t_s| if 23.0 * HOUR_S <= t_s { rotation(1, 1.0) } else { Vector6::zeros() });
     for verdict in &all {
-        let told = events(verdict, fleet.simulation.begin_s);
-        let is_right = told.len() == 1
-            && (told[0].1 - 23.0).abs() < 0.3
-            && (told[0].2[0] - 1.0).abs() < 5.0 * told[0].2[1];
-        assert!(is_right && told[0].0 == "step", "{told:?} {}", verdict.message);
+        let reported = events(verdict, fleet.simulation.begin_s);
+        let is_right = reported.len() == 1
+            && (reported[0].1 - 23.0).abs() < 0.3
+            && (reported[0].2[0] - 1.0).abs() < 5.0 * reported[0].2[1];
+        assert!(is_right && reported[0].0 == "step", "{reported:?} {}", verdict.message);
     }
 }
 

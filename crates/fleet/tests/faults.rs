@@ -1,4 +1,4 @@
-//! What is wrong with tables, units and clocks is said, with its line, and does not stop the others; and what is new since yesterday.
+//! What is wrong with tables, units and clocks is reported, with its line, and does not stop the others; and what is new since yesterday.
 
 use crate::support::{day, folder, solved, solver, written};
 use resight_fleet::Cameras;
@@ -40,6 +40,42 @@ fn units_get_a_remark() {
     std::fs::write(&file, [&HEAD.replace("_m,", "_mm,"), row].join("\n")).expect("written");
     let warnings = Cameras::read(&file).expect("a camera").warnings;
     assert!(warnings[0].contains("`x0_mm`") && warnings[0].contains("divide by 1000"), "{warnings:?}");
+}
+
+/// Points of rows in millimetres, and columns that say so.
+#[test]
+fn units_of_rows_get_a_remark() {
+    let folder = folder("units-of-rows");
+    let pixels = "u0_px,v0_px,u1_px,v1_px,u2_px,v2_px,";
+    let numbers = "a,0,700,480,900,490,720,700,100,200,300,2000,100,500,400,1500,100";
+    std::fs::write(folder.join("cameras.csv"), "camera,fx_px,fy_px,cx_px,cy_px\na,900,900,640,480\n")
+        .expect("written");
+    for (unit, said) in [("m", "are they in millimetres?"), ("mm", "`x0_mm` is not read")] {
+        let points =
+            HEAD.split_once("x0").map_or("", |(_, points)| points).replace("_m", &format!("_{unit}"));
+        let file = folder.join(format!("{unit}.csv"));
+        std::fs::write(&file, format!("camera,time_s,{pixels}x0{points}\n{numbers}\n")).expect("written");
+        let remarks = Mutex::new(Vec::new());
+        let request = BatchRequest {
+            inputs: vec![file.display().to_string()],
+            cameras: folder.join("cameras.csv"),
+            target: None,
+            output: folder.join("poses.parquet"),
+            drift: None,
+            sigma_px: 0.3,
+            period_s: 900.0,
+            threads: 1,
+        };
+        let done = batch(&request, &|news| {
+            if let News::Warning(text) = news {
+                remarks.lock().expect("a lock").push(text);
+            }
+            true
+        });
+        assert!(done.is_ok());
+        let remarks = remarks.into_inner().expect("a lock");
+        assert!(remarks.iter().any(|text| text.contains(said)), "{unit}: {remarks:?}");
+    }
 }
 
 /// Milliseconds as seconds: a remark, and no verdict about motion.

@@ -15,7 +15,7 @@ pub struct FleetSpan {
 const ONE_IN: usize = 20;
 /// Periods by which a camera may be off the fleet before its clock is blamed.
 const OFF_PERIODS: f64 = 4.0;
-/// A camera whose clock is right is said to have times that came twice at most once in so many records.
+/// A camera whose clock is right is reported to have times that came twice at most once in so many records.
 const FALSE_ALARM_PROBABILITY: f64 = 1e-6;
 /// Rows of a period over those that the camera takes, in the mean over times that came twice.
 const TWICE: f64 = 1.6;

@@ -1,8 +1,8 @@
 //! Which motions the readings of a camera show.
 
 use super::AssessConfig;
-use super::events::{self, Motion};
-use super::evidence::{Course as Steps, Record};
+use super::events::{self, Motion, Moved};
+use super::evidence::{Course as Steps, FALSE_ALARM_PROBABILITY, Record};
 use super::readings::{mean, motion, readings};
 use crate::state::CameraState;
 use resight::core::temporal::monitor::learn::{LEAST_READINGS, LearnConfig, learn, unsettled};
@@ -15,7 +15,7 @@ pub(super) struct Course {
     pub reference: Option<(Pose, Matrix6)>,
     /// In order of time.
     pub events: Vec<Motion>,
-    /// Where the camera is at the end in its own frame of the beginning, `[rotation_rad; translation_m]`, where more than one motion is told.
+    /// Where the camera is at the end in its own frame of the beginning, `[rotation_rad; translation_m]`, where more than one motion is reported.
     pub now: Option<(Vector6, Matrix6)>,
     pub unrest: Option<Wander>,
     pub detectable: Option<Detectable>,
@@ -24,8 +24,9 @@ pub(super) struct Course {
 
 /// What is no step and no ramp, and yet no camera that stayed.
 pub(super) enum Wander {
-    /// To and fro, by more than the errors of a period: from the first quarter to the last.
-    ToAndFro(Vector6),
+    /// To and fro, by more than the errors of a period: from the first quarter to the last. Steps that are likelier than an error that
+    /// lasts, but not beyond doubt.
+    ToAndFro { by: Vector6, likely: Vec<Motion> },
     /// So many readings are farther from the mean than the motion that would have been found: the farthest, and when it was.
     Off { readings: usize, farthest: Vector6, t_s: f64 },
 }
@@ -45,25 +46,29 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
     }
     let correlated = config.correlated(period_s);
     let single = unsettled(&readings, &correlated);
-    if let Some(course) = several(&readings, state, period_s, &correlated, single.as_ref()) {
-        return Course { readings: readings.len(), ..course };
+    let steps = |rate: f64| several(&readings, state, period_s, &correlated, single.as_ref(), rate);
+    if let Some(Moved { reference, events, now }) = steps(FALSE_ALARM_PROBABILITY) {
+        return Course { reference: Some(reference), events, now, ..nothing };
     }
     match single {
         Some(Unsettled { unrest: Unrest::Wander, drift, .. }) => Course {
-            unrest: Some(Wander::ToAndFro(drift.old_from_new)),
+            unrest: Some(Wander::ToAndFro {
+                by: drift.old_from_new,
+                likely: steps(LIKELY).map_or_else(Vec::new, |moved| moved.events),
+            }),
             ..steady(&readings, &correlated, period_s, config)
         },
         Some(found) => {
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
-            let told = events::of_single(&found, &readings, state, period_s);
+            let reported = events::of_single(&found, &readings, state, period_s);
             // Of a ramp whose ends do not differ nothing remains that continues.
-            match told.chi2 < LEAST_CHI2 {
+            match reported.chi2 < LEAST_CHI2 {
                 true => Course {
-                    unrest: Some(Wander::ToAndFro(found.drift.old_from_new)),
+                    unrest: Some(Wander::ToAndFro { by: found.drift.old_from_new, likely: Vec::new() }),
                     ..steady(&readings, &correlated, period_s, config)
                 },
-                false => Course { reference: before, events: vec![told], ..nothing },
+                false => Course { reference: before, events: vec![reported], ..nothing },
             }
         }
         None => steady(&readings, &correlated, period_s, config),
@@ -73,17 +78,21 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
 /// Exceeded by χ² with six degrees of freedom once in a thousand.
 const LEAST_CHI2: f64 = 22.458;
 
-/// Steps whose evidence is beyond doubt, each of its own; none where there is none, or where a single ramp is likelier.
+/// One camera in twenty that wanders is reported to have likely steps falsely, at most.
+const LIKELY: f64 = 0.05;
+
+/// Steps whose evidence is beyond that of a probability of false alarms, each of its own; none where there is none, or where a single ramp is likelier.
 fn several(
     readings: &[Reading],
     state: &CameraState,
     period_s: f64,
     config: &LearnConfig,
     single: Option<&Unsettled>,
-) -> Option<Course> {
+    false_alarms: f64,
+) -> Option<Moved> {
     let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
     let record = Record::new(readings, &t_s, config)?;
-    let steps = record.steps()?;
+    let steps = record.steps(false_alarms)?;
     let of =
         |steps: &[usize], ramp: Option<usize>| record.log_posterior(&Steps { steps: steps.to_vec(), ramp });
     let found =
@@ -93,7 +102,7 @@ fn several(
         return None;
     }
     let groups = record.certain(events::groups(&record, &steps));
-    events::told(&record, &groups, readings, state, period_s)
+    events::reported(&record, &groups, readings, state, period_s)
 }
 
 /// The pose of the whole record, and what would have been found.

@@ -1,6 +1,5 @@
 //! Motions in numbers: when, and how far from the pose before to the pose after.
 
-use super::drift::Course;
 use super::evidence::{Record, means};
 use super::readings::{mean, motion};
 use super::series::{Correlated, Jump};
@@ -40,7 +39,7 @@ pub struct Motion {
 
 impl Motion {
     /// Whether more than one period shows that the camera went elsewhere.
-    pub fn is_lasting(&self) -> bool {
+    pub fn is_confirmed(&self) -> bool {
         matches!(self.kind, "step" | "ramp")
     }
 
@@ -104,6 +103,16 @@ pub(super) fn groups(record: &Record, steps: &[usize]) -> Vec<Vec<usize>> {
     groups
 }
 
+/// The course of a camera that moved.
+pub(super) struct Moved {
+    /// The pose before any motion.
+    pub reference: (Pose, Matrix6),
+    /// In order of time.
+    pub events: Vec<Motion>,
+    /// From the beginning to the end, where there is more than one.
+    pub now: Option<(Vector6, Matrix6)>,
+}
+
 /// One event: the readings before it end, those after it begin.
 struct Border {
     before_end: usize,
@@ -146,13 +155,13 @@ fn border(record: &Record, group: &[usize], all: &[usize]) -> Border {
 }
 
 /// The course with these events; none where a pose or a covariance is none.
-pub(super) fn told(
+pub(super) fn reported(
     record: &Record,
     groups: &[Vec<usize>],
     readings: &[Reading],
     state: &CameraState,
     period_s: f64,
-) -> Option<Course> {
+) -> Option<Moved> {
     let all: Vec<usize> = groups.iter().flatten().copied().collect();
     let errors: Vec<Correlated> = record.series[..6]
         .iter()
@@ -188,14 +197,7 @@ pub(super) fn told(
     let first = mean(&readings[borders.first()?.sides(0, readings.len()).0])?;
     let last = mean(&readings[borders.last()?.sides(0, readings.len()).1])?;
     let now = (1 < events.len()).then(|| (motion(&first.0, &last.0), total + first.1 + last.1));
-    Some(Course {
-        reference: Some(first),
-        events,
-        now,
-        unrest: None,
-        detectable: None,
-        readings: readings.len(),
-    })
+    Some(Moved { reference: first, events, now })
 }
 
 /// So few readings are all needed.

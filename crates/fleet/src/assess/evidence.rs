@@ -7,7 +7,7 @@ use resight::core::temporal::monitor::Reading;
 use resight::core::temporal::monitor::learn::LearnConfig;
 use resight::core::{Matrix6, Vector6};
 
-/// A camera that stayed is said to have moved by this test once in so many records: a tenth of the rate of the test of a single motion.
+/// A camera that stayed is reported to have moved by this test once in so many records: a tenth of the rate of the test of a single motion.
 pub(super) const FALSE_ALARM_PROBABILITY: f64 = 2.5e-6;
 /// Standard deviations of the sizes of steps that are looked for, in those of a reading; besides none, for a direction need not show a step.
 const SIZES: [f64; 4] = [5.0, 50.0, 500.0, 5000.0];
@@ -76,9 +76,9 @@ impl<'a> Record<'a> {
         self.t_s.len()
     }
 
-    /// Steps that explain the readings, where the evidence for them is beyond that of `FALSE_ALARM_PROBABILITY`.
-    pub fn steps(&self) -> Option<Vec<usize>> {
-        let limit = -FALSE_ALARM_PROBABILITY.ln();
+    /// Steps that explain the readings, where the evidence for them is beyond that of a probability of false alarms.
+    pub fn steps(&self, false_alarms: f64) -> Option<Vec<usize>> {
+        let limit = -false_alarms.ln();
         let found = candidates(&self.whitened, &self.weights);
         let nothing: Vec<f64> = match found.is_empty() {
             true => return None,

@@ -58,8 +58,8 @@ fn name_of(cameras: &Cameras, camera: &str) -> Option<String> {
 fn at_one_time(site: &str, verdicts: &[&CameraVerdict]) -> Vec<Together> {
     let mut events: Vec<(f64, f64, &str)> = Vec::new();
     for verdict in verdicts {
-        let lasting = verdict.events.iter().filter(|event| event.is_lasting());
-        events.extend(lasting.map(|event| (event.since_s, event.since_sigma_s, verdict.camera.as_str())));
+        let confirmed = verdict.events.iter().filter(|event| event.is_confirmed());
+        events.extend(confirmed.map(|event| (event.since_s, event.since_sigma_s, verdict.camera.as_str())));
     }
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let is_near = |a: &(f64, f64, &str), b: &(f64, f64, &str)| b.0 - a.0 <= APART * a.1.hypot(b.1);

@@ -90,8 +90,8 @@ pub struct CameraVerdict {
 impl CameraVerdict {
     /// The motion with the most evidence.
     pub fn motion(&self) -> Option<&Motion> {
-        let lasting = self.events.iter().filter(|event| self.found == Found::Moved && event.is_lasting());
-        lasting.max_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let confirmed = self.events.iter().filter(|event| self.found == Found::Moved && event.is_confirmed());
+        confirmed.max_by(|a, b| a.chi2.total_cmp(&b.chi2))
     }
 }
 
@@ -155,12 +155,12 @@ fn dead(state: &CameraState, fleet: &FleetSpan, config: &AssessConfig) -> Option
 }
 
 fn judged(plain: CameraVerdict, course: Course, config: &AssessConfig) -> CameraVerdict {
-    let lasting = || course.events.iter().filter(|event| event.is_lasting());
+    let confirmed = || course.events.iter().filter(|event| event.is_confirmed());
     let is_new = |event: &Motion| {
         config.known_until_s.is_none_or(|known| known < event.since_s + 2.0 * event.since_sigma_s)
     };
-    let is_known = lasting().next().is_some() && course.events.iter().all(|event| !is_new(event));
-    let is_moved = lasting().next().is_some() && !is_known;
+    let is_known = confirmed().next().is_some() && course.events.iter().all(|event| !is_new(event));
+    let is_moved = confirmed().next().is_some() && !is_known;
     let (found, message) = match (&course.unrest, &course.reference) {
         _ if is_known => (Found::Steady, format!("stayed since; before that: {}", moved(&course))),
         _ if is_moved => (Found::Moved, moved(&course)),
@@ -226,10 +226,16 @@ fn wandering(wander: &Wander) -> String {
         format!("{angle:.4}° and {shift:.2} mm")
     };
     match wander {
-        Wander::ToAndFro(by) => format!(
-            "moves to and fro by {} over the record, by more than the errors of its periods",
-            size(by)
-        ),
+        Wander::ToAndFro { by, likely } => {
+            let text = format!(
+                "moves to and fro by {} over the record, by more than the errors of its periods",
+                size(by)
+            );
+            match likely.first() {
+                Some(likely) => format!("{text}; likelier, but not beyond doubt: {}", event(likely)),
+                None => text,
+            }
+        }
         Wander::Off { readings, farthest, t_s } => format!(
             "{readings} of its periods are farther off than a step that would have been found, by up to {}, at {}; errors that last explain \
              them as well as a motion",

@@ -2,6 +2,7 @@
 
 use super::{FleetCamera, Site};
 use crate::FleetError;
+use crate::words::of_other_unit;
 use resight::FileError;
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use resight::core::{Camera, Lens, Point};
@@ -31,7 +32,8 @@ pub(super) fn read(path: &Path) -> Result<Read, FleetError> {
     let table = Table::open(path, "camera,fx_px,fy_px,cx_px,cy_px")?;
     let columns = columns(&table)?;
     let (mut cameras, mut rejected) = (Vec::new(), Vec::new());
-    let remarks = millimetres(&table);
+    let other = ["x0_mm", "x0_cm"].into_iter().filter(|name| table.find(name).is_some());
+    let remarks = other.filter_map(of_other_unit).collect();
     table.each_or_torn(|row| {
         match row.and_then(|row| camera(&columns, &row)) {
             Ok(camera) => cameras.push(camera),
@@ -43,17 +45,6 @@ pub(super) fn read(path: &Path) -> Result<Read, FleetError> {
         Some(_) if cameras.is_empty() => Err(rejected.swap_remove(0).into()),
         _ => Ok((cameras, rejected, remarks)),
     }
-}
-
-/// Columns of points in another unit are not read.
-fn millimetres(table: &Table) -> Vec<String> {
-    let unused = ["mm", "cm"].into_iter().filter(|unit| table.find(&format!("x0_{unit}")).is_some());
-    unused
-        .map(|unit| {
-            let divisor = if unit == "mm" { 1000 } else { 100 };
-            format!("column `x0_{unit}` and its like are not read: points are in metres; divide by {divisor} and name them `x0_m`, `y0_m`, `z0_m`, …")
-        })
-        .collect()
 }
 
 fn columns(table: &Table) -> Result<Columns, FleetError> {

@@ -31,7 +31,7 @@ pub(super) fn table(page: &mut Page, fleet: &Assessment, cameras: &Cameras) {
     if rows.is_empty() {
         return;
     }
-    rows.sort_by(|a, b| b.1.1.cmp(&a.1.1));
+    rows.sort_by_key(|(_, (_, counts))| std::cmp::Reverse(*counts));
     let shown = |n: &usize| if *n == 0 { String::new() } else { n.to_string() };
     let row = |(site, (n, counts)): (&String, &(usize, [usize; COUNTED.len()]))| {
         [site.clone(), n.to_string()].into_iter().chain(counts.iter().map(shown)).collect::<Vec<_>>()
