@@ -119,27 +119,46 @@ fn steady(readings: &[Reading], correlated: &LearnConfig, period_s: f64, config:
         monitor.detectable(f64::from(config.promise_periods) * period_s)
     });
     let reference = learned.map(|reference| (reference.a_from_b, reference.noise.reference));
-    let unrest = reference.and_then(|(mean, _)| contradiction(readings, &mean, detectable.as_ref()?));
+    let unrest = reference.and_then(|(mean, _)| {
+        contradiction(readings, &mean, detectable.as_ref()?, config.promise_periods as usize)
+    });
     Course { reference, events: Vec::new(), now: None, unrest, detectable, readings: readings.len() }
 }
 
-/// Standard deviations of a reading that may be added to a motion that would have been found.
+/// Standard deviations that may be added to a motion that would have been found.
 const NOISE: f64 = 5.0;
 
-/// Readings farther off than the motion that would have been found: a camera with such readings is not said to have stayed.
-fn contradiction(readings: &[Reading], mean: &Pose, found: &Detectable) -> Option<Wander> {
+/// Readings, or means of as many as a motion that would have been found lasts, that are farther off than it: a camera with such readings is not
+/// reported to have stayed. See docs/math/fleet.md eq. (17).
+fn contradiction(readings: &[Reading], mean: &Pose, found: &Detectable, periods: usize) -> Option<Wander> {
     let limit = |i: usize| if i < 3 { found.rotation_rad[i] } else { found.translation_m[i - 3] };
-    let excess = |reading: &Reading| {
-        let y = motion(mean, &reading.a_from_b);
-        let of = |i: usize| y[i].abs() / (limit(i) + NOISE * reading.covariance[(i, i)].max(0.0).sqrt());
-        ((0..6).map(of).fold(0.0, f64::max), y)
-    };
-    let off: Vec<(f64, f64, Vector6)> = readings
-        .iter()
-        .map(|reading| (excess(reading), reading.t_s))
-        .filter(|((excess, _), _)| 1.0 < *excess)
-        .map(|((excess, y), t_s)| (excess, t_s, y))
-        .collect();
-    let (_, t_s, farthest) = off.iter().max_by(|a, b| a.0.total_cmp(&b.0)).copied()?;
-    Some(Wander::Off { readings: off.len(), farthest, t_s })
+    let y: Vec<Vector6> = readings.iter().map(|reading| motion(mean, &reading.a_from_b)).collect();
+    let n = readings.len();
+    let typical: Matrix6 = readings.iter().map(|reading| reading.covariance).sum::<Matrix6>() / n as f64;
+    let information = typical.try_inverse()?;
+    let alone = |y: &Vector6, i: usize| (information * y)[i] / information[(i, i)];
+    let periods = periods.clamp(1, n);
+    let mut off = vec![false; n];
+    let mut farthest = (1.0, Vector6::zeros(), 0.0);
+    for (length, is_alone) in [(1, false), (periods, true)] {
+        for first in 0..=n - length {
+            let mean = y[first..first + length].iter().sum::<Vector6>() / length as f64;
+            let of = |i: usize| match is_alone {
+                true => {
+                    alone(&mean, i).abs() / (limit(i) + NOISE / (information[(i, i)] * length as f64).sqrt())
+                }
+                false => mean[i].abs() / (limit(i) + NOISE * typical[(i, i)].max(0.0).sqrt()),
+            };
+            let excess = (0..6).map(of).fold(0.0, f64::max);
+            if 1.0 < excess {
+                off[first..first + length].fill(true);
+            }
+            if farthest.0 < excess {
+                farthest = (excess, mean, 0.5 * (readings[first].t_s + readings[first + length - 1].t_s));
+            }
+        }
+    }
+    let (_, farthest, t_s) = farthest;
+    let readings = off.into_iter().filter(|is_off| *is_off).count();
+    (0 < readings).then_some(Wander::Off { readings, farthest, t_s })
 }
