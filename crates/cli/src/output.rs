@@ -18,6 +18,8 @@ pub enum Outcome {
     Answered,
     /// Some result is anything else; each says why.
     SomeUnanswered,
+    /// Something could not be read; the others have their results.
+    Damaged,
     /// Something moved.
     Moved,
 }
@@ -37,6 +39,7 @@ impl Outcome {
         match self {
             Outcome::Answered => 0,
             Outcome::SomeUnanswered => 1,
+            Outcome::Damaged => 2,
             Outcome::Moved => 3,
         }
     }
@@ -45,6 +48,7 @@ impl Outcome {
     pub fn and(self, other: Outcome) -> Self {
         match (self, other) {
             (Outcome::Moved, _) | (_, Outcome::Moved) => Outcome::Moved,
+            (Outcome::Damaged, _) | (_, Outcome::Damaged) => Outcome::Damaged,
             (Outcome::SomeUnanswered, _) | (_, Outcome::SomeUnanswered) => Outcome::SomeUnanswered,
             (Outcome::Answered, Outcome::Answered) => Outcome::Answered,
         }

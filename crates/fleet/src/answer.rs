@@ -1,10 +1,14 @@
 //! Answers as JSON: what `batch` and `fleet-report` print.
 
-use crate::assess::{Assessment, CameraVerdict, Found};
+use crate::assess::{Assessment, CameraVerdict, Found, Motion};
+use crate::cameras::Cameras;
 use crate::layout::Columns;
 use crate::run::Done;
+use crate::words::utc;
 use resight::answer::{SchemaNumber, TransformObject};
+use resight::core::{Matrix6, Vector6};
 use resight::report::verdict::Status;
+use resight::report::words::sigmas;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -38,7 +42,7 @@ pub struct BatchObject {
     /// Pieces of the output, and those of them that an earlier run, cut off, had written.
     parts: usize,
     resumed_parts: usize,
-    /// Files, or pieces of files, that could not be read.
+    /// Files, pieces of files, and rows of the table of cameras, that could not be read.
     failed: Vec<FailedObject>,
 }
 
@@ -52,9 +56,14 @@ struct FailedObject {
 const WORDS: [&str; 5] = ["ok", "ambiguous", "degenerate", "inconsistent", "error"];
 
 impl BatchObject {
-    /// Of a run that took so long; `counts` are the rows of each status.
-    pub fn of(done: &Done, counts: [u64; 5], cameras: usize, output: &Path, seconds: f64) -> Self {
-        let answer = ClusterAnswer { counts, cameras, parts: done.parts, failed: done.failed.clone() };
+    /// Of a run with these cameras that took so long.
+    pub fn of(done: &Done, cameras: &Cameras, output: &Path, seconds: f64) -> Self {
+        let answer = ClusterAnswer {
+            counts: done.state.counts(),
+            cameras: cameras.len(),
+            parts: done.parts,
+            failed: cameras.rejected.iter().chain(&done.failed).cloned().collect(),
+        };
         BatchObject { resumed_parts: done.resumed_parts, ..Self::of_cluster(answer, output, seconds) }
     }
 
@@ -81,9 +90,14 @@ impl BatchObject {
         }
     }
 
-    /// Whether every row is `ok` and every file was read.
+    /// Whether every row is `ok` and everything was read.
     pub fn status(&self) -> Status {
         self.status
+    }
+
+    /// Whether something could not be read: a file, a piece of one, or a row of the table of cameras.
+    pub fn is_damaged(&self) -> bool {
+        !self.failed.is_empty()
     }
 
     /// For people.
@@ -178,7 +192,12 @@ pub struct FleetCameraObject {
     status: Status,
     found: String,
     message: String,
+    /// The motion with the most evidence.
     motion: Option<MotionObject>,
+    /// All motions, in order of time.
+    events: Vec<MotionObject>,
+    /// Where the camera is at the end in its own frame of the beginning, where it moved more than once.
+    now: Option<NowObject>,
     cam_from_target: Option<TransformObject>,
     /// 6×6, `[rotation_rad; translation_m]`, left perturbation in the camera frame.
     covariance: Option<[[f64; 6]; 6]>,
@@ -190,6 +209,7 @@ pub struct FleetCameraObject {
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 struct MotionObject {
+    /// `step`, `ramp`, `excursion` (away for a single period), or `pending` (a step that the last period alone shows).
     kind: &'static str,
     since_s: f64,
     since_sigma_s: f64,
@@ -202,16 +222,9 @@ struct MotionObject {
     rotation_alone_deg: Option<[f64; 3]>,
 }
 
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-struct DetectableObject {
-    within_s: f64,
-    rotation_deg: [f64; 3],
-    translation_m: [f64; 3],
-}
-
-impl From<&CameraVerdict> for FleetCameraObject {
-    fn from(v: &CameraVerdict) -> Self {
-        let motion = v.motion.as_ref().map(|m| MotionObject {
+impl From<&Motion> for MotionObject {
+    fn from(m: &Motion) -> Self {
+        MotionObject {
             kind: m.kind,
             since_s: m.since_s,
             since_sigma_s: m.since_sigma_s,
@@ -222,14 +235,48 @@ impl From<&CameraVerdict> for FleetCameraObject {
             translation_m: m.translation_m,
             translation_sigma_m: m.translation_sigma_m,
             rotation_alone_deg: m.rotation_alone_deg,
-        });
+        }
+    }
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct NowObject {
+    rotation_deg: [f64; 3],
+    rotation_sigma_deg: [f64; 3],
+    translation_m: [f64; 3],
+    translation_sigma_m: [f64; 3],
+}
+
+impl NowObject {
+    fn of(y: &Vector6, covariance: &Matrix6) -> Self {
+        let (rotation_rad, translation_m) = sigmas(covariance);
+        NowObject {
+            rotation_deg: [0, 1, 2].map(|i| y[i].to_degrees()),
+            rotation_sigma_deg: rotation_rad.map(f64::to_degrees),
+            translation_m: [3, 4, 5].map(|i| y[i]),
+            translation_sigma_m: translation_m,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct DetectableObject {
+    within_s: f64,
+    rotation_deg: [f64; 3],
+    translation_m: [f64; 3],
+}
+
+impl From<&CameraVerdict> for FleetCameraObject {
+    fn from(v: &CameraVerdict) -> Self {
         FleetCameraObject {
             schema: SchemaNumber,
             camera: v.camera.clone(),
             status: v.found.status(),
             found: v.found.name().to_string(),
             message: v.message.clone(),
-            motion,
+            motion: v.motion().map(MotionObject::from),
+            events: v.events.iter().map(MotionObject::from).collect(),
+            now: v.now.as_ref().map(|(y, covariance)| NowObject::of(y, covariance)),
             cam_from_target: v.cam_from_target.map(|(pose, _)| TransformObject::from(pose)),
             covariance: v
                 .cam_from_target
@@ -269,6 +316,15 @@ pub fn in_words(fleet: &Assessment, most: usize) -> String {
         "\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
         fleet.expected_false_alarms
     );
+    for unread in &fleet.unread {
+        text += &format!("  not read: {unread}\n");
+    }
+    if let Some(changes) = &fleet.changes {
+        text += &format!("  since {}: {} cameras changed\n", utc(changes.since_s), changes.cameras.len());
+    }
+    for together in &fleet.together {
+        text += &format!("  {}\n", together.in_words());
+    }
     let listed: Vec<&CameraVerdict> = fleet.cameras.iter().filter(|v| v.found != Found::Steady).collect();
     for v in listed.iter().take(most) {
         text += &format!(

@@ -6,16 +6,24 @@
 //! map is wrong, or whose clock is: docs/math/fleet.md.
 
 mod clock;
+mod readings;
+mod series;
+mod partition;
+mod evidence;
+mod events;
 mod drift;
 mod verdict;
+mod masts;
 
-pub use clock::FleetSpan;
-pub use drift::Motion;
+pub use clock::{FleetSpan, unit_of_time};
+pub use events::Motion;
+pub use masts::Together;
 pub use verdict::{CameraVerdict, Found};
 
 use crate::FleetError;
 use crate::cameras::Cameras;
 use crate::state::{CameraState, FleetState};
+use crate::words;
 use nalgebra::Matrix6;
 use rayon::prelude::*;
 use resight::core::temporal::monitor::FALSE_ALARM_PROBABILITY;
@@ -35,6 +43,8 @@ pub struct AssessConfig {
     pub wrong_share: f64,
     /// Periods without a row, at the end of the record, after which a camera is dead.
     pub dead_periods: u32,
+    /// Motions before this time, seconds, are known: they are reported, but a camera that has stayed since is not called moved.
+    pub known_until_s: Option<f64>,
     /// The motion that is promised to be found is that of a step which then lasts for so many periods.
     pub promise_periods: u32,
 }
@@ -47,6 +57,7 @@ impl Default for AssessConfig {
             diurnal_m: 0.0,
             wrong_share: 0.5,
             dead_periods: 4,
+            known_until_s: None,
             promise_periods: 8,
         }
     }
@@ -63,6 +74,15 @@ impl AssessConfig {
     }
 }
 
+/// What is otherwise than it was before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Changes {
+    /// When that state ended, seconds.
+    pub since_s: f64,
+    /// Cameras of which another thing is found now: before (none: they were not there) and now.
+    pub cameras: Vec<(String, Option<Found>, Found)>,
+}
+
 /// A fleet, judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assessment {
@@ -74,6 +94,12 @@ pub struct Assessment {
     pub period_s: f64,
     /// Cameras of those that stayed that are expected to be called moved.
     pub expected_false_alarms: f64,
+    /// Cameras of one site that moved at one time.
+    pub together: Vec<Together>,
+    /// What is otherwise than before, where the state before these poses is known.
+    pub changes: Option<Changes>,
+    /// What could not be read, in sentences: rows of the table of cameras.
+    pub unread: Vec<String>,
 }
 
 impl Assessment {
@@ -103,6 +129,48 @@ pub fn assess(
     }
     let fleet = FleetSpan::of(cameras.values().filter_map(|camera| camera.span_s), period_s);
     Ok(judged(&cameras, known, &fleet, config))
+}
+
+/// Judges a fleet by the rows of a state and of the one before it: what is new since that one ended.
+///
+/// # Errors
+/// As `assess`; `Setting` for periods of other lengths, and a state that ends when the other has long begun.
+pub fn assess_since(
+    state: FleetState,
+    before: FleetState,
+    known: Option<&Cameras>,
+    config: &AssessConfig,
+) -> Result<Assessment, FleetError> {
+    let (period_s, other_s) = (positive(state.period_s())?, before.period_s());
+    let span = |state: &FleetState| {
+        FleetSpan::of(state.spans().into_iter().filter_map(|(_, span)| span), period_s).span_s()
+    };
+    let ((begin, _), (_, since_s)) = span(&state)
+        .zip(span(&before))
+        .ok_or_else(|| FleetError::Setting("a state without any time cannot be compared with".into()))?;
+    if begin + 4.0 * period_s < since_s {
+        let (since, begin) = (words::utc(since_s), words::utc(begin));
+        let reason = format!(
+            "the state before ends at {since}, and these poses begin at {begin}; give the state of the time before them"
+        );
+        return Err(FleetError::Setting(reason));
+    }
+    let earlier = assess(FleetState::from_bytes(&before.to_bytes())?, known, config)?;
+    let whole = state.merge(before).map_err(|_| {
+        let reason = format!("the periods are {period_s} s and {other_s} s; states of one length are needed");
+        FleetError::Setting(reason)
+    })?;
+    let mut fleet = assess(whole, known, &AssessConfig { known_until_s: Some(since_s), ..*config })?;
+    let earlier: BTreeMap<&str, Found> =
+        earlier.cameras.iter().map(|v| (v.camera.as_str(), v.found)).collect();
+    let changed = |v: &CameraVerdict| {
+        let before = earlier.get(v.camera.as_str()).copied();
+        // What moved before and stays where it then was is as it was.
+        let is_known = v.found == Found::Steady && before == Some(Found::Moved);
+        (before != Some(v.found) && !is_known).then(|| (v.camera.clone(), before, v.found))
+    };
+    fleet.changes = Some(Changes { since_s, cameras: fleet.cameras.iter().filter_map(changed).collect() });
+    Ok(fleet)
 }
 
 /// The same of a part of a fleet whose span in time is known: only the cameras of the state. All parts together say what `assess` says of
@@ -139,14 +207,19 @@ fn judged(
     let mut verdicts: Vec<CameraVerdict> =
         all.par_iter().map(|(name, state)| verdict::of(name, state, is_known(name), fleet, config)).collect();
     verdicts.sort_by(|a, b| {
-        let evidence = |v: &CameraVerdict| v.motion.as_ref().map_or(0.0, |motion| motion.chi2);
+        let evidence = |v: &CameraVerdict| v.motion().map_or(0.0, |motion| motion.chi2);
         a.found.cmp(&b.found).then(evidence(b).total_cmp(&evidence(a))).then(a.camera.cmp(&b.camera))
     });
     let tested = verdicts.iter().filter(|v| matches!(v.found, Found::Steady | Found::Wandering)).count();
     Assessment {
+        together: known.map_or_else(Vec::new, |cameras| masts::together(&verdicts, cameras)),
+        unread: known.map_or_else(Vec::new, |cameras| {
+            cameras.rejected.iter().map(|(_, reason)| reason.clone()).collect()
+        }),
+        changes: None,
         cameras: verdicts,
         span_s: fleet.span_s(),
         period_s: fleet.period_s,
-        expected_false_alarms: tested as f64 * FALSE_ALARM_PROBABILITY,
+        expected_false_alarms: tested as f64 * (FALSE_ALARM_PROBABILITY + evidence::FALSE_ALARM_PROBABILITY),
     }
 }

@@ -7,7 +7,7 @@ use crate::FleetError;
 use resight::core::{Camera, Lens, Point, Target};
 use resight::formats::{self, NamedCamera};
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A camera that is not in the table.
 pub const UNKNOWN: u32 = u32::MAX;
@@ -22,6 +22,8 @@ pub struct Cameras {
     number: HashMap<String, u32>,
     /// What is unusual but not wrong, in sentences.
     pub warnings: Vec<String>,
+    /// The file and the reason of each row of the table that is no camera; views of theirs have no pose.
+    pub rejected: Vec<(PathBuf, String)>,
 }
 
 /// Where a camera stands on the map of a report.
@@ -53,15 +55,21 @@ impl Cameras {
     /// # Errors
     /// What is wrong with a file, and in which line; a name that appears twice; no camera at all.
     pub fn read(path: &Path) -> Result<Self, FleetError> {
-        let cameras = match path {
-            folder if folder.is_dir() => of_folder(folder)?,
+        let (cameras, rejected, remarks) = match path {
+            folder if folder.is_dir() => (of_folder(folder)?, Vec::new(), Vec::new()),
             table if is_table(table) => table::read(table)?,
-            file => formats::read_cameras(file)?.cameras.into_iter().map(of_file).collect(),
+            file => {
+                let cameras = formats::read_cameras(file)?.cameras.into_iter().map(of_file).collect();
+                (cameras, Vec::new(), Vec::new())
+            }
         };
-        Cameras::of(cameras).map_err(|reason| match reason {
+        let mut all = Cameras::of(cameras).map_err(|reason| match reason {
             FleetError::Setting(reason) => FleetError::at(path, reason),
             other => other,
-        })
+        })?;
+        all.rejected = rejected.into_iter().map(|reason| (reason.path.clone(), reason.to_string())).collect();
+        all.warnings.extend(remarks);
+        Ok(all)
     }
 
     /// Of these cameras, in this order.
@@ -114,6 +122,16 @@ impl Cameras {
     }
 
     fn warn(&mut self) {
+        let suspect = |(name, points): (&String, &Option<Vec<Point>>)| {
+            let remark = formats::plausible::of_points(points.as_deref()?)?;
+            Some(format!("camera {name}: {remark}"))
+        };
+        let mut suspects = self.names.iter().zip(&self.points).filter_map(suspect);
+        let (first, others) = (suspects.next(), suspects.count());
+        self.warnings.extend(first.map(|remark| match others {
+            0 => remark,
+            n => format!("{remark}; {n} other cameras likewise"),
+        }));
         let slow = self.cameras.iter().filter(|camera| !matches!(camera.lens, Lens::Pinhole(_))).count();
         if 0 < slow {
             self.warnings.push(format!(

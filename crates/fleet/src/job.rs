@@ -1,10 +1,10 @@
 //! The jobs of fleets as doors ask for them: files in, files and an answer out.
 
 use crate::answer::{BatchObject, FleetCameraObject};
-use crate::assess::{AssessConfig, Assessment, assess};
+use crate::assess::{AssessConfig, Assessment, assess, assess_since};
 use crate::run::{Job, Progress, run};
 use crate::source::expand;
-use crate::{Cameras, FleetError, FleetState, Solver, report, reread};
+use crate::{Cameras, FleetError, FleetState, Solver, report, reread, units};
 use resight::formats::{read_target, write_atomically};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,15 +55,18 @@ pub fn batch(
         return Err(FleetError::Setting(reason));
     }
     let solver = Solver { cameras: Arc::new(cameras_of(request)?), sigma_px: request.sigma_px };
-    for text in &solver.cameras.warnings {
+    let of_views = inputs.first().map(|first| units::of_views(first)).unwrap_or_default();
+    for text in solver.cameras.warnings.iter().chain(&of_views) {
         hear(News::Warning(text.clone()));
     }
     let (period_s, threads) = (request.period_s, request.threads);
     let job = Job { inputs: &inputs, solver: &solver, output, period_s, threads };
     let begun = Instant::now();
     let done = run(&job, &|progress| hear(News::Progress(progress)))?;
-    let (counts, cameras) = (done.state.counts(), solver.cameras.len());
-    let answer = BatchObject::of(&done, counts, cameras, output, begun.elapsed().as_secs_f64());
+    if let Some(remark) = units::of_times(&done.state) {
+        hear(News::Warning(remark));
+    }
+    let answer = BatchObject::of(&done, &solver.cameras, output, begun.elapsed().as_secs_f64());
     if let Some(drift) = &request.drift {
         write_drift(drift, done.state, &solver.cameras)?;
     }
@@ -112,6 +115,10 @@ pub struct ReportRequest {
     pub cameras: Option<PathBuf>,
     /// Where the page goes, one HTML file.
     pub output: Option<PathBuf>,
+    /// The state that an earlier report wrote, of the time before these poses: what is new since then.
+    pub since: Option<PathBuf>,
+    /// Where the state of these poses goes, for the next report.
+    pub state: Option<PathBuf>,
     /// Seconds of a period.
     pub period_s: f64,
     /// What counts as a motion.
@@ -126,7 +133,20 @@ pub fn fleet_report(request: &ReportRequest) -> Result<Assessment, FleetError> {
     let inputs = expand(&request.inputs)?;
     let cameras = request.cameras.as_deref().map(Cameras::read).transpose()?;
     let state = reread(&inputs, request.period_s)?;
-    report_of(state, cameras.as_ref(), request.output.as_deref(), &request.config)
+    let bytes = request.state.is_some().then(|| state.to_bytes());
+    let fleet = match &request.since {
+        Some(path) => {
+            let before = std::fs::read(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+            let before = FleetState::from_bytes(&before).map_err(|e| FleetError::at(path, e.to_string()))?;
+            assess_since(state, before, cameras.as_ref(), &request.config)?
+        }
+        None => assess(state, cameras.as_ref(), &request.config)?,
+    };
+    write_page(&fleet, cameras.as_ref(), request.output.as_deref())?;
+    if let Some((path, bytes)) = request.state.as_ref().zip(bytes) {
+        write_atomically(path, &bytes)?;
+    }
+    Ok(fleet)
 }
 
 /// The same of a state, as many machines may have summed it.
@@ -140,8 +160,15 @@ pub fn report_of(
     config: &AssessConfig,
 ) -> Result<Assessment, FleetError> {
     let fleet = assess(state, cameras, config)?;
-    if let Some(output) = output {
-        write_atomically(output, report::page(&fleet, cameras).as_bytes())?;
-    }
+    write_page(&fleet, cameras, output)?;
     Ok(fleet)
+}
+
+fn write_page(
+    fleet: &Assessment,
+    cameras: Option<&Cameras>,
+    output: Option<&Path>,
+) -> Result<(), FleetError> {
+    let Some(output) = output else { return Ok(()) };
+    Ok(write_atomically(output, report::page(fleet, cameras).as_bytes())?)
 }

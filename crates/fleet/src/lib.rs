@@ -7,7 +7,9 @@
 //! | files in, pieces, parts, one file out | `source.rs`, `assemble.rs`, `run.rs`, `reread.rs` |
 //! | what is kept of a camera: exact sums that merge in any order | `state.rs` |
 //! | which cameras moved, are dead, have wrong maps or clocks | `assess.rs` |
+//! | times, durations and sizes in words | `words.rs` |
 //! | a page for people, JSON for programs | `report.rs`, `answer.rs` |
+//! | units that are hardly meant | `units.rs` |
 //! | the jobs as doors ask for them | `job.rs` |
 //! | a day of a fleet with its truth | `simulate.rs` |
 //!
@@ -34,6 +36,7 @@ mod error;
 mod arrays;
 mod assemble;
 mod csv_out;
+pub mod words;
 pub mod cameras;
 pub mod layout;
 pub mod columns;
@@ -48,6 +51,7 @@ mod reread;
 pub mod assess;
 pub mod answer;
 pub mod report;
+mod units;
 pub mod job;
 pub mod simulate;
 

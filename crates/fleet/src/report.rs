@@ -1,17 +1,18 @@
-//! One HTML file: which cameras moved, with evidence, since when, their histories and where they stand.
+//! One HTML file: which cameras moved, with evidence, since when, their histories and where they stand; to be searched and sorted.
 
 mod history;
 mod map;
+mod sites;
+mod verdicts;
 
 use crate::assess::{Assessment, CameraVerdict, Found, Motion};
 use crate::cameras::Cameras;
+use crate::words::{duration, utc, with_sigma};
 use resight::report::html::{Page, escaped};
 use resight::report::verdict::Status;
 
-/// Cameras of one verdict that the page lists; of more it says how many there are.
-const LISTED: usize = 500;
-/// Histories drawn.
-const DRAWN: usize = 60;
+/// Cameras of the table of all; of more the file of verdicts has them all.
+const LISTED: usize = 20_000;
 /// Verdicts in the order of the page, with their headings.
 const SECTIONS: [(Found, &str, &str); 6] = [
     (
@@ -28,39 +29,98 @@ const SECTIONS: [(Found, &str, &str); 6] = [
     (
         Found::Wandering,
         "Moving to and fro",
-        "Larger than the errors of a period, but no step and no ramp: mostly the warmth of the day. --diurnal-deg says how much of it is nobody's concern.",
+        "Larger than the errors of a period, but no step and no ramp beyond doubt: mostly the warmth of the day. --diurnal-deg says how much of it is nobody's concern.",
     ),
     (Found::TooFew, "Too few poses", ""),
     (Found::Unknown, "Not in the table of cameras", ""),
 ];
 
-/// On a phone the table of moved cameras is a list: each camera with its values below, named as the columns are.
+/// On a phone the table of moved cameras is a list: each motion with its values below, named as the columns are.
 const NARROW: &str = "@media(max-width:40rem){.moved-list table{font-size:1em}.moved-list table,.moved-list tbody,.moved-list tr,.moved-list td{display:block}.moved-list thead{display:none}\
     .moved-list tr{padding:.5rem 0;border-bottom:1px solid #8886}.moved-list td{border:0;padding:0;white-space:normal}.moved-list td:first-child{font-weight:600}\
-    .moved-list td::before{opacity:.75}.moved-list td:nth-child(2)::before{content:'how '}.moved-list td:nth-child(3)::before{content:'since '}\
-    .moved-list td:nth-child(4)::before{content:'± '}.moved-list td:nth-child(5)::before{content:'rotation '}\
-    .moved-list td:nth-child(6)::before{content:'shift '}.moved-list td:nth-child(7)::before{content:'χ² (6) '}}";
+    .moved-list td:empty{display:none}.moved-list td::before{opacity:.75}.moved-list td:nth-child(2)::before{content:'site '}.moved-list td:nth-child(3)::before{content:'how '}\
+    .moved-list td:nth-child(4)::before{content:'since '}.moved-list td:nth-child(5)::before{content:'± '}.moved-list td:nth-child(6)::before{content:'rotation '}\
+    .moved-list td:nth-child(7)::before{content:'x, y, z '}.moved-list td:nth-child(8)::before{content:'shift '}.moved-list td:nth-child(9)::before{content:'χ² (6) '}}";
+
+const STYLE: &str = "body{max-width:76rem}svg{max-width:100%;height:auto}.axis{stroke:#99a;stroke-width:.6}.grid{stroke:#8886;stroke-width:.5}svg text{font:11px system-ui,sans-serif;fill:#778}\
+     .rx{stroke:#c0392b}.ry{stroke:#1e8449}.rz{stroke:#2471a3}.moved{fill:#b3261e}.wrong_map{fill:#9a6b00}.dead{fill:#555}.clock{fill:#6c3483}\
+     .wandering,.too_few,.unknown{fill:#2471a3}.steady{fill:#147a3466}.rx,.ry,.rz{fill:none;stroke-width:1.3}.since{stroke:#b3261e;stroke-dasharray:4 3}\
+     .found td:last-child{white-space:normal;min-width:14rem}.moved-list table{font-size:.88em}[hidden]{display:none!important}\
+     th{cursor:pointer}th[aria-sort=ascending]::after{content:' ↑'}th[aria-sort=descending]::after{content:' ↓'}summary{cursor:pointer}\
+     .tools{display:flex;flex-wrap:wrap;gap:.6rem 1.2rem;align-items:center}.tools input{font:inherit;padding:.3rem .6rem;flex:1 1 14rem;max-width:24rem;\
+     border:1px solid #8888;border-radius:6px;background:transparent;color:inherit}.tools a{color:inherit}";
+
+/// What searches and sorts.
+const SCRIPT: &str = include_str!("report/interaction.js");
 
 /// The page of a fleet; `cameras` say where each stands.
 pub fn page(fleet: &Assessment, cameras: Option<&Cameras>) -> String {
     let mut page = Page::new("Which cameras moved?");
-    page.style(
-        "svg{max-width:100%;height:auto}.axis{stroke:#99a;stroke-width:.6}.grid{stroke:#8886;stroke-width:.5}svg text{font:11px system-ui,sans-serif;fill:#778}\
-         .rx{stroke:#c0392b}.ry{stroke:#1e8449}.rz{stroke:#2471a3}.moved{fill:#b3261e}.wrong_map{fill:#9a6b00}.dead{fill:#555}.clock{fill:#6c3483}\
-         .wandering,.too_few,.unknown{fill:#2471a3}.steady{fill:#147a3466}.rx,.ry,.rz{fill:none;stroke-width:1.3}.since{stroke:#b3261e;stroke-dasharray:4 3}\
-         td:nth-child(2):last-child{white-space:normal}.moved-list table{font-size:.88em}",
-    );
-    page.style(NARROW);
+    page.style(STYLE).style(NARROW);
     summary(&mut page, fleet);
-    moved(&mut page, fleet);
-    if let Some(svg) = cameras.and_then(|cameras| map::svg(fleet, cameras)) {
-        page.heading("Where they stand");
-        page.markup(&svg);
+    tools(&mut page, fleet, cameras);
+    changes(&mut page, fleet);
+    masts(&mut page, fleet);
+    moved(&mut page, fleet, cameras);
+    histories(&mut page, fleet);
+    if let Some(cameras) = cameras {
+        if let Some(svg) = map::svg(fleet, cameras) {
+            page.heading("Where they stand");
+            page.markup(&svg);
+        }
+        sites::table(&mut page, fleet, cameras);
     }
     for (found, heading, words) in SECTIONS {
-        section(&mut page, fleet, found, heading, words);
+        section(&mut page, fleet, found, heading, words, cameras);
     }
+    all(&mut page, fleet, cameras);
+    page.markup(&format!("<script>{SCRIPT}</script>"));
     page.html()
+}
+
+/// A field to search in and the verdicts as a file.
+fn tools(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
+    let csv = verdicts::address(&verdicts::csv(fleet, cameras));
+    page.markup(&format!(
+        "<div class=\"tools\"><input id=\"search\" type=\"search\" placeholder=\"Search cameras, sites, words\" aria-label=\"search\"><span id=\"shown\"></span>\
+         <a download=\"verdicts.csv\" href=\"{csv}\">verdicts.csv</a></div>"
+    ));
+}
+
+/// What is otherwise than it was when the state before these poses ended.
+fn changes(page: &mut Page, fleet: &Assessment) {
+    let Some(changes) = &fleet.changes else { return };
+    page.heading(&format!("Since {}", utc(changes.since_s)));
+    if changes.cameras.is_empty() {
+        page.paragraph("Nothing changed.");
+        return;
+    }
+    let word = |found: Found| found.name().replace('_', " ");
+    let row = |(camera, before, now): &(String, Option<Found>, Found)| {
+        vec![camera.clone(), before.map_or("not there".into(), word), word(*now)]
+    };
+    page.table(&["camera", "before", "now"], &changes.cameras.iter().map(row).collect::<Vec<_>>());
+}
+
+fn masts(page: &mut Page, fleet: &Assessment) {
+    if fleet.together.is_empty() {
+        return;
+    }
+    page.heading("Masts that moved");
+    page.paragraph("Several cameras of one site moved at one time: the mast, not the camera.");
+    let row = |t: &crate::assess::Together| {
+        let when = utc(0.5 * (t.span_s.0 + t.span_s.1));
+        vec![t.site.clone(), format!("{} of {}", t.cameras.len(), t.of), when, t.cameras.join(", ")]
+    };
+    page.markup("<div class=\"found\">");
+    page.table(&["site", "moved", "when", "cameras"], &fleet.together.iter().map(row).collect::<Vec<_>>());
+    page.markup("</div>");
+}
+
+/// The site of a camera; empty where none is known.
+fn site_of(cameras: Option<&Cameras>, verdict: &CameraVerdict) -> String {
+    let site = cameras.and_then(|cameras| cameras.site(cameras.number(&verdict.camera)?));
+    site.map_or(String::new(), |site| site.name.clone())
 }
 
 fn of(fleet: &Assessment, found: Found) -> Vec<&CameraVerdict> {
@@ -90,106 +150,115 @@ fn summary(page: &mut Page, fleet: &Assessment) {
     if let Some((begin, end)) = fleet.span_s {
         page.paragraph(&format!(
             "From {} to {}, readings of {:.0} s each. At the stated rate of false alarms {:.4} of the cameras that stayed are expected to be called moved.",
-            time(begin), time(end), fleet.period_s, fleet.expected_false_alarms
+            utc(begin), utc(end), fleet.period_s, fleet.expected_false_alarms
         ));
+    }
+    for unread in &fleet.unread {
+        page.paragraph(&format!("Not read: {unread}"));
     }
 }
 
-fn moved(page: &mut Page, fleet: &Assessment) {
+fn moved(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     let moved = of(fleet, Found::Moved);
     if moved.is_empty() {
         return;
     }
     page.heading("Moved cameras, by evidence");
-    let row = |v: &&CameraVerdict| v.motion.as_ref().map(|motion| cells(&v.camera, motion));
-    let rows: Vec<Vec<String>> = moved.iter().take(LISTED).filter_map(row).collect();
+    let rows = |v: &&CameraVerdict| {
+        let site = site_of(cameras, v);
+        v.events.iter().map(|event| cells(&v.camera, &site, event)).collect::<Vec<_>>()
+    };
+    let rows: Vec<Vec<String>> = moved.iter().flat_map(rows).collect();
+    let head = ["camera", "site", "how", "since", "±", "rotation", "about x, y, z", "shift", "χ² (6)"];
     page.markup("<div class=\"moved-list\">");
-    page.table(&["camera", "how", "since", "±", "rotation x, y, z", "shift x, y, z", "χ² (6)"], &rows);
+    page.table(&head, &rows);
     page.markup("</div>");
-    if LISTED < moved.len() {
-        page.paragraph(&format!(
-            "{} more moved; `resight fleet-report --json` has them all.",
-            moved.len() - LISTED
-        ));
-    }
     page.paragraph(
-        "Rotations and shifts are about and along the camera's own axes in its old frame: x right, y down, z forward. A rotation about the camera's own centre \
-         is given alone where it explains the motion.",
+        "A row for each motion. Rotations and shifts are about and along the camera's own axes in its old frame: x right, y down, z forward. A rotation about \
+         the camera's own centre is given alone where it explains the motion. Every ± is one standard deviation.",
     );
+}
+
+/// Of all cameras that moved or wander.
+fn histories(page: &mut Page, fleet: &Assessment) {
+    let drawn: String = [Found::Moved, Found::Wandering]
+        .into_iter()
+        .flat_map(|found| of(fleet, found))
+        .map(history::svg)
+        .collect();
+    if drawn.is_empty() {
+        return;
+    }
     page.heading("Histories");
-    page.paragraph("Rotation about x (red), y (green) and z (blue), degrees, by period; the dashed line is when the motion began.");
-    let drawn: String = moved.iter().take(DRAWN).map(|v| history::svg(v)).collect();
+    page.paragraph("Rotation about x (red), y (green) and z (blue), degrees, by period; a dashed line is when a motion began.");
     page.markup(&format!("<div class=\"row\">{drawn}</div>"));
 }
 
-fn cells(camera: &str, motion: &Motion) -> Vec<String> {
+fn cells(camera: &str, site: &str, motion: &Motion) -> Vec<String> {
     let rotation =
         motion.rotation_alone_deg.unwrap_or(motion.rotation_deg).map(|x| format!("{x:+.4}°")).join(" ");
     let shift = match motion.rotation_alone_deg {
         Some(_) => "none needed".to_string(),
-        None => motion.translation_m.map(|x| format!("{:+.2}", 1e3 * x)).join(" ") + " mm",
+        None => format!("{} mm", with_sigma(motion.shift_m.map(|x| 1e3 * x))),
     };
-    let how = if motion.kind == "step" { "suddenly" } else { "slowly" };
-    let (since, sigma) = (time(motion.since_s), format!("{:.0} s", motion.since_sigma_s));
-    vec![camera.to_string(), how.to_string(), since, sigma, rotation, shift, format!("{:.0}", motion.chi2)]
+    let how = match motion.kind {
+        "step" => "suddenly",
+        "ramp" => "slowly",
+        "pending" => "in its last period",
+        _ => "for one period",
+    };
+    vec![
+        camera.to_string(),
+        site.to_string(),
+        how.to_string(),
+        utc(motion.since_s),
+        duration(motion.since_sigma_s),
+        format!("{}°", with_sigma(motion.angle_deg)),
+        rotation,
+        shift,
+        format!("{:.0}", motion.chi2),
+    ]
 }
 
-fn section(page: &mut Page, fleet: &Assessment, found: Found, heading: &str, words: &str) {
-    let cameras = of(fleet, found);
-    if cameras.is_empty() {
+fn section(
+    page: &mut Page,
+    fleet: &Assessment,
+    found: Found,
+    heading: &str,
+    words: &str,
+    cameras: Option<&Cameras>,
+) {
+    let verdicts = of(fleet, found);
+    if verdicts.is_empty() {
         return;
     }
     page.heading(heading);
     if !words.is_empty() {
         page.paragraph(words);
     }
-    let rows: Vec<Vec<String>> =
-        cameras.iter().take(LISTED).map(|v| vec![v.camera.clone(), v.message.clone()]).collect();
-    page.table(&["camera", "what was found"], &rows);
-    if LISTED < cameras.len() {
-        page.paragraph(&format!(
-            "{} more; `resight fleet-report --json` has them all.",
-            cameras.len() - LISTED
-        ));
-    }
+    let row = |v: &&CameraVerdict| vec![v.camera.clone(), site_of(cameras, v), v.message.clone()];
+    let rows: Vec<Vec<String>> = verdicts.iter().map(row).collect();
+    page.markup("<div class=\"found\">");
+    page.table(&["camera", "site", "what was found"], &rows);
+    page.markup("</div>");
 }
 
-/// UTC where it can be one of our days, else seconds.
-fn time(t_s: f64) -> String {
-    // 1990 to 2200.
-    if !(6.3e8..7.3e9).contains(&t_s) {
-        return format!("{t_s:.0} s");
+/// Every camera, whatever was found.
+fn all(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
+    let row = |v: &CameraVerdict| {
+        let found = v.found.name().replace('_', " ");
+        vec![v.camera.clone(), site_of(cameras, v), found, v.message.clone()]
+    };
+    let rows: Vec<Vec<String>> = fleet.cameras.iter().take(LISTED).map(row).collect();
+    page.markup(&format!("<details class=\"found\"><summary>All {} cameras</summary>", fleet.cameras.len()));
+    page.table(&["camera", "site", "found", "what was found"], &rows);
+    if LISTED < fleet.cameras.len() {
+        page.paragraph(&format!("{} more are in verdicts.csv.", fleet.cameras.len() - LISTED));
     }
-    let seconds = t_s as i64;
-    let (year, month, day) = date(seconds.div_euclid(86_400));
-    let of_day = seconds.rem_euclid(86_400);
-    format!("{year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", of_day / 3600, of_day / 60 % 60, of_day % 60)
-}
-
-/// Year, month and day of a number of days since 1970, by the civil calendar's 400-year cycle.
-fn date(days: i64) -> (i64, i64, i64) {
-    let shifted = days + 719_468;
-    let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let m = (5 * of_year + 2) / 153;
-    let month = if m < 10 { m + 3 } else { m - 9 };
-    (year + era * 400 + i64::from(month <= 2), month, of_year - (153 * m + 2) / 5 + 1)
+    page.markup("</details>");
 }
 
 /// A word as a class of the page's style.
 fn class(found: Found) -> String {
     escaped(found.name())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_are_dates() {
-        assert_eq!(time(1_780_000_000.0), "2026-05-28 20:26:40 UTC");
-        assert_eq!(time(951_782_400.0), "2000-02-29 00:00:00 UTC");
-        assert_eq!(time(12.3), "12 s");
-    }
 }

@@ -28,7 +28,7 @@ fn who_moved_is_found_and_nobody_else() {
             Fate::Step { at_s, motion } if promised < motion.fixed_rows::<3>(0).norm() => {
                 moved += 1;
                 assert_eq!(verdict.found, Found::Moved, "{}: {}", camera.name, verdict.message);
-                let found = verdict.motion.as_ref().expect("a motion");
+                let found = verdict.motion().expect("a motion");
                 let off_s = found.since_s - (day.begin_s + at_s);
                 assert!(off_s.abs() < 900.0, "{}: {off_s} s off", camera.name);
             }
@@ -106,7 +106,7 @@ fn verdicts_on_thousands_of_cameras_are_as_true_as_stated() {
                 let is_promised = own_promise_rad(camera, &fleet, &solver) < motion.fixed_rows::<3>(0).norm();
                 promised += usize::from(is_promised);
                 missed += usize::from(is_promised && verdict.found != Found::Moved);
-                if let Some(found) = &verdict.motion {
+                if let Some(found) = verdict.motion() {
                     let sigma = found.rotation_sigma_deg;
                     let off = |i: usize| (found.rotation_deg[i] - motion[i].to_degrees()) / sigma[i];
                     squares.push([0, 1, 2].map(|i| off(i).powi(2)).iter().sum::<f64>() / 3.0);

@@ -1,6 +1,8 @@
 //! The tests of fleets, one program.
 
+mod cases;
 mod day;
+mod faults;
 mod formats;
 mod merge;
 mod rows;

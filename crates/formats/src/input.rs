@@ -4,11 +4,13 @@
 //! devices are refused, for whoever opens one may wait for ever. Pipes that the shell has opened (`/dev/stdin`, `<(…)`) are read.
 
 mod nearest;
+mod newlines;
 pub mod table;
 
 pub use nearest::nearest;
 
 use crate::FileError;
+use newlines::Newlines;
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
 use std::path::Path;
@@ -112,7 +114,7 @@ pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
 /// As of [`read`], without those of the disk.
 pub fn open_table(path: &Path) -> Result<Rows, FileError> {
     let file = open_file(path, Kind::Table)?;
-    Ok(Rows { file, left: Kind::Table.limit_bytes(), line: 0 })
+    Ok(Rows(Newlines::new(Bounded { file, left: Kind::Table.limit_bytes(), line: 0 })))
 }
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
@@ -147,9 +149,19 @@ fn is_opened_by_shell(path: &Path) -> bool {
     path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
 }
 
+/// A file that ends in time, with lines that do, each of them in `\n`.
+#[derive(Debug)]
+pub struct Rows(Newlines<Bounded>);
+
+impl Read for Rows {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        self.0.read(into)
+    }
+}
+
 /// A file that ends in time, with lines that do.
 #[derive(Debug)]
-pub struct Rows {
+struct Bounded {
     file: File,
     left: u64,
     line: usize,
@@ -158,7 +170,7 @@ pub struct Rows {
 /// Longest line of a table, bytes.
 const MAX_LINE_BYTES: usize = 1 << 20;
 
-impl Read for Rows {
+impl Read for Bounded {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(into)?;
         self.left = match self.left.checked_sub(n as u64) {

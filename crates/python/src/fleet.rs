@@ -356,18 +356,21 @@ pub fn batch(
 
 /// Which cameras moved: the JSON lines of the program.
 #[pyfunction]
-#[pyo3(signature = (inputs, cameras, output, period_s, diurnal_deg, diurnal_mm))]
+#[pyo3(signature = (inputs, cameras, output, since, state, period_s, diurnal_deg, diurnal_mm))]
+#[allow(clippy::too_many_arguments)]
 pub fn fleet_report(
     py: Python<'_>,
     inputs: Vec<String>,
     cameras: Option<PathBuf>,
     output: Option<PathBuf>,
+    since: Option<PathBuf>,
+    state: Option<PathBuf>,
     period_s: f64,
     diurnal_deg: f64,
     diurnal_mm: f64,
 ) -> PyResult<Vec<String>> {
-    let request =
-        ReportRequest { inputs, cameras, output, period_s, config: config(diurnal_deg, diurnal_mm) };
+    let config = config(diurnal_deg, diurnal_mm);
+    let request = ReportRequest { inputs, cameras, output, since, state, period_s, config };
     let lines = run(py, None, move |_| job::fleet_report(&request).and_then(|fleet| json_lines(&fleet)))?;
     lines.map_err(|reason| raised(py, &reason))
 }

@@ -1,4 +1,4 @@
-"""Proves equations (1)-(8) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale.
+"""Proves equations (1)-(18) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale, evidence for steps, clocks.
 
 Run: python3 docs/math/check/fleet.py
 """
@@ -114,6 +114,106 @@ def check_instant():
         assert known * 0.9 < np.std(errors) < sigma and abs(np.mean(errors)) < 0.1 * sigma, (n, np.std(errors), sigma)
 
 
-for check in (check_sums, check_chordal_mean, check_choice, check_scale, check_instant):
+def covariance(t, variances, sigma, tau, steps=(), gammas=()):
+    """Of v in (9), of the contrasts with the first reading, with steps of the mean."""
+    n = len(t)
+    c = np.diag(variances) + sigma**2 * np.exp(-np.abs(t[:, None] - t[None]) / tau)
+    for k, gamma in zip(steps, gammas):
+        after = (np.arange(n) >= k).astype(float)
+        c += gamma * np.outer(after, after)
+    d = np.eye(n)[1:] - np.eye(n)[0]
+    return d @ c @ d.T
+
+
+def log_p(contrasts, c):
+    root = np.linalg.cholesky(c)
+    w = np.linalg.solve(root, contrasts)
+    return -0.5 * np.sum(w * w, axis=0) - np.log(np.diag(root)).sum()
+
+
+def check_prior():
+    """(11): the weights of all sets of steps add up to one at most."""
+    for n in (5, 40, 96):
+        total = sum(mp.binomial(n - 1, k) * 5**k * mp.mpf("0.1") ** k / mp.binomial(n - 1, k) for k in range(1, n))
+        assert 0.9 < total <= 1, total
+
+
+def check_evidence():
+    """(10), (12): for a camera that stays amid a correlated error the mean of each term of e is at most the weight of its set."""
+    n = 24
+    t, variances = np.arange(n, dtype=float), np.ones(n)
+    for sigma, tau in ((0.0, 1.0), (1.0, 3.0), (4.0, 40.0)):
+        true = covariance(t, variances, sigma, tau)
+        v = np.linalg.cholesky(true) @ rng.normal(size=(n - 1, 20000))
+        null = log_p(v, true)
+        # The likeliest error is at least as likely as the true one, which makes e smaller still.
+        for steps, gammas in (((9,), (25.0,)), ((6, 15), (25.0, 2500.0))):
+            for other in ((0.0, 1.0), (1.0, 3.0)):
+                ratio = np.exp(log_p(v, covariance(t, variances, *other, steps, gammas)) - null)
+                assert ratio.mean() < 1 + 5 * ratio.std() / np.sqrt(v.shape[1]), (sigma, steps, ratio.mean())
+                assert (ratio > 1000).mean() <= 1e-3 + 1e-3
+
+
+def check_filter():
+    """(10): a Kalman filter of mean and error gives the likelihood of the contrasts, but for a constant of the first reading."""
+    n, sigma, tau = 30, 1.3, 5.0
+    t, variances = np.cumsum(rng.uniform(0.5, 2, n)), rng.uniform(0.5, 2, n)
+    v = rng.normal(size=n) * 3
+
+    def walk(steps):
+        x, p, total = np.zeros(2), np.diag([1e9, sigma**2]), 0.0
+        for i in range(n):
+            if i:
+                kept = np.exp(-(t[i] - t[i - 1]) / tau)
+                f = np.diag([1.0, kept])
+                x, p = f @ x, f @ p @ f + np.diag([0.0, sigma**2 * (1 - kept**2)])
+            p[0, 0] += dict(steps).get(i, 0.0)
+            s = p.sum() + variances[i]
+            nu, gain = v[i] - x.sum(), p.sum(axis=1) / s
+            x, p = x + gain * nu, p - np.outer(gain, gain) * s
+            if i:
+                total -= 0.5 * (nu * nu / s + np.log(s))
+        return total
+
+    for steps in ((), ((7, 25.0),), ((7, 25.0), (20, 400.0))):
+        direct = log_p((v[1:] - v[0])[:, None], covariance(t, variances, sigma, tau, [k for k, _ in steps], [g for _, g in steps]))[0]
+        assert abs(walk(steps) - direct) < 1e-5, steps
+
+
+def check_penalty():
+    """(13): beta is exceeded by chi-square with six degrees of freedom once in 5e7."""
+    tail = mp.gammainc(3, mp.mpf(47) / 2, regularized=True)
+    assert 1.5e-8 < tail < 2.5e-8, tail
+
+
+def check_size():
+    """(16): the difference of two means amid a correlated error has the stated variance."""
+    n, sigma, tau = 40, 2.0, 10.0
+    t, side = np.arange(n, dtype=float), (np.arange(n) >= 25).astype(float)
+    v = np.eye(n) + sigma**2 * np.exp(-np.abs(t[:, None] - t[None]) / tau)
+    x = np.column_stack([1 - side, side])
+    inverse = np.linalg.inv(x.T @ np.linalg.solve(v, x))
+    z = 7.0 * side[:, None] + np.linalg.cholesky(v) @ rng.normal(size=(n, 20000))
+    means = inverse @ x.T @ np.linalg.solve(v, z)
+    stated = np.array([-1, 1]) @ inverse @ np.array([-1, 1])
+    found = (means[1] - means[0] - 7.0).var()
+    assert abs(found / stated - 1) < 0.05, (found, stated)
+
+
+def check_clock():
+    """(18): counts that are lost at random are called twice as many at most as often as stated; doubled ones are found."""
+    n, alpha, records = 96, 0.01, 20000
+    for rows, kept in ((90, 1.0), (90, 0.1), (9, 0.5)):
+        rate = rows * kept
+        counts = rng.binomial(rows, kept, size=(records, n))
+        run, best = np.zeros(records), np.zeros(records)
+        for c in counts.T:
+            run = np.maximum(run, 0) + c * np.log(2) - rate
+            best = np.maximum(best, run)
+        assert (best > np.log(n / alpha)).mean() <= alpha, (rows, kept)
+
+
+for check in (check_sums, check_chordal_mean, check_choice, check_scale, check_instant, check_prior,
+              check_filter, check_evidence, check_penalty, check_size, check_clock):
     check()
     print(f"{check.__name__}: {check.__doc__}")

@@ -20,7 +20,8 @@ use std::path::PathBuf;
 /// A row is a view: camera, time_s, u0_px, v0_px, u1_px, … (or a list points_px), and optionally view and sigma_px; where the points are stand
 /// in x0_m, y0_m, z0_m, … of the row or of its camera, or in --target. Files with a row a point have the columns of `solve` and camera.
 /// Parquet, CSV and JSON Lines are read. Each row gets its pose, covariance, probability, χ² and status, in the order of the input; what is
-/// wrong with a row is in its status and reason, and the others are not affected.
+/// wrong with a row is in its status and reason, and the others are not affected. The exit status is 0 when every row is ok, 1 when a row is
+/// anything else, 2 when a file, or a row of the table of cameras, could not be read; the others are solved.
 ///
 /// A run that was cut off is continued by the same command: its output is the same to the last bit as that of an undisturbed run.
 #[derive(Debug, Args)]
@@ -105,7 +106,7 @@ pub fn run(args: &Batch) -> Result<Outcome> {
     bar.finish_and_clear();
     let answer = answer?;
     print_answer(args.json, &answer, &answer.in_words(), answer.status())?;
-    Ok(Outcome::of([answer.status()]))
+    Ok(if answer.is_damaged() { Outcome::Damaged } else { Outcome::of([answer.status()]) })
 }
 
 fn request(args: &Batch) -> Result<BatchRequest> {

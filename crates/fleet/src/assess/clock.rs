@@ -1,6 +1,7 @@
 //! Clocks: when the fleet as a whole was seen, and which camera's times cannot be.
 
 use crate::state::{CameraState, MOST_PERIODS};
+use crate::words::{duration, utc};
 
 /// When most cameras were seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,10 +15,20 @@ pub struct FleetSpan {
 const ONE_IN: usize = 20;
 /// Periods by which a camera may be off the fleet before its clock is blamed.
 const OFF_PERIODS: f64 = 4.0;
-/// Rows of a period over those of the middle one: more were taken at twice the rate, or at a time that was there before.
+/// A camera whose clock is right is reported to have times that came twice at most once in so many records.
+const FALSE_ALARM_PROBABILITY: f64 = 1e-6;
+/// Rows of a period over those of the middle one of the others, in the mean over times that came twice.
 const TWICE: f64 = 1.6;
 /// Periods with too many rows, at least.
 const FEWEST: usize = 2;
+/// Rows of a period over those that the camera takes: more of them were taken while its clock stood still.
+const STANDS: f64 = 5.0;
+/// Fewer rows say nothing of a clock.
+const LEAST_ROWS: u64 = 5;
+/// No camera takes more images a second.
+const MOST_PER_S: f64 = 1e4;
+/// Times beyond this, the year 5138 in seconds, are of 1973 and later in milliseconds, microseconds or nanoseconds.
+const LATEST_S: f64 = 1e11;
 
 impl FleetSpan {
     /// One that is known.
@@ -54,12 +65,16 @@ impl FleetSpan {
             return Some(format!("{} of {rows} rows state no time that is a number", camera.without_time));
         }
         let ((begin, end), (first, last)) = (self.span_s?, camera.span_s?);
+        if let Some(remark) = unit_of_time(last) {
+            return Some(format!("its times are about {last:.3e} s: {remark}"));
+        }
+        let timed = rows - camera.without_time;
+        if LEAST_ROWS <= timed && last - first < timed as f64 / MOST_PER_S {
+            return Some(format!("all {timed} rows state one time, {}: its clock stands still", utc(first)));
+        }
         let off_s = OFF_PERIODS * self.period_s;
         if MOST_PERIODS <= camera.periods.len() {
-            return Some(format!(
-                "its times are spread over {:.1} days, which no fleet is",
-                (last - first) / 86_400.0
-            ));
+            return Some(format!("its times are spread over {}, which no fleet is", duration(last - first)));
         }
         if end + off_s < last || first < begin - off_s {
             let (far, which) = if end + off_s < last {
@@ -72,44 +87,105 @@ impl FleetSpan {
         self.doubled(camera)
     }
 
-    /// Times that came twice: a clock that was set back, or stood still.
+    /// Times that came twice: a clock that was set back, or stood still. Rows that are lost make periods with fewer rows than the camera
+    /// takes, never more: docs/math/fleet.md eq. (18).
     fn doubled(&self, camera: &CameraState) -> Option<String> {
-        let mut rows: Vec<u64> = camera.periods.iter().map(|(_, sums)| sums.n).collect();
-        rows.sort_unstable();
-        let middle = *rows.get(rows.len() / 2)? as f64;
-        let all: u64 = rows.iter().sum();
-        let most = *rows.last()?;
-        let (begin, end) = self.span_s?;
-        let stands = 2 * most > all && 20.0 * self.period_s < end - begin && rows.len() <= 2;
-        if stands {
+        let counts: Vec<(i64, u64)> =
+            camera.periods.iter().map(|(period, sums)| (*period, sums.rows())).collect();
+        let taken = taken(&counts)?;
+        let time = |period: i64| utc(period as f64 * self.period_s);
+        let (stood, most) = counts.iter().max_by_key(|(_, n)| *n)?;
+        if STANDS * taken < *most as f64 && 20 < *most {
             return Some(format!(
-                "{most} of {all} rows lie within {}: its clock stands still",
+                "{most} rows at {}, others have {taken:.0} in {}: its clock stood still",
+                time(*stood),
                 duration(self.period_s)
             ));
         }
-        let doubled: Vec<i64> = camera
-            .periods
-            .iter()
-            .filter(|(_, sums)| TWICE * middle < sums.n as f64)
-            .map(|(period, _)| *period)
-            .collect();
-        let (first, n) = (*doubled.first()?, doubled.len());
-        (FEWEST <= n).then(|| {
-            format!(
-                "{} hold too many rows, from time {:.0} s on: its clock was set back",
-                duration(n as f64 * self.period_s),
-                first as f64 * self.period_s
-            )
-        })
+        let (begin, end) = doubled_run(&counts, taken)?;
+        Some(format!(
+            "{} hold {:.1} times the rows of others, from {} on: its clock was set back",
+            duration((end - begin + 1) as f64 * self.period_s),
+            mean_rows(&counts, begin, end) / taken,
+            time(begin)
+        ))
     }
 }
 
-/// In the largest unit of which there is one.
-pub(super) fn duration(s: f64) -> String {
-    match s {
-        s if 172_800.0 <= s => format!("{:.1} days", s / 86_400.0),
-        s if 7200.0 <= s => format!("{:.1} h", s / 3600.0),
-        s if 120.0 <= s => format!("{:.0} min", s / 60.0),
-        s => format!("{s:.0} s"),
+/// Rows that a camera takes in a period in which none is lost: more than those of three quarters of its periods.
+fn taken(counts: &[(i64, u64)]) -> Option<f64> {
+    let mut rows: Vec<u64> = counts.iter().map(|(_, n)| *n).collect();
+    rows.sort_unstable();
+    rows.get(3 * rows.len() / 4).map(|n| (*n as f64).max(1.0))
+}
+
+/// First and last period of the times that came twice, by their evidence in Poisson counts of twice the rate; none where chance explains them,
+/// or where other periods have more rows than the camera takes, too: then its rate is another than `taken`.
+fn doubled_run(counts: &[(i64, u64)], taken: f64) -> Option<(i64, i64)> {
+    let (mut best, mut run) = ((0.0, 0, 0), (0.0, 0, 0));
+    let mut next = None;
+    for (period, rows) in counts {
+        let missed = next.map_or(0.0, |next: i64| period.saturating_sub(next) as f64);
+        let evidence = *rows as f64 * 2_f64.ln() - taken;
+        let before: f64 = run.0 - missed * taken;
+        run = if before <= 0.0 { (evidence, *period, *period) } else { (before + evidence, run.1, *period) };
+        if best.0 < run.0 {
+            best = run;
+        }
+        next = Some(period + 1);
+    }
+    let (evidence, begin, end) = best;
+    let is_certain = (counts.len() as f64 / FALSE_ALARM_PROBABILITY).ln() < evidence;
+    let is_long = FEWEST as i64 <= end - begin + 1;
+    let others = counts.iter().filter(|(period, _)| *period < begin - 1 || end + 1 < *period);
+    let mut others: Vec<u64> = others.map(|(_, rows)| *rows).collect();
+    others.sort_unstable();
+    let high = others.iter().filter(|rows| taken + 4.0 * taken.sqrt() < **rows as f64).count();
+    let middle = *others.get(others.len() / 2)? as f64;
+    let is_twice = TWICE * middle < mean_rows(counts, begin, end) && high <= 1 + others.len() / 50;
+    (is_certain && is_long && is_twice).then_some((begin, end))
+}
+
+fn mean_rows(counts: &[(i64, u64)], begin: i64, end: i64) -> f64 {
+    let rows: u64 = counts.iter().filter(|(period, _)| (begin..=end).contains(period)).map(|(_, n)| n).sum();
+    rows as f64 / (end - begin + 1) as f64
+}
+
+/// A remark on a time that is no number of seconds.
+pub fn unit_of_time(time_s: f64) -> Option<String> {
+    let (divisor, unit) = match time_s.abs() {
+        t if t < LATEST_S => return None,
+        t if t < 1e3 * LATEST_S => (1e3, "milliseconds"),
+        t if t < 1e6 * LATEST_S => (1e6, "microseconds"),
+        _ => (1e9, "nanoseconds"),
+    };
+    Some(format!("are they in {unit}? Then divide by {divisor:.0} ({})", utc(time_s / divisor)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resight::core::statistics::random::SplitMix64;
+
+    /// Random loss of rows never makes a clock; times that came twice do, also amid the loss.
+    #[test]
+    fn lost_rows_are_no_clock() {
+        let mut rng = SplitMix64::scattered(3);
+        for kept in [1.0, 0.7, 0.3, 0.1] {
+            let (mut false_alarms, mut found) = (0, 0);
+            for _ in 0..2000 {
+                let mut of = |n: usize| (0..n).filter(|_| rng.uniform() < kept).count() as u64;
+                let counts: Vec<(i64, u64)> = (0..96).map(|period| (period, of(90))).collect();
+                let is_twice = |period: i64| (30..46).contains(&period);
+                let twice: Vec<(i64, u64)> =
+                    (0..80).map(|period| (period, of(if is_twice(period) { 180 } else { 90 }))).collect();
+                let run = |counts: &[(i64, u64)]| taken(counts).and_then(|taken| doubled_run(counts, taken));
+                false_alarms += usize::from(run(&counts).is_some());
+                found += usize::from(run(&twice).is_some_and(|(begin, end)| begin < 40 && 36 < end));
+            }
+            // Twice as many of 27 rows a period are found nine times in ten at least; of nine they are too few to be sure.
+            let least = if kept < 0.2 { 0 } else { 1800 };
+            assert!(false_alarms == 0 && least <= found, "{kept} kept: {false_alarms} false, {found} found");
+        }
     }
 }

@@ -1,11 +1,15 @@
 //! One camera, judged.
 
 use super::AssessConfig;
-use super::clock::{FleetSpan, duration};
-use super::drift::{Course, Motion, course, readings};
+use super::clock::FleetSpan;
+use super::drift::{Course, Wander, course};
+use super::events::{Motion, length};
+use super::readings::{motion, readings};
 use crate::state::CameraState;
+use crate::words::{duration, utc, with_sigma};
 use resight::core::temporal::monitor::Detectable;
-use resight::core::{Matrix6, Pose};
+use resight::core::temporal::monitor::learn::LEAST_READINGS;
+use resight::core::{Matrix6, Pose, Vector6};
 use resight::report::verdict::Status;
 use serde::Serialize;
 
@@ -66,8 +70,11 @@ pub struct CameraVerdict {
     pub found: Found,
     /// The sentence.
     pub message: String,
-    /// How far it moved.
-    pub motion: Option<Motion>,
+    /// Its motions, in order of time.
+    pub events: Vec<Motion>,
+    /// Where it is at the end in its own frame of the beginning, `[rotation_rad; translation_m]`, with its covariance, where it moved more
+    /// than once.
+    pub now: Option<(Vector6, Matrix6)>,
     /// The pose before any motion, and its covariance.
     pub cam_from_target: Option<(Pose, Matrix6)>,
     /// The motion that would have been found.
@@ -78,6 +85,14 @@ pub struct CameraVerdict {
     pub span_s: Option<(f64, f64)>,
     /// Small motions from the first period's pose, by the middle of each period, seconds; for pictures.
     pub history: Vec<(f64, [f64; 6])>,
+}
+
+impl CameraVerdict {
+    /// The motion with the most evidence.
+    pub fn motion(&self) -> Option<&Motion> {
+        let confirmed = self.events.iter().filter(|event| self.found == Found::Moved && event.is_confirmed());
+        confirmed.max_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
 }
 
 pub(super) fn of(
@@ -91,7 +106,8 @@ pub(super) fn of(
         camera: name.to_string(),
         found,
         message,
-        motion: None,
+        events: Vec::new(),
+        now: None,
         cam_from_target: None,
         detectable: None,
         counts: state.counts,
@@ -119,7 +135,7 @@ pub(super) fn of(
     if let Some(message) = dead(state, fleet, config) {
         return plain(Found::Dead, message);
     }
-    judged(plain(Found::Steady, String::new()), course(state, fleet.period_s, config))
+    judged(plain(Found::Steady, String::new()), course(state, fleet.period_s, config), config)
 }
 
 fn dead(state: &CameraState, fleet: &FleetSpan, config: &AssessConfig) -> Option<String> {
@@ -130,56 +146,124 @@ fn dead(state: &CameraState, fleet: &FleetSpan, config: &AssessConfig) -> Option
     let is_silent = f64::from(config.dead_periods) * fleet.period_s < silent_s;
     is_silent.then(|| {
         format!(
-            "not seen for the last {}, since time {:.0} s",
+            "not seen for the last {}, since {}, after {} rows",
             duration(silent_s),
-            state.span_s.map_or(0.0, |s| s.1)
+            utc(state.span_s.map_or(0.0, |s| s.1)),
+            state.rows()
         )
     })
 }
 
-fn judged(plain: CameraVerdict, course: Course) -> CameraVerdict {
-    let (found, message) = match (&course.motion, &course.wander, &course.reference) {
-        (Some(motion), _, _) => (Found::Moved, moved(motion)),
-        (None, Some(by), _) => {
-            let message = format!(
-                "moves to and fro by {:.4}° and {:.2} mm over the record, by more than the errors of its periods",
-                by.fixed_rows::<3>(0).norm().to_degrees(),
-                by.fixed_rows::<3>(3).norm() * 1e3
-            );
-            (Found::Wandering, message)
-        }
-        (None, None, Some(_)) => (Found::Steady, steady(course.detectable.as_ref())),
-        (None, None, None) => {
-            let message = format!("{} periods hold enough poses that are ok; 20 are needed", course.readings);
-            (Found::TooFew, message)
-        }
+fn judged(plain: CameraVerdict, course: Course, config: &AssessConfig) -> CameraVerdict {
+    let confirmed = || course.events.iter().filter(|event| event.is_confirmed());
+    let is_new = |event: &Motion| {
+        config.known_until_s.is_none_or(|known| known < event.since_s + 2.0 * event.since_sigma_s)
+    };
+    let is_known = confirmed().next().is_some() && course.events.iter().all(|event| !is_new(event));
+    let is_moved = confirmed().next().is_some() && !is_known;
+    let (found, message) = match (&course.unrest, &course.reference) {
+        _ if is_known => (Found::Steady, format!("stayed since; before that: {}", moved(&course))),
+        _ if is_moved => (Found::Moved, moved(&course)),
+        _ if !course.events.is_empty() => (Found::Wandering, moved(&course)),
+        (Some(wander), _) => (Found::Wandering, wandering(wander)),
+        (None, Some(_)) => (Found::Steady, steady(course.detectable.as_ref())),
+        (None, None) => (Found::TooFew, too_few(course.readings, &plain.counts, config)),
     };
     CameraVerdict {
         found,
         message,
-        motion: course.motion,
+        events: course.events,
+        now: course.now,
         cam_from_target: course.reference,
         detectable: course.detectable,
         ..plain
     }
 }
 
-fn moved(motion: &Motion) -> String {
-    let norm = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let how = if motion.kind == "step" { "moved suddenly" } else { "moves slowly" };
+/// Events that a sentence names.
+const NAMED: usize = 4;
+
+fn moved(course: &Course) -> String {
+    let named: Vec<String> = course.events.iter().take(NAMED).map(event).collect();
+    let mut text = named.join("; ");
+    if NAMED < course.events.len() {
+        text += &format!("; {} more", course.events.len() - NAMED);
+    }
+    if let Some((now, covariance)) = &course.now {
+        let angle = length(&now.fixed_rows::<3>(0).into(), &covariance.fixed_view::<3, 3>(0, 0).into());
+        let shift = length(&now.fixed_rows::<3>(3).into(), &covariance.fixed_view::<3, 3>(3, 3).into());
+        text += &format!(
+            "; at the end rotated by {}° and shifted by {} mm from where it was",
+            with_sigma(angle.map(f64::to_degrees)),
+            with_sigma(shift.map(|x| 1e3 * x))
+        );
+    }
+    text
+}
+
+fn event(motion: &Motion) -> String {
+    let how = match motion.kind {
+        "step" => "moved suddenly at",
+        "ramp" => "moves slowly since",
+        "pending" => "only its last period says that it moved, at",
+        _ => "away for a single period, at",
+    };
     let far = match &motion.rotation_alone_deg {
-        Some(rotation) => format!("rotated by {:.4}° about its centre", norm(rotation)),
+        Some(_) => format!("rotated by {}° about its centre", with_sigma(motion.angle_deg)),
         None => format!(
-            "rotated by {:.4}°, shifted by {:.2} mm",
-            norm(&motion.rotation_deg),
-            1e3 * norm(&motion.translation_m)
+            "rotated by {}°, shifted by {} mm",
+            with_sigma(motion.angle_deg),
+            with_sigma(motion.shift_m.map(|x| 1e3 * x))
         ),
     };
+    let (when, within) = (utc(motion.since_s), duration(motion.since_sigma_s));
+    format!("{how} {when} (± {within}): {far}; χ² = {:.0} with 6 degrees of freedom", motion.chi2)
+}
+
+fn wandering(wander: &Wander) -> String {
+    let size = |y: &Vector6| {
+        let (angle, shift) = (y.fixed_rows::<3>(0).norm().to_degrees(), y.fixed_rows::<3>(3).norm() * 1e3);
+        format!("{angle:.4}° and {shift:.2} mm")
+    };
+    match wander {
+        Wander::ToAndFro { by, likely } => {
+            let text = format!(
+                "moves to and fro by {} over the record, by more than the errors of its periods",
+                size(by)
+            );
+            match likely.first() {
+                Some(likely) => format!("{text}; likelier, but not beyond doubt: {}", event(likely)),
+                None => text,
+            }
+        }
+        Wander::Off { readings, farthest, t_s } => format!(
+            "{readings} of its periods are farther off than a step that would have been found, by up to {}, at {}; errors that last explain \
+             them as well as a motion",
+            size(farthest),
+            utc(*t_s)
+        ),
+    }
+}
+
+fn too_few(readings: usize, counts: &[u64; 5], config: &AssessConfig) -> String {
+    let rows: u64 = counts.iter().sum();
+    let words = [
+        "are ok",
+        "are ambiguous: two poses fit the layout of their points",
+        "are degenerate: their points determine no pose",
+        "contradict their points",
+        "have no pose",
+    ];
+    let most = (1..5).max_by_key(|i| counts[*i]).filter(|i| counts[0] < counts[*i]);
+    let why = match most {
+        Some(i) => {
+            format!("{:.0} % of its {rows} views {}", 100.0 * counts[i] as f64 / rows as f64, words[i])
+        }
+        None => format!("{} of its {rows} views are ok", counts[0]),
+    };
     format!(
-        "{how} at time {:.0} s (± {}): {far}; χ² = {:.0} with 6 degrees of freedom",
-        motion.since_s,
-        duration(motion.since_sigma_s),
-        motion.chi2
+        "{why}; {readings} periods hold {} or more that are ok, and {LEAST_READINGS} are needed",
+        config.least_rows
     )
 }
 
@@ -197,5 +281,5 @@ fn steady(detectable: Option<&Detectable>) -> String {
 fn history(state: &CameraState, period_s: f64, config: &AssessConfig) -> Vec<(f64, [f64; 6])> {
     let readings = readings(state, period_s, config.least_rows);
     let Some(first) = readings.first().map(|reading| reading.a_from_b) else { return Vec::new() };
-    readings.iter().map(|r| (r.t_s, (first * r.a_from_b.inverse()).log().into())).collect()
+    readings.iter().map(|r| (r.t_s, motion(&first, &r.a_from_b).into())).collect()
 }

@@ -2,6 +2,8 @@
 
 use super::{FleetCamera, Site};
 use crate::FleetError;
+use crate::words::of_other_unit;
+use resight::FileError;
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use resight::core::{Camera, Lens, Point};
 use resight::input::table::{Table, TableRow};
@@ -23,15 +25,26 @@ struct Columns {
     map: Option<[usize; 2]>,
 }
 
-pub(super) fn read(path: &Path) -> Result<Vec<FleetCamera>, FleetError> {
+/// The cameras, what is wrong with the rows that are none, and remarks.
+pub(super) type Read = (Vec<FleetCamera>, Vec<FileError>, Vec<String>);
+
+pub(super) fn read(path: &Path) -> Result<Read, FleetError> {
     let table = Table::open(path, "camera,fx_px,fy_px,cx_px,cy_px")?;
     let columns = columns(&table)?;
-    let mut cameras = Vec::new();
-    table.each(|row| {
-        cameras.push(camera(&columns, &row)?);
+    let (mut cameras, mut rejected) = (Vec::new(), Vec::new());
+    let other = ["x0_mm", "x0_cm"].into_iter().filter(|name| table.find(name).is_some());
+    let remarks = other.filter_map(of_other_unit).collect();
+    table.each_or_torn(|row| {
+        match row.and_then(|row| camera(&columns, &row)) {
+            Ok(camera) => cameras.push(camera),
+            Err(reason) => rejected.push(reason),
+        }
         Ok::<(), FleetError>(())
     })?;
-    Ok(cameras)
+    match rejected.first() {
+        Some(_) if cameras.is_empty() => Err(rejected.swap_remove(0).into()),
+        _ => Ok((cameras, rejected, remarks)),
+    }
 }
 
 fn columns(table: &Table) -> Result<Columns, FleetError> {
@@ -53,7 +66,7 @@ fn columns(table: &Table) -> Result<Columns, FleetError> {
     })
 }
 
-fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FleetError> {
+fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FileError> {
     let name = row
         .text(columns.camera)
         .ok_or_else(|| row.complaint(columns.camera, "is empty; a name is needed"))?;
@@ -74,25 +87,25 @@ fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FleetErr
     })
 }
 
-fn numbers<const N: usize>(row: &TableRow<'_>, columns: &[usize; N]) -> Result<[f64; N], FleetError> {
+fn numbers<const N: usize>(row: &TableRow<'_>, columns: &[usize; N]) -> Result<[f64; N], FileError> {
     let mut numbers = [0.0; N];
     for (number, column) in numbers.iter_mut().zip(columns) {
         *number = row.number(*column)?;
         if !number.is_finite() {
-            return Err(row.complaint(*column, &format!("is {number}; a finite number is needed")).into());
+            return Err(row.complaint(*column, &format!("is {number}; a finite number is needed")));
         }
     }
     Ok(numbers)
 }
 
 /// None where both cells are empty.
-fn size(columns: &Columns, row: &TableRow<'_>) -> Result<Option<ImageSize>, FleetError> {
+fn size(columns: &Columns, row: &TableRow<'_>) -> Result<Option<ImageSize>, FileError> {
     let [Some(width), Some(height)] = columns.size else { return Ok(None) };
-    let side = |column: usize| -> Result<Option<u32>, FleetError> {
+    let side = |column: usize| -> Result<Option<u32>, FileError> {
         let Some(side) = row.optional_number(Some(column))? else { return Ok(None) };
         if side.fract() != 0.0 || !(1.0..=1e6).contains(&side) {
             let what = format!("is {side}; a whole number of pixels from 1 to 1000000 is needed");
-            return Err(row.complaint(column, &what).into());
+            return Err(row.complaint(column, &what));
         }
         Ok(Some(side as u32))
     };
@@ -100,7 +113,7 @@ fn size(columns: &Columns, row: &TableRow<'_>) -> Result<Option<ImageSize>, Flee
 }
 
 /// None where every cell is empty.
-fn points(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Vec<Point>>, FleetError> {
+fn points(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Vec<Point>>, FileError> {
     let is_filled = |column: &[usize; 3]| column.iter().any(|i| row.text(*i).is_some());
     let filled: Vec<&[usize; 3]> = columns.points.iter().take_while(|column| is_filled(column)).collect();
     if filled.is_empty() {
@@ -108,12 +121,12 @@ fn points(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Vec<Point>>, F
     }
     if filled.len() < 3 {
         let what = format!("has {} points; 3 or more are needed", filled.len());
-        return Err(row.complaint(columns.camera, &what).into());
+        return Err(row.complaint(columns.camera, &what));
     }
     filled.into_iter().map(|column| numbers(row, column).map(Point::from)).collect::<Result<_, _>>().map(Some)
 }
 
-fn site(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Site>, FleetError> {
+fn site(columns: &Columns, row: &TableRow<'_>) -> Result<Option<Site>, FileError> {
     let name = columns.site.and_then(|i| row.text(i));
     let east_north = match columns.map.filter(|map| map.iter().all(|i| row.text(*i).is_some())) {
         Some(map) => Some(numbers(row, &map)?),

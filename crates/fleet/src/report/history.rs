@@ -1,6 +1,7 @@
 //! A camera's angles over the record.
 
 use crate::assess::CameraVerdict;
+use crate::words::utc;
 use resight::report::html::escaped;
 use std::fmt::Write;
 
@@ -24,7 +25,7 @@ pub(super) fn svg(camera: &CameraVerdict) -> String {
     let y = |deg: f64| HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (deg - least) / span;
     let name = escaped(&camera.camera);
     let mut svg = format!(
-        "<figure><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"angles of {name}\"><text x=\"{LEFT}\" y=\"16\" font-weight=\"600\">{name}</text>"
+        "<figure data-name=\"{name}\"><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"angles of {name}\"><text x=\"{LEFT}\" y=\"16\" font-weight=\"600\">{name}</text>"
     );
     for level in [least, 0.0, most] {
         let (at, text) = (y(level), level_text(level, span));
@@ -48,7 +49,7 @@ pub(super) fn svg(camera: &CameraVerdict) -> String {
             angles().map(|(t_s, deg)| format!("{:.1},{:.1} ", x(t_s), y(deg[axis]))).collect();
         let _ = write!(svg, "<polyline class=\"{class}\" points=\"{}\"/>", points.trim_end());
     }
-    if let Some(motion) = &camera.motion {
+    for motion in &camera.events {
         let at = x(motion.since_s).clamp(LEFT, WIDTH - 8.0);
         let bottom = HEIGHT - BOTTOM;
         let _ =
@@ -60,7 +61,7 @@ pub(super) fn svg(camera: &CameraVerdict) -> String {
             "<text x=\"{:.1}\" y=\"{}\" text-anchor=\"{anchor}\">{}</text>",
             x(t_s),
             HEIGHT - 6.0,
-            super::time(t_s)
+            utc(t_s)
         );
     }
     svg + "</svg></figure>"

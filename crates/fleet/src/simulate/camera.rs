@@ -131,6 +131,11 @@ impl SimulatedCamera {
 
     /// What it reports of an image: its time and pixels; none where there is no row.
     pub fn row(&self, day: &Simulation, tick: usize) -> Option<(f64, [Pixel; 4])> {
+        self.row_moved(day, tick, &Vector6::zeros())
+    }
+
+    /// The same of a camera that is elsewhere in its own frame by a small motion, `[rotation_rad; translation_m]`.
+    pub fn row_moved(&self, day: &Simulation, tick: usize, motion: &Vector6) -> Option<(f64, [Pixel; 4])> {
         let t_s = tick as f64 * day.every_s;
         let mut rng = SplitMix64::scattered(self.seed ^ mixed(tick as u64));
         let offset_s = match self.fate {
@@ -141,7 +146,7 @@ impl SimulatedCamera {
         if rng.uniform() < day.missed {
             return None;
         }
-        let cam_from_target = self.cam_from_target_at(t_s);
+        let cam_from_target = Pose::exp(&-motion) * self.cam_from_target_at(t_s);
         let mut pixels = [Pixel::zeros(); 4];
         for (pixel, x) in pixels.iter_mut().zip(&self.points) {
             let [du, dv] = rng.normal_pair();

@@ -5,7 +5,7 @@ use crate::FleetError;
 use std::sync::PoisonError;
 
 /// The first bytes; the last one is the version.
-const MAGIC: [u8; 8] = *b"resight\x02";
+const MAGIC: [u8; 8] = *b"resight\x03";
 
 impl FleetState {
     /// The state as bytes, the same ones whatever the order in which its rows came.
@@ -99,7 +99,7 @@ impl CameraState {
             for part in &mut parts {
                 *part = from.whole()?;
             }
-            periods.push((period, Sums::of_parts(parts)));
+            periods.push((period, Sums::of_parts(parts)?));
         }
         let mut samples = Vec::new();
         for _ in 0..from.count()? {

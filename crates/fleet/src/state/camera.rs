@@ -37,7 +37,7 @@ pub struct CameraState {
     pub too_far: u64,
     /// First and last time of a row, seconds.
     pub span_s: Option<(f64, f64)>,
-    /// Sums of the rows that are `ok`, by the number of their period, rising.
+    /// Sums of the rows that are `ok`, and counts of all, by the number of their period, rising.
     pub periods: Vec<(i64, Sums)>,
     /// Some rows that are `ok`.
     pub samples: Vec<Sample>,
@@ -54,19 +54,19 @@ impl CameraState {
             return;
         }
         self.span_s = span(self.span_s, Some((time_s, time_s)));
-        if status != Status::Ok {
-            return;
-        }
+        // A clock may say anything: the period is a whole number whatever the time is.
+        let sums = self.period((time_s / period_s).floor() as i64);
+        sums.count();
         let number = |i: usize| rows.answers.numbers[i][row];
         let quaternion = [number(0), number(1), number(2), number(3)];
         let translation = [number(4), number(5), number(6)];
-        // A clock may say anything: the period is a whole number whatever the time is.
-        let period = (time_s / period_s).floor() as i64;
-        if !self.period(period).add(quaternion, translation) {
-            self.too_far += 1;
+        let is_ok = status == Status::Ok;
+        let is_summed = is_ok && sums.add(quaternion, translation);
+        self.limit_periods();
+        self.too_far += u64::from(is_ok && !is_summed);
+        if !is_summed {
             return;
         }
-        self.limit_periods();
         let key = mixed(mixed(time_s.to_bits()) ^ translation[0].to_bits());
         let is_full = SAMPLES <= self.samples.len();
         if !is_full || self.samples.last().is_some_and(|last| key <= last.key) {

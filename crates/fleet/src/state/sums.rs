@@ -15,8 +15,9 @@ pub const MOST_ROWS: u64 = (1 << 24) - 1;
 /// Rows of a period: how many, where the camera stood, which way it looked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Sums {
-    /// Rows.
-    pub n: u64,
+    /// Rows that are summed, and rows of any status, no more than 2³² − 1: what saturates does so in every order.
+    n: u32,
+    rows: u32,
     /// Σ of the camera's position in the target frame.
     position: [i64; 3],
     /// Σ of q qᵀ, upper triangle, of the quaternion of cam_from_target; its sign does not matter.
@@ -25,24 +26,42 @@ pub struct Sums {
 
 impl Sums {
     /// Whole numbers that it is made of.
-    pub(super) const PARTS: usize = 14;
+    pub(super) const PARTS: usize = 15;
 
     /// All of them, in a fixed order.
     pub(super) fn parts(&self) -> [u64; Sums::PARTS] {
         let sums = self.position.iter().chain(&self.products);
-        let mut parts = [self.n; Sums::PARTS];
-        parts[1..].iter_mut().zip(sums).for_each(|(part, sum)| *part = *sum as u64);
+        let mut parts = [0; Sums::PARTS];
+        (parts[0], parts[1]) = (u64::from(self.n), u64::from(self.rows));
+        parts[2..].iter_mut().zip(sums).for_each(|(part, sum)| *part = *sum as u64);
         parts
     }
 
-    /// Made of them again.
-    pub(super) fn of_parts(parts: [u64; Sums::PARTS]) -> Self {
+    /// Made of them again; none of counts that no sums have.
+    pub(super) fn of_parts(parts: [u64; Sums::PARTS]) -> Option<Self> {
         let part = |i: usize| parts[i] as i64;
-        Sums {
-            n: parts[0],
-            position: std::array::from_fn(|i| part(1 + i)),
-            products: std::array::from_fn(|i| part(4 + i)),
-        }
+        Some(Sums {
+            n: u32::try_from(parts[0]).ok()?,
+            rows: u32::try_from(parts[1]).ok()?,
+            position: std::array::from_fn(|i| part(2 + i)),
+            products: std::array::from_fn(|i| part(5 + i)),
+        })
+    }
+
+    /// Rows that are summed: those that are `ok`.
+    pub fn n(&self) -> u64 {
+        self.n.into()
+    }
+
+    /// Rows of any status.
+    pub fn rows(&self) -> u64 {
+        self.rows.into()
+    }
+
+    /// Counts a row of any status.
+    #[inline]
+    pub fn count(&mut self) {
+        self.rows = self.rows.saturating_add(1);
     }
 
     /// Adds a pose; false where it lies too far off.
@@ -57,7 +76,7 @@ impl Sums {
         if !(position.amax() <= FARTHEST_M) {
             return false;
         }
-        self.n = self.n.wrapping_add(1);
+        self.n = self.n.saturating_add(1);
         for i in 0..3 {
             self.position[i] = self.position[i].wrapping_add(whole(position[i] * PER_METRE));
         }
@@ -74,7 +93,8 @@ impl Sums {
 
     /// Of both.
     pub fn merge(&mut self, other: &Sums) {
-        self.n = self.n.wrapping_add(other.n);
+        self.n = self.n.saturating_add(other.n);
+        self.rows = self.rows.saturating_add(other.rows);
         for (mine, theirs) in self.position.iter_mut().zip(other.position) {
             *mine = mine.wrapping_add(theirs);
         }
@@ -86,10 +106,10 @@ impl Sums {
     /// The mean pose: the mean position, and the rotation nearest to all (docs/math/fleet.md eq. (4)). None of no row, or of more than the
     /// sums hold.
     pub fn mean(&self) -> Option<Pose> {
-        if self.n == 0 || MOST_ROWS < self.n {
+        if self.n == 0 || MOST_ROWS < self.n() {
             return None;
         }
-        let n = self.n as f64;
+        let n = f64::from(self.n);
         let mut products = Matrix4::zeros();
         let mut k = 0;
         for i in 0..4 {

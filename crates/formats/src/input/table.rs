@@ -22,7 +22,7 @@ pub struct TableRow<'a> {
     pub line: u64,
     path: &'a Path,
     header: &'a [String],
-    record: csv::StringRecord,
+    record: &'a csv::StringRecord,
 }
 
 impl Table {
@@ -33,7 +33,7 @@ impl Table {
     pub fn open(path: &Path, wanted: &str) -> Result<Self, FileError> {
         let file = open_table(path)?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
-        let header = reader.headers().map_err(|e| complaint(path, &e))?;
+        let header = reader.headers().map_err(|e| complaint(path, 1, &e))?;
         if header.is_empty() {
             let reason = format!("the file is empty; a header line {wanted},… is needed");
             return Err(FileError::new(path, reason));
@@ -92,18 +92,39 @@ impl Table {
     /// # Errors
     /// The first that `done` returns; a torn row; no row, or too many.
     pub fn each<E: From<FileError>>(
-        mut self,
+        self,
         mut done: impl FnMut(TableRow<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
+        self.each_or_torn(|row| done(row?))
+    }
+
+    /// Hands every row on, and what is wrong with those that have more or fewer cells than the header, or are no text.
+    ///
+    /// # Errors
+    /// The first that `done` returns; a file that cannot be read on; no row, or too many.
+    pub fn each_or_torn<E: From<FileError>>(
+        mut self,
+        mut done: impl FnMut(Result<TableRow<'_>, FileError>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let (path, mut n) = (self.path.as_path(), 0);
-        for record in self.reader.records() {
-            let record = record.map_err(|e| complaint(path, &e))?;
+        let mut record = csv::StringRecord::new();
+        loop {
+            let is_row = self.reader.read_record(&mut record);
+            // The reader stands behind the end of the row's line; where it began may be a comment or an empty line above it.
+            let line = self.reader.position().line().saturating_sub(1);
+            let is_read = !matches!(&is_row, Err(reason) if reason.is_io_error());
+            let is_row = is_row.map_err(|reason| complaint(path, line, &reason));
+            let row = match is_row {
+                Ok(false) => break,
+                Ok(true) => Ok(TableRow { line, path, header: &self.header, record: &record }),
+                Err(reason) if is_read => Err(reason),
+                Err(reason) => return Err(reason.into()),
+            };
             if MAX_ROWS <= n {
                 return Err(FileError::new(path, format!("more than {MAX_ROWS} rows; split the file")).into());
             }
             n += 1;
-            let line = record.position().map_or(0, |p| p.line());
-            done(TableRow { line, path, header: &self.header, record })?;
+            done(row)?;
         }
         if n == 0 {
             return Err(FileError::new(path, "no rows below the header").into());
@@ -151,8 +172,8 @@ impl TableRow<'_> {
     }
 }
 
-fn complaint(path: &Path, error: &csv::Error) -> FileError {
-    let line = error.position().map(|p| p.line() as usize);
+fn complaint(path: &Path, line: u64, error: &csv::Error) -> FileError {
+    let line = Some(line as usize).filter(|_| error.position().is_some());
     let reason = match error.kind() {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
             format!("{len} cells where the header has {expected_len}")
@@ -161,4 +182,33 @@ fn complaint(path: &Path, error: &csv::Error) -> FileError {
         _ => error.to_string(),
     };
     FileError { path: path.to_path_buf(), line, reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever its lines end in, with comments and empty lines above it: the line of a row is the one an editor shows.
+    #[test]
+    fn rows_know_their_lines() {
+        let path = std::env::temp_dir().join(format!("resight-table-{}.csv", std::process::id()));
+        for end in ["\n", "\r\n"] {
+            for last in ["", end] {
+                let lines = ["a,b", "1,2", "# a comment", "", "3,4", "5,x"];
+                std::fs::write(&path, lines.join(end) + last).expect("written");
+                let mut seen = Vec::new();
+                let table = Table::open(&path, "a,b").expect("a table");
+                let done = table.each(|row| {
+                    seen.push(row.line);
+                    row.number(1).map(|_| ())
+                });
+                assert_eq!(seen, [2, 5, 6]);
+                assert!(done.is_err_and(|reason| reason.to_string().contains(".csv:6: column `b` is `x`")));
+            }
+        }
+        std::fs::write(&path, "a,b\r\n1,2\r\n3\r\n").expect("written");
+        let torn = Table::open(&path, "a,b").and_then(|table| table.each(|_| Ok::<(), FileError>(())));
+        assert!(torn.is_err_and(|reason| reason.to_string().contains(".csv:3: 1 cells")));
+        std::fs::remove_file(&path).expect("removed");
+    }
 }

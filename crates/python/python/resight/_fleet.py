@@ -39,14 +39,16 @@ def solve_views(table: Any, cameras: _native.Cameras, *, sigma_px: float = 0.5) 
     return _native.solve_views(columns(table), cameras, sigma_px)
 
 
-def fleet_report(inputs: Any, *, cameras: Any = None, output: Any = None, period_s: float = 900.0, diurnal_deg: float = 0.0,
-                 diurnal_mm: float = 0.0) -> list[Answer]:
+def fleet_report(inputs: Any, *, cameras: Any = None, output: Any = None, since: Any = None, state: Any = None, period_s: float = 900.0,
+                 diurnal_deg: float = 0.0, diurnal_mm: float = 0.0) -> list[Answer]:
     """Which cameras moved, by how much and since when, from the poses that `batch` wrote: one answer a camera, those that moved first.
 
-    `inputs`: Parquet files, folders of them (as Spark writes them) or patterns. `output`: a page with the ranked table, histories and map.
+    `inputs`: Parquet files, folders of them (as Spark writes them) or patterns. `output`: a page with motions, histories, masts, map and sites.
+    `state`: a file for what is kept of each camera of these poses; `since`: the one that an earlier report wrote, of the time before these
+    poses: only what moved since then counts as moved.
     """
-    known, page = (None if path is None else os.fspath(path) for path in (cameras, output))
-    return [Answer(line) for line in _native.fleet_report(_paths(inputs), known, page, period_s, diurnal_deg, diurnal_mm)]
+    given = [None if path is None else os.fspath(path) for path in (cameras, output, since, state)]
+    return [Answer(line) for line in _native.fleet_report(_paths(inputs), *given, period_s, diurnal_deg, diurnal_mm)]
 
 
 class FleetState:

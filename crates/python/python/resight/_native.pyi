@@ -625,6 +625,8 @@ def fleet_report(
     inputs: Sequence[str],
     cameras: str | os.PathLike[str] | None,
     output: str | os.PathLike[str] | None,
+    since: str | os.PathLike[str] | None,
+    state: str | os.PathLike[str] | None,
     period_s: float,
     diurnal_deg: float,
     diurnal_mm: float,

@@ -39,7 +39,7 @@ pub(super) fn run(request: &BatchRequest, master: Option<&str>, json: bool) -> R
     })?;
     let answer = BatchObject::of_cluster(answer, &request.output, begun.elapsed().as_secs_f64());
     print_answer(json, &answer, &answer.in_words(), answer.status())?;
-    Ok(Outcome::of([answer.status()]))
+    Ok(if answer.is_damaged() { Outcome::Damaged } else { Outcome::of([answer.status()]) })
 }
 
 fn interpreter() -> Result<OsString> {

@@ -1,0 +1,326 @@
+//! Motions in numbers: when, and how far from the pose before to the pose after.
+
+use super::evidence::{Record, means};
+use super::readings::{mean, motion};
+use super::series::{Correlated, Jump};
+use crate::state::CameraState;
+use nalgebra::{DMatrix, DVector};
+use resight::core::temporal::monitor::{Drift, MotionKind, Reading, Unrest, Unsettled};
+use resight::core::{Matrix6, Pose, Vector6};
+use serde::Serialize;
+use std::ops::Range;
+
+/// How far a camera moved, and when.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Motion {
+    /// `step`, `ramp`, `excursion` (away for a single period), or `pending` (a step that the last period alone shows).
+    pub kind: &'static str,
+    /// When it began, seconds.
+    pub since_s: f64,
+    /// How uncertain that is, seconds.
+    pub since_sigma_s: f64,
+    /// χ² of the motion with six degrees of freedom.
+    pub chi2: f64,
+    /// Where the camera now is in its own old frame, about x right, y down, z forward, degrees.
+    pub rotation_deg: [f64; 3],
+    /// Their standard deviations.
+    pub rotation_sigma_deg: [f64; 3],
+    /// Along the same axes, metres.
+    pub translation_m: [f64; 3],
+    /// Their standard deviations.
+    pub translation_sigma_m: [f64; 3],
+    /// The rotation if it only rotated about its own centre, which such a motion is mostly; none where it shifted too.
+    pub rotation_alone_deg: Option<[f64; 3]>,
+    /// The size of that rotation, or of the whole one, and its standard deviation, degrees.
+    pub angle_deg: [f64; 2],
+    /// The length of the shift and its standard deviation, metres.
+    pub shift_m: [f64; 2],
+}
+
+impl Motion {
+    /// Whether more than one period shows that the camera went elsewhere.
+    pub fn is_confirmed(&self) -> bool {
+        matches!(self.kind, "step" | "ramp")
+    }
+
+    fn new(
+        kind: &'static str,
+        (since_s, since_sigma_s): (f64, f64),
+        y: Vector6,
+        covariance: Matrix6,
+    ) -> Self {
+        let drift = Drift {
+            old_from_new: y,
+            covariance,
+            began_s: since_s,
+            began_sigma_s: since_sigma_s,
+            course: MotionKind::Step,
+            course_probability: 1.0,
+            rate: None,
+        };
+        let chi2 = covariance.cholesky().map_or(0.0, |factor| y.dot(&factor.solve(&y)));
+        let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+        let alone = drift.pure_rotation();
+        let angle = match &alone {
+            Some((rotation, of)) => length(rotation, of),
+            None => length(&y.fixed_rows::<3>(0).into(), &covariance.fixed_view::<3, 3>(0, 0).into()),
+        };
+        let shift = length(&y.fixed_rows::<3>(3).into(), &covariance.fixed_view::<3, 3>(3, 3).into());
+        Motion {
+            kind,
+            since_s,
+            since_sigma_s,
+            chi2,
+            rotation_deg: [0, 1, 2].map(|i| y[i].to_degrees()),
+            rotation_sigma_deg: [0, 1, 2].map(|i| sigma(i).to_degrees()),
+            translation_m: [3, 4, 5].map(|i| y[i]),
+            translation_sigma_m: [3, 4, 5].map(sigma),
+            rotation_alone_deg: alone.map(|(rotation, _)| rotation.map(f64::to_degrees).into()),
+            angle_deg: angle.map(f64::to_degrees),
+            shift_m: shift,
+        }
+    }
+}
+
+/// Of a vector, with its standard deviation along itself.
+pub(super) fn length(v: &nalgebra::Vector3<f64>, covariance: &nalgebra::Matrix3<f64>) -> [f64; 2] {
+    let norm = v.norm();
+    let along = v / norm.max(f64::MIN_POSITIVE);
+    [norm, along.dot(&(covariance * along)).max(0.0).sqrt()]
+}
+
+/// Steps that belong together: a period amid which a step fell lies between both poses, and a single period off is one event.
+pub(super) fn groups(record: &Record, steps: &[usize]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for step in steps {
+        match groups.last_mut() {
+            Some(group) if group.len() == 1 && group[0] + 1 == *step && *step < record.len() => {
+                group.push(*step)
+            }
+            _ => groups.push(vec![*step]),
+        }
+    }
+    groups
+}
+
+/// The course of a camera that moved.
+pub(super) struct Moved {
+    /// The pose before any motion.
+    pub reference: (Pose, Matrix6),
+    /// In order of time.
+    pub events: Vec<Motion>,
+    /// From the beginning to the end, where there is more than one.
+    pub now: Option<(Vector6, Matrix6)>,
+}
+
+/// One event: the readings before it end, those after it begin.
+struct Border {
+    before_end: usize,
+    after_begin: usize,
+    /// A single reading that lies on neither side nor between them.
+    excursion: Option<usize>,
+}
+
+impl Border {
+    /// Readings from `begin` on before the event, and after it up to `end`. The two that may be means of both poses are left out where others
+    /// remain.
+    fn sides(&self, begin: usize, end: usize) -> (Range<usize>, Range<usize>) {
+        let is_plain = self.before_end == self.after_begin;
+        let spared = |n: usize| usize::from(is_plain && FEW < n);
+        let (before, after) = (self.before_end - begin, end - self.after_begin);
+        (begin..self.before_end - spared(before), self.after_begin + spared(after)..end)
+    }
+}
+
+/// Of each coordinate the mean before and after, and whether the reading between them is a mean of both.
+fn border(record: &Record, group: &[usize], all: &[usize]) -> Border {
+    let first = group[0];
+    let Some(last) = group.get(1).copied() else {
+        return Border { before_end: first, after_begin: first, excursion: None };
+    };
+    let of = |values: &[f64]| {
+        let at = all.iter().position(|step| *step == first).unwrap_or(0);
+        let means = means(values, all);
+        [means[at], values[first], means[at + 2]]
+    };
+    let [mut whole, mut part] = [Vector6::zeros(); 2];
+    for (i, series) in record.series[..6].iter().enumerate() {
+        let [before, between, after] = of(&series.values);
+        (whole[i], part[i]) = (after - before, between - before);
+    }
+    let share = part.dot(&whole) / whole.norm_squared().max(f64::MIN_POSITIVE);
+    let rest = (part - whole * share).norm();
+    let is_between = (-0.1..1.1).contains(&share) && rest < 0.1 * whole.norm() + 5.0;
+    Border { before_end: first, after_begin: last, excursion: (!is_between).then_some(first) }
+}
+
+/// The course with these events; none where a pose or a covariance is none.
+pub(super) fn reported(
+    record: &Record,
+    groups: &[Vec<usize>],
+    readings: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+) -> Option<Moved> {
+    let all: Vec<usize> = groups.iter().flatten().copied().collect();
+    let errors: Vec<Correlated> = record.series[..6]
+        .iter()
+        .map(|series| {
+            let wide = 1e6 * series.values.iter().map(|v| v * v).fold(series.typical_variance(), f64::max);
+            let jumps: Vec<Jump> = all.iter().map(|at| Jump { at: *at, variance: wide }).collect();
+            series.likeliest(&jumps, f64::INFINITY).1
+        })
+        .collect();
+    let borders: Vec<Border> = groups.iter().map(|group| border(record, group, &all)).collect();
+    let mut events = Vec::new();
+    let mut total = Matrix6::zeros();
+    for (k, border) in borders.iter().enumerate() {
+        let begin = if k == 0 { 0 } else { borders[k - 1].after_begin };
+        let end = borders.get(k + 1).map_or(readings.len(), |next| next.before_end);
+        let (old, new) = match border.excursion {
+            Some(at) => (begin..border.before_end, at..at + 1),
+            None => border.sides(begin, end),
+        };
+        let (y, covariance) = size(record, readings, old, new.clone(), &errors)?;
+        let is_last_reading = border.excursion.is_none() && new.len() == 1 && new.end == readings.len();
+        let kind = match border.excursion {
+            Some(_) => "excursion",
+            None if is_last_reading => "pending",
+            None => "step",
+        };
+        if border.excursion.is_none() {
+            total += covariance;
+        }
+        let when = when(record, border, &all, readings, state, period_s);
+        events.push(Motion::new(kind, when, y, covariance));
+    }
+    let first = mean(&readings[borders.first()?.sides(0, readings.len()).0])?;
+    let last = mean(&readings[borders.last()?.sides(0, readings.len()).1])?;
+    let now = (1 < events.len()).then(|| (motion(&first.0, &last.0), total + first.1 + last.1));
+    Some(Moved { reference: first, events, now })
+}
+
+/// So few readings are all needed.
+const FEW: usize = 3;
+/// Readings on either side that the size of a motion rests on, so that slow errors are those of its time.
+const NEAR: usize = 48;
+
+/// From the pose before to the pose after, by generalised least squares amid the error of each whitened coordinate, eq. (17).
+fn size(
+    record: &Record,
+    readings: &[Reading],
+    old: Range<usize>,
+    new: Range<usize>,
+    errors: &[Correlated],
+) -> Option<(Vector6, Matrix6)> {
+    let old = old.start.max(old.end.saturating_sub(NEAR))..old.end;
+    let new = new.start..new.end.min(new.start + NEAR);
+    let is_new: Vec<bool> = old.clone().map(|_| false).chain(new.clone().map(|_| true)).collect();
+    let used: Vec<usize> = old.clone().chain(new).collect();
+    let (mut means, mut variances) = ([Vector6::zeros(); 2], Vector6::zeros());
+    // About the last reading before, so that motions on either side are small or that of the event.
+    let about = readings[old.end.checked_sub(1)?].a_from_b;
+    let whitened_from_motion = record.motion_from_whitened.try_inverse()?;
+    let y: Vec<Vector6> =
+        used.iter().map(|i| whitened_from_motion * motion(&about, &readings[*i].a_from_b)).collect();
+    for axis in 0..6 {
+        let (series, error) = (&record.series[axis], &errors[axis]);
+        let covariance = DMatrix::from_fn(used.len(), used.len(), |i, j| {
+            let apart_s = (series.t_s[used[i]] - series.t_s[used[j]]).abs();
+            let own = if i == j { series.variances[used[i]] } else { 0.0 };
+            own + error.sigma.powi(2) * (-apart_s / error.time_s).exp()
+        });
+        let columns = DMatrix::from_fn(used.len(), 2, |i, k| f64::from(u8::from(is_new[i] == (k == 1))));
+        let factor = covariance.cholesky()?;
+        let weighed = factor.solve(&columns);
+        let information = columns.transpose() * &weighed;
+        let values = DVector::from_fn(used.len(), |i, _| y[i][axis]);
+        let inverse = information.try_inverse()?;
+        let solved = &inverse * (weighed.transpose() * values);
+        (means[0][axis], means[1][axis]) = (solved[0], solved[1]);
+        variances[axis] = inverse[(0, 0)] + inverse[(1, 1)] - 2.0 * inverse[(0, 1)];
+    }
+    let [before, after] = means.map(|m| Pose::exp(&-(record.motion_from_whitened * m)) * about);
+    let root = record.motion_from_whitened;
+    Some((motion(&before, &after), root * Matrix6::from_diagonal(&variances) * root.transpose()))
+}
+
+/// Readings on either side of a step whose means are the poses before and after it.
+const NEIGHBOURS: usize = 3;
+/// Readings about a step that may have been the first after it.
+const ONSETS: usize = 12;
+
+/// When an event fell, seconds, and how uncertain that is: the share of the new pose in the period amid which it fell says so, eq. (8); where the
+/// noise hides that, the readings that may have been the first after it.
+fn when(
+    record: &Record,
+    border: &Border,
+    all: &[usize],
+    readings: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+) -> (f64, f64) {
+    let begin_of = |i: usize| {
+        let (last, next) = (readings[i - 1].t_s, readings[i].t_s);
+        // Somewhere in the gap, where there is one.
+        (0.5 * (last + next), (next - last) / 12_f64.sqrt())
+    };
+    let onsets = record.onsets(all, border.before_end, ONSETS);
+    let time_s: f64 = onsets.iter().map(|(i, p)| p * begin_of(*i).0).sum();
+    let spread: f64 =
+        onsets.iter().map(|(i, p)| p * ((begin_of(*i).0 - time_s).powi(2) + begin_of(*i).1.powi(2))).sum();
+    let coarse = (time_s, spread.sqrt());
+    if border.excursion.is_some() || period_s < spread.sqrt() {
+        return coarse;
+    }
+    instant(readings, border, state, period_s).unwrap_or(coarse)
+}
+
+/// The share of the new pose in the two periods about a step; none where there is a gap, or noise hides it.
+fn instant(readings: &[Reading], border: &Border, state: &CameraState, period_s: f64) -> Option<(f64, f64)> {
+    // The two readings that may be means of both poses: the one before a step and the first after, or the one between.
+    let (first, last) = match border.after_begin - border.before_end {
+        0 => (border.before_end - 1, border.after_begin),
+        _ => (border.before_end, border.before_end),
+    };
+    let is_gapless = readings[first.saturating_sub(1)..(last + 2).min(readings.len())]
+        .windows(2)
+        .all(|pair| pair[1].t_s - pair[0].t_s < 1.5 * period_s);
+    let (before, _) = mean(&readings[first.saturating_sub(NEIGHBOURS)..first])?;
+    let (after, _) = mean(readings.get(last + 1..(last + 1 + NEIGHBOURS).min(readings.len()))?)?;
+    let whole = motion(&before, &after);
+    let weighed = readings[last].covariance.cholesky()?.solve(&whole);
+    let size = weighed.dot(&whole);
+    let share = |i: usize| weighed.dot(&motion(&before, &readings[i].a_from_b)) / size;
+    let shares: f64 = (first..=last).map(share).map(|share| share.clamp(0.0, 1.0)).sum();
+    let is_share = (first..=last).map(share).all(|share| (-0.1..=1.1).contains(&share));
+    if !(is_gapless && is_share && 25.0 < size) {
+        return None;
+    }
+    let rows = (first..=last).filter_map(|i| {
+        let period = (readings[i].t_s / period_s).floor() as i64;
+        let at = state.periods.binary_search_by_key(&period, |(known, _)| *known).ok()?;
+        Some(state.periods[at].1.n() as f64)
+    });
+    let rows = rows.fold(f64::INFINITY, f64::min);
+    let n = (last - first + 1) as f64;
+    let variance = n * (1.0 + 1.0 / NEIGHBOURS as f64) / size + 1.0 / (3.0 * rows * rows) + 1e-4;
+    Some((readings[last].t_s + (0.5 - shares) * period_s, period_s * variance.sqrt()))
+}
+
+/// The event of the test of a single motion.
+pub(super) fn of_single(
+    found: &Unsettled,
+    readings: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+) -> Motion {
+    let drift: &Drift = &found.drift;
+    let first = found.reading.clamp(1, readings.len() - 1);
+    let border = Border { before_end: first, after_begin: first, excursion: None };
+    let is_step = found.unrest == Unrest::Step;
+    let within = if is_step { instant(readings, &border, state, period_s) } else { None };
+    let coarse = (drift.began_s - 0.75 * period_s, drift.began_sigma_s.hypot(0.4 * period_s));
+    let kind = if is_step { "step" } else { "ramp" };
+    Motion::new(kind, within.unwrap_or(coarse), drift.old_from_new, drift.covariance)
+}
