@@ -28,6 +28,7 @@ mod estimate_focal;
 mod examples;
 mod films;
 mod first_pose;
+mod flags;
 mod fuzz;
 mod history_faults;
 mod hostile_files;

@@ -54,6 +54,7 @@ mod monitor_rig;
 mod n_points;
 mod monitor_noise_kinds;
 mod monitor_noise_rig;
+mod monitor_onset;
 mod no_std;
 mod pose_graph;
 mod printed_scale;

@@ -35,7 +35,7 @@ use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
 use resight_core::temporal::monitor::{
-    Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled,
+    Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled, Watch,
 };
 use resight_core::temporal::track::{Motion, TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Pixel, Target};
@@ -216,15 +216,30 @@ pub enum State {
     Stale {
         /// Since, seconds.
         for_s: f64,
+        /// What is wrong with the frames that come, or that none comes; none where that is not known.
+        reason: Option<String>,
     },
     /// Something is different, and why that is no motion (yet).
     Checking(CheckingReason),
     /// It moved.
     Drifted(Box<Drift>),
-    /// The images contradict intrinsics or target.
+    /// Seen, but the readings contradict the noise that is stated of them.
     Inconsistent,
     /// Seen, and tracking: the camera moves, and that is no drift.
     Tracking,
+}
+
+impl From<Watch> for State {
+    fn from(watch: Watch) -> Self {
+        match watch {
+            Watch::Steady => State::Steady,
+            Watch::Stale { for_s } => State::Stale { for_s, reason: None },
+            Watch::Checking => State::Checking(CheckingReason::Different),
+            Watch::CorrelatedErrors => State::Checking(CheckingReason::CorrelatedErrors),
+            Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
+            Watch::Inconsistent => State::Inconsistent,
+        }
+    }
 }
 
 /// Why a camera is neither steady nor moved.

@@ -140,7 +140,7 @@ fn a_blind_camera_is_unseen() {
     let other = picture(&small(), &Matrix3::identity(), 77);
     let states: Vec<State> = (10..30).map(|n| watched(&mut look, n, exposure(&other, &mut chance))).collect();
     assert!(
-        matches!(states[19], State::Stale { for_s } if (19.0..22.0).contains(&for_s)),
+        matches!(states[19], State::Stale { for_s, .. } if (19.0..22.0).contains(&for_s)),
         "{:?}",
         states[19]
     );

@@ -3,7 +3,10 @@
 use crate::live_support::{camera, tag, tag_pose, watched};
 use nalgebra::{DMatrix, Vector6};
 use resight::GrayImage;
-use resight::core::Pose;
+use resight::core::correspondence::Detection;
+use resight::core::target::Feature;
+use resight::core::temporal::monitor::{DriftNoise, Reference};
+use resight::core::{Matrix6, Pixel, Pose};
 use resight::render::{Finish, Scene, Style, render};
 use resight_watch::live::rig::RigConfig;
 use resight_watch::live::{self, CameraWatcher, Event, LiveCamera, LiveConfig, State};
@@ -82,4 +85,50 @@ fn a_rig_stands_where_its_file_says() {
     })
     .expect("a session");
     assert_eq!(states, [Some(State::Steady), Some(State::Steady)]);
+}
+
+/// Images of another aspect are no lack of light or cable: the state says what is wrong with them, and that none comes where none does.
+#[test]
+fn a_wrong_image_size_is_named() {
+    let mut look = CameraWatcher::new(&watched(&tag(), Film(Vec::new().into_iter())), &LiveConfig::default())
+        .expect("something to look for");
+    let square = |i: u64| GrayImage { width_px: 64, height_px: 64, data: vec![i as u8; 64 * 64] };
+    let last = (0..80).map(|i| look.take(&frame(i, square(i)), 0.0).remove(0).state).last();
+    let Some(State::Stale { reason: Some(reason), .. }) = &last else { panic!("{last:?}") };
+    assert!(reason.contains("1280×960") && reason.contains("64×64"), "{reason}");
+    let State::Stale { reason: Some(reason), .. } = look.states(60.0).remove(0) else { panic!("no frame") };
+    assert_eq!(reason, "no frame comes");
+}
+
+/// Corners that do not fit their stated sigma, in every frame from the first on: the target is seen, so that is no lack of readings.
+#[test]
+fn readings_that_contradict_their_noise_are_not_called_missing() {
+    let (target, truth) = (tag(), tag_pose(240.0, 100.0, -60.0));
+    let mut camera = watched(&target, Film(Vec::new().into_iter()));
+    let spread = |sigma: f64| Matrix6::identity() * sigma * sigma;
+    let (reference, reading, none) = (spread(1e-4), spread(1e-3), Matrix6::zeros());
+    let noise = DriftNoise { reference, reading, bias: none, bias_time_s: 60.0, diurnal: none };
+    camera.targets[0].reference = Some(Reference { a_from_b: truth, noise });
+    let mut look = CameraWatcher::new(&camera, &LiveConfig::default()).expect("something to look for");
+    let detection = |(k, feature): (usize, Feature)| {
+        let x = target.point(feature).expect("a known point").position;
+        let pixel = camera.camera.project(&(truth.rotation * x + truth.translation)).expect("in the image");
+        let off_px = if k % 2 == 0 { 3.0 } else { -3.0 };
+        Detection {
+            feature,
+            pixel: Pixel::new(pixel.x + off_px, pixel.y),
+            sigma_px: 0.1,
+            lens_sigma_px: 0.0,
+            covariance_px2: None,
+        }
+    };
+    let detections: Vec<Detection> = target.features().into_iter().enumerate().map(detection).collect();
+    let mut states = Vec::new();
+    for i in 0..200 {
+        let content = Content::Detections(detections.clone());
+        let frame = Frame { number: i, capture_s: 0.5 * i as f64, name: i.to_string(), content };
+        states.push(look.take(&frame, 0.0).remove(0).state);
+    }
+    assert!(states.contains(&State::Inconsistent), "{:?}", states.last());
+    assert!(!states.iter().any(|state| matches!(state, State::Stale { .. })), "it is seen in every frame");
 }

@@ -405,3 +405,68 @@ fn a_self_signed_server_is_believed_only_where_its_certificate_is_named() {
     let (times, lost) = ask(&["-ca_file", &own]);
     assert!(20 <= times.len(), "{} frames, {lost:?}", times.len());
 }
+
+/// Motion JPEG over HTTP, `rate_hz` images a second: in parts with a boundary, as cameras send it, or one behind the other.
+fn serve_motion_jpeg(rate_hz: f64, in_parts: bool, seconds: f64) -> String {
+    let first = film("motion-%03d.jpg", "320x240", 40, &["-pix_fmt", "yuvj420p"]);
+    let path = |i: usize| first.with_file_name(format!("motion-{:03}.jpg", i % 40 + 1));
+    let images: Vec<Vec<u8>> = (0..40).map(|i| std::fs::read(path(i)).expect("an image")).collect();
+    serve(move |mut visitor| {
+        // What is asked is the same for all.
+        let _ = visitor.read(&mut [0; 4096]);
+        let kind = if in_parts { "multipart/x-mixed-replace; boundary=part" } else { "video/x-motion-jpeg" };
+        let _ = write!(visitor, "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nConnection: close\r\n\r\n");
+        let begun = Instant::now();
+        for i in 0..(rate_hz * seconds) as usize {
+            let image = &images[i % images.len()];
+            let head =
+                format!("--part\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", image.len());
+            let head = if in_parts { head } else { String::new() };
+            let all = [head.as_bytes(), image.as_slice(), if in_parts { b"\r\n" } else { b"" }].concat();
+            if visitor.write_all(&all).is_err() {
+                return;
+            }
+            let due = Duration::from_secs_f64((i + 1) as f64 / rate_hz);
+            std::thread::sleep(due.saturating_sub(begun.elapsed()));
+        }
+    })
+}
+
+/// Seconds since 1970 by the clock on the wall.
+fn wall_s() -> f64 {
+    std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).expect("after 1970").as_secs_f64()
+}
+
+/// Motion JPEG has no times, and ffmpeg counts 25 frames in what it takes for a second: at 5 a second a minute would pass for 12 s. Each
+/// frame has the time on the wall when it arrived, with or without a password, in parts or not.
+#[test]
+fn streams_without_times_have_those_of_the_wall() {
+    if !has_ffmpeg() {
+        return;
+    }
+    for (user, in_parts) in [("", true), ("me:s3cret@", true), ("", false)] {
+        let address = serve_motion_jpeg(5.0, in_parts, 14.0);
+        let mut stream = stream(&format!("http://{user}{address}/video"), 10.0);
+        let (mut late_s, mut taken_s, end) = (Vec::new(), Vec::new(), Instant::now() + LONG);
+        while Instant::now() < end {
+            match stream.next(PATIENCE) {
+                Next::Frame(frame) => {
+                    late_s.push(wall_s() - frame.capture_s);
+                    taken_s.push(frame.capture_s);
+                }
+                Next::Nothing => {}
+                Next::Lost(reason) => panic!("{reason}"),
+                Next::End => break,
+            }
+        }
+        assert!(35 <= taken_s.len(), "{} frames", taken_s.len());
+        let worst_s = late_s.iter().map(|late_s| late_s.abs()).fold(0.0, f64::max);
+        assert!(worst_s < 1.0, "{user}{in_parts}: {worst_s} s from the wall");
+        let spent_s = taken_s[taken_s.len() - 1] - taken_s[0];
+        let expected_s = (taken_s.len() - 1) as f64 / 5.0;
+        assert!(
+            (spent_s - expected_s).abs() < 1.0,
+            "{user}{in_parts}: {spent_s} s, {expected_s} on the wall"
+        );
+    }
+}

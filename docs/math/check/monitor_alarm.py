@@ -1,4 +1,4 @@
-"""docs/math/monitor.md section 10: eqs. (46), (47) and (50)."""
+"""docs/math/monitor.md sections 4 and 10: eqs. (46), (47), (50) and (80)."""
 
 import numpy as np
 import sympy as sp
@@ -38,4 +38,14 @@ mean = np.cumsum(y, axis=1) / n
 odds = n * ((mean - 1.0) ** 2 - mean**2)
 first = np.argmax((odds > 14) & (n * mean**2 < 5.35), axis=1) + 1
 assert np.mean(first) < 40, np.mean(first)  # D^2/2 sigma^2 a reading: about 14 of them for 14/2
+
+# (80): a change between two readings a time D apart, reported as of the later one.
+error = rng.uniform(0, 1, 200000)
+assert abs(np.sqrt(np.mean(error**2)) - 1 / np.sqrt(3)) < 3e-3
+assert abs(np.mean(error < 1 / np.sqrt(3)) - 0.577) < 4e-3 and np.all(error <= 1)
+# Together with a wrong onset, by a number of readings of standard deviation s, +- sigma holds at least what it does of a normal error.
+for s in (0.0, 0.3, 1.0, 3.0):
+    away = np.abs(error + np.rint(rng.normal(0, s, error.size)))
+    spread = np.sqrt(np.mean(np.rint(rng.normal(0, s, error.size)) ** 2))
+    assert np.mean(away <= np.hypot(spread, 1)) > 0.683, s
 print("ok")

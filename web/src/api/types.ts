@@ -434,7 +434,7 @@ export type EventObject = {
   reading?: number | null;
   /** Of the state `learning`: readings so far and needed. */
   readings?: number | null;
-  /** Of the state `checking`: `correlated_errors` or `different`; of `source`: why it was lost. */
+  /** Of the state `checking`: `correlated_errors` or `different`; of `stale`: what is wrong with the frames; of `source`: why it was lost. */
   reason?: string | null;
   /** Of the landmarks that agree. */
   rms_px?: number;

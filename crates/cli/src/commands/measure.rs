@@ -94,7 +94,7 @@ fn scene(args: &Measure) -> Result<(NamedScene, String)> {
             warnings.iter().for_each(|w| crate::output::remark(&format!("warning: {}: {w}", rig.display())));
             Ok((rig_scene(rig, image_points, args.sigma_px)?, title(rig)))
         }
-        _ => bail!("give a scene file, or --views with --clicks"),
+        _ => bail!("give a scene file, or --views with --image-points"),
     }
 }
 

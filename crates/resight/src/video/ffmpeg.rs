@@ -75,6 +75,8 @@ pub enum Decoded {
 pub struct Shot {
     /// Presentation time, seconds of the stream's own clock; none where the stream states none.
     pub time_s: Option<f64>,
+    /// The unit of such times, seconds: of an input without any, the one in which ffmpeg counts frames instead.
+    pub tick_s: Option<f64>,
     /// When its last byte came out of the decoder.
     pub arrived: Instant,
     /// The frame.
@@ -373,7 +375,7 @@ impl ImageFiles {
             return Ok(Decoded::Damaged(words));
         }
         let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
-        Ok(Decoded::Frame(Shot { time_s, arrived, image }))
+        Ok(Decoded::Frame(Shot { time_s, tick_s: self.time_base_s, arrived, image }))
     }
 
     /// Stamp and size of the next frame; none where its line was not understood, because those of several threads ran into each other.

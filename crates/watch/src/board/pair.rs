@@ -261,9 +261,10 @@ impl PairBoard {
             Some(State::Learning { needed, .. }) => {
                 state_words(&State::Learning { readings: self.learned.min(*needed), needed: *needed })
             }
-            Some(State::Stale { for_s }) => {
-                state_words(&State::Stale { for_s: for_s + (now.up_s - self.reported_up_s).max(0.0) })
-            }
+            Some(State::Stale { for_s, reason }) => state_words(&State::Stale {
+                for_s: for_s + (now.up_s - self.reported_up_s).max(0.0),
+                reason: reason.clone(),
+            }),
             Some(state) => state_words(state),
         }
     }

@@ -89,7 +89,7 @@ fn an_alarm_stays_until_it_is_acknowledged() {
 fn a_camera_is_as_its_gravest_pair() {
     let mut board = Board::new(&names(&["door", "wall"]), &[], 100);
     board.take(&state(0, 0, State::Steady), NOW);
-    board.take(&state(0, 1, State::Stale { for_s: 3.0 }), NOW);
+    board.take(&state(0, 1, State::Stale { for_s: 3.0, reason: None }), NOW);
     assert_eq!((board.gravest(0), board.pairs_of(1)), (Some(1), 2..4));
     board.take(&state(0, 0, drifted()), NOW);
     assert_eq!(board.gravest(0), Some(0));

@@ -1,17 +1,28 @@
 //! How often a session says something: a state that comes and goes with every frame must not fill a disk and an inbox.
 //!
-//! Every change of a state, and of what moved, passes here. Alarms pass at once, calm (`steady`) after it has lasted, and all of them through a bucket:
+//! Every change of a state, and of what moved, passes here. Alarms pass at once. What has been reported already and comes again, and the calm
+//! (`steady`) after it, must last: for `CALM_S`, twice as long after each time that it comes again, `LONGEST_S` at most. So an event is one
+//! message and one correction, and what flickers is reported a few times, then once an hour at most. All of it passes through a bucket besides:
 //! `BURST` at once, then one every `AGAIN_S`. What must wait is not lost: the newest state is reported when its time has come, or at the end.
 
 use super::{Event, State};
 use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
 
-/// A state that was in doubt is called steady when it has been so for this long, seconds of capture time.
+/// A state that was in doubt is called steady when it has been so for this long, seconds of capture time;
 const CALM_S: f64 = 2.0;
+/// twice as long after each time that the doubt came again, up to this.
+const LONGEST_S: f64 = 3600.0;
+/// One such time is forgotten after this long, seconds.
+const FORGOTTEN_S: f64 = 6.0 * 3600.0;
 /// Changes of one kind that may follow each other at once,
 const BURST: f64 = 10.0;
 /// and then one in this time, seconds of capture time.
 const AGAIN_S: f64 = 60.0;
+/// Two beginnings further apart than this many standard deviations of both are of two motions.
+const APART: f64 = 3.0;
+/// Where nothing is heard for this long the clock of this machine continues that of the frames.
+const SILENT: Duration = Duration::from_secs(1);
 
 /// What was reported of every pair and of what moved, and what waits.
 #[derive(Default)]
@@ -20,6 +31,8 @@ pub(super) struct Outlet {
     moved: Moved,
     /// Newest capture time of any camera, seconds: what moved is said of all of them.
     now_s: f64,
+    /// When something was last heard.
+    heard: Option<Instant>,
 }
 
 #[derive(Default)]
@@ -28,7 +41,23 @@ struct Pair {
     /// Of alarms and of the rest: neither uses up what the other may say.
     buckets: [Bucket; 2],
     waiting: Option<(f64, State)>,
+    flicker: Flicker,
+    /// Beginning of the motion that was last reported and its standard deviation, seconds; whether it has been corrected.
+    motion: Option<(f64, f64)>,
+    is_corrected: bool,
 }
+
+/// Which doubts have come and gone of late.
+#[derive(Default)]
+struct Flicker {
+    /// Kinds of states, and when they were last reported.
+    reported_s: Vec<(Kind, f64)>,
+    /// How often one came again, as far as it is not forgotten at `at_s`.
+    times: f64,
+    at_s: f64,
+}
+
+type Kind = std::mem::Discriminant<State>;
 
 #[derive(Default)]
 struct Moved {
@@ -59,15 +88,45 @@ impl Bucket {
     }
 }
 
+impl Flicker {
+    fn times(&self, t_s: f64) -> f64 {
+        (self.times - (t_s - self.at_s).max(0.0) / FORGOTTEN_S).max(0.0)
+    }
+
+    fn goes_on(&self, t_s: f64) -> bool {
+        0.5 < self.times(t_s)
+    }
+
+    /// How long a change must last that has come again, or that ends one which has, seconds.
+    fn patience_s(&self, t_s: f64) -> f64 {
+        (CALM_S * self.times(t_s).exp2()).min(LONGEST_S)
+    }
+
+    /// Whether a state of this kind has been reported within an hour, or while others came and went.
+    fn is_known(&self, kind: Kind, t_s: f64) -> bool {
+        let is_recent = |at_s: f64| self.goes_on(t_s) || t_s - at_s < LONGEST_S;
+        self.reported_s.iter().any(|(known, at_s)| *known == kind && is_recent(*at_s))
+    }
+
+    fn report(&mut self, kind: Kind, t_s: f64) {
+        let again = f64::from(u8::from(self.is_known(kind, t_s)));
+        (self.times, self.at_s) = ((self.times(t_s) + again).min((LONGEST_S / CALM_S).log2()), t_s);
+        self.reported_s.retain(|(known, _)| *known != kind);
+        self.reported_s.push((kind, t_s));
+    }
+}
+
 impl Outlet {
     /// What is to be reported now that this has happened.
     pub fn take(&mut self, event: Event) -> Vec<Event> {
+        self.heard = Some(Instant::now());
         match event {
             Event::StateChanged { camera, target, t_s, state } => {
+                self.now_s = self.now_s.max(t_s);
                 let pair = self.pairs.entry((camera, target)).or_default();
                 // What waited is overtaken by what is.
                 let since_s = match &pair.waiting {
-                    Some((since_s, waiting)) if kind(waiting) == kind(&state) => *since_s,
+                    Some((since_s, waiting)) if pair.continues(waiting, &state) => *since_s,
                     _ => t_s,
                 };
                 pair.waiting = Some((since_s, state));
@@ -90,12 +149,21 @@ impl Outlet {
         }
     }
 
+    /// What is to be reported though nothing happens: a camera that shows nothing has no frames whose times say how long that lasts.
+    pub fn idle(&mut self, now: Instant) -> Vec<Event> {
+        let silent = self.heard.map(|heard| now.saturating_duration_since(heard));
+        let Some(silent) = silent.filter(|silent| SILENT < *silent) else { return Vec::new() };
+        let t_s = self.now_s + silent.as_secs_f64();
+        let pairs = self.pairs.iter_mut().filter_map(|(key, pair)| pair.due(*key, t_s));
+        pairs.collect()
+    }
+
     /// What still waits when all sources have ended.
     pub fn finish(&mut self) -> Vec<Event> {
         let moved = self.moved.waiting.take().into_iter();
         let pairs = self.pairs.iter_mut().filter_map(|(key, pair)| {
             let (t_s, state) = pair.waiting.take()?;
-            let is_new = pair.reported.as_ref() != Some(&state);
+            let is_new = pair.reported.as_ref().is_none_or(|reported| !is_same(reported, &state));
             is_new.then_some(Event::StateChanged { camera: key.0, target: key.1, t_s, state })
         });
         moved.chain(pairs).collect()
@@ -112,28 +180,79 @@ impl Moved {
 impl Pair {
     fn due(&mut self, (camera, target): (usize, usize), t_s: f64) -> Option<Event> {
         let (since_s, state) = self.waiting.as_ref()?;
-        if self.reported.as_ref() == Some(state) {
+        if self.reported.as_ref().is_some_and(|reported| is_same(reported, state)) {
             self.waiting = None;
             return None;
         }
-        let was_in_doubt = matches!(self.reported, Some(State::Checking(_)));
-        if matches!(state, State::Steady) && was_in_doubt && t_s < since_s + CALM_S {
-            return None;
+        let was_drifted = matches!(self.reported, Some(State::Drifted(_)));
+        let is_known = self.is_known_motion(state);
+        if was_drifted && is_known && self.is_corrected {
+            return None; // What is known of it at the end is reported then.
         }
-        if !self.buckets[usize::from(is_alarm(state))].takes(t_s) {
+        if t_s < since_s + self.patience_s(state, t_s)
+            || !self.buckets[usize::from(is_alarm(state))].takes(t_s)
+        {
             return None;
         }
         let (since_s, state) = self.waiting.take()?;
+        match &state {
+            State::Drifted(drift) => {
+                self.is_corrected = is_known && (was_drifted || self.is_corrected);
+                self.motion = Some((drift.began_s, drift.began_sigma_s));
+            }
+            state if is_doubt(state) => self.flicker.report(kind(state), t_s),
+            _ => self.motion = None,
+        }
         self.reported = Some(state.clone());
         Some(Event::StateChanged { camera, target, t_s: since_s, state })
     }
+
+    /// Whether what waits is the same state as before, though known otherwise: a further motion is another.
+    fn continues(&self, waiting: &State, now: &State) -> bool {
+        kind(waiting) == kind(now) && (!matches!(now, State::Drifted(_)) || self.is_known_motion(now))
+    }
+
+    /// Whether this is the motion that was last reported, perhaps known better: it began no later.
+    fn is_known_motion(&self, state: &State) -> bool {
+        let (Some((began_s, sigma_s)), State::Drifted(now)) = (self.motion, state) else { return false };
+        now.began_s - began_s <= APART * now.began_sigma_s.hypot(sigma_s)
+    }
+
+    /// How long this state must have lasted before it is reported, seconds.
+    fn patience_s(&self, state: &State, t_s: f64) -> f64 {
+        let was_in_doubt = self.reported.as_ref().is_some_and(is_doubt);
+        let is_return = match state {
+            State::Drifted(_) => was_in_doubt && self.is_known_motion(state),
+            _ => matches!(state, State::Steady | State::Tracking),
+        };
+        let came_again = match self.reported {
+            // After the first alarm the return is reported at once; a doubt was perhaps none.
+            Some(State::Checking(_)) if is_return => true,
+            _ if is_return => was_in_doubt && self.flicker.goes_on(t_s),
+            // From calm an alarm passes at once, however often it has come.
+            _ => is_doubt(state) && was_in_doubt && self.flicker.is_known(kind(state), t_s),
+        };
+        if came_again { self.flicker.patience_s(t_s) } else { 0.0 }
+    }
+}
+
+/// Whether a state says nothing that was not reported.
+fn is_same(reported: &State, now: &State) -> bool {
+    match (reported, now) {
+        (State::Stale { .. }, State::Stale { .. }) | (State::Learning { .. }, State::Learning { .. }) => true,
+        (reported, now) => reported == now,
+    }
+}
+
+fn is_doubt(state: &State) -> bool {
+    matches!(state, State::Checking(_) | State::Stale { .. } | State::Inconsistent)
 }
 
 fn is_alarm(state: &State) -> bool {
     matches!(state, State::Drifted(_) | State::Stale { .. } | State::Inconsistent)
 }
 
-fn kind(state: &State) -> std::mem::Discriminant<State> {
+fn kind(state: &State) -> Kind {
     std::mem::discriminant(state)
 }
 
@@ -141,6 +260,8 @@ fn kind(state: &State) -> std::mem::Discriminant<State> {
 mod tests {
     use super::*;
     use crate::live::{CheckingReason, Observation};
+    use resight_core::temporal::monitor::{Drift, MotionKind};
+    use resight_core::{Matrix6, Vector6};
 
     fn state(t_s: f64, state: State) -> Event {
         Event::StateChanged { camera: 0, target: 0, t_s, state }
@@ -181,16 +302,12 @@ mod tests {
         let day_s = 86_400;
         for t_s in (0..day_s).step_by(5) {
             let is_unseen = t_s / 5 % 2 == 1;
-            let now = if is_unseen { State::Stale { for_s: 1.0 } } else { State::Steady };
+            let now = if is_unseen { State::Stale { for_s: 1.0, reason: None } } else { State::Steady };
             reported.extend(states(outlet.take(frame(f64::from(t_s)))));
             reported.extend(states(outlet.take(state(f64::from(t_s), now))));
         }
-        let most = 2.0 * (BURST + f64::from(day_s) / AGAIN_S);
-        assert!(
-            (1000.0..=most).contains(&(reported.len() as f64)),
-            "{} told, {most} at most",
-            reported.len()
-        );
+        // Until a calm of five seconds is too short, and again when that is forgotten.
+        assert!((6..=26).contains(&reported.len()), "{} told", reported.len());
         reported.extend(states(outlet.finish()));
         assert!(matches!(reported.last(), Some((_, State::Stale { .. }))), "{:?}", reported.last());
     }
@@ -205,5 +322,102 @@ mod tests {
         }
         let reported = states(outlet.take(state(10.0, State::Inconsistent)));
         assert_eq!(reported, [(10.0, State::Inconsistent)]);
+    }
+
+    fn moved(began_s: f64, began_sigma_s: f64) -> State {
+        State::Drifted(Box::new(Drift {
+            old_from_new: Vector6::zeros(),
+            covariance: Matrix6::identity(),
+            began_s,
+            began_sigma_s,
+            course: MotionKind::Step,
+            course_probability: 1.0,
+            rate: None,
+        }))
+    }
+
+    /// One motion is one message and one correction, and what is known of it at the end; another motion is another message.
+    #[test]
+    fn a_motion_is_corrected_once() {
+        let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
+        for (t_s, began_s) in [(100.0, 100.0), (130.0, 99.0), (160.0, 98.0), (190.0, 97.0), (230.0, 230.0)] {
+            reported
+                .extend(states(outlet.take(state(t_s, moved(began_s, 1.0)))).into_iter().map(|(t_s, _)| t_s));
+        }
+        reported.extend(states(outlet.take(state(300.0, moved(229.0, 1.0)))).into_iter().map(|(t_s, _)| t_s));
+        assert!(states(outlet.take(state(400.0, moved(228.0, 1.0)))).is_empty());
+        assert_eq!(reported, [100.0, 130.0, 230.0, 300.0]);
+        assert_eq!(states(outlet.finish()), [(400.0, moved(228.0, 1.0))]);
+    }
+
+    /// Three states that come and go at random, some seconds each, for a day: a few messages at first, and no more than one doubt and one
+    /// calm an hour later. What holds at the end is reported.
+    #[test]
+    fn what_flickers_is_reported_seldom() {
+        let (mut outlet, mut reported, mut chance) = (Outlet::default(), Vec::new(), 1u32);
+        let mut t_s = 0.0;
+        while t_s < 86_400.0 {
+            chance = chance.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let now = match chance >> 30 {
+                0 => State::Inconsistent,
+                1 => State::Stale { for_s: 6.0, reason: None },
+                2 => State::Checking(CheckingReason::Different),
+                _ => State::Steady,
+            };
+            t_s += 1.0 + f64::from(chance >> 24 & 31);
+            reported.extend(states(outlet.take(state(t_s, now))));
+            reported.extend(states(outlet.take(frame(t_s + 0.5))));
+        }
+        let (early, late): (Vec<_>, Vec<_>) = reported.iter().partition(|(t_s, _)| *t_s < 7200.0);
+        assert!((3..=36).contains(&early.len()), "{} in two hours", early.len());
+        assert!(late.len() <= 44, "{} in 22 hours", late.len());
+    }
+
+    /// A camera that moved and is seen only now and then: the motion is reported a few times, a further one at once.
+    #[test]
+    fn a_motion_that_is_seen_now_and_then_is_not_repeated() {
+        let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
+        let stale = State::Stale { for_s: 5.0, reason: None };
+        for i in 0..4000 {
+            let now = if i % 2 == 0 { moved(0.0, 1.0) } else { stale.clone() };
+            reported.extend(states(outlet.take(state(20.0 * f64::from(i), now))));
+            reported.extend(states(outlet.take(frame(20.0 * f64::from(i) + 10.0))));
+        }
+        assert!((4..=24).contains(&reported.len()), "{} in 22 hours", reported.len());
+        let further = moved(80_000.0, 1.0);
+        assert_eq!(states(outlet.take(state(80_002.0, further.clone()))), [(80_002.0, further)]);
+    }
+
+    /// After flickering the cable is cut: nothing comes any more, and that is reported when it has lasted.
+    #[test]
+    fn a_silence_after_a_flicker_is_reported() {
+        let (mut outlet, stale) = (Outlet::default(), State::Stale { for_s: 5.0, reason: None });
+        let flicker = [State::Inconsistent, stale.clone(), State::Inconsistent, State::Steady, stale.clone()];
+        for (i, now) in flicker.into_iter().enumerate() {
+            outlet.take(state(600.0 * i as f64, now.clone()));
+            outlet.take(frame(600.0 * i as f64 + 500.0));
+        }
+        outlet.take(state(3000.0, State::Inconsistent));
+        assert_eq!(states(outlet.take(frame(3500.0))), [(3000.0, State::Inconsistent)], "it has lasted");
+        assert!(states(outlet.take(state(3600.0, stale.clone()))).is_empty(), "not at once");
+        let now = Instant::now();
+        assert!(states(outlet.idle(now)).is_empty(), "nor while the clock of the frames goes");
+        assert_eq!(states(outlet.idle(now + Duration::from_secs(3700))), [(3600.0, stale)]);
+    }
+
+    /// Dark every night: no return is kept back for more than seconds, for months.
+    #[test]
+    fn nights_are_no_flicker() {
+        let mut outlet = Outlet::default();
+        for night in 0..100 {
+            let dusk_s = 86_400.0 * f64::from(night);
+            let dark = State::Stale { for_s: 5.0, reason: None };
+            assert_eq!(states(outlet.take(state(dusk_s, dark))).len(), 1, "night {night}");
+            assert_eq!(
+                states(outlet.take(state(dusk_s + 36_000.0, State::Steady))).len(),
+                1,
+                "morning {night}"
+            );
+        }
     }
 }

@@ -17,6 +17,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread;
+use std::time::Instant;
 
 /// Events waiting to be taken; a slow listener makes the cameras wait, and their queues drop.
 const EVENTS: usize = 256;
@@ -121,7 +122,9 @@ fn hear(
             Err(RecvTimeoutError::Timeout) => relations.idle(),
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if !event_sender.into_iter().flat_map(|event| outlet.take(event)).all(|event| tell(&event)) {
+        let late = if event_sender.is_empty() { outlet.idle(Instant::now()) } else { Vec::new() };
+        let due = event_sender.into_iter().flat_map(|event| outlet.take(event)).chain(late);
+        if !due.into_iter().all(|event| tell(&event)) {
             return; // What nobody heard is not remembered: it is looked at again.
         }
         relations.keep(state, false);

@@ -60,7 +60,8 @@ impl<'a> Watcher<'a> {
         let camera = self.teller.camera;
         self.teller.tell(Event::Source { camera, connected: false, reason: Some(reason) });
         let t_s = self.now_s().unwrap_or(0.0);
-        self.teller.states(t_s, self.teller.states.iter().map(|_| State::Stale { for_s: 0.0 }).collect());
+        let stale = |_: &Option<State>| State::Stale { for_s: 0.0, reason: None };
+        self.teller.states(t_s, self.teller.states.iter().map(stale).collect());
         self.teller.tell(Event::Ended { camera });
     }
 

@@ -3,6 +3,8 @@
 mod exposition;
 mod histogram;
 mod rate;
+#[cfg(test)]
+mod rules;
 mod server;
 mod tally;
 mod write;

@@ -182,7 +182,7 @@ impl EventText {
                 format!("{}  {t_s:.3} s  {}", self.names.camera(*camera), clock_words(*step_s))
             }
             Event::Source { camera, connected: true, .. } => {
-                format!("{}  source is back", self.names.camera(*camera))
+                format!("{}  source gives frames", self.names.camera(*camera))
             }
             Event::Source { camera, reason, .. } => {
                 format!(
@@ -321,10 +321,13 @@ pub fn word(state: &State) -> &'static str {
 pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
-        State::Stale { for_s } => format!("stale: no usable reading for {for_s:.1} s"),
+        State::Stale { for_s, reason } => {
+            let why = reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
+            format!("stale: no usable reading for {for_s:.1} s{why}")
+        }
         State::Checking(CheckingReason::Different) => "checking: something is different, not yet decided".to_string(),
         State::Checking(CheckingReason::CorrelatedErrors) => "checking: errors are correlated for longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
-        State::Inconsistent => "inconsistent: intrinsics or target are wrong, part of it is hidden, or landmarks move".to_string(),
+        State::Inconsistent => "inconsistent: readings contradict their stated noise: intrinsics, target or sigma are wrong, part of the target is hidden, or landmarks move".to_string(),
         State::Drifted(drift) => drifted::words(drift),
         State::Steady => "steady".to_string(),
         State::Tracking => "tracking: the camera moves, that is no drift".to_string(),
@@ -360,7 +363,7 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
             "moves while its reference is learned, since {began_s:.1} s ± {began_sigma_s:.1} s, so far {by}; it is not learned while it moves"
         ),
         Unrest::Wander => format!(
-            "does not keep still while its reference is learned: from the first readings to the last {by}; learning continues with more readings. If that is an error of the readings, state it with --bias-deg and --bias-mm"
+            "does not keep still while its reference is learned: from the first readings to the last {by}; learning continues with more readings. If that is an error of the readings, state it with --correlated-deg and --correlated-mm"
         ),
     }
 }
@@ -381,7 +384,9 @@ fn state_object(state: &State) -> EventObject {
         State::Drifted(drift) => {
             EventObject { motion: Some(motion(drift)), drift: Some(drifted::object(drift)), ..object }
         }
-        State::Stale { for_s } => EventObject { for_s: Some(*for_s), ..object },
+        State::Stale { for_s, reason } => {
+            EventObject { for_s: Some(*for_s), reason: reason.clone(), ..object }
+        }
         State::Learning { readings, needed } => {
             EventObject { readings: Some(*readings), needed: Some(*needed), ..object }
         }

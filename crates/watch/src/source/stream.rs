@@ -97,7 +97,8 @@ impl Stream {
         let came = match connection.decoder.next(patience) {
             Decoded::Frame(shot) => {
                 connection.has_given = true;
-                Some((connection.clock.capture_s(shot.time_s, shot.arrived), Content::Image(shot.image)))
+                let stamp_s = shot.time_s.filter(|_| !shot.tick_s.is_some_and(is_count));
+                Some((connection.clock.capture_s(stamp_s, shot.arrived), Content::Image(shot.image)))
             }
             Decoded::Damaged(words) => {
                 let reason =
@@ -138,6 +139,14 @@ impl Stream {
         Next::Lost(FileError::new(&self.address.shown, reason))
     }
 }
+
+/// Whether stamps in these units count frames: of formats that carry no time ffmpeg makes some up, 25 a second.
+fn is_count(tick_s: f64) -> bool {
+    COUNTED_IN_S.iter().any(|count_s| (tick_s / count_s - 1.0).abs() < 1e-9)
+}
+
+/// Parts of a multipart document, images one after the other; bare streams of a codec. No format with times of its own has these units.
+const COUNTED_IN_S: [f64; 2] = [1.0 / 25.0, 1.0 / 1_200_000.0];
 
 /// Why a connection is of no more use.
 enum Gone {

@@ -15,7 +15,7 @@ pub struct Drift {
     pub covariance: Matrix6,
     /// When it began, seconds.
     pub began_s: f64,
-    /// How uncertain that is, seconds.
+    /// How uncertain that is, seconds: at least the interval between the readings before and after, docs/math/monitor.md eq. (80).
     pub began_sigma_s: f64,
     /// A step or a ramp.
     pub course: MotionKind,

@@ -164,7 +164,7 @@ impl Directions {
 pub(super) struct Change {
     /// The most probable onset.
     pub onset_s: f64,
-    /// Standard deviation of the onset over those kept, seconds.
+    /// How uncertain that is, seconds: eq. (80).
     pub onset_sigma_s: f64,
     /// The more probable course.
     pub course: MotionKind,
@@ -315,12 +315,12 @@ impl Onsets {
         let by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);
         let at = self.onsets.get(best)?;
-        let away = |(p, onset): (&[f64; 2], &Onset)| sum(p) * (onset.t_s - at.t_s).powi(2);
-        let spread: f64 = probabilities.iter().zip(&self.onsets).map(away).sum();
+        let times = self.onsets.iter().map(|onset| onset.t_s);
+        let onset_sigma_s = onset_sigma_s(times.zip(probabilities.iter().map(sum)), best);
         let (shift, variance) = shift(&at.gathered[course], WIDE * SIZES[course]);
         Some(Change {
             onset_s: at.t_s,
-            onset_sigma_s: spread.sqrt(),
+            onset_sigma_s,
             course: COURSES[course],
             course_probability: by_course[course].min(1.0),
             shift,
@@ -358,6 +358,17 @@ impl Onsets {
         }
         Some(Onsets { onsets, directions: Directions::take(rest)? })
     }
+}
+
+/// How uncertain an onset is that is told as the time of the first reading after it, seconds: how far the other `onsets` (time and
+/// probability, in order of time) are from number `best`, and the interval before that one, in which nothing was read. The first of all has
+/// the interval after it instead: eq. (80).
+pub(super) fn onset_sigma_s(onsets: impl Iterator<Item = (f64, f64)> + Clone, best: usize) -> f64 {
+    let Some((best_s, _)) = onsets.clone().nth(best) else { return 0.0 };
+    let neighbour = if best == 0 { 1 } else { best - 1 };
+    let interval_s = onsets.clone().nth(neighbour).map_or(0.0, |(t_s, _)| t_s - best_s);
+    let spread: f64 = onsets.map(|(t_s, probability)| probability * (t_s - best_s).powi(2)).sum();
+    spread.sqrt().hypot(interval_s)
 }
 
 fn sum(of_courses: &[f64; COURSES.len()]) -> f64 {

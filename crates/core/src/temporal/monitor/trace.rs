@@ -15,6 +15,8 @@ use arrayvec::ArrayVec;
 const BLOCKS: usize = 40;
 /// Blocks after the onset of a ramp: fewer are a line in any case.
 const LEAST_AFTER: usize = 8;
+/// The part of a ramp that may be missing without being missed.
+const EARLY: f64 = 0.1;
 
 /// Mean of neighbouring readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,7 +104,8 @@ impl Trace {
             let odds = |fit: &Fit| (-0.5 * (fit.chi2 - best.chi2) / scale).exp();
             let total: f64 = all.iter().map(odds).sum();
             let away = |fit: &Fit| odds(fit) * (fit.onset_s - best.onset_s).powi(2);
-            Some((best, (all.iter().map(away).sum::<f64>() / total).sqrt()))
+            let spread_s = (all.iter().map(away).sum::<f64>() / total).sqrt();
+            Some((best, spread_s.hypot(best.interval_s)))
         };
         let (step, ramp) = (best(MotionKind::Step)?, best(MotionKind::Ramp)?);
         let is_ramp = ramp.0.chi2 < step.0.chi2;
@@ -135,6 +138,15 @@ impl Trace {
         (6.0 * (self.blocks.len() as f64 - 2.0) - 1.0).max(1.0)
     }
 
+    /// How long before block `first` nothing was read, seconds. A ramp of which little is before a gap may have begun in that.
+    fn interval_s(&self, course: MotionKind, first: usize) -> f64 {
+        let (from_s, last_s) = (self.blocks[first - 1].to_s, self.blocks[self.blocks.len() - 1].t_s);
+        let early_s = if course == MotionKind::Ramp { from_s + EARLY * (last_s - from_s) } else { from_s };
+        let pairs = self.blocks[first - 1..].windows(2).take_while(|pair| pair[0].to_s <= early_s);
+        let gaps = pairs.map(|pair| pair[1].from_s - pair[0].to_s);
+        gaps.fold(self.blocks[first].t_s - self.blocks[first - 1].t_s, f64::max)
+    }
+
     /// With the onset before block `first`: weighted least squares of the mean and the size.
     fn fit(&self, course: MotionKind, first: usize, weights: &[f64], weight: &Matrix6) -> Option<Fit> {
         let onset_s = 0.5 * (self.blocks[first - 1].to_s + self.blocks[first].from_s);
@@ -161,13 +173,16 @@ impl Trace {
             own * residual.dot(&(weight * residual))
         };
         let chi2 = self.blocks.iter().zip(weights).map(left).sum();
-        Some(Fit { onset_s, size, variance: 1.0 / information, chi2 })
+        let interval_s = self.interval_s(course, first);
+        Some(Fit { onset_s, interval_s, size, variance: 1.0 / information, chi2 })
     }
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Fit {
     onset_s: f64,
+    /// Between the blocks before and after the onset, seconds: no sharper is it known, docs/math/monitor.md eq. (80).
+    interval_s: f64,
     size: Vector6,
     /// Of the size, in units of a reading's.
     variance: f64,

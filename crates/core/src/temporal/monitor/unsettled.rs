@@ -104,17 +104,24 @@ pub(super) fn find(samples: &[Sample], config: &LearnConfig, tests: usize) -> Op
     if limit <= log_evidence {
         let (found, at) = change(&t_s, &weighed);
         let sample = first_after(samples, &kept, &thinned, at);
-        return Some(Found { sample, began_s: samples[sample].t_s, log_evidence, ..found });
+        let began_sigma_s = found.began_sigma_s.hypot(interval_s(samples, sample));
+        return Some(Found { sample, began_s: samples[sample].t_s, began_sigma_s, log_evidence, ..found });
     }
     let wanders = |(series, weighed): (&Series, &mut Weighed)| is_wander(series, weighed);
     all.iter().zip(&mut weighed).any(wanders).then(|| Found {
         unrest: Unrest::Wander,
         sample: 0,
         began_s: samples[0].t_s,
-        began_sigma_s: 0.0,
+        began_sigma_s: interval_s(samples, 0),
         probability: 1.0,
         log_evidence,
     })
+}
+
+/// From the sample before this one, of the first to the next, seconds: what happened in between is known no better, eq. (80).
+fn interval_s(samples: &[Sample], sample: usize) -> f64 {
+    let second = sample.max(1).min(samples.len() - 1);
+    samples[second].t_s - samples[second.saturating_sub(1)].t_s
 }
 
 /// Samples that half of the three before and the three after agree with: a flipped pose is no step.

@@ -119,7 +119,7 @@ impl LandmarkWatch {
             self.first_s.get_or_insert(frame.capture_s);
         }
         if looked.is_empty() {
-            let state = State::Stale { for_s: 0.0 };
+            let state = State::Stale { for_s: 0.0, reason: None };
             looked.push(FrameResult {
                 observation: blank,
                 state,
@@ -152,7 +152,7 @@ impl LandmarkWatch {
     /// How things stand at a time, given how they stand with the targets.
     pub fn states(&self, t_s: f64, mut targets: Vec<State>) -> Vec<State> {
         if targets.is_empty() {
-            targets.push(State::Stale { for_s: 0.0 });
+            targets.push(State::Stale { for_s: 0.0, reason: None });
         }
         targets.into_iter().map(|target| self.state_of(t_s, target)).collect()
     }
@@ -161,11 +161,13 @@ impl LandmarkWatch {
     fn state_of(&self, t_s: f64, target: State) -> State {
         let own = match &self.monitor {
             Some(monitor) => monitor.watch(t_s).into(),
-            None => State::Stale { for_s: self.first_s.map_or(0.0, |first_s| t_s - first_s) },
+            None => State::Stale { for_s: self.first_s.map_or(0.0, |first_s| t_s - first_s), reason: None },
         };
-        match &target {
-            State::Stale { .. } | State::Learning { readings: 0, .. } => own,
-            _ => target,
+        match (target, own) {
+            // Of the target it is known why.
+            (State::Stale { reason, .. }, State::Stale { for_s, .. }) => State::Stale { for_s, reason },
+            (State::Stale { .. } | State::Learning { readings: 0, .. }, own) => own,
+            (target, _) => target,
         }
     }
 
@@ -336,7 +338,7 @@ mod tests {
         {
             assert_eq!(landmarks.states(7.0, vec![seen.clone()]), [seen]);
         }
-        for unseen in [State::Stale { for_s: 6.0 }, learning(0)] {
+        for unseen in [State::Stale { for_s: 6.0, reason: None }, learning(0)] {
             assert!(matches!(landmarks.states(7.0, vec![unseen])[0], State::Stale { .. }));
         }
     }

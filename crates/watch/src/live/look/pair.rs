@@ -4,7 +4,7 @@ use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{CheckingReason, LiveConfig, Observation, PointResidual, Promise, State, Watched};
+use crate::live::{LiveConfig, Observation, PointResidual, Promise, State, Watched};
 use crate::source::{Content, Frame};
 use resight::GrayImage;
 use resight::detect::follow::Follower;
@@ -34,6 +34,8 @@ pub(super) struct Pair {
     stage: Stage,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
+    /// Capture time of the last frame, and why it gave no reading.
+    last: Option<(f64, Option<String>)>,
     /// Whether points of the last views contradicted each other.
     disagreement: Disagreement,
     config: LiveConfig,
@@ -107,6 +109,7 @@ impl Pair {
             tracker: Tracker::new(&config.track)?,
             stage,
             began: None,
+            last: None,
             config: config.clone(),
             name: watched.name.clone(),
             disagreement: Disagreement::default(),
@@ -204,6 +207,7 @@ impl Pair {
         if let Err(reason) = sight.and_then(|sight| self.observe(frame, &sight, &mut observation)) {
             observation.reason = Some(reason);
         }
+        self.last = Some((frame.capture_s, observation.reason.clone()));
         let started = Instant::now();
         let decided = observation.reading.and_then(|reading| self.decide(&reading));
         observation.times.decide_us += micros(started);
@@ -226,18 +230,33 @@ impl Pair {
     /// How things stand at a time, also when no frame has come.
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
-            Stage::Starting(_) => {
-                State::Stale { for_s: self.began.map_or(0.0, |(began_s, _)| t_s - began_s) }
-            }
+            Stage::Starting(_) => self.stale(t_s, self.began.map_or(0.0, |(began_s, _)| t_s - began_s)),
             Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
             Stage::Learning(readings) => self.learning(readings, t_s),
-            Stage::Watching(monitor) => monitor.watch(t_s).into(),
+            Stage::Watching(monitor) => match monitor.watch(t_s) {
+                // They come, and none can be used: that is no lack of readings.
+                Watch::Stale { .. } if t_s - monitor.last_s() <= self.config.monitor.stale_after_s => {
+                    State::Inconsistent
+                }
+                Watch::Stale { for_s } => self.stale(t_s, for_s),
+                watch => watch.into(),
+            },
             Stage::Following { last_s, is_seen } => {
                 let for_s = t_s - last_s.unwrap_or(t_s);
                 let is_seen = *is_seen && for_s <= self.config.monitor.stale_after_s;
-                if is_seen { State::Tracking } else { State::Stale { for_s } }
+                if is_seen { State::Tracking } else { self.stale(t_s, for_s) }
             }
         }
+    }
+
+    /// Without a usable reading for `for_s` at `t_s`, and why.
+    fn stale(&self, t_s: f64, for_s: f64) -> State {
+        let reason = match &self.last {
+            Some((last_s, reason)) if t_s - last_s <= self.config.monitor.stale_after_s => reason.clone(),
+            Some(_) => Some(NO_FRAME.to_string()),
+            None => None,
+        };
+        State::Stale { for_s, reason }
     }
 
     /// Who sees nothing does not learn.
@@ -245,7 +264,7 @@ impl Pair {
         let seen_s =
             readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
         if self.config.monitor.stale_after_s < t_s - seen_s {
-            return State::Stale { for_s: t_s - seen_s };
+            return self.stale(t_s, t_s - seen_s);
         }
         let needed = next_test(readings.len(), self.config.learn_readings);
         State::Learning { readings: readings.len(), needed }
@@ -370,6 +389,9 @@ impl Pair {
     }
 }
 
+/// Why nothing is seen where no frame comes.
+const NO_FRAME: &str = "no frame comes";
+
 /// The time within which a motion of the promised size is found, seconds; at least three readings.
 const PROMISED_WITHIN_S: f64 = 60.0;
 
@@ -472,18 +494,5 @@ fn reading(frame: &Frame, is_consistent: bool, all: &[Candidate], tracked: &Trac
         a_from_b: chosen.cam_from_target,
         covariance: chosen.covariance,
         is_consistent,
-    }
-}
-
-impl From<Watch> for State {
-    fn from(watch: Watch) -> Self {
-        match watch {
-            Watch::Steady => State::Steady,
-            Watch::Stale { for_s } => State::Stale { for_s },
-            Watch::Checking => State::Checking(CheckingReason::Different),
-            Watch::CorrelatedErrors => State::Checking(CheckingReason::CorrelatedErrors),
-            Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
-            Watch::Inconsistent => State::Inconsistent,
-        }
     }
 }

@@ -7,12 +7,12 @@ use super::{Nodes, RigConfig};
 use crate::live::state::{EVERY, StateFile, unix_s};
 use crate::live::{Event, LiveConfig, Observation, State};
 use nalgebra::DMatrix;
-use resight_core::temporal::monitor::Unrest;
 use resight_core::temporal::monitor::learn::LEAST_READINGS;
 use resight_core::temporal::monitor::rig::{
     FrameSet, RigMonitor, RigReference, RigUnsettled, TargetObservation, learn_observation_noise, learn_rig,
     unsettled_rig,
 };
+use resight_core::temporal::monitor::{Unrest, Watch};
 use resight_core::{Camera, Error, Pose};
 use std::time::{Duration, Instant};
 
@@ -42,6 +42,8 @@ pub(in crate::live) struct Cameras {
     lost: Vec<Lost>,
     first_s: Option<f64>,
     seen_s: Vec<Option<f64>>,
+    /// Why the last frame of each camera shows nothing.
+    reasons: Vec<Option<String>>,
     reported: Vec<Option<State>>,
     /// Motions amid the frame sets that were to be learned from, which nobody has heard of yet.
     unsettled: Vec<RigUnsettled>,
@@ -89,6 +91,7 @@ impl Cameras {
             lost: vec![Lost::No; n],
             first_s: None,
             seen_s: vec![None; n],
+            reasons: vec![None; n],
             reported: vec![None; n],
             unsettled: Vec::new(),
             reported_moved: Default::default(),
@@ -196,6 +199,7 @@ impl Cameras {
             return; // An earlier session took it in.
         }
         (self.heard[camera], self.idle_s) = (Some((t_s, now)), None);
+        self.reasons[camera].clone_from(&observation.reason);
         let mut frame = match self.open[camera].take() {
             Some(frame) if frame.t_s == t_s => frame,
             _ => Shown { camera, t_s, seen: Vec::new() },
@@ -304,16 +308,20 @@ impl Cameras {
     }
 
     fn states(&self, t_s: f64) -> Vec<State> {
+        let stale = |camera: usize, for_s| State::Stale { for_s, reason: self.reasons[camera].clone() };
         let state = |camera: usize| match &self.monitor {
             _ if self.lost[camera] == Lost::ForGood => {
-                State::Stale { for_s: self.seen_s[camera].map_or(0.0, |seen_s| t_s - seen_s) }
+                stale(camera, self.seen_s[camera].map_or(0.0, |seen_s| t_s - seen_s))
             }
-            Some(monitor) => monitor.watch(camera, t_s).into(),
+            Some(monitor) => match monitor.watch(camera, t_s) {
+                Watch::Stale { for_s } => stale(camera, for_s),
+                watch => watch.into(),
+            },
             None => {
                 let since_s = self.seen_s[camera].or(self.first_s).unwrap_or(t_s);
                 let for_s = t_s - since_s;
                 match self.config.monitor.stale_after_s < for_s {
-                    true => State::Stale { for_s },
+                    true => stale(camera, for_s),
                     false => State::Learning {
                         readings: self.learning.len(),
                         needed: self.config.learn_readings.max(LEAST_READINGS),

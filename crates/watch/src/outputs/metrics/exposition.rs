@@ -145,11 +145,7 @@ pub fn page(tally: &Tally) -> String {
 /// One sample for each state, one of them 1: an alert can ask for any, and none is mistaken for "all is well".
 fn states(page: &mut Page, tally: &Tally) {
     let name = "resight_state";
-    page.family(
-        name,
-        "gauge",
-        "1 for the state that holds, 0 for the others; unseen before the first frame.",
-    );
+    page.family(name, "gauge", "1 for the state that holds, 0 for the others; stale before the first frame.");
     for pair in &tally.pairs {
         let now = pair.state.as_ref().map_or("stale", word);
         for state in WORDS {

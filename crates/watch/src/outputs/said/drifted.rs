@@ -10,7 +10,7 @@ const HOUR_S: f64 = 3600.0;
 /// As one speaks of cameras: rotations about x, y, z, shifts along them.
 const AXES: [&str; 6] = ["tilt", "pan", "roll", "x", "y", "range"];
 
-/// `moved in a step, since 200.0 s ± 0.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`.
+/// `moved in a step, since 200.0 s ± 1.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`.
 pub fn words(drift: &Drift) -> String {
     let how = match (drift.course, drift.rate) {
         (MotionKind::Step, _) => "in a step".to_string(),

@@ -42,7 +42,7 @@ pub struct EventObject {
     /// Of the state `stale`: for how long.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
-    /// Of the state `checking`: `correlated_errors` or `different`; of `source`: why it was lost.
+    /// Of the state `checking`: `correlated_errors` or `different`; of `stale`: what is wrong with the frames; of `source`: why it was lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// Of the state `drifted` and of `moved_while_learning`.

@@ -6,11 +6,21 @@
 //! Between capture and arrival lies a delay that varies; the frame that was delayed least says most about the offset, and no frame can
 //! arrive before it was taken. What a server had kept back comes in a burst on connection: the first frames are delayed most. Times
 //! go forward as long as the stamps do. The shortest delay of all cannot be known: capture is late by that much.
+//!
+//! A stream without stamps (Motion JPEG over HTTP, bare H.264) has the times of arrival. So has one whose stamps do not keep pace with this
+//! machine's clock: where every frame of `JUDGED_S` arrives `BEHIND_S` later than its stamp allows, they count frames, not time.
 
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// How fast the offset may rise: crystals of cameras are off by less, seconds per second.
 const FORGOTTEN: f64 = 2e-4;
+
+/// No network delays all frames by this much more than before, seconds,
+const BEHIND_S: f64 = 2.0;
+/// for so long, seconds,
+const JUDGED_S: f64 = 10.0;
+/// and so many of them.
+const JUDGED_FRAMES: u32 = 10;
 
 /// The clock of one connection.
 #[derive(Debug)]
@@ -21,23 +31,37 @@ pub(super) struct StreamClock {
     /// Offset, and when it was last seen to hold.
     offset: Option<(f64, f64)>,
     last_s: f64,
+    /// Since when, and in how many frames, the stamps have been behind.
+    behind: Option<(f64, u32)>,
+    /// Whether the stamps proved to be no times.
+    is_refuted: bool,
 }
 
 impl StreamClock {
     /// Ties this instant to the wall clock.
     pub fn started(started: Instant) -> Self {
         let started_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
-        StreamClock { started, started_s, offset: None, last_s: started_s }
+        StreamClock { started, started_s, offset: None, last_s: started_s, behind: None, is_refuted: false }
     }
 
     /// When a frame was taken, seconds since 1970. A frame without a stamp was taken when it arrived.
     pub fn capture_s(&mut self, stamp_s: Option<f64>, arrived: Instant) -> f64 {
         let arrived_s = self.started_s + arrived.saturating_duration_since(self.started).as_secs_f64();
-        self.last_s = match stamp_s {
-            Some(stamp_s) => self.tied(stamp_s, arrived_s),
-            None => arrived_s,
-        };
+        let tied_s = stamp_s.map(|stamp_s| self.tied(stamp_s, arrived_s));
+        self.is_refuted |= tied_s.is_some_and(|tied_s| self.is_behind(tied_s, arrived_s));
+        self.last_s = tied_s.filter(|_| !self.is_refuted).unwrap_or(arrived_s);
         self.last_s
+    }
+
+    /// Whether all frames have arrived too late for their stamps, for too long.
+    fn is_behind(&mut self, tied_s: f64, arrived_s: f64) -> bool {
+        if arrived_s - tied_s < BEHIND_S {
+            self.behind = None;
+            return false;
+        }
+        let (since_s, frames) = self.behind.unwrap_or((arrived_s, 0));
+        self.behind = Some((since_s, frames + 1));
+        JUDGED_S <= arrived_s - since_s && JUDGED_FRAMES <= frames + 1
     }
 
     /// Time of the last frame.
@@ -97,6 +121,32 @@ mod tests {
             assert!(*time <= arrived_s + 1e-6, "{time} after its arrival at {arrived_s}");
         }
         assert!((times[119] - frames[119].1).abs() < 1e-3);
+    }
+
+    /// Stamps that count 25 frames a second where 5, 12 or 24 come: soon they are those of the arrivals, and they were never late by more
+    /// than the judgement takes.
+    #[test]
+    fn stamps_that_do_not_keep_pace_are_no_times() {
+        for (rate_hz, judged_s) in [(5.0, 13.0), (12.0, 15.0), (24.0, 62.0)] {
+            let frames: Vec<_> = (0..2000).map(|i| (f64::from(i) / 25.0, f64::from(i) / rate_hz)).collect();
+            let late =
+                times(frames.clone()).into_iter().zip(&frames).map(|(t_s, (_, at_s))| (at_s, at_s - t_s));
+            for (at_s, late_s) in late {
+                let most_s = if judged_s < *at_s { 1e-6 } else { BEHIND_S + JUDGED_S };
+                assert!(late_s < most_s, "{rate_hz} a second: {late_s} s late at {at_s} s");
+            }
+        }
+    }
+
+    /// A network that stands still for eight seconds and delivers all of it then: the stamps stay the times.
+    #[test]
+    fn a_stall_refutes_no_stamps() {
+        let arrival = |t_s: f64| if (20.0..28.0).contains(&t_s) { 28.0 } else { t_s };
+        let stamps = (0..1500).map(|i| f64::from(i) / 30.0);
+        let times = times(stamps.clone().map(|t_s| (t_s, arrival(t_s))));
+        for (t_s, stamp_s) in times.iter().zip(stamps) {
+            assert!((t_s - stamp_s).abs() < 0.02, "{t_s} for {stamp_s}");
+        }
     }
 
     /// A camera's crystal that is slow or fast by 100 parts in a million, for an hour.

@@ -10,6 +10,7 @@
 
 use super::filter::{Innovation, Propagated, STATES};
 use crate::temporal::monitor::axis::DAY_S;
+use crate::temporal::monitor::onsets::onset_sigma_s;
 use crate::temporal::monitor::priors::{COURSES, GROWN, MotionKind, SIZES, WIDER};
 use crate::temporal::monitor::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
@@ -321,9 +322,9 @@ impl Evidence {
         let by_course = [0, 1].map(|course| masses.iter().map(|m| m[course]).sum::<f64>());
         let course = usize::from(by_course[0] < by_course[1]);
         let onset = &self.onsets[best];
-        let away = |(mass, other): (&[f64; 2], &Onset)| sum(mass) * (other.t_s - onset.t_s).powi(2);
-        let spread: f64 = masses.iter().zip(&self.onsets).map(away).sum();
-        Some(Began { onset, sigma_s: spread.sqrt(), course, course_probability: by_course[course].min(1.0) })
+        let times = self.onsets.iter().map(|onset| onset.t_s);
+        let sigma_s = onset_sigma_s(times.zip(masses.iter().map(sum)), best);
+        Some(Began { onset, sigma_s, course, course_probability: by_course[course].min(1.0) })
     }
 }
 

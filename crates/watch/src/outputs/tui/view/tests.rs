@@ -167,7 +167,7 @@ fn knocked() -> Made {
         }
     }
     made.take(&Event::Dropped { camera: 1, frames: 17 }, 0.0);
-    made.take(&is_now(1, 11.7, State::Stale { for_s: 5.0 }), 0.0);
+    made.take(&is_now(1, 11.7, State::Stale { for_s: 5.0, reason: None }), 0.0);
     made.log.say("webhook", "no answer from 127.0.0.1:8080; tried again in 4 s");
     made.now.up_s += 2.0;
     made
@@ -236,7 +236,7 @@ fn learning_and_blindness_go_on_between_events() {
     made.take(&is_now(0, 0.0, State::Learning { readings: 1, needed: 50 }), 0.0);
     (0..20).for_each(|number| made.take(&observed(0, number, 0.0, &reported), 1.0));
     assert!(made.text(80, 24, &View::default()).contains("learning: 21 of 50 readings"));
-    made.take(&is_now(0, 20.0, State::Stale { for_s: 5.0 }), 5.0);
+    made.take(&is_now(0, 20.0, State::Stale { for_s: 5.0, reason: None }), 5.0);
     made.now.up_s += 7.0;
     assert!(made.text(80, 24, &View::default()).contains("stale: no usable reading for 12.0 s"));
 }
