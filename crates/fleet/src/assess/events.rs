@@ -320,7 +320,9 @@ pub(super) fn of_single(
     let border = Border { before_end: first, after_begin: first, excursion: None };
     let is_step = found.unrest == Unrest::Step;
     let within = if is_step { instant(readings, &border, state, period_s) } else { None };
-    let coarse = (drift.began_s - 0.75 * period_s, drift.began_sigma_s.hypot(0.4 * period_s));
+    // A mean of a period is dated by its middle and not by an instant: where in it a motion began is known to 0.4 of it, in place of the whole interval.
+    let spread_s = (drift.began_sigma_s.powi(2) - period_s * period_s).max(0.0).sqrt();
+    let coarse = (drift.began_s - 0.75 * period_s, spread_s.hypot(0.4 * period_s));
     let kind = if is_step { "step" } else { "ramp" };
     Motion::new(kind, within.unwrap_or(coarse), drift.old_from_new, drift.covariance)
 }
