@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Flags of other programs that pages and messages name: cargo, its benches and tests, maturin, Kalibr, ROS, Blender and the scripts of the
 /// repository.
-const OF_OTHERS: [&str; 48] = [
+const OF_OTHERS: [&str; 49] = [
     "all",
     "all-targets",
     "alone",
@@ -19,8 +19,11 @@ const OF_OTHERS: [&str; 48] = [
     "curves",
     "data",
     "example",
+    "features",
     "frame",
     "frame-id",
+    "ignored",
+    "lib",
     "nocapture",
     "nx",
     "ny",
@@ -34,6 +37,7 @@ const OF_OTHERS: [&str; 48] = [
     "qy",
     "qz",
     "release",
+    "resight",
     "roll",
     "ros-args",
     "rounds",
@@ -47,14 +51,11 @@ const OF_OTHERS: [&str; 48] = [
     "type",
     "workspace",
     "write",
-    "yaw",
-    "zig",
     "x",
     "y",
+    "yaw",
     "z",
-    "ignored",
-    "features",
-    "lib",
+    "zig",
 ];
 
 /// Pages that list old names.

@@ -37,7 +37,7 @@ const OF_CAMERA: [&str; 9] = [
 /// Flags that are about the file itself.
 const OWN: [&str; 3] = ["print-session", "help", "version"];
 
-/// What the shell said of a flag, as `--flag=value`.
+/// One flag as the command line has it: its name and its value.
 type Words = Vec<String>;
 
 /// The command line that a session file and the flags beside it mean; a flag takes the place of the file's key.

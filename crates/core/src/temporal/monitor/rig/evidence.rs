@@ -396,8 +396,10 @@ pub(super) mod tests {
         let evidence = turned(50, 200, 60.0 * SIGMA);
         assert!(evidence.statistic.is_finite() && 1e300 < evidence.statistic);
         let began = evidence.began().expect("moments");
-        assert!((began.onset.t_s - 50.0).abs() <= 20.0, "{}", began.onset.t_s);
-        assert!(began.sigma_s < 20.0 && began.course() == MotionKind::Step, "{}", began.sigma_s);
+        // Onsets are joined as they age: between the one that is kept and the one before it all are possible, eq. (80).
+        let off_s = (began.onset.t_s - 50.0).abs();
+        assert!(off_s <= 20.0 && off_s <= began.sigma_s, "{off_s} {}", began.sigma_s);
+        assert!(began.sigma_s < 65.0 && began.course() == MotionKind::Step, "{}", began.sigma_s);
         assert!((0.5..=1.0).contains(&began.course_probability), "{}", began.course_probability);
         assert!(evidence.onsets.iter().all(|onset| onset.log_mass().is_finite()));
     }
