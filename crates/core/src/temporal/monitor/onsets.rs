@@ -336,30 +336,6 @@ impl Onsets {
     }
 }
 
-impl Onsets {
-    /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
-    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
-        self.onsets.len().put(numbers);
-        for onset in &self.onsets {
-            onset.t_s.put(numbers);
-            onset.gathered.put(numbers);
-            onset.log_weights.put(numbers);
-        }
-        self.directions.put(numbers);
-    }
-
-    /// Reads what that wrote.
-    pub(crate) fn take_version_2(rest: &mut Rest) -> Option<Self> {
-        let mut onsets = ArrayVec::new();
-        for _ in 0..usize::take(rest)? {
-            let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);
-            let onset = Onset { t_s, gathered, log_weights: Numbers::take(rest)?, then: Vec::new() };
-            onsets.try_push(onset).ok()?;
-        }
-        Some(Onsets { onsets, directions: Directions::take(rest)? })
-    }
-}
-
 fn sum(of_courses: &[f64; COURSES.len()]) -> f64 {
     of_courses.iter().sum()
 }
