@@ -45,6 +45,7 @@ mod losses;
 mod marked_lines;
 mod minimal_p3p;
 mod monitor;
+mod monitor_again;
 mod monitor_alarm;
 mod monitor_delay;
 mod monitor_learn;

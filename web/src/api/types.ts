@@ -14,6 +14,18 @@ export type Advice = {
   words: string;
 };
 
+/** A motion of a camera that had moved before. */
+export type AgainObject = {
+  /** 6×6. */
+  covariance: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
+  /** When the first one began. */
+  first_began_s: number;
+  /** Which motion it is: the second is 2. */
+  number: number;
+  /** `[rotation_rad; translation_m]` of the camera in its frame before this motion. */
+  old_from_new: [number, number, number, number, number, number];
+};
+
 /** What the search for the consensus came to. */
 export type Agreement = {
   /** Probability that no larger consensus was missed. */
@@ -362,6 +374,8 @@ export type EstimatedFocal = {
 
 /** One event. `event` says what happened, and with it which other keys there are. */
 export type EventObject = {
+  /** The last motion alone, where the camera had moved before: `began_s` and `course` are of it, the sizes beside it of all together. */
+  again?: AgainObject | null;
   /** What may have moved instead. */
   alternatives?: Alternatives | null;
   /** The one axis that explains the motion. */

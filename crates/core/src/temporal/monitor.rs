@@ -23,6 +23,7 @@ mod drift;
 mod milestones;
 mod scatter;
 mod trace;
+mod again;
 mod aftermath;
 mod earlier;
 mod unsettled;
@@ -30,7 +31,7 @@ pub mod learn;
 pub mod attribute;
 pub mod rig;
 
-pub use drift::{Alone, Drift, Rate, along, rotation_alone};
+pub use drift::{Again, Alone, Drift, Rate, along, rotation_alone};
 pub use priors::MotionKind;
 pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
 pub use test::DriftNoise;
@@ -40,7 +41,8 @@ use crate::covariance::is_covariance;
 use crate::temporal::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use aftermath::Aftermath;
-use earlier::Version2;
+use again::Motions;
+use earlier::Version3;
 use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
@@ -139,6 +141,7 @@ pub struct Monitor {
     held_until_s: Option<f64>,
     transients: Transients,
     aftermath: Aftermath,
+    motions: Motions,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -150,9 +153,9 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 3;
-/// Before noise was measured.
-const VERSION_2: u32 = 2;
+const SNAPSHOT_VERSION: u32 = 4;
+/// Before there were further motions.
+const VERSION_3: u32 = 3;
 /// A share of contradictory readings beyond which the monitor says so.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
@@ -167,6 +170,7 @@ impl Monitor {
         check(config)?;
         reference.check()?;
         let test = DriftTest::new(&reference.noise).ok_or(NOT_POSITIVE)?;
+        let start = Milestone { t_s, motion: Vector6::zeros(), covariance: reference.noise.reference };
         Ok(Monitor {
             reference: *reference,
             config: *config,
@@ -176,11 +180,8 @@ impl Monitor {
             drift: None,
             held_until_s: None,
             transients: Transients::default(),
-            aftermath: Aftermath::new(Milestone {
-                t_s,
-                motion: Vector6::zeros(),
-                covariance: reference.noise.reference,
-            }),
+            aftermath: Aftermath::new(start),
+            motions: Motions::none(start),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -289,12 +290,12 @@ impl Monitor {
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
         let monitor = match snapshot.version {
-            VERSION_2 => snapshot.state::<Version2>(VERSION_2)?.0,
+            VERSION_3 => snapshot.state::<Version3>(VERSION_3)?.0,
             _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
         };
         check(&monitor.config)?;
         monitor.reference.check()?;
-        if !(monitor.test.is_sound() && monitor.aftermath.is_sound()) {
+        if !(monitor.test.is_sound() && monitor.aftermath.is_sound() && monitor.motions.is_sound()) {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
         }
         Ok(monitor)
@@ -358,6 +359,11 @@ fn is_likely(motion: &Vector6, covariance: &Matrix6) -> bool {
     chi2.is_some_and(|chi2| RETURN_PROBABILITY < crate::statistics::chi_square::tail(6, chi2))
 }
 
+/// From one small motion to another.
+fn between(from: &Vector6, to: &Vector6) -> Vector6 {
+    (Pose::exp(from).inverse() * Pose::exp(to)).log()
+}
+
 /// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
 const RETURN_PROBABILITY: f64 = 0.01;
 
@@ -419,6 +425,7 @@ numbers!(Monitor {
     inconsistent_share,
     outliers,
     out_of_order,
+    motions,
 });
 numbers!(MonitorConfig {
     false_alarms_per_day,

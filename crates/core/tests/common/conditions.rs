@@ -9,8 +9,27 @@ use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Readin
 pub const DAY_S: f64 = 86_400.0;
 /// Stated noise of a corner, pixels.
 pub const SIGMA_PX: f64 = 0.2;
-const FOCAL_PX: f64 = 900.0;
-const HALF_TAG_M: f64 = 0.1;
+
+/// A tag and the camera that sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct View {
+    focal_px: f64,
+    half_tag_m: f64,
+    cam_from_target: Pose,
+}
+
+impl View {
+    /// 0.2 m at 2 m.
+    pub fn far() -> Self {
+        View { focal_px: 900.0, half_tag_m: 0.1, cam_from_target: cam_from_target() }
+    }
+
+    /// 0.16 m at 1.2 m.
+    pub fn near() -> Self {
+        let cam_from_target = Pose::exp(&Vector6::new(0.45, -0.35, 0.1, 0.28, 0.26, 1.15));
+        View { focal_px: 1000.0, half_tag_m: 0.08, cam_from_target }
+    }
+}
 
 /// Errors of corners, and motions that are none of the camera's mounting.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +71,7 @@ pub enum Condition {
 
 /// A camera that stays and a tag, a reading every `period_s`.
 pub struct Scene {
+    view: View,
     condition: Condition,
     chance: Rng,
     /// Motion of the camera from errors of the corners.
@@ -73,23 +93,27 @@ pub fn cam_from_target() -> Pose {
 }
 
 /// Corners in pixels, relative to the principal point.
-fn corners(pose: &Pose) -> SVector<f64, 8> {
+fn corners(view: &View, pose: &Pose) -> SVector<f64, 8> {
     let mut all = SVector::<f64, 8>::zeros();
     for (i, (x, y)) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].into_iter().enumerate() {
-        let p =
-            pose.rotation * nalgebra::Vector3::new(HALF_TAG_M * x, HALF_TAG_M * y, 0.0) + pose.translation;
-        all[2 * i] = FOCAL_PX * p.x / p.z;
-        all[2 * i + 1] = FOCAL_PX * p.y / p.z;
+        let p = pose.rotation * nalgebra::Vector3::new(view.half_tag_m * x, view.half_tag_m * y, 0.0)
+            + pose.translation;
+        all[2 * i] = view.focal_px * p.x / p.z;
+        all[2 * i + 1] = view.focal_px * p.y / p.z;
     }
     all
 }
 
 impl Scene {
     pub fn new(condition: Condition, period_s: f64, seed: u64) -> Self {
-        let pose = cam_from_target();
+        Scene::of(View::far(), condition, period_s, seed)
+    }
+
+    pub fn of(view: View, condition: Condition, period_s: f64, seed: u64) -> Self {
+        let pose = view.cam_from_target;
         let mut jacobian = SMatrix::<f64, 8, 6>::zeros();
         for i in 0..6 {
-            let step = |h: f64| corners(&(Pose::exp(&Vector6::ith(i, h)) * pose));
+            let step = |h: f64| corners(&view, &(Pose::exp(&Vector6::ith(i, h)) * pose));
             jacobian.set_column(i, &((step(1e-5) - step(-1e-5)) / 2e-5));
         }
         let inverse = (jacobian.transpose() * jacobian).try_inverse().expect("six motions");
@@ -97,6 +121,7 @@ impl Scene {
         let persistent = SVector::from_fn(|_, _| chance.normal());
         let phase = chance.uniform(0.0, 1.0);
         Scene {
+            view,
             condition,
             motion_from_corners: inverse * jacobian.transpose(),
             covariance: inverse * SIGMA_PX * SIGMA_PX,
@@ -198,7 +223,7 @@ impl Scene {
         let motion = self.motion_from_corners * corners * SIGMA_PX + turned + moved;
         Reading {
             t_s: self.t_s,
-            a_from_b: Pose::exp(&-motion) * cam_from_target(),
+            a_from_b: Pose::exp(&-motion) * self.view.cam_from_target,
             covariance: self.covariance * self.stated_share,
             is_consistent: true,
         }
@@ -218,7 +243,7 @@ impl Scene {
     pub fn known(&mut self, readings: usize, config: &MonitorConfig) -> Monitor {
         let mut sum = Vector6::zeros();
         for _ in 0..readings {
-            sum += (cam_from_target() * self.next(&Vector6::zeros()).a_from_b.inverse()).log();
+            sum += (self.view.cam_from_target * self.next(&Vector6::zeros()).a_from_b.inverse()).log();
         }
         let (share, bias_time_s) = match self.condition {
             Condition::Correlated { share, time_s } => (share, time_s),
@@ -234,7 +259,7 @@ impl Scene {
             bias_time_s,
             diurnal: Matrix6::zeros(),
         };
-        let a_from_b = Pose::exp(&(-sum / n)) * cam_from_target();
+        let a_from_b = Pose::exp(&(-sum / n)) * self.view.cam_from_target;
         Monitor::new(&Reference { a_from_b, noise }, config, self.t_s).expect("a monitor")
     }
 }

@@ -159,6 +159,7 @@ mod tests {
             course: MotionKind::Step,
             course_probability: 0.99,
             rate: None,
+            again: None,
         }
     }
 

@@ -51,6 +51,7 @@ fn drifted() -> State {
         course: MotionKind::Step,
         course_probability: 1.0,
         rate: None,
+        again: None,
     }))
 }
 

@@ -333,6 +333,7 @@ mod tests {
             course: MotionKind::Step,
             course_probability: 1.0,
             rate: None,
+            again: None,
         }))
     }
 

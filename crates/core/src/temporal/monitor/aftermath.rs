@@ -7,14 +7,16 @@
 //! ```
 //! Derivation: docs/math/monitor.md sections 4 and 10.
 
+use super::again::Motions;
 use super::drift::Rate;
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
+use super::onsets::Change;
 use super::priors::{CHOSEN, MEDIAN, MotionKind, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
-use super::trace::Trace;
-use super::{Drift, DriftNoise, Monitor, is_likely, transients};
+use super::trace::{Fitted, Trace};
+use super::{Drift, DriftNoise, Monitor, between, is_likely, transients};
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Pose, Vector6};
 
@@ -55,6 +57,8 @@ const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
 /// The difference of two neighbouring means over the time in which a correlated error is forgotten, in units of that error: eq. (46).
 const OVER_ONE_TIME: f64 = 0.672;
+/// Of the way away, what is left of it at most where a camera is back: less than half, so that one that went half of the way back is not.
+const LEFT: f64 = 0.25;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
 
@@ -79,10 +83,9 @@ impl Aftermath {
         self.milestones.is_sound() && self.trace.is_sound()
     }
 
-    /// Of an alarm that nothing else is known of.
-    pub fn was_found(&mut self, drift: &Drift) {
-        self.found = Milestone { motion: drift.old_from_new, covariance: drift.covariance, ..self.found };
-        (self.log_r, self.named_s) = (f64::MAX, drift.began_s);
+    /// What is known of motions where one at most has been reported.
+    pub fn motions(&self, drift: &Option<Drift>) -> Motions {
+        Motions::of_one(drift, self.base, self.found)
     }
 
     /// Whether errors have lately been found larger than the model.
@@ -124,7 +127,7 @@ impl Monitor {
 
     fn note(&mut self, joined: &Passed) {
         let motion = self.seen_from_reference(&self.test.motion(&joined.reading.value));
-        let level = self.drift.is_none().then(|| self.level(joined.t_s));
+        let level = self.level(joined.t_s);
         let aftermath = &mut self.aftermath;
         // Where noise is measured the models of the test know of correlated errors.
         if self.test.measured().is_none() {
@@ -132,8 +135,9 @@ impl Monitor {
         }
         aftermath.trace.push(joined.t_s, &motion, self.drift.map(|drift| drift.began_s));
         aftermath.decisions = aftermath.decisions.saturating_add(1);
-        if let Some(level) = level {
-            aftermath.milestones.push(level);
+        match self.drift {
+            Some(_) => self.motions.note(level),
+            None => aftermath.milestones.push(level),
         }
     }
 
@@ -149,55 +153,82 @@ impl Monitor {
     }
 
     /// Where the change that raised the alarm put it, from when on, and how.
-    fn changed(&self, t_s: f64) -> Option<(Milestone, Drift)> {
+    fn changed(&self, t_s: f64) -> Option<(Milestone, Change)> {
         let change = self.test.change()?;
         let (motion, covariance) = self.test.level_after(&change);
-        let now = Milestone { t_s, motion: self.seen_from_reference(&motion), covariance };
-        let first = self.drift.unwrap_or(Drift {
-            old_from_new: Vector6::zeros(),
-            covariance: Matrix6::zeros(),
-            began_s: change.onset_s,
-            began_sigma_s: change.onset_sigma_s,
-            course: change.course,
-            course_probability: change.course_probability,
-            rate: None,
-        });
-        Some((now, first))
+        Some((Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }, change))
     }
 
     fn alarmed(&mut self, t_s: f64, log_r: f64, first_s: f64) {
-        let Some((now, drift)) = self.changed(t_s) else { return };
-        let is_first = self.drift.is_none();
-        if is_first {
-            self.aftermath.base = self.aftermath.milestones.before(drift.began_s.min(first_s));
-            self.aftermath.log_r = log_r;
-            if let Some(excess) = self.explanation(t_s - drift.began_s) {
-                return self.doubt(t_s, &excess);
-            }
+        let Some((now, change)) = self.changed(t_s) else { return };
+        let before_s = change.onset_s.min(first_s);
+        match self.drift {
+            None => self.moved(log_r, before_s, &now, &change),
+            Some(drift) => self.moved_again(&drift, before_s, &now, &change),
         }
-        let base = self.aftermath.base;
-        let (own, motion) = (self.reference.noise, between(&base.motion, &now.motion));
-        let covariance = now.covariance + base.covariance;
-        let reported = Drift { old_from_new: motion, covariance, ..drift };
-        if is_first && !reported.matters(&self.config) {
+    }
+
+    fn moved(&mut self, log_r: f64, before_s: f64, now: &Milestone, change: &Change) {
+        let base = self.aftermath.milestones.before(before_s);
+        (self.aftermath.base, self.aftermath.log_r) = (base, log_r);
+        if let Some(excess) = self.explanation(now.t_s - change.onset_s) {
+            return self.doubt(now.t_s, &excess);
+        }
+        let drift = drift(&base, now, change);
+        if drift.matters(&self.config) {
+            self.motions = Motions::none(base);
+            self.aftermath.is_further = false;
+            self.hold(&drift, true);
+            self.reported(drift, base, now);
+        }
+    }
+
+    /// An alarm of the test around where it was last reported to be.
+    fn moved_again(&mut self, before: &Drift, before_s: f64, now: &Milestone, change: &Change) {
+        let (base, own) = (self.aftermath.base, self.reference.noise);
+        let from = self.motions.before(before_s);
+        let (away, was_away) = (between(&base.motion, &now.motion), between(&base.motion, &from.motion));
+        let at_home = now.covariance + base.covariance + own.bias + own.diurnal;
+        if is_likely(&away, &at_home) && along(&away, &was_away, &at_home).abs() < LEFT {
+            return self.is_home(now.t_s, change.onset_s);
+        }
+        if !drift(&from, now, change).matters(&self.config) {
             return;
         }
-        let at_home = now.covariance * CHOSEN + base.covariance + own.bias + own.diurnal;
-        if !is_first && is_likely(&motion, &at_home) {
-            let onset_s = self.test.change().map_or(t_s, |change| change.onset_s);
-            return self.is_home(t_s, onset_s, &now.covariance);
+        // A ramp goes on: its rate has said so.
+        let ramp = self.fitted().filter(|fitted| {
+            fitted.course == MotionKind::Ramp && (before.course == fitted.course || RENAMED < fitted.lead)
+        });
+        if let Some(ramp) = ramp {
+            if before.course == MotionKind::Step {
+                self.is_named(before, &ramp);
+            }
+            self.aftermath.found = *now;
+            let found = self.begin_around(now, change.onset_s);
+            return self.motions.goes_on(found);
         }
-        self.hold(&reported, is_first);
-        self.drift = Some(reported);
-        (self.aftermath.found, self.aftermath.is_further) = (now, !is_first);
-        self.aftermath.decisions = 0;
-        if is_first {
-            self.aftermath.named_s = drift.began_s;
-        }
-        // The estimate serves as the start of the next stage only: where it is now is learned anew.
-        let doubt = now.covariance + own.reading + own.bias + own.reference;
-        let onset_s = self.test.change().map_or(drift.began_s, |change| change.onset_s);
-        self.test_from(&now.motion, doubt, onset_s, false);
+        self.aftermath.trace.forget_before(before.began_s);
+        (self.aftermath.is_further, self.aftermath.rate) = (true, None);
+        let drift = drift(&base, now, change);
+        self.hold(&drift, false);
+        self.reported(drift, from, now);
+    }
+
+    /// What is reported is what further readings are compared with.
+    fn reported(&mut self, drift: Drift, from: Milestone, now: &Milestone) {
+        self.drift = Some(drift);
+        (self.aftermath.found, self.aftermath.decisions) = (*now, 0);
+        self.aftermath.named_s = drift.began_s;
+        let found = self.begin_around(now, drift.began_s);
+        self.motions.add(drift.began_s, from, found);
+    }
+
+    /// The estimate of an alarm serves as the start of the next stage only: where it is now is learned anew.
+    fn begin_around(&mut self, now: &Milestone, onset_s: f64) -> Milestone {
+        let own = self.reference.noise;
+        let covariance = now.covariance + own.reading + own.bias + own.reference;
+        self.test_from(&now.motion, covariance, onset_s, false);
+        Milestone { covariance, ..*now }
     }
 
     /// Errors that scatter more than the model says, over times like that of the change, where they explain the alarm.
@@ -233,10 +264,9 @@ impl Monitor {
         self.aftermath.scatter.interrupt();
     }
 
-    /// It is back where it was; how well that is known again, `covariance` says.
-    fn is_home(&mut self, t_s: f64, onset_s: f64, covariance: &Matrix6) {
-        let base = self.aftermath.base;
-        let home = Milestone { t_s, covariance: base.covariance + covariance, ..base };
+    /// It is back where it was, which is known as well as before it moved.
+    fn is_home(&mut self, t_s: f64, onset_s: f64) {
+        let home = Milestone { t_s, ..self.aftermath.base };
         if let Some(was) = self.drift.take().filter(|_| self.test.measured().is_some()) {
             let size = transients::size(&was.old_from_new, &self.reference.noise.reading);
             self.transients.add(was.began_s, onset_s, size);
@@ -244,6 +274,7 @@ impl Monitor {
         self.held_until_s = None;
         self.test_from(&home.motion, home.covariance, onset_s, true);
         self.aftermath.begin_at(home);
+        self.motions = Motions::none(home);
     }
 
     /// Errors explain the alarm: they are from now on expected to be as large as they were seen, and to last as long.
@@ -274,26 +305,34 @@ impl Monitor {
         if self.take_back(&drift, t_s) {
             return;
         }
+        let Some(fitted) = self.fitted() else { return };
+        let needed = if gone_s == 0.0 { NAMED } else { RENAMED };
+        if fitted.course == drift.course || needed < fitted.lead {
+            self.is_named(&drift, &fitted);
+        }
+    }
+
+    /// What the trace says of the last motion; none where it is not one motion.
+    fn fitted(&self) -> Option<Fitted> {
         let own = &self.reference.noise;
         let typical = own.reading + own.bias;
         let correlated = (own.bias.trace() / typical.trace()).clamp(0.0, 1.0);
-        let Some(fitted) = self.aftermath.trace.fitted(&typical, correlated) else { return };
-        let needed = if gone_s == 0.0 { NAMED } else { RENAMED };
-        let is_renamed = fitted.course != drift.course && needed < fitted.lead;
-        let is_same = fitted.course == drift.course;
-        if is_renamed || is_same {
-            let rate = Rate { per_s: fitted.rate, covariance: fitted.rate_covariance };
-            self.aftermath.rate = (fitted.course == MotionKind::Ramp).then_some(rate);
-        }
-        let is_sharper =
-            fitted.course == MotionKind::Ramp && fitted.onset_sigma_s < SHARPER * drift.began_sigma_s;
-        if is_renamed || (is_same && is_sharper) {
+        self.aftermath.trace.fitted(&typical, correlated)
+    }
+
+    /// The last motion is a step or a ramp, as the trace says; it is reported again where that is another name or a much sharper beginning.
+    fn is_named(&mut self, drift: &Drift, fitted: &Fitted) {
+        let is_ramp = fitted.course == MotionKind::Ramp;
+        let rate = Rate { per_s: fitted.rate, covariance: fitted.rate_covariance };
+        self.aftermath.rate = is_ramp.then_some(rate);
+        let is_sharper = is_ramp && fitted.onset_sigma_s < SHARPER * drift.began_sigma_s;
+        if fitted.course != drift.course || is_sharper {
             self.drift = Some(Drift {
                 began_s: fitted.onset_s,
                 began_sigma_s: fitted.onset_sigma_s,
                 course: fitted.course,
                 course_probability: 1.0 / (1.0 + (-0.5 * fitted.lead).exp()),
-                ..drift
+                ..*drift
             });
         }
     }
@@ -302,16 +341,17 @@ impl Monitor {
     fn come_back(&mut self, t_s: f64) {
         let (now, Aftermath { base, found, .. }) = (self.level(t_s), &self.aftermath);
         let at_home = now.covariance + base.covariance;
+        let at_found = now.covariance + found.covariance;
         let from = |place: &Milestone, covariance: &Matrix6| {
             let away = between(&place.motion, &now.motion);
             covariance.cholesky().map(|factor| away.dot(&factor.solve(&away)))
         };
-        let odds = from(found, &now.covariance).zip(from(base, &at_home)).map(|(found, base)| found - base);
+        let odds = from(found, &at_found).zip(from(base, &at_home)).map(|(found, base)| found - base);
         let is_near = from(base, &at_home).is_some_and(|chi2| chi2 < MEDIAN);
         // Where a further alarm put it near its old place, the two are hardly distinguished: that it stays there must do.
         let stays = self.aftermath.is_further && DOUBT_DECISIONS <= self.aftermath.decisions;
         if is_near && (stays || odds.is_some_and(|odds| 2.0 * BACK < odds)) {
-            self.is_home(t_s, t_s, &now.covariance);
+            self.is_home(t_s, t_s);
         }
     }
 
@@ -339,6 +379,7 @@ impl Monitor {
             old_from_new: between(&base.motion, &now.motion),
             covariance: now.covariance + base.covariance,
             rate: self.aftermath.rate,
+            again: self.motions.again(&now),
             ..*drift
         }
     }
@@ -366,15 +407,33 @@ impl Monitor {
     }
 }
 
+/// The motion from one place to where a change put it.
+fn drift(from: &Milestone, now: &Milestone, change: &Change) -> Drift {
+    Drift {
+        old_from_new: between(&from.motion, &now.motion),
+        covariance: now.covariance + from.covariance,
+        began_s: change.onset_s,
+        began_sigma_s: change.onset_sigma_s,
+        course: change.course,
+        course_probability: change.course_probability,
+        rate: None,
+        again: None,
+    }
+}
+
+/// How much of `whole` a motion is, by weighted least squares.
+fn along(motion: &Vector6, whole: &Vector6, covariance: &Matrix6) -> f64 {
+    let share = |factor: nalgebra::Cholesky<f64, nalgebra::U6>| {
+        let weighted = factor.solve(whole);
+        motion.dot(&weighted) / whole.dot(&weighted)
+    };
+    covariance.cholesky().map_or(0.0, share)
+}
+
 impl Aftermath {
     fn began_s(&self) -> f64 {
         self.milestones.before(f64::NEG_INFINITY).t_s
     }
-}
-
-/// From one small motion to another.
-fn between(from: &Vector6, to: &Vector6) -> Vector6 {
-    (Pose::exp(from).inverse() * Pose::exp(to)).log()
 }
 
 numbers!(Aftermath {

@@ -9,11 +9,12 @@ use nalgebra::{Matrix3, Vector3};
 /// How far it moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
-    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward.
+    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward. All motions
+    /// together.
     pub old_from_new: Vector6,
     /// Its covariance.
     pub covariance: Matrix6,
-    /// When it began, seconds.
+    /// When the last motion began, seconds.
     pub began_s: f64,
     /// How uncertain that is, seconds: at least the interval between the readings before and after, docs/math/monitor.md eq. (80).
     pub began_sigma_s: f64,
@@ -23,6 +24,21 @@ pub struct Drift {
     pub course_probability: f64,
     /// Of a slow drift, when enough is known of it.
     pub rate: Option<Rate>,
+    /// The last motion, where it is not the first.
+    pub again: Option<Again>,
+}
+
+/// A motion of a camera that had moved before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Again {
+    /// Which one it is: the second is 2.
+    pub number: u32,
+    /// When the first one began, seconds.
+    pub first_began_s: f64,
+    /// This motion alone: where frame a is in its frame after the motion before, `[rotation_rad; translation_m]`.
+    pub old_from_new: Vector6,
+    /// Its covariance.
+    pub covariance: Matrix6,
 }
 
 /// A motion about or along one axis of the camera.
@@ -46,6 +62,21 @@ pub struct Rate {
 }
 
 impl Drift {
+    /// The last motion alone: what has been reported before it is left out.
+    pub fn last(&self) -> Drift {
+        match self.again {
+            Some(Again { old_from_new, covariance, .. }) => {
+                Drift { old_from_new, covariance, again: None, ..*self }
+            }
+            None => *self,
+        }
+    }
+
+    /// When the first of its motions began, seconds.
+    pub fn first_began_s(&self) -> f64 {
+        self.again.map_or(self.began_s, |again| again.first_began_s)
+    }
+
     /// The rotation alone, radians about x, y, z, and its covariance, if the camera only rotated about its own centre; none where its
     /// translation is larger than that allows (one in twenty). A rotation and a shift look much alike from a small target: where a
     /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
@@ -145,11 +176,10 @@ fn alone(motion: &Vector6, covariance: &Matrix6, at: usize) -> Option<(Vector3<f
 
 numbers!(Rate { per_s, covariance });
 
-/// Without the rate: the monitor knows that from the readings.
+/// Without the rate and what is said of the last motion: the monitor knows that from the readings.
 impl Numbers for Drift {
     fn put(&self, numbers: &mut Vec<f64>) {
-        let Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability, rate: _ } =
-            self;
+        let Drift { old_from_new, covariance, began_s, began_sigma_s, course, course_probability, .. } = self;
         old_from_new.put(numbers);
         covariance.put(numbers);
         began_s.put(numbers);
@@ -167,6 +197,7 @@ impl Numbers for Drift {
             course: Numbers::take(rest)?,
             course_probability: Numbers::take(rest)?,
             rate: None,
+            again: None,
         })
     }
 }

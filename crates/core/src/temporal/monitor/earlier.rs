@@ -1,67 +1,59 @@
-//! Snapshots of version 2, before noise was measured and before it was kept what came before an alarm: read, never written.
+//! Snapshots of version 3, which knew of one motion: read, never written.
 
-use super::aftermath::Aftermath;
-use super::milestones::Milestone;
-use super::test::DriftTest;
-use super::transients::Transients;
-use super::{Drift, Gate, Monitor, MonitorConfig, Reference};
+use super::Monitor;
+use super::again::Motions;
 use crate::temporal::snapshot::{Numbers, Rest};
-use crate::{Pose, Vector6};
 
-/// A monitor as version 2 has it.
-pub(super) struct Version2(pub Monitor);
+/// A monitor as version 3 has it.
+pub(super) struct Version3(pub Monitor);
 
-impl Numbers for Version2 {
-    /// As version 2 wrote it; only tests write one.
+impl Numbers for Version3 {
+    /// As version 3 wrote it; only tests write one.
     fn put(&self, numbers: &mut Vec<f64>) {
         let monitor = &self.0;
         monitor.reference.put(numbers);
         monitor.config.put(numbers);
         monitor.old_from_level.put(numbers);
-        monitor.test.put_version_2(numbers);
+        monitor.test.put(numbers);
         monitor.gate.put(numbers);
         monitor.drift.put(numbers);
+        monitor.held_until_s.put(numbers);
+        monitor.transients.put(numbers);
+        monitor.aftermath.put(numbers);
         (monitor.last_s, monitor.last_usable_s).put(numbers);
         monitor.inconsistent_share.put(numbers);
         (monitor.outliers, monitor.out_of_order).put(numbers);
     }
 
     fn take(rest: &mut Rest) -> Option<Self> {
-        let reference = Reference::take(rest)?;
-        let config = MonitorConfig::take(rest)?;
-        let old_from_level = Pose::take(rest)?;
-        let test = DriftTest::take_version_2(rest, &reference.noise)?;
-        let (gate, drift) = (Gate::take(rest)?, <Option<Drift> as Numbers>::take(rest)?);
-        let last_s = f64::take(rest)?;
-        // It continues from its reference; what it had learned of that since is in its test.
-        let covariance = reference.noise.reference;
-        let mut aftermath = Aftermath::new(Milestone { t_s: last_s, motion: Vector6::zeros(), covariance });
-        drift.iter().for_each(|drift| aftermath.was_found(drift));
-        Some(Version2(Monitor {
-            reference,
-            config,
-            old_from_level,
-            test,
-            gate,
-            drift,
-            held_until_s: None,
-            transients: Transients::default(),
-            aftermath,
-            last_s,
-            last_usable_s: f64::take(rest)?,
-            inconsistent_share: f64::take(rest)?,
-            outliers: u64::take(rest)?,
-            out_of_order: u64::take(rest)?,
-        }))
+        let mut monitor = Monitor {
+            reference: Numbers::take(rest)?,
+            config: Numbers::take(rest)?,
+            old_from_level: Numbers::take(rest)?,
+            test: Numbers::take(rest)?,
+            gate: Numbers::take(rest)?,
+            drift: Numbers::take(rest)?,
+            held_until_s: Numbers::take(rest)?,
+            transients: Numbers::take(rest)?,
+            aftermath: Numbers::take(rest)?,
+            last_s: Numbers::take(rest)?,
+            last_usable_s: Numbers::take(rest)?,
+            inconsistent_share: Numbers::take(rest)?,
+            outliers: Numbers::take(rest)?,
+            out_of_order: Numbers::take(rest)?,
+            motions: Motions::none(Default::default()),
+        };
+        monitor.motions = monitor.aftermath.motions(&monitor.drift);
+        Some(Version3(monitor))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::temporal::monitor::{DriftNoise, Reading};
+    use crate::temporal::monitor::{DriftNoise, MonitorConfig, Reading, Reference, VERSION_3};
     use crate::temporal::snapshot::Snapshot;
-    use crate::{Matrix6, Vector6};
+    use crate::{Matrix6, Pose, Vector6};
 
     /// A step of five standard deviations after a hundred readings.
     fn reading(i: usize) -> Reading {
@@ -72,25 +64,23 @@ mod tests {
     }
 
     #[test]
-    fn a_monitor_of_version_2_goes_on_as_it_would_have() {
+    fn a_monitor_of_version_3_goes_on_as_it_would_have() {
         let spread = |scale: f64| Matrix6::identity() * scale * 1e-6;
         let (bias, diurnal) = (spread(0.2), spread(0.1));
         let noise =
             DriftNoise { reference: spread(0.1), reading: spread(1.0), bias, bias_time_s: 60.0, diurnal };
         let reference = Reference { a_from_b: Pose::identity(), noise };
         let mut monitor = Monitor::new(&reference, &MonitorConfig::default(), 0.0).expect("a monitor");
-        monitor.push(&reading(0));
-        // The count that version 2 had.
-        assert_eq!(Snapshot::of(&Version2(monitor.clone()), 2).numbers.len(), 540);
-        for i in 1..200 {
+        for i in 0..200 {
             if i % 30 == 0 {
-                let restored = Monitor::restore(&Snapshot::of(&Version2(monitor.clone()), 2));
-                let restored = restored.expect("version 2");
+                let restored = Monitor::restore(&Snapshot::of(&Version3(monitor.clone()), VERSION_3));
+                let restored = restored.expect("version 3");
                 assert_eq!((&restored.test, &restored.gate), (&monitor.test, &monitor.gate));
                 monitor = restored;
             }
             monitor.push(&reading(i));
         }
-        assert!(monitor.drift().is_some() && !monitor.measures_noise());
+        let drift = monitor.drift().expect("a drift");
+        assert!(drift.again.is_none() && (99.0..104.0).contains(&drift.first_began_s()), "{drift:?}");
     }
 }

@@ -11,7 +11,7 @@ use arrayvec::ArrayVec;
 const KEPT: usize = 24;
 
 /// Where it was known to be.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Milestone {
     pub t_s: f64,
     /// From the pose of the reference, `[rotation_rad; translation_m]`.

@@ -336,30 +336,6 @@ impl Onsets {
     }
 }
 
-impl Onsets {
-    /// As version 2 of a snapshot has it: without what an onset remembers of the noise before it.
-    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
-        self.onsets.len().put(numbers);
-        for onset in &self.onsets {
-            onset.t_s.put(numbers);
-            onset.gathered.put(numbers);
-            onset.log_weights.put(numbers);
-        }
-        self.directions.put(numbers);
-    }
-
-    /// Reads what that wrote.
-    pub(crate) fn take_version_2(rest: &mut Rest) -> Option<Self> {
-        let mut onsets = ArrayVec::new();
-        for _ in 0..usize::take(rest)? {
-            let (t_s, gathered) = (f64::take(rest)?, Numbers::take(rest)?);
-            let onset = Onset { t_s, gathered, log_weights: Numbers::take(rest)?, then: Vec::new() };
-            onsets.try_push(onset).ok()?;
-        }
-        Some(Onsets { onsets, directions: Directions::take(rest)? })
-    }
-}
-
 /// How uncertain an onset is that is told as the time of the first reading after it, seconds: how far the other `onsets` (time and
 /// probability, in order of time) are from number `best`, and the interval before that one, in which nothing was read. The first of all has
 /// the interval after it instead: eq. (80).

@@ -328,6 +328,7 @@ impl RigMonitor {
                 course: first.map_or(began.course(), |first| first.course),
                 course_probability: first.map_or(began.course_probability, |first| first.course_probability),
                 rate: None,
+                again: None,
             }
         };
         let drifts = attribution.moved.iter().map(drift).collect();

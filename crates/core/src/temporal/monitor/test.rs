@@ -5,7 +5,7 @@ use super::measured::Measured;
 use super::onsets::{Change, Onsets};
 use crate::Error;
 use crate::covariance::is_covariance;
-use crate::temporal::snapshot::{Numbers, Rest, numbers};
+use crate::temporal::snapshot::numbers;
 use nalgebra::{Matrix6, SymmetricEigen, Vector6};
 
 /// What is no drift, for the six coordinates of the small motion `[rotation_rad; translation_m]`.
@@ -362,33 +362,6 @@ fn scales(readings: &[(f64, Whitened)]) -> Vector6<f64> {
         let n = readings.len() as f64;
         ((STATED + n * sigma * sigma) / (STATED + n)).clamp(1e-4, 1e8)
     })
-}
-
-impl DriftTest {
-    /// As version 2 of a snapshot has it.
-    pub(crate) fn put_version_2(&self, numbers: &mut Vec<f64>) {
-        self.whitened_from_motion.put(numbers);
-        self.motion_from_whitened.put(numbers);
-        self.noise.put(numbers);
-        self.filters.put(numbers);
-        self.onsets.put_version_2(numbers);
-        self.last_s.put(numbers);
-    }
-
-    /// Reads what that wrote.
-    pub(crate) fn take_version_2(rest: &mut Rest, noise: &DriftNoise) -> Option<Self> {
-        let whitened_from_motion = Matrix6::take(rest)?;
-        Some(DriftTest {
-            typical: variances(&whitened_from_motion, &noise.reading),
-            whitened_from_motion,
-            motion_from_whitened: Matrix6::take(rest)?,
-            noise: <[AxisNoise; AXES]>::take(rest)?,
-            filters: <[AxisFilter; AXES]>::take(rest)?,
-            onsets: Onsets::take_version_2(rest)?,
-            last_s: Numbers::take(rest)?,
-            measured: None,
-        })
-    }
 }
 
 /// Diagonal of W P Wᵀ.

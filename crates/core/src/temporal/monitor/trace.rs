@@ -10,6 +10,7 @@ use super::priors::MotionKind;
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Matrix3x6, Vector3};
 
 /// Blocks kept; older ones are longer.
 const BLOCKS: usize = 40;
@@ -17,6 +18,8 @@ const BLOCKS: usize = 40;
 const LEAST_AFTER: usize = 8;
 /// The part of a ramp that may be missing without being missed.
 const EARLY: f64 = 0.1;
+/// Δχ² by which a further step must explain the blocks better than a ramp does: six numbers and an onset of forty, by chance once in 10⁴.
+const TWO: f64 = 38.3;
 
 /// Mean of neighbouring readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +64,11 @@ impl Trace {
         self.blocks.push(Block { t_s, motion: *motion, readings: 1.0, from_s: t_s, to_s: t_s });
     }
 
+    /// What came before that belongs to an earlier motion.
+    pub fn forget_before(&mut self, t_s: f64) {
+        self.blocks.retain(|block| t_s <= block.t_s);
+    }
+
     /// Whether its means are of readings: numbers of a file may be any.
     pub fn is_sound(&self) -> bool {
         self.blocks.iter().all(|block| 1.0 <= block.readings)
@@ -85,8 +93,8 @@ impl Trace {
         (block.readings, block.to_s) = (readings, later.to_s);
     }
 
-    /// The better of both courses; `covariance` of one reading gives the coordinates their weights, `correlated` is the share of it that no mean
-    /// takes away. None where there are too few blocks.
+    /// The better of both courses; none where a further step amid it explains the blocks better than one motion does. `covariance` of one reading gives the coordinates their weights, `correlated` is the share of it that no mean
+    /// takes away. None where there are too few blocks besides.
     pub fn fitted(&self, covariance: &Matrix6, correlated: f64) -> Option<Fitted> {
         let weight = covariance.cholesky()?.inverse();
         let own = |block: &Block| 1.0 / ((1.0 - correlated) / block.readings + correlated);
@@ -110,6 +118,9 @@ impl Trace {
         let (step, ramp) = (best(MotionKind::Step)?, best(MotionKind::Ramp)?);
         let is_ramp = ramp.0.chi2 < step.0.chi2;
         let ((fit, onset_sigma_s), other) = if is_ramp { (ramp, step.0) } else { (step, ramp.0) };
+        if is_ramp && self.are_two([&fit, &step.0], &weights, &weight) {
+            return None;
+        }
         let scale = (fit.chi2 / self.degrees()).max(1e-12);
         Some(Fitted {
             course: if is_ramp { MotionKind::Ramp } else { MotionKind::Step },
@@ -147,13 +158,47 @@ impl Trace {
         gaps.fold(self.blocks[first].t_s - self.blocks[first - 1].t_s, f64::max)
     }
 
+    /// Whether a step after a ramp, or after a step, explains the blocks much better than the ramp alone.
+    fn are_two(&self, [ramp, step]: [&Fit; 2], weights: &[f64], weight: &Matrix6) -> bool {
+        let firsts = 1..self.blocks.len();
+        let with_step = |course, onset_s: f64| {
+            let of = |first: usize| self.left_by_two((course, onset_s), first, weights, weight);
+            firsts.clone().filter_map(of).fold(f64::INFINITY, f64::min)
+        };
+        let least = with_step(MotionKind::Ramp, ramp.onset_s).min(with_step(MotionKind::Step, step.onset_s));
+        // Where older blocks err by less than is stated, the last ones need not.
+        TWO * (least / self.degrees()).max(1.0) < ramp.chi2 - least
+    }
+
+    /// χ² that a motion and a step before block `first` leave.
+    fn left_by_two(
+        &self,
+        (course, onset_s): (MotionKind, f64),
+        first: usize,
+        weights: &[f64],
+        weight: &Matrix6,
+    ) -> Option<f64> {
+        let shapes = |(i, block): (usize, &Block)| {
+            Vector3::new(1.0, shape(course, onset_s, block), f64::from(u8::from(first <= i)))
+        };
+        let (mut normal, mut right) = (Matrix3::zeros(), Matrix3x6::zeros());
+        for ((i, block), own) in self.blocks.iter().enumerate().zip(weights) {
+            let x = shapes((i, block));
+            normal += x * x.transpose() * *own;
+            right += x * block.motion.transpose() * *own;
+        }
+        let sizes = normal.cholesky()?.solve(&right);
+        let left = |((i, block), own): ((usize, &Block), &f64)| {
+            let residual = block.motion - sizes.transpose() * shapes((i, block));
+            own * residual.dot(&(weight * residual))
+        };
+        Some(self.blocks.iter().enumerate().zip(weights).map(left).sum())
+    }
+
     /// With the onset before block `first`: weighted least squares of the mean and the size.
     fn fit(&self, course: MotionKind, first: usize, weights: &[f64], weight: &Matrix6) -> Option<Fit> {
         let onset_s = 0.5 * (self.blocks[first - 1].to_s + self.blocks[first].from_s);
-        let shape = |block: &Block| match course {
-            MotionKind::Step => f64::from(u8::from(onset_s < block.t_s)),
-            MotionKind::Ramp => (block.t_s - onset_s).max(0.0),
-        };
+        let shape = |block: &Block| shape(course, onset_s, block);
         let (mut w, mut wx, mut wxx) = (0.0, 0.0, 0.0);
         let (mut wy, mut wxy) = (Vector6::zeros(), Vector6::zeros());
         for (block, own) in self.blocks.iter().zip(weights) {
@@ -175,6 +220,14 @@ impl Trace {
         let chi2 = self.blocks.iter().zip(weights).map(left).sum();
         let interval_s = self.interval_s(course, first);
         Some(Fit { onset_s, interval_s, size, variance: 1.0 / information, chi2 })
+    }
+}
+
+/// What a motion of one, or of one a second, is at a block.
+fn shape(course: MotionKind, onset_s: f64, block: &Block) -> f64 {
+    match course {
+        MotionKind::Step => f64::from(u8::from(onset_s < block.t_s)),
+        MotionKind::Ramp => (block.t_s - onset_s).max(0.0),
     }
 }
 

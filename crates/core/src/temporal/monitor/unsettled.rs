@@ -260,6 +260,7 @@ pub(super) fn described(
         began_sigma_s: found.began_sigma_s,
         course: if found.unrest == Unrest::Step { MotionKind::Step } else { MotionKind::Ramp },
         rate: None,
+        again: None,
         course_probability: found.probability,
     };
     Unsettled { unrest: found.unrest, reading, drift }

@@ -436,15 +436,14 @@ fn is_fault(
     points: &[Correspondence],
     lens: &Camera,
 ) -> bool {
-    // What is true of the old pose says nothing of the new one.
-    let known = (monitor.drift().is_none()).then(|| monitor.expected(reading.t_s));
-    let weighed = known.and_then(|(pose, covariance)| {
+    let (pose, covariance) = monitor.expected(reading.t_s);
+    let weigh = || {
         let motion = (pose * reading.a_from_b.inverse()).log();
         let factor = (covariance + reading.covariance).cholesky()?;
         let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse() };
         Some((motion.dot(&factor.solve(&motion)), expected))
-    });
-    match weighed {
+    };
+    match weigh() {
         Some((chi2, expected)) if disagreement.is_persistent() || UNLIKELY < chi2 => {
             disagreement.is_in(points, &expected, &reading.a_from_b)
         }

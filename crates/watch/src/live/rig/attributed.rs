@@ -177,7 +177,7 @@ impl Pairs {
     }
 
     fn attribution(&self) -> (Attribution, f64) {
-        let began_s = self.pairs.iter().filter_map(Pair::began_s).fold(f64::INFINITY, f64::min);
+        let began_s = self.pairs.iter().filter_map(Pair::first_began_s).fold(f64::INFINITY, f64::min);
         if !began_s.is_finite() {
             return (Attribution::default(), 0.0);
         }
@@ -265,9 +265,14 @@ impl Reported {
 }
 
 impl Pair {
-    /// When its drift began, seconds.
+    /// When its last motion began, seconds.
     fn began_s(&self) -> Option<f64> {
         Some(self.monitor.as_ref()?.drift()?.began_s)
+    }
+
+    /// When it was last where it was, seconds.
+    fn first_began_s(&self) -> Option<f64> {
+        Some(self.monitor.as_ref()?.drift()?.first_began_s())
     }
 
     /// Whether a drift is one against the target, or one that landmarks found while it was not seen.

@@ -45,6 +45,7 @@ fn states() -> [State; 7] {
         course: MotionKind::Step,
         course_probability: 1.0,
         rate: None,
+        again: None,
     };
     [
         State::Learning { readings: 1, needed: 50 },

@@ -1,6 +1,6 @@
 //! A drift in words and as JSON: since when, in a step or at which rate, about or along which axis, and how to put it back.
 
-use super::object::{AxisObject, DriftObject};
+use super::object::{AgainObject, AxisObject, DriftObject};
 use resight::answer::pose::rows;
 use resight::core::Vector6;
 use resight::core::temporal::monitor::{Alone, Drift, MotionKind, Rate};
@@ -10,14 +10,26 @@ const HOUR_S: f64 = 3600.0;
 /// As one speaks of cameras: rotations about x, y, z, shifts along them.
 const AXES: [&str; 6] = ["tilt", "pan", "roll", "x", "y", "range"];
 
-/// `moved in a step, since 200.0 s ± 1.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`.
+/// `moved in a step, since 200.0 s ± 1.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`; of a further motion
+/// `moved again in a step, since 900.0 s ± 1.0 s: rotated right 1.000° ± 0.010°; in all rotated right 1.507° ± 0.010°; to put it back: …`.
 pub fn words(drift: &Drift) -> String {
     let how = match (drift.course, drift.rate) {
         (MotionKind::Step, _) => "in a step".to_string(),
         (MotionKind::Ramp, None) => "in a ramp".to_string(),
         (MotionKind::Ramp, Some(rate)) => format!("in a ramp{}", rate_words(&rate)),
     };
-    let began = format!("moved {how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    let since = format!("{how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    let (all, back) = size(drift);
+    match drift.again {
+        Some(_) => {
+            format!("moved again {since}: {}; in all {all}; to put it back: {back}", size(&drift.last()).0)
+        }
+        None => format!("moved {since}: {all}; to put it back: {back}"),
+    }
+}
+
+/// `rotated right 0.507° ± 0.010°`, and its opposite.
+fn size(drift: &Drift) -> (String, String) {
     if let Some(Alone { axis, size, sigma }) = drift.alone() {
         let motion = Vector6::ith(axis, size);
         let verb = if axis < 3 { "rotated" } else { "shifted" };
@@ -27,7 +39,7 @@ pub fn words(drift: &Drift) -> String {
         } else {
             String::new()
         };
-        return format!("{began}: {verb} {is}{name}; to put it back: {back}");
+        return (format!("{verb} {is}{name}"), back);
     }
     let (verb, motion, sigma) = match drift.pure_rotation() {
         Some((turn, covariance)) => {
@@ -40,7 +52,7 @@ pub fn words(drift: &Drift) -> String {
         }
     };
     let is = parts(&motion, |i| sigma.get(i).copied());
-    format!("{began}: {verb} {is}; to put it back: {}", back(&motion, &sigma))
+    (format!("{verb} {is}"), back(&motion, &sigma))
 }
 
 /// `, at right 0.100° ± 0.002° an hour`: what stands out of its own error, of the rotation alone where that explains it.
@@ -77,6 +89,12 @@ pub fn object(drift: &Drift) -> DriftObject {
         rate_per_s: drift.rate.as_ref().map(|rate| rate.per_s.into()),
         rate_covariance: drift.rate.as_ref().map(|rate| rows(&rate.covariance)),
         axis,
+        again: drift.again.map(|again| AgainObject {
+            number: again.number,
+            first_began_s: again.first_began_s,
+            old_from_new: again.old_from_new.into(),
+            covariance: rows(&again.covariance),
+        }),
     }
 }
 
@@ -85,4 +103,35 @@ fn back(motion: &Vector6, sigma: &[f64]) -> String {
     let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
     let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);
     if back.is_empty() { "nothing that can be distinguished from zero".to_string() } else { back }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resight::core::Matrix6;
+    use resight::core::temporal::monitor::Again;
+
+    /// Of a second motion both sizes are told, and what puts all of it back.
+    #[test]
+    fn a_further_motion_is_told_with_its_own_size() {
+        let (pan, covariance) =
+            (|degrees: f64| Vector6::y() * degrees.to_radians(), Matrix6::identity() * 1e-8);
+        let again = Again { number: 2, first_began_s: 20.0, old_from_new: pan(1.0), covariance };
+        let second = Drift {
+            old_from_new: pan(1.05),
+            covariance,
+            began_s: 30.0,
+            began_sigma_s: 1.0,
+            course: MotionKind::Step,
+            course_probability: 1.0,
+            rate: None,
+            again: Some(again),
+        };
+        assert_eq!(
+            words(&second),
+            "moved again in a step, since 30.0 s ± 1.0 s: rotated right 1.000° ± 0.006°; in all rotated right 1.050° ± 0.006°; to put it back: left 1.050°"
+        );
+        let said = object(&second).again.expect("the second motion");
+        assert_eq!((said.number, said.first_began_s, said.old_from_new[1]), (2, 20.0, 1_f64.to_radians()));
+    }
 }

@@ -156,6 +156,22 @@ pub struct DriftObject {
     /// The one axis that explains the motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axis: Option<AxisObject>,
+    /// The last motion alone, where the camera had moved before: `began_s` and `course` are of it, the sizes beside it of all together.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub again: Option<AgainObject>,
+}
+
+/// A motion of a camera that had moved before.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct AgainObject {
+    /// Which motion it is: the second is 2.
+    pub number: u32,
+    /// When the first one began.
+    pub first_began_s: f64,
+    /// `[rotation_rad; translation_m]` of the camera in its frame before this motion.
+    pub old_from_new: [f64; 6],
+    /// 6×6.
+    pub covariance: [[f64; 6]; 6],
 }
 
 /// A motion about or along one axis.

@@ -96,6 +96,7 @@ fn turned_right() -> State {
         began_s: 6.7,
         began_sigma_s: 0.1,
         rate: None,
+        again: None,
         course: MotionKind::Step,
         course_probability: 1.0,
     }))
