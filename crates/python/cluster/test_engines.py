@@ -208,7 +208,7 @@ def test_the_program_asks_the_cluster(standalone, data, tmp_path):
     words = ["batch", str(tmp_path / "views"), "--cameras", str(data / "cameras.csv"), "--sigma-px", "0.3", "--engine", "spark", "--master", url,
              "-o", str(tmp_path / "poses"), "--drift", str(tmp_path / "drift.jsonl"), "--json"]
     ended = subprocess.run([sys.executable, "-m", "resight", *words], env=environment(), capture_output=True, text=True, check=False, timeout=600)
-    assert ended.returncode == 1, ended.stderr[-4000:]  # Poison rows, and a file that is none.
+    assert ended.returncode == 2, ended.stderr[-4000:]  # A file that is none counts more than the poison rows.
     answer = json.loads(ended.stdout)
     assert "broken.parquet" in answer["failed"][0]["file"] and len(answer["failed"]) == 1
     assert rows(tmp_path / "poses") == rows(data / "embedded" / "solve.parquet")

@@ -54,6 +54,7 @@ impl Motion {
             covariance,
             began_s: since_s,
             began_sigma_s: since_sigma_s,
+            again: None,
             course: MotionKind::Step,
             course_probability: 1.0,
             rate: None,

@@ -47,8 +47,8 @@ def fleet_report(inputs: Any, *, cameras: Any = None, output: Any = None, since:
     `state`: a file for what is kept of each camera of these poses; `since`: the one that an earlier report wrote, of the time before these
     poses: only what moved since then counts as moved.
     """
-    given = [None if path is None else os.fspath(path) for path in (cameras, output, since, state)]
-    return [Answer(line) for line in _native.fleet_report(_paths(inputs), *given, period_s, diurnal_deg, diurnal_mm)]
+    lines = _native.fleet_report(_paths(inputs), cameras, output, since, state, period_s, diurnal_deg, diurnal_mm)
+    return [Answer(line) for line in lines]
 
 
 class FleetState:
