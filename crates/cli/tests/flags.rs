@@ -98,7 +98,9 @@ fn texts() -> Vec<(String, String)> {
 
 /// Names behind `--` in a text; a name that ends in `-` stands for all that begin so (`--print-…`).
 fn named(text: &str) -> BTreeSet<&str> {
-    let is_edge = |before: &str| !before.ends_with(|c: char| c.is_alphanumeric() || "-_(".contains(c));
+    let is_edge = |before: &str| {
+        !before.ends_with("var(") && !before.ends_with(|c: char| c.is_alphanumeric() || "-_".contains(c))
+    };
     let flags = text.match_indices("--").filter(|(at, _)| is_edge(&text[..*at])).map(|(at, _)| {
         let rest = &text[at + 2..];
         let end = rest.find(|c: char| !(c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-'));
