@@ -19,12 +19,8 @@ fn pan(degrees: f64) -> Vector6<f64> {
     Vector6::y() * degrees.to_radians()
 }
 
-/// What is told, as a session tells it: another state, or another motion.
-#[derive(Debug, Clone, Copy)]
-enum Told {
-    Moved(Drift),
-    Steady,
-}
+/// What is told, as a session tells it: another motion, or (none) that the camera is where it was.
+type Told = Option<Drift>;
 
 struct Watched {
     monitor: Monitor,
@@ -46,11 +42,11 @@ impl Watched {
             match self.monitor.push(&reading) {
                 Watch::Drifted(drift) if self.last != Some(drift.began_s) => {
                     self.last = Some(drift.began_s);
-                    self.told.push((reading.t_s, Told::Moved(drift)));
+                    self.told.push((reading.t_s, Some(drift)));
                 }
                 Watch::Steady if self.last.is_some() => {
                     self.last = None;
-                    self.told.push((reading.t_s, Told::Steady));
+                    self.told.push((reading.t_s, None));
                 }
                 _ => {}
             }
@@ -81,13 +77,13 @@ fn motions(name: &str, degrees: &[f64], apart_s: f64, runs: u64) {
                 Some((delay_s, told)) => {
                     delays[i].push(delay_s);
                     match told {
-                        Told::Moved(drift) => {
+                        Some(drift) => {
                             let own = drift.last();
                             let error = own.old_from_new - pan(now - last);
                             let factor = own.covariance.cholesky().expect("a covariance");
                             nees.push(error.dot(&factor.solve(&error)));
                         }
-                        Told::Steady => steady[i] += 1,
+                        None => steady[i] += 1,
                     }
                 }
                 None => missed[i] += 1,
