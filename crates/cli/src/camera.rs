@@ -53,8 +53,26 @@ pub struct GivenCamera {
     pub camera: Camera,
     /// How well its intrinsics are known; none: exactly.
     pub intrinsics: Option<IntrinsicsCovariance>,
-    /// That it is not calibrated, say.
-    pub remark: Option<String>,
+    /// That it is not calibrated, say, or what is unusual about its file.
+    pub remarks: Vec<String>,
+}
+
+/// All cameras of a file, or the one of `FILE#NAME`; what is unusual about the file is printed.
+pub fn cameras_of(argument: &str) -> Result<Vec<NamedCamera>> {
+    crate::files::camera_must_exist(argument)?;
+    let (cameras, remarks) = match Path::new(argument).exists() {
+        true => {
+            let read = formats::read_cameras(Path::new(argument))?;
+            let remarks = read.warnings.iter().map(|warning| format!("{argument}: {warning}")).collect();
+            (read.cameras, remarks)
+        }
+        false => {
+            let (camera, remarks) = formats::read_camera_with_remarks(argument)?;
+            (vec![camera], remarks)
+        }
+    };
+    remarks.iter().for_each(|text: &String| crate::output::remark(&format!("warning: {text}")));
+    Ok(cameras)
 }
 
 impl GivenCamera {
@@ -63,7 +81,7 @@ impl GivenCamera {
         if method != Method::Auto {
             bail!("--estimate-focal has a method of its own; leave out --method");
         }
-        Ok(GivenCamera { camera: Camera::normalized(), intrinsics: None, remark: None })
+        Ok(GivenCamera { camera: Camera::normalized(), intrinsics: None, remarks: Vec::new() })
     }
 }
 
@@ -91,7 +109,8 @@ impl CameraArgs {
     pub fn of_size(&self, size_px: Option<(u32, u32)>, method: Method) -> Result<GivenCamera> {
         if let Some(file) = &self.camera {
             crate::files::camera_must_exist(file)?;
-            return self.given(formats::read_camera(file)?, None, method);
+            let (camera, remarks) = formats::read_camera_with_remarks(file)?;
+            return Ok(GivenCamera { remarks, ..self.given(camera, None, method)? });
         }
         let Some(lens) = self.lens() else {
             bail!(
@@ -125,7 +144,7 @@ impl CameraArgs {
             );
         }
         let intrinsics = intrinsics.filter(|_| !is_printed_procedure);
-        Ok(GivenCamera { camera: camera.camera, intrinsics, remark })
+        Ok(GivenCamera { camera: camera.camera, intrinsics, remarks: remark.into_iter().collect() })
     }
 
     fn sigmas(&self, camera: &Camera) -> Result<Option<IntrinsicsCovariance>> {

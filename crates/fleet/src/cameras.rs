@@ -56,11 +56,11 @@ impl Cameras {
     /// What is wrong with a file, and in which line; a name that appears twice; no camera at all.
     pub fn read(path: &Path) -> Result<Self, FleetError> {
         let (cameras, rejected, remarks) = match path {
-            folder if folder.is_dir() => (of_folder(folder)?, Vec::new(), Vec::new()),
+            folder if folder.is_dir() => of_folder(folder)?,
             table if is_table(table) => table::read(table)?,
             file => {
-                let cameras = formats::read_cameras(file)?.cameras.into_iter().map(of_file).collect();
-                (cameras, Vec::new(), Vec::new())
+                let read = formats::read_cameras(file)?;
+                (read.cameras.into_iter().map(of_file).collect(), Vec::new(), remarks(file, &read.warnings))
             }
         };
         let mut all = Cameras::of(cameras).map_err(|reason| match reason {
@@ -187,14 +187,16 @@ fn is_table(path: &Path) -> bool {
 }
 
 /// One camera a file; a file with several gives them all.
-fn of_folder(folder: &Path) -> Result<Vec<FleetCamera>, FleetError> {
+fn of_folder(folder: &Path) -> Result<table::Read, FleetError> {
     let entries = std::fs::read_dir(folder).map_err(|e| FleetError::at(folder, e.to_string()))?;
     let mut files: Vec<_> =
         entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
     files.sort();
-    let mut cameras = Vec::new();
+    let (mut cameras, mut unusual) = (Vec::new(), Vec::new());
     for file in files {
-        let read = formats::read_cameras(&file)?.cameras;
+        let read = formats::read_cameras(&file)?;
+        unusual.extend(remarks(&file, &read.warnings));
+        let read = read.cameras;
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let is_alone = read.len() == 1;
         cameras.extend(read.into_iter().map(|camera| {
@@ -202,5 +204,9 @@ fn of_folder(folder: &Path) -> Result<Vec<FleetCamera>, FleetError> {
             if is_alone { FleetCamera { name: stem.clone(), ..camera } } else { camera }
         }));
     }
-    Ok(cameras)
+    Ok((cameras, Vec::new(), unusual))
+}
+
+fn remarks(file: &Path, warnings: &[String]) -> Vec<String> {
+    warnings.iter().map(|warning| format!("{}: {warning}", file.display())).collect()
 }

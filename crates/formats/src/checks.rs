@@ -10,6 +10,8 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 const ORTHONORMAL: f64 = 1e-3;
 /// Deviation of a matrix written with all its digits; such a one is kept bit by bit.
 const EXACT: f64 = 1e-14;
+/// A skew that moves no pixel by more than this is none: solvers leave such remainders.
+const SKEW_PX: f64 = 0.01;
 /// Longest translation between cameras that is taken for metres without a remark.
 pub(super) const LONG_BASELINE_M: f64 = 20.0;
 
@@ -94,12 +96,15 @@ pub(super) fn quaternion_pose(
     Ok(Pose::from_quaternion_wxyz(wxyz, translation))
 }
 
-/// fx, fy, cx, cy of a 3×3 camera matrix without skew.
+/// fx, fy, cx, cy of a 3×3 camera matrix without a skew that would move a pixel.
 pub(super) fn camera_matrix(at: &Entry<'_>) -> Result<CameraMatrix, Fault> {
     let k = at.matrix(3, 3)?;
-    if k[(0, 1)] != 0.0 {
+    // Rows that are as far from the principal point as it is from row 0, and half as far again.
+    let moved_px = 1.5 * (k[(0, 1)] * k[(1, 2)] / k[(1, 1)]).abs();
+    if k[(0, 1)] != 0.0 && !(moved_px <= SKEW_PX) {
         return Err(at.fault(format!(
-            "has skew {} (row 1, column 2); only cameras without skew are supported",
+            "has skew {} (row 1, column 2), which moves pixels by {moved_px:.2} px; only cameras without skew (up to {SKEW_PX} px) are \
+            supported",
             k[(0, 1)]
         )));
     }

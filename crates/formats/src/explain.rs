@@ -33,9 +33,9 @@ pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileErr
 pub fn remarks(path: &Path) -> Vec<String> {
     let Ok(document) = open::read(path) else { return Vec::new() };
     match camera_format(&document) {
-        Some((_, reads)) => {
-            contents_of(&document, reads).map(|contents| contents.warnings).unwrap_or_default()
-        }
+        Some((format, reads)) => contents_of(&document, reads)
+            .map(|contents| contents.into_file(format.format).warnings)
+            .unwrap_or_default(),
         None => {
             target_of(&document, &super::TagOptions::default()).map(|file| file.warnings).unwrap_or_default()
         }
@@ -48,7 +48,9 @@ fn explain_document(document: &Document) -> Result<String, Fault> {
         let text =
             cameras_text(document, format.format.name(), &contents) + &sketch(format.format, &contents);
         let remarks = [&contents.notes[..], &owned(format.traps)[..]].concat();
-        return Ok(text + &bullets("Often misread:", &remarks) + &bullets("Warnings:", &contents.warnings));
+        return Ok(text
+            + &bullets("Often misread:", &remarks)
+            + &bullets("Warnings:", &contents.into_file(format.format).warnings));
     }
     let Some(format) = target_format(document) else { return Err(not_a_camera(document)) };
     let file = target_of(document, &super::TagOptions::default())?;

@@ -1,6 +1,7 @@
 //! Camera and target files as they are read and written: cameras with names, poses between frames, clocks, remarks.
 
 use super::format::Format;
+use super::plausible;
 use crate::core::{Camera, Matrix6, Pose, Target};
 use nalgebra::DMatrix;
 
@@ -161,6 +162,7 @@ impl Contents {
         warnings.extend(contradiction.as_ref().map(|reason| {
             format!("the rig in this file is inconsistent: {reason}; no result that rests on its places is reliable")
         }));
+        warnings.extend(plausible::of_cameras(format, &cameras));
         CameraFile { format, cameras, relations, clocks, joint, contradiction, warnings }
     }
 }

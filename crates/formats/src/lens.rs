@@ -2,9 +2,9 @@
 //!
 //! One mirror for all formats: each format knows its own names and orders, this file alone knows the core's types.
 
-use super::WriteError;
 use super::document::Fault;
 use super::entry::Entry;
+use super::{WriteError, plausible};
 use crate::core::camera::{
     BrownConrady, CameraMatrix, DoubleSphere, Eucm, Fov, ImageSize, KannalaBrandt, Omni, Photogrammetric,
     PhotogrammetricParameters, Pinhole,
@@ -80,29 +80,10 @@ pub(super) fn camera(
         .lens(matrix)
         .and_then(|lens| Camera::new(lens, size))
         .map_err(|e| at.fault(format!("{e}{image}")))?;
-    warnings.extend(doubts(&at.path, numbers, &matrix, size));
+    warnings.extend(
+        plausible::of_lens(numbers, &matrix, size).into_iter().map(|remark| format!("{}: {remark}", at.path)),
+    );
     Ok(camera)
-}
-
-/// What is possible but rarely meant.
-fn doubts(path: &str, numbers: &LensNumbers, k: &CameraMatrix, size: Option<ImageSize>) -> Vec<String> {
-    let mut doubts = Vec::new();
-    if matches!(numbers, LensNumbers::Photogrammetric(_)) {
-        return doubts;
-    }
-    let (fx, fy) = (k.fx_px, k.fy_px);
-    if !(0.5..=2.0).contains(&(fx / fy)) {
-        doubts.push(format!(
-            "{path}: fx {fx} and fy {fy} differ by more than a factor of 2; are both in pixels?"
-        ));
-    }
-    let side = size.map_or(0, |s| s.width_px.max(s.height_px)) as f64;
-    if fx.max(fy) < 0.1 * side {
-        doubts.push(format!(
-            "{path}: focal length {fx} for images of {side} px; is it in millimetres? Pixels are needed"
-        ));
-    }
-    doubts
 }
 
 /// The stated numbers of a camera; an error for the photogrammetric model, which has no camera matrix in pixels.

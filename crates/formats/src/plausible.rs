@@ -1,8 +1,12 @@
-//! Lengths that can hardly be metres: the only place with such limits, asked wherever a target, points or distances are read.
+//! Numbers that can hardly be meant: lengths that are no metres, lenses that nobody builds. The only place with such limits, asked wherever
+//! a camera, a target, points or distances are read.
 //!
-//! Nothing is refused: a remark says the number seen and what was probably meant. The limits lie far beyond what anybody prints, hangs up
-//! or tapes, and far below the thousandfold of a slip of unit, so that neither side is near.
+//! Nothing is refused: a remark says the number seen and what was probably meant. The limits lie far beyond what anybody prints, hangs up,
+//! tapes or buys, and far below the thousandfold of a slip of unit, so that neither side is near.
 
+use super::lens::LensNumbers;
+use super::{Format, NamedCamera};
+use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::target::{LinePlusOne, NamedPoint, TagMap};
 use crate::core::{Point, Target};
 
@@ -27,6 +31,129 @@ const LEAST_COORDINATES: usize = 6;
 const LONGEST_TAPE_M: f64 = 100.0;
 /// What people print and hang up: where the likely meaning of a wrong number should lie.
 const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
+
+/// Tangential coefficients: a lens whose elements are 1° out of line has 0.01.
+const LARGEST_TANGENTIAL: f64 = 0.05;
+/// Pixels are square to a tenth; those of digitised television (12 : 11, 16 : 15) are.
+const USUAL_ASPECT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+/// Principal point from the middle of the image, in parts of its width or height: lenses that are shifted on purpose stay below.
+const FARTHEST_CENTRE: f64 = 0.2;
+/// A focal length in pixels below this part of the image's side is one in millimetres.
+const SHORTEST_FOCAL: f64 = 0.1;
+/// Poses that agree to this were copied: two calibrations never do.
+const SAME_POSE: f64 = 1e-9;
+/// Cameras of a file that are compared with each other.
+const MOST_COMPARED: usize = 100;
+
+/// What the numbers of a lens should be looked at for, in sentences; none where a camera can have them.
+pub(super) fn of_lens(numbers: &LensNumbers, k: &CameraMatrix, size: Option<ImageSize>) -> Vec<String> {
+    if matches!(numbers, LensNumbers::Photogrammetric(_)) {
+        return Vec::new();
+    }
+    let size = size.map(|size| [f64::from(size.width_px), f64::from(size.height_px)]);
+    let found = [of_focal_lengths(k, size), size.and_then(|size| of_centre(k, size)), of_tangential(numbers)];
+    found.into_iter().flatten().collect()
+}
+
+fn of_focal_lengths(k: &CameraMatrix, size: Option<[f64; 2]>) -> Option<String> {
+    let (fx, fy) = (k.fx_px, k.fy_px);
+    let side = size.map_or(0.0, |[width, height]| width.max(height));
+    if fx.max(fy) < SHORTEST_FOCAL * side {
+        return Some(format!(
+            "focal length {} for images of {side} px; is it in millimetres? Pixels are needed",
+            short(fx.max(fy))
+        ));
+    }
+    (!USUAL_ASPECT.contains(&(fx / fy))).then(|| {
+        format!(
+            "fx {} px is {} times fy {} px, and cameras have square pixels: were the images stretched or their size changed in one \
+            direction, or is one of the two in another unit?",
+            short(fx),
+            short(fx / fy),
+            short(fy)
+        )
+    })
+}
+
+/// A principal point that would be the middle of images of another size, or of a part of larger ones.
+fn of_centre(k: &CameraMatrix, [width, height]: [f64; 2]) -> Option<String> {
+    let off = [k.cx_px + 0.5 - width / 2.0, k.cy_px + 0.5 - height / 2.0];
+    let parts = [off[0] / width, off[1] / height];
+    let farthest = if parts[0].abs() < parts[1].abs() { 1 } else { 0 };
+    let part = parts[farthest];
+    (FARTHEST_CENTRE < part.abs()).then(|| {
+        let (side, way) = [
+            ("width", ["left of", "right of"]),
+            ("height", ["above", "below"]),
+        ][farthest];
+        let middle = format!("{:.0} × {:.0}", 2.0 * k.cx_px + 1.0, 2.0 * k.cy_px + 1.0);
+        format!(
+            "the principal point is {:.0} px ({:.0} % of the {side}) {} the middle of images of {width} × {height} px: was the camera \
+            calibrated on images of another size (its middle fits {middle} px) or on a part of them?",
+            off[farthest].abs(),
+            100.0 * part.abs(),
+            way[usize::from(0.0 < part)]
+        )
+    })
+}
+
+fn of_tangential(numbers: &LensNumbers) -> Option<String> {
+    let (k, p) = match numbers {
+        LensNumbers::BrownConrady(d) if 4 <= d.len() => ([d[0], d[1]], [d[2], d[3]]),
+        LensNumbers::Omni { k1k2p1p2: [k1, k2, p1, p2], .. } => ([*k1, *k2], [*p1, *p2]),
+        _ => return None,
+    };
+    let largest = |x: [f64; 2]| x[0].abs().max(x[1].abs());
+    (LARGEST_TANGENTIAL < largest(p)).then(|| {
+        let meant = match largest(k) < LARGEST_TANGENTIAL {
+            true => "are k1, k2 and p1, p2 exchanged?",
+            false => "is the order another one, or are they k3 and k4 of a fisheye?",
+        };
+        format!(
+            "the tangential coefficients p1 = {}, p2 = {} are those of no lens (real ones stay below {LARGEST_TANGENTIAL}); the order is \
+            k1, k2, p1, p2: {meant}",
+            p[0], p[1]
+        )
+    })
+}
+
+/// Cameras of one file that two calibrations would not give: in one place, or with one lens. One remark of either kind.
+pub(super) fn of_cameras(format: Format, cameras: &[NamedCamera]) -> Vec<String> {
+    let compared = &cameras[..cameras.len().min(MOST_COMPARED)];
+    let first = |is_same: fn(&NamedCamera, &NamedCamera) -> bool| {
+        let mut pairs =
+            compared.iter().enumerate().flat_map(|(i, b)| compared[..i].iter().map(move |a| (a, b)));
+        pairs.find(|(a, b)| is_same(a, b))
+    };
+    let placed = first(are_one_pose).map(|(a, b)| {
+        format!("cameras {} and {} stand in one place and look one way, to the last digit: was one calibration copied?", a.name, b.name)
+    });
+    // Many images of one camera share its lens there.
+    let lens = first(are_one_lens).filter(|_| format != Format::Colmap).map(|(a, b)| {
+        format!("cameras {} and {} have one lens, to the last digit: was one camera's calibration given for both?", a.name, b.name)
+    });
+    placed.into_iter().chain(lens).collect()
+}
+
+fn are_one_pose(a: &NamedCamera, b: &NamedCamera) -> bool {
+    let (Some(p), Some(q)) = (&a.placement, &b.placement) else { return false };
+    let are_frames_alike = match p.a == a.name {
+        true => q.a == b.name && p.b == q.b,
+        false => p.b == a.name && q.b == b.name && p.a == q.a,
+    };
+    let (p, q) = (&p.b_from_a, &q.b_from_a);
+    let apart = (p.rotation - q.rotation).amax().max((p.translation - q.translation).amax());
+    are_frames_alike && apart <= SAME_POSE
+}
+
+/// Calibrated ones: a nominal lens, without distortion, may be that of several.
+fn are_one_lens(a: &NamedCamera, b: &NamedCamera) -> bool {
+    let (p, q) = (a.camera.parameters(), b.camera.parameters());
+    a.camera.size == b.camera.size
+        && p.len() == q.len()
+        && p.iter().zip(q.iter()).all(|(a, b)| a == b)
+        && p.iter().skip(4).any(|(_, value)| *value != 0.0)
+}
 
 /// What a target's dimensions should be looked at for, in sentences; none where they can be metres.
 pub fn of_target(target: &Target) -> Vec<String> {
@@ -198,6 +325,34 @@ mod tests {
 
     fn board(square_m: f64) -> Vec<String> {
         of_target(&Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m }))
+    }
+
+    fn lens(f: [f64; 2], c: [f64; 2], d: &[f64]) -> Vec<String> {
+        let k = CameraMatrix { fx_px: f[0], fy_px: f[1], cx_px: c[0], cy_px: c[1] };
+        let size = ImageSize { width_px: 1920, height_px: 1080 };
+        of_lens(&LensNumbers::BrownConrady(d.to_vec()), &k, Some(size))
+    }
+
+    #[test]
+    fn lenses_that_nobody_builds_are_remarked_on() {
+        let good = [-0.28, 0.07, 0.001, -0.002];
+        assert!(lens([1105.0, 1104.0], [959.5, 539.5], &good).is_empty());
+        assert!(lens([1105.0, 1014.0], [800.0, 600.0], &good).is_empty(), "12 : 11, 8 and 6 % off");
+        let centre = lens([1105.0, 1104.0], [352.0, 318.0], &good);
+        assert!(
+            centre[0].contains("608 px (32 % of the width) left of") && centre[0].contains("705 × 637"),
+            "{centre:?}"
+        );
+        let below = lens([1105.0, 1104.0], [959.5, 860.0], &good);
+        assert!(below[0].contains("(30 % of the height) below"), "{below:?}");
+        let exchanged = lens([1105.0, 1104.0], [959.5, 539.5], &[-0.0018, 0.0026, -0.31, 0.12]);
+        assert!(exchanged[0].contains("p1 = -0.31") && exchanged[0].contains("exchanged?"), "{exchanged:?}");
+        let fisheye = lens([1105.0, 1104.0], [959.5, 539.5], &[0.2, -0.1, 0.31, -0.12]);
+        assert!(fisheye[0].contains("fisheye?"), "{fisheye:?}");
+        let stretched = lens([1105.0, 830.0], [959.5, 539.5], &good);
+        assert!(stretched[0].contains("1.331 times"), "{stretched:?}");
+        let millimetres = lens([8.0, 8.0], [959.5, 539.5], &good);
+        assert!(millimetres.len() == 1 && millimetres[0].contains("millimetres"), "{millimetres:?}");
     }
 
     #[test]

@@ -92,6 +92,11 @@ fn keys_seen(document: &Document) -> String {
 /// Besides the errors of `read_cameras`: a name that is not in the file (its names are listed), or several cameras
 /// and no name.
 pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
+    read_camera_with_remarks(spec).map(|(camera, _)| camera)
+}
+
+/// As `read_camera`, with what is unusual about the file, in sentences that name it.
+pub fn read_camera_with_remarks(spec: &str) -> Result<(NamedCamera, Vec<String>), FileError> {
     let (path, name) = split_spec(spec);
     let path = Path::new(path);
     let document = open::read(path)?;
@@ -101,10 +106,11 @@ pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
         .filter(|_| document.syntax == super::document::Syntax::Mcap)
         .and_then(|n| super::mcap::camera(&document, n))
     {
-        return found.map_err(|fault| fault.in_file(path));
+        return found.map(|camera| (camera, Vec::new())).map_err(|fault| fault.in_file(path));
     }
     let file = cameras_of(&document).map_err(|fault| fault.in_file(path))?;
-    pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))
+    let camera = pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))?;
+    Ok((camera, file.warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect()))
 }
 
 /// A `#` belongs to the file name when a file of that whole name exists.

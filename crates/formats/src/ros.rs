@@ -10,6 +10,7 @@ use super::{
     CameraFormat, Contents, Format, NamedCamera, OutFile, Reads, WriteError, Writer, Written, checks, opencv,
 };
 use crate::core::camera::ImageSize;
+use nalgebra::DMatrix;
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
     format: Format::RosCameraInfo,
@@ -64,7 +65,9 @@ pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) ->
     let lens = lens_numbers(root)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
     contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
-    contents.notes.extend(baseline_note(root)?);
+    let (notes, warnings) = rectified(root)?;
+    contents.notes.extend(notes);
+    contents.warnings.extend(warnings);
     Ok(())
 }
 
@@ -123,17 +126,35 @@ pub(super) fn refuse_crops(root: &Entry<'_>) -> Result<(), Fault> {
     ))
 }
 
-fn baseline_note(root: &Entry<'_>) -> Result<Option<String>, Fault> {
-    let Some(p) = root.first_of(&["projection_matrix", "p", "P"]) else { return Ok(None) };
+/// What P and R say, in a note, and that they say nothing, in warnings; neither is read otherwise.
+fn rectified(root: &Entry<'_>) -> Result<(Option<String>, Vec<String>), Fault> {
+    let mut warnings = Vec::new();
+    let r = root.first_of(&["rectification_matrix", "r", "R"]).map(|r| r.matrix(3, 3)).transpose()?;
+    if r.is_some_and(|r| !((&r * r.transpose() - DMatrix::identity(3, 3)).amax() <= 0.01)) {
+        warnings.push(
+            "rectification_matrix is no rotation (zeros: the camera was never calibrated as one of a pair); it is not used here".into(),
+        );
+    }
+    let Some(p) = root.first_of(&["projection_matrix", "p", "P"]) else { return Ok((None, warnings)) };
     let p = p.matrix(3, 4)?;
     let (f, tx) = (p[(0, 0)], p[(0, 3)]);
-    Ok((tx != 0.0 && f != 0.0).then(|| {
+    let rest = [p[(1, 0)], p[(2, 0)], p[(2, 1)], p[(2, 2)] - 1.0, p[(2, 3)]];
+    if !(0.0 < f && 0.0 < p[(1, 1)] && rest.iter().all(|x| x.abs() <= 1e-6)) {
+        warnings.push(
+            "projection_matrix is not that of a rectified image ([fx 0 cx Tx; 0 fy cy Ty; 0 0 1 0]): zeros, K times a pose, or spoilt? It is not \
+            used here, but image_proc and rviz use it"
+                .into(),
+        );
+        return Ok((None, warnings));
+    }
+    let note = (tx != 0.0).then(|| {
         format!(
             "P holds the stereo baseline: {:.6} m along x from the first rectified camera (−P[0][3] / \
             P[0][0]).",
             -tx / f
         )
-    }))
+    });
+    Ok((note, warnings))
 }
 
 /// One file a camera, as `camera_calibration` saves it; a pose has no place in it.

@@ -1,6 +1,6 @@
 //! `explain` in sentences: where a camera stands and looks must be right, and the traps must be named.
 
-use resight_formats::explain;
+use resight_formats::{explain, explain_from_bytes};
 use std::path::{Path, PathBuf};
 
 fn example(name: &str) -> PathBuf {
@@ -164,4 +164,34 @@ fn targets_say_points_frame_and_critical_plane() {
 fn what_cannot_be_read_is_an_error_with_the_path() {
     let refusal = explain(Path::new("nowhere.toml")).unwrap_err().to_string();
     assert!(refusal.starts_with("nowhere.toml: "), "{refusal}");
+}
+
+/// Files of other programs as people have them: what they say is read, and what can hardly be so is remarked on.
+#[test]
+fn what_no_camera_has_is_remarked_on() {
+    let said = |name: &str, from: &str, to: &str| {
+        let text = std::fs::read_to_string(example(name)).unwrap();
+        assert!(text.contains(from), "{name}: {from}");
+        explain_from_bytes(Path::new("a.yaml"), text.replace(from, to).into_bytes()).unwrap()
+    };
+    assert!(!said("ros_plumb_bob.yaml", "", "").contains("Warnings"));
+    let zeros = said("ros_plumb_bob.yaml", "[1, 0, 0, 0, 1, 0, 0, 0, 1]", "[0, 0, 0, 0, 0, 0, 0, 0, 0]");
+    assert!(zeros.contains("rectification_matrix is no rotation"), "{zeros}");
+    let spoilt = said("ros_plumb_bob.yaml", "[400, 0, 298.5, -36,", "[-640, 7, 298.5, -36,");
+    assert!(spoilt.contains("projection_matrix is not that of a rectified image"), "{spoilt}");
+    assert!(!spoilt.contains("stereo baseline"), "{spoilt}");
+}
+
+#[test]
+fn a_skew_that_moves_no_pixel_is_none() {
+    let with = |skew: &str| {
+        format!(
+            "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+            data: [ 600., {skew}, 320., 0., 600., 240., 0., 0., 1. ]\n\
+            distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ 0., 0., 0., 0., 0. ]\n"
+        )
+    };
+    assert!(explain_from_bytes(Path::new("a.yml"), with("4e-4").into_bytes()).is_ok());
+    let refused = explain_from_bytes(Path::new("a.yml"), with("0.5").into_bytes()).unwrap_err().to_string();
+    assert!(refused.contains("skew 0.5") && refused.contains("0.30 px"), "{refused}");
 }

@@ -175,12 +175,18 @@ fn kalibr_report_keeps_its_standard_deviations() {
     refused("DistortedOmniCamera", "DistortedToyCamera", "DistortedToyCameraGeometry");
 }
 
+/// Nothing is wrong with the poses; the two cameras have the same numbers.
+#[track_caller]
+fn assert_only_one_lens(warnings: &[String]) {
+    assert!(matches!(warnings, [one] if one.contains("cam0 and cam1 have one lens")), "{warnings:?}");
+}
+
 #[test]
 fn kalibr_imu_pose_and_a_key_that_lies() {
     let file = read_cameras(&example("kalibr_imucam.yaml")).unwrap();
     assert_maps(&file.cameras[0], "cam0", "imu", [1.0, 0.0, 0.0], [0.01, -0.98, 0.03]);
     assert_maps(&file.cameras[1], "cam1", "cam0", [0.0, 0.0, 0.0], [-0.1, 0.0, 0.0]);
-    assert_eq!(file.warnings, Vec::<String>::new());
+    assert_only_one_lens(&file.warnings);
     // The same numbers as OpenVINS holds them (imu_from_cam), the key left as it was.
     let text = std::fs::read_to_string(example("kalibr_imucam.yaml")).unwrap();
     let inverse = |x: f64, y: f64| {
@@ -201,7 +207,7 @@ fn kalibr_imu_pose_and_a_key_that_lies() {
     // Under its right name the file is consistent again.
     let honest = lying.replace("T_cam_imu", "T_imu_cam");
     let file = resight_formats::read_cameras_from_bytes(&example("x.yaml"), honest.into_bytes()).unwrap();
-    assert_eq!(file.warnings, Vec::<String>::new());
+    assert_only_one_lens(&file.warnings);
     assert_maps(&file.cameras[0], "cam0", "imu", [1.0, 0.0, 0.0], [0.01, -0.98, 0.03]);
 }
 

@@ -107,7 +107,9 @@ fn aniposelib_round_trips_in_order() {
     let file = read_cameras_from_bytes(Path::new("x"), text.clone().into_bytes()).unwrap();
     assert_eq!(file.format, Format::Aniposelib);
     assert_eq!(file.cameras[10].name, "c10");
-    assert!(file.warnings.is_empty(), "{:?}", file.warnings);
+    let [one_place, one_lens] = &file.warnings[..] else { panic!("{:?}", file.warnings) };
+    assert_says(one_place, &["cameras c0 and c1 stand in one place"]);
+    assert_says(one_lens, &["cameras c0 and c1 have one lens"]);
     let unpadded = text.replace("[cam_0", "[cam_");
     let file = read_cameras_from_bytes(Path::new("x"), unpadded.into_bytes()).unwrap();
     assert_says(&file.warnings.join(" "), &["cam_0, cam_1, cam_10, cam_2", "not the order of the file"]);

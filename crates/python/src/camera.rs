@@ -18,6 +18,16 @@ pub struct Camera {
     pub known: NamedCamera,
     /// What every answer that uses it says.
     pub remark: Option<String>,
+    /// Of nominal figures: nobody calibrated it.
+    is_nominal: bool,
+}
+
+impl Camera {
+    /// As its file states it, with what is unusual there.
+    fn of_file(known: NamedCamera, remarks: &[String]) -> Self {
+        let remark = (!remarks.is_empty()).then(|| remarks.join("; "));
+        Camera { known, remark, is_nominal: false }
+    }
 }
 
 #[pymethods]
@@ -50,18 +60,18 @@ impl Camera {
     fn parse(py: Python<'_>, text: &str) -> PyResult<Self> {
         let bytes = text.as_bytes().to_vec();
         let file = formats::read_cameras_from_bytes(Path::new("camera"), bytes);
-        let cameras = file.map_err(|reason| error::file(py, &reason))?.cameras;
-        let [known] = <[NamedCamera; 1]>::try_from(cameras)
+        let file = file.map_err(|reason| error::file(py, &reason))?;
+        let [known] = <[NamedCamera; 1]>::try_from(file.cameras)
             .map_err(|all| error::input(py, format!("one camera is needed, the text holds {}", all.len())))?;
-        Ok(Camera { known, remark: None })
+        Ok(Camera::of_file(known, &file.warnings))
     }
 
     /// The camera of a file in any supported format; `FILE#NAME` picks one of several.
     #[staticmethod]
     fn read(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
-        let known =
-            formats::read_camera(&file.to_string_lossy()).map_err(|reason| error::file(py, &reason))?;
-        Ok(Camera { known, remark: None })
+        let (known, remarks) = formats::read_camera_with_remarks(&file.to_string_lossy())
+            .map_err(|reason| error::file(py, &reason))?;
+        Ok(Camera::of_file(known, &remarks))
     }
 
     /// All cameras of a file, by name.
@@ -70,7 +80,7 @@ impl Camera {
         let found = formats::read_cameras(&file).map_err(|reason| error::file(py, &reason))?;
         let by_name = PyDict::new(py);
         for known in found.cameras {
-            by_name.set_item(known.name.clone(), Camera { known, remark: None })?;
+            by_name.set_item(known.name.clone(), Camera::of_file(known, &found.warnings))?;
         }
         Ok(by_name)
     }
@@ -99,7 +109,7 @@ impl Camera {
         }
         let known =
             lens.camera(ImageSize { width_px, height_px }).map_err(|reason| error::job(py, &reason))?;
-        Ok(Camera { known, remark: Some(lens.remark()) })
+        Ok(Camera { known, remark: Some(lens.remark()), is_nominal: true })
     }
 
     #[getter]
@@ -197,10 +207,9 @@ impl Camera {
     /// How `pickle` and `copy` make it again.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         let class = py.get_type::<Camera>();
-        let (remark, state) = (self.remark.clone(), self.to_toml(py)?);
-        match remark {
-            None => Ok((class.getattr("parse")?, (state,))),
-            Some(_) => Err(error::input(
+        match self.is_nominal {
+            false => Ok((class.getattr("parse")?, (self.to_toml(py)?,))),
+            true => Err(error::input(
                 py,
                 "a camera that nobody calibrated is not pickled; make it where it is needed",
             )),

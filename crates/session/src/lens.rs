@@ -53,7 +53,8 @@ fn of_named(named: NamedCamera, name: &str, remark: Option<String>) -> KnownLens
 fn of_file(spec: &str, text: &str, photograph: &Photograph) -> Result<KnownLens, String> {
     let (file, wanted) = spec.split_once('#').map_or((spec, None), |(file, name)| (file, Some(name)));
     let read = formats::read_cameras_from_bytes(Path::new(file), text.as_bytes().to_vec());
-    let mut cameras = read.map_err(|reason| reason.to_string())?.cameras;
+    let read = read.map_err(|reason| reason.to_string())?;
+    let mut cameras = read.cameras;
     let at = match (wanted, cameras.len()) {
         (Some(name), _) => cameras.iter().position(|camera| camera.name == name),
         (None, 1) => Some(0),
@@ -68,7 +69,9 @@ fn of_file(spec: &str, text: &str, photograph: &Photograph) -> Result<KnownLens,
     let camera = formats::check_image_size(&named.camera, width_px, height_px)
         .map_err(|reason| format!("{file}: {reason}"))?;
     let stated = named.camera.size.filter(|size| Some(*size) != camera.size);
-    let remark = stated.map(|size| texts::scaled(size, photograph.size()));
+    let remarks: Vec<String> =
+        read.warnings.into_iter().chain(stated.map(|size| texts::scaled(size, photograph.size()))).collect();
+    let remark = (!remarks.is_empty()).then(|| remarks.join("; "));
     let intrinsics = IntrinsicsCovariance::of(&named);
     Ok(KnownLens::Camera { camera: Box::new(camera), intrinsics, remark, name: named.name })
 }

@@ -72,6 +72,7 @@ fn empty(sigma_px: f64, up: f64) -> Scene {
         pixel_limit_m: 0.05,
         error_limit_m: 0.10,
         is_camera_frame: false,
+        remarks: Vec::new(),
     }
 }
 

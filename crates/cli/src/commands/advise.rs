@@ -3,6 +3,7 @@
 mod words;
 
 use crate::args::{TagArgs, positive};
+use crate::camera::cameras_of;
 use crate::output::{Outcome, print, remark};
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -182,7 +183,7 @@ pub fn run(args: &Advise) -> Result<Outcome> {
     if let Some(folder) = &args.output {
         crate::files::make_folder("-o", folder)?;
     }
-    let cameras = cameras(&args.camera)?;
+    let cameras = cameras_of(&args.camera)?;
     match (&args.points, cameras.as_slice()) {
         (Some(file), [one]) => points(args, one, file),
         (Some(_), several) => bail!(
@@ -293,15 +294,6 @@ fn measured_points(path: &Path) -> Result<Vec<MeasuredPoint>> {
 fn poses(path: &Path, keys: &[&str]) -> Result<Vec<Pose>> {
     crate::files::must_exist(path)?;
     Ok(read_poses(path, keys)?)
-}
-
-/// All cameras of a file, or the one named.
-fn cameras(argument: &str) -> Result<Vec<NamedCamera>> {
-    crate::files::camera_must_exist(argument)?;
-    match Path::new(argument).exists() {
-        true => Ok(formats::read_cameras(Path::new(argument))?.cameras),
-        false => Ok(vec![formats::read_camera(argument)?]),
-    }
 }
 
 impl Advise {

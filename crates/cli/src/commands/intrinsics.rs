@@ -3,15 +3,16 @@
 mod words;
 
 use crate::args::{CornerArgs, parse_size, positive};
+use crate::camera::cameras_of;
 use crate::output::{Outcome, print_answer, remark};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight::core::camera::ImageSize;
-use resight::formats::{NamedCamera, own_file, read_cameras, write_atomically};
+use resight::formats::{NamedCamera, own_file, write_atomically};
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, Noise, TargetShape, model_names};
 use resight::report::intrinsics_page;
 use resight::rig::{CameraImage, ImageOptions};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Estimates a camera's intrinsics with their covariance from images of a target.
 ///
@@ -154,7 +155,8 @@ fn check(args: &Intrinsics, request: &IntrinsicsRequest) -> Result<Outcome> {
 }
 
 fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
-    let checked = args.check.as_deref().map(checked).transpose()?.unwrap_or_default();
+    let checked = args.check.as_deref().map(|file| cameras_of(&file.to_string_lossy()));
+    let checked = checked.transpose()?.unwrap_or_default();
     let (source, cameras) = source(args, &checked)?;
     let mut request = IntrinsicsRequest {
         cameras,
@@ -173,16 +175,6 @@ fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
         request.read_target(path)?.iter().for_each(|text| remark(text));
     }
     Ok(request)
-}
-
-/// The cameras of `--check`.
-fn checked(path: &Path) -> Result<Vec<NamedCamera>> {
-    let file = path.to_string_lossy();
-    crate::files::camera_must_exist(&file)?;
-    match file.contains('#') {
-        true => Ok(vec![resight::formats::read_camera(&file)?]),
-        false => Ok(read_cameras(path)?.cameras),
-    }
 }
 
 /// What is looked at, and the names of its cameras.

@@ -51,7 +51,7 @@ pub fn run(args: &Landmarks) -> Result<Outcome> {
     let drawn = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
     let mut printer = Printer::new(&args.output, images.len());
     let given = args.camera.of_images(std::slice::from_ref(&args.reference), Method::Auto)?;
-    given.remark.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
+    given.remarks.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
     let camera = given.camera;
     let picture = GrayImage::read(&args.reference)?;
     let reference =

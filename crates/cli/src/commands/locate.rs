@@ -51,14 +51,14 @@ pub struct Locate {
 pub fn run(args: &Locate) -> Result<Outcome> {
     args.output.check()?;
     let images = crate::files::expand(&args.images)?;
-    let GivenCamera { camera, intrinsics, remark } = match args.estimate_focal {
+    let GivenCamera { camera, intrinsics, remarks: of_camera } = match args.estimate_focal {
         true => GivenCamera::of_unknown_focal(args.method)?,
         false => args.camera.of_images(&images, args.method)?,
     };
     let mut printer = Printer::new(&args.output, images.len());
     let (target, mut remarks) = super::target(&args.target, &args.tags, |warning| printer.remark(warning))?;
-    remark.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
-    remarks.extend(remark);
+    of_camera.iter().for_each(|remark| printer.remark(&format!("warning: {remark}")));
+    remarks.extend(of_camera);
     let pictures = args.overlay.as_deref().map(|folder| picture_paths(folder, &images)).transpose()?;
     let jobs: Vec<(PathBuf, Option<PathBuf>)> = images
         .into_iter()

@@ -44,6 +44,9 @@ pub fn run(args: &RigPose) -> Result<Outcome> {
     crate::files::must_exist(&args.points)?;
     crate::files::must_exist(&args.rig)?;
     let rig = read_known_rig(&args.rig)?;
+    resight::formats::remarks(&args.rig)
+        .iter()
+        .for_each(|text| crate::output::remark(&format!("warning: {}: {text}", args.rig.display())));
     let views = read_rig_points(&args.points, &rig)?;
     let request = RigPoseRequest { sigma_px: args.sigma_px, robust_threshold_px: args.robust.threshold_px() };
     let answers = rig_poses(&rig, &views, &request);

@@ -75,14 +75,14 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     if is_marked_lines(&args.points)? {
         return marked_lines(args);
     }
-    let (locator, lens_remark) = locator(args)?;
+    let (locator, of_camera) = locator(args)?;
     let views = read_views(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     let mut remarks = unit_remarks(&views);
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
-    lens_remark.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
-    remarks.extend(lens_remark);
+    of_camera.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
+    remarks.extend(of_camera);
     resight::parallel::in_order(
         &views,
         |view| locator.locate(view),
@@ -103,19 +103,19 @@ fn marked_lines(args: &Solve) -> Result<Outcome> {
             args.points.display()
         );
     }
-    let (lens, remark) = match args.estimate_focal {
-        true => (SceneLens::Unknown(unknown_lens(args)?), None),
+    let (lens, remarks) = match args.estimate_focal {
+        true => (SceneLens::Unknown(unknown_lens(args)?), Vec::new()),
         false => {
-            let GivenCamera { camera, intrinsics, remark } =
+            let GivenCamera { camera, intrinsics, remarks } =
                 args.camera.of_size(args.image_size.image_size_px, args.method)?;
-            (SceneLens::Known(Box::new(camera), intrinsics), remark)
+            (SceneLens::Known(Box::new(camera), intrinsics), remarks)
         }
     };
     let answers = scene_views(&args.points, &lens, args.sigma_px)?;
     let mut printer = Printer::new(&args.output, answers.len());
-    remark.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
+    remarks.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     for mut answer in answers {
-        answer.remarks.extend(remark.clone());
+        answer.remarks.extend(remarks.clone());
         printer.result(&answer, &crate::text::scene::describe(&answer), answer.status)?;
     }
     printer.finish()
@@ -131,7 +131,7 @@ fn unknown_lens(args: &Solve) -> Result<LensPrior> {
 }
 
 /// The solver, and what is to be said of the lens.
-fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
+fn locator(args: &Solve) -> Result<(TableLocator, Vec<String>)> {
     if args.normalized && args.camera.has_sigma() {
         bail!("--intrinsics-sigma needs a camera; coordinates given with --normalized have none");
     }
@@ -142,9 +142,9 @@ fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
     let given = (!args.normalized).then(given).transpose()?;
     let estimate_focal = args.estimate_focal.then(|| unknown_lens(args)).transpose()?;
     let sigma = if args.normalized { args.sigma_normalized } else { args.sigma_px };
-    let (camera, intrinsics, remark) = match given {
-        Some(GivenCamera { camera, intrinsics, remark }) => (Some(camera), intrinsics, remark),
-        None => (None, None, None),
+    let (camera, intrinsics, remarks) = match given {
+        Some(GivenCamera { camera, intrinsics, remarks }) => (Some(camera), intrinsics, remarks),
+        None => (None, None, Vec::new()),
     };
     let options = PointsOptions {
         method: args.method,
@@ -154,5 +154,5 @@ fn locator(args: &Solve) -> Result<(TableLocator, Option<String>)> {
         robust_threshold_px: args.robust.threshold_px(),
         ..PointsOptions::default()
     };
-    Ok((TableLocator::new(camera, sigma, options), remark))
+    Ok((TableLocator::new(camera, sigma, options), remarks))
 }

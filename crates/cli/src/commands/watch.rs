@@ -336,7 +336,9 @@ fn lenses(
     let lens = |(i, file): (usize, &Option<String>)| match file {
         Some(file) => {
             crate::files::camera_must_exist(file)?;
-            Ok(formats::read_camera(file)?)
+            let (camera, remarks) = formats::read_camera_with_remarks(file)?;
+            remarks.iter().for_each(|text| crate::output::remark(&format!("warning: {text}")));
+            Ok(camera)
         }
         None if !args.target.is_empty() => bail!(
             "camera {} has no file; a pose from a target needs one: --camera {}=FILE",

@@ -165,7 +165,8 @@ fn units(scene: &NamedScene) -> Vec<String> {
 }
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
-    let mut remarks = units(scene);
+    let mut remarks = scene.remarks.clone();
+    remarks.extend(units(scene));
     if adjusted.degrees_of_freedom == 0 {
         remarks.push(
             "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),

@@ -110,6 +110,8 @@ pub struct NamedScene {
     pub error_limit_m: f64,
     /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
     pub is_camera_frame: bool,
+    /// What is unusual about the files of the cameras, in sentences.
+    pub remarks: Vec<String>,
 }
 
 impl NamedScene {

@@ -75,7 +75,8 @@ impl RigRequest {
         let picked = file.rsplit_once('#').filter(|_| !Path::new(file).exists());
         let path = PathBuf::from(picked.map_or(file, |(path, _)| path));
         if name.is_some() || picked.is_some() {
-            let camera = formats::read_camera(file)?;
+            let (camera, remarks) = formats::read_camera_with_remarks(file)?;
+            self.remarks.extend(remarks.iter().map(|remark| format!("warning: {remark}")));
             self.cameras.push(NamedCamera { name: name.map_or(camera.name, str::to_string), ..camera });
         } else {
             let read = formats::read_cameras(&path)?;

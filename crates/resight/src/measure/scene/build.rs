@@ -50,6 +50,7 @@ impl Builder {
             pixel_limit_m: 0.05,
             error_limit_m: 0.10,
             is_camera_frame: false,
+            remarks: Vec::new(),
         };
         let builder = Builder { path: path.into(), folder, scene };
         builder.positive("sigma_px", sigma_px)?;
@@ -122,11 +123,15 @@ impl Builder {
         Ok(())
     }
 
-    fn named_camera(&self, photo: &PhotoEntry) -> Result<NamedCamera, FileError> {
+    fn named_camera(&mut self, photo: &PhotoEntry) -> Result<NamedCamera, FileError> {
         let Some(text) = &photo.camera_text else {
-            return formats::read_camera(&self.folder.join(&photo.camera).display().to_string());
+            let file = self.folder.join(&photo.camera).display().to_string();
+            let (camera, remarks) = formats::read_camera_with_remarks(&file)?;
+            self.scene.remarks.extend(remarks);
+            return Ok(camera);
         };
         let read = formats::read_cameras_from_bytes(&self.path, text.clone().into_bytes())?;
+        self.scene.remarks.extend(read.warnings.iter().map(|w| format!("photo `{}`: {w}", photo.name)));
         let n = read.cameras.len();
         match <[NamedCamera; 1]>::try_from(read.cameras) {
             Ok([camera]) => Ok(camera),
@@ -137,7 +142,7 @@ impl Builder {
         }
     }
 
-    fn camera(&self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
+    fn camera(&mut self, photo: &PhotoEntry, size: Option<(u32, u32)>) -> Result<SceneCamera, FileError> {
         let named = self.named_camera(photo)?;
         let stated = &named.camera;
         let camera = match size {

@@ -19,6 +19,7 @@ pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Resu
     let file = formats::read_cameras(rig)?;
     let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
     builder.scene.is_camera_frame = true;
+    builder.scene.remarks = file.warnings.iter().map(|w| format!("{}: {w}", rig.display())).collect();
     check_one_frame(rig, &file.cameras)?;
     file.cameras.iter().for_each(|named| add_camera(&mut builder, named));
     let read = read_image_points(image_points)?;
