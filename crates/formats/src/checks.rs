@@ -99,6 +99,9 @@ pub(super) fn quaternion_pose(
 /// fx, fy, cx, cy of a 3×3 camera matrix without a skew that would move a pixel.
 pub(super) fn camera_matrix(at: &Entry<'_>) -> Result<CameraMatrix, Fault> {
     let k = at.matrix(3, 3)?;
+    if k.iter().all(|x| *x == 0.0) {
+        return Err(at.fault("holds zeros: this camera was never calibrated; calibrate it (resight intrinsics) and give that file"));
+    }
     // Rows that are as far from the principal point as it is from row 0, and half as far again.
     let moved_px = 1.5 * (k[(0, 1)] * k[(1, 2)] / k[(1, 1)]).abs();
     if k[(0, 1)] != 0.0 && !(moved_px <= SKEW_PX) {

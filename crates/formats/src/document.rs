@@ -14,6 +14,8 @@ pub(super) enum Syntax {
     Json,
     Python,
     Xml,
+    /// ROS's INI of a camera: names on lines of their own, numbers below.
+    Ini,
     Lines,
     /// A launch file or script that runs `static_transform_publisher`.
     Launch,
@@ -35,7 +37,7 @@ pub(super) struct Document {
 impl Document {
     /// The whole file as an entry.
     pub fn entry(&self) -> Entry<'_> {
-        Entry { path: String::new(), node: &self.root }
+        Entry::called("", &self.root)
     }
 
     /// File name without its extension, for formats that do not name their camera.

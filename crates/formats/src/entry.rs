@@ -8,9 +8,16 @@ use nalgebra::DMatrix;
 pub(super) struct Entry<'a> {
     pub path: String,
     pub node: &'a Node,
+    /// Where in the path the last key begins: keys may hold points themselves.
+    name_from: usize,
 }
 
 impl<'a> Entry<'a> {
+    /// A node outside the tree of a document, under what messages call it.
+    pub fn called(path: impl Into<String>, node: &'a Node) -> Self {
+        Entry { path: path.into(), node, name_from: 0 }
+    }
+
     /// `line: path: reason`.
     pub fn fault(&self, reason: impl std::fmt::Display) -> Fault {
         let reason =
@@ -20,12 +27,12 @@ impl<'a> Entry<'a> {
 
     fn child(&self, key: &str, node: &'a Node) -> Entry<'a> {
         let path = if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) };
-        Entry { path, node }
+        Entry { name_from: path.len() - key.len(), path, node }
     }
 
     /// Last part of the path: the name a table goes by.
     pub fn name(&self) -> &str {
-        self.path.rsplit('.').next().unwrap_or_default()
+        &self.path[self.name_from..]
     }
 
     pub fn get(&self, key: &str) -> Option<Entry<'a>> {
@@ -59,7 +66,11 @@ impl<'a> Entry<'a> {
             Value::List(items) => Ok(items
                 .iter()
                 .enumerate()
-                .map(|(i, node)| Entry { path: format!("{}[{i}]", self.path), node })
+                .map(|(i, node)| Entry {
+                    path: format!("{}[{i}]", self.path),
+                    node,
+                    name_from: self.name_from,
+                })
                 .collect()),
             other => Err(self.fault(format!("is {}; a list is needed", other.kind()))),
         }
@@ -147,9 +158,11 @@ impl<'a> Entry<'a> {
         };
         if data.len() as u64 != rows as u64 * cols as u64 {
             let seen = data.len();
-            return Err(
-                self.fault(format!("says {rows}×{cols} but holds {seen} numbers (a truncated file?)"))
-            );
+            let meaning = match (data.len() as u64) < rows as u64 * cols as u64 {
+                true => "a truncated file?",
+                false => "rows and cols are wrong, or the numbers are those of something else",
+            };
+            return Err(self.fault(format!("says {rows}×{cols} but holds {seen} numbers ({meaning})")));
         }
         Ok(data)
     }

@@ -56,6 +56,16 @@ pub enum Format {
     Kitti,
     /// KITTI odometry's `calib.txt`; recognised as `Kitti`.
     KittiOdometry,
+    /// A key for each number: `fx`, `fy`, `cx`, `cy`, `k1` …; read only.
+    PlainKeys,
+    /// ORB-SLAM2 and 3, `Camera.fx` …; read only.
+    OrbSlam,
+    /// camodocal's YAML, as VINS has it; read only.
+    Camodocal,
+    /// `transforms.json` of nerfstudio and instant-ngp; read only.
+    NerfTransforms,
+    /// OpenSfM's `camera_models.json`; read only.
+    OpenSfm,
     /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
     NuScenes,
     /// OpenCV FileStorage as XML; recognised as `OpenCv`.
@@ -100,6 +110,11 @@ impl Format {
             Format::Urdf => "URDF",
             Format::Kitti => "KITTI calibration",
             Format::KittiOdometry => "KITTI odometry calibration",
+            Format::PlainKeys => "camera with a key for each number",
+            Format::OrbSlam => "ORB-SLAM settings",
+            Format::Camodocal => "camodocal (VINS) camera",
+            Format::NerfTransforms => "transforms.json (nerfstudio, instant-ngp)",
+            Format::OpenSfm => "OpenSfM camera models",
             Format::NuScenes => "nuScenes calibrated_sensor",
             Format::OpenCvXml => "OpenCV FileStorage (XML)",
             Format::OwnTarget => "Resight target file (TOML)",

@@ -168,7 +168,7 @@ impl Section {
         ];
         let entries = entries.map(|(key, node)| (key.to_owned(), node)).to_vec();
         let node = Node { line: self.line, value: Value::Map(entries) };
-        let entry = Entry { path: self.name.clone(), node: &node };
+        let entry = Entry::called(self.name.clone(), &node);
         let (intrinsics, lens, matrix) = kalibr::lens_of(&entry, "distortion_coeffs")?;
         lens::camera(&intrinsics, &lens, matrix, None, warnings)
     }

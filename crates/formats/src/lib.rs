@@ -50,6 +50,7 @@ pub use resight_core as core;
 
 mod error;
 pub mod input;
+mod what_is_it;
 mod format;
 mod file;
 mod tree;
@@ -73,6 +74,7 @@ mod own_target_write;
 mod opencv_write;
 mod opencv;
 mod ros;
+mod scalar_keys;
 mod kalibr;
 mod kalibr_report;
 mod kalibr_target;

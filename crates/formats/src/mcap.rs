@@ -155,7 +155,7 @@ fn rectified(entry: &Entry<'_>, name: &str) -> Result<NamedCamera, Fault> {
     let three: DMatrix<f64> = p.columns(0, 3).into();
     let list = three.transpose().iter().map(|x| node(Value::Number(*x))).collect();
     let (list, path) = (node(Value::List(list)), format!("{}.P", entry.path));
-    let at = Entry { path, node: &list };
+    let at = Entry::called(path, &list);
     let size =
         ImageSize { width_px: entry.need("width")?.count(1)?, height_px: entry.need("height")?.count(1)? };
     let matrix = checks::camera_matrix(&at)?;

@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::tree::{Fault, Node, Value};
-use super::{colmap, kalibr_report, syntax, tf_launch};
+use super::{colmap, kalibr_report, syntax, tf_launch, what_is_it};
 use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
@@ -52,6 +52,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
         Syntax::Json => syntax::literal::parse_json(&text)?,
         Syntax::Python => syntax::literal::parse_python(&text)?,
         Syntax::Xml => syntax::xml::parse(&text)?,
+        Syntax::Ini => syntax::ini::parse(&text)?,
         Syntax::Lines | Syntax::Launch => Node { line: 1, value: Value::Null },
         #[cfg(feature = "recordings")]
         Syntax::Mcap => Node { line: 1, value: Value::Null },
@@ -73,6 +74,7 @@ fn syntax_of(text: &str) -> Syntax {
         // A table of TOML, or a list of JSON objects.
         Some('[') if text.trim_start()[1..].trim_start().starts_with('{') => Syntax::Json,
         _ if tf_launch::runs_publishers(text) => Syntax::Launch,
+        Some('[') if syntax::ini::is_camera(text) => Syntax::Ini,
         Some('[') => Syntax::Toml,
         _ if colmap::is_table_line(first) => Syntax::Lines,
         _ => match (first.find('='), first.find(':')) {
@@ -96,6 +98,9 @@ fn plain_text(bytes: Vec<u8>) -> Result<String, Fault> {
     }
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(Fault::at(1, "UTF-16 text; save the file as UTF-8"));
+    }
+    if let Some(what) = what_is_it::that_is_no_text(&bytes) {
+        return Err(Fault::new(what));
     }
     if let Some(at) = bytes.iter().position(|b| *b == 0) {
         let line = 1 + bytes[..at].iter().filter(|b| **b == b'\n').count();

@@ -2,7 +2,7 @@
 //!
 //! Stereo files: R, T with x_2 = R x_1 + T, in the unit of the calibration board, which the file does not state.
 
-use super::document::{Document, Fault};
+use super::document::{Document, Fault, Value};
 pub(super) use super::emit::matrix_rows;
 use super::entry::Entry;
 use super::lens::{self, LensNumbers};
@@ -79,11 +79,16 @@ fn pairs<'a>(root: &Entry<'a>) -> impl Iterator<Item = Pair<'a>> {
     let root = root.clone();
     NUMBERS.iter().filter_map(move |number| {
         SPELLINGS.iter().find_map(|(matrix, distortions)| {
-            let matrix = root.get(&matrix.replace('#', number))?;
+            // A number under such a key is something else: k1 of a lens, a fundamental length.
+            let matrix = root.get(&matrix.replace('#', number)).filter(is_matrix)?;
             let distortion = distortions.iter().find_map(|d| root.get(&d.replace('#', number)));
             Some(Pair { number, matrix, distortion })
         })
     })
+}
+
+fn is_matrix(entry: &Entry<'_>) -> bool {
+    matches!(entry.node.value, Value::List(_) | Value::Map(_))
 }
 
 fn is_stereo(root: &Entry<'_>) -> bool {
@@ -140,7 +145,7 @@ fn standard_deviations(
     Ok(Some(DMatrix::from_diagonal(&DVector::from_vec(variances))))
 }
 
-fn image_size(root: &Entry<'_>) -> Result<Option<ImageSize>, Fault> {
+pub(super) fn image_size(root: &Entry<'_>) -> Result<Option<ImageSize>, Fault> {
     match (root.first_of(&WIDTHS), root.first_of(&HEIGHTS), root.first_of(&SIZES)) {
         (Some(w), Some(h), _) => Ok(Some(ImageSize { width_px: w.count(1)?, height_px: h.count(1)? })),
         (None, None, Some(size)) if size.has("width") => {
@@ -221,7 +226,7 @@ fn fisheye_unstated(root: &Entry<'_>) -> bool {
     model_key(root).is_none()
 }
 
-fn is_fisheye(root: &Entry<'_>) -> Result<bool, Fault> {
+pub(super) fn is_fisheye(root: &Entry<'_>) -> Result<bool, Fault> {
     let Some(model) = model_key(root) else { return Ok(false) };
     let Ok(word) = model.text() else { return model.flag() };
     match word.to_ascii_lowercase().as_str() {

@@ -82,7 +82,7 @@ fn keys_seen(document: &Document) -> String {
         .unwrap_or_default()
         .iter()
         .take(6)
-        .map(|e| e.name().chars().take(30).collect())
+        .map(|e| e.name().chars().take(60).collect())
         .collect();
     if keys.is_empty() { "no keys".into() } else { format!("keys {}", keys.join(", ")) }
 }

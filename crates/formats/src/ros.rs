@@ -78,7 +78,11 @@ fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {
     let d = root
         .first_of(&["distortion_coefficients", "d", "D"])
         .ok_or_else(|| root.fault("the key `distortion_coefficients` is missing"))?;
-    let numbers = d.numbers()?;
+    // Drivers write five columns whatever the model; a row's numbers say themselves how many there are.
+    let numbers = match d.get("data").filter(|_| d.get("rows").is_some_and(|rows| rows.number() == Ok(1.0))) {
+        Some(data) => data.numbers()?,
+        None => d.numbers()?,
+    };
     let word = model.text()?;
     let (lens, counts): (_, &[usize]) =
         match word {

@@ -1,5 +1,6 @@
 //! Parsers from text to the one tree of `document`; each keeps the lines.
 
+pub(super) mod ini;
 pub(super) mod literal;
 pub(super) mod toml;
 pub(super) mod xml;

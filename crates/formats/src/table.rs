@@ -6,7 +6,7 @@ use super::document::Document;
 use super::{
     CameraFormat, Format, Reads, TargetFormat, Writer, basalt, blender, caliscope, caliscope_target, colmap,
     euroc, fspy, gltf, handeye, kalibr, kalibr_report, kalibr_target, kitti, mccalib, mrcal, multical,
-    nuscenes, opencv, own_camera, own_target, photonvision, ros, tf, urdf, wpilib,
+    nuscenes, opencv, own_camera, own_target, photonvision, ros, scalar_keys, tf, urdf, wpilib,
 };
 
 /// In the order they are tried: the most particular keys first, OpenCV's many spellings last.
@@ -30,6 +30,11 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     kitti::ODOMETRY,
     nuscenes::FORMAT,
     ros::FORMAT,
+    scalar_keys::ORB_SLAM,
+    scalar_keys::CAMODOCAL,
+    scalar_keys::OPEN_SFM,
+    scalar_keys::TRANSFORMS,
+    scalar_keys::PLAIN,
     #[cfg(feature = "recordings")]
     super::mcap::FORMAT,
     opencv::FORMAT,

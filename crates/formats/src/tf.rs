@@ -170,7 +170,7 @@ fn named_placement(command: &Command) -> Result<Placement, Fault> {
 
 fn pose(command: &Command, wxyz: [f64; 4], t: Vector3<f64>) -> Result<Pose, Fault> {
     let node = Node { line: command.line, value: Value::Null };
-    checks::quaternion_pose(&Entry { path: "static_transform_publisher".into(), node: &node }, wxyz, t)
+    checks::quaternion_pose(&Entry::called("static_transform_publisher", &node), wxyz, t)
 }
 
 /// Some publishers write a leading `/`, which tf2 does not know.

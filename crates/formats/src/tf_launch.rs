@@ -210,5 +210,5 @@ pub(super) fn runs_publishers(text: &str) -> bool {
 
 /// A place of an element for messages.
 pub(super) fn named<'a>(path: String, node: &'a Node) -> Entry<'a> {
-    Entry { path, node }
+    Entry::called(path, node)
 }

@@ -9,6 +9,7 @@ mod formats_convert;
 mod formats_explain;
 mod formats_files;
 mod formats_fuzz;
+mod formats_keys;
 mod formats_printed;
 mod formats_read;
 mod formats_real;

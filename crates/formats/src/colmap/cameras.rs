@@ -38,7 +38,7 @@ pub(super) fn camera_line(
         ));
     };
     let node = Node { line, value: Value::Null };
-    let at = Entry { path: format!("camera {id}"), node: &node };
+    let at = Entry::called(format!("camera {id}"), &node);
     let names = parameter_names(&at, model)?;
     let values = parameters.iter().map(|word| finite(&at, word)).collect::<Result<Vec<f64>, Fault>>()?;
     if values.len() != names.len() {

@@ -329,7 +329,7 @@ fn frame_line(line: usize, words: &[&str]) -> Result<Frame, Fault> {
 /// QW QX QY QZ TX TY TZ.
 fn pose_of(line: usize, what: &str, words: &[&str]) -> Result<Pose, Fault> {
     let node = Node { line, value: Value::Null };
-    let at = Entry { path: what.to_owned(), node: &node };
+    let at = Entry::called(what, &node);
     let n = words.iter().map(|w| finite(&at, w)).collect::<Result<Vec<f64>, Fault>>()?;
     let [w, x, y, z, tx, ty, tz] = n[..] else {
         return Err(at.fault(format!("{} numbers of a pose; qw qx qy qz tx ty tz are needed", n.len())));
