@@ -1,7 +1,6 @@
 //! Camera and target files as they are read and written: cameras with names, poses between frames, clocks, remarks.
 
 use super::format::Format;
-use super::plausible;
 use crate::core::{Camera, Matrix6, Pose, Target};
 use nalgebra::DMatrix;
 
@@ -162,7 +161,50 @@ impl Contents {
         warnings.extend(contradiction.as_ref().map(|reason| {
             format!("the rig in this file is inconsistent: {reason}; no result that rests on its places is reliable")
         }));
-        warnings.extend(plausible::of_cameras(format, &cameras));
+        warnings.extend(of_copies(format, &cameras));
         CameraFile { format, cameras, relations, clocks, joint, contradiction, warnings }
     }
+}
+
+/// Poses that agree to this were copied: two calibrations never do.
+const SAME_POSE: f64 = 1e-9;
+/// Cameras of a file that are compared with each other.
+const MOST_COMPARED: usize = 100;
+
+/// Cameras of one file that two calibrations would not give: in one place, or with one lens. One remark of either kind.
+fn of_copies(format: Format, cameras: &[NamedCamera]) -> Vec<String> {
+    let compared = &cameras[..cameras.len().min(MOST_COMPARED)];
+    let first = |is_same: fn(&NamedCamera, &NamedCamera) -> bool| {
+        let mut pairs =
+            compared.iter().enumerate().flat_map(|(i, b)| compared[..i].iter().map(move |a| (a, b)));
+        pairs.find(|(a, b)| is_same(a, b))
+    };
+    let placed = first(are_one_pose).map(|(a, b)| {
+        format!("cameras {} and {} stand in one place and look one way, to the last digit: was one calibration copied?", a.name, b.name)
+    });
+    // Many images of one camera share its lens there.
+    let lens = first(are_one_lens).filter(|_| format != Format::Colmap).map(|(a, b)| {
+        format!("cameras {} and {} have one lens, to the last digit: was one camera's calibration given for both?", a.name, b.name)
+    });
+    placed.into_iter().chain(lens).collect()
+}
+
+fn are_one_pose(a: &NamedCamera, b: &NamedCamera) -> bool {
+    let (Some(p), Some(q)) = (&a.placement, &b.placement) else { return false };
+    let are_frames_alike = match p.a == a.name {
+        true => q.a == b.name && p.b == q.b,
+        false => p.b == a.name && q.b == b.name && p.a == q.a,
+    };
+    let (p, q) = (&p.b_from_a, &q.b_from_a);
+    let apart = (p.rotation - q.rotation).amax().max((p.translation - q.translation).amax());
+    are_frames_alike && apart <= SAME_POSE
+}
+
+/// Calibrated ones: a nominal lens, without distortion, may be that of several.
+fn are_one_lens(a: &NamedCamera, b: &NamedCamera) -> bool {
+    let (p, q) = (a.camera.parameters(), b.camera.parameters());
+    a.camera.size == b.camera.size
+        && p.len() == q.len()
+        && p.iter().zip(q.iter()).all(|(a, b)| a == b)
+        && p.iter().skip(4).any(|(_, value)| *value != 0.0)
 }

@@ -53,6 +53,15 @@ impl LensNumbers {
         }
     }
 
+    /// k1, k2, p1, p2 of the models that have them.
+    fn radial_and_tangential(&self) -> Option<[f64; 4]> {
+        match self {
+            LensNumbers::BrownConrady(d) => d.first_chunk().copied(),
+            LensNumbers::Omni { k1k2p1p2, .. } => Some(*k1k2p1p2),
+            _ => None,
+        }
+    }
+
     fn lens(&self, matrix: CameraMatrix) -> Result<Lens, Error> {
         Ok(match self {
             LensNumbers::Pinhole => Pinhole::new(matrix)?.into(),
@@ -81,7 +90,9 @@ pub(super) fn camera(
         .and_then(|lens| Camera::new(lens, size))
         .map_err(|e| at.fault(format!("{e}{image}")))?;
     warnings.extend(
-        plausible::of_lens(numbers, &matrix, size).into_iter().map(|remark| format!("{}: {remark}", at.path)),
+        plausible::of_lens(numbers.radial_and_tangential(), &matrix, size)
+            .into_iter()
+            .map(|remark| format!("{}: {remark}", at.path)),
     );
     Ok(camera)
 }

@@ -4,8 +4,6 @@
 //! Nothing is refused: a remark says the number seen and what was probably meant. The limits lie far beyond what anybody prints, hangs up,
 //! tapes or buys, and far below the thousandfold of a slip of unit, so that neither side is near.
 
-use super::lens::LensNumbers;
-use super::{Format, NamedCamera};
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::target::{LinePlusOne, NamedPoint, TagMap};
 use crate::core::{Point, Target};
@@ -40,18 +38,21 @@ const USUAL_ASPECT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 const FARTHEST_CENTRE: f64 = 0.2;
 /// A focal length in pixels below this part of the image's side is one in millimetres.
 const SHORTEST_FOCAL: f64 = 0.1;
-/// Poses that agree to this were copied: two calibrations never do.
-const SAME_POSE: f64 = 1e-9;
-/// Cameras of a file that are compared with each other.
-const MOST_COMPARED: usize = 100;
 
 /// What the numbers of a lens should be looked at for, in sentences; none where a camera can have them.
-pub(super) fn of_lens(numbers: &LensNumbers, k: &CameraMatrix, size: Option<ImageSize>) -> Vec<String> {
-    if matches!(numbers, LensNumbers::Photogrammetric(_)) {
-        return Vec::new();
-    }
+///
+/// `radial_and_tangential`: k1, k2, p1, p2 of the models that have them.
+pub(super) fn of_lens(
+    radial_and_tangential: Option<[f64; 4]>,
+    k: &CameraMatrix,
+    size: Option<ImageSize>,
+) -> Vec<String> {
     let size = size.map(|size| [f64::from(size.width_px), f64::from(size.height_px)]);
-    let found = [of_focal_lengths(k, size), size.and_then(|size| of_centre(k, size)), of_tangential(numbers)];
+    let found = [
+        of_focal_lengths(k, size),
+        size.and_then(|size| of_centre(k, size)),
+        radial_and_tangential.and_then(of_tangential),
+    ];
     found.into_iter().flatten().collect()
 }
 
@@ -97,62 +98,19 @@ fn of_centre(k: &CameraMatrix, [width, height]: [f64; 2]) -> Option<String> {
     })
 }
 
-fn of_tangential(numbers: &LensNumbers) -> Option<String> {
-    let (k, p) = match numbers {
-        LensNumbers::BrownConrady(d) if 4 <= d.len() => ([d[0], d[1]], [d[2], d[3]]),
-        LensNumbers::Omni { k1k2p1p2: [k1, k2, p1, p2], .. } => ([*k1, *k2], [*p1, *p2]),
-        _ => return None,
-    };
-    let largest = |x: [f64; 2]| x[0].abs().max(x[1].abs());
-    (LARGEST_TANGENTIAL < largest(p)).then(|| {
-        let meant = match largest(k) < LARGEST_TANGENTIAL {
+fn of_tangential([k1, k2, p1, p2]: [f64; 4]) -> Option<String> {
+    let largest = |a: f64, b: f64| a.abs().max(b.abs());
+    (LARGEST_TANGENTIAL < largest(p1, p2)).then(|| {
+        let meant = match largest(k1, k2) < LARGEST_TANGENTIAL {
             true => "are k1, k2 and p1, p2 exchanged?",
             false => "is the order another one, or are they k3 and k4 of a fisheye?",
         };
         format!(
             "the tangential coefficients p1 = {}, p2 = {} are those of no lens (real ones stay below {LARGEST_TANGENTIAL}); the order is \
             k1, k2, p1, p2: {meant}",
-            p[0], p[1]
+            p1, p2
         )
     })
-}
-
-/// Cameras of one file that two calibrations would not give: in one place, or with one lens. One remark of either kind.
-pub(super) fn of_cameras(format: Format, cameras: &[NamedCamera]) -> Vec<String> {
-    let compared = &cameras[..cameras.len().min(MOST_COMPARED)];
-    let first = |is_same: fn(&NamedCamera, &NamedCamera) -> bool| {
-        let mut pairs =
-            compared.iter().enumerate().flat_map(|(i, b)| compared[..i].iter().map(move |a| (a, b)));
-        pairs.find(|(a, b)| is_same(a, b))
-    };
-    let placed = first(are_one_pose).map(|(a, b)| {
-        format!("cameras {} and {} stand in one place and look one way, to the last digit: was one calibration copied?", a.name, b.name)
-    });
-    // Many images of one camera share its lens there.
-    let lens = first(are_one_lens).filter(|_| format != Format::Colmap).map(|(a, b)| {
-        format!("cameras {} and {} have one lens, to the last digit: was one camera's calibration given for both?", a.name, b.name)
-    });
-    placed.into_iter().chain(lens).collect()
-}
-
-fn are_one_pose(a: &NamedCamera, b: &NamedCamera) -> bool {
-    let (Some(p), Some(q)) = (&a.placement, &b.placement) else { return false };
-    let are_frames_alike = match p.a == a.name {
-        true => q.a == b.name && p.b == q.b,
-        false => p.b == a.name && q.b == b.name && p.a == q.a,
-    };
-    let (p, q) = (&p.b_from_a, &q.b_from_a);
-    let apart = (p.rotation - q.rotation).amax().max((p.translation - q.translation).amax());
-    are_frames_alike && apart <= SAME_POSE
-}
-
-/// Calibrated ones: a nominal lens, without distortion, may be that of several.
-fn are_one_lens(a: &NamedCamera, b: &NamedCamera) -> bool {
-    let (p, q) = (a.camera.parameters(), b.camera.parameters());
-    a.camera.size == b.camera.size
-        && p.len() == q.len()
-        && p.iter().zip(q.iter()).all(|(a, b)| a == b)
-        && p.iter().skip(4).any(|(_, value)| *value != 0.0)
 }
 
 /// What a target's dimensions should be looked at for, in sentences; none where they can be metres.
@@ -327,31 +285,31 @@ mod tests {
         of_target(&Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m }))
     }
 
-    fn lens(f: [f64; 2], c: [f64; 2], d: &[f64]) -> Vec<String> {
+    fn lens(f: [f64; 2], c: [f64; 2], d: [f64; 4]) -> Vec<String> {
         let k = CameraMatrix { fx_px: f[0], fy_px: f[1], cx_px: c[0], cy_px: c[1] };
         let size = ImageSize { width_px: 1920, height_px: 1080 };
-        of_lens(&LensNumbers::BrownConrady(d.to_vec()), &k, Some(size))
+        of_lens(Some(d), &k, Some(size))
     }
 
     #[test]
     fn lenses_that_nobody_builds_are_remarked_on() {
         let good = [-0.28, 0.07, 0.001, -0.002];
-        assert!(lens([1105.0, 1104.0], [959.5, 539.5], &good).is_empty());
-        assert!(lens([1105.0, 1014.0], [800.0, 600.0], &good).is_empty(), "12 : 11, 8 and 6 % off");
-        let centre = lens([1105.0, 1104.0], [352.0, 318.0], &good);
+        assert!(lens([1105.0, 1104.0], [959.5, 539.5], good).is_empty());
+        assert!(lens([1105.0, 1014.0], [800.0, 600.0], good).is_empty(), "12 : 11, 8 and 6 % off");
+        let centre = lens([1105.0, 1104.0], [352.0, 318.0], good);
         assert!(
             centre[0].contains("608 px (32 % of the width) left of") && centre[0].contains("705 × 637"),
             "{centre:?}"
         );
-        let below = lens([1105.0, 1104.0], [959.5, 860.0], &good);
+        let below = lens([1105.0, 1104.0], [959.5, 860.0], good);
         assert!(below[0].contains("(30 % of the height) below"), "{below:?}");
-        let exchanged = lens([1105.0, 1104.0], [959.5, 539.5], &[-0.0018, 0.0026, -0.31, 0.12]);
+        let exchanged = lens([1105.0, 1104.0], [959.5, 539.5], [-0.0018, 0.0026, -0.31, 0.12]);
         assert!(exchanged[0].contains("p1 = -0.31") && exchanged[0].contains("exchanged?"), "{exchanged:?}");
-        let fisheye = lens([1105.0, 1104.0], [959.5, 539.5], &[0.2, -0.1, 0.31, -0.12]);
+        let fisheye = lens([1105.0, 1104.0], [959.5, 539.5], [0.2, -0.1, 0.31, -0.12]);
         assert!(fisheye[0].contains("fisheye?"), "{fisheye:?}");
-        let stretched = lens([1105.0, 830.0], [959.5, 539.5], &good);
+        let stretched = lens([1105.0, 830.0], [959.5, 539.5], good);
         assert!(stretched[0].contains("1.331 times"), "{stretched:?}");
-        let millimetres = lens([8.0, 8.0], [959.5, 539.5], &good);
+        let millimetres = lens([8.0, 8.0], [959.5, 539.5], good);
         assert!(millimetres.len() == 1 && millimetres[0].contains("millimetres"), "{millimetres:?}");
     }
 
