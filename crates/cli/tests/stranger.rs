@@ -63,3 +63,29 @@ fn tables_from_other_programs() {
     assert_eq!(json_lines(&duplicates).len(), 1);
     assert!(duplicates.stderr.contains("lines 2 and 3 both have id `a`"), "{}", duplicates.stderr);
 }
+
+/// A principal point a third of the image's width off its middle: each command that takes a camera says so, in JSON too.
+#[test]
+fn a_camera_that_hardly_exists_is_remarked_on_by_every_command() {
+    let folder = folder("stranger_camera");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let camera = std::fs::read_to_string(demo("left.toml")).unwrap();
+    let line = camera.lines().find(|line| line.starts_with("cx_px")).expect("cx_px");
+    std::fs::write(path("odd.toml"), camera.replace(line, "cx_px = 40.0")).unwrap();
+    std::fs::write(path("points.csv"), ROWS).unwrap();
+    let (image, target, odd, points) =
+        (demo("left.png"), demo("dots.toml"), path("odd.toml"), path("points.csv"));
+    let wanted = "the principal point is";
+    for words in [
+        vec!["solve", &points, "--camera", &odd, "--json"],
+        vec!["locate", &image, "--camera", &odd, "--target", &target, "--json"],
+        vec!["rig", "--camera", &odd, "--target", &target, "--images", &image, "--json"],
+        vec!["advise", "board", "--camera", &odd, "--target", &target],
+    ] {
+        let run = resight(&words);
+        assert!(run.stderr.contains(wanted), "{words:?}: {}", run.stderr);
+        if words[0] != "advise" && words[0] != "rig" {
+            assert!(json_lines(&run)[0]["remarks"].to_string().contains(wanted), "{words:?}: {}", run.stdout);
+        }
+    }
+}
