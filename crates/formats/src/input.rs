@@ -6,8 +6,11 @@
 mod nearest;
 mod newlines;
 pub mod table;
+mod toml_reason;
+pub(crate) mod what_is_it;
 
 pub use nearest::nearest;
+pub use toml_reason::toml_reason;
 
 use crate::FileError;
 use newlines::Newlines;
@@ -105,7 +108,9 @@ pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
 /// # Errors
 /// As of [`read`]; bytes that are no UTF-8.
 pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
-    String::from_utf8(read(path, kind)?).map_err(|_| FileError::new(path, "not UTF-8 text"))
+    String::from_utf8(read(path, kind)?).map_err(|e| {
+        FileError::new(path, what_is_it::that_is_no_text(e.as_bytes()).unwrap_or("not UTF-8 text"))
+    })
 }
 
 /// A table to be read row by row, in bounded memory: a line that does not end is an error of reading.
@@ -114,7 +119,7 @@ pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
 /// As of [`read`], without those of the disk.
 pub fn open_table(path: &Path) -> Result<Rows, FileError> {
     let file = open_file(path, Kind::Table)?;
-    Ok(Rows(Newlines::new(Bounded { file, left: Kind::Table.limit_bytes(), line: 0 })))
+    Ok(Rows(Newlines::new(Bounded { file, left: Kind::Table.limit_bytes(), line: 0, is_begun: false })))
 }
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
@@ -165,6 +170,7 @@ struct Bounded {
     file: File,
     left: u64,
     line: usize,
+    is_begun: bool,
 }
 
 /// Longest line of a table, bytes.
@@ -173,6 +179,11 @@ const MAX_LINE_BYTES: usize = 1 << 20;
 impl Read for Bounded {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(into)?;
+        if !std::mem::replace(&mut self.is_begun, true)
+            && let Some(what) = what_is_it::that_is_no_text(&into[..n])
+        {
+            return Err(Error::new(ErrorKind::InvalidData, what));
+        }
         self.left = match self.left.checked_sub(n as u64) {
             Some(left) => left,
             None => return Err(Error::new(ErrorKind::InvalidData, Kind::Table.too_large(None))),

@@ -50,7 +50,6 @@ pub use resight_core as core;
 
 mod error;
 pub mod input;
-mod what_is_it;
 mod format;
 mod file;
 mod tree;

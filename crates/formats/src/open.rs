@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::tree::{Fault, Node, Value};
-use super::{colmap, kalibr_report, syntax, tf_launch, what_is_it};
+use super::{colmap, kalibr_report, syntax, tf_launch};
 use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
@@ -96,10 +96,7 @@ fn plain_text(bytes: Vec<u8>) -> Result<String, Fault> {
     if MAX_LITERAL_BYTES < bytes.len() as u64 {
         return Err(Fault::new("larger than 16 MiB, the limit for any calibration file"));
     }
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(Fault::at(1, "UTF-16 text; save the file as UTF-8"));
-    }
-    if let Some(what) = what_is_it::that_is_no_text(&bytes) {
+    if let Some(what) = crate::input::what_is_it::that_is_no_text(&bytes) {
         return Err(Fault::new(what));
     }
     if let Some(at) = bytes.iter().position(|b| *b == 0) {

@@ -53,7 +53,7 @@ pub struct MarkedView {
 /// # Errors
 /// A file that cannot be read.
 pub fn is_marked_lines(path: &Path) -> Result<bool, FileError> {
-    Ok(Table::open(path, WANTED)?.find("direction").is_some())
+    Ok(Table::open(path, "x_m,y_m,z_m,u_px,v_px")?.find("direction").is_some())
 }
 
 const WANTED: &str = "direction,u_px,v_px,u2_px,v2_px";

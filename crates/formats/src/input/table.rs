@@ -78,6 +78,9 @@ impl Table {
     pub fn need(&self, name: &str, hint: Option<&str>) -> Result<usize, FileError> {
         self.find(name).ok_or_else(|| {
             let similar = || {
+                if let Some(hint) = other_unit(name, &self.header) {
+                    return format!("; {hint}");
+                }
                 let nearest = nearest(name, self.header.iter().cloned());
                 nearest.map(|n| format!("; did you mean `{n}` to be `{name}`?")).unwrap_or_default()
             };
@@ -172,11 +175,30 @@ impl TableRow<'_> {
     }
 }
 
+/// Of a missing column in metres, radians or seconds: the column that holds it in another unit, and what to divide by.
+fn other_unit(name: &str, header: &[String]) -> Option<String> {
+    const UNITS: [(&str, &str, &str); 5] = [
+        ("_m", "_mm", "divide by 1000"),
+        ("_m", "_cm", "divide by 100"),
+        ("_m", "_in", "multiply by 0.0254"),
+        ("_rad", "_deg", "multiply by pi/180"),
+        ("_s", "_ms", "divide by 1000"),
+    ];
+    UNITS.iter().find_map(|(unit, other, change)| {
+        let there = format!("{}{other}", name.strip_suffix(unit)?);
+        let is_there = header.contains(&there);
+        is_there.then(|| format!("`{there}` is in another unit: {change}, and call it `{name}`"))
+    })
+}
+
 fn complaint(path: &Path, line: u64, error: &csv::Error) -> FileError {
     let line = Some(line as usize).filter(|_| error.position().is_some());
     let reason = match error.kind() {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            format!("{len} cells where the header has {expected_len}")
+            // Decimal commas split a number in two.
+            let commas =
+                if expected_len < len { "; are decimal commas among them? Write points: 0.5" } else { "" };
+            format!("{len} cells where the header has {expected_len}{commas}")
         }
         csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".to_string(),
         _ => error.to_string(),
@@ -209,6 +231,31 @@ mod tests {
         std::fs::write(&path, "a,b\r\n1,2\r\n3\r\n").expect("written");
         let torn = Table::open(&path, "a,b").and_then(|table| table.each(|_| Ok::<(), FileError>(())));
         assert!(torn.is_err_and(|reason| reason.to_string().contains(".csv:3: 1 cells")));
+        std::fs::remove_file(&path).expect("removed");
+    }
+
+    /// What spreadsheets of other countries and units make of a table, with the way out.
+    #[test]
+    fn tables_as_people_save_them_are_named_with_the_way_out() {
+        let path = std::env::temp_dir().join(format!("resight-table-people-{}.csv", std::process::id()));
+        let refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("written");
+            let table = Table::open(&path, "x_m,y_m").and_then(|table| {
+                table.need("x_m", None)?;
+                table.each(|_| Ok::<(), FileError>(()))
+            });
+            table.expect_err("no such table").to_string()
+        };
+        let utf_16: Vec<u8> = "\u{feff}x_m,y_m\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        for (bytes, wanted) in [
+            (utf_16.as_slice(), "UTF-16 text"),
+            (b"x_mm,y_mm\n1,2\n", "divide by 1000, and call it `x_m`"),
+            (b"x_m,y_m\n1,5,2,5\n", "decimal commas"),
+            (b"PK\x03\x04\0\0xl/workbook.xml", "save it as CSV"),
+        ] {
+            let said = refused(bytes);
+            assert!(said.contains(wanted), "{said}");
+        }
         std::fs::remove_file(&path).expect("removed");
     }
 }

@@ -8,8 +8,8 @@ use ::toml::de::{DeTable, DeValue};
 pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     let lines = LineStarts::of(text);
     let table = DeTable::parse(text).map_err(|e| {
-        let line = e.span().map_or(0, |span| lines.line_of(span.start));
-        Fault::at(line, format!("not valid TOML: {}", e.message().replace('\n', "; ")))
+        let (line, reason) = crate::input::toml_reason(text, &e);
+        Fault::at(line.unwrap_or(0), format!("not valid TOML: {reason}"))
     })?;
     table_node(table.get_ref(), 1, &lines)
 }

@@ -156,8 +156,8 @@ impl NamedScene {
 pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
     let text = crate::input::read_text(path, crate::input::Kind::Text)?;
     let file: SceneFile = toml::from_str(&text).map_err(|e| {
-        let line = e.span().map(|span| text[..span.start.min(text.len())].lines().count().max(1));
-        FileError { path: path.into(), line, reason: e.message().to_string() }
+        let (line, reason) = crate::input::toml_reason(&text, &e);
+        FileError { path: path.into(), line, reason }
     })?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     let mut builder = Builder::new(path, folder, file.sigma_px)?;

@@ -1,7 +1,9 @@
 //! Files that are no text, named by how they begin, with what to do instead: one answer for every reader of text.
 
 /// How a kind of file begins (bytes from an offset), and what to say.
-const KINDS: [(usize, &[u8], &str); 18] = [
+const KINDS: [(usize, &[u8], &str); 20] = [
+    (0, b"\xff\xfe", UTF_16),
+    (0, b"\xfe\xff", UTF_16),
     (
         0,
         b"\x93NUMPY",
@@ -29,12 +31,13 @@ const KINDS: [(usize, &[u8], &str); 18] = [
     (0, b"\x1f\x8b", "compressed by gzip; unpack it first"),
     (0, b"SQLite format 3\0", "a database (SQLite), not a text file"),
 ];
+const UTF_16: &str = "UTF-16 text (\"Unicode\" of Excel and Notepad); save the file as UTF-8";
 const PICKLE: &str = "a Python pickle, which is a program and is not run here; load it in Python: resight.Camera.from_matrix(matrix, distortion, image_size_px=(width, height))";
 const NUMPY_ARCHIVE: &str = "a NumPy archive (.npz, as OpenCV's tutorial saves it); load it in Python: d = numpy.load(FILE); resight.Camera.from_matrix(d[\"mtx\"], d[\"dist\"], image_size_px=(width, height)).to_toml() is the text of a camera file";
 const SPREADSHEET: &str = "a spreadsheet, not a text file; save it as CSV (UTF-8)";
 
 /// What a file is that no text reader reads, and the way out; none where it may be text.
-pub(super) fn that_is_no_text(bytes: &[u8]) -> Option<&'static str> {
+pub(crate) fn that_is_no_text(bytes: &[u8]) -> Option<&'static str> {
     if bytes.starts_with(b"PK\x03\x04") {
         // Names of members stand in clear within the first headers.
         let head = &bytes[..bytes.len().min(4096)];
