@@ -67,3 +67,4 @@ mod watch_session;
 mod watch_state;
 mod watch_tui;
 mod whisker;
+mod written_is_read;

@@ -89,3 +89,17 @@ fn a_camera_that_hardly_exists_is_remarked_on_by_every_command() {
         }
     }
 }
+
+/// One folder given for two cameras, or one camera's rows under two names, is no rig of two.
+#[test]
+fn the_images_of_one_camera_are_no_second_camera() {
+    let photo = |name: &str| format!("{}/../../examples/photo/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (lens, board) = (photo("left.yml"), photo("board.toml"));
+    let (left, right) =
+        (format!("left={}", photo("left0[13].jpg")), format!("right={}", photo("left0[13].jpg")));
+    let lenses = [format!("left={lens}"), format!("right={lens}")];
+    let words = [
+        "rig", "--camera", &lenses[0], &lenses[1], "--target", &board, "--images", &left, "--images", &right,
+    ];
+    refused(&resight(&words), "show every point they share in the same pixel");
+}

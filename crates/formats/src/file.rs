@@ -69,7 +69,7 @@ pub struct ClockOffset {
 pub struct CameraFile {
     /// What kind of file it was.
     pub format: Format,
-    /// At least one camera, in the order of the file.
+    /// The cameras in the order of the file; none where `read_places` found poses only.
     pub cameras: Vec<NamedCamera>,
     /// Poses between other frames (an IMU, a laser scanner, links of a robot).
     pub relations: Vec<Placement>,

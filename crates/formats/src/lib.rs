@@ -119,7 +119,7 @@ pub use frames::pose_between;
 pub use own_camera::status_keys;
 pub use own_target_write::own_target_file;
 pub use read::{
-    read_camera, read_camera_with_remarks, read_cameras, read_cameras_from_bytes, read_target,
+    read_camera, read_camera_with_remarks, read_cameras, read_cameras_from_bytes, read_places, read_target,
     read_target_from_bytes, read_target_with,
 };
 pub use rig_files::read_rig;

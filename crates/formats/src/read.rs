@@ -23,6 +23,18 @@ pub fn read_cameras_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<CameraFile
     cameras_of(&document).map_err(|fault| fault.in_file(path))
 }
 
+/// Reads where frames are, with lenses or without: as `read_cameras`, but a file of poses only is no error.
+pub fn read_places(path: &Path) -> Result<CameraFile, FileError> {
+    let document = open::read(path)?;
+    match camera_format(&document) {
+        Some((format, reads)) => {
+            contents_of(&document, reads).map(|contents| contents.into_file(format.format))
+        }
+        None => Err(not_a_camera(&document)),
+    }
+    .map_err(|fault| fault.in_file(path))
+}
+
 pub(super) fn cameras_of(document: &Document) -> Result<CameraFile, Fault> {
     let (format, reads) = camera_format(document).ok_or_else(|| not_a_camera(document))?;
     let contents = contents_of(document, reads)?;

@@ -2,8 +2,8 @@
 
 use crate::Error;
 use crate::core::{Matrix6, Pose};
-use crate::formats::read_cameras;
-use crate::rig::places::{PlacedCamera, PlacedRig, placed};
+use crate::formats::read_places;
+use crate::rig::places::{PlacedCamera, PlacedRig, placed, placed_frames};
 use serde_json::Value;
 use std::path::Path;
 
@@ -90,9 +90,12 @@ pub fn read(path: &Path) -> Result<(Compared, Vec<String>), Error> {
 }
 
 fn camera_file(path: &Path) -> Result<(PlacedRig, Vec<String>), Error> {
-    let file = read_cameras(path)?;
-    let cameras =
-        placed(&file.cameras).map_err(|reason| Error::request(format!("{} {reason}", path.display())))?;
+    let file = read_places(path)?;
+    let cameras = match file.cameras.is_empty() {
+        true => placed_frames(&file.relations),
+        false => placed(&file.cameras),
+    };
+    let cameras = cameras.map_err(|reason| Error::request(format!("{} {reason}", path.display())))?;
     let rig = match &file.joint {
         None => PlacedRig { cameras, joint: None, noise_degrees_of_freedom: None },
         Some(joint) => PlacedRig::with_joint(cameras, &joint.cameras, &joint.rows())

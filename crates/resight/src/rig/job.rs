@@ -118,6 +118,7 @@ impl ObservedRig {
         let world = request.world_target(&collected.targets)?;
         let sets = name_views(&mut collected.frames, request.sync_tolerance_s)?;
         collected.check_duplicates()?;
+        collected.check_copies()?;
         let inputs = inputs(&collected.files)?;
         let Collected { cameras, targets, frames, left_out, mut remarks, .. } = collected;
         let FrameSets { n_alone, remarks: of_sets } = sets;

@@ -3,9 +3,10 @@
 use super::NamedTarget;
 use super::gather::NamedObservation;
 use super::request::RigRequest;
-use crate::core::Correspondence;
+use crate::core::{Correspondence, Pixel};
 use crate::error::Error;
 use crate::formats::NamedCamera;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// What one frame shows.
@@ -81,7 +82,38 @@ impl Collected {
         }
         Ok(())
     }
+
+    /// Two cameras that show every point they share in the same pixel, to the last digit, are one: their images were given twice.
+    pub fn check_copies(&self) -> Result<(), Error> {
+        let mut by_camera: Vec<BTreeMap<Seen<'_>, &Pixel>> = vec![BTreeMap::new(); self.cameras.len()];
+        for frame in &self.frames {
+            for (target, points) in &frame.targets {
+                let seen = points
+                    .iter()
+                    .map(|(name, point)| ((frame.name.as_str(), *target, name.as_str()), &point.pixel));
+                by_camera[frame.camera].extend(seen);
+            }
+        }
+        for (i, second) in by_camera.iter().enumerate() {
+            for (first, other) in by_camera[..i].iter().zip(&self.cameras) {
+                let mut shared = second
+                    .iter()
+                    .filter_map(|(key, pixel)| first.get(key).map(|other| (pixel, other)))
+                    .peekable();
+                if shared.peek().is_some() && shared.all(|(pixel, other)| pixel == other) {
+                    return Err(Error::request(format!(
+                        "cameras {} and {} show every point they share in the same pixel: were the images or rows of one given for both?",
+                        other.name, self.cameras[i].name
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
 }
+
+/// A point of a target in a view: the names of view and point, and which target.
+type Seen<'a> = (&'a str, usize, &'a str);
 
 /// Frames target by target, as they are gathered.
 pub(super) fn observations(frames: Vec<Frame>) -> Vec<NamedObservation> {

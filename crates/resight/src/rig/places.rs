@@ -113,19 +113,36 @@ type Reached = (String, Pose, Option<Matrix6>);
 /// A sentence, when no pose is stated or a camera is joined to the others by none.
 pub fn placed(cameras: &[NamedCamera]) -> Result<Vec<PlacedCamera>, String> {
     let placements: Vec<&Placement> = cameras.iter().filter_map(|camera| camera.placement.as_ref()).collect();
+    let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+    placed_among(&names, &placements)
+}
+
+/// The places of the frames that poses alone state, as `pose-graph` writes them without lenses, in the frame that the first one maps from.
+///
+/// # Errors
+/// A sentence, when no pose is stated or a frame is joined to the others by none.
+pub fn placed_frames(relations: &[Placement]) -> Result<Vec<PlacedCamera>, String> {
+    let mut names: Vec<&str> = Vec::new();
+    for name in relations.iter().map(|relation| relation.b.as_str()) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    placed_among(&names, &relations.iter().collect::<Vec<_>>())
+}
+
+fn placed_among(names: &[&str], placements: &[&Placement]) -> Result<Vec<PlacedCamera>, String> {
     let Some(first) = placements.first() else {
         return Err("states no poses, only intrinsics; give a file that says where its cameras are".into());
     };
-    let reached = reach(&first.a, &placements);
-    let place = |camera: &NamedCamera| {
-        let found = reached.iter().find(|(frame, ..)| *frame == camera.name);
-        let (_, cam_from_rig, covariance) = found.ok_or_else(|| {
-            format!("says nothing about where camera {} is relative to the others", camera.name)
-        })?;
-        let (name, cam_from_rig, covariance) = (camera.name.clone(), *cam_from_rig, *covariance);
-        Ok(PlacedCamera { name, cam_from_rig, covariance })
+    let reached = reach(&first.a, placements);
+    let place = |name: &&str| {
+        let found = reached.iter().find(|(frame, ..)| frame == name);
+        let (_, cam_from_rig, covariance) = found
+            .ok_or_else(|| format!("says nothing about where camera {name} is relative to the others"))?;
+        Ok(PlacedCamera { name: name.to_string(), cam_from_rig: *cam_from_rig, covariance: *covariance })
     };
-    cameras.iter().map(place).collect()
+    names.iter().map(place).collect()
 }
 
 /// Every frame that placements join to the root, nearest first.
