@@ -96,11 +96,11 @@ impl Collected {
         }
         for (i, second) in by_camera.iter().enumerate() {
             for (first, other) in by_camera[..i].iter().zip(&self.cameras) {
-                let mut shared = second
-                    .iter()
-                    .filter_map(|(key, pixel)| first.get(key).map(|other| (pixel, other)))
-                    .peekable();
-                if shared.peek().is_some() && shared.all(|(pixel, other)| pixel == other) {
+                let mut n = 0;
+                let shared =
+                    second.iter().filter_map(|(key, pixel)| first.get(key).map(|other| (pixel, other)));
+                let are_same = shared.inspect(|_| n += 1).all(|(pixel, other)| pixel == other);
+                if are_same && LEAST_SHARED <= n {
                     return Err(Error::request(format!(
                         "cameras {} and {} show every point they share in the same pixel: were the images or rows of one given for both?",
                         other.name, self.cameras[i].name
@@ -111,6 +111,9 @@ impl Collected {
         Ok(())
     }
 }
+
+/// Fewer points may be in the same pixels by chance, where pixels are whole numbers.
+const LEAST_SHARED: usize = 4;
 
 /// A point of a target in a view: the names of view and point, and which target.
 type Seen<'a> = (&'a str, usize, &'a str);
