@@ -1,5 +1,6 @@
 //! The tests of this crate in one program: linking one for each file is most of the time of a clean run.
 
+mod film_support;
 mod history_support;
 #[allow(dead_code)] // The landmarks' own tests use all of it.
 #[path = "../../resight/tests/landmarks_support/mod.rs"]
@@ -11,6 +12,7 @@ mod process;
 #[path = "../../core/tests/recorded.rs"]
 mod recorded;
 
+mod film;
 mod history;
 mod history_turns;
 mod history_versions;

@@ -25,6 +25,7 @@ mod scatter;
 mod trace;
 mod again;
 mod aftermath;
+mod place;
 mod earlier;
 mod unsettled;
 pub mod learn;
@@ -32,6 +33,7 @@ pub mod attribute;
 pub mod rig;
 
 pub use drift::{Again, Alone, Drift, Rate, along, rotation_alone};
+pub use place::{PointErrors, covariance_by_image};
 pub use priors::MotionKind;
 pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
 pub use test::DriftNoise;
@@ -46,6 +48,7 @@ use earlier::Version3;
 use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
+use place::Places;
 use test::DriftTest;
 use transients::Transients;
 
@@ -142,6 +145,7 @@ pub struct Monitor {
     transients: Transients,
     aftermath: Aftermath,
     motions: Motions,
+    places: Places,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -182,6 +186,7 @@ impl Monitor {
             transients: Transients::default(),
             aftermath: Aftermath::new(start),
             motions: Motions::none(start),
+            places: Places::default(),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -200,6 +205,7 @@ impl Monitor {
         self.inconsistent_share += (contradicts - self.inconsistent_share) / SHARE_OVER;
         if reading.is_consistent {
             self.last_usable_s = reading.t_s;
+            self.scatters(reading);
             let whitened = self.test.whitened(&self.motion(reading), &reading.covariance);
             let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
             self.outliers += dropped;
@@ -248,6 +254,7 @@ impl Monitor {
         *self = Monitor {
             last_usable_s: self.last_usable_s,
             transients: self.transients,
+            places: self.places,
             test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
@@ -272,6 +279,7 @@ impl Monitor {
             |reading: &Reading| (reading.t_s, self.test.whitened(&self.motion(reading), &reading.covariance));
         let learned: Vec<_> = usable.map(whitened).collect();
         self.test.measure(&learned);
+        readings.iter().for_each(|reading| self.scatters(reading));
     }
 
     /// Whether noise is measured.
@@ -426,6 +434,7 @@ numbers!(Monitor {
     outliers,
     out_of_order,
     motions,
+    places,
 });
 numbers!(MonitorConfig {
     false_alarms_per_day,

@@ -4,6 +4,7 @@ mod disagreement;
 mod expect;
 mod landmarks;
 mod pair;
+mod staying;
 
 use super::state::{CameraRecord, unix_s};
 use super::{LiveCamera, LiveConfig, Observation, Promise, StageTimes, State};

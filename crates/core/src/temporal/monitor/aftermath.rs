@@ -8,11 +8,11 @@
 //! Derivation: docs/math/monitor.md sections 4 and 10.
 
 use super::again::Motions;
-use super::drift::Rate;
+use super::drift::{Again, Rate};
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
 use super::onsets::Change;
-use super::priors::{CHOSEN, MEDIAN, MotionKind, deflated};
+use super::priors::{MEDIAN, MotionKind, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::{Fitted, Trace};
@@ -59,6 +59,8 @@ const DOUBT_DECISIONS: u32 = 30;
 const OVER_ONE_TIME: f64 = 0.672;
 /// Of the way away, what is left of it at most where a camera is back: less than half, so that one that went half of the way back is not.
 const LEFT: f64 = 0.25;
+/// The alarm chose its moment and its onset: its estimate errs by more than its covariance says (simulated: section 11 of monitor.md).
+const FOUND: f64 = 1.5;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
 
@@ -372,14 +374,17 @@ impl Monitor {
         let typical = self.reference.noise.reading.diagonal();
         let size = |covariance: &Matrix6| covariance.diagonal().component_div(&typical).sum();
         // Right after the alarm its own estimate is the better one.
-        let chosen = Milestone { covariance: found.covariance * CHOSEN, ..*found };
+        let chosen = Milestone { covariance: found.covariance * FOUND, ..*found };
         let now = if size(&chosen.covariance) < size(&now.covariance) { chosen } else { now };
         let now = self.end_of(drift).unwrap_or(now);
         Drift {
             old_from_new: between(&base.motion, &now.motion),
-            covariance: now.covariance + base.covariance,
+            covariance: self.between_places(&(now.covariance + base.covariance)),
             rate: self.aftermath.rate,
-            again: self.motions.again(&now),
+            again: self
+                .motions
+                .again(&now)
+                .map(|again| Again { covariance: self.between_places(&again.covariance), ..again }),
             ..*drift
         }
     }

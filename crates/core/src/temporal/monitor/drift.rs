@@ -78,7 +78,7 @@ impl Drift {
     }
 
     /// The rotation alone, radians about x, y, z, and its covariance, if the camera only rotated about its own centre; none where its
-    /// translation is larger than that allows (one in twenty). A rotation and a shift look much alike from a small target: where a
+    /// translation is larger than that allows (one in a hundred). A rotation and a shift look much alike from a small target: where a
     /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
     pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let is_likely = PURE_ROTATION_PROBABILITY < self.chance_of(3)?;
@@ -132,8 +132,8 @@ impl Drift {
     }
 }
 
-/// A translation that chance makes larger this often speaks against a pure rotation.
-const PURE_ROTATION_PROBABILITY: f64 = 0.05;
+/// A translation that chance makes larger this seldom speaks against a pure rotation; it is asked at every reading.
+const PURE_ROTATION_PROBABILITY: f64 = 0.01;
 /// Another axis explains a motion about as well within this Δχ²: odds of 90 to 1, three standard deviations.
 const RIVALLED: f64 = 9.0;
 /// What chance makes larger this seldom is no chance when a tolerance is applied: a tolerated turn is looked at for days, and the alarm

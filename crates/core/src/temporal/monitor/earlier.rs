@@ -2,6 +2,7 @@
 
 use super::Monitor;
 use super::again::Motions;
+use super::place::Places;
 use crate::temporal::snapshot::{Numbers, Rest};
 
 /// A monitor as version 3 has it.
@@ -42,6 +43,7 @@ impl Numbers for Version3 {
             outliers: Numbers::take(rest)?,
             out_of_order: Numbers::take(rest)?,
             motions: Motions::none(Default::default()),
+            places: Places::default(),
         };
         monitor.motions = monitor.aftermath.motions(&monitor.drift);
         Some(Version3(monitor))

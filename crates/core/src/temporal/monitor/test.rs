@@ -334,6 +334,20 @@ impl DriftTest {
     }
 }
 
+impl DriftTest {
+    /// Covariance of levels, widened as `level` does, as well known as readings scatter: `scatter` is their variance over the stated one, in
+    /// whitened coordinates.
+    pub(crate) fn scattering(&self, levels: &Matrix6<f64>, scatter: &Vector6<f64>) -> Matrix6<f64> {
+        // What readings scatter by, where that is more than stated, is in the levels.
+        let narrowing = scatter
+            .zip_map(&self.scales(), |scatter, scale| if scale < 1.0 { scatter.min(1.0) } else { 1.0 });
+        let (forward, back) = (&self.whitened_from_motion, &self.motion_from_whitened);
+        let narrower = back * Matrix6::from_diagonal(&narrowing.map(f64::sqrt)) * forward;
+        let covariance = narrower * levels * narrower.transpose();
+        0.5 * (covariance + covariance.transpose())
+    }
+}
+
 /// Of a constant part of which nothing is known, in standard deviations of a reading.
 const WIDE: f64 = 1e3;
 /// χ² of six degrees of freedom that one in 10⁶ readings exceeds: an outlier is not learned from.

@@ -2,6 +2,7 @@
 
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
+use super::staying::{Staying, View};
 use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
 use crate::live::{LiveConfig, Observation, PointResidual, Promise, State, Watched};
@@ -38,6 +39,7 @@ pub(super) struct Pair {
     last: Option<(f64, Option<String>)>,
     /// Whether points of the last views contradicted each other.
     disagreement: Disagreement,
+    staying: Staying,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -113,6 +115,7 @@ impl Pair {
             config: config.clone(),
             name: watched.name.clone(),
             disagreement: Disagreement::default(),
+            staying: Staying::of(&watched.target),
             settings: settings(camera, watched, config),
         })
     }
@@ -302,7 +305,7 @@ impl Pair {
         let started = Instant::now();
         let lens = sight.lens().unwrap_or(&self.camera);
         let found = locate_target(&detections, &self.target, lens, &Config::default());
-        let points: Vec<Correspondence> = found.seen;
+        let (features, points) = (found.features, found.seen);
         observation.n_points = points.len();
         let estimate = found.estimate.map_err(|e| e.to_string())?;
         observation.times.solve_us = micros(started);
@@ -321,6 +324,10 @@ impl Pair {
         observation.reading = observation.tracked.as_ref().map(reading);
         if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
             reading.is_consistent &= !is_fault(&mut self.disagreement, monitor, reading, &points, lens);
+        }
+        if let (Some(reading), FrameContent::Image(..)) = (&observation.reading, sight) {
+            let view = View { detections: &detections, features: &features, points: &points, lens };
+            self.staying.take(&view, reading, monitor_of(&mut self.stage));
         }
         observation.times.decide_us = micros(started);
         Ok(())
@@ -410,6 +417,10 @@ const MOST_LOOKS: usize = 8;
 /// At which number of readings those of now are tested.
 fn next_test(readings: usize, needed: usize) -> usize {
     (0..4).map(|doublings| needed << doublings).find(|test| readings <= *test).unwrap_or(readings)
+}
+
+fn monitor_of(stage: &mut Stage) -> Option<&mut Monitor> {
+    if let Stage::Watching(monitor) = stage { Some(monitor) } else { None }
 }
 
 /// What is from before a sudden motion; half of what moves on; of what wanders nothing until the look is long.
