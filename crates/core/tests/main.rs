@@ -56,6 +56,7 @@ mod n_points;
 mod monitor_noise_kinds;
 mod monitor_noise_rig;
 mod monitor_onset;
+mod monitor_restart;
 mod no_std;
 mod pose_graph;
 mod printed_scale;

@@ -42,6 +42,7 @@ impl Numbers for Version3 {
             outliers: Numbers::take(rest)?,
             out_of_order: Numbers::take(rest)?,
             motions: Motions::none(Default::default()),
+            whereabouts: Default::default(),
         };
         monitor.motions = monitor.aftermath.motions(&monitor.drift);
         Some(Version3(monitor))
