@@ -107,7 +107,7 @@ impl Monitor {
     /// All that comes through at once is read before anything is decided: what waited together says the same.
     pub(super) fn decide(&mut self, passed: &[Passed]) {
         if let Some(first) = passed.first() {
-            self.expect(first.t_s);
+            self.await_reading(first.t_s);
         }
         let (period_s, threshold) = (self.config.decision_period_s, self.log_threshold());
         let most = (threshold - test::LEAST_EVIDENCE.ln()).exp();

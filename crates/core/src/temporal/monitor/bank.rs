@@ -356,7 +356,7 @@ impl AxisBank {
     }
 
     /// The variance of that error; nothing where there is none.
-    pub fn lasting(&self, unit_s: f64) -> f64 {
+    pub fn correlated_variance(&self, unit_s: f64) -> f64 {
         let share = self.correlated(unit_s).map_or(0.0, |error| error.sigma_ratio.powi(2));
         share * self.scale() * self.typical
     }

@@ -235,8 +235,8 @@ impl Measured {
     }
 
     /// Variances of the errors that last, where the readings show them.
-    pub fn lasting(&self) -> Vector6<f64> {
-        Vector6::from_fn(|axis, _| self.banks[axis].lasting(self.unit_s))
+    pub fn correlated_variances(&self) -> Vector6<f64> {
+        Vector6::from_fn(|axis, _| self.banks[axis].correlated_variance(self.unit_s))
     }
 
     pub fn is_sound(&self) -> bool {

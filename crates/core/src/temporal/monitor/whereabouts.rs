@@ -85,7 +85,7 @@ pub(super) struct Whereabouts {
     last_s: f64,
     /// Variances of a reading and of errors that last, whitened, as they were known when it was last sure to be where it was.
     white: Vector6,
-    lasting: Vector6,
+    correlated: Vector6,
     /// The smallest motions that so many readings are promised to find, as that was then.
     promised: [Vector6; LOOKS.len()],
     sure_at: f64,
@@ -141,7 +141,7 @@ impl Monitor {
             return None;
         }
         let own = &self.reference.noise;
-        let of_mean = self.test.spread(&(here.white / here.worth + here.lasting));
+        let of_mean = self.test.spread(&(here.white / here.worth + here.correlated));
         let covariance = of_mean + own.reference + own.bias + own.diurnal;
         Some(Deviation { old_from_new: here.mean, covariance, readings: here.readings as usize })
     }
@@ -167,10 +167,11 @@ impl Monitor {
 
     fn is_sure(&mut self) {
         let Some(measured) = self.test.measured() else { return };
-        let (scales, lasting) = (measured.scales().map(|scale| scale.max(1.0)), measured.lasting());
+        let (scales, correlated) =
+            (measured.scales().map(|scale| scale.max(1.0)), measured.correlated_variances());
         let here = &mut self.whereabouts;
-        (here.white, here.lasting, here.sure_at) =
-            (scales.component_mul(self.test.typical()), lasting, here.since);
+        (here.white, here.correlated, here.sure_at) =
+            (scales.component_mul(self.test.typical()), correlated, here.since);
     }
 
     /// The smallest motions that so many readings show, whatever errors are not excluded.
@@ -183,7 +184,7 @@ impl Monitor {
     }
 
     /// Before the test reads what came at `t_s`: after a gap the camera may be elsewhere.
-    pub(super) fn expect(&mut self, t_s: f64) {
+    pub(super) fn await_reading(&mut self, t_s: f64) {
         let Some(between_s) = self.test.measured().map(|measured| measured.between_s()) else { return };
         if self.whereabouts.is_over(t_s, between_s) {
             self.relocate();
@@ -246,4 +247,4 @@ fn matters(old_from_new: &Vector6, covariance: &Matrix6, config: &MonitorConfig)
     drift.matters(config)
 }
 
-numbers!(Whereabouts { readings, worth, since, mean, last_s, white, lasting, promised, sure_at, is_away });
+numbers!(Whereabouts { readings, worth, since, mean, last_s, white, correlated, promised, sure_at, is_away });
