@@ -336,10 +336,6 @@ pub fn word(state: &State) -> &'static str {
         State::Stale { .. } => "stale",
         State::Checking(_) => "checking",
         State::Drifted(_) => "drifted",
-        State::Checking(CheckingReason::Away(deviation)) => format!(
-            "checking: {}, which is more than is promised to be found; errors that are not excluded would explain it",
-            compared::words(deviation)
-        ),
         State::Inconsistent => "inconsistent",
         State::Tracking => "tracking",
     }
@@ -355,6 +351,10 @@ pub fn state_words(state: &State) -> String {
         }
         State::Checking(CheckingReason::Different) => "checking: something is different, not yet decided".to_string(),
         State::Checking(CheckingReason::CorrelatedErrors) => "checking: errors are correlated for longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
+        State::Checking(CheckingReason::Away(deviation)) => format!(
+            "checking: {}, which is more than is promised to be found; errors that are not excluded would explain it",
+            compared::words(deviation)
+        ),
         State::Inconsistent => "inconsistent: readings contradict their stated noise: intrinsics, target or sigma are wrong, part of the target is hidden, or landmarks move".to_string(),
         State::Drifted(drift) => drifted::words(drift),
         State::Steady => "steady".to_string(),

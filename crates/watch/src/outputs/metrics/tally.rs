@@ -172,11 +172,9 @@ impl Tally {
 
     /// Whether every source gives frames and every camera is where it was, or about to be known to be.
     pub fn is_well(&self) -> bool {
-        let is_well = |pair: &PairTally| {
-            match &pair.state {
-                Some(State::Checking(reason)) => !matches!(reason, CheckingReason::Away(_)),
-                state => matches!(state, Some(State::Steady | State::Learning { .. } | State::Tracking)),
-            }
+        let is_well = |pair: &PairTally| match &pair.state {
+            Some(State::Checking(reason)) => !matches!(reason, CheckingReason::Away(_)),
+            state => matches!(state, Some(State::Steady | State::Learning { .. } | State::Tracking)),
         };
         self.cameras.iter().all(|camera| camera.connected) && self.pairs.iter().all(is_well)
     }
