@@ -55,6 +55,7 @@ mod touch_meets_sight;
 mod uncertain;
 mod upright;
 mod watch;
+mod watch_gap;
 mod watch_landmarks;
 mod watch_learn;
 mod watch_mcap;

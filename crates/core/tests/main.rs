@@ -57,6 +57,7 @@ mod monitor_noise_kinds;
 mod monitor_noise_rig;
 mod monitor_onset;
 mod monitor_place;
+mod monitor_restart;
 mod no_std;
 mod pose_graph;
 mod printed_scale;

@@ -64,7 +64,7 @@ impl Watched {
 fn motions(name: &str, degrees: &[f64], apart_s: f64, runs: u64) {
     let mut delays: Vec<Vec<f64>> = vec![Vec::new(); degrees.len()];
     let mut missed = vec![0; degrees.len()];
-    let mut words = 0;
+    let (mut words, mut ended) = (0, [0; 3]);
     let (mut nees, mut steady) = (Vec::new(), vec![0; degrees.len()]);
     for seed in 0..runs {
         let mut watched = Watched::new(Condition::White, 0x2ec0 + seed);
@@ -90,6 +90,11 @@ fn motions(name: &str, degrees: &[f64], apart_s: f64, runs: u64) {
             }
             (at_s, last) = (at_s + apart_s, *now);
         }
+        match watched.monitor.watch(watched.scene.t_s) {
+            Watch::Steady => ended[0] += 1,
+            Watch::Drifted(_) => ended[2] += 1,
+            _ => ended[1] += 1,
+        }
         words += watched.told.len();
         if runs <= 2 {
             for (t_s, told) in &watched.told {
@@ -107,11 +112,121 @@ fn motions(name: &str, degrees: &[f64], apart_s: f64, runs: u64) {
     }
     let mean = nees.iter().sum::<f64>() / nees.len() as f64;
     println!(
-        "{:.1} words a run, NEES {mean:.1} mean, {:.1} at most",
+        "steady, in doubt, drifted at the end {ended:?}; {:.1} words a run, NEES {mean:.1} mean, {:.1} at most",
         words as f64 / runs as f64,
         nees.last().unwrap_or(&0.0)
     );
 }
+
+/// How sessions ended, how long after their start that was clear, and how what they say of where the camera is agrees with its covariance.
+#[derive(Default)]
+struct Tally {
+    steady: u32,
+    checking: u32,
+    drifted: u32,
+    clear_s: Vec<f64>,
+    chi2: Vec<f64>,
+}
+
+impl Tally {
+    /// The next readings of a session, of a camera that is rotated so far.
+    fn watch(&mut self, monitor: &mut Monitor, scene: &mut Scene, readings: u32, degrees: f64) {
+        let (began_s, mut clear_s, mut last) = (scene.t_s, 0.0, Watch::Checking);
+        for _ in 0..readings {
+            let now = monitor.push(&scene.next(&pan(degrees)));
+            if std::mem::discriminant(&now) != std::mem::discriminant(&last) {
+                clear_s = scene.t_s - began_s;
+            }
+            last = now;
+        }
+        let said = match &last {
+            Watch::Steady => {
+                self.steady += 1;
+                None
+            }
+            Watch::Drifted(drift) => {
+                self.drifted += 1;
+                Some((drift.old_from_new, drift.covariance))
+            }
+            _ => {
+                self.checking += 1;
+                None
+            }
+        };
+        let now = monitor.deviation().expect("readings");
+        let (motion, covariance) = said.unwrap_or((now.old_from_new, now.covariance));
+        let error = motion - pan(degrees);
+        self.chi2.push(error.dot(&covariance.cholesky().expect("a covariance").solve(&error)));
+        self.clear_s.push(clear_s);
+    }
+
+    fn print(&mut self, name: &str) {
+        [&mut self.clear_s, &mut self.chi2].into_iter().for_each(|all| all.sort_by(f64::total_cmp));
+        let (half, last) = (self.clear_s.len() / 2, self.clear_s.len() - 1);
+        let mean = self.chi2.iter().sum::<f64>() / self.chi2.len() as f64;
+        let Tally { steady, checking, drifted, clear_s, chi2 } = self;
+        println!(
+            "{name}: steady {steady}, checking {checking}, drifted {drifted}; clear after {} s (most {}); NEES {mean:.1} mean, {:.1} at most",
+            clear_s[half], clear_s[last], chi2[last]
+        );
+    }
+}
+
+/// Watched, off, and watched again where the camera then is: restored from its state.
+fn restarts(name: &str, condition: Condition, off_s: f64, degrees: f64, runs: u64) {
+    let mut tally = Tally::default();
+    for seed in 0..runs {
+        let mut watched = Watched::new(condition, 0x9e57 + seed);
+        watched.until(600.0, &pan(0.0));
+        let mut monitor = Monitor::restore(&watched.monitor.snapshot()).expect("a state");
+        watched.scene.t_s += off_s;
+        tally.watch(&mut monitor, &mut watched.scene, 60, degrees);
+    }
+    tally.print(&format!("{name}: off {:.2} h, moved {degrees}°", off_s / 3600.0));
+}
+
+/// Compared with a saved reference, its readings from one night to the next.
+fn nightly(name: &str, condition: Condition, degrees: f64, readings: u32, runs: u64) {
+    let mut tally = Tally::default();
+    for seed in 0..runs {
+        let mut scene = scene(condition, 0x17e + seed);
+        let reference = *scene.learned(50, &MonitorConfig::default()).reference();
+        scene.t_s += 80_000.0;
+        let mut monitor = Monitor::new(&reference, &MonitorConfig::default(), scene.t_s).expect("a monitor");
+        monitor.measure_noise(&[]);
+        tally.watch(&mut monitor, &mut scene, readings, degrees);
+    }
+    tally.print(&format!("{name}: {readings} readings of another night, moved {degrees}°"));
+}
+
+/// Watched on where it stays: the share of readings at which it is neither steady nor moved, and alarms.
+fn stays(name: &str, condition: Condition, readings: u32, runs: u64) {
+    let (mut in_doubt, mut alarms) = (0, 0);
+    for seed in 0..runs {
+        let mut watched = Watched::new(condition, 0x57a + seed);
+        for _ in 0..readings {
+            in_doubt +=
+                u32::from(matches!(watched.monitor.push(&watched.scene.next(&pan(0.0))), Watch::Away(_)));
+        }
+        alarms += u32::from(watched.monitor.drift().is_some());
+    }
+    let share = f64::from(in_doubt) / (f64::from(readings) * runs as f64);
+    println!(
+        "{name}: in doubt {:.2} % of {readings} readings; {alarms} of {runs} drifted at the end",
+        100.0 * share
+    );
+}
+
+/// Noise that nobody declared.
+const NOISES: [(&str, Condition); 7] = [
+    ("white", Condition::White),
+    ("sigma 3 times too small", Condition::Understated(3.0)),
+    ("30 % over 60 s", Condition::Correlated { share: 0.3, time_s: 60.0 }),
+    ("70 % over 600 s", Condition::Correlated { share: 0.7, time_s: 600.0 }),
+    ("sine of a day, 0.02°", Condition::Sine { amplitude_deg: 0.02, period_s: 86_400.0 }),
+    ("Student's t of 4", Condition::HeavyTails(4.0)),
+    ("random walk within 0.05°", Condition::LimitedWalk { deg_per_sqrt_h: 0.02, limit_deg: 0.05 }),
+];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
@@ -127,5 +242,26 @@ fn main() {
         motions("1 then 1.02", &[1.0, 1.02, 1.04], 1000.0, runs);
         motions("0.3 then 0.6, a minute", &[0.3, 0.6, 0.3, 0.0], 60.0, runs);
         motions("0.3 then 0.6, ten seconds", &[0.3, 0.6, 0.3, 0.0], 10.0, runs);
+    }
+    if part == "restarts" {
+        for off_s in [600.0, 28_800.0, 259_200.0] {
+            for degrees in [0.0, 0.02, 0.05, 0.1, 0.3, 1.0, 3.0] {
+                restarts("white", Condition::White, off_s, degrees, runs);
+            }
+        }
+    }
+    if part == "nightly" {
+        for readings in [10, 30, 100] {
+            for degrees in [0.0, 0.02, 0.05, 0.1, 0.3, 0.5, 1.0, 3.0] {
+                nightly("white", Condition::White, degrees, readings, runs);
+            }
+        }
+    }
+    if part == "noise" {
+        for (name, condition) in NOISES {
+            restarts(name, condition, 28_800.0, 0.0, runs);
+            nightly(name, condition, 0.0, 100, runs);
+            stays(name, condition, 20_000, runs.min(4));
+        }
     }
 }

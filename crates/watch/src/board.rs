@@ -237,6 +237,7 @@ fn camera_of(event: &Event) -> Option<usize> {
     match event {
         Event::Observed { camera, .. }
         | Event::StateChanged { camera, .. }
+        | Event::Compared { camera, .. }
         | Event::Learned { camera, .. }
         | Event::MovedWhileLearning { camera, .. }
         | Event::Dropped { camera, .. }

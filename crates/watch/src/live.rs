@@ -35,7 +35,7 @@ use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
 use resight_core::temporal::monitor::{
-    Detectable, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled, Watch,
+    Detectable, Deviation, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled, Watch,
 };
 use resight_core::temporal::track::{Motion, TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Pixel, Target};
@@ -236,6 +236,7 @@ impl From<Watch> for State {
             Watch::Stale { for_s } => State::Stale { for_s, reason: None },
             Watch::Checking => State::Checking(CheckingReason::Different),
             Watch::CorrelatedErrors => State::Checking(CheckingReason::CorrelatedErrors),
+            Watch::Away(deviation) => State::Checking(CheckingReason::Away(Box::new(deviation))),
             Watch::Drifted(drift) => State::Drifted(Box::new(drift)),
             Watch::Inconsistent => State::Inconsistent,
         }
@@ -243,12 +244,14 @@ impl From<Watch> for State {
 }
 
 /// Why a camera is neither steady nor moved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum CheckingReason {
     /// Something is different; not yet decided.
     Different,
     /// Errors of the pose are correlated for longer, or are larger, than was learned: what was found is no larger than they are.
     CorrelatedErrors,
+    /// It is not where it was, by more than the session promises to find, though errors that are not excluded would explain it.
+    Away(Box<Deviation>),
 }
 
 /// What was learned of the noise of one camera and one target, and what follows from it.
@@ -293,6 +296,17 @@ pub enum Event {
         moved: Vec<(String, MovedNode)>,
         /// Other sets that would explain it as well, by name.
         alternatives: Vec<Vec<String>>,
+    },
+    /// Where the camera is beside the reference that a session began with: said once, when a few readings say it, or at the end.
+    Compared {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// When, seconds of capture.
+        t_s: f64,
+        /// Where it is.
+        deviation: Box<Deviation>,
     },
     /// A reference was learned.
     Learned {

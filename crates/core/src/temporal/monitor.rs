@@ -28,6 +28,7 @@ mod aftermath;
 mod place;
 mod earlier;
 mod unsettled;
+mod whereabouts;
 pub mod learn;
 pub mod attribute;
 pub mod rig;
@@ -38,6 +39,7 @@ pub use priors::MotionKind;
 pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
+pub use whereabouts::{Deviation, Size};
 
 use crate::covariance::is_covariance;
 use crate::temporal::snapshot::{Snapshot, numbers};
@@ -49,8 +51,10 @@ use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
 use place::Places;
+use promise::Promise;
 use test::DriftTest;
 use transients::Transients;
+use whereabouts::Whereabouts;
 
 /// What counts as an alarm, and as seeing nothing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -120,8 +124,10 @@ pub enum Watch {
         /// Since when, seconds.
         for_s: f64,
     },
-    /// Something is different, but not yet often enough to be more than a wrong reading.
+    /// Something is different, but not yet often enough to be more than a wrong reading; or nothing was read yet.
     Checking,
+    /// It is not where it was, by more than the session promises to find, though errors that are not excluded would explain it.
+    Away(Deviation),
     /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
     CorrelatedErrors,
     /// It moved.
@@ -146,6 +152,7 @@ pub struct Monitor {
     aftermath: Aftermath,
     motions: Motions,
     places: Places,
+    whereabouts: Whereabouts,
     last_s: f64,
     last_usable_s: f64,
     /// Share of contradictory readings, forgotten over some twenty.
@@ -187,6 +194,7 @@ impl Monitor {
             aftermath: Aftermath::new(start),
             motions: Motions::none(start),
             places: Places::default(),
+            whereabouts: Whereabouts::default(),
             last_s: t_s,
             last_usable_s: t_s,
             inconsistent_share: 0.0,
@@ -226,6 +234,8 @@ impl Monitor {
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Checking,
             None if self.aftermath.is_doubted(t_s) => Watch::CorrelatedErrors,
+            None if self.whereabouts.is_away() => self.deviation().map_or(Watch::Checking, Watch::Away),
+            None if self.measures_noise() && !self.whereabouts.is_known() => Watch::Checking,
             None => Watch::Steady,
         }
     }
@@ -258,6 +268,7 @@ impl Monitor {
             test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
         };
+        self.is_at_reference(1);
         Ok(())
     }
 
@@ -280,6 +291,7 @@ impl Monitor {
         let learned: Vec<_> = usable.map(whitened).collect();
         self.test.measure(&learned);
         readings.iter().for_each(|reading| self.scatters(reading));
+        self.is_at_reference(learned.len());
     }
 
     /// Whether noise is measured.
@@ -303,7 +315,11 @@ impl Monitor {
         };
         check(&monitor.config)?;
         monitor.reference.check()?;
-        if !(monitor.test.is_sound() && monitor.aftermath.is_sound() && monitor.motions.is_sound()) {
+        if !(monitor.test.is_sound()
+            && monitor.aftermath.is_sound()
+            && monitor.motions.is_sound()
+            && monitor.whereabouts.is_sound())
+        {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
         }
         Ok(monitor)
@@ -346,10 +362,14 @@ impl Monitor {
     /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while correlated errors are
     /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
     pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
+        self.promise(within_s, true)
+    }
+
+    /// The same; of errors that are excluded, or presumed to be none, no account is taken unless they `are_counted`.
+    fn promise(&self, within_s: f64, are_counted: bool) -> Option<Detectable> {
         let (threshold, period_s) =
             (self.log_threshold() + onsets::log_cost(), self.config.decision_period_s);
-        let measured = self.test.measured()?;
-        Some(measured.detectable(self.test.whitened_from_motion(), within_s, threshold, period_s))
+        self.test.detectable(&Promise { within_s, log_threshold: threshold, period_s, are_counted })
     }
 }
 
@@ -435,6 +455,7 @@ numbers!(Monitor {
     out_of_order,
     motions,
     places,
+    whereabouts,
 });
 numbers!(MonitorConfig {
     false_alarms_per_day,

@@ -3,6 +3,7 @@
 mod disagreement;
 mod expect;
 mod landmarks;
+mod view;
 mod pair;
 mod staying;
 
@@ -14,7 +15,7 @@ use pair::{FrameContent, Pair};
 use resight::GrayImage;
 use resight::detect::DetectError;
 use resight::landmarks::LandmarksError;
-use resight_core::temporal::monitor::{Monitor, Reference, Unsettled};
+use resight_core::temporal::monitor::{Deviation, Monitor, Reference, Unsettled};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
@@ -165,6 +166,12 @@ impl CameraWatcher {
             landmarks.stand_in(frame, &lens, &mut looked, (blank, has_moved));
         }
         looked
+    }
+
+    /// Where the camera is beside the references that the session began with, as far as that has not been said.
+    pub(super) fn compared(&mut self, is_end: bool) -> Vec<(usize, Deviation)> {
+        let pairs = self.pairs.iter_mut().enumerate();
+        pairs.filter_map(|(target, pair)| Some((target, pair.compared(is_end)?))).collect()
     }
 
     /// How things stand for each target at a time, also when no frame has come.

@@ -5,7 +5,7 @@
 //! message and one correction, and what flickers is reported a few times, then once an hour at most. All of it passes through a bucket besides:
 //! `BURST` at once, then one every `AGAIN_S`. What must wait is not lost: the newest state is reported when its time has come, or at the end.
 
-use super::{Event, State};
+use super::{CheckingReason, Event, State};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -184,6 +184,9 @@ impl Pair {
             self.waiting = None;
             return None;
         }
+        if self.reported.as_ref().is_some_and(is_away) && is_away(state) {
+            return None; // How far it is away is said again at the end.
+        }
         let was_drifted = matches!(self.reported, Some(State::Drifted(_)));
         let is_known = self.is_known_motion(state);
         if was_drifted && is_known && self.is_corrected {
@@ -244,6 +247,10 @@ fn is_same(reported: &State, now: &State) -> bool {
     }
 }
 
+fn is_away(state: &State) -> bool {
+    matches!(state, State::Checking(CheckingReason::Away(_)))
+}
+
 fn is_doubt(state: &State) -> bool {
     matches!(state, State::Checking(_) | State::Stale { .. } | State::Inconsistent)
 }
@@ -259,7 +266,7 @@ fn kind(state: &State) -> Kind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::{CheckingReason, Observation};
+    use crate::live::Observation;
     use resight_core::temporal::monitor::{Drift, MotionKind};
     use resight_core::{Matrix6, Vector6};
 

@@ -7,7 +7,7 @@ use super::reader::PATIENCE;
 use super::relearn::Relearn;
 use super::sparingly::Sparingly;
 use super::turns::Turns;
-use super::{Event, State};
+use super::{CheckingReason, Event, State};
 use crate::source::{Content, Frame};
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
@@ -100,7 +100,15 @@ impl<'a> Watcher<'a> {
         };
         drop(turn); // Whoever hears of it may be slow.
         self.queue.give_back((arrived, frame));
-        self.teller.looked(t_s, looked) && self.dropped(false)
+        self.teller.looked(t_s, looked) && self.compared(t_s, false) && self.dropped(false)
+    }
+
+    fn compared(&mut self, t_s: f64, is_end: bool) -> bool {
+        let (camera, compared) = (self.teller.camera, self.look.compared(is_end));
+        compared.into_iter().all(|(target, deviation)| {
+            let deviation = Box::new(deviation);
+            self.teller.tell(Event::Compared { camera, target, t_s, deviation })
+        })
     }
 
     fn silence(&mut self) -> bool {
@@ -118,6 +126,7 @@ impl<'a> Watcher<'a> {
         }
         self.dropped(true);
         if let Some((t_s, _)) = self.last {
+            self.compared(t_s, true);
             self.teller.at_the_end(t_s, self.look.states(t_s));
         }
         if self.is_new {
@@ -172,17 +181,20 @@ impl Teller {
             (Some(State::Learning { .. }), State::Learning { .. })
             | (Some(State::Stale { .. }), State::Stale { .. }) => false,
             (Some(State::Drifted(before)), State::Drifted(now)) => before.began_s != now.began_s,
+            (Some(State::Checking(CheckingReason::Away(_))), State::Checking(CheckingReason::Away(_))) => {
+                false
+            }
             (before, now) => before.as_ref() != Some(now),
         };
         self.states[target] = Some(state.clone());
         !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
     }
 
-    /// A drift is known better at the end than when it was reported.
+    /// A drift, and where a camera is, is known better at the end than when it was reported.
     fn at_the_end(&self, t_s: f64, states: Vec<State>) {
         let camera = self.camera;
         for (target, state) in states.into_iter().enumerate() {
-            if matches!(state, State::Drifted(_)) {
+            if matches!(state, State::Drifted(_) | State::Checking(CheckingReason::Away(_))) {
                 self.tell(Event::StateChanged { camera, target, t_s, state });
             }
         }

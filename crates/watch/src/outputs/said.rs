@@ -1,5 +1,6 @@
 //! Events in words and as JSON.
 
+mod compared;
 mod drifted;
 pub mod object;
 mod promised;
@@ -12,7 +13,7 @@ use resight::answer::landmarks::RotationObject;
 use resight::answer::{TransformObject, pose};
 use resight::core::Vector6;
 use resight::core::temporal::monitor::attribute::MovedNode;
-use resight::core::temporal::monitor::{Drift, Unrest, Unsettled};
+use resight::core::temporal::monitor::{Deviation, Drift, Unrest, Unsettled};
 use resight::report::turned::{self, parts};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -77,20 +78,31 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
         let word = state.as_ref().map_or("stale", word);
         let (camera, target) = names.of_pair(index);
         let has_moved = moved.while_learning.contains(&(camera, target));
+        let away = state.as_ref().and_then(away);
+        let now = away.map(|deviation| format!(", {}", compared::words(deviation))).unwrap_or_default();
         lines.push(match (json, has_moved) {
             (true, _) => line(&EventObject {
                 event: "verdict",
                 camera: Some(names.camera(camera).to_owned()),
                 target: Some(names.target(target).to_owned()),
                 state: Some(word),
+                deviation: away.map(compared::object),
                 moved_while_learning: has_moved.then_some(true),
                 ..EventObject::default()
             }),
-            (false, true) => format!("{pair}: {word}; it moved while its reference was learned"),
-            (false, false) => format!("{pair}: {word}"),
+            (false, true) => format!("{pair}: {word}{now}; it moved while its reference was learned"),
+            (false, false) => format!("{pair}: {word}{now}"),
         });
     }
     lines
+}
+
+/// Where it is, of a camera that is in doubt because of that.
+fn away(state: &State) -> Option<&Deviation> {
+    match state {
+        State::Checking(CheckingReason::Away(deviation)) => Some(deviation),
+        _ => None,
+    }
 }
 
 fn line(object: &EventObject) -> String {
@@ -146,6 +158,9 @@ impl EventText {
             }
             Event::StateChanged { camera, target, t_s, state } => {
                 format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), state_words(state))
+            }
+            Event::Compared { camera, target, t_s, deviation } => {
+                format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), compared::words(deviation))
             }
             Event::Learned { camera, target, reference, promise } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
@@ -214,6 +229,15 @@ impl EventText {
                 target: target(t),
                 t_s: Some(*t_s),
                 ..state_object(state)
+            },
+            Event::Compared { camera: c, target: t, t_s, deviation } => EventObject {
+                event: "compared",
+                camera: camera(c),
+                target: target(t),
+                t_s: Some(*t_s),
+                deviation: Some(compared::object(deviation)),
+                message: Some(compared::words(deviation)),
+                ..none()
             },
             Event::Learned { camera: c, target: t, reference, promise } => {
                 let (noise, detectable) = promise.as_ref().map(|p| promised::objects(p)).unzip();
@@ -327,6 +351,10 @@ pub fn state_words(state: &State) -> String {
         }
         State::Checking(CheckingReason::Different) => "checking: something is different, not yet decided".to_string(),
         State::Checking(CheckingReason::CorrelatedErrors) => "checking: errors are correlated for longer, or are larger, than was learned; what was found is no larger than they are".to_string(),
+        State::Checking(CheckingReason::Away(deviation)) => format!(
+            "checking: {}, which is more than is promised to be found; errors that are not excluded would explain it",
+            compared::words(deviation)
+        ),
         State::Inconsistent => "inconsistent: readings contradict their stated noise: intrinsics, target or sigma are wrong, part of the target is hidden, or landmarks move".to_string(),
         State::Drifted(drift) => drifted::words(drift),
         State::Steady => "steady".to_string(),
@@ -391,9 +419,13 @@ fn state_object(state: &State) -> EventObject {
             EventObject { readings: Some(*readings), needed: Some(*needed), ..object }
         }
         State::Checking(reason) => {
-            let are_correlated = *reason == CheckingReason::CorrelatedErrors;
-            let reason = if are_correlated { "correlated_errors" } else { "different" };
-            EventObject { reason: Some(reason.into()), ..object }
+            let word = match reason {
+                CheckingReason::Different => "different",
+                CheckingReason::CorrelatedErrors => "correlated_errors",
+                CheckingReason::Away(_) => "away",
+            };
+            let deviation = away(state).map(compared::object);
+            EventObject { reason: Some(word.into()), deviation, ..object }
         }
         State::Steady | State::Inconsistent | State::Tracking => object,
     }

@@ -78,6 +78,7 @@ impl Output for Tf {
             | Event::Clock { .. }
             | Event::MovedWhileLearning { .. }
             | Event::Ended { .. }
+            | Event::Compared { .. }
             | Event::Attributed { .. } => {}
         }
         Ok(())

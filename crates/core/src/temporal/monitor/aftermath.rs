@@ -12,13 +12,14 @@ use super::drift::{Again, Rate};
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
 use super::onsets::Change;
-use super::priors::{MEDIAN, MotionKind, deflated};
+use super::priors::{CONFIRM, MEDIAN, MotionKind, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::{Fitted, Trace};
 use super::{Drift, DriftNoise, Monitor, between, is_likely, transients};
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Pose, Vector6};
+use arrayvec::ArrayVec;
 
 /// All that is known besides the test itself.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,12 +108,15 @@ impl Aftermath {
 impl Monitor {
     /// All that comes through at once is read before anything is decided: what waited together says the same.
     pub(super) fn decide(&mut self, passed: &[Passed]) {
+        if let Some(first) = passed.first() {
+            self.await_reading(first.t_s);
+        }
         let (period_s, threshold) = (self.config.decision_period_s, self.log_threshold());
         let most = (threshold - test::LEAST_EVIDENCE.ln()).exp();
-        let mut log_r = None;
+        let (mut log_r, mut motions) = (None, ArrayVec::<Vector6, { CONFIRM + 1 }>::new());
         for joined in passed {
             log_r = Some(self.test.push(joined.t_s, &joined.reading, period_s, most));
-            self.note(joined);
+            motions.push(self.note(joined));
         }
         let (Some(log_r), Some(last)) = (log_r, passed.last()) else { return };
         // What the noise in use does not explain, other noise may.
@@ -125,11 +129,18 @@ impl Monitor {
         if self.drift.is_some() {
             self.come_back(last.t_s);
         }
+        if !self.whereabouts.is_known() {
+            // It is elsewhere: what came before says nothing of now.
+            passed.iter().zip(&motions).for_each(|(joined, motion)| self.locate(joined, motion));
+        }
+        self.compare();
     }
 
-    fn note(&mut self, joined: &Passed) {
+    /// The motion of a reading from the pose of the reference.
+    fn note(&mut self, joined: &Passed) -> Vector6 {
         let motion = self.seen_from_reference(&self.test.motion(&joined.reading.value));
         let level = self.level(joined.t_s);
+        self.locate(joined, &motion);
         let aftermath = &mut self.aftermath;
         // Where noise is measured the models of the test know of correlated errors.
         if self.test.measured().is_none() {
@@ -141,6 +152,7 @@ impl Monitor {
             Some(_) => self.motions.note(level),
             None => aftermath.milestones.push(level),
         }
+        motion
     }
 
     /// A small motion from the level of the test, as one from the reference.
@@ -223,6 +235,7 @@ impl Monitor {
         self.aftermath.named_s = drift.began_s;
         let found = self.begin_around(now, drift.began_s);
         self.motions.add(drift.began_s, from, found);
+        self.relocate();
     }
 
     /// The estimate of an alarm serves as the start of the next stage only: where it is now is learned anew.
@@ -277,6 +290,7 @@ impl Monitor {
         self.test_from(&home.motion, home.covariance, onset_s, true);
         self.aftermath.begin_at(home);
         self.motions = Motions::none(home);
+        self.relocate();
     }
 
     /// Errors explain the alarm: they are from now on expected to be as large as they were seen, and to last as long.

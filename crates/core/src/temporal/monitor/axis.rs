@@ -76,6 +76,11 @@ impl Transition {
         Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, diurnal_gain: 0.0, elapsed_s }
     }
 
+    /// The same of another time, as far as it is not that of the errors.
+    pub fn over(&self, elapsed_s: f64) -> Self {
+        Transition { elapsed_s, ..*self }
+    }
+
     /// The same for a diurnal variation of another variance.
     pub fn with_diurnal_variance(&self, from: f64, to: f64) -> Self {
         Transition { diurnal_gain: self.diurnal_gain / from * to, ..*self }

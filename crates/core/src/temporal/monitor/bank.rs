@@ -7,7 +7,7 @@
 //! ```
 //! Derivation: docs/math/monitor.md section 9.
 
-use super::axis::{AxisFilter, AxisNoise, Innovation, Transition};
+use super::axis::{AxisFilter, AxisNoise, DAY_S, Innovation, Transition};
 use super::models::{
     DAYS, DIRECTIONS, DIURNAL_SHARES, EXCLUDED, GRID, GRID_MODELS, MODELS, Model, STATED, WHITE, best,
     between,
@@ -67,15 +67,36 @@ fn largest(of: &[f64; MODELS]) -> f64 {
     of.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
+/// What errors that the readings have not shown may gain by the hour while nothing is read, in variances of a reading, and for how many hours
+/// they gain it: docs/math/monitor.md eqs. (90), (91).
+const UNSEEN_PER_HOUR: f64 = 1.0;
+const MOST_HOURS: f64 = 24.0;
+const HOUR_S: f64 = 3600.0;
+/// The first minute is a gap in nothing.
+const LEAST_WATCHED_S: f64 = 60.0;
+
 /// A time that has passed, for all models of all coordinates.
 pub(super) struct Passed {
     /// e^(−Δ/τ) of each model.
     decays: [f64; GRID],
     /// Of a diurnal variation of variance one.
     day: Transition,
+    /// What an error may have gained besides, in variances of a reading.
+    unseen: f64,
+    /// Δ, seconds.
+    elapsed_s: f64,
 }
 
 impl Passed {
+    /// Nothing was read for `elapsed_s`; before that for `watched_s` it was. Beyond the time that was watched errors do not go on as models say
+    /// that nothing has tested over such a time.
+    pub fn after(elapsed_s: f64, watched_s: f64, unit_s: f64) -> Self {
+        let known_s =
+            if watched_s < DAY_S { elapsed_s.min(watched_s.max(LEAST_WATCHED_S)) } else { elapsed_s };
+        let hours = ((elapsed_s - known_s) / HOUR_S).min(MOST_HOURS);
+        Passed { unseen: UNSEEN_PER_HOUR * hours, elapsed_s, ..Passed::new(known_s, unit_s) }
+    }
+
     pub fn new(elapsed_s: f64, unit_s: f64) -> Self {
         let mut decays = [1.0; GRID];
         for (i, model) in GRID_MODELS.iter().enumerate().skip(1) {
@@ -85,7 +106,20 @@ impl Passed {
         }
         let of_day =
             AxisNoise { reference_sigma: 0.0, bias_sigma: 0.0, bias_time_s: 1.0, diurnal_sigma: 1.0 };
-        Passed { decays, day: Transition::new(&of_day, elapsed_s) }
+        Passed { decays, day: Transition::new(&of_day, elapsed_s), unseen: 0.0, elapsed_s }
+    }
+
+    /// A diurnal variation of this variance after the time.
+    fn carry(&self, filter: &mut AxisFilter, steady: f64, typical: f64) {
+        filter.predict(&self.day.with_diurnal_variance(1.0, steady));
+        let known = filter.covariance[(2, 2)];
+        filter.covariance[(2, 2)] = self.spread(1.0, known, steady, typical);
+    }
+
+    /// The variance of an error after the time: no more than it ever has.
+    fn spread(&self, kept: f64, variance: f64, steady: f64, typical: f64) -> f64 {
+        let known = steady + kept * kept * (variance - steady);
+        (known + self.unseen * typical).min(known.max(steady))
     }
 }
 
@@ -131,11 +165,10 @@ impl AxisBank {
             let kept = passed.decays[i];
             b[i] *= kept;
             mb[i] *= kept;
-            let steady = GRID_MODELS[i].share * self.typical;
-            bb[i] = steady + kept * kept * (bb[i] - steady);
+            bb[i] = passed.spread(kept, bb[i], GRID_MODELS[i].share * self.typical, self.typical);
         }
         for (day, share) in DIURNAL_SHARES.iter().enumerate() {
-            self.full[day].predict(&passed.day.with_diurnal_variance(1.0, share * self.typical));
+            passed.carry(&mut self.full[day], share * self.typical, self.typical);
         }
         if self.is_stated {
             self.full[DAYS].predict(stated);
@@ -176,13 +209,16 @@ impl AxisBank {
         let (used, scale) = (self.used, self.scale[self.used]);
         if GRID <= used {
             let mut filter = self.full[used - GRID];
-            filter.predict(&self.transition(passed, stated));
+            match used {
+                STATED => filter.predict(stated),
+                day => passed.carry(&mut filter, DIURNAL_SHARES[day - GRID] * self.typical, self.typical),
+            }
             return self.of_full(used, &filter, y, r);
         }
         let kept = passed.decays[used];
         let [mm, mb, bb] = self.covariance.map(|of| of[used]);
-        let steady = GRID_MODELS[used].share * self.typical;
-        let variance = mm + 2.0 * kept * mb + steady + kept * kept * (bb - steady) + r;
+        let spread = passed.spread(kept, bb, GRID_MODELS[used].share * self.typical, self.typical);
+        let variance = mm + 2.0 * kept * mb + spread + r;
         let value = y - self.mean[0][used] - kept * self.mean[1][used];
         Innovation { value, variance: scale * variance, gain: Vector4::zeros() }
     }
@@ -261,6 +297,12 @@ impl AxisBank {
             let log = if share <= PRESUMED { 0.0 } else { UNPRESUMED };
             (self.log_likelihood[i], self.record[i]) = (log, log);
         }
+        // For how long nothing was read is not known: eq. (91).
+        let most = UNSEEN_PER_HOUR * MOST_HOURS * self.typical;
+        self.covariance[2].iter_mut().for_each(|variance| *variance = variance.min(most));
+        for of_day in &mut self.full[..DAYS] {
+            of_day.covariance[(2, 2)] = of_day.covariance[(2, 2)].min(most);
+        }
     }
 
     /// Mean and variance of the constant part.
@@ -279,9 +321,10 @@ impl AxisBank {
         match self.used {
             STATED => *stated,
             used if GRID <= used => {
-                passed.day.with_diurnal_variance(1.0, DIURNAL_SHARES[used - GRID] * self.typical)
+                let day = passed.day.with_diurnal_variance(1.0, DIURNAL_SHARES[used - GRID] * self.typical);
+                day.over(passed.elapsed_s)
             }
-            used => Transition::of_bias(passed.decays[used], passed.day.elapsed_s),
+            used => Transition::of_bias(passed.decays[used], passed.elapsed_s),
         }
     }
 
@@ -310,6 +353,12 @@ impl AxisBank {
                 Some(CorrelatedError { sigma_ratio: share.sqrt(), time_s: time * unit_s })
             }
         }
+    }
+
+    /// The variance of that error; nothing where there is none.
+    pub fn correlated_variance(&self, unit_s: f64) -> f64 {
+        let share = self.correlated(unit_s).map_or(0.0, |error| error.sigma_ratio.powi(2));
+        share * self.scale() * self.typical
     }
 
     /// What `n` readings, a time apart and each as good as `joined`, say of a step of one under each model and under those between the best

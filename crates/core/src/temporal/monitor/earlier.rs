@@ -44,6 +44,7 @@ impl Numbers for Version3 {
             out_of_order: Numbers::take(rest)?,
             motions: Motions::none(Default::default()),
             places: Places::default(),
+            whereabouts: Default::default(),
         };
         monitor.motions = monitor.aftermath.motions(&monitor.drift);
         Some(Version3(monitor))

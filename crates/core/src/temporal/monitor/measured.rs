@@ -12,12 +12,14 @@ use super::axis::{AXES, AxisNoise, Innovation, Transition, Whitened};
 use super::bank::{AxisBank, FURTHEST_BEHIND, Passed};
 use super::models::{self, EXCLUDED, MODELS};
 use super::priors::{BETWEEN, GROWN, most_grown, read_grown};
-use super::promise::{self, Detectable, MeasuredNoise};
+use super::promise::{self, Detectable, MeasuredNoise, Promise};
 use crate::temporal::snapshot::numbers;
 use nalgebra::{Matrix6, Vector6};
 
 /// Readings over which the time between them is taken.
 const BETWEEN_OVER: f64 = 100.0;
+/// A time longer than this many times that is a gap.
+const MOST_APART: f64 = 10.0;
 /// Where the coordinates, the grown noise and the models stand in a standing.
 const GROWN_AT: usize = AXES;
 const HEAVY_AT: usize = AXES + GROWN.len();
@@ -78,10 +80,16 @@ impl Measured {
 
     /// A time passes: how states of the models in use move.
     pub fn predict(&mut self, elapsed_s: f64, stated: &[Transition; AXES]) -> [Transition; AXES] {
-        let passed = Passed::new(elapsed_s, self.unit_s);
-        self.between_s += (elapsed_s - self.between_s) / (1.0 + self.readings.min(BETWEEN_OVER));
+        let passed = self.passed(elapsed_s);
+        // A gap is not how far apart readings are.
+        let apart_s = elapsed_s.min(MOST_APART * self.between_s);
+        self.between_s += (apart_s - self.between_s) / (1.0 + self.readings.min(BETWEEN_OVER));
         self.banks.iter_mut().zip(stated).for_each(|(bank, stated)| bank.predict(&passed, stated));
         std::array::from_fn(|axis| self.banks[axis].transition(&passed, &stated[axis]))
+    }
+
+    fn passed(&self, elapsed_s: f64) -> Passed {
+        Passed::after(elapsed_s, self.readings * self.between_s, self.unit_s)
     }
 
     pub fn innovations(&self, value: &Vector6<f64>, variance: &Vector6<f64>) -> [Innovation; AXES] {
@@ -95,7 +103,7 @@ impl Measured {
         stated: &[Transition; AXES],
         reading: &Whitened,
     ) -> [Innovation; AXES] {
-        let passed = Passed::new(elapsed_s, self.unit_s);
+        let passed = self.passed(elapsed_s);
         std::array::from_fn(|axis| {
             let (value, variance) = (reading.value[axis], reading.variance[axis]);
             self.banks[axis].predicted(&passed, &stated[axis], value, variance)
@@ -214,18 +222,21 @@ impl Measured {
         promise::noise(&self.banks, self.unit_s)
     }
 
-    /// What is found within a time. `log_threshold`: ln of what R must reach; `period_s`: the time that an onset of weight one stands for.
-    pub fn detectable(
-        &self,
-        whitened_from_motion: &Matrix6<f64>,
-        within_s: f64,
-        log_threshold: f64,
-        period_s: f64,
-    ) -> Detectable {
-        let log_weight = (self.between_s / period_s).max(1.0).ln();
-        let (unit_s, between_s) = (self.unit_s, self.between_s.max(1e-3));
-        let needed = log_threshold - log_weight;
-        promise::detectable(&self.banks, unit_s, between_s, whitened_from_motion, within_s, needed)
+    /// What is found within a time.
+    pub fn detectable(&self, whitened_from_motion: &Matrix6<f64>, promise: &Promise) -> Detectable {
+        let log_weight = (self.between_s / promise.period_s).max(1.0).ln();
+        let own = Promise { log_threshold: promise.log_threshold - log_weight, ..*promise };
+        promise::detectable(&self.banks, (self.unit_s, self.between_s()), whitened_from_motion, &own)
+    }
+
+    /// The time between readings, seconds.
+    pub fn between_s(&self) -> f64 {
+        self.between_s.max(1e-3)
+    }
+
+    /// Variances of the errors that last, where the readings show them.
+    pub fn correlated_variances(&self) -> Vector6<f64> {
+        Vector6::from_fn(|axis, _| self.banks[axis].correlated_variance(self.unit_s))
     }
 
     pub fn is_sound(&self) -> bool {

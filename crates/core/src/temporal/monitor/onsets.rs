@@ -13,7 +13,7 @@
 
 use super::axis::{AXES, Innovation, Transition, read};
 use super::measured::Measured;
-use super::priors::{COURSES, MotionKind, SIZES, WIDER};
+use super::priors::{COURSES, GAP_SHARE, MotionKind, SIZES, WIDER};
 use super::{LogSum, Scaled};
 use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use arrayvec::ArrayVec;
@@ -312,7 +312,12 @@ impl Onsets {
         let all: f64 = probabilities.iter().flatten().sum();
         probabilities.iter_mut().flatten().for_each(|p| *p /= all);
         let (best, _) = probabilities.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
-        let by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
+        let mut by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
+        let after_gap = self.after_gap(best);
+        let best = after_gap.unwrap_or(best);
+        if after_gap.is_some() {
+            by_course = [1.0, 0.0];
+        }
         let course = usize::from(by_course[0] < by_course[1]);
         let at = self.onsets.get(best)?;
         let times = self.onsets.iter().map(|onset| onset.t_s);
@@ -326,6 +331,17 @@ impl Onsets {
             shift,
             variance,
         })
+    }
+
+    /// The onset after a gap that is most of the time since this one. What happened in it looks the same whether it went on for all of it or
+    /// not, and until more is read it is a step.
+    fn after_gap(&self, best: usize) -> Option<usize> {
+        let now_s = self.last_s()?;
+        let since_s = now_s - self.onsets[best].t_s;
+        let gap_s = |i: &usize| self.onsets[*i].t_s - self.onsets[i - 1].t_s;
+        let last = best + 1..self.onsets.len();
+        let longest = last.max_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))?;
+        (GAP_SHARE * since_s < gap_s(&longest)).then_some(longest)
     }
 
     /// What a jump at the onset nearest to `onset_s` adds by now, mean and variance.

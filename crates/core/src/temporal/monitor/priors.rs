@@ -37,6 +37,8 @@ pub(super) const CHOSEN: f64 = 4.0;
 /// Surprising readings that agree with each other, so that they are more than outliers: a pose estimate flips once or twice, seldom three
 /// times to the same place.
 pub(super) const CONFIRM: usize = 3;
+/// Of the time since an onset, the share from which on a gap in it is most of it.
+pub(super) const GAP_SHARE: f64 = 0.9;
 /// Readings over which the scale of the noise is measured.
 pub(super) const SCALE_OVER: f64 = 200.0;
 /// χ² of six degrees of freedom that one in 10⁴ exceeds: such readings do not take part in what is learned.

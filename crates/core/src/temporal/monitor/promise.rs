@@ -52,23 +52,37 @@ const HALVINGS: usize = 12;
 /// What six coordinates lose on average to the errors that fit each by chance, nats.
 const FITTED: f64 = 5.0;
 
-/// `log_evidence`: ln of what a single onset needs; `between_s`: the time between readings.
+/// What is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Promise {
+    pub within_s: f64,
+    /// ln of what R must reach for a single onset.
+    pub log_threshold: f64,
+    /// The time that an onset of weight one stands for, seconds.
+    pub period_s: f64,
+    /// Whether errors that are excluded, or presumed to be none, count where they explain a motion in spite of that.
+    pub are_counted: bool,
+}
+
+/// With the unit of the time constants and the time between readings, seconds.
 pub(super) fn detectable(
     banks: &[AxisBank; AXES],
-    unit_s: f64,
-    between_s: f64,
+    (unit_s, between_s): (f64, f64),
     whitened_from_motion: &Matrix6,
-    within_s: f64,
-    log_evidence: f64,
+    promise: &Promise,
 ) -> Detectable {
+    let within_s = promise.within_s;
     let n = (within_s / between_s).floor().clamp(1.0, 1e6);
     let followed = n.min(FOLLOWED as f64);
     let (elapsed_s, joined) = (between_s * n / followed, n / followed);
     let passed = Passed::new(elapsed_s, unit_s);
-    let possible: [_; AXES] =
+    let mut possible: [_; AXES] =
         std::array::from_fn(|axis| banks[axis].possible(&passed, followed as usize, joined));
+    if !promise.are_counted {
+        possible.iter_mut().for_each(|all| all.retain(|(_, behind)| *behind == 0.0));
+    }
     // A mean of E nats scatters by √2E.
-    let root = NINE_IN_TEN + (NINE_IN_TEN * NINE_IN_TEN + 2.0 * (log_evidence + FITTED)).sqrt();
+    let root = NINE_IN_TEN + (NINE_IN_TEN * NINE_IN_TEN + 2.0 * (promise.log_threshold + FITTED)).sqrt();
     let size = |coordinate: usize| {
         let along: Vector6 = whitened_from_motion.column(coordinate).into();
         smallest(&possible, &along, 0.5 * root * root)

@@ -3,6 +3,7 @@
 use super::axis::{AXES, AxisFilter, AxisNoise, Innovation, Transition, Whitened};
 use super::measured::Measured;
 use super::onsets::{Change, Onsets};
+use super::promise::{Detectable, Promise};
 use crate::Error;
 use crate::covariance::is_covariance;
 use crate::temporal::snapshot::numbers;
@@ -163,9 +164,20 @@ impl DriftTest {
         self.measured.as_ref()
     }
 
-    /// Whitened coordinates of the motion's.
-    pub(crate) fn whitened_from_motion(&self) -> &Matrix6<f64> {
-        &self.whitened_from_motion
+    /// The covariance of a motion that has these variances in whitened coordinates.
+    pub fn spread(&self, variance: &Vector6<f64>) -> Matrix6<f64> {
+        let back = &self.motion_from_whitened;
+        back * Matrix6::from_diagonal(variance) * back.transpose()
+    }
+
+    /// What is found within a time, where noise is measured.
+    pub fn detectable(&self, promise: &Promise) -> Option<Detectable> {
+        Some(self.measured.as_ref()?.detectable(&self.whitened_from_motion, promise))
+    }
+
+    /// Variances of a typical reading.
+    pub fn typical(&self) -> &Vector6<f64> {
+        &self.typical
     }
 
     /// A reading that is learned from only.

@@ -6,7 +6,7 @@
 //! ```
 //! The alarm weighs the same two, but it must be early; this continues as readings come. docs/math/monitor.md eq. (48).
 
-use super::priors::MotionKind;
+use super::priors::{GAP_SHARE, MotionKind};
 use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
@@ -102,7 +102,10 @@ impl Trace {
         let fits = |course| {
             let after = if course == MotionKind::Ramp { LEAST_AFTER } else { 1 };
             let last = self.blocks.len().saturating_sub(after);
-            (1..=last).filter_map(move |first| self.blocks.get(first).map(|_| (course, first)))
+            let is_seen = move |first: &usize| course == MotionKind::Step || !self.is_in_gap(*first);
+            (1..=last.min(self.blocks.len().saturating_sub(1)))
+                .filter(is_seen)
+                .map(move |first| (course, first))
         };
         let fit = |(course, first): (MotionKind, usize)| self.fit(course, first, &weights, &weight);
         let best = |course| -> Option<(Fit, f64)> {
@@ -143,6 +146,14 @@ impl Trace {
             motion += block.readings * block.motion;
         }
         (0.0 < readings).then(|| (t_s / readings, motion / readings, readings))
+    }
+
+    /// Whether nothing was read for most of the time since block `first`: what happened in a gap looks the same whether it went on or not.
+    fn is_in_gap(&self, first: usize) -> bool {
+        let onset_s = self.blocks[first - 1].to_s;
+        let gap_s = |pair: &[Block]| pair[1].from_s - pair[0].to_s;
+        let longest_s = self.blocks[first - 1..].windows(2).map(gap_s).fold(0.0, f64::max);
+        GAP_SHARE * (self.blocks[self.blocks.len() - 1].to_s - onset_s) < longest_s
     }
 
     fn degrees(&self) -> f64 {

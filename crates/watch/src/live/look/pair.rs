@@ -3,21 +3,21 @@
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::staying::{Staying, View};
+use super::view::{candidates, reading, residuals};
 use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
-use crate::live::{LiveConfig, Observation, PointResidual, Promise, State, Watched};
+use crate::live::{LiveConfig, Observation, Promise, State, Watched};
 use crate::source::{Content, Frame};
 use resight::GrayImage;
 use resight::detect::follow::Follower;
 use resight::locate::IntrinsicsCovariance;
 use resight_core::correspondence::Detection;
 use resight_core::locate::consistency::Consistency;
-use resight_core::locate::refine::residual_px;
 use resight_core::locate::{Config, PoseEstimate};
 use resight_core::multiview::tag_map::locate_target;
 use resight_core::temporal::monitor::learn::{LEAST_READINGS, learn, unsettled};
-use resight_core::temporal::monitor::{Monitor, Reading, Reference, Unrest, Unsettled, Watch};
-use resight_core::temporal::track::{Candidate, Motion, Tracked, Tracker};
+use resight_core::temporal::monitor::{Deviation, Monitor, Reading, Reference, Unrest, Unsettled, Watch};
+use resight_core::temporal::track::{Motion, Tracker};
 use resight_core::{Camera, Correspondence, Target};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -33,6 +33,8 @@ pub(super) struct Pair {
     expectation: Expectation,
     tracker: Tracker,
     stage: Stage,
+    /// Readings until it is said where the camera is beside the reference that the session began with.
+    compares_in: Option<u32>,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
     /// Capture time of the last frame, and why it gave no reading.
@@ -110,6 +112,7 @@ impl Pair {
             },
             tracker: Tracker::new(&config.track)?,
             stage,
+            compares_in: None,
             began: None,
             last: None,
             config: config.clone(),
@@ -142,7 +145,8 @@ impl Pair {
         let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
         let is_suspect = |monitor: &Monitor| {
             let now = monitor.watch(monitor.last_usable_s());
-            monitor.drift().is_some() || matches!(now, Watch::Checking | Watch::CorrelatedErrors)
+            monitor.drift().is_some()
+                || matches!(now, Watch::Checking | Watch::Away(_) | Watch::CorrelatedErrors)
         };
         self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
@@ -161,10 +165,20 @@ impl Pair {
         PairRecord { target: self.name.clone(), settings: self.settings.clone(), tracker, stage }
     }
 
+    /// Where the camera is beside the reference that the session began with: once, when enough readings say it, or those that there are
+    /// at the end.
+    pub fn compared(&mut self, is_end: bool) -> Option<Deviation> {
+        let is_due = |readings: u32| readings == 0 || (is_end && readings < COMPARED_AFTER);
+        let deviation = self.monitor()?.deviation().filter(|_| self.compares_in.is_some_and(is_due))?;
+        self.compares_in = None;
+        Some(deviation)
+    }
+
     /// Forgets what it compares with, and learns where the camera is from the next reading on. Who has no reference has none to forget.
     pub fn learn_anew(&mut self) {
         if matches!(self.stage, Stage::Starting(_) | Stage::Learning(_) | Stage::Watching(_)) {
             self.stage = Stage::Learning(Vec::new());
+            self.compares_in = None;
             self.disagreement.end();
         }
     }
@@ -196,6 +210,7 @@ impl Pair {
             StageRecord::Following(last_s) => Stage::Following { last_s: *last_s, is_seen: last_s.is_some() },
         };
         (self.tracker, self.stage) = (tracker, stage);
+        self.compares_in = self.monitor().map(|_| COMPARED_AFTER);
         Ok(true)
     }
 
@@ -285,6 +300,7 @@ impl Pair {
                 if let Ok(mut monitor) = Monitor::new(reference, &self.config.monitor, t_s) {
                     monitor.measure_noise(&[]);
                     self.stage = Stage::Watching(Box::new(monitor));
+                    self.compares_in = Some(COMPARED_AFTER);
                 }
             }
             Stage::Following { last_s, is_seen: false } => *last_s = Some(t_s),
@@ -367,6 +383,7 @@ impl Pair {
             }
             Stage::Watching(monitor) => {
                 monitor.push(reading);
+                self.compares_in = self.compares_in.map(|readings| readings.saturating_sub(1));
                 return None;
             }
             Stage::Learning(readings) => readings,
@@ -401,6 +418,9 @@ const NO_FRAME: &str = "no frame comes";
 
 /// The time within which a motion of the promised size is found, seconds; at least three readings.
 const PROMISED_WITHIN_S: f64 = 60.0;
+
+/// Readings that say where the camera is when a session begins.
+const COMPARED_AFTER: u32 = 10;
 
 /// What learning came to.
 enum Learned {
@@ -467,42 +487,3 @@ fn is_fault(
 
 /// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.
 const UNLIKELY: f64 = 16.8;
-
-/// χ² of two numbers that one point in a hundred exceeds.
-const ODD: f64 = 9.21;
-
-/// How each point differs from the pose; those behind the lens model's edge are left out.
-fn residuals(estimate: &PoseEstimate, points: &[Correspondence], lens: &Camera) -> Vec<PointResidual> {
-    let residual = |c: &Correspondence| {
-        let px = residual_px(&estimate.cam_from_target, c, lens)?;
-        let agrees = px.norm_squared() <= ODD * c.sigma_px * c.sigma_px;
-        Some(PointResidual { pixel: c.pixel, residual_px: px.into(), agrees })
-    };
-    points.iter().filter_map(residual).collect()
-}
-
-/// All minima of a frame: time chooses among them.
-fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
-    let first = Candidate {
-        cam_from_target: estimate.cam_from_target,
-        covariance: estimate.covariance,
-        probability: estimate.probability,
-    };
-    let others = estimate.others.iter().flatten().map(|other| Candidate {
-        cam_from_target: other.minimum.cam_from_target,
-        covariance: other.minimum.covariance,
-        probability: other.probability,
-    });
-    std::iter::once(first).chain(others).collect()
-}
-
-/// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
-fn reading(frame: &Frame, is_consistent: bool, all: &[Candidate], tracked: &Tracked) -> Reading {
-    let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
-    Reading {
-        t_s: frame.capture_s,
-        a_from_b: chosen.cam_from_target,
-        covariance: chosen.covariance,
-        is_consistent,
-    }
-}

@@ -2,7 +2,7 @@
 
 use super::histogram::Histogram;
 use super::rate::Rate;
-use crate::live::{Event, Observation, State};
+use crate::live::{CheckingReason, Event, Observation, State};
 use crate::outputs::Session;
 use crate::outputs::measured::measured;
 use crate::outputs::outbox::Counted;
@@ -149,6 +149,7 @@ impl Tally {
             Event::StateChanged { camera, target, state, .. } => {
                 self.pair(*camera, *target, |pair| pair.change(state));
             }
+            Event::Compared { .. } => {}
             Event::Learned { camera, target, reference, .. } => {
                 self.pair(*camera, *target, |pair| pair.reference = Some(**reference));
             }
@@ -171,11 +172,9 @@ impl Tally {
 
     /// Whether every source gives frames and every camera is where it was, or about to be known to be.
     pub fn is_well(&self) -> bool {
-        let is_well = |pair: &PairTally| {
-            matches!(
-                pair.state,
-                Some(State::Steady | State::Checking(_) | State::Learning { .. } | State::Tracking)
-            )
+        let is_well = |pair: &PairTally| match &pair.state {
+            Some(State::Checking(reason)) => !matches!(reason, CheckingReason::Away(_)),
+            state => matches!(state, Some(State::Steady | State::Learning { .. } | State::Tracking)),
         };
         self.cameras.iter().all(|camera| camera.connected) && self.pairs.iter().all(is_well)
     }

@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct EventObject {
     /// The number of the JSON schema.
     pub schema: SchemaNumber,
-    /// `frame`, `state`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`.
+    /// `frame`, `state`, `compared`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`.
     pub event: &'static str,
     /// The camera's name.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,7 +42,7 @@ pub struct EventObject {
     /// Of the state `stale`: for how long.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
-    /// Of the state `checking`: `correlated_errors` or `different`; of `stale`: what is wrong with the frames; of `source`: why it was lost.
+    /// Of the state `checking`: `correlated_errors`, `different` or `away`; of `stale`: what is wrong with the frames; of `source`: why it was lost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// Of the state `drifted` and of `moved_while_learning`.
@@ -51,6 +51,9 @@ pub struct EventObject {
     /// Of the state `drifted`.
     #[serde(flatten)]
     pub drift: Option<DriftObject>,
+    /// Of `compared`, and of `state` and `verdict` with the reason `away`: where the camera is beside its reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<DeviationObject>,
     /// Of `learned`: the noise of the readings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise: Option<NoiseObject>,
@@ -159,6 +162,27 @@ pub struct DriftObject {
     /// The last motion alone, where the camera had moved before: `began_s` and `course` are of it, the sizes beside it of all together.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub again: Option<AgainObject>,
+}
+
+/// Where a camera is beside its reference.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct DeviationObject {
+    /// By how much it is rotated; where chance explains the shift, as if there were none.
+    pub rotation_rad: f64,
+    /// Its standard deviation.
+    pub sigma_rad: f64,
+    /// By how much it is shifted; absent where chance explains that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub translation_m: Option<f64>,
+    /// Its standard deviation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_m: Option<f64>,
+    /// `[rotation_rad; translation_m]` of the camera in its frame of the reference.
+    pub old_from_new: [f64; 6],
+    /// 6×6.
+    pub covariance: [[f64; 6]; 6],
+    /// Readings that it is the mean of.
+    pub n_readings: usize,
 }
 
 /// A motion of a camera that had moved before.
