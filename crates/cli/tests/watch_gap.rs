@@ -78,7 +78,7 @@ impl Watched {
         let run = program.args(fixed).args(more).write_stdin(input).output().expect("it runs");
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
         Run {
-            code: run.code.code().expect("an exit status"),
+            code: run.status.code().expect("an exit status"),
             stdout: text(run.stdout),
             stderr: text(run.stderr),
         }
