@@ -313,12 +313,12 @@ impl Onsets {
         probabilities.iter_mut().flatten().for_each(|p| *p /= all);
         let (best, _) = probabilities.iter().enumerate().max_by(|a, b| sum(a.1).total_cmp(&sum(b.1)))?;
         let mut by_course = [0, 1].map(|course| probabilities.iter().map(|p| p[course]).sum::<f64>());
-        let after_gap = self.after_gap(best);
-        let best = after_gap.unwrap_or(best);
+        let is_ramp = by_course[0] < by_course[1];
+        let after_gap = if is_ramp { self.after_gap(best) } else { None };
         if after_gap.is_some() {
             by_course = [1.0, 0.0];
         }
-        let course = usize::from(by_course[0] < by_course[1]);
+        let (best, course) = (after_gap.unwrap_or(best), usize::from(by_course[0] < by_course[1]));
         let at = self.onsets.get(best)?;
         let times = self.onsets.iter().map(|onset| onset.t_s);
         let onset_sigma_s = onset_sigma_s(times.zip(probabilities.iter().map(sum)), best);
@@ -333,15 +333,16 @@ impl Onsets {
         })
     }
 
-    /// The onset after a gap that is most of the time since this one. What happened in it looks the same whether it went on for all of it or
+    /// The onset after a gap, longer by far than the time before this one, that is most of the time since. What happened in it looks the same whether it went on for all of it or
     /// not, and until more is read it is a step.
     fn after_gap(&self, best: usize) -> Option<usize> {
         let now_s = self.last_s()?;
-        let since_s = now_s - self.onsets[best].t_s;
+        let (before_s, since_s) = (self.onsets[best.checked_sub(1)?].t_s, now_s - self.onsets[best].t_s);
         let gap_s = |i: &usize| self.onsets[*i].t_s - self.onsets[i - 1].t_s;
         let last = best + 1..self.onsets.len();
         let longest = last.max_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))?;
-        (GAP_SHARE * since_s < gap_s(&longest)).then_some(longest)
+        let is_gap = self.onsets[best].t_s - before_s < (1.0 - GAP_SHARE) * gap_s(&longest);
+        (is_gap && GAP_SHARE * since_s < gap_s(&longest)).then_some(longest)
     }
 
     /// What a jump at the onset nearest to `onset_s` adds by now, mean and variance.

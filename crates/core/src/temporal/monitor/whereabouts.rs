@@ -63,8 +63,8 @@ fn size(of: &Vector3<f64>, covariance: &Matrix3<f64>) -> Size {
     Size { value, sigma: direction.dot(&(covariance * direction)).max(0.0).sqrt() }
 }
 
-/// A shift that chance makes larger this seldom is one.
-const SHIFTED: f64 = 0.05;
+/// A shift that chance makes larger this seldom is one. It is looked at at every start: one in twenty would often be reported for a pan.
+const SHIFTED: f64 = 1e-3;
 /// Readings that the mean is of; older ones are forgotten.
 const OVER: f64 = 60.0;
 /// No reading is worth less, or more, typical ones than these: numbers stay numbers.
