@@ -309,7 +309,7 @@ impl Monitor {
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let monitor = match snapshot.version {
+        let mut monitor = match snapshot.version {
             VERSION_3 => snapshot.state::<Version3>(VERSION_3)?.0,
             _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
         };
@@ -321,6 +321,9 @@ impl Monitor {
             && monitor.whereabouts.is_sound())
         {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
+        }
+        if snapshot.version == VERSION_3 {
+            monitor.is_at_reference(0);
         }
         Ok(monitor)
     }

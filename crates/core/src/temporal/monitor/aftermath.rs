@@ -235,7 +235,7 @@ impl Monitor {
         self.aftermath.named_s = drift.began_s;
         let found = self.begin_around(now, drift.began_s);
         self.motions.add(drift.began_s, from, found);
-        self.relocate();
+        self.whereabouts.forget();
     }
 
     /// The estimate of an alarm serves as the start of the next stage only: where it is now is learned anew.
@@ -290,7 +290,7 @@ impl Monitor {
         self.test_from(&home.motion, home.covariance, onset_s, true);
         self.aftermath.begin_at(home);
         self.motions = Motions::none(home);
-        self.relocate();
+        self.whereabouts.forget();
     }
 
     /// Errors explain the alarm: they are from now on expected to be as large as they were seen, and to last as long.

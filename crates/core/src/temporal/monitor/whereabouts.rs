@@ -72,7 +72,7 @@ const LEAST_WORTH: f64 = 1e-6;
 const MOST_WORTH: f64 = 1e6;
 /// What so many readings show is promised beforehand: a motion that they show would seem to be noise, and make the promise larger.
 const LOOKS: [f64; 9] = [1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 21.0, 36.0, OVER];
-/// Where the camera is known to be, that of the last is computed again when there are so many times the readings.
+/// While the camera is where it was that is computed again when there are so many times the readings.
 const AGAIN: f64 = 1.5;
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -112,9 +112,9 @@ impl Whereabouts {
     }
 
     /// What was read says nothing of where it is.
-    fn forget(&mut self) {
+    pub fn forget(&mut self) {
         (self.readings, self.since, self.worth, self.mean) = (0.0, 0.0, 0.0, Vector6::zeros());
-        self.is_away = false;
+        (self.sure_at, self.is_away) = (0.0, false);
     }
 
     fn push(&mut self, t_s: f64, motion: &Vector6, worth: f64) {
@@ -157,21 +157,17 @@ impl Monitor {
         self.promise_anew();
     }
 
-    /// What is known of errors, and promised, before readings come that may be of a camera elsewhere.
+    /// What is known of errors, and promised, while the camera is where it was, and before readings come that may be of one elsewhere.
     fn promise_anew(&mut self) {
-        self.is_sure();
+        let Some(measured) = self.test.measured() else { return };
+        let scales = measured.scales().map(|scale| scale.max(1.0));
+        let (white, correlated) =
+            (scales.component_mul(self.test.typical()), measured.correlated_variances());
+        let here = &mut self.whereabouts;
+        (here.white, here.correlated, here.sure_at) = (white, correlated, here.since);
         for (look, n) in LOOKS.iter().enumerate() {
             self.whereabouts.promised[look] = self.shown_by(*n);
         }
-    }
-
-    fn is_sure(&mut self) {
-        let Some(measured) = self.test.measured() else { return };
-        let (scales, correlated) =
-            (measured.scales().map(|scale| scale.max(1.0)), measured.correlated_variances());
-        let here = &mut self.whereabouts;
-        (here.white, here.correlated, here.sure_at) =
-            (scales.component_mul(self.test.typical()), correlated, here.since);
     }
 
     /// The smallest motions that so many readings show, whatever errors are not excluded.
@@ -187,7 +183,11 @@ impl Monitor {
     pub(super) fn await_reading(&mut self, t_s: f64) {
         let Some(between_s) = self.test.measured().map(|measured| measured.between_s()) else { return };
         if self.whereabouts.is_over(t_s, between_s) {
-            self.relocate();
+            // What it knows from a time of doubt is of the motion too.
+            if self.drift.is_none() && !self.whereabouts.is_away {
+                self.promise_anew();
+            }
+            self.whereabouts.forget();
         }
     }
 
@@ -201,14 +201,6 @@ impl Monitor {
         }
     }
 
-    /// The camera may be elsewhere.
-    pub(super) fn relocate(&mut self) {
-        if self.measures_noise() {
-            self.whereabouts.forget();
-            self.promise_anew();
-        }
-    }
-
     /// Whether it is where it was, as far as so many readings are promised to show it.
     pub(super) fn compare(&mut self) {
         if !self.measures_noise() {
@@ -218,8 +210,7 @@ impl Monitor {
         let here = &self.whereabouts;
         let is_sure = here.readings == OVER && self.drift.is_none() && !here.is_away;
         if is_sure && AGAIN * here.sure_at <= here.since {
-            self.is_sure();
-            self.whereabouts.promised[LOOKS.len() - 1] = self.shown_by(OVER);
+            self.promise_anew();
         }
     }
 
