@@ -321,6 +321,24 @@ export type DetectableObject = {
   within_s: number;
 };
 
+/** Where a camera is beside its reference. */
+export type DeviationObject = {
+  /** 6×6. */
+  covariance: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
+  /** Readings that it is the mean of. */
+  n_readings: number;
+  /** `[rotation_rad; translation_m]` of the camera in its frame of the reference. */
+  old_from_new: [number, number, number, number, number, number];
+  /** By how much it is rotated; where chance explains the shift, as if there were none. */
+  rotation_rad: number;
+  /** Its standard deviation. */
+  sigma_m?: number | null;
+  /** Its standard deviation. */
+  sigma_rad: number;
+  /** By how much it is shifted; absent where chance explains that. */
+  translation_m?: number | null;
+};
+
 /** A distance. */
 export type DistanceView = {
   /** One end. */
@@ -398,7 +416,9 @@ export type EventObject = {
   covariance?: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
   /** Of `learned`: the motion that is found nine times in ten. */
   detectable?: DetectableObject | null;
-  /** `frame`, `state`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
+  /** Of `compared`, and of `state` and `verdict` with the reason `away`: where the camera is beside its reference. */
+  deviation?: DeviationObject | null;
+  /** `frame`, `state`, `compared`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
   event: string;
   /** Of the state `stale`: for how long. */
   for_s?: number | null;
@@ -448,7 +468,7 @@ export type EventObject = {
   reading?: number | null;
   /** Of the state `learning`: readings so far and needed. */
   readings?: number | null;
-  /** Of the state `checking`: `correlated_errors` or `different`; of `stale`: what is wrong with the frames; of `source`: why it was lost. */
+  /** Of the state `checking`: `correlated_errors`, `different` or `away`; of `stale`: what is wrong with the frames; of `source`: why it was lost. */
   reason?: string | null;
   /** Of the landmarks that agree. */
   rms_px?: number;
