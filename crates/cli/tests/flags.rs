@@ -58,9 +58,6 @@ const OF_OTHERS: [&str; 49] = [
     "zig",
 ];
 
-/// Pages that list old names.
-const HISTORY: [&str; 2] = ["CHANGELOG.md", "renamed.md"];
-
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -84,8 +81,7 @@ fn texts() -> Vec<(String, String)> {
             below(&krate.join("src"), "rs", &mut files);
         }
     }
-    files.extend(["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root().join(name)));
-    let is_history = |path: &PathBuf| HISTORY.iter().any(|name| path.ends_with(name));
+    files.extend(["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root().join(name)));
     let text = |path: PathBuf| {
         let text = std::fs::read_to_string(&path).unwrap();
         let is_seen = |line: &&str| {
@@ -93,7 +89,7 @@ fn texts() -> Vec<(String, String)> {
         };
         (path.display().to_string(), text.lines().filter(is_seen).collect::<Vec<_>>().join("\n"))
     };
-    files.into_iter().filter(|path| !is_history(path)).map(text).collect()
+    files.into_iter().map(text).collect()
 }
 
 /// Names behind `--` in a text; a name that ends in `-` stands for all that begin so (`--print-…`).
