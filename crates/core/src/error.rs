@@ -26,7 +26,7 @@ pub enum Error {
         /// The value given.
         seen: f64,
     },
-    /// A pixel covariance that is none.
+    /// A matrix that is no covariance of a pixel.
     #[error(
         "the pixel covariance of point {index} is not positive definite (least eigenvalue {seen:.1e} px²); correct it or give sigma_px alone"
     )]
@@ -62,7 +62,7 @@ pub enum Error {
         /// `in the target` or `in the image`.
         where_: &'static str,
     },
-    /// The target points lie on one line: rotation about it cannot be seen.
+    /// The target points lie on one line, about which the rotation is not observable.
     #[error(
         "all points lie on one line (width/length {ratio:.1e}, need {needed:.0e}); add a point off the line"
     )]
@@ -108,7 +108,7 @@ pub enum Error {
         /// The bound.
         limit_at: f64,
     },
-    /// Camera parameters that cannot be right.
+    /// Impossible camera parameters.
     #[error("camera parameter {parameter} is {seen}; {needed}")]
     InvalidCamera {
         /// Parameter name, as in camera.toml.
@@ -128,7 +128,7 @@ pub enum Error {
         /// Count given.
         seen: usize,
     },
-    /// Target dimensions that cannot be right.
+    /// Impossible target dimensions.
     #[error("target {parameter} is {seen}; {needed}")]
     InvalidTarget {
         /// Key, as in target.toml.
@@ -138,7 +138,7 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// A prior that cannot be what it is said to be.
+    /// A prior with an impossible value.
     #[error("{parameter} of prior {prior} is wrong ({seen}): {needed}")]
     InvalidPrior {
         /// Which prior, counted from 0.
@@ -159,7 +159,7 @@ pub enum Error {
     /// A rig without a camera.
     #[error("the rig has no camera; give at least one view")]
     EmptyRig,
-    /// A camera of a rig whose place cannot be right.
+    /// A camera of a rig with an impossible pose.
     #[error("camera {camera} of the rig: {what} is {seen}; {needed}")]
     InvalidRig {
         /// Which view, counted from 0.
@@ -171,7 +171,7 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// A point seen by a camera of a rig with a number that cannot be right.
+    /// A point observed by a camera of a rig with an impossible number.
     #[error(
         "{what} of point {point} seen by camera {camera} of the rig {needed}; remove the row or correct it"
     )]
@@ -219,7 +219,7 @@ pub enum Error {
         /// What the layout lacks.
         remedy: FocalRemedy,
     },
-    /// A focal length that fits the points best, but that no lens has.
+    /// A best-fitting focal length that no lens has.
     #[error(
         "the points fit best with a focal length of {focal_px:.0} px, a horizontal field of view of {:.1}°; one of 2° to 130° is needed: check that points and pixels are in the same order, the units of both, and the image size", field_of_view_rad.to_degrees()
     )]
@@ -229,7 +229,7 @@ pub enum Error {
         /// What it means.
         field_of_view_rad: f64,
     },
-    /// The frames say hardly anything about an intrinsic parameter.
+    /// An intrinsic parameter that the frames hardly determine.
     #[error(
         "the frames leave {parameter} undetermined (relative standard deviation {seen:.1e}, need {needed:.0e} or less); add views tilted by 30° or more and at several distances, or hold it"
     )]
@@ -241,7 +241,7 @@ pub enum Error {
         /// The largest accepted.
         needed: f64,
     },
-    /// A measured pose, or its covariance, with a number that cannot be right.
+    /// A measured pose, or its covariance, with an impossible number.
     #[error("{what} of {item} {index} is {seen}; {needed}")]
     InvalidPose {
         /// `view` or `pair`.
@@ -265,7 +265,7 @@ pub enum Error {
         /// How many are needed.
         needed: usize,
     },
-    /// Views of a target and motions of a hand that no pose of the camera brings together.
+    /// Views of a target and motions of a gripper that no pose of the camera brings into agreement.
     #[error("the views and the poses of the hand agree in no way: {likely}")]
     ViewsDisagree {
         /// The likely cause.
@@ -276,7 +276,7 @@ pub enum Error {
     DegenerateMotion {
         /// What the motions have in common.
         reason: &'static str,
-        /// Root mean square turn about the axis rotated about least of those that are needed.
+        /// Root mean square rotation about the weakest of the axes that are needed.
         metric: f64,
         /// The least accepted.
         needed: f64,
@@ -333,7 +333,7 @@ pub enum Error {
         /// Distance along the ray, negative.
         depth_m: f64,
     },
-    /// A view of a point with a number that cannot be right.
+    /// A view of a point with an impossible number.
     #[error("view {view} of the point: {what} is {seen}; {needed}")]
     InvalidView {
         /// Which view, counted from 0.
@@ -345,10 +345,10 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// A fact of a survey with a number that cannot be right.
+    /// A constraint of a network with an impossible number.
     #[error("fact {constraint} of the survey: {what} is {seen}; {needed}")]
     InvalidConstraint {
-        /// Which fact, counted from 0.
+        /// Which constraint, counted from 0.
         constraint: usize,
         /// What of it.
         what: &'static str,
@@ -357,12 +357,12 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// A survey without any length.
+    /// A network without any known length.
     #[error(
         "no length is known, so nothing can be measured in metres; give a known distance or the coordinates of two marks"
     )]
     NoLength,
-    /// A part of a survey that its facts leave undetermined.
+    /// A part of a network that its constraints leave undetermined.
     #[error("{what} {index} is undetermined: {reason} (metric {metric:.2}, need {needed:.2})")]
     Undetermined {
         /// `photo`, `point` or `plane`.
@@ -376,35 +376,35 @@ pub enum Error {
         /// The number needed.
         needed: f64,
     },
-    /// The marks of a survey stand on one line: a rotation of everything about it can hardly be seen.
+    /// The control points of a network are on one line: a rotation of everything about it is hardly observable.
     #[error(
         "the marks stand nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no mark is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a rotation about that line can hardly be seen, so add a mark well off it"
     )]
     ControlPointsOnLine {
-        /// The mark at one end, counted from 0.
+        /// The control point at one end, counted from 0.
         a: usize,
-        /// The mark at the other end.
+        /// The control point at the other end.
         b: usize,
         /// Distance of these two, metres.
         length_m: f64,
-        /// How far the mark farthest from their line stands off it, metres.
+        /// Distance from their line of the control point farthest from it, metres.
         width_m: f64,
-        /// How far it would have to, metres.
+        /// The distance needed, metres.
         needed_m: f64,
     },
-    /// Known distances that no places of the points have.
+    /// Known distances that no positions of the points satisfy.
     #[error(
         "the known distances contradict each other: fact {constraint} is off by {off_m:.4} m, {sigmas:.1} times its standard deviation; measure it again or give it a larger sigma_m"
     )]
     InconsistentDistances {
-        /// The fact that fits the others worst, counted from 0.
+        /// The constraint that fits the others worst, counted from 0.
         constraint: usize,
-        /// Given minus what the others say, metres.
+        /// The stated value minus the prediction of the others, metres.
         off_m: f64,
         /// The same over the standard deviation of that difference.
         sigmas: f64,
     },
-    /// A setting that cannot be.
+    /// A setting with an impossible value.
     #[error("{setting} is {seen}; {needed}")]
     InvalidSetting {
         /// Name of the setting.
@@ -414,7 +414,7 @@ pub enum Error {
         /// What it must be.
         needed: &'static str,
     },
-    /// An observation of a rig with data that cannot be right.
+    /// An observation of a rig with impossible data.
     #[cfg(feature = "std")]
     #[error("camera {camera}, view {view}, target {target}: {reason}")]
     InvalidObservation {
@@ -441,7 +441,7 @@ pub enum Error {
         /// How many there are.
         n: usize,
     },
-    /// A camera that nothing is known of.
+    /// A camera without usable observations.
     #[error(
         "camera {camera} has {n_observations} observations and none gives a pose; add views in which it sees a target with four or more points, or leave it out"
     )]
@@ -464,7 +464,7 @@ pub enum Error {
         /// What would connect them.
         needed: &'static str,
     },
-    /// A target whose place on its body nothing tells.
+    /// A target whose pose on its body no observation determines.
     #[error(
         "target {target} is never seen together with another target of body {body}; add a view in which one camera sees both, or make it a body of its own"
     )]
@@ -482,7 +482,7 @@ pub enum Error {
         /// The version read here.
         needed: u32,
     },
-    /// A snapshot that is none.
+    /// Data that are no snapshot.
     #[error(
         "the {seen} numbers of the snapshot are no state ({unread} of them could not be used); begin anew"
     )]

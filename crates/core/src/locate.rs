@@ -47,7 +47,7 @@ pub use method::Method;
 use minima::refine;
 use prior::Prior;
 
-/// What to do beyond the defaults.
+/// Settings of [`locate`]; the default is right for most jobs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config<'a> {
     /// The method; `Auto` decides from the points.
@@ -58,7 +58,7 @@ pub struct Config<'a> {
     /// Standard deviation of the scale of a printed target along its x and y, relative; 0 when exact. All points share the error:
     /// docs/math/printed_scale.md.
     pub target_scale_sigma: [f64; 2],
-    /// What is known about the pose besides the points: each joins the cost as a factor, and a start of the search.
+    /// What is known about the pose besides the points; each prior adds residuals to the cost and a start to the search.
     pub priors: &'a [Prior],
     /// What a point's residual costs; `Squared` is maximum likelihood for Gaussian noise.
     pub loss: Loss,
@@ -82,7 +82,7 @@ impl Default for Config<'_> {
     }
 }
 
-/// A pose, how uncertain, and whether another one fits as well.
+/// A pose with its covariance, and whether another pose fits as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseEstimate {
     /// The pose: x_in_cam = cam_from_target · x_in_target. Where several fit, the most probable of them.
@@ -107,16 +107,16 @@ pub struct PoseEstimate {
     pub n_points: usize,
     /// The method that answered (never `Auto`).
     pub method: Method,
-    /// Does another pose fit as well?
+    /// Whether another pose fits as well.
     pub ambiguity: Ambiguity,
-    /// Does the residual fit the sigmas?
+    /// Whether the residual agrees with the stated sigmas.
     pub consistency: Consistency,
     /// Probability of this pose among all minima found, no pose expected beforehand: docs/math/posterior.md. With more points
-    /// than unknowns it says which of them, not whether any is right: that is `consistency`.
+    /// than unknowns it compares the minima; `consistency` states whether the best of them is right.
     pub probability: f64,
-    /// The other minima: those within the gate second solution this one and come first, the more probable before the less; then lowest χ² first.
+    /// The other minima: the second solutions within the gate come first, the most probable one before the others; then those of larger χ², in its order.
     pub others: Others,
-    /// What makes the view weak: found by the closed form, before refinement, or by the two poses that fit alike.
+    /// Why the view is weak, from the closed form or from the two poses that fit alike; none where it is not.
     pub weakness: Option<Weakness>,
     /// What was measured on the points before anything was solved, and what it was compared with; none where priors stood in for
     /// points that determine no pose.
@@ -125,8 +125,8 @@ pub struct PoseEstimate {
 
 /// The pose of a camera from known points.
 ///
-/// No heap is touched. Fails with a named error where the points do not determine a pose; a pose that another one second solutions is
-/// `Ambiguous`, one whose residual contradicts the sigmas `Inconsistent`.
+/// Returns the most probable pose without touching the heap. A pose beside which a second one fits about as well is `Ambiguous`, one whose
+/// residual contradicts the sigmas is `Inconsistent`. Fails with a named error where the points do not determine a pose.
 pub fn locate(seen: &[Correspondence], camera: &Camera, config: &Config) -> Result<PoseEstimate, Error> {
     let view = classify(seen, camera, config)?;
     let candidates = closed_form(&view)?;

@@ -28,7 +28,7 @@ pub struct RigCamera<'a> {
 pub struct RigPlan<'a> {
     /// Its cameras, two or more.
     pub cameras: &'a [RigCamera<'a>],
-    /// The camera whose frame the others are told in.
+    /// The reference camera, in whose frame the poses of the others are stated.
     pub reference: usize,
     /// The board.
     pub board: &'a Shape,

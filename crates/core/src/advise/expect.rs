@@ -12,7 +12,7 @@ use crate::statistics::normal::upper_tail;
 use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 
-/// A view not taken yet: who looks at what from where, and how well the points will be found in the image.
+/// A planned view: camera, target, pose, and the standard deviation of the points in the image.
 #[derive(Debug, Clone, Copy)]
 pub struct View<'a> {
     /// The camera.

@@ -1,6 +1,6 @@
-//! Why a view leaves its focal length open, in a sentence with the numbers seen and needed.
+//! The sentence that explains why a view leaves its focal length open, with the numbers seen and needed.
 
-/// What would tell the focal length of a view from its distance, by the view's own geometry and noise.
+/// The change of the view that would separate focal length and distance, by its own geometry and noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FocalRemedy {
     /// Points in a plane, which is seen too nearly face on or too small.

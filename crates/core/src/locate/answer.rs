@@ -14,7 +14,7 @@ use super::sandwich::evidence;
 use super::uncertainty::{Doubts, Whole, allow_for_common, check_known};
 use crate::Error;
 
-/// The most probable of the minima, and whether another one second solutions it.
+/// Returns the most probable of the minima, and whether a second solution stands beside it.
 pub(crate) fn choose(view: &View, mut found: Found) -> Result<PoseEstimate, Error> {
     conclude(view, &mut found)
 }

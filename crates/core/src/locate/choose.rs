@@ -1,4 +1,4 @@
-//! Among refined minima: which is the pose, and does another explain the pixels as well?
+//! Chooses the pose among refined minima, and decides whether another one explains the pixels as well.
 
 use crate::covariance::is_covariance;
 use crate::{Error, Matrix6, Pose};
@@ -56,11 +56,11 @@ impl Minimum {
     }
 }
 
-/// A minimum beside the others: how far above the lowest, and how probable.
+/// A minimum with its distance above the lowest one and its probability.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hypothesis {
-    /// The minimum. Its covariance is as whole as the answer's own where it second solutions it; farther above than the gate it is that
-    /// of the pixels alone.
+    /// The minimum. Within the gate its covariance holds all that the answer's own holds; farther above it is that of the
+    /// pixels alone.
     pub minimum: Minimum,
     /// χ² above that of the lowest minimum; with uncertain points or intrinsics minus twice the log-likelihood instead (`log_determinant`).
     pub delta_chi2: f64,
@@ -70,8 +70,8 @@ pub struct Hypothesis {
     pub is_alternative: bool,
 }
 
-/// The minima beside the answer: those that second solution it, the more probable first, then the others, lowest χ² first; four points in space
-/// have no more.
+/// The minima beside the answer: second solutions within the gate by probability, then the others by χ². Four points in space have no
+/// more than these.
 pub type Others = [Option<Hypothesis>; 3];
 
 /// Whether another pose explains the pixels as well.
@@ -81,7 +81,7 @@ pub enum Ambiguity {
     /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
     /// none when no other minimum exists.
     Unique {
-        /// See above.
+        /// That ratio.
         ratio: Option<f64>,
     },
     /// Two poses fit: χ² of both is less than the gate above the lowest. The answer is the more probable one.
@@ -138,7 +138,7 @@ pub(crate) fn sort(minima: &mut Minima) {
 /// layouts with both uncertain: at 9 fourteen unique answers were the wrong one of two poses, at 16 none.
 pub(crate) const UNCERTAIN_GATE_CHI2: f64 = 16.0;
 
-/// Whether a cost so far above the lowest leaves both poses possible. `noise_scale` ≥ 1 is the variance by which the residuals
+/// Returns whether a cost this far above the lowest leaves both poses possible. `noise_scale` ≥ 1 is the variance by which the residuals
 /// exceed the stated sigmas: the gate widens with it.
 pub(crate) fn is_within_gate(other: &Minimum, best: &Minimum, noise_scale: f64) -> bool {
     let is_exact = best.log_determinant == 0.0 && other.log_determinant == 0.0;
@@ -146,7 +146,7 @@ pub(crate) fn is_within_gate(other: &Minimum, best: &Minimum, noise_scale: f64) 
     other.cost_above(best, noise_scale) < gate * noise_scale
 }
 
-/// The first minimum and what second solutions it.
+/// The first minimum and the second solution beside it.
 #[derive(Debug, Clone, Copy)]
 pub struct Choice<'a> {
     /// The pose: the lowest minimum, or the most probable of those within the gate where they were ordered so.
@@ -157,7 +157,7 @@ pub struct Choice<'a> {
     pub alternative: Option<&'a Minimum>,
 }
 
-/// The first minimum, and whether the next is within the gate.
+/// Returns the first minimum, and whether the next one is within the gate.
 pub fn choose(minima: &Minima, n_points: usize, noise_scale: f64) -> Result<Choice<'_>, Error> {
     let best = minima.first().ok_or(Error::NoSolution { n_points })?;
     let other = minima.get(1);

@@ -1,4 +1,4 @@
-//! What all points of a view share and nobody knows exactly, intrinsics and the scale of a printed target: it widens an answer's covariance,
+//! Parameters that all points of a view share, intrinsics and the scale of a printed target: their uncertainty widens an answer's covariance,
 //! and it explains a part of the residual.
 //!
 //! ```text

@@ -53,7 +53,7 @@ pub fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
     0 < degrees_of_freedom && limit(degrees_of_freedom) < chi2
 }
 
-/// The rule by which the residual of any job (a pose, a rig, a pose graph, a hand–eye, a survey, a touch) is called inconsistent: data as
+/// The rule by which the residual of any job (a pose, a rig, a pose graph, a hand–eye calibration, a network, a touch) is inconsistent: data as
 /// good as stated would hardly give it, and it is at least twice as large as stated.
 pub fn is_inconsistent(chi2: f64, degrees_of_freedom: usize) -> bool {
     is_unlikely(chi2, degrees_of_freedom) && FAR_ABOVE * degrees_of_freedom as f64 <= chi2

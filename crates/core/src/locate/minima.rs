@@ -10,20 +10,20 @@ use super::problem::Problem;
 use crate::Error;
 use crate::solve::line_plus_one::Weakness;
 
-/// The minima of a view, and what the search saw besides.
+/// The minima of a view, and the findings of the search.
 #[derive(Default)]
 pub(crate) struct Found {
     /// Lowest cost first.
     pub(crate) minima: Minima,
-    /// What makes the view weak.
+    /// Why the view is weak; none where it is not.
     pub(crate) weakness: Option<Weakness>,
     /// Whether the likelihood is bent at each of the first minima; none where that is not known.
     pub(crate) bends: Bends,
-    /// Why there is no answer, whatever was found.
+    /// An error that rules out any answer.
     pub(crate) refusal: Option<Error>,
 }
 
-/// The minima reached from the closed form's poses, and from more starts where those leave a doubt.
+/// Refines the closed form's poses to minima, with more starts where the decision is close.
 pub(crate) fn refine(view: &View, start: &Start) -> Found {
     let (problem, mut found) = (&view.problem, Found::default());
     match start {

@@ -175,7 +175,7 @@ fn plane_normal(configuration: &Configuration, seen: &[Correspondence]) -> Vecto
 }
 
 /// The start for the other minimum of a flat target: the target mirrored in the plane through its centre perpendicular to the line
-/// of sight, which begins at `eye`. From afar the two look alike: docs/math/line_plus_one.md eqs. (9)–(11).
+/// of sight, which begins at `eye`. From far away both have nearly the same image: docs/math/line_plus_one.md eqs. (9)–(11).
 #[inline]
 pub(crate) fn mirrored(
     b_from_target: &Pose,

@@ -1,8 +1,8 @@
 //! Errors that the points of one view share: a bent board, corners all off to one side, a lens not quite known, a rolling shutter. They
-//! are estimated from how smooth the residuals are over the image, and widen the covariance of the pose, which takes most of them up.
+//! are estimated from the smoothness of the residuals over the image, and widen the covariance of the pose, which absorbs most of them.
 //!
 //! A random displacement of the image by polynomials up to the third degree is added to the model, its variance per function falling
-//! with the degree. What the residuals show of it is weighed against no such displacement at all (restricted likelihood, averaged over
+//! with the degree. Its evidence is compared with that of no displacement (restricted likelihood, averaged over
 //! amplitudes). Derivation: docs/math/shared_error.md.
 //!
 //!   J, r  whitened derivative and residual   ·   A = JᵀJ   ·   P_d  projector on the polynomials of degree d, orthogonal to lower ones
@@ -27,7 +27,7 @@ pub(crate) const FUNCTIONS: usize = 10;
 const COLUMNS: usize = 14;
 /// Variance of one function over that of one of the degree below: 0.1 to 0.3 on recorded boards, docs/math/shared_error.md section 5.
 const DECAY: f64 = 0.2;
-/// Fewer points hardly tell a displacement from noise: three tags, or a board of 3 × 4 corners.
+/// Fewest points that distinguish a displacement from noise: three tags, or a board of 3 × 4 corners.
 const MIN_POINTS: usize = 12;
 /// Variances of the displacement over that of the noise that are tried: 0.02 · √10ᵏ, evenly spaced in the logarithm.
 const NODES: usize = 11;
@@ -41,7 +41,7 @@ const NEW: f64 = 1e-8;
 /// Steps of the decomposition of six rows; it needs a dozen.
 const MAX_STEPS: usize = 200;
 
-/// What the points of a view share, at one minimum.
+/// The displacement that the points of a view share, at one minimum.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SharedError {
     /// Its covariance in the pose: small left motion, camera frame.
@@ -55,7 +55,7 @@ pub(crate) struct SharedError {
     of_degree: [f64; DEGREE + 1],
 }
 
-/// What the predicted pixels are measured by.
+/// Offset and scale of the predicted pixels in the polynomials.
 #[cfg(feature = "std")]
 pub(crate) struct Scale {
     mean: Pixel,

@@ -1,4 +1,4 @@
-//! What is in doubt about the minima found: their covariances, whole, and what uncertain intrinsics and scales explain of their residuals.
+//! The full covariances of the minima found, and the part of their residuals that uncertain intrinsics and scales explain.
 
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
@@ -12,7 +12,7 @@ use crate::{Error, Matrix6, Pose};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// From each χ² the part that uncertain intrinsics and scales explain is taken, and the minima are put in order again.
+/// Subtracts from each χ² the part that uncertain intrinsics and scales explain, and sorts the minima again.
 pub(crate) fn allow_for_common(minima: &mut Minima, problem: &Problem, common: &Common) -> Result<(), Error> {
     if common.is_exact() {
         return Ok(());
@@ -34,16 +34,16 @@ pub(crate) fn allow_for_common(minima: &mut Minima, problem: &Problem, common: &
     Ok(())
 }
 
-/// A rotation with a larger standard deviation, radians, is not known: the covariance of small motions says nothing about it.
+/// Largest standard deviation of a rotation, radians, that a covariance of small motions still describes.
 const MAX_ROTATION_SIGMA_RAD: f64 = 1.0;
 /// Distance from the camera in standard deviations of a point, nearer than which its spread in the image is not even roughly that of
 /// the first order.
 const MIN_DISTANCE_SIGMAS: f64 = 5.0;
 
-/// Refuses a pose, the only one, of which the covariance is no description.
+/// Refuses a single pose that its covariance does not describe.
 ///
 /// # Errors
-/// `DegenerateView` where the rotation is known to a radian only, or a point is as near to the camera as it is uncertain.
+/// `DegenerateView` where the rotation is uncertain by a radian, or a point is nearer to the camera than five of its standard deviations.
 pub(crate) fn check_known(
     cam_from_target: &Pose,
     covariance: &Matrix6,
@@ -64,7 +64,7 @@ pub(crate) fn check_known(
     Ok(())
 }
 
-/// What widens the covariance of a minimum beyond the pixels' share.
+/// Causes that widen the covariance of a minimum beyond the share of the pixels.
 pub(crate) struct Doubts<'a> {
     pub(crate) problem: &'a Problem<'a>,
     pub(crate) common: Common<'a>,
@@ -75,7 +75,7 @@ pub(crate) struct Doubts<'a> {
     pub(crate) shared_errors: bool,
 }
 
-/// A covariance, whole.
+/// The full covariance.
 pub(crate) struct Whole {
     pub(crate) covariance: Matrix6,
     /// What the points share along one axis of the image, root mean square, pixels; 0 where nothing shows.
@@ -83,7 +83,7 @@ pub(crate) struct Whole {
 }
 
 impl Doubts<'_> {
-    /// The covariance of a minimum, whole. Whether its likelihood is bent is found out where it is not known yet.
+    /// Returns the full covariance of a minimum, testing first whether its likelihood is bent where that is not known.
     pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Whole, Error> {
         let problem = self.problem;
         // The bend is that of the pixels' χ², without what common parameters explain.
@@ -107,7 +107,7 @@ impl Doubts<'_> {
         })
     }
 
-    /// The minima after the first, those within the gate with their whole covariance.
+    /// Returns the minima after the first; those within the gate have their full covariance.
     pub(crate) fn others(&self, minima: &Minima, weights: &[f64], bends: &Bends) -> Result<Others, Error> {
         let mut others = Others::default();
         let Some((_, rest)) = minima.split_first() else { return Ok(others) };

@@ -22,7 +22,7 @@ const MAX_PAIRED: usize = 16;
 /// A direction known in both frames: target, camera.
 type Vertical = [Unit<Vector3<f64>>; 2];
 
-/// The two-point poses of a few wide pairs.
+/// Returns the two-point poses of a few wide pairs.
 pub(crate) struct Upright {
     starts: ArrayVec<Pose, { 4 * MAX_PAIRS }>,
     vertical: Vertical,
@@ -53,7 +53,7 @@ impl Upright {
     /// Adds all minima reached.
     ///
     /// # Errors
-    /// `DegenerateView` where points and priors leave a direction free, or two points say too little.
+    /// `DegenerateView` where points and priors leave a direction free, or two points determine too little.
     pub(crate) fn refine(&self, problem: &Problem, minima: &mut Minima) -> Result<(), Error> {
         let mut refusal = Error::NoSolution { n_points: problem.seen.len() };
         for start in &self.starts {
@@ -69,7 +69,7 @@ impl Upright {
     }
 }
 
-/// Two points have nothing to spare: near their double root, or level with the camera, no covariance describes the answer.
+/// Refuses two points near their double root or level with the camera, where no covariance describes the answer.
 /// docs/math/upright_p2p.md eqs. (7), (8).
 fn check_rotation(
     [a, b]: [&Correspondence; 2],
@@ -97,7 +97,7 @@ fn check_rotation(
     Ok(())
 }
 
-/// Half the angle between the two turns, in standard deviations of the rotation.
+/// Half the angle between the two rotations, in standard deviations of the rotation.
 const MIN_TURN_SIGMA: f64 = 5.0;
 /// Distance of the nearer point, in standard deviations of the place.
 const MIN_DISTANCE_SIGMA: f64 = 5.0;
@@ -133,7 +133,7 @@ fn starts(problem: &Problem, [i, j]: [usize; 2], vertical: &Vertical) -> Result<
     upright_p2p(&[a.bearing, b.bearing], &[a.x_in_target, b.x_in_target], in_target, in_cam).map_err(renamed)
 }
 
-/// The pairs that see the rotation about the vertical best: far apart across it.
+/// Returns the pairs that determine the rotation about the vertical best, those far apart across it.
 fn wide_pairs(problem: &Problem, vertical: &Unit<Vector3<f64>>) -> ArrayVec<[usize; 2], MAX_PAIRS> {
     let n = problem.seen.len();
     let stride = n.div_ceil(MAX_PAIRED);

@@ -1,4 +1,4 @@
-//! The paper of Wang (2004)'s answer with a covariance of its own: what `solve::wang2004` gives, nothing refined.
+//! The answer of the paper of Wang (2004), not refined, with its own covariance.
 
 use crate::locate::choose::Minimum;
 use crate::locate::loss::Loss;
@@ -12,7 +12,7 @@ use nalgebra::Vector2;
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The paper of Wang (2004)'s answer as it stands, its covariance propagated from the pixels by central differences.
+/// Returns the pose of `solve::wang2004`, its covariance propagated from the pixels by central differences.
 pub(crate) fn literal(configuration: &Configuration, problem: &Problem) -> Result<Minimum, Error> {
     let (Configuration::LinePlusOne { order }, 4) = (configuration, problem.seen.len()) else {
         return Err(Error::WrongLayout {

@@ -57,7 +57,7 @@ pub struct IntrinsicsConfig {
     pub target_shape: TargetShape,
     /// Whether views show different targets; then nothing of their shapes is estimated or tested.
     pub several_targets: bool,
-    /// Relative standard deviations of a printed target's lengths along x and y, as its rulers were measured; zeros where nobody did. The
+    /// Relative standard deviations of a printed target's lengths along x and y, as its rulers were measured; zeros where they were not. The
     /// stretch of the print is estimated within them then.
     pub scale_sigma: [f64; 2],
 }
@@ -221,7 +221,7 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
 }
 
 impl IntrinsicsConfig {
-    /// What the rulers leave open of height over width; none where nobody measured.
+    /// Standard deviation of height over width by the rulers; none where they were not measured.
     fn stretch_sigma(&self) -> Option<f64> {
         Some(self.scale_sigma[0].hypot(self.scale_sigma[1])).filter(|sigma| 0.0 < *sigma)
     }

@@ -209,7 +209,7 @@ pub struct Adjusted {
     pub steps: usize,
 }
 
-/// A second solution arrangement closer than this in χ² cannot be distinguished from the best.
+/// A second arrangement closer than this in χ² cannot be distinguished from the best.
 pub const ALTERNATIVE_GATE_CHI2: f64 = 9.0;
 
 /// Finds everything's place.

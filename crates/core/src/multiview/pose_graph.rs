@@ -1,6 +1,6 @@
 //! Where the cameras of a rig sit, from the relative poses of pairs of them: no image, no point.
 //!
-//! `chain` follows the best chain of pairs from an reference camera, `solve_pose_graph` weighs all pairs together: maximum likelihood, with the pairs
+//! `chain` follows the best chain of pairs from a reference camera, `solve_pose_graph` adjusts all pairs together: maximum likelihood, with the pairs
 //! that contradict the rest named and left out. Derivation: docs/math/pose_graph.md.
 
 mod chain;

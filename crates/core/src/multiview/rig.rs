@@ -49,7 +49,7 @@ pub struct RigProblem<'a> {
     /// The rigid body that each target is fixed to: targets of one body keep their places relative to each other, which need not be
     /// known; different bodies move on their own. One entry a target.
     pub body_of_target: &'a [usize],
-    /// Number of views (moments).
+    /// Number of views.
     pub n_views: usize,
     /// In any order: the answer does not depend on it.
     pub observations: &'a [Observation],

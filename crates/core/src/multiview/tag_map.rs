@@ -26,7 +26,7 @@ pub struct TargetPose {
     pub skipped: Vec<Skipped>,
     /// Tags of a map that were left out because they are not where the map says, in ascending order of ids.
     pub left_out: Vec<DisplacedTag>,
-    /// Tags of a map that contradict each other, none of which can be told to be the wrong one; the estimate is then `Inconsistent`.
+    /// Tags of a map that contradict each other where the wrong one cannot be determined; the estimate is then `Inconsistent`.
     pub contradicting: Vec<u32>,
     /// The pose, or why there is none.
     pub estimate: Result<PoseEstimate, Error>,
@@ -197,7 +197,7 @@ impl<'a> TagView<'a> {
         }
     }
 
-    /// No tag can be told to be the wrong one. Where each fits by itself the tags contradict each other; where they do not fit by
+    /// The wrong tag cannot be determined. Where each fits by itself the tags contradict each other; where they do not fit by
     /// themselves either, intrinsics or detections are wrong, and the estimate says so alone.
     fn contradicting(&self, excess: &[f64], estimate: Result<PoseEstimate, Error>) -> Answer {
         let fits =

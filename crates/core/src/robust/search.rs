@@ -30,7 +30,7 @@ pub(super) struct Found {
     pub needed: usize,
 }
 
-/// A pose and who agrees with it.
+/// A pose and the points that agree with it.
 struct Agreement {
     cam_from_target: Pose,
     /// By point, in the order of chance; points of a group that does not agree as a whole are out.

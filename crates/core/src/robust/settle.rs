@@ -1,4 +1,4 @@
-//! From a pose that many agree with to the answer: least squares on those that agree, until who agrees no longer changes.
+//! From a pose that many points agree with to the answer: least squares on those points, until the set no longer changes.
 
 use super::search::{Found, what};
 use super::{Config, Consensus};
@@ -9,7 +9,7 @@ use crate::locate::refine::residual_px;
 use crate::locate::{PoseEstimate, locate};
 use crate::{Camera, Correspondence, Error, Pose};
 
-/// Rounds of "locate, then see who agrees". Each lowers the truncated cost, so that they end; two are the rule.
+/// Largest number of rounds of locating and selecting the points that agree. Each lowers the truncated cost; two are usual.
 const MAX_ROUNDS: usize = 30;
 
 /// The estimate on the correspondences that agree with it.

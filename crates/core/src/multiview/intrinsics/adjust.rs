@@ -74,7 +74,7 @@ pub(super) struct Shape {
     pub(super) half_m: [f64; 2],
     /// stretch, bend_x (m), bend_y (m).
     pub(super) values: [f64; 3],
-    /// What rulers on the print leave open of the stretch; none where nobody measured.
+    /// Standard deviation of the stretch by the rulers on the print; none where they were not measured.
     pub(super) stretch_sigma: Option<f64>,
     /// Whether the bends are estimated too; else they are zero.
     pub(super) is_bent: bool,

@@ -129,7 +129,7 @@ fn softly(mut found: Fit) -> Option<Fit> {
     Some(found)
 }
 
-/// Keeps a far corner in sight.
+/// Keeps a far corner from losing all weight.
 const LEAST_WEIGHT: f64 = 1e-6;
 
 /// The residuals' standard deviation in units of the stated ones, by their median: half of them may be gross errors.

@@ -90,7 +90,7 @@ impl Search<'_> {
         next
     }
 
-    /// χ² above which an arrangement is no rival of one that was found and places everything.
+    /// χ² above which an arrangement is no alternative to one that was found and places everything.
     fn far_chi2(&self) -> Option<f64> {
         let whole = self.found.iter().filter(|a| a.undetermined.is_empty());
         whole.map(|a| a.chi2 + FAR_CHI2 * a.noise_scale).reduce(f64::min)

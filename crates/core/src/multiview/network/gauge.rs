@@ -1,4 +1,4 @@
-//! The frame of the places: what the constraints say about it, and what has to be held. docs/math/survey.md, section 4.
+//! The frame of the positions: what the constraints determine of it, and what has to be held. docs/math/survey.md, section 4.
 
 use super::state::{Layout, State};
 use super::{Constraint, Frame, Item, NetworkProblem, Plane, rows};

@@ -1,4 +1,4 @@
-//! How well would one more image point place a point on a plane? docs/math/survey.md eq. (18).
+//! The covariance of a point on a plane from one more image point: docs/math/survey.md eq. (18).
 
 use super::Adjusted;
 use crate::Point;

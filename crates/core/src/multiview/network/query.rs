@@ -1,4 +1,4 @@
-//! What can be asked about places: lengths, angles, areas, heights, coordinates, each with its gradient. docs/math/survey.md eqs. (16)–(17).
+//! Queries about positions: lengths, angles, areas, heights, coordinates, each with its gradient. docs/math/survey.md eqs. (16)–(17).
 
 use super::state::{Layout, State};
 use crate::Point;

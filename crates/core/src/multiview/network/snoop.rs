@@ -1,4 +1,4 @@
-//! Which constraint contradicts the others? Each constraint's residual against what the others leave it to scatter, docs/math/survey.md eq. (15).
+//! Finds constraints that contradict the others: each residual is compared with the scatter that the others leave it, docs/math/survey.md eq. (15).
 
 use super::Constraint;
 use super::rows::rows;

@@ -1,4 +1,4 @@
-//! Places of control points of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
+//! Positions of control points of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
 //!
 //! A triangle is laid down; each further control point stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
 //! are followed: the photographs decide.

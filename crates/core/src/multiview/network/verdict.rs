@@ -1,4 +1,4 @@
-//! One word for a network: which of its answers can be believed. docs/math/survey.md, section 6.
+//! The status of a network: whether its answers can be trusted. docs/math/survey.md, section 6.
 
 use super::{ALTERNATIVE_GATE_CHI2, Adjusted};
 

@@ -15,7 +15,7 @@ use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
 use crate::{Camera, Point};
 
-/// Whether the answer contradicts what was seen, and who is to blame. The default contradicts nothing.
+/// Whether the answer contradicts the observations, and which camera or target is the likely cause. The default contradicts nothing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RigVerdict {
     /// Whether anything below contradicts: then no pose is to be used before the cause is found.

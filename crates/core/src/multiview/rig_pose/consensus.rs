@@ -36,11 +36,11 @@ pub struct RigConsensus {
 const CONFIDENCE: f64 = 0.9999;
 const MAX_SAMPLES: usize = 50_000;
 const MAX_FALSE_ALARMS: f64 = 1e-3;
-/// A sample of good points whose noise spoils the pose does not find all who agree: so many of them do.
+/// Share of the samples of good points that find their consensus in spite of noise.
 const GOOD_SAMPLES: f64 = 0.5;
 /// Up to eight poses meet three rays.
 const MOST_POSES: f64 = 8.0;
-/// Rounds of "locate, then see who agrees".
+/// Largest number of rounds of locating and selecting the points that agree.
 const MAX_ROUNDS: usize = 30;
 
 struct Search<'a> {
@@ -145,7 +145,7 @@ impl Search<'_> {
         }
     }
 
-    /// Least squares on those that agree, until who agrees no longer changes.
+    /// Solves by least squares on the points that agree, until that set no longer changes.
     fn settled(&self, mut inliers: Vec<RigPoint>, n_samples: usize) -> Result<RigConsensus, Error> {
         let (evidence, n) = (self.evidence(), self.points.len());
         let needed = evidence.needed(MAX_FALSE_ALARMS.ln());

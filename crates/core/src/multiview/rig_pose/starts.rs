@@ -24,7 +24,7 @@ const FEW: usize = 5;
 /// Poses to refine, ordered by their cost.
 pub(crate) type Starts = ArrayVec<(f64, Pose), MAX_STARTS>;
 
-/// A point and who sees it.
+/// A point with the camera that observes it.
 type Observed<'a> = (&'a RigView<'a>, &'a Correspondence);
 
 /// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one
