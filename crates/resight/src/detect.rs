@@ -44,7 +44,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DetectError {
-    /// A family or dictionary nobody knows.
+    /// An unknown family or dictionary.
     #[error("unknown tag family {name:?}; known are {} and OpenCV's dictionaries, e.g. DICT_4X4_50", families::APRILTAG_FAMILIES.join(", "))]
     UnknownFamily {
         /// The name given.

@@ -14,7 +14,7 @@ use crate::locate::IntrinsicsCovariance;
 use crate::report::verdict;
 use std::path::Path;
 
-/// Standard deviation of a mark where nobody states one, px: what a hand does on a screen.
+/// Standard deviation of an image point where none is stated, px: that of a click on a screen.
 const MARK_SIGMA_PX: f64 = 1.0;
 /// … and of a length, in parts of it.
 const LENGTH_SIGMA: f64 = 0.01;

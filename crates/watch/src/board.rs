@@ -1,4 +1,4 @@
-//! How a session is, for those who look at it: the terminal view and the page. Kept up to date event by event. Time enters as data.
+//! The state of a session for the terminal view and the page. Kept up to date event by event. Time enters as data.
 
 pub mod motion;
 pub mod pair;
@@ -62,7 +62,7 @@ pub struct CameraBoard {
     pub lost: Option<String>,
     /// Whether its source has ended.
     pub has_ended: bool,
-    /// It moved, and nobody has acknowledged that.
+    /// It moved, and that is not acknowledged yet.
     pub alarm: Option<Alarm>,
 }
 
@@ -158,7 +158,7 @@ impl Board {
         }
     }
 
-    /// Somebody has seen that it moved; false where there was nothing to see.
+    /// Acknowledges a motion; returns false where there was none.
     pub fn acknowledge(&mut self, camera: usize) -> bool {
         self.cameras.get_mut(camera).is_some_and(|one| one.alarm.take().is_some())
     }

@@ -23,7 +23,7 @@ pub enum Error {
     /// A file of the session.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Whoever takes the events cannot.
+    /// The receiver of the events failed.
     #[error(transparent)]
     Listener(#[from] std::io::Error),
     /// An output: an address, a file, a port, a terminal that cannot be used.

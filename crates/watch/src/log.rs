@@ -28,7 +28,7 @@ impl Default for Log {
 pub struct Line {
     /// When it was said, seconds since 1970.
     pub unix_s: f64,
-    /// Who spoke, and what.
+    /// The part of the program, and its message.
     pub text: String,
 }
 
@@ -48,7 +48,7 @@ impl Log {
         Log { kept: Arc::default(), print }
     }
 
-    /// Says one line. `part` is who speaks: `history`, `mqtt`, ….
+    /// Writes one line. `part` names the part of the program: `history`, `mqtt`, ….
     pub fn say(&self, part: &str, text: &str) {
         let line = Line { unix_s: now_unix_s(), text: format!("{part}: {text}") };
         let mut kept = self.lock();

@@ -24,7 +24,7 @@ impl Names {
         Names { cameras, targets: of_targets(targets) }
     }
 
-    /// The same, where each name stands for one camera, target or pair: what moved is told by its name alone.
+    /// The same, where each name stands for one camera, target or pair: what moved is reported by its name alone.
     ///
     /// # Errors
     /// A name that stands for two.

@@ -110,7 +110,7 @@ async fn serve(stream: TcpStream, routes: Router, patience: Patience) {
     // Small answers are wanted at once.
     let _ = stream.set_nodelay(true);
     let stream = Patient::new(TokioIo::new(stream), WRITE_PATIENCE);
-    // Whoever breaks a connection or is too slow needs no telling.
+    // A client that breaks its connection or is too slow gets no message.
     match patience {
         Patience::OneRequest(limit) => {
             let connection = builder.keep_alive(false).serve_connection(stream, service);

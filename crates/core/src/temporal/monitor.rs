@@ -65,9 +65,9 @@ pub struct MonitorConfig {
     pub decision_period_s: f64,
     /// Without a usable reading for this long the monitor is blind, seconds.
     pub stale_after_s: f64,
-    /// Rotations up to this are nobody's concern, radians.
+    /// Rotations up to this raise no alarm, radians.
     pub tolerance_rotation_rad: f64,
-    /// Translations up to this are nobody's concern, metres; one that chance explains is none.
+    /// Translations up to this raise no alarm, metres; one that chance explains counts as none.
     pub tolerance_translation_m: f64,
 }
 
@@ -357,7 +357,7 @@ impl Monitor {
 }
 
 impl Monitor {
-    /// What the readings say of their own noise; none where it is taken for what it is stated to be.
+    /// The noise as the readings show it; none where it is taken as stated.
     pub fn measured_noise(&self) -> Option<MeasuredNoise> {
         self.test.measured().map(|measured| measured.noise())
     }
@@ -395,7 +395,7 @@ fn between(from: &Vector6, to: &Vector6) -> Vector6 {
     (Pose::exp(from).inverse() * Pose::exp(to)).log()
 }
 
-/// A level as far from the reference as one in a hundred of its own errors is taken for the reference.
+/// Probability of χ² below which a level counts as different from the reference.
 const RETURN_PROBABILITY: f64 = 0.01;
 
 const NOT_POSITIVE: Error = Error::InvalidSetting {

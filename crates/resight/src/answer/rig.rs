@@ -94,7 +94,7 @@ impl SolvedRig {
     }
 }
 
-/// A file of cameras with its status in the first line: whoever reads it later says so.
+/// A file of cameras with its status in the first line, which commands that read it repeat.
 pub(super) fn with_status(file: &str, contradiction: Option<&str>) -> String {
     // A single camera without a pose is no rig.
     match file.contains("[[") {

@@ -59,7 +59,7 @@ const MOST_SEEDS: usize = 3;
 const SAME_CORNER_PX: f64 = 3.0;
 /// Fewer nodes than this are no board unless it has no more.
 const LEAST_NODES: usize = 6;
-/// Fewest nodes of a part that is told of.
+/// Fewest nodes of a part that is reported.
 const LEAST_OF_PART: usize = 12;
 
 impl ChessboardFinder {

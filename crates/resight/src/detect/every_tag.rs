@@ -1,4 +1,4 @@
-//! Every tag of an image, of one family or of whatever family: for who does not know yet what hangs there.
+//! Every tag of an image, of one family or of any family.
 
 use super::aprilgrid::GridTagFinder;
 use super::families::APRILTAG_FAMILIES;

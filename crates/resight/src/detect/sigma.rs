@@ -33,7 +33,7 @@ pub(super) fn tag_px(tag: &DecodedTag) -> f64 {
     tag_corner_px(&tag.corners, Some(tag.margin_gray))
 }
 
-/// The same from corners and decision margin (grey levels) alone; a margin that nobody told is that of a well lit tag.
+/// The same from corners and decision margin (grey levels) alone; without a margin that of a well lit tag is assumed.
 pub fn tag_corner_px(corners: &[Pixel; 4], margin_gray: Option<f64>) -> f64 {
     let margin_gray = margin_gray.unwrap_or(CLEAR_MARGIN_GRAY);
     let dim = (CLEAR_MARGIN_GRAY / margin_gray.max(1.0)).max(1.0);

@@ -35,7 +35,7 @@ pub(super) struct CameraViews {
 }
 
 impl CameraViews {
-    /// What the rulers leave open of the printed target's lengths along x and y; zeros where nobody measured.
+    /// Relative standard deviations of the printed target's lengths along x and y by its rulers; zeros where they were not measured.
     pub fn scale_sigma(&self) -> [f64; 2] {
         let scale = |view: &NamedView| Some(view.target.as_ref()?.printed_scale()?.relative_sigma());
         self.views.iter().find_map(scale).unwrap_or_default()

@@ -419,7 +419,7 @@ mod tests {
     fn north_is_where_the_compass_says() {
         let axes = Matrix3x2::from_columns(&[Vector3::x(), Vector3::y()]);
         let [east, ahead, down] = [Vector3::x(), Vector3::y(), -Vector3::z()];
-        // Who looks north sees it ahead; who looks along x and east has it along y; who looks along x and south has it behind.
+        // A camera that faces north has north ahead; one that faces east along x has it along y; one that faces south along x has it behind.
         for (sight, heading_deg, expected) in [
             (ahead, 0.0, [0.0, 1.0]),
             (ahead + 2.0 * down, 0.0, [0.0, 1.0]),

@@ -1,4 +1,4 @@
-//! What an estimate, or the lack of one, means to the person who asked: a status word and a sentence with the way out.
+//! The meaning of an estimate, or of the lack of one: a status word and a sentence with the way out.
 
 use crate::core::Error;
 use crate::core::locate::choose::Ambiguity;

@@ -46,7 +46,7 @@ struct Found {
 /// Everything by name: the same rig, to the bit, whatever order cameras, targets, observations and points come in.
 ///
 /// Observations of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
-/// the cameras, so all its observations belong to one moment: a view of its own, after all others.
+/// the cameras, so all its observations belong to one view of its own, after all others.
 pub fn gather(
     cameras: Vec<NamedCamera>,
     targets: Vec<NamedTarget>,

@@ -63,7 +63,7 @@ impl Collected {
         })
     }
 
-    /// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
+    /// Two points of one name in one frame, of which one is mislabelled and neither is used.
     pub fn check_duplicates(&self) -> Result<(), Error> {
         for frame in &self.frames {
             for (target, points) in &frame.targets {

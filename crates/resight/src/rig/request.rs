@@ -254,7 +254,7 @@ fn target_number(targets: &[NamedTarget], name: &str, flag: &str) -> Result<usiz
     })
 }
 
-/// What to say about a name that nobody has.
+/// The message about an unknown name.
 pub fn not_among(name: &str, kind: &str, names: &[String]) -> String {
     let hint = crate::input::nearest(name, names.iter().cloned());
     let hint = hint.map(|nearest| format!("; did you mean `{nearest}`?")).unwrap_or_default();

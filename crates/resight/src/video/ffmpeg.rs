@@ -92,7 +92,7 @@ pub struct Decoder {
     last_words: Arc<Mutex<Option<Words>>>,
 }
 
-/// `ffmpeg` behind what takes its frames: whoever decodes ahead of a search makes the search late, and is itself early for nothing.
+/// Runs `ffmpeg` at a lower priority than the searches that take its frames, because decoding ahead delays a search without any gain.
 fn command() -> Command {
     match Command::new("nice").stdin(Stdio::null()).stdout(Stdio::null()).status() {
         Ok(_) => {
@@ -134,7 +134,7 @@ impl Ffmpeg {
     /// through its stdin, as a playlist of one entry. `shown` is what stands in its words otherwise.
     ///
     /// # Errors
-    /// It cannot be started, or is too old to be told so.
+    /// It cannot be started, or is too old for this address.
     pub fn decode_without_arguments(
         &self,
         options: &[String],
@@ -200,7 +200,7 @@ impl Ffmpeg {
             let input = name.to_string();
             thread::spawn(move || {
                 listen(stderr, &input, &words, |reported| {
-                    // Whoever reads the images may have stopped; ffmpeg's words are taken to the end all the same.
+                    // The reader of the images may have stopped; ffmpeg's messages are still read to the end.
                     let _ = to_pictures.send(reported);
                 });
             });
@@ -329,7 +329,7 @@ impl ImageFiles {
         }
     }
 
-    /// Every frame with what was said of it, until the pipe ends or nobody takes them. The pipe of frames leads: ffmpeg waits while it
+    /// Passes on every frame with ffmpeg's messages about it, until the pipe ends or the reader stops. The pipe of frames leads: ffmpeg waits while it
     /// is full, whatever became of a line.
     fn read(mut self, reported: Receiver<Reported>) {
         loop {

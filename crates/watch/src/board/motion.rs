@@ -1,4 +1,4 @@
-//! Where a camera is now against its reference, and what puts it back: it shrinks as somebody does so.
+//! The motion of a camera from its reference now, and the motion that puts it back, which shrinks as that is done.
 
 use resight::core::locate::consistency::is_unlikely;
 use resight::core::temporal::monitor::{Drift, Reference, along, rotation_alone};
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    /// A camera that somebody turns, by a tenth of a standard deviation a reading: the mean lags, and says so.
+    /// A camera that is rotated by a tenth of a standard deviation a reading: the mean lags, and its ± holds the lag.
     #[test]
     fn the_error_amid_a_motion_holds_what_the_mean_lags() {
         let mut recent = Recent::default();

@@ -104,7 +104,7 @@ impl History {
         self.reported(self.try_rows(selection, &mut take))
     }
 
-    /// The selected events, in the order in which they were told; `kinds` empty means all.
+    /// The selected events, in the order in which they were reported; `kinds` empty means all.
     ///
     /// # Errors
     /// A damaged file.

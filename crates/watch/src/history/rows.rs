@@ -159,7 +159,7 @@ pub struct StoredRow {
 /// An event as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredEvent {
-    /// The run of the program that told it.
+    /// The run of the program that reported it.
     pub session: i64,
     /// When it was reported, seconds since 1970.
     pub unix_s: f64,

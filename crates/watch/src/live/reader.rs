@@ -126,7 +126,7 @@ impl Reader<'_> {
         self.pass(frame, at_own_pace, is_live, progress)
     }
 
-    /// Nothing came to contradict a doubtful frame: there was a pause. False when nobody looks at the frames any more.
+    /// Accepts a doubtful frame after a pause. Returns false when the frames are no longer processed.
     fn believe(&self, progress: &mut Progress) -> bool {
         let doubtful = progress.doubtful.take();
         doubtful.is_none_or(|doubtful| self.pass(doubtful, false, false, progress))

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What was asked for and not done yet. Copies share it: one stays with whoever asks, one goes with the session.
+/// Requests that are not done yet. Copies share them: one stays with the requester, one goes with the session.
 #[derive(Debug, Clone, Default)]
 pub struct Relearn(Arc<Mutex<BTreeSet<usize>>>);
 

@@ -44,7 +44,7 @@ const WAITING: usize = 20_000;
 /// The output.
 ///
 /// # Errors
-/// A file that somebody must do something about; a full disk is tried again.
+/// Whether a file needs the user's attention; a full disk is tried again.
 pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Box<dyn Output>> {
     let pairs: Vec<(String, String)> = names
         .cameras
@@ -68,7 +68,7 @@ pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Bo
     Ok(Box::new(Kept { names: names.clone(), said, states, recorder, thread: Some(thread) }))
 }
 
-/// What somebody must do something about ends the program here; a full disk does not: it is tried again.
+/// Ends the program where a file needs the user's attention; a full disk is tried again.
 fn begin(recording: &Recording, reported: &Teller) -> Result<Option<Store>, HistoryError> {
     match Store::open(&recording.path, &recording.pairs) {
         Ok(opened) => {

@@ -24,7 +24,7 @@ use tally::Tally;
 pub struct MetricsConfig {
     /// `ADDRESS:PORT` to listen on.
     pub address: String,
-    /// The file whose first line is the token that whoever asks must know.
+    /// The file whose first line is the token that a request must carry.
     pub token_file: Option<PathBuf>,
     /// Names by which the metrics are reached, besides localhost and the address.
     pub hosts: Vec<String>,

@@ -1,4 +1,4 @@
-//! What others are told: changes of state, who moved, sources lost and back. The same object as the JSON line, and where it comes from.
+//! Notices to other programs: changes of state, what moved, sources lost and back. The same object as the JSON line, and where it comes from.
 
 use super::super::names::Names;
 use super::outbox::Weight;
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 /// One of them.
 #[derive(Debug, Clone)]
 pub struct Notice {
-    /// Unique among all sessions: whoever gets a notice twice can tell.
+    /// Unique among all sessions, so that a receiver recognises a repeated notice.
     pub id: String,
     /// How much it matters.
     pub weight: Weight,

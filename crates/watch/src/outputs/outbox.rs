@@ -13,7 +13,7 @@ pub enum Weight {
     Frame,
     /// A camera is (again) as it should be, or not decided yet.
     Routine,
-    /// Somebody should look.
+    /// Needs attention.
     Alarm,
 }
 
@@ -157,7 +157,7 @@ impl<T> Outbox<T> {
 }
 
 impl<T> Inner<T> {
-    /// A receiver that is a little too slow all the time drops something at every step: that is one story, told at its beginning and its end.
+    /// A receiver that is a little too slow all the time drops something at every step: that is one event, reported at its beginning and its end.
     fn dropped_meanwhile(&mut self) -> u64 {
         if self.waiting.is_empty() { std::mem::take(&mut self.dropped_lately) } else { 0 }
     }

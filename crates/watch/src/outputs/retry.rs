@@ -52,7 +52,7 @@ impl Backoff {
     }
 }
 
-/// A number nobody can guess: the standard library draws its hash keys from the operating system.
+/// An unpredictable number: the standard library draws its hash keys from the operating system.
 pub fn random() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
@@ -77,7 +77,7 @@ struct Trouble {
 }
 
 impl Standing {
-    /// `receiver` is told to everybody who reads the log: no secrets in it.
+    /// `receiver` appears in the log, so that it must hold no secrets.
     pub fn new(log: &Log, part: &'static str, receiver: &str) -> Self {
         Standing {
             log: log.clone(),

@@ -125,7 +125,7 @@ pub enum Verdict {
     Moved,
 }
 
-/// How a session of these last states ends. Only who is where it was is answered; who may just have moved suddenly is not.
+/// The exit status of a session by its last states. Only a camera that is where it was counts as answered.
 pub fn verdict(states: &[Option<State>], moved: &Moved) -> Verdict {
     let is_drifted = |state: &Option<State>| matches!(state, Some(State::Drifted(_)));
     let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Tracking));

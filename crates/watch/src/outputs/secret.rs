@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use std::path::Path;
 
-/// The first line of a file that nobody else can read. `flag` is what asked for it.
+/// Reads the first line of a file that only its owner can read. `flag` names the flag in messages.
 pub fn read(flag: &str, path: &Path) -> Result<String> {
     let shown = path.display();
     must_be_private(flag, path)?;

@@ -36,7 +36,7 @@ pub struct Tf {
     recorder: Recorder,
     /// Capture time of the last frame of each camera, ns: what has no time of its own happened then. None before the first frame.
     last_ns: Vec<Option<u64>>,
-    /// Which pairs are told to have moved.
+    /// Pairs that are reported as moved.
     corrected: Vec<bool>,
 }
 

@@ -127,7 +127,7 @@ impl Drop for Tui {
     }
 }
 
-/// What is drawn: a copy, so that nobody waits for the terminal.
+/// A copy of what is drawn, so that no other thread waits for the terminal.
 struct Copied {
     board: Board,
     lines: Vec<Line>,

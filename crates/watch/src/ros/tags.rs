@@ -19,7 +19,7 @@ pub(super) struct ReportedTag {
     pub corners: [Pixel; 4],
 }
 
-/// The corners of all tags of a message, read one by one. A tag that is there twice is left out: nobody knows which is right.
+/// The corners of all tags of a message, read one by one. A tag that is there twice is left out, because either may be the right one.
 ///
 /// # Errors
 /// Tags of several families, which would share ids.

@@ -37,7 +37,7 @@ struct Found {
     lens_sigma_px: Option<f64>,
 }
 
-/// What of a line says whose it is, where the rest cannot be read.
+/// The part of a line that names its camera, where the rest cannot be read.
 #[derive(Deserialize)]
 struct Whose {
     camera: Option<String>,
@@ -62,7 +62,7 @@ pub fn sources(input: impl BufRead + Send + 'static, cameras: &[String]) -> Vec<
     sources
 }
 
-/// Who looks at a camera's lines.
+/// The reader of a camera's lines.
 struct Camera {
     sender: SyncSender<Frame>,
     /// Time of its last line: what cannot be read has this one.

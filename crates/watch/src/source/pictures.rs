@@ -66,7 +66,7 @@ pub struct Folder {
 enum Taken {
     /// Given, or waiting.
     Whole,
-    /// It could not be decoded at this size: looked at again when it has grown, and once more, for good, when nobody writes any more.
+    /// It could not be decoded at this size: it is read again when it has grown, and a last time when it is no longer written.
     Torn { bytes: u64, is_reported: bool },
 }
 
@@ -84,7 +84,7 @@ impl Folder {
         Folder { is_filling: false, ..self }
     }
 
-    /// Takes note of new images that nobody writes any more, by name; whether others are still being written.
+    /// Collects new images that are no longer written, by name; returns whether others are still being written.
     fn look(&mut self) -> std::io::Result<bool> {
         let (mut there, mut new, mut is_growing) = (BTreeSet::new(), Vec::new(), false);
         for entry in std::fs::read_dir(&self.path)? {
@@ -195,7 +195,7 @@ fn is_picture(path: &Path) -> bool {
     !is_hidden && ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
 
-/// Whether nobody has written a file for so long.
+/// Returns whether a file has not been written for this long.
 fn has_rested(path: &Path, time: Duration) -> bool {
     let age = std::fs::metadata(path).and_then(|data| data.modified()).map(|at| at.elapsed());
     // A time in the future is another clock's: nothing to wait for.

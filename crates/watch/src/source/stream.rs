@@ -127,7 +127,7 @@ impl Stream {
         words.map_or(String::new(), |words| format!(" ({})", self.address.hide(&words)))
     }
 
-    /// Who wants an end gets it with the first loss: a camera that says nothing would be opened for ever.
+    /// Ends at the first loss, instead of opening a silent camera for ever.
     fn lost(&mut self, gone: Gone, has_given: bool) -> Next {
         self.is_over = self.config.ends;
         let reason = match gone {

@@ -1,4 +1,4 @@
-//! Who is answered: requests that name this machine as it is known (a page that got its own name to point here names itself),
+//! Access control: answered are requests that name this machine as it is known (a page that got its own name to point here names itself),
 //! and, where a token is asked for, that bring it.
 
 use crate::outputs::secret;

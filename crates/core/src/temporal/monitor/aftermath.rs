@@ -209,7 +209,7 @@ impl Monitor {
         if !drift(&from, now, change).matters(&self.config) {
             return;
         }
-        // A ramp goes on: its rate has said so.
+        // A ramp continues, as its rate states.
         let ramp = self.fitted().filter(|fitted| {
             fitted.course == MotionKind::Ramp && (before.course == fitted.course || RENAMED < fitted.lead)
         });

@@ -36,7 +36,7 @@ impl Motions {
         self.goes_on(found);
     }
 
-    /// The last one goes on: what it has come to is reported.
+    /// The last motion continues: its present size is reported.
     pub fn goes_on(&mut self, found: Milestone) {
         self.since = Milestones::from(found);
     }

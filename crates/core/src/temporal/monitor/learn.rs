@@ -38,7 +38,7 @@ pub fn unsettled(readings: &[Reading], config: &LearnConfig) -> Option<Unsettled
     Some(unsettled::described(&found, &samples, config, usable[found.sample].0))
 }
 
-/// The mean pose with its covariance, and what of the scatter lasts. Of readings amid which the camera moved (`unsettled`) this is the
+/// The mean pose with its covariance, and the correlated part of the scatter. Of readings amid which the camera moved (`unsettled`) this is the
 /// mean of two poses, with a noise as wide as the motion.
 ///
 /// # Errors

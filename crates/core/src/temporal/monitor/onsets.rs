@@ -353,7 +353,7 @@ impl Onsets {
     }
 }
 
-/// How uncertain an onset is that is told as the time of the first reading after it, seconds: how far the other `onsets` (time and
+/// Standard deviation of an onset that is reported as the time of the first reading after it, seconds: how far the other `onsets` (time and
 /// probability, in order of time) are from number `best`, and the interval before that one, in which nothing was read. The first of all has
 /// the interval after it instead: eq. (80).
 pub(super) fn onset_sigma_s(onsets: impl Iterator<Item = (f64, f64)> + Clone, best: usize) -> f64 {

@@ -177,7 +177,7 @@ pub fn covariance_by_image(
     Some(covariance * pull * covariance)
 }
 
-/// How far readings scatter, and what of their errors stays with a place.
+/// The scatter of readings, and the part of their errors that stays with a position of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Places {
     /// Differences of readings in a row; half of their mean square, over the stated variance; whitened coordinates.
@@ -205,7 +205,7 @@ impl Places {
 }
 
 impl Monitor {
-    /// What of a reading's errors stays as long as the camera does, as a covariance of it: from here on a motion is known no better than
+    /// Sets the covariance of the part of a reading's errors that stays as long as the camera does: from here on a motion is known no better than
     /// this allows at either place, and as well as readings scatter. Where it is never said, as well as readings are stated to be.
     pub fn stays(&mut self, covariance: &Matrix6) {
         if covariance.iter().all(|x| x.is_finite()) {

@@ -43,7 +43,7 @@ pub struct Detectable {
     pub translation_m: [f64; 3],
 }
 
-/// Readings followed one by one; of more, several are taken for one.
+/// Readings that are followed one by one; of more, several count as one.
 const FOLLOWED: usize = 128;
 /// The statistic of a mean motion is exceeded by half of them; nine in ten do with this much more, in standard deviations of it.
 const NINE_IN_TEN: f64 = 1.28;

@@ -78,9 +78,9 @@ pub struct RigMonitor {
     open: Option<Open>,
     /// Sets that might have moved instead of those that `drifts` names.
     alternatives: Vec<Vec<usize>>,
-    /// Moments left out: outliers that nothing confirmed.
+    /// Frame sets left out: outliers that nothing confirmed.
     pub outliers: u64,
-    /// Moments that came with a time before the last one's; they are left out.
+    /// Frame sets with a time before that of the last one; they are left out.
     pub out_of_order: u64,
 }
 
@@ -274,7 +274,7 @@ impl RigMonitor {
         if !self.matters(&open) && !self.has_moved() {
             return;
         }
-        // Two cameras stay alternatives; of more, whoever is taken for the one that moved on a guess makes another look as if it had.
+        // Two cameras stay alternatives; among more, a wrong guess would make another camera seem to have moved.
         let is_decided = open.attribution.is_explained && open.attribution.alternatives.is_empty();
         if is_decided || self.seen_s.len() == 2 {
             self.start_again(&open);
@@ -310,7 +310,7 @@ impl RigMonitor {
             .any(|(own, drift)| Drift { covariance: drift.covariance + own, ..*drift }.matters(&self.config))
     }
 
-    /// Who explains the evidence, and how far they moved.
+    /// Cameras that explain the evidence, with their motions.
     fn attributed(&self) -> Option<Open> {
         let began = self.evidence.began()?;
         let gathered = began.onset.gathered(began.course);

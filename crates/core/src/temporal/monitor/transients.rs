@@ -1,6 +1,6 @@
 //! Motions that came back by themselves: a sun spot on half of a tag, a lorry in front of the mast.
 //!
-//! To one who sees only the pose they are motions until they end. When two have come back, one that is no larger is reported only when it has
+//! By the pose alone they are motions until they end. When two have come back, one that is no larger is reported only when it has
 //! lasted for longer than they did: docs/math/monitor.md eq. (43).
 
 use crate::temporal::snapshot::numbers;
@@ -12,7 +12,7 @@ const SOME: u64 = 2;
 const MARGIN: f64 = 2.0;
 /// After this time without one they are over, seconds.
 const FORGOTTEN_S: f64 = 10.0 * super::axis::DAY_S;
-/// What lasts longer was a motion, and somebody put the camera back.
+/// A change that lasts longer was a motion, and the camera was put back.
 const LONGEST_S: f64 = 3600.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

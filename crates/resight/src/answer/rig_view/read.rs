@@ -1,4 +1,4 @@
-//! Files of a rig, told apart by their contents; numbers that no rig has are refused here.
+//! Files of a rig, distinguished by their contents; impossible numbers are refused here.
 
 use super::Status;
 use crate::FileError;

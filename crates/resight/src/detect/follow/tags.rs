@@ -83,7 +83,7 @@ const READ_EVERY_S: f64 = 0.5;
 const READ_IN_TURN: u32 = 16;
 /// A tag that stays shows at least this share of what it showed when it was read: another's bits, and its own a cell further, hide more.
 const SHOWN_AGAIN: f64 = 0.9;
-/// A tag that moved further from one image to the next, pixels, goes on like that; a mount that trembles does not.
+/// A tag that moved further than this from one image to the next, pixels, continues to move; a vibrating mount does not.
 const MOVING_PX: f64 = 1.0;
 /// A tag is sought this far around where it is expected, pixels: what a mount vibrates and a hand moves from frame to frame.
 const REACH_PX: f64 = 16.0;

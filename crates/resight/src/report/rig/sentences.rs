@@ -9,7 +9,7 @@ use crate::rig::RigRun;
 
 /// A size that differs by more than this many standard deviations is said to be off: chance does so once in 370 times.
 const CLEARLY_SIGMAS: f64 = 3.0;
-/// Who knows a size only to half of it knows nothing: no target is built that badly.
+/// A size known only to half of itself is as good as unknown.
 const WORTHLESS_SIGMA: f64 = 0.5;
 
 /// Which joint of the rig is the weakest, and what would strengthen it; none for a single camera.

@@ -152,7 +152,7 @@ fn axes(drawn: &Drawn, eye: &Viewpoint) -> String {
     [("x", Point::x()), ("y", Point::y()), ("z", Point::z())].map(axis).concat() + &name_of_reference(drawn)
 }
 
-/// For readers who hear the drawing.
+/// The text of the drawing for screen readers.
 fn name_of_reference(drawn: &Drawn) -> String {
     let reference = drawn.run.rig.cameras.get(drawn.run.solution.reference);
     reference.map_or(String::new(), |c| format!("<desc>Frame of the rig: {}</desc>", escaped(&c.name)))

@@ -15,7 +15,7 @@ pub fn camera_status(solution: &RigSolution, camera: usize) -> Status {
     if losses.is_none_or(Losses::is_ok) { Status::Ok } else { Status::Inconsistent }
 }
 
-/// What contradicts, who is to blame and what the likely cause is; none where nothing does.
+/// The contradiction with the camera or target and the likely cause; none where nothing contradicts.
 pub fn rig_verdict_sentence(run: &RigRun) -> Option<String> {
     let verdict = &run.solution.verdict;
     if !verdict.is_inconsistent {

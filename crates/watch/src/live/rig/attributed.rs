@@ -280,7 +280,7 @@ impl Pair {
         self.began_s() == Some(drift.began_s)
     }
 
-    /// Who learns anew has nothing to compare with.
+    /// A pair that learns anew has no reference to compare with.
     fn is_now(&mut self, state: State) {
         if matches!(state, State::Learning { .. }) {
             (self.reference, self.monitor) = (None, None);

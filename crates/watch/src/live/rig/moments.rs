@@ -92,7 +92,7 @@ impl FrameSetQueue {
         self.cameras.iter().flat_map(|queue| &queue.waiting)
     }
 
-    /// Moments to which nothing can be added any more, in order of time.
+    /// Frame sets to which nothing can be added any more, in order of time.
     pub fn complete(&mut self, now: Instant) -> Vec<SynchronisedFrames> {
         let horizon_s = self.horizon_s(now);
         let until_s = horizon_s - self.tolerance_s;
@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(frame_sets.complete(later + 2 * PATIENCE_RECORDED).len(), WAITING - 6);
     }
 
-    /// Images without times of their own: nobody is ahead, and nobody waits for ever.
+    /// Images without times of their own: no camera is ahead, and none waits for ever.
     #[test]
     fn recordings_of_one_time_do_not_wait_for_each_other() {
         let now = Instant::now();

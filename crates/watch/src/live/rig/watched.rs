@@ -45,7 +45,7 @@ pub(in crate::live) struct Cameras {
     /// Why the last frame of each camera shows nothing.
     reasons: Vec<Option<String>>,
     reported: Vec<Option<State>>,
-    /// Motions amid the frame sets that were to be learned from, which nobody has heard of yet.
+    /// Motions amid the frame sets that were to be learned from, not reported yet.
     unsettled: Vec<RigUnsettled>,
     reported_moved: (Vec<usize>, Vec<Vec<usize>>),
 }
@@ -154,7 +154,7 @@ impl Cameras {
         events
     }
 
-    /// Nobody has said anything for a while: the clock of those that have not ended continues.
+    /// No camera has given a frame for a while: the clock of those that have not ended continues.
     pub fn idle(&mut self, now: Instant) -> Vec<Event> {
         let heard = || self.heard.iter().flatten();
         let silent = |at: &Instant| now.saturating_duration_since(*at);
@@ -170,7 +170,7 @@ impl Cameras {
         self.idle_s.map_or(self.last_s, |idle_s| idle_s.max(self.last_s))
     }
 
-    /// Moments that are complete, and what follows from them.
+    /// Processes complete frame sets.
     fn flow(&mut self, now: Instant) -> Vec<Event> {
         let mut events = Vec::new();
         for frame_set in self.frame_sets.complete(now) {

@@ -1,4 +1,4 @@
-//! The server: one thread, few connections, little patience. Whoever asks slowly or often delays other askers, never the cameras.
+//! The server: one thread, few connections, little patience. A slow or frequent client delays other clients, never the cameras.
 
 use super::exposition;
 use super::tally::Tally;
@@ -31,7 +31,7 @@ pub fn start(listener: TcpListener, tally: Arc<Mutex<Tally>>, access: Access) ->
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let routes = routes(Shared { tally, access });
     let serve = move || {
-        // A listener that cannot be handed over has nobody to tell; binding it has succeeded before.
+        // Binding has succeeded before; there is no receiver for an error here.
         let _ = runtime.block_on(accept(listener, routes, Patience::OneRequest(PATIENCE)));
     };
     std::thread::Builder::new().name("metrics".to_string()).spawn(serve).context("a thread for --metrics")?;
@@ -61,13 +61,13 @@ async fn metrics(State(shared): State<Shared>, headers: HeaderMap) -> Response {
         let asked = [(header::WWW_AUTHENTICATE, "Bearer")];
         return (StatusCode::UNAUTHORIZED, asked, "a token is needed\n").into_response();
     }
-    // Written from a copy: whoever brings the next event does not wait for the page.
+    // Written from a copy, so that the next event does not wait for the page.
     let tally = shared.tally.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let page = exposition::page(&tally);
     ([(header::CONTENT_TYPE, exposition::CONTENT_TYPE)], page).into_response()
 }
 
-/// No details: whoever may not read the metrics learns nothing else.
+/// An answer without details for clients that may not read the metrics.
 async fn health(State(shared): State<Shared>) -> Response {
     let is_well = shared.tally.lock().unwrap_or_else(PoisonError::into_inner).is_well();
     match is_well {

@@ -34,7 +34,7 @@ pub struct Message {
 }
 
 impl Message {
-    /// Retained by the broker for whoever comes later, and acknowledged.
+    /// Retained by the broker for later subscribers, and acknowledged.
     pub fn kept(topic: String, payload: String) -> Self {
         Message { topic, payload, qos: QoS::AtLeastOnce, is_kept: true }
     }
@@ -73,14 +73,14 @@ pub fn options(broker: &Broker, topics: &Topics, ca: Option<&[u8]>) -> Result<Mq
     Ok(options)
 }
 
-/// A broker and what it has been told.
+/// A broker and the messages it has received.
 pub struct Link {
     options: MqttOptions,
     /// Told first on every connection.
     greeting: Vec<Message>,
     availability: String,
     is_up: Arc<AtomicBool>,
-    /// What the broker should hold: told again after each new connection, for it may have forgotten.
+    /// Retained messages, sent again after each new connection, because the broker may have lost them.
     kept: BTreeMap<String, Message>,
     /// Sent, but not acknowledged.
     on_its_way: Option<(Weight, Message)>,
@@ -186,7 +186,7 @@ async fn poll(mut events: EventLoop, connected: oneshot::Sender<()>) -> Lost {
         match events.poll().await {
             Ok(Event::Incoming(Incoming::ConnAck(_))) => {
                 if let Some(connected) = connected.take() {
-                    // Whoever no longer waits for it has given the connection up.
+                    // The receiver of this answer is gone together with the connection.
                     let _ = connected.send(());
                 }
             }

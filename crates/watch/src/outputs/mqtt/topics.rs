@@ -39,7 +39,7 @@ impl Topics {
         format!("{}/{}/source", self.prefix, of(&self.cameras, camera))
     }
 
-    /// Who moved relative to the others.
+    /// What moved relative to the others.
     pub fn moved(&self) -> String {
         format!("{}/moved", self.prefix)
     }

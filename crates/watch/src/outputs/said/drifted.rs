@@ -111,7 +111,7 @@ mod tests {
     use resight::core::Matrix6;
     use resight::core::temporal::monitor::Again;
 
-    /// Of a second motion both sizes are told, and what puts all of it back.
+    /// States both sizes of a second motion, and what puts all of it back.
     #[test]
     fn a_further_motion_is_told_with_its_own_size() {
         let (pan, covariance) =

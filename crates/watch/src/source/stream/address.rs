@@ -1,4 +1,4 @@
-//! Where a stream is, what ffmpeg needs to be reported about it, and what of it may be shown.
+//! The address of a stream, the options that ffmpeg needs for it, and the part of it that may be shown.
 
 use super::OPENING_S;
 use resight::video::ffmpeg::Release;
@@ -29,7 +29,7 @@ impl Address {
         words.replace(&self.input, &self.shown)
     }
 
-    /// Whether it holds what nobody else may see: a user's password, or of a server's address what stands behind `?`, often a token.
+    /// Whether it holds a secret: a user's password, or of a server's address what stands behind `?`, often a token.
     pub fn is_secret(&self) -> bool {
         let Some((scheme, rest)) = self.input.split_once("://") else { return false };
         let is_token =

@@ -29,7 +29,7 @@ pub(super) struct Onset {
     gathered: [Gathered; 2],
     /// ln w of each camera and kind, per course.
     log_weights: [Vec<[f64; KINDS]>; 2],
-    /// Variances of a sight of each camera when this onset came up.
+    /// Variances of an observation of each camera when this onset was added.
     typical: DVector<f64>,
     /// How likely the frame sets before it were under each model of the noise.
     pub then: Then,
@@ -43,7 +43,7 @@ pub(super) struct Then {
     pub frame_sets: f64,
 }
 
-/// What the moments since an onset say of motions of all cameras.
+/// The evidence of the frame sets since an onset for motions of all cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Gathered {
     signature: DMatrix<f64>,
@@ -311,7 +311,7 @@ impl Evidence {
         kept.inherit(&gone);
     }
 
-    /// None before the first moment.
+    /// None before the first frame set.
     pub fn began(&self) -> Option<Began<'_>> {
         let log_mass = |onset: &Onset| [0, 1].map(|course| LogSum::of(onset.log_masses(course)).ln());
         let log_masses: Vec<[f64; 2]> = self.onsets.iter().map(log_mass).collect();

@@ -13,7 +13,7 @@ use crate::temporal::snapshot::numbers;
 use crate::{Error, Matrix6, Pose};
 use nalgebra::{DMatrix, DVector, Dyn};
 
-/// What is no drift of one camera's sights.
+/// The errors of one camera's observations that are no drift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObservationNoise {
     /// Variance that is new in every frame, in units of what the pixels' stated sigmas give.
@@ -55,7 +55,7 @@ impl ObservationNoise {
         Ok(())
     }
 
-    /// Covariance of the whole error of a sight.
+    /// Covariance of the whole error of an observation.
     pub fn total(&self, reading: &Matrix6) -> Matrix6 {
         reading * (self.white + self.correlated) + self.bias
     }
@@ -66,7 +66,7 @@ pub(super) const STATES: usize = 18;
 /// Forgotten in this time, a diurnal variation of 24 hours changes as fast as the sun makes it.
 const DIURNAL_TIME_S: f64 = DAY_S / std::f64::consts::TAU;
 
-/// What a moment is expected to be.
+/// The prediction of a frame set.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RigFilter {
     mean: DVector<f64>,
@@ -221,13 +221,13 @@ impl RigFilter {
         (self.mean.fixed_rows::<6>(at).into(), self.covariance.fixed_view::<6, 6>(at, at).into())
     }
 
-    /// White noise of a sight in the rig frame.
+    /// White noise of an observation in the rig frame.
     fn white(&self, reading: &CameraReading) -> Matrix6 {
         let ad = &self.rig_from_cam[reading.camera];
         ad * reading.covariance * ad.transpose() * self.noise[reading.camera].white
     }
 
-    /// Adds ± Ad (m + L u + w) of a sight to six rows.
+    /// Adds ± Ad (m + L u + w) of an observation to six rows.
     fn put(&self, design: &mut DMatrix<f64>, row: usize, reading: &CameraReading, sign: f64) -> Option<()> {
         let (camera, noise) = (reading.camera, &self.noise[reading.camera]);
         let ad = self.rig_from_cam[camera] * sign;

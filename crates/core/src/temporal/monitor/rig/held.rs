@@ -1,4 +1,4 @@
-//! Moments that are far from what was expected wait until three agree on who moved: a flipped pose, a hand in the image or a frame of
+//! Frame sets far from their prediction wait until three agree on which camera moved: a flipped pose, a hand in the image or a frame of
 //! another time is alone, a camera that moved suddenly stays where it is.
 
 use super::SURPRISE;
@@ -49,7 +49,7 @@ impl Held {
         waiting && self.waiting.len() < CONFIRM && self.confirmed.iter().all(|camera| *camera < cameras)
     }
 
-    /// A frame set in which all is well speaks for every suspect who is in it; how many frame sets are given up, their last suspect cleared.
+    /// Clears every suspect that a usual frame set contains; returns how many waiting frame sets are dropped with their last suspect.
     pub fn clear(&mut self, frame_set: &ReadingSet) -> u64 {
         let before = self.waiting.len();
         let is_in = |camera: &usize| frame_set.cameras().any(|seen| seen == *camera);
@@ -99,7 +99,7 @@ impl Held {
         }
     }
 
-    /// Those whose motion explains all waiting frame sets together: the same motion in each. Who it was could be said of any three outliers.
+    /// The cameras whose one motion explains all waiting frame sets together.
     fn agreed(&self, (filter, scale): (&RigFilter, f64), typical: &DVector<f64>) -> Option<Vec<usize>> {
         let (mut filter, mut onset) = (filter.clone(), Onset::new(0.0, 1.0, typical, Then::default()));
         let (mut chi2, mut degrees_of_freedom) = (0.0, 0);

@@ -31,7 +31,7 @@ const FEW: usize = 10;
 /// Residuals much smaller than the sigmas say are luck or a detector that smooths: at most this much is believed.
 const LEAST_SCALE: f64 = 0.25;
 
-/// Where the cameras are, from frame sets in which they see targets together, and how well a sight is known.
+/// Estimates the extrinsics from frame sets in which cameras observe targets together, and the noise of an observation.
 ///
 /// # Errors
 /// `TooFewPoints` for fewer than twenty frame sets in which two cameras see a target; those of `solve_rig`.
@@ -164,7 +164,7 @@ struct Residual {
     redundancy: f64,
 }
 
-/// How well a sight of each camera is known, from how well they agree with each other where the cameras are.
+/// Estimates the noise of each camera's observations from their agreement at the estimated extrinsics.
 pub fn learn_observation_noise(
     cam_from_rig: &[Pose],
     frame_sets: &[FrameSet],
@@ -202,7 +202,7 @@ pub(super) fn stars(frame_set: &FrameSet, cam_from_rig: &[Pose]) -> Vec<(f64, Ve
     targets.into_iter().map(of).filter(|(_, star)| 2 <= star.len()).collect()
 }
 
-/// Information and motion of each sight in the rig frame.
+/// Information and motion of each observation in the rig frame.
 fn weighted(
     star: &[CameraReading],
     rig_from_cam: &[Matrix6],
@@ -288,7 +288,7 @@ fn new_offsets(
     offsets
 }
 
-/// What of a camera's noise lasts: the correlation of neighbours, and the lag at which it has fallen to 1/e of that.
+/// The correlated part of a camera's noise: the correlation of neighbours, and the lag at which it has fallen to 1/e of that.
 fn noise(camera: usize, scale: f64, residuals: &[Residual], config: &LearnConfig) -> ObservationNoise {
     let own: Vec<&Residual> = residuals.iter().filter(|r| r.camera == camera).collect();
     let kept: Vec<&&Residual> = own.iter().filter(|r| r.whitened.norm_squared() < OUTLIER * scale).collect();

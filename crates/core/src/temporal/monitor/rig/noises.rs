@@ -1,4 +1,4 @@
-//! Noise of a rig's sights that is measured, not believed: its scale, and how far what seems a motion comes about by errors alone.
+//! The measured noise of a rig's observations: its scale, and how far errors alone look like a motion.
 //!
 //! ```text
 //!   s²     νᵀS⁻¹ν of each frame_set over its degrees of freedom, of the last frame_sets
@@ -169,7 +169,7 @@ impl Noises {
         all
     }
 
-    /// Mean and covariance of m of a camera; known no better than stated where sights scatter by less.
+    /// Mean and covariance of m of a camera; not smaller than stated where observations scatter by less.
     pub fn level(&self, camera: usize) -> (Vector6, Matrix6) {
         let (mean, covariance) = self.filter.level(camera);
         (mean, covariance * self.scale.max(1.0))

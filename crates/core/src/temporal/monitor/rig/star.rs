@@ -13,7 +13,7 @@ use crate::temporal::snapshot::numbers;
 use crate::{Camera, Correspondence, Matrix6, Pose, Vector6};
 use nalgebra::Matrix2x6;
 
-/// What one camera saw of one target at a moment.
+/// The observation of one target by one camera in a frame set.
 #[derive(Debug, Clone, Copy)]
 pub struct TargetObservation<'a> {
     /// Which camera.
@@ -58,7 +58,7 @@ struct Linear {
     score: Vector6,
 }
 
-/// The sights of a target; fewer than two cameras say nothing about each other.
+/// The observations of a target in a frame set; fewer than two cameras determine no relative pose.
 pub(super) fn star(target_observations: &[TargetObservation], cam_from_rig: &[Pose]) -> Vec<CameraReading> {
     if target_observations.len() < 2 {
         return Vec::new();

@@ -1,4 +1,4 @@
-//! How well each camera's sights are known, on the whole: the size of motion that is looked for.
+//! The typical noise of each camera's observations, which sets the size of motion that is tested for.
 
 use super::ObservationNoise;
 use super::held::ReadingSet;

@@ -1,4 +1,4 @@
-//! The smallest set of cameras whose motions explain what the moments since an onset say, correlations between cameras included.
+//! The smallest set of cameras whose motions explain the frame sets since an onset, correlations between cameras included.
 //!
 //! ```text
 //!   χ² left by the set s:  cᵀ D⁻¹ c − c_sᵀ (D_ss)⁻¹ c_s        docs/math/monitor.md eq. (25)
@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 /// which no camera sees, zero.
 const FREE: f64 = 1e-4;
 
-/// Nobody or some of the cameras that were seen; with `at_least` one, somebody.
+/// Sets of the observed cameras, with at least `at_least` members.
 pub(super) fn which(gathered: &Gathered, at_least: usize) -> Attribution {
     let seen = seen(gathered);
     let all = explained(gathered, &seen);
@@ -30,7 +30,7 @@ pub(super) fn explained(gathered: &Gathered, set: &[usize]) -> f64 {
     motions(gathered, set).map_or(0.0, |(_, _, explained)| explained)
 }
 
-/// Motions that are determined: all but one of each group of cameras that targets tie, whose common motion nobody sees.
+/// Motions that are determined: all but one of each group of cameras that targets tie, whose common motion is not observable.
 fn determined(gathered: &Gathered, seen: &[usize]) -> usize {
     seen.len() - whole_groups(gathered, seen, seen)
 }

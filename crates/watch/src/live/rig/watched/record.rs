@@ -70,7 +70,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// The clock went on while nobody looked: how things stand is reported as of now until a frame comes.
+    /// Time passed between the sessions: states are reported as of now until a frame comes.
     fn resume(&mut self, camera: usize, heard: &HeardRecord) {
         self.seen_s[camera] = heard.seen_s;
         let Some((last_s, last_unix_s)) = heard.last else { return };
