@@ -101,7 +101,7 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Seconds: no clock counts for ever, and whoever means "never" means a year.
+/// Seconds, a year at most, which stands for "never".
 pub fn seconds(text: &str) -> Result<f64, String> {
     /// Thirty years.
     const MOST_S: f64 = 1e9;

@@ -27,7 +27,7 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
             .map_err(|e| anyhow::anyhow!("{argument}: not a file, and no pattern either ({})", e.msg))?;
         for entry in entries {
             match entry {
-                // A pipe or a device among the files that a pattern meets is not meant; whoever reads it may wait for ever.
+                // A pipe or a device among the files of a pattern is left out, because reading it may block for ever.
                 Ok(path) if path.is_file() || path.is_dir() => paths.push(path),
                 Ok(path) => stdio::remark(&format!("{}: no file, left out", path.display())),
                 Err(fault) => stdio::remark(&format!(

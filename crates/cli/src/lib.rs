@@ -38,7 +38,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 fn refused(reason: &anyhow::Error) -> u8 {
     match reason.downcast_ref::<clap::Error>() {
         Some(usage) => {
-            let _ = usage.print(); // Where nobody reads, nobody is left to say it to.
+            let _ = usage.print(); // A failure to print cannot be reported either.
             u8::try_from(usage.exit_code()).unwrap_or(2)
         }
         None => {

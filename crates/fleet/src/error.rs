@@ -18,7 +18,7 @@ pub enum FleetError {
     /// A setting that cannot be.
     #[error("{0}")]
     Setting(String),
-    /// Whoever waited for the work wants no more of it.
+    /// The caller stopped the work.
     #[error("stopped; the same job continues where this one was")]
     Stopped,
 }

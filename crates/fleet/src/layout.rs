@@ -50,7 +50,7 @@ pub struct Layout {
 /// What `explain` says of a table.
 #[derive(Debug, Clone, Serialize)]
 pub struct Columns {
-    /// Every column: name, type as Arrow calls it, and what it is taken for; empty: it is not used.
+    /// Every column: name, type in Arrow's terms, and its use; empty where it is not used.
     pub columns: Vec<(String, String, String)>,
     /// What is missing, in sentences.
     pub missing: Vec<String>,
@@ -162,7 +162,7 @@ fn no_column(schema: &Schema, name: &str, what: &str) -> String {
     format!("no column `{name}` ({what}){hint}")
 }
 
-/// What each column that is read is taken for.
+/// The use of each column that is read.
 fn uses(layout: &Layout) -> Vec<(usize, String)> {
     let mut uses = vec![(layout.camera, "the camera's name".to_string())];
     uses.extend(layout.time.map(|i| (i, "time of the image".to_string())));

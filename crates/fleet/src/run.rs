@@ -94,7 +94,7 @@ pub fn run(job: &Job, progress: &(dyn Fn(Progress) -> bool + Sync)) -> Result<Do
         progress,
     };
     let ends = pool.broadcast(|_| work.work());
-    // Who only went home because another could not go on has nothing to say.
+    // The first real error is reported, not that of a thread that stopped because of it.
     let (gone, others): (Vec<_>, Vec<_>) =
         ends.into_iter().filter_map(Result::err).partition(|reason| matches!(reason, FleetError::Stopped));
     if let Some(reason) = others.into_iter().chain(gone).next() {
@@ -153,7 +153,7 @@ impl Work<'_> {
         if let Ready::Failed(reason) | Ready::Broken(reason) = &ready {
             self.fail(file, part, reason);
         }
-        // What is solved is kept, whoever wants no more.
+        // What is solved is kept, also when the caller stops the work.
         let goes_on = self.output.write(part, ready)?;
         let rows = self.rows.fetch_add(rows, Ordering::Relaxed) + rows;
         let goes_on = goes_on && (self.progress)(Progress { rows, of: self.of });

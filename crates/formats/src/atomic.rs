@@ -58,7 +58,7 @@ fn remove_leftovers(destination: &Path) {
     for entry in entries.flatten() {
         let file = entry.file_name().to_string_lossy().into_owned();
         if file.strip_prefix(&name).is_some_and(is_of_the_dead) && is_old(&entry.path()) {
-            // Somebody else may have removed it; it is in nobody's way.
+            // Another process may have removed it.
             let _ = fs::remove_file(entry.path());
         }
     }
@@ -67,7 +67,7 @@ fn remove_leftovers(destination: &Path) {
 /// Files with results of their own names are written by the thousand; each folder is looked through for the first of them only.
 const MOST_LOOKED: usize = 64;
 
-/// Whether `PID-ATTEMPT.tmp` names a process that is no more. Where that cannot be known nobody counts as dead.
+/// Whether `PID-ATTEMPT.tmp` names a process that is no more. Where that cannot be known the process counts as alive.
 fn is_of_the_dead(ending: &str) -> bool {
     let numbers = ending.strip_suffix(".tmp").and_then(|numbers| numbers.split_once('-'));
     let is_number = |text: &str| text.parse::<u32>().is_ok();
@@ -82,7 +82,7 @@ fn is_old(path: &Path) -> bool {
     modified.is_ok_and(|at| at.elapsed().is_ok_and(|age| Duration::from_secs(60) <= age))
 }
 
-/// A file nobody else has: the name carries the process and a counter, and creation fails where it exists.
+/// Creates a file of a unique name, with the process and a counter; creation fails where it exists.
 fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     let name = path.file_name().ok_or_else(|| std::io::Error::other("the path names no file"))?;
     for attempt in 0..100 {

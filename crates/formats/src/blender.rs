@@ -2,7 +2,7 @@
 //!
 //! Blender's camera is OpenGL's (x right, y up, looking along −z) and its world has z up. The frame of the rig becomes
 //! an empty, its cameras the empty's children: their own matrices are root_from_cam. Where the rig's frame is a
-//! camera's the empty is turned so that this camera looks along +y with z up; other frames are taken for z up. Every
+//! camera's the empty is rotated so that this camera looks along +y with z up; other frames are assumed to have z up. Every
 //! camera has a scene of its own, because image size and pixel aspect belong to Blender's scenes.
 //!
 //! With the sensor width as unit: lens = fx · sensor / w, shift_x = (w/2 − (cx + ½)) / m, shift_y = ((cy + ½) − h/2) / m

@@ -12,7 +12,7 @@ const ORTHONORMAL: f64 = 1e-3;
 const EXACT: f64 = 1e-14;
 /// A skew that moves no pixel by more than this is none: solvers leave such remainders.
 const SKEW_PX: f64 = 0.01;
-/// Longest translation between cameras that is taken for metres without a remark.
+/// Longest translation between cameras that is accepted as metres without a remark.
 pub(super) const LONG_BASELINE_M: f64 = 20.0;
 
 /// A rotation matrix, made orthonormal to rounding; refuses mirrors and what is not a rotation.

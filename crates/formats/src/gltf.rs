@@ -1,7 +1,7 @@
 //! The rig as glTF 2.0, written only: an image to turn around in any viewer.
 //!
 //! glTF has y up and cameras that look along −z (x right, y up). The frame of the rig is the top node, turned so that
-//! it stands upright: a camera's frame by its own axes, any other taken for z up. Each camera is a child whose
+//! it stands upright: a camera's frame by its own axes, any other is assumed to have z up. Each camera is a child whose
 //! rotation and translation are root_from_cam, with a frustum of lines that goes through the true lens (the edge of
 //! the image, bent where the lens bends it). Lenses that are nearly pinholes also get a perspective camera; a
 //! principal point off the middle and distortion have no place there and stand in `extras`.

@@ -1,7 +1,7 @@
 //! The files that users hand in: how large each kind may be, checked before a byte is read, and nothing that is no file.
 //!
 //! A header, an empty disk or a slip of the hand may claim any size; memory is taken only for what could be meant. Named pipes and
-//! devices are refused, for whoever opens one may wait for ever. Pipes that the shell has opened (`/dev/stdin`, `<(…)`) are read.
+//! devices are refused, because opening one may block for ever. Pipes that the shell has opened (`/dev/stdin`, `<(…)`) are read.
 
 mod nearest;
 mod newlines;
@@ -133,7 +133,7 @@ fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
     File::open(path).map_err(reported)
 }
 
-/// Refuses named pipes, sockets and devices; folders are left to whoever opens them. What is not there is no matter here.
+/// Refuses named pipes, sockets and devices. Folders and missing files are left to the code that opens them.
 ///
 /// # Errors
 /// What it is, and what to give instead.
@@ -149,7 +149,7 @@ fn must_be_file(path: &Path, found: &std::fs::Metadata) -> Result<(), FileError>
     Err(FileError::new(path, reason))
 }
 
-/// Whether a path names a file that is open already, so that opening it again waits for nobody.
+/// Returns whether a path names a file that is open already, so that opening it again does not block.
 fn is_opened_by_shell(path: &Path) -> bool {
     path == Path::new("/dev/stdin") || path.starts_with("/dev/fd") || path.starts_with("/proc/self/fd")
 }

@@ -88,7 +88,7 @@ fn imu_pose(entry: &Entry<'_>) -> Result<Option<Pose>, Fault> {
     }
 }
 
-/// Numbers to tell the two apart by, for a person who knows the device.
+/// Numbers that distinguish the two for a person who knows the device.
 fn other_reading(name: &str, cam_from_imu: &Pose) -> String {
     format!(
         "T_cam_imu puts {name} at {} m in the IMU's frame; were its numbers those of an OpenVINS T_imu_cam, {name} would \

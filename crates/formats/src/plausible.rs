@@ -1,4 +1,4 @@
-//! Numbers that can hardly be meant: lengths that are no metres, lenses that nobody builds. The only place with such limits, asked wherever
+//! Numbers that are hardly meant: lengths that are no metres, lenses that do not exist. The only place with such limits, asked wherever
 //! a camera, a target, points or distances are read.
 //!
 //! Nothing is refused: a remark says the number seen and what was probably meant. The limits lie far beyond what anybody prints, hangs up,
@@ -18,7 +18,7 @@ const SMALLEST_M: f64 = 1e-4;
 const LARGEST_LINE_M: f64 = 50.0;
 /// Neighbouring tags in edges: a detector needs 12 px of a tag, so that tags farther apart than this are never in one image of 4000 px.
 const FARTHEST_TAGS_EDGES: f64 = 1000.0;
-/// Round numbers (multiples of 0.1) over more than this are millimetres: who surveys in metres states centimetres. Pitches, the largest
+/// Round numbers (multiples of 0.1) over more than this are millimetres: a survey in metres states centimetres. Pitches, the largest
 /// places that are known by round numbers of metres, are 120 m long.
 const ROUND_EXTENT_M: f64 = 150.0;
 /// Farther than any target is seen.
@@ -238,7 +238,7 @@ fn of_named(points: &[NamedPoint]) -> Option<String> {
     of_points(&points.iter().map(|p| p.position).collect::<Vec<_>>())
 }
 
-/// An edge that somebody printed.
+/// An edge that can be printed.
 fn edge(key: &str, seen_m: f64, largest_m: f64) -> Option<String> {
     if (SMALLEST_M..=largest_m).contains(&seen_m) {
         return None;

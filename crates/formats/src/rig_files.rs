@@ -192,7 +192,7 @@ fn join(rig: &mut Contents) {
     }
 }
 
-/// Whether every camera of a joint covariance still has the pose that it belongs to, told by its own covariance, and no other is uncertain.
+/// Returns whether every camera of a joint covariance still has the pose that it belongs to, by its own covariance, and no other is uncertain.
 pub(super) fn fits(joint: &JointCovariance, cameras: &[NamedCamera]) -> bool {
     let own = |camera: &NamedCamera| camera.placement.as_ref().and_then(|p| p.covariance);
     let is_of = |(i, name): (usize, &String)| {

@@ -206,7 +206,7 @@ fn stamped_placement(entry: &Entry<'_>) -> Result<Placement, Fault> {
     Ok(placement(parent.text()?, child.text()?, parent_from_child))
 }
 
-/// A camera's frame as ROS names it: the optical one, so that nobody takes it for the link (x forward).
+/// A camera's frame as ROS names it: the optical one, so that it is not confused with the link (x forward).
 pub(super) fn optical_frame(camera: &str) -> String {
     let said = camera.ends_with("optical_frame") || camera.ends_with("optical");
     if said { camera.to_owned() } else { format!("{camera}_optical_frame") }

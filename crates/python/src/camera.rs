@@ -18,7 +18,7 @@ pub struct Camera {
     pub known: NamedCamera,
     /// What every answer that uses it says.
     pub remark: Option<String>,
-    /// Of nominal figures: nobody calibrated it.
+    /// A camera with nominal intrinsics.
     is_nominal: bool,
 }
 

@@ -30,7 +30,7 @@ impl<T> Clone for Reporter<T> {
 }
 
 impl<T> Reporter<T> {
-    /// So many of so many inputs are done; false where nobody waits for the rest.
+    /// Reports how many of how many inputs are done; returns false where the caller stopped.
     pub fn done(&self, n_done: usize, n_all: usize) -> bool {
         self.news.send(News::Done(n_done, n_all)).is_ok() && !self.stop.load(Ordering::Relaxed)
     }
@@ -39,7 +39,7 @@ impl<T> Reporter<T> {
 /// Runs a job and waits for it. `progress` is called with how many of how many inputs are done; `True` is a bar in the terminal.
 ///
 /// # Errors
-/// KeyboardInterrupt, what `progress` raises, and `panic` for a mistake of this library; the job is then told to end, and where it
+/// KeyboardInterrupt, what `progress` raises, and `panic` for a mistake of this library; the job then ends, and where it
 /// reports nothing it ends by itself, its answer dropped.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
@@ -52,7 +52,7 @@ pub fn run<T: Send + 'static>(
     let reporter = Reporter { news, stop: stop.clone() };
     let thread = std::thread::Builder::new().name("resight".to_owned()).spawn(move || {
         let answer = job(&reporter);
-        let _ = reporter.news.send(News::Answer(answer)); // Nobody waits any more: dropped.
+        let _ = reporter.news.send(News::Answer(answer)); // Dropped where the caller stopped.
     });
     thread.map_err(|reason| error(py, "panic", format!("no thread can be started: {reason}")))?;
     let ended = |reason: PyErr| {
@@ -97,7 +97,7 @@ pub fn panic_on_purpose(py: Python<'_>, on_own_thread: bool) -> PyResult<()> {
     if on_own_thread { run(py, None, move |_| job()) } else { here(py, job) }
 }
 
-/// Who is called: `progress` itself, or a bar.
+/// The receiver of the progress: `progress` itself, or a bar.
 fn hearer<'py>(py: Python<'py>, progress: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     match progress.extract::<bool>() {
         Ok(true) => py.import("resight._progress")?.call_method0("bar"),

@@ -119,7 +119,7 @@ impl<R: Read + Seek> Recording<R> {
         }
     }
 
-    /// Nobody writes on: what is whole of a chunk in which the file ends, and then the end. Returns how the file was cut.
+    /// Reads the whole records of a chunk in which a file ends that is no longer written. Returns how the file was cut.
     ///
     /// # Errors
     /// What the medium says.

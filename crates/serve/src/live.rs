@@ -1,7 +1,7 @@
 //! Cameras that are watched, for the page: what each shows and how it is, the events, and what an operator may do.
 //!
 //! The session runs on a thread of its own, as `resight watch` runs it; nothing here waits in its way. A picture is kept only while a page
-//! looks on, made small on the reader's thread, and encoded on another; whoever is slow gets fewer of them.
+//! looks on, made small on the reader's thread, and encoded on another; a slow page gets fewer of them.
 
 pub mod answers;
 pub mod asked;
@@ -97,7 +97,7 @@ impl Live {
             let mut object = text.object(event);
             object["text"] = json!(text.words(event));
             object["unix_s"] = json!(now.unix_s);
-            let _ = self.events.send(object.to_string().into()); // Nobody may be there any more.
+            let _ = self.events.send(object.to_string().into()); // There may be no page.
         }
     }
 
@@ -202,7 +202,7 @@ impl Live {
             return Err("The session has ended; start it again.");
         }
         self.relearn.ask(camera);
-        self.acknowledge(camera); // Whoever decides where it belongs has seen that it moved.
+        self.acknowledge(camera); // Setting a new reference acknowledges the motion.
         Ok(())
     }
 

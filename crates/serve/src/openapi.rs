@@ -89,7 +89,7 @@ fn photographs(s: &mut Schemas) -> Vec<Operation> {
             .query(of_session.clone())
             .takes(JSON, s.given::<Numbered>())
             .answers(JSON, s.answer::<NumberedView>()),
-        Operation::get("/api/session/view", "What is so now.")
+        Operation::get("/api/session/view", "The current state.")
             .query(of_photograph.clone())
             .answers(JSON, s.answer::<View>()),
         Operation::get("/api/session/save", "The session as one file, which `resight measure` reads too.")

@@ -57,7 +57,7 @@ pub struct Numbered {
 pub struct NumberedView {
     /// Of the command.
     pub seq: u64,
-    /// What is so now.
+    /// The current state.
     pub view: View,
 }
 
@@ -85,7 +85,7 @@ pub fn routes() -> Router<App> {
         .route("/api/session/birdseye", get(birdseye))
 }
 
-/// Whoever failed while it held a session left it whole: a command changes its state at its end.
+/// A thread that failed while it held a session left it whole, because a command changes its state at its end.
 pub fn locked(session: &Shared) -> MutexGuard<'_, Session> {
     session.lock().unwrap_or_else(PoisonError::into_inner)
 }

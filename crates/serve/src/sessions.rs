@@ -76,7 +76,7 @@ fn weight(session: &Session) -> usize {
     (0..PHOTOS).filter_map(|i| session.photograph(i)).map(|p| p.bytes.len() + p.image.data.len()).sum()
 }
 
-/// 128 bits that nobody can guess: SipHash under keys that the system drew.
+/// 128 unpredictable bits: SipHash under keys that the system drew.
 fn fresh_id() -> String {
     let half = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", half(), half())

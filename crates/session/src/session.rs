@@ -1,4 +1,4 @@
-//! The session: commands applied, steps undone, and the view of what is so now.
+//! The session: commands applied, steps undone, and the view of the current state.
 
 use crate::command::Command;
 use crate::figures::{Figure, figures};
@@ -74,7 +74,7 @@ impl Session {
         self.state.photos.get(photo).map(|p| &p.photograph)
     }
 
-    /// Applies a command to a photograph and says what is so now.
+    /// Applies a command to a photograph and returns the current state.
     pub fn apply(&mut self, photo: usize, command: Command) -> View {
         self.version += 1;
         let (mut error, mut snapped) = (None, None);
@@ -142,7 +142,7 @@ impl Session {
         None
     }
 
-    /// What is so now.
+    /// The current state.
     pub fn view(&mut self, photo: usize) -> View {
         let places = places(&self.state);
         let current = self.solve_all(&places);

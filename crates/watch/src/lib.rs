@@ -30,7 +30,7 @@
 //! | a whole session with its outputs | [`run()`], asked for by a [`Request`] |
 //! | the session alone: threads, tracking, alarms | [`live`] |
 //! | where frames come from | [`source`]: images, folders, videos, streams, recordings, JSON Lines |
-//! | how a session is, for those who look at it | [`board`] |
+//! | the state of a session for the terminal view and the page | [`board`] |
 //! | every frame kept, and read again | [`mod@history`] |
 //! | metrics, webhook, MQTT, ROS transforms, the view in a terminal | [`outputs`] |
 //! | what its servers have in common | [`web`] |

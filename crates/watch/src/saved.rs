@@ -25,7 +25,7 @@ pub struct Saved {
 
 /// A file that is not written yet.
 struct Unwritten {
-    /// Who speaks in the log.
+    /// The name of this part in the log.
     part: &'static str,
     file: String,
     bytes: Vec<u8>,

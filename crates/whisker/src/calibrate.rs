@@ -95,7 +95,7 @@ impl Options {
     }
 }
 
-/// How many samples were taken for what.
+/// The number of samples of each role.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Free.
@@ -135,7 +135,7 @@ pub struct Calibrated {
     pub contradicted: usize,
     /// Whether the record keeps the model, at the false-alarm rate asked for, and the object explains 95 % of the contacts.
     pub is_consistent: bool,
-    /// What every sample was taken for.
+    /// The role of every sample.
     pub roles: Vec<Role>,
 }
 
@@ -186,7 +186,7 @@ pub fn calibrate(
 }
 
 impl Calibrated {
-    /// How many samples were taken for what.
+    /// The number of samples of each role.
     pub fn counts(&self) -> Counts {
         let of = |role: Role| self.roles.iter().filter(|r| **r == role).count();
         Counts { free: of(Role::Free), mid: of(Role::Mid), tip: of(Role::Tip), unused: of(Role::Unused) }

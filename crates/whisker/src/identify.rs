@@ -112,7 +112,7 @@ pub enum Use {
     Outlier,
 }
 
-/// What of the object was touched.
+/// The part of the object that was touched.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Coverage {
     /// Directions of outward normals seen between clamp and tip: the shortest arc that holds them, `[from, to]`, world, radians,

@@ -68,7 +68,7 @@ pub struct Config {
     pub method: Method,
     /// The sweeps touch different objects, or one that moved: their outlines need not agree.
     pub several_objects: bool,
-    /// Nobody has calibrated the rig: error bars are widened by what of that the record cannot exclude (constrained mode).
+    /// The rig is not calibrated: error bars are widened by the errors that the record cannot exclude (constrained mode).
     pub uncalibrated: bool,
     /// Predicts slip-off at every contact, not only where a sweep ends in contact (constrained mode).
     pub predict: bool,

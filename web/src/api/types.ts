@@ -807,7 +807,7 @@ export type Numbered = {
 export type NumberedView = {
   /** Of the command. */
   seq: number;
-  /** What is so now. */
+  /** The current state. */
   view: View;
 };
 

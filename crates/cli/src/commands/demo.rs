@@ -78,7 +78,7 @@ pub fn run(args: &Demo) -> Result<Outcome> {
     story.finish()
 }
 
-/// The demo so far, told on stdout and in the page.
+/// The demo so far, on stdout and in the page.
 struct Story {
     folder: PathBuf,
     json: bool,

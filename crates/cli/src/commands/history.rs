@@ -128,7 +128,7 @@ pub fn run(args: &History) -> Result<Outcome> {
     Ok(Outcome::Answered)
 }
 
-/// Drifts told in words; a history may have many more.
+/// Largest number of drifts described in words; a history may have many more.
 const REPORTED: usize = 20;
 
 fn summary(args: &History, history: &File, pairs: &[PairSummary], selection: &Selection) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Every camera's verdict as CSV, which the page holds for whoever goes on with a spreadsheet.
+//! Every camera's verdict as CSV, which the page contains for use in a spreadsheet.
 
 use super::site_of;
 use crate::assess::{Assessment, CameraVerdict, Motion};

@@ -172,7 +172,7 @@ impl Growing {
         written.map(|()| true).map_err(|e| FleetError::at(&self.folder, format!("cannot write: {e}")))
     }
 
-    /// Whoever waits for a part that will not come goes home.
+    /// Threads that wait for a part that will not come stop.
     pub fn give_up(&self) {
         self.lock().is_given_up = true;
         self.turn.notify_all();
@@ -318,14 +318,14 @@ fn as_csv(rows: &Path, schema: &arrow_schema::SchemaRef, file: &mut File) -> std
     out.finish()
 }
 
-/// Only files with names of ours, then the folder if nothing else is in it: it may be somebody's.
+/// Removes only files with names of this program, then the folder if nothing else is in it.
 fn remove(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for path in entries.flatten().map(|entry| entry.path()) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let endings = [".parquet", ".tmp", ".written", ".failed"];
         if name == PLAN || endings.iter().any(|ending| name.ends_with(ending)) {
-            // What cannot be removed is in nobody's way: the next run removes it, or says why it cannot write.
+            // What cannot be removed now is removed by the next run, or reported there.
             let _ = std::fs::remove_file(path);
         }
     }

@@ -167,7 +167,7 @@ fn lens(rng: &mut SplitMix64) -> Camera {
     Camera { lens: Pinhole { matrix }.into(), size: Some(ImageSize { width_px: 1920, height_px: 1080 }) }
 }
 
-/// A place from which all points are well seen, and there is one pose only, as somebody who mounts cameras would choose.
+/// A pose from which all points are well visible and only one pose fits, as an installer would choose it.
 fn stand(camera: &Camera, points: &[Point; 4], sigma_px: f64, rng: &mut SplitMix64) -> Pose {
     let centre = points.iter().sum::<Point>() / 4.0;
     loop {

@@ -6,7 +6,7 @@ use std::io::Read;
 #[derive(Debug)]
 pub(super) struct Newlines<R> {
     inner: R,
-    /// A `\r` at the end of what was read, of which nobody knows yet what follows.
+    /// A `\r` at the end of what was read, whose successor is not known yet.
     is_return_held: bool,
     last: u8,
 }
@@ -39,7 +39,7 @@ impl<R: Read> Newlines<R> {
 impl<R: Read> Read for Newlines<R> {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         if into.len() < 2 {
-            // Whoever reads byte by byte gets them as they are.
+            // A caller that reads byte by byte gets them unchanged.
             if std::mem::take(&mut self.is_return_held) && !into.is_empty() {
                 into[0] = b'\r';
                 return Ok(1);

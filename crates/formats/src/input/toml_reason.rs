@@ -1,4 +1,4 @@
-//! What is wrong with a TOML file, in the words of its parser and of those who know how people write numbers.
+//! The fault of a TOML file, in its parser's words or with a hint for common ways of writing numbers.
 
 /// The line (from 1) of what is wrong with a TOML text, and why; a decimal comma, a point without a digit before it and a length in another
 /// unit are named with the way out.

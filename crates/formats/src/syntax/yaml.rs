@@ -12,7 +12,7 @@ const MAX_NODES: usize = 1 << 19;
 pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     // `ros2 topic echo` ends each message with a separator that would open a second, empty document.
     let text = text.trim_end().trim_end_matches("---");
-    // OpenVINS takes OpenCV's header without the `---` that YAML wants after it; as a comment it hurts nobody.
+    // OpenVINS takes OpenCV's header without the `---` that YAML wants after it; as a comment it does no harm.
     let headless = text.strip_prefix("%YAML").map(|rest| format!("#YAML{rest}"));
     let text = headless.as_deref().unwrap_or(text);
     let raw: Spanned<Raw> = serde_saphyr::from_str_with_options(text, options()).map_err(fault_of)?;

@@ -47,7 +47,7 @@ pub struct Status {
     pub values: Vec<(String, String)>,
 }
 
-/// Who subscribes later gets the last message too: what TF needs to know of static transforms when a recording is played.
+/// Later subscribers get the last message too, as TF needs it for static transforms when a recording is played.
 const LATCHED: &str = "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  \
     lifespan:\n    sec: 9223372036\n    nsec: 854775807\n  liveliness: 1\n  liveliness_lease_duration:\n    sec: 9223372036\n    \
     nsec: 854775807\n  avoid_ros_namespace_conventions: false";

@@ -50,7 +50,7 @@ pub struct CameraView {
     words: String,
     /// What puts a camera back that moved: it shrinks as the camera is put back.
     way_back: Option<WayBackView>,
-    /// A motion that nobody has acknowledged.
+    /// A motion that is not acknowledged.
     alarm: Option<AlarmView>,
     /// Whether the last frame is no longer ago than a few frames are apart, and the source is there. What is not fresh is not live.
     is_fresh: bool,

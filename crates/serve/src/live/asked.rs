@@ -5,7 +5,7 @@ use resight_watch::board::strip::Stretch;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Parts of a strip, if nobody says how many, and at most.
+/// Parts of a strip by default, and at most.
 const BINS: usize = 240;
 const MOST_BINS: usize = 1000;
 

@@ -45,7 +45,7 @@ pub enum Size {
 struct Waiting {
     number: u64,
     size_px: [u32; 2],
-    /// Small and large, as far as somebody looks at them.
+    /// Small and large pictures, as far as a page shows them.
     images: [Option<GrayImage>; 2],
     outlines: Vec<Vec<[f64; 2]>>,
     residuals: Vec<[f64; 5]>,
@@ -81,7 +81,7 @@ struct Job {
 struct Kept {
     last: Option<Instant>,
     waiting: VecDeque<Waiting>,
-    /// Who wants the next frame as it is.
+    /// Requests for the next frame as it is.
     wanted: Vec<oneshot::Sender<GrayImage>>,
 }
 
@@ -164,7 +164,7 @@ impl Pictures {
         {
             let mut kept = one.kept();
             for wanted in std::mem::take(&mut kept.wanted) {
-                let _ = wanted.send(image.clone()); // Who asked may have left.
+                let _ = wanted.send(image.clone()); // The requester may have left.
             }
             let now = Instant::now();
             let is_early = kept.last.is_some_and(|last| now.duration_since(last) < APART);

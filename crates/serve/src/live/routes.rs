@@ -23,7 +23,7 @@ use tokio::time::timeout;
 
 /// Events of a history sent at once.
 const MOST_EVENTS: usize = 5000;
-/// A strip is of a day, if nobody says of how much; seconds.
+/// Length of a strip by default, a day, seconds.
 const DAY_S: f64 = 86_400.0;
 /// For the next frame of a camera; slow ones give one a minute.
 const FRAME_PATIENCE: Duration = Duration::from_secs(20);

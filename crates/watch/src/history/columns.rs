@@ -207,7 +207,7 @@ pub(super) fn row(row: &Row) -> rusqlite::Result<StoredRow> {
     let (camera, target) = (cells.take()?, cells.take()?);
     cells.next += 1; // the pair, by now by name
     let (session, t_s, span) = (cells.take()?, cells.take()?, Span::from_seconds(cells.take()?));
-    cells.next += 1; // the number, which is for those who read the file itself
+    cells.next += 1; // the number, for readers of the file itself
     let (frames, readings) = (cells.count()?, cells.count()?);
     let (state, n_points) = (cells.take()?, cells.take()?);
     let (measured, reason, summary) = (measured(cells)?, cells.take()?, summary(cells)?);

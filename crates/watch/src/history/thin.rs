@@ -34,7 +34,7 @@ impl Default for Retention {
     }
 }
 
-/// Minutes or hours joined in one transaction: those who write wait for it.
+/// Minutes or hours joined in one transaction, for which writers wait.
 const BUCKETS: usize = 10;
 /// Pages given back to the disk at a time.
 const PAGES: i64 = 2000;

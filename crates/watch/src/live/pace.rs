@@ -1,4 +1,4 @@
-//! How far cameras may run ahead of each other where their frames are put together: who reads a recording waits for those behind it.
+//! How far cameras may run ahead of each other where their frames are put together: the reader of a recording waits for those behind it.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -13,7 +13,7 @@ pub(super) struct Queue<T> {
 
 struct Inner<T> {
     waiting: VecDeque<T>,
-    /// Items that nobody needs any more, on their way back to the writer.
+    /// Used items, on their way back to the writer.
     spent: Vec<T>,
     dropped: u64,
     is_closed: bool,
@@ -45,7 +45,7 @@ impl<T> Queue<T> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an item; the oldest makes room. False when nobody reads any more.
+    /// Adds an item; the oldest makes room. Returns false when the reader is gone.
     pub fn push_dropping(&self, item: T) -> bool {
         let mut inner = self.lock();
         if inner.is_closed {
@@ -62,7 +62,7 @@ impl<T> Queue<T> {
         true
     }
 
-    /// Adds an item when there is room. False when nobody reads any more.
+    /// Adds an item when there is room. Returns false when the reader is gone.
     pub fn push_waiting(&self, item: T) -> bool {
         let mut inner = self.lock();
         while self.capacity <= inner.waiting.len() && !inner.is_closed {
@@ -104,7 +104,7 @@ impl<T> Queue<T> {
         std::mem::take(&mut self.lock().spent)
     }
 
-    /// No more will come, or nobody reads any more.
+    /// No more items will come, or the reader is gone.
     pub fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_all();

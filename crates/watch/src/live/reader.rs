@@ -99,7 +99,7 @@ impl Reader<'_> {
         let _ = self.event_sender.send(event);
     }
 
-    /// False when nobody looks at the frames any more.
+    /// Returns false when the frames are no longer processed.
     fn take(&self, frame: Frame, is_live: bool, progress: &mut Progress) -> bool {
         if !progress.connected {
             self.tell(Event::Source { camera: self.camera, connected: true, reason: None });
@@ -132,7 +132,7 @@ impl Reader<'_> {
         doubtful.is_none_or(|doubtful| self.pass(doubtful, false, false, progress))
     }
 
-    /// Into the queue. False when nobody looks at the frames any more.
+    /// Puts a frame into the queue. False when nobody looks at the frames any more.
     fn pass(&self, mut frame: Frame, at_own_pace: bool, is_live: bool, progress: &mut Progress) -> bool {
         let arrived = Instant::now();
         self.stamp(&mut frame, arrived, at_own_pace, progress);

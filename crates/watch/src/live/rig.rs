@@ -33,13 +33,13 @@ pub(super) struct Nodes {
     pub monitors: Vec<Option<Monitor>>,
     /// What the state of a rig whose targets are hand-held depends on, by name.
     pub settings: BTreeMap<String, String>,
-    /// Who must wait for whom.
+    /// Which camera must wait for which.
     pub pace: Arc<Pace>,
 }
 
 /// Stands between the cameras' threads and the listener, and adds what only all of them together say.
 pub(super) enum Relations {
-    /// One camera and one target: nobody can tell which moved.
+    /// One camera and one target, of which it cannot be known which moved.
     None,
     /// Targets that stand still.
     Pairs(Box<Pairs>),
@@ -70,7 +70,7 @@ impl Relations {
         }
     }
 
-    /// What follows from nobody having said anything for a while.
+    /// The consequences of a time without any frame.
     pub fn idle(&mut self) -> Vec<Event> {
         match self {
             Relations::Cameras(cameras) => cameras.idle(Instant::now()),

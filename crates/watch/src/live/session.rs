@@ -108,7 +108,7 @@ pub fn run_from(
     Ok(())
 }
 
-/// Until all threads have ended, or `tell` is false: then the threads find that nobody listens.
+/// Runs until all threads have ended, or `tell` returns false, upon which the threads find their receiver gone.
 fn hear(
     events: Receiver<Event>,
     relations: &mut Relations,
@@ -125,7 +125,7 @@ fn hear(
         let late = if event_sender.is_empty() { outlet.idle(Instant::now()) } else { Vec::new() };
         let due = event_sender.into_iter().flat_map(|event| outlet.take(event)).chain(late);
         if !due.into_iter().all(|event| tell(&event)) {
-            return; // What nobody heard is not remembered: it is looked at again.
+            return; // What was not reported is not kept in the state: it is processed again.
         }
         relations.keep(state, false);
     }

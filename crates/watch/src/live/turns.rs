@@ -1,4 +1,4 @@
-//! Who looks at a frame now: as many cameras at once as there are processors, in the order in which they ask.
+//! Grants searches of frames to as many cameras at once as there are processors, in the order of their requests.
 //!
 //! Searches that share a processor slice by slice all end late; one after the other the first ends in half the time, and the last no later.
 
@@ -13,7 +13,7 @@ pub(super) struct Turns {
 
 struct Line {
     free: usize,
-    /// Number of the next who comes, and of the next whose turn it is.
+    /// Number of the next request, and of the next one to be granted.
     next: u64,
     called: u64,
 }

@@ -48,13 +48,13 @@ impl<'a> Watcher<'a> {
                 Taken::Nothing => self.silence(),
                 Taken::Closed => return self.end(),
             };
-            // What nobody heard is not remembered: it is looked at again.
+            // What was not reported is not kept in the state: it is processed again.
             self.is_new = self.is_new && !(is_reported && self.memory.keep(&self.look, self.last, false));
         }
         self.queue.close();
     }
 
-    /// This thread or the one that reads has failed: nobody knows any more how things stand.
+    /// This thread or the one that reads has failed, so that the state is unknown.
     pub fn fail(&mut self, reason: String) {
         self.queue.close();
         let camera = self.teller.camera;
@@ -98,7 +98,7 @@ impl<'a> Watcher<'a> {
                 (frame.capture_s, self.look.take(&frame, waited_us))
             }
         };
-        drop(turn); // Whoever hears of it may be slow.
+        drop(turn); // The receiver of the event may be slow.
         self.queue.give_back((arrived, frame));
         self.teller.looked(t_s, looked) && self.compared(t_s, false) && self.dropped(false)
     }
@@ -136,7 +136,7 @@ impl<'a> Watcher<'a> {
     }
 }
 
-/// Tells what is new. Every method is false once nobody listens.
+/// Reports events. Every method returns false once the receiver is gone.
 struct Teller {
     camera: usize,
     event_sender: SyncSender<Event>,

@@ -18,7 +18,7 @@ use std::f64::consts::FRAC_PI_2;
 /// The reading and the hub's pose as read: `[fx, fy, mz, x, y, angle]`.
 pub type Observed = SVector<f64, 6>;
 
-/// What a sample is taken for.
+/// The role of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     /// Nothing touched.
@@ -47,7 +47,7 @@ pub enum Outlined {
 /// Which equations a sample gives: decided before a fit, so that their number stays through it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
-    /// What it is taken for.
+    /// Its role.
     pub role: Role,
     /// What it says of the outline.
     pub outlined: Outlined,

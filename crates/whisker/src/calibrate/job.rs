@@ -23,7 +23,7 @@ const GATINGS: usize = 4;
 /// its correction need not settle (at 8 σ, offsets on a peg came out with twice the scatter they claimed, at 30 σ as claimed).
 const OUTLINE_FORCE_SIGMAS: f64 = 30.0;
 
-/// A fit, and what every sample was taken for in it.
+/// A fit, and the role of every sample in it.
 pub struct Outcome {
     /// The fit.
     pub fitted: Fitted,

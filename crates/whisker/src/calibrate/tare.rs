@@ -76,7 +76,7 @@ pub fn tare(cell: &Cell, free: &[Sample], gravity: Option<&Gravity>) -> Result<T
 }
 
 /// The most crowded place among the readings, roughly: the mean of those within 4 σ of the reading that has most of them. Only an
-/// untouched whisker reads the same again and again while the hub moves; so this finds the zeros without being told which samples are free.
+/// untouched whisker reads the same again and again while the hub moves; so this finds the zeros without knowing which samples are free.
 pub fn most_crowded(cell: &Cell, samples: &[Sample]) -> Option<Vector3<f64>> {
     let weights = cell.load_covariance().try_inverse()?;
     let loads: Vec<Vector3<f64>> =

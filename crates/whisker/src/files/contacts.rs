@@ -280,7 +280,7 @@ pub fn write_csv(rows: &[ContactRow]) -> String {
     out
 }
 
-/// Whether a text is a contacts file, told by its first line.
+/// Returns whether a text is a contacts file, by its first line.
 pub fn is_contacts(text: &str) -> bool {
     let first = line::lines(text).next().and_then(|(line, text)| {
         let layout = Layout::of_first_line(line, text).ok()?;

@@ -22,7 +22,7 @@ pub enum Group {
 }
 
 impl Group {
-    /// In the order in which they are told.
+    /// In the order of the report.
     pub const ALL: [Group; 4] = [Group::All, Group::Firm, Group::FirmMid, Group::FirmTip];
 
     fn holds(self, truth: &TruthContact) -> bool {

@@ -1,4 +1,4 @@
-//! The files of a sweep, told apart by their contents.
+//! The files of a sweep, distinguished by their contents.
 
 use super::MOST_READINGS;
 use crate::files::object::{self, ObjectFile};

@@ -1,5 +1,5 @@
-//! Photographs of a printed page that nobody took: rendered through a lens with distortion, with uneven light, vignetting, blur and noise, and
-//! saved as JPEG. The commands that read them are told nothing of the lens or of the printer.
+//! Rendered photographs of a printed page: through a lens with distortion, with uneven light, vignetting, blur and noise, and
+//! saved as JPEG. The commands that read them know nothing of the lens or of the printer.
 
 use anyhow::{Result, anyhow};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -45,7 +45,7 @@ const HERE: Held = (38.0, 240.0, 12.0, 0.62, [0.025, -0.02]);
 /// Middle of the board, m.
 const MIDDLE: [f64; 2] = [0.075, 0.12];
 
-/// What is true, and what nobody tells the program.
+/// The truth, which the program does not know.
 pub struct Truth {
     /// Lens and image size.
     pub camera: Camera,

@@ -93,7 +93,7 @@ impl Printer {
     /// The next event.
     ///
     /// # Errors
-    /// Nobody reads any more.
+    /// The reader is gone.
     pub fn take(&self, event: &Event) -> std::io::Result<()> {
         if matches!(event, Event::Observed { .. }) && !self.frames {
             return Ok(());
@@ -139,7 +139,7 @@ pub struct HistoryArgs {
 impl HistoryArgs {
     fn config(&self, json: bool) -> Result<Option<HistoryConfig>> {
         let Some(file) = self.history.clone() else { return Ok(None) };
-        // Where nobody reads any more, the session itself finds out.
+        // The session itself notices a reader that is gone.
         let on_stored: OnStored = Arc::new(|stored| drop(print(&stored.to_string())));
         Ok(Some(HistoryConfig {
             file,

@@ -57,7 +57,7 @@ impl RigArgs {
         Ok(Some(RigConfig { reference, sync_tolerance_s: self.sync_tolerance_s }))
     }
 
-    /// Places and their covariance; none where nobody says how well they are known.
+    /// Extrinsics and their covariance; none where their uncertainty is not stated.
     fn reference(&self, cameras: &[NamedCamera]) -> Result<Option<(Vec<Pose>, DMatrix<f64>)>> {
         let placed = placed(cameras).map_err(|reason| anyhow::anyhow!("the rig file {reason}"))?;
         let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();

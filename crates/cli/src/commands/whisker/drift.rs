@@ -1,4 +1,4 @@
-//! `whisker calibrate --against`: what of the rig has moved since an earlier calibration, and when along the record.
+//! `whisker calibrate --against`: which part of the rig has moved since an earlier calibration, and when along the record.
 
 use super::input;
 use anyhow::{Result, anyhow, bail};

@@ -92,7 +92,7 @@ enum StreamMode {
     Constrained,
 }
 
-/// Who answers.
+/// The estimator that answers.
 #[allow(clippy::large_enum_variant)] // One a run.
 enum Answerer {
     Raw,

@@ -297,7 +297,7 @@ mod tests {
         assert!(90 * all < 100 * found && false_ones == 0, "{found} of {all}, {false_ones} falsely");
     }
 
-    /// Turns about and shifts along each axis: a motion that one view shows is never taken for a fault; one that is just seen may be, in one of
+    /// Turns about and shifts along each axis: a motion that one view shows never counts as a fault; one that is just visible may, in one of
     /// its views, seldom enough not to be late by more than a view.
     #[test]
     fn a_motion_is_no_disagreement() {

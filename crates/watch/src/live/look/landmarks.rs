@@ -32,7 +32,7 @@ pub(super) struct LandmarkWatch {
 }
 
 /// Errors common to all landmarks that last for minutes (shadows that wander, a lens that warms up), px of the image. Two
-/// images a moment apart do not show them.
+/// images in quick succession do not show them.
 const LASTING_PX: f64 = 0.1;
 /// What the test takes for the size of a translation, m². Readings say nothing of it, so any size serves.
 const TRANSLATION_M2: f64 = 1.0;
@@ -258,7 +258,7 @@ impl LandmarkWatch {
     }
 }
 
-/// Why no image is taken for a reference.
+/// Why no image is taken as a reference.
 const MOVED: &str = "the target may have moved, so this is no reference image of the landmarks";
 
 /// The image of a frame with its lens, or why there is none.

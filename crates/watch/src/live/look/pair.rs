@@ -174,7 +174,7 @@ impl Pair {
         Some(deviation)
     }
 
-    /// Forgets what it compares with, and learns where the camera is from the next reading on. Who has no reference has none to forget.
+    /// Discards the reference, if there is one, and learns a new one from the next reading on.
     pub fn learn_anew(&mut self) {
         if matches!(self.stage, Stage::Starting(_) | Stage::Learning(_) | Stage::Watching(_)) {
             self.stage = Stage::Learning(Vec::new());
@@ -277,7 +277,7 @@ impl Pair {
         State::Stale { for_s, reason }
     }
 
-    /// Who sees nothing does not learn.
+    /// Without readings the state is `stale`, also while learning.
     fn learning(&self, readings: &[Reading], t_s: f64) -> State {
         let seen_s =
             readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);

@@ -1,4 +1,4 @@
-//! What of a pair's errors stays as long as the camera does: its monitor is told with each image.
+//! The part of a pair's errors that stays as long as the camera does; each image updates it in the monitor.
 //!
 //! It follows from the residuals of the place where the camera is and of the one before: docs/math/monitor.md section 12.
 

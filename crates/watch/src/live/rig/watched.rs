@@ -274,7 +274,7 @@ impl Cameras {
         }
     }
 
-    /// The places are known, how well a sight is known is learned. A camera that moved amid these frame sets would make that noise as wide as
+    /// The extrinsics are known, the noise of an observation is learned. A camera that moved amid these frame sets would make that noise as wide as
     /// its motion: it is learned from the longer part, before or after, and the monitor then says what moved.
     fn watched_from(
         &self,

@@ -198,7 +198,7 @@ fn claim(path: &Path) -> Result<File, FileError> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".lock");
     let reported = |reason: String| FileError::new(path, reason);
-    // A file of this name that is somebody's own keeps what it holds.
+    // A file of this name that is no state is left as it is.
     let file = OpenOptions::new().create(true).write(true).truncate(false).open(PathBuf::from(name));
     let file = file.map_err(|e| reported(format!("cannot be locked: {e}")))?;
     match file.try_lock() {
@@ -229,7 +229,7 @@ fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     }
 }
 
-/// Whether a file begins as ours do, as far as it goes. One that is empty, or of which a power cut left nothing but zeros, is nobody's.
+/// Returns whether a file begins as a state does, as far as it goes; an empty one, or zeros that a power cut left, may be replaced.
 fn is_ours(bytes: &[u8]) -> bool {
     let head = format!("{{\"format\":\"{FORMAT}\"");
     let n = head.len().min(bytes.len());

@@ -24,7 +24,7 @@ pub struct IdentificationObject {
     covariance: Vec<Vec<Option<f64>>>,
     /// All hypotheses, the best first.
     scores: Vec<HypothesisObject>,
-    /// What of the object was touched.
+    /// The part of the object that was touched.
     coverage: CoverageObject,
     /// χ² per degree of freedom of the best hypothesis.
     #[serde(rename = "chi2_per_dof")]
