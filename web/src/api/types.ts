@@ -286,7 +286,7 @@ export type CorrelatedObject = {
   time_s: number;
 };
 
-/** What of the object was touched. */
+/** The part of the object that was touched. */
 export type CoverageObject = {
   /** Corners that the whisker rotated about: x and y, metres. */
   corners_seen_m: ([number, number])[];
@@ -616,7 +616,7 @@ export type IdentificationObject = {
   chi2_per_dof: number | null;
   /** Of the parameters, row by row: m², m rad, rad². */
   covariance: ((number | null)[])[];
-  /** What of the object was touched. */
+  /** The part of the object that was touched. */
   coverage: CoverageObject;
   /** Whether the best hypothesis explains the contacts. */
   fits: boolean;

@@ -67,7 +67,7 @@ struct HypothesisObject {
     n_outliers: usize,
 }
 
-/// What of the object was touched.
+/// The part of the object that was touched.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 struct CoverageObject {
     /// Directions of outward normals seen between clamp and tip: from, to, counter-clockwise from the world's x axis, radians.
