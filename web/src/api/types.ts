@@ -123,7 +123,7 @@ export type BirdseyeView = {
 export type CameraView = {
   /** Seconds since the last frame. */
   age_s: number | null;
-  /** A motion that nobody has acknowledged. */
+  /** A motion that is not acknowledged. */
   alarm: AlarmView | null;
   ambiguity: AmbiguityView | null;
   dropped: number;
