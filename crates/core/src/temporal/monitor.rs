@@ -1,7 +1,7 @@
-//! Did it move? The drift change detector of one relative pose: a camera and a target, or two cameras that see the same target.
+//! The change detector of one relative pose: of a camera and a target, or of two cameras that observe the same target.
 //!
 //! A sequential test with a stated rate of false alarms compares the stream with its reference; correlated errors and the diurnal variation are
-//! part of what it expects. It never says "steady" while it sees nothing. Which of several cameras and targets moved, `attribute` says.
+//! part of the model. Without readings it never reports "steady". `attribute` finds which of several cameras and targets moved.
 //! Time enters as data. Derivation: docs/math/monitor.md.
 //!
 //! ```text
@@ -56,14 +56,14 @@ use test::DriftTest;
 use transients::Transients;
 use whereabouts::Whereabouts;
 
-/// What counts as an alarm, and as seeing nothing.
+/// Settings: the rate of false alarms, the decision period, the tolerances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorConfig {
-    /// Alarms a day, at most and on average, while nothing moves.
+    /// Largest mean number of alarms a day while nothing moves.
     pub false_alarms_per_day: f64,
     /// Readings within this time are joined to one decision, seconds.
     pub decision_period_s: f64,
-    /// Without a usable reading for this long the monitor is blind, seconds.
+    /// Time without a usable reading after which the state is stale, seconds.
     pub stale_after_s: f64,
     /// Rotations up to this raise no alarm, radians.
     pub tolerance_rotation_rad: f64,
@@ -91,12 +91,12 @@ impl MonitorConfig {
     }
 }
 
-/// What is compared with.
+/// The reference that readings are compared with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
-    /// x_in_a = a_from_b · x_in_b when all was well.
+    /// x_in_a = a_from_b · x_in_b at the time of the reference.
     pub a_from_b: Pose,
-    /// What is no drift; `noise.reference` is this pose's own covariance.
+    /// The errors that are no drift; `noise.reference` is this pose's own covariance.
     pub noise: DriftNoise,
 }
 
@@ -109,15 +109,15 @@ pub struct Reading {
     pub a_from_b: Pose,
     /// Its 6×6 covariance, left motion in frame a.
     pub covariance: Matrix6,
-    /// Whether residuals agree with the stated noise; a reading that contradicts itself says nothing of drift.
+    /// Whether residuals agree with the stated noise; a reading that contradicts itself is not used.
     pub is_consistent: bool,
 }
 
-/// What the monitor says.
+/// The state that the monitor reports.
 #[allow(clippy::large_enum_variant)] // handed out one at a time, never stored in numbers
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Watch {
-    /// Seen, and where it was.
+    /// Observed where it was.
     Steady,
     /// No usable reading.
     Stale {
@@ -128,11 +128,11 @@ pub enum Watch {
     Checking,
     /// It is not where it was, by more than the session promises to find, though errors that are not excluded would explain it.
     Away(Deviation),
-    /// Errors last longer, or are larger, than was learned; what was found is no larger than they are.
+    /// Errors are correlated for longer, or are larger, than was learned, and explain what was found.
     CorrelatedErrors,
     /// It moved.
     Drifted(Drift),
-    /// Seen, but the readings contradict themselves: intrinsics or target are wrong.
+    /// Observed, but the readings contradict themselves: intrinsics or target are wrong.
     Inconsistent,
 }
 
@@ -141,12 +141,12 @@ pub enum Watch {
 pub struct Monitor {
     reference: Reference,
     config: MonitorConfig,
-    /// Where frame a has been since the last change, in its frame of the reference.
+    /// The pose of frame a since the last change, in its frame of the reference.
     old_from_level: Pose,
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
-    /// Until then a drift is not reported: it may come back as others did.
+    /// Time until which a drift is not reported, because it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
     aftermath: Aftermath,
@@ -155,11 +155,11 @@ pub struct Monitor {
     whereabouts: Whereabouts,
     last_s: f64,
     last_usable_s: f64,
-    /// Share of contradictory readings, forgotten over some twenty.
+    /// Share of contradictory readings, averaged over some twenty.
     inconsistent_share: f64,
     /// Readings left out: outliers that nothing confirmed.
     pub outliers: u64,
-    /// Readings that came with a time before the last one's; they are left out.
+    /// Readings left out because their time is before that of the last one.
     pub out_of_order: u64,
 }
 
@@ -167,7 +167,7 @@ pub struct Monitor {
 const SNAPSHOT_VERSION: u32 = 4;
 /// Before there were further motions.
 const VERSION_3: u32 = 3;
-/// A share of contradictory readings beyond which the monitor says so.
+/// Share of contradictory readings beyond which the state is `Inconsistent`.
 const MOSTLY: f64 = 0.5;
 /// Readings over which that share is taken.
 const SHARE_OVER: f64 = 20.0;
@@ -203,7 +203,7 @@ impl Monitor {
         })
     }
 
-    /// Takes in a reading and says how things stand.
+    /// Processes a reading and returns the new state.
     pub fn push(&mut self, reading: &Reading) -> Watch {
         if !self.accepts(reading) {
             return self.watch(self.last_s);
@@ -222,7 +222,7 @@ impl Monitor {
         self.watch(reading.t_s)
     }
 
-    /// How things stand at `t_s` without a new reading.
+    /// Returns the state at `t_s` without a new reading.
     pub fn watch(&self, t_s: f64) -> Watch {
         let for_s = t_s - self.last_usable_s;
         match self.drift {
@@ -240,7 +240,7 @@ impl Monitor {
         }
     }
 
-    /// The drift last decided, also while nothing is seen.
+    /// Returns the drift decided last, also without readings.
     pub fn drift(&self) -> Option<Drift> {
         self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
     }
@@ -249,12 +249,12 @@ impl Monitor {
         self.held_until_s.is_some_and(|until_s| t_s < until_s)
     }
 
-    /// When there last was a usable reading, seconds.
+    /// Returns the time of the last usable reading, seconds.
     pub fn last_usable_s(&self) -> f64 {
         self.last_usable_s
     }
 
-    /// The drift is accepted: where it is now becomes the reference.
+    /// Accepts the drift: the present pose becomes the reference.
     pub fn accept(&mut self) -> Result<(), Error> {
         let (motion, covariance) = self.test.level();
         let now = (self.old_from_level * Pose::exp(&motion)).inverse() * self.reference.a_from_b;
@@ -272,18 +272,17 @@ impl Monitor {
         Ok(())
     }
 
-    /// The pose that a reading at `t_s` is expected to show, and its covariance: where it is known to be, with the part of its errors that
-    /// lasts. A reading's own noise comes on top.
+    /// Returns the predicted pose of a reading at `t_s` and its covariance, correlated errors included; a reading's own noise is
+    /// added to it.
     pub fn expected(&self, t_s: f64) -> (Pose, Matrix6) {
         let (motion, covariance) = self.test.expected(t_s);
         let old_from_new = self.old_from_level * Pose::exp(&motion);
         (old_from_new.inverse() * self.reference.a_from_b, covariance)
     }
 
-    /// From here on noise is measured, not believed: its scale and how long its errors last are estimated from these readings of a camera
-    /// that stayed (those that the reference was learned from, in order of time; none where there are none) and from all that follow. What
-    /// the reference says of its noise is where the estimate begins, and an error that it states stays possible. Until the readings exclude
-    /// an error, it is possible too: docs/math/monitor.md section 9.
+    /// Switches to measured noise: its scale and correlation are estimated from these readings of a camera that stayed (those that the
+    /// reference was learned from, in order of time) and from all that follow. The estimate begins with the noise of the reference, and an
+    /// error stated there stays possible, as every error does until the readings exclude it: docs/math/monitor.md section 9.
     pub fn measure_noise(&mut self, readings: &[Reading]) {
         let usable = readings.iter().filter(|reading| reading.is_consistent && is_numbers(reading));
         let whitened =
@@ -294,17 +293,18 @@ impl Monitor {
         self.is_at_reference(learned.len());
     }
 
-    /// Whether noise is measured.
+    /// Returns whether noise is measured.
     pub fn measures_noise(&self) -> bool {
         self.test.measured().is_some()
     }
 
-    /// All of its state: what `restore` makes of it continues as this one would.
+    /// Returns the whole state, from which `restore` continues to the same bits.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot, of this version or the one before. The time in between counts: what was not seen since is stale, and what is no drift has had time to wander.
+    /// Continues from a snapshot of this version or the one before. The time in between counts: the state may be stale, and errors have had
+    /// time to change.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
@@ -328,7 +328,7 @@ impl Monitor {
         Ok(monitor)
     }
 
-    /// What it compares with.
+    /// Returns the reference.
     pub fn reference(&self) -> &Reference {
         &self.reference
     }
@@ -338,7 +338,7 @@ impl Monitor {
         self.last_s
     }
 
-    /// Alarm at this ln R: R is the decisions between two false alarms.
+    /// Threshold of ln R; R is the number of decisions between two false alarms.
     fn log_threshold(&self) -> f64 {
         (axis::DAY_S / (self.config.decision_period_s * self.config.false_alarms_per_day)).ln()
     }
@@ -368,7 +368,7 @@ impl Monitor {
         self.promise(within_s, true)
     }
 
-    /// The same; of errors that are excluded, or presumed to be none, no account is taken unless they `are_counted`.
+    /// The same; errors that are excluded, or presumed to be none, count only where they `are_counted`.
     fn promise(&self, within_s: f64, are_counted: bool) -> Option<Detectable> {
         let (threshold, period_s) =
             (self.log_threshold() + onsets::log_cost(), self.config.decision_period_s);

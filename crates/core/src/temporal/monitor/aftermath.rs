@@ -1,4 +1,4 @@
-//! What is made of an alarm: whether errors explain it, how it went, and when the camera is back.
+//! After an alarm: whether errors explain it, the course of the motion, and the return of the camera.
 //!
 //! ```text
 //!   R ≥ A ──► errors scatter more than the model says, and that explains R ──► noise as it was seen, test anew, `Watch::CorrelatedErrors`
@@ -21,22 +21,22 @@ use crate::temporal::snapshot::numbers;
 use crate::{Matrix6, Pose, Vector6};
 use arrayvec::ArrayVec;
 
-/// All that is known besides the test itself.
+/// The knowledge about an alarm besides the test itself.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Aftermath {
     milestones: Milestones,
     scatter: Scatter,
     trace: Trace,
-    /// Where it was before the drift, and where the alarm found it.
+    /// The levels before the drift and at the alarm.
     base: Milestone,
     found: Milestone,
-    /// Whether that was a further alarm: it may have been the way back.
+    /// Whether that was a further alarm, which may have been the way back.
     is_further: bool,
     /// ln R of the alarm.
     log_r: f64,
     /// Of a slow drift.
     rate: Option<Rate>,
-    /// When the course was last looked at, seconds.
+    /// When the course was last tested, seconds.
     named_s: f64,
     /// When the errors were last found larger than the model, seconds, and decisions since.
     doubted_s: Option<f64>,
@@ -47,9 +47,9 @@ pub(super) struct Aftermath {
 const RENAMED: f64 = 12.0;
 /// The same at the alarm, when the name has not been reported yet.
 const NAMED: f64 = 4.0;
-/// The course is looked at again when it has gone on by this share.
+/// The course is tested again when the motion has lasted longer by this share.
 const AGAIN: f64 = 0.1;
-/// The beginning of a slow drift is reported again when it is known so much better.
+/// The beginning of a slow drift is reported again when its ± is smaller by this factor.
 const SHARPER: f64 = 0.5;
 /// ln of the odds at which a camera is back: 1000 to 1.
 const BACK: f64 = 7.0;
@@ -58,9 +58,9 @@ const DOUBT_S: f64 = 60.0;
 const DOUBT_DECISIONS: u32 = 30;
 /// The difference of two neighbouring means over the time in which a correlated error is forgotten, in units of that error: eq. (46).
 const OVER_ONE_TIME: f64 = 0.672;
-/// Of the way away, what is left of it at most where a camera is back: less than half, so that one that went half of the way back is not.
+/// Largest share of the motion that may remain where a camera counts as back; less than half, so that half of the way back does not.
 const LEFT: f64 = 0.25;
-/// The alarm chose its moment and its onset: its estimate errs by more than its covariance says (simulated: section 11 of monitor.md).
+/// The alarm chose its time and its onset: its estimate errs by more than its covariance says (simulated: section 11 of monitor.md).
 const FOUND: f64 = 1.5;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
@@ -106,7 +106,7 @@ impl Aftermath {
 }
 
 impl Monitor {
-    /// All that comes through at once is read before anything is decided: what waited together says the same.
+    /// Processes all readings that come through at once before a decision, because readings that waited together belong together.
     pub(super) fn decide(&mut self, passed: &[Passed]) {
         if let Some(first) = passed.first() {
             self.await_reading(first.t_s);
@@ -160,13 +160,13 @@ impl Monitor {
         (self.old_from_level * Pose::exp(motion)).log()
     }
 
-    /// Where it is now.
+    /// The present level.
     fn level(&self, t_s: f64) -> Milestone {
         let (motion, covariance) = self.test.level();
         Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }
     }
 
-    /// Where the change that raised the alarm put it, from when on, and how.
+    /// The level, onset and course of the change that raised the alarm.
     fn changed(&self, t_s: f64) -> Option<(Milestone, Change)> {
         let change = self.test.change()?;
         let (motion, covariance) = self.test.level_after(&change);
@@ -228,7 +228,7 @@ impl Monitor {
         self.reported(drift, from, now);
     }
 
-    /// What is reported is what further readings are compared with.
+    /// Further readings are compared with what is reported.
     fn reported(&mut self, drift: Drift, from: Milestone, now: &Milestone) {
         self.drift = Some(drift);
         (self.aftermath.found, self.aftermath.decisions) = (*now, 0);
@@ -238,7 +238,7 @@ impl Monitor {
         self.whereabouts.forget();
     }
 
-    /// The estimate of an alarm serves as the start of the next stage only: where it is now is learned anew.
+    /// Starts the next stage from the estimate of the alarm; the present level is learned anew.
     fn begin_around(&mut self, now: &Milestone, onset_s: f64) -> Milestone {
         let own = self.reference.noise;
         let covariance = now.covariance + own.reading + own.bias + own.reference;
@@ -279,7 +279,7 @@ impl Monitor {
         self.aftermath.scatter.interrupt();
     }
 
-    /// It is back where it was, which is known as well as before it moved.
+    /// The camera is back where it was, which is known as well as before the motion.
     fn is_home(&mut self, t_s: f64, onset_s: f64) {
         let home = Milestone { t_s, ..self.aftermath.base };
         if let Some(was) = self.drift.take().filter(|_| self.test.measured().is_some()) {
@@ -293,7 +293,7 @@ impl Monitor {
         self.whereabouts.forget();
     }
 
-    /// Errors explain the alarm: they are from now on expected to be as large as they were seen, and to last as long.
+    /// Errors explain the alarm: from now on errors of that size and correlation time are expected.
     fn doubt(&mut self, t_s: f64, excess: &Excess) {
         let own = &mut self.reference.noise;
         let Some((_, back)) = whitening(&(own.reading + own.bias)) else { return };
@@ -328,7 +328,7 @@ impl Monitor {
         }
     }
 
-    /// What the trace says of the last motion; none where it is not one motion.
+    /// The course of the last motion by the trace; none where it is not one motion.
     fn fitted(&self) -> Option<Fitted> {
         let own = &self.reference.noise;
         let typical = own.reading + own.bias;
@@ -381,7 +381,7 @@ impl Monitor {
         self.held_until_s = if is_first { may_be } else { self.held_until_s.and(may_be) };
     }
 
-    /// How far, with all that has been read since the alarm.
+    /// The size, with all readings since the alarm.
     pub(super) fn refined(&self, drift: &Drift) -> Drift {
         let Aftermath { base, found, .. } = &self.aftermath;
         let now = self.level(self.last_s);
@@ -414,7 +414,7 @@ impl Monitor {
         Some(Milestone { t_s: self.last_s, motion: motion + rate.per_s * since_s, covariance })
     }
 
-    /// A jump of frame a since `onset_s` and its covariance, whether or not there was an alarm: what `attribute` weighs.
+    /// Returns the jump of frame a since `onset_s` and its covariance, with or without an alarm, as `attribute` needs it.
     pub fn jump_since(&self, onset_s: f64) -> Option<(Vector6, Matrix6)> {
         if let Some(drift) = self.drift.map(|drift| self.refined(&drift)) {
             return Some((drift.old_from_new, drift.covariance));
@@ -440,7 +440,7 @@ fn drift(from: &Milestone, now: &Milestone, change: &Change) -> Drift {
     }
 }
 
-/// How much of `whole` a motion is, by weighted least squares.
+/// Returns the share of `whole` that a motion is, by weighted least squares.
 fn along(motion: &Vector6, whole: &Vector6, covariance: &Matrix6) -> f64 {
     let share = |factor: nalgebra::Cholesky<f64, nalgebra::U6>| {
         let weighted = factor.solve(whole);

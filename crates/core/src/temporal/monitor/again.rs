@@ -15,9 +15,9 @@ pub(super) struct Motions {
     number: u32,
     /// When the first began, seconds.
     first_began_s: f64,
-    /// Where it was before the last one.
+    /// The level before the last one.
     from: Milestone,
-    /// Where the test has known it to be since the last alarm.
+    /// The level by the test since the last alarm.
     since: Milestones,
 }
 
@@ -45,12 +45,12 @@ impl Motions {
         self.since.push(level);
     }
 
-    /// Where it was known to be before a further motion that begins then.
+    /// The level before a further motion that begins then.
     pub fn before(&self, onset_s: f64) -> Milestone {
         self.since.before(onset_s)
     }
 
-    /// What is said of the last one, where it is not the first.
+    /// The report of the last one, where it is not the first.
     pub fn again(&self, now: &Milestone) -> Option<Again> {
         (1 < self.number).then(|| Again {
             number: self.number,

@@ -1,4 +1,4 @@
-//! Which of several cameras and targets moved: the smallest set whose motion explains all that is seen between them.
+//! Finds which of several cameras and targets moved: the smallest set whose motion explains all relative motions between them.
 //!
 //! ```text
 //!   α, β  old_from_new of nodes a, b      y = Log(a_from_b Exp(−β) a_from_b⁻¹ Exp(α)) ≈ α − Ad(a_from_b) β
@@ -13,7 +13,7 @@ use crate::{Matrix6, Pose, Vector6};
 use edges::Edges;
 use nalgebra::{DMatrix, DVector};
 
-/// What one monitor says of frames a and b since a common time.
+/// The relative motion of frames a and b since a common time, by one monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Edge {
     /// A camera, by its number among the nodes.
@@ -31,15 +31,15 @@ pub struct Edge {
 /// A node that moved.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedNode {
-    /// Which.
+    /// Its number.
     pub node: usize,
-    /// Where its frame now is in its own old frame, `[rotation_rad; translation_m]`.
+    /// The pose of its frame in its own old frame, `[rotation_rad; translation_m]`.
     pub old_from_new: Vector6,
     /// Its covariance.
     pub covariance: Matrix6,
 }
 
-/// The answer.
+/// The nodes that moved, and the alternatives.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Attribution {
     /// The set that explains the edges best among those of least size; empty when nothing needs to have moved.
@@ -62,14 +62,14 @@ const ABOUT_AS_WELL: f64 = 18.0;
 /// Sets looked at.
 const MAX_SETS: usize = 20_000;
 
-/// Which of `nodes` nodes moved. Edges must name nodes below `nodes`; others are left out, and those whose covariance is none.
+/// Returns which of `nodes` nodes moved. Edges must name nodes below `nodes`; others are left out, and those whose covariance is none.
 pub fn attribute(nodes: usize, edges: &[Edge]) -> Attribution {
     let edges = Edges::new(nodes, edges);
     let all: Vec<usize> = (0..nodes).collect();
     smallest(&all, 0..=nodes, |set| edges.fit(set))
 }
 
-/// The smallest set of `nodes`, of a size in `sizes`, that `fit` finds to explain everything; sets it has no fit for are left out.
+/// Returns the smallest set of `nodes`, of a size in `sizes`, that explains everything by `fit`; sets without a fit are left out.
 pub(super) fn smallest(
     nodes: &[usize],
     sizes: std::ops::RangeInclusive<usize>,

@@ -1,4 +1,4 @@
-//! What one coordinate of a camera's small motion does while nothing happens, and the filter that predicts it.
+//! The model of one coordinate of a camera's small motion while nothing moves, and the filter that predicts it.
 //!
 //! ```text
 //!   y = m + b + w + n      m  the reference's own error, constant     b  a correlated error: variance σ_b², forgotten within τ_b
@@ -25,10 +25,10 @@ pub(super) struct Whitened {
 
 /// A day, seconds.
 pub const DAY_S: f64 = 86_400.0;
-/// After this time the diurnal variation of a day says little of that day's: weather changes.
+/// Time over which the diurnal variation is forgotten, because the weather changes.
 const DIURNAL_FORGOTTEN_S: f64 = 10.0 * DAY_S;
 
-/// Standard deviations of what is no drift, in the unit of the coordinate.
+/// Standard deviations of the errors that are no drift, in the unit of the coordinate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisNoise {
     /// Of the reference.
@@ -71,7 +71,7 @@ impl Transition {
         }
     }
 
-    /// Of a correlated error alone that keeps a share `kept`; what it gains is its own filter's matter.
+    /// The transition of a correlated error alone that keeps a share `kept`; its filter adds the gained variance.
     pub fn of_bias(kept: f64, elapsed_s: f64) -> Self {
         Transition { bias: kept, cos: 0.0, sin: 0.0, bias_gain: 0.0, diurnal_gain: 0.0, elapsed_s }
     }
@@ -113,7 +113,7 @@ impl Transition {
     }
 }
 
-/// What a reading was, beside what the filter expected of it.
+/// A reading beside the prediction of the filter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Innovation {
     /// ν.
@@ -147,7 +147,7 @@ impl AxisFilter {
         self.covariance = transition.spread(&self.covariance);
     }
 
-    /// What reading `y` with noise variance `r` says; the filter itself stays.
+    /// Returns the innovation of reading `y` with noise variance `r`, without changing the filter.
     pub fn innovation(&self, y: f64, r: f64) -> Innovation {
         let ph = self.covariance.column(0) + self.covariance.column(1) + self.covariance.column(2);
         let variance = read(&ph) + r;

@@ -1,4 +1,4 @@
-//! What errors a coordinate may have while nothing moves: a bank of noise models, each with its filter, its measured scale and its likelihood.
+//! The errors that a coordinate may have while nothing moves: a bank of noise models, each with its filter, its measured scale and its likelihood.
 //!
 //! ```text
 //!   model θ = (v, τ)   y = m + b + n,  n of variance s² r,  b of variance s² v r̄ and autocorrelation exp(−Δ/τ); s² is measured, model by model
@@ -26,7 +26,7 @@ pub struct CorrelatedError {
     pub time_s: f64,
 }
 
-/// A model falls behind no further than this: errors that come back are recognised within minutes.
+/// Largest distance by which a model may fall behind, so that errors that come back are recognised within minutes.
 pub(super) const FURTHEST_BEHIND: f64 = 60.0;
 /// Another model is used when it is ahead by this much.
 const AHEAD: f64 = 2.0;
@@ -72,7 +72,7 @@ fn largest(of: &[f64; MODELS]) -> f64 {
 const UNSEEN_PER_HOUR: f64 = 1.0;
 const MOST_HOURS: f64 = 24.0;
 const HOUR_S: f64 = 3600.0;
-/// The first minute is a gap in nothing.
+/// The shortest time that counts as watched, seconds.
 const LEAST_WATCHED_S: f64 = 60.0;
 
 /// A time that has passed, for all models of all coordinates.
@@ -88,8 +88,8 @@ pub(super) struct Passed {
 }
 
 impl Passed {
-    /// Nothing was read for `elapsed_s`; before that for `watched_s` it was. Beyond the time that was watched errors do not go on as models say
-    /// that nothing has tested over such a time.
+    /// A gap of `elapsed_s` after `watched_s` of readings. Beyond the watched time the models are not trusted, because nothing has tested
+    /// them over such a time.
     pub fn after(elapsed_s: f64, watched_s: f64, unit_s: f64) -> Self {
         let known_s =
             if watched_s < DAY_S { elapsed_s.min(watched_s.max(LEAST_WATCHED_S)) } else { elapsed_s };
@@ -142,7 +142,7 @@ impl AxisBank {
         bank
     }
 
-    /// A constant part as widely known as `noise` says; what was learned of the noise stays.
+    /// Resets the constant part to the uncertainty of `noise`; what was learned of the noise stays.
     pub fn begin(&mut self, noise: &AxisNoise) {
         self.mean = [[0.0; GRID]; 2];
         for (i, model) in GRID_MODELS.iter().enumerate() {
@@ -223,7 +223,7 @@ impl AxisBank {
         Innovation { value, variance: scale * variance, gain: Vector4::zeros() }
     }
 
-    /// Every model reads.
+    /// Updates every model with a reading.
     pub fn update(&mut self, y: f64, r: f64) {
         self.readings = (self.readings + 1.0).min(SCALE_OVER);
         let forgets = 1.0 / (self.readings + STATED_COUNTS);
@@ -316,7 +316,7 @@ impl AxisBank {
         (self.mean[0][used], scale * self.covariance[0][used])
     }
 
-    /// How a state of the model in use moves.
+    /// The transition of the model in use.
     pub fn transition(&self, passed: &Passed, stated: &Transition) -> Transition {
         match self.used {
             STATED => *stated,
@@ -355,7 +355,7 @@ impl AxisBank {
         }
     }
 
-    /// The variance of that error; nothing where there is none.
+    /// The variance of that error; zero where there is none.
     pub fn correlated_variance(&self, unit_s: f64) -> f64 {
         let share = self.correlated(unit_s).map_or(0.0, |error| error.sigma_ratio.powi(2));
         share * self.scale() * self.typical

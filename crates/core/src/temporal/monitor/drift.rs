@@ -1,4 +1,4 @@
-//! How far it moved, whether that is a rotation alone, and whether anybody should care.
+//! The size of a motion, whether it is a rotation alone, and whether it exceeds the tolerances.
 
 use super::{MonitorConfig, MotionKind};
 use crate::statistics::chi_square::tail;
@@ -6,23 +6,23 @@ use crate::temporal::snapshot::{Numbers, Rest, numbers};
 use crate::{Matrix6, Vector6};
 use nalgebra::{Matrix3, Vector3};
 
-/// How far it moved.
+/// A motion from the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drift {
-    /// Where frame a now is in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward. All motions
+    /// The pose of frame a in its own old frame, `[rotation_rad; translation_m]`; about camera axes x right, y down, z forward. All motions
     /// together.
     pub old_from_new: Vector6,
     /// Its covariance.
     pub covariance: Matrix6,
     /// When the last motion began, seconds.
     pub began_s: f64,
-    /// How uncertain that is, seconds: at least the interval between the readings before and after, docs/math/monitor.md eq. (80).
+    /// Its standard deviation, seconds: at least the interval between the readings before and after, docs/math/monitor.md eq. (80).
     pub began_sigma_s: f64,
     /// A step or a ramp.
     pub course: MotionKind,
     /// Probability of that course.
     pub course_probability: f64,
-    /// Of a slow drift, when enough is known of it.
+    /// The rate of a slow drift, when it is known well enough.
     pub rate: Option<Rate>,
     /// The last motion, where it is not the first.
     pub again: Option<Again>,
@@ -31,7 +31,7 @@ pub struct Drift {
 /// A motion of a camera that had moved before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Again {
-    /// Which one it is: the second is 2.
+    /// Its number; the second motion is 2.
     pub number: u32,
     /// When the first one began, seconds.
     pub first_began_s: f64,
@@ -52,7 +52,7 @@ pub struct Alone {
     pub sigma: f64,
 }
 
-/// How fast it drifts.
+/// The rate of a drift.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rate {
     /// `[rotation_rad; translation_m]` a second, in its own old frame.
@@ -79,15 +79,15 @@ impl Drift {
 
     /// The rotation alone, radians about x, y, z, and its covariance, if the camera only rotated about its own centre; none where its
     /// translation is larger than that allows (one in a hundred). A rotation and a shift look much alike from a small target: where a
-    /// mounted camera turned, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
+    /// mounted camera rotated, this is known far better than the six coordinates, docs/math/monitor.md eq. (17).
     pub fn pure_rotation(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let is_likely = PURE_ROTATION_PROBABILITY < self.chance_of(3)?;
         if is_likely { rotation_alone(&self.old_from_new, &self.covariance) } else { None }
     }
 
-    /// The one axis whose motion alone explains all of it; none where chance leaves more than that so seldom, where another axis explains it
-    /// about as well, or where it does not stand out of its own error. Of all six known together none may stand out though the motion
-    /// is beyond doubt; given that the others are zero this one is known far better: docs/math/monitor.md eq. (49).
+    /// Returns the one axis whose motion alone explains all of it; none where the rest is larger than chance makes it, where another axis
+    /// explains it about as well, or where the motion does not exceed its own error. Given that the other five are zero this one is known
+    /// far better than among six: docs/math/monitor.md eq. (49).
     pub fn alone(&self) -> Option<Alone> {
         let weight = self.covariance.cholesky()?.inverse();
         let score = weight * self.old_from_new;
@@ -102,7 +102,7 @@ impl Drift {
         along(&self.old_from_new, &self.covariance, axis)
     }
 
-    /// Whether it goes beyond what the configuration tolerates. A rotation and a shift look much alike, and neither estimate is ever zero:
+    /// Returns whether it exceeds the tolerances of the configuration. A rotation and a shift look much alike, and neither estimate is ever zero:
     /// a shift that chance explains counts for none, and the rotation is then judged alone; as is a shift beside a rotation that chance explains.
     pub(super) fn matters(&self, config: &MonitorConfig) -> bool {
         let (turn, shift) = (self.part(0), self.part(3));
@@ -125,23 +125,23 @@ impl Drift {
         self.old_from_new.fixed_rows::<3>(at).into()
     }
 
-    /// Chance of three coordinates as large as these where they are zero.
+    /// Returns the probability of three coordinates as large as these where they are zero.
     fn chance_of(&self, at: usize) -> Option<f64> {
         let covariance: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(at, at).into();
         Some(tail(3, self.part(at).dot(&covariance.cholesky()?.solve(&self.part(at)))))
     }
 }
 
-/// A translation that chance makes larger this seldom speaks against a pure rotation; it is asked at every reading.
+/// Probability below which a translation excludes a pure rotation; tested at every reading.
 const PURE_ROTATION_PROBABILITY: f64 = 0.01;
 /// Another axis explains a motion about as well within this Δχ²: odds of 90 to 1, three standard deviations.
 const RIVALLED: f64 = 9.0;
-/// What chance makes larger this seldom is no chance when a tolerance is applied: a tolerated turn is looked at for days, and the alarm
-/// chose its moment.
+/// Probability below which a motion counts when a tolerance is applied: a tolerated motion is tested for days, and the alarm chose its
+/// onset.
 const CHANCE: f64 = 1e-6;
 
 impl Rate {
-    /// The rotation alone, radians a second about x, y, z, and its covariance, if it only turns: none where it shifts more than chance allows.
+    /// The rotation alone, radians a second about x, y, z, and its covariance, if it only rotates; none where it shifts more than chance allows.
     pub fn rotation_alone(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let shift: Vector3<f64> = self.per_s.fixed_rows::<3>(3).into();
         let own: Matrix3<f64> = self.covariance.fixed_view::<3, 3>(3, 3).into();

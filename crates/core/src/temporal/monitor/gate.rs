@@ -1,4 +1,4 @@
-//! What reaches the test: readings of one decision joined, single outliers held back until others confirm them.
+//! The readings that reach the test: those of one decision joined, single outliers held back until others confirm them.
 //!
 //! A flipped pose or a passing person is far from the expected reading and alone; a camera that moved suddenly is far and stays there. An outlier
 //! therefore waits until `CONFIRM` readings in a row, over a decision period at least, agree with each other, and is dropped when the next
@@ -36,7 +36,7 @@ pub(super) struct Gate {
     last_decision_s: f64,
     joining: Joining,
     waiting: ArrayVec<Passed, CONFIRM>,
-    /// Where outliers were confirmed: readings there pass.
+    /// The position at which outliers were confirmed; readings there pass.
     confirmed: Option<Whitened>,
 }
 
@@ -59,7 +59,7 @@ impl Gate {
         !self.waiting.is_empty()
     }
 
-    /// Takes in a reading: what goes to the test now, and how many outliers are given up.
+    /// Processes a reading; returns the readings for the test, and how many outliers are dropped.
     pub fn push(&mut self, test: &DriftTest, t_s: f64, reading: &Whitened) -> (Through, u64) {
         let mut through = Through::new();
         let here = Passed { t_s, reading: *reading };

@@ -1,4 +1,4 @@
-//! The reference and its noise, learned from a stream while all is well.
+//! The reference and its noise, learned from a stream while nothing moves.
 //!
 //! ```text
 //!   y_t  motion of reading t from the mean    S = mean of y yᵀ    C₁ = mean of y_t y_{t+1}ᵀ, its symmetric part
@@ -17,7 +17,7 @@ pub const LEAST_READINGS: usize = 20;
 /// Times 1/√n: no eigenvalue of the correlation of n independent readings with the next ones is larger, but for one in some hundreds.
 const BY_CHANCE: f64 = 4.5;
 
-/// How the camera moved while these readings were taken; none where they may be a reference. What is found falsely is at most once in
+/// Returns the motion of the camera amid these readings; none where they may be a reference. False findings are at most one in
 /// `1 / FALSE_ALARM_PROBABILITY` tests, whatever correlated errors they have: docs/math/monitor.md section 8.
 pub fn unsettled(readings: &[Reading], config: &LearnConfig) -> Option<Unsettled> {
     config.check().ok()?;
