@@ -88,7 +88,7 @@ pub use points::locate_table;
 pub use print::print_target;
 pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 
-/// The camera of a file in any supported format; `FILE#NAME` picks one of several.
+/// Reads the camera of a file in any supported format; `FILE#NAME` selects one of several.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
@@ -96,7 +96,7 @@ pub fn read_camera(file: &str) -> Result<core::Camera, Error> {
     Ok(formats::read_camera(file)?.camera)
 }
 
-/// The target of a file: own TOML, Kalibr YAML or WPILib JSON.
+/// Reads the target of a file: own TOML, Kalibr YAML or WPILib JSON.
 ///
 /// # Errors
 /// What is wrong with the file, and where.

@@ -32,7 +32,7 @@ mod lines;
 mod method;
 mod named_point;
 
-/// What to do beyond the defaults.
+/// Settings of [`locate_image`]; the default is right for most jobs.
 #[derive(Debug, Clone, Default)]
 pub struct LocateOptions {
     /// The solver; `Auto` decides from the points.
@@ -45,7 +45,7 @@ pub struct LocateOptions {
     pub estimate_focal: bool,
 }
 
-/// The pose of a camera from an image of a target.
+/// Returns the pose of a camera from an image of a target.
 ///
 /// The answer has a status: `NotFound` where the image does not show the target, `Error` where the image and the camera do not belong
 /// together or the target cannot be read from it unambiguously.
@@ -69,7 +69,7 @@ pub struct ImageLocator<'a> {
     detector: Detector,
 }
 
-/// What was found in one image, and what it means.
+/// The points found in one image, and the answer.
 #[derive(Debug, Clone)]
 pub struct Located {
     /// The camera at the image's size; none where the image is of another shape.
@@ -199,7 +199,7 @@ impl Located {
         Located { camera: None, detections: Vec::new(), answer }
     }
 
-    /// The answer drawn over its image, as PNG; `title` stands in the caption.
+    /// Returns the answer drawn over its image, as PNG; `title` is in the caption.
     ///
     /// # Errors
     /// Why the image could not be encoded.
@@ -223,7 +223,7 @@ impl Located {
     }
 }
 
-/// What is known besides the points, and what they are measured in.
+/// Settings of [`locate_points`]: knowledge besides the points, and their unit.
 #[derive(Debug, Clone)]
 pub struct PointsOptions {
     /// The solver; `Auto` decides from the points.
@@ -232,7 +232,7 @@ pub struct PointsOptions {
     pub intrinsics: Option<IntrinsicsCovariance>,
     /// What is known of the pose besides the points.
     pub priors: Vec<Prior>,
-    /// How far off a point may be, in its own unit, to agree with the pose; none where every point is taken as right.
+    /// Largest distance of a point, in its own unit, that agrees with the pose; none where every point is taken as right.
     pub robust_threshold_px: Option<f64>,
     /// What is known of the lens where its focal length is estimated with the pose; nothing is then read of the camera.
     pub estimate_focal: Option<LensPrior>,
@@ -253,7 +253,7 @@ impl Default for PointsOptions {
     }
 }
 
-/// The pose of a camera from known points; `view` is their name in the answer.
+/// Returns the pose of a camera from known points; `view` is their name in the answer.
 pub fn locate_points(
     view: &str,
     points: &[NamedPoint],

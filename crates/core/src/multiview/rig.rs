@@ -1,4 +1,4 @@
-//! Where the cameras of a rig sit relative to each other, from targets that they see through time; nothing surveyed is needed.
+//! The relative poses of the cameras of a rig, from targets that they observe together; nothing surveyed is needed.
 //!
 //! canonical order → poses of each observation → a start that the most observations agree with → joint adjustment, wrong points left out →
 //! covariances, weakest link, scales, verdict. Derivation: docs/math/rig.md.
@@ -28,7 +28,7 @@ pub use lens::LensOffset;
 pub use verdict::{Cause, Losses, RigVerdict};
 pub use views::shared_views;
 
-/// What one camera saw of one target in one view.
+/// The observation of one target by one camera in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// Which camera, index into `RigProblem::cameras`.
@@ -37,21 +37,21 @@ pub struct Observation {
     pub view: usize,
     /// Which target, index into `RigProblem::body_of_target`.
     pub target: usize,
-    /// Known points of that target and where they were seen.
+    /// Known points of that target with their pixels.
     pub seen: Vec<Correspondence>,
 }
 
-/// Cameras, views and what was seen.
+/// Cameras, views and observations.
 #[derive(Debug, Clone, Copy)]
 pub struct RigProblem<'a> {
     /// Intrinsics, held fixed.
     pub cameras: &'a [Camera],
-    /// The rigid body that each target is fixed to: targets of one body keep their places relative to each other, which need not be
-    /// known; different bodies move on their own. One entry a target.
+    /// The rigid body that each target is fixed to, one entry a target: targets of one body keep their relative poses, which need not be
+    /// known; different bodies move independently.
     pub body_of_target: &'a [usize],
     /// Number of views.
     pub n_views: usize,
-    /// In any order: the answer does not depend on it.
+    /// The observations, in any order; the answer does not depend on it.
     pub observations: &'a [Observation],
 }
 
@@ -60,29 +60,29 @@ pub struct RigProblem<'a> {
 pub struct RigConfig<'a> {
     /// The camera whose frame is the rig's. One frame must be held: moving rig and bodies together changes no pixel.
     pub reference: usize,
-    /// What a residual costs. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every
+    /// The cost of a residual. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every
     /// point that can be seen.
     pub loss: Loss,
-    /// Whether the covariance of all cameras together is asked for.
+    /// Whether the covariance of all cameras together is computed.
     pub joint_covariance: bool,
-    /// Distances between cameras that were measured otherwise: they join the cost, and with them a target's size can be checked.
+    /// Measured distances between cameras, which join the cost and check a target's size.
     pub known_distances: &'a [KnownDistance],
-    /// Whether errors that a whole observation shares are estimated from how far views contradict each other, and put into every covariance.
-    /// Without, the points' errors are taken as independent.
+    /// Whether errors that a whole observation shares are estimated from contradictions between views and put into every covariance.
+    /// Without it the errors of points count as independent.
     pub shared_errors: bool,
-    /// Whether intrinsics that views agree to be off, if not by so much that the rig is inconsistent, join every covariance by as much as
+    /// Whether intrinsics that views agree to be off, but not by so much that the rig is inconsistent, widen every covariance by as much as
     /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
-    /// parts of one recording agree within ± that do not hold them. `RigSolution::lens_sigma_m` says what they would make of it either way.
+    /// parts of one recording agree within ± without them. `RigSolution::lens_sigma_m` states their effect in either case.
     pub lens_errors: bool,
-    /// How well each camera's intrinsics are known (covariance in the order of `Camera::parameters`; none: exactly), one entry a camera, or
-    /// none at all. They join every covariance, and what they explain is not held against a lens.
+    /// Covariance of each camera's intrinsics in the order of `Camera::parameters` (none: exact), one entry a camera, or an empty list.
+    /// They widen every covariance, and an offset that they explain is no fault of a lens.
     pub intrinsics: &'a [Option<DMatrix<f64>>],
-    /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It joins every
-    /// covariance: no view shows it, and none averages it.
+    /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens
+    /// every covariance, because no view shows or averages it.
     pub scale_sigma: f64,
 }
 
-/// Of good points one in ten thousand lies farther off than this: the root of the 99.99 % quantile of χ² with two degrees of freedom.
+/// The gate for good points, exceeded by one in ten thousand: the root of the 99.99 % quantile of χ² with two degrees of freedom.
 pub const GATE_SIGMAS: f64 = 4.291_932_052_578_694;
 
 impl Default for RigConfig<'_> {
@@ -132,7 +132,7 @@ pub struct CameraInRig {
     pub covariance: Matrix6,
     /// Views in which it took part.
     pub n_views: usize,
-    /// Points it saw.
+    /// Points that it observed.
     pub n_seen: usize,
     /// Points that took part.
     pub n_used: usize,
@@ -140,7 +140,7 @@ pub struct CameraInRig {
     pub rms_px: f64,
 }
 
-/// A target's place on its body.
+/// A target's pose on its body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetOnBody {
     /// x_in_body = body_from_target · x_in_target; identity for the first target of each body.
@@ -149,7 +149,7 @@ pub struct TargetOnBody {
     pub covariance: Matrix6,
 }
 
-/// A body's place in one view.
+/// A body's pose in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyInView {
     /// Which view.
@@ -166,12 +166,12 @@ pub struct BodyInView {
     pub rms_px: f64,
 }
 
-/// What became of an observation.
+/// How an observation was used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObservationResult {
     /// For each of its points: the residual (observed − predicted, px) and whether it took part. None where it projects nowhere.
     pub residuals_px: Vec<Option<(nalgebra::Vector2<f64>, bool)>>,
-    /// Why none of it took part.
+    /// Why it took no part as a whole; none where it did.
     pub rejected: Option<RejectedObservation>,
 }
 
@@ -188,7 +188,7 @@ pub enum RejectedObservation {
     },
 }
 
-/// The cameras of a rig, how uncertain, and how well everything fits.
+/// The solved rig: poses with covariances, and the fit of the observations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSolution {
     /// The camera whose frame is the rig's.
@@ -203,9 +203,9 @@ pub struct RigSolution {
     pub observations: Vec<ObservationResult>,
     /// Shared views before anything was rejected.
     pub shared: SharedViews,
-    /// The link that the rig hangs on: two groups of cameras joined by the least information. None for one camera.
+    /// The weakest link: two groups of cameras joined by the least information. None for one camera.
     pub weakest_link: Option<WeakestLink>,
-    /// What the observations say about each target's stated size.
+    /// The test of each target's stated size.
     pub scales: Vec<TargetScale>,
     /// Root mean square reprojection error over the points used, px.
     pub rms_px: f64,
@@ -219,7 +219,7 @@ pub struct RigSolution {
     pub n_used: usize,
     /// Covariance of all cameras together, 6 rows a camera in the order given (zero for the reference), where asked for.
     pub joint_covariance: Option<DMatrix<f64>>,
-    /// Factor by which every covariance was widened because the residuals are larger than the sigmas say; 1 where they agree.
+    /// Factor by which every covariance was widened because the residuals are larger than the stated sigmas; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
     /// other by more than their points: errors that a whole observation shares. 1 where no such error shows.
@@ -229,11 +229,11 @@ pub struct RigSolution {
     pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
     pub steps: usize,
-    /// Whether all this can be believed; no pose is to be used where it is inconsistent.
+    /// The verdict; no pose may be used where it is inconsistent.
     pub verdict: RigVerdict,
 }
 
-/// The weakest joint of the camera graph.
+/// The weakest link of the camera graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeakestLink {
     /// Its end in the smaller of the two groups that hang on it.
@@ -244,11 +244,11 @@ pub struct WeakestLink {
     pub n_shared_views: usize,
     /// Largest standard deviation of the rotation between them, rad.
     pub sigma_rad: f64,
-    /// Largest standard deviation of the place of one seen from the other, m.
+    /// Largest standard deviation of their relative position, m.
     pub sigma_m: f64,
 }
 
-/// How a target's stated size agrees with everything else.
+/// A target's stated size beside all other lengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetScale {
     /// True size over stated size; 1 where nothing else in the rig has a length to compare with.
@@ -259,7 +259,7 @@ pub struct TargetScale {
     pub extent_m: f64,
 }
 
-/// Every camera's position in the rig.
+/// Solves for the pose of every camera in the rig, with covariances and a verdict.
 ///
 /// # Errors
 /// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum HandEyeAnswer {
-    /// The poses; the status says whether they can be believed.
+    /// The poses; the status states whether they can be trusted.
     Solved(Box<SolvedHandEye>),
     /// Why there are none.
     Unsolved(Unsolved),
@@ -32,7 +32,7 @@ pub struct SolvedHandEye {
     pub views: Vec<String>,
     /// Views that took no part from the beginning, and why.
     pub left_out: Vec<(String, String)>,
-    /// Why the rig of several cameras cannot be believed; none where it can, or where there is one camera.
+    /// Why the rig of several cameras is inconsistent; none where it is not, or where there is one camera.
     pub rig_contradiction: Option<String>,
 }
 

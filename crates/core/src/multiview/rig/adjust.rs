@@ -1,4 +1,4 @@
-//! The joint adjustment: under a loss that wrong points hardly pull at, then by maximum likelihood from those that fit.
+//! The joint adjustment: first under a robust loss, then by maximum likelihood from the points that fit.
 //!
 //! docs/math/rig.md section 5.
 
@@ -16,7 +16,7 @@ use crate::locate::problem::Problem;
 use crate::{Camera, Correspondence, Error, Point, Pose};
 use std::borrow::Cow;
 
-/// The minimum, and what took part in it.
+/// The minimum, and the points that took part.
 pub(super) struct Adjusted {
     pub(super) places: RigPoses,
     pub(super) equations: RigEquations,
@@ -30,7 +30,7 @@ pub(super) struct Adjusted {
 
 /// Rounds of taking points in and out; each lowers the truncated cost, two or three are usual.
 const MAX_ROUNDS: usize = 20;
-/// A rough minimum will do before the points are judged.
+/// Evaluations of the rough minimum before the points are judged.
 const ROUGH: f64 = 1e-4;
 
 /// The points that take part, by observation.
@@ -42,7 +42,7 @@ struct Adjustment<'a> {
     config: &'a RigConfig<'a>,
     graph: RigGraph,
     places: RigPoses,
-    /// At `places`.
+    /// The residuals at `places`.
     residuals: Vec<Residuals>,
     steps: usize,
 }
@@ -97,7 +97,7 @@ impl<'a> Adjustment<'a> {
         Ok(())
     }
 
-    /// Bodies whose pose in a view another one suggested by an observation fits better, now that the cameras are known.
+    /// Replaces the pose of a body in a view where another one, suggested by an observation, fits better with the cameras found.
     fn look_around(&mut self) {
         let layout = self.layout;
         let targets = self.places.body_from_target.iter().zip(&layout.pivot_in_target);
@@ -130,7 +130,7 @@ impl<'a> Adjustment<'a> {
         }
     }
 
-    /// What the configured loss lets take part.
+    /// Selects the points that take part under the configured loss.
     fn parts(&self, variance: f64) -> Parts {
         let gate_chi2 = match self.config.loss {
             Loss::Truncated { sigmas } => sigmas * sigmas * variance,
@@ -139,7 +139,7 @@ impl<'a> Adjustment<'a> {
         parts(&self.residuals, gate_chi2, self.layout, self.located_views, &self.graph.is_active)
     }
 
-    /// The minimum over the points that take part, until those that fit it are the same.
+    /// Minimises over the points that take part, until that set no longer changes.
     fn settle(mut self) -> Result<Adjusted, Error> {
         let loss =
             if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
@@ -166,7 +166,7 @@ impl<'a> Adjustment<'a> {
         Err(Error::NotConverged { steps: self.steps })
     }
 
-    /// Takes out bodies in views whose place the points left do not determine: three on a line, say. Whether there were any.
+    /// Removes bodies in views whose pose the remaining points do not determine; returns whether there were any.
     fn drop_undetermined(&self, equations: &RigEquations, parts: &mut Parts) -> bool {
         let undetermined = |body: &usize| parts.is_active[*body] && !equations.determines(*body);
         let bodies: Vec<usize> = (0..parts.is_active.len()).filter(undetermined).collect();
@@ -204,7 +204,7 @@ impl<'a> Adjustment<'a> {
     }
 }
 
-/// Borrowed where all of an observation's points take part.
+/// The points that take part, borrowed where that is all of them.
 fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
     let of_observation = |(s, used): (&&'a super::Observation, &Vec<bool>)| {
         if used.iter().all(|u| *u) {

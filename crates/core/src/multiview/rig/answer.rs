@@ -1,4 +1,4 @@
-//! From the minimum to what the caller gets: covariances, counts, the weakest link.
+//! From the minimum to the solution: covariances, counts, the weakest link.
 
 use super::adjust::Adjusted;
 use super::classify::rms_px;
@@ -115,7 +115,7 @@ pub(super) fn answer(
     if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
 }
 
-/// Whether the answer is the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.
+/// Returns whether the answer is the minimum of a sum of squares; otherwise wrong points would bias the score of a lens.
 pub(super) fn keeps_minimum(loss: Loss) -> bool {
     matches!(loss, Loss::Squared | Loss::Truncated { .. })
 }
@@ -195,7 +195,7 @@ fn truncation(loss: Loss) -> f64 {
     (1.0 - beyond * (1.0 + half)) / (1.0 - beyond)
 }
 
-/// What taking part only up to a gate, or a robust loss, makes of the inverse information.
+/// Returns the factor that a gate or a robust loss puts on the inverse information.
 fn loss_widening(loss: Loss) -> f64 {
     match loss {
         Loss::Truncated { .. } => 1.0 / truncation(loss),
@@ -315,7 +315,7 @@ pub(super) fn relative(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, 
     (cam_b_from_cam_a, symmetric(&covariance))
 }
 
-/// Joins cameras by their best known relative poses first: the last join needed is the weakest.
+/// Returns the weakest link: cameras are joined by their best known relative poses first, and the last join needed is the weakest.
 fn weakest_link(
     layout: &Layout,
     cameras: &[CameraInRig],
@@ -353,7 +353,7 @@ fn weakest_link(
     weakest
 }
 
-/// The link of two cameras, ranked by how far a point as far off as they are apart (or 1 m) is in doubt.
+/// The link of two cameras, ranked by the uncertainty of a point at the distance of the two (or 1 m).
 fn link(
     cameras: &[CameraInRig],
     joint: &DMatrix<f64>,

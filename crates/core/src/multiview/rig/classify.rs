@@ -1,4 +1,4 @@
-//! Which points and observations take part: the only place that decides.
+//! Decides which points and observations take part.
 //!
 //! A point takes part when its squared residual, in units of the variance that the inner half of all points shows, is below the gate; a
 //! observation when most of its points do. docs/math/rig.md section 5.
@@ -17,7 +17,7 @@ pub(super) struct Residuals {
     pub(super) points: Vec<Option<(Vector2<f64>, f64)>>,
 }
 
-/// What takes part.
+/// The points that take part.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parts {
     /// By observation and point.
@@ -27,7 +27,7 @@ pub(super) struct Parts {
     pub(super) is_active: Vec<bool>,
 }
 
-/// Residuals of every point at `places`; of none where the body takes no part.
+/// Computes the residuals of every point at `places`, of none where the body takes no part.
 pub(super) fn residuals(layout: &Layout, places: &RigPoses, is_active: &[bool]) -> Vec<Residuals> {
     let of_link = |(i, link): (usize, &crate::least_squares::rig::RigLink)| {
         let pivot = &layout.pivot_in_target[link.target];
@@ -49,7 +49,7 @@ pub(super) fn robust_variance(residuals: &[Residuals], unknown: usize) -> f64 {
     median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2 * free)
 }
 
-/// What lies within the gate, a squared residual.
+/// The gate as a squared residual.
 pub(super) fn parts(
     residuals: &[Residuals],
     gate_chi2: f64,
@@ -98,7 +98,7 @@ impl Parts {
         }
     }
 
-    /// Takes a body out of a view, and all its observations.
+    /// Removes a body from a view, with all its observations.
     pub(super) fn drop_body(&mut self, range: core::ops::Range<usize>, located_views: &LocatedViews) {
         for i in range {
             self.is_used[i].iter_mut().for_each(|u| *u = false);

@@ -1,4 +1,4 @@
-//! What an uncertain size of the targets does to a rig: every length is longer or shorter together. docs/math/printed_scale.md section 3.
+//! The effect of an uncertain size of the targets on a rig: all lengths change together. docs/math/printed_scale.md section 3.
 
 use super::RigSolution;
 use crate::{Matrix6, Pose, Vector6};

@@ -1,4 +1,4 @@
-//! Distances between cameras that were measured otherwise: residuals of the cameras alone, docs/math/rig.md eq. (12).
+//! Measured distances between cameras: residuals of the cameras alone, docs/math/rig.md eq. (12).
 
 use super::KnownDistance;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigPoses};

@@ -14,13 +14,13 @@ pub(super) struct Layout<'a> {
     pub(super) reference: usize,
     /// In canonical order.
     pub(super) observations: Vec<&'a Observation>,
-    /// Where each of them stood in the input.
+    /// The index of each of them in the input.
     pub(super) given_at: Vec<usize>,
     /// View and body of every body in a view.
     pub(super) bodies: Vec<(usize, usize)>,
     /// The first target of the body of each target: the body's frame.
     pub(super) first_target: Vec<usize>,
-    /// Mean of the points seen of each target, target frame: what its small motions turn about.
+    /// Mean of the points seen of each target, target frame: the pivot of its small motions.
     pub(super) pivot_in_target: Vec<Point>,
     pub(super) graph: RigGraph,
 }
@@ -194,7 +194,7 @@ fn seen_targets(observations: &[&Observation], n_targets: usize) -> Vec<bool> {
     is_seen
 }
 
-/// A target of a body of several must be seen: where it sits could not be said otherwise.
+/// Refuses a body of several targets of which one is not observed, because its pose would be undetermined.
 fn check_targets(is_seen: &[bool], first_target: &[usize], body_of_target: &[usize]) -> Result<(), Error> {
     for target in 0..is_seen.len() {
         let others = (0..is_seen.len()).any(|t| first_target[t] == first_target[target] && is_seen[t]);

@@ -1,6 +1,6 @@
-//! By how much the intrinsics of a camera are off, and from what on that is too much. docs/math/rig.md section 10.
+//! The offset of a camera's intrinsics, and its limits: docs/math/rig.md section 10.
 
-/// By how much a camera's intrinsics seem to be off, all else free: one Gauss–Newton step, in focal lengths.
+/// The offset of a camera's intrinsics, all else free: one Gauss–Newton step, in focal lengths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LensOffset {
     /// Relative error of the focal length (what to add, over the value given), with the principal point free.
@@ -11,7 +11,7 @@ pub struct LensOffset {
     pub centre: [f64; 2],
     /// Its standard deviations.
     pub sigma_centre: [f64; 2],
-    /// By how much distortion is off at its points (root mean square over the focal length), the others free.
+    /// Offset of the distortion at its points (root mean square over the focal length), the others free.
     pub distortion: f64,
     /// Its standard deviation.
     pub sigma_distortion: f64,
@@ -41,12 +41,12 @@ impl LensOffset {
         ]
     }
 
-    /// Whether focal length, principal point or distortion is off by more than real lens files of a fair calibration are.
+    /// Returns whether focal length, principal point or distortion is off by more than those of fair calibrations are.
     pub fn is_off(&self) -> bool {
         self.excess().into_iter().any(|x| 1.0 < x)
     }
 
-    /// What is off most, in words.
+    /// The largest offset in words.
     pub fn worst(&self) -> &'static str {
         let [focal, centre, distortion] = self.excess();
         match () {

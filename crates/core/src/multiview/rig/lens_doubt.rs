@@ -1,7 +1,7 @@
-//! What lens files that the rig contradicts add to its covariance. docs/math/rig.md section 11.
+//! The share of lens files that the rig contradicts in its covariance. docs/math/rig.md section 11.
 //!
 //! Intrinsics are taken as exact until views agree that some camera's are not. From then on every camera's are as uncertain as they seem to
-//! be off, and places follow them: a focal length 3 % off moves a camera by 3 % of its distance from the board, and hardly shows.
+//! be off, and poses follow them: a focal length 3 % off moves a camera by 3 % of its distance from the board, hardly visible in residuals.
 
 use super::lens_score::{LensScore, LensStep, Shared};
 use crate::Matrix6;
@@ -12,14 +12,14 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 /// One in ten thousand for each camera, as elsewhere: the covariance may grow a thousandfold. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
 
-/// How uncertain one camera's parameters are, and what follows them.
+/// The uncertainty of one camera's parameters, and the derivatives of the poses by them.
 struct LensUncertainty<'a> {
     /// E θ θᵀ.
     squared: Matrix4<f64>,
     following: &'a [Common; 4],
 }
 
-/// What the lenses add to the covariances; empty where nothing contradicts them.
+/// The share of the lenses in the covariances; empty where nothing contradicts them.
 pub(super) struct LensDoubts<'a> {
     doubts: Vec<LensUncertainty<'a>>,
 }

@@ -1,7 +1,7 @@
-//! Do the intrinsics of each camera agree with everything that the rig saw? A score test at the minimum, nothing is solved again.
+//! Tests the intrinsics of each camera against all observations of the rig, by a score test at the minimum.
 //!
-//! Alone a camera hardly shows its focal length on small boards: the distance of the board takes it up. In a rig the other cameras know
-//! that distance. docs/math/rig.md eqs. (14)–(18).
+//! Alone a camera hardly shows its focal length on small boards: the distance of the board absorbs it. In a rig the other cameras
+//! determine that distance. docs/math/rig.md eqs. (14)–(18).
 //!
 //!   d  a pixel from the principal point, in focal lengths   ·   columns: d (focal length), 1 0, 0 1 (principal point), d |d|² (distortion)
 
@@ -29,16 +29,16 @@ struct Sums {
     n: f64,
 }
 
-/// What one view says about a camera's parameters, as the places follow them, docs/math/rig.md eq. (17).
+/// The information of one view on a camera's parameters, the poses following them, docs/math/rig.md eq. (17).
 struct OfView {
     view: usize,
     left: Matrix4<f64>,
     pull: Vector4<f64>,
-    /// What they have in common with cameras and targets.
+    /// Their cross terms with cameras and targets.
     common: Vec<(usize, SMatrix<f64, 6, 4>)>,
 }
 
-/// What the residuals of a camera's points say about its four parameters, every place free.
+/// The information of a camera's residuals on its four parameters, every pose free.
 pub(super) struct LensScore {
     /// Information of the parameters by themselves, and with all places free, eq. (15).
     own: Matrix4<f64>,
@@ -134,7 +134,7 @@ fn of_view(
     sum
 }
 
-/// What every view says about cameras and targets, and their inverse information: what a camera's parameters share leverage with.
+/// The information of every view on cameras and targets, and their inverse information, with which a camera's parameters share leverage.
 pub(super) struct Shared<'a> {
     pub(super) inverse: &'a DMatrix<f64>,
     pub(super) clusters: &'a [Cluster],
@@ -146,7 +146,7 @@ pub(super) struct LensStep<const N: usize> {
     /// By single points, and by the scatter of views; none where those are too few.
     pub(super) by_points: SMatrix<f64, N, N>,
     pub(super) by_views: Option<SMatrix<f64, N, N>>,
-    /// How many views say something.
+    /// Number of views with information.
     pub(super) n_views: usize,
     chi2: f64,
 }

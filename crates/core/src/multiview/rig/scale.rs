@@ -1,4 +1,4 @@
-//! Does each target's stated size agree with everything else? One more parameter a target, tested at the minimum without solving again.
+//! Tests each target's stated size against all other lengths: one more parameter a target, at the minimum, without solving again.
 //!
 //! docs/math/rig.md eqs. (10)–(11).
 

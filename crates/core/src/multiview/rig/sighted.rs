@@ -1,4 +1,4 @@
-//! The pose of each observation by itself: every minimum, and what a few wrong points would have spoiled.
+//! The poses of each observation by itself: every minimum, also with a few wrong points.
 
 use super::layout::Layout;
 use crate::locate::consistency::is_unlikely;
@@ -18,7 +18,7 @@ pub(super) struct Hypothesis {
     pub(super) covariance: Matrix6,
     /// Probability among the minima of the observation.
     pub(super) probability: f64,
-    /// |Σ|^(1/6), larger for a less probable pose: how badly it is known.
+    /// |Σ|^(1/6), larger for a less probable pose: a measure of its uncertainty.
     pub(super) size: f64,
 }
 
@@ -31,9 +31,9 @@ const LEAST_WEIGHT: f64 = 1e-4;
 pub(super) const CAUCHY_SIGMAS: f64 = 3.0;
 /// Median of χ² with two degrees of freedom.
 pub(super) const MEDIAN_CHI2: f64 = 2.0 * core::f64::consts::LN_2;
-/// Fewer points show no wrong one among them: those are left to what other cameras see.
+/// Fewest points among which a wrong one can be found; fewer are judged by the other cameras.
 const ENOUGH_POINTS: usize = 6;
-/// A consensus is sought among at most so many samples: a start is all that is wanted.
+/// Largest number of samples for a consensus, which serves as a start only.
 const MAX_SAMPLES: usize = 2000;
 
 pub(super) fn poses_of_observations(layout: &Layout) -> LocatedViews {
@@ -61,7 +61,7 @@ fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Er
     }
 }
 
-/// A start needs no more points than these: the joint adjustment takes all.
+/// Largest number of points for a start; the joint adjustment uses all.
 const MANY_POINTS: usize = 30;
 
 /// All of a small observation, some of a large one.
@@ -158,7 +158,7 @@ fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) ->
 }
 
 /// Whether its points fit one pose by its own camera: the inner half of them, at the best of its poses, no worse than twice the stated
-/// noise. One without a pose does not tell.
+/// noise. False for one without a pose.
 pub(super) fn fits_alone(
     poses: &Result<Vec<Hypothesis>, Error>,
     seen: &[Correspondence],

@@ -1,4 +1,4 @@
-//! Where everything roughly is: from the reference camera outwards, each camera and target placed by what the most views agree on.
+//! The start: from the reference camera outwards, each camera and target is placed by the pose that the most views agree on.
 //!
 //! With rig_from_body known in a view through a camera and a target already placed, an observation of a placed target by a new camera gives
 //! cam_from_rig, the paper's (13), (14) chained (docs/math/rig.md eq. (9)), and an observation of a new target by a placed camera gives
@@ -22,7 +22,7 @@ struct Grown {
     known: Vec<Option<usize>>,
 }
 
-/// What a new camera or target may be.
+/// The poses that a new camera or target may have.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Node {
     Camera(usize),
@@ -125,7 +125,7 @@ impl Grown {
         }
     }
 
-    /// Which camera or target is known best by the views seen.
+    /// Returns the camera or target that the views determine best.
     fn best_node(&self, layout: &Layout, located_views: &LocatedViews) -> Option<Node> {
         let mut of_camera = vec![0.0; self.cam_from_rig.len()];
         let mut of_target = vec![0.0; self.anchor_from_target.len()];
@@ -151,7 +151,7 @@ impl Grown {
         best.1
     }
 
-    /// What each view says where a new camera or target is.
+    /// Returns the pose of a new camera or target by each view.
     fn votes(&self, node: Node, layout: &Layout, located_views: &LocatedViews) -> Vec<Vote> {
         let is_of_node = |i: usize| match node {
             Node::Camera(c) => c == layout.observations[i].camera,

@@ -1,6 +1,6 @@
-//! What stated uncertainties of the intrinsics add to a rig's covariances: docs/math/rig.md eq. (21).
+//! The share of stated uncertainties of the intrinsics in a rig's covariances: docs/math/rig.md eq. (21).
 //!
-//! Every place follows each parameter as H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, and what follows adds
+//! Every pose follows each parameter as D = H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, which adds
 //! D C Dᵀ. The intrinsics themselves stay as given: the minimum is that of the problem stated.
 
 use super::adjust::Adjusted;
@@ -100,7 +100,7 @@ fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Com
     commons
 }
 
-/// Refuses what is no covariance of a camera's intrinsics.
+/// Refuses a matrix that is no covariance of a camera's intrinsics.
 pub(super) fn check(covariances: &[Option<DMatrix<f64>>], cameras: &[Camera]) -> Result<(), Error> {
     if !covariances.is_empty() && covariances.len() != cameras.len() {
         let needed = "one entry a camera, or none at all";

@@ -1,4 +1,4 @@
-//! Can the rig be believed? The rule is that of `consistency`; this file counts what it is asked about, and looks for the cause.
+//! The verdict on a rig by the rule of `consistency`: counts the losses, and finds the likely cause.
 //!
 //! Noise stated and seen · observations and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
 //! targets against each other (`scale`). docs/math/rig.md section 5.
@@ -18,7 +18,7 @@ use crate::{Camera, Point};
 /// Whether the answer contradicts the observations, and which camera or target is the likely cause. The default contradicts nothing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RigVerdict {
-    /// Whether anything below contradicts: then no pose is to be used before the cause is found.
+    /// Whether anything below contradicts; then no pose may be used before the cause is found.
     pub is_inconsistent: bool,
     /// Whether the residuals of the points used are far above their stated sigmas.
     pub is_noisy: bool,
@@ -26,17 +26,17 @@ pub struct RigVerdict {
     pub cameras: Vec<Losses>,
     /// One entry a target.
     pub targets: Vec<Losses>,
-    /// Views that lose more of their observations than a few spoilt images explain.
+    /// Views that lose more of their observations than a few damaged images explain.
     pub contradicting_views: Vec<usize>,
-    /// One entry a camera: how far its intrinsics seem to be off; none where that was not determined.
+    /// One entry a camera: the offset of its intrinsics; none where that was not determined.
     pub lens_offsets: Vec<Option<LensOffset>>,
-    /// The camera to look at first.
+    /// The camera to check first.
     pub worst_camera: Option<usize>,
     /// `counts[a][b]`: views in which both cameras have points that took part; the diagonal holds the views of each.
     pub used_views: Vec<Vec<usize>>,
 }
 
-/// What a camera or target lost, and why.
+/// The losses of a camera or target, with their cause.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Losses {
     /// Observations whose points determine anything.
@@ -47,7 +47,7 @@ pub struct Losses {
     pub n_points: usize,
     /// Points of them that took no part.
     pub n_points_lost: usize,
-    /// The likely cause; none where nothing is wrong with it.
+    /// The likely cause; none where there is no fault.
     pub cause: Option<Cause>,
 }
 
@@ -60,7 +60,7 @@ pub enum Cause {
     /// Its observations fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
     /// target that moved.
     Contradiction,
-    /// The target's points are not where it says (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit
+    /// The target's points are not as its file states (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit
     /// by themselves in no camera.
     Target,
     /// The target's size contradicts the other lengths.
@@ -72,7 +72,7 @@ pub enum Cause {
 }
 
 impl Losses {
-    /// Nothing is wrong with it.
+    /// Returns whether there is no fault.
     pub fn is_ok(&self) -> bool {
         self.cause.is_none()
     }
@@ -82,7 +82,7 @@ impl Losses {
         self.n_points_lost as f64 / self.n_points.max(1) as f64
     }
 
-    /// Whole observations first; the points of those kept by themselves, since a spoilt image loses all of its own.
+    /// Whole observations first, then the points of those kept, because a damaged image loses all of its own.
     fn is_too_much(&self, n_points_kept: usize) -> bool {
         let n_single = n_points_kept.saturating_sub(self.n_points - self.n_points_lost);
         // Points of either kind, in observations' worth of them.
