@@ -81,7 +81,9 @@ fn texts() -> Vec<(String, String)> {
             below(&krate.join("src"), "rs", &mut files);
         }
     }
-    files.extend(["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root().join(name)));
+    files.extend(
+        ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "ARCHITECTURE.md"].map(|name| root().join(name)),
+    );
     let text = |path: PathBuf| {
         let text = std::fs::read_to_string(&path).unwrap();
         let is_seen = |line: &&str| {
