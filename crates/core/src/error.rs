@@ -378,7 +378,7 @@ pub enum Error {
     },
     /// The control points of a network are on one line: a rotation of everything about it is hardly observable.
     #[error(
-        "the marks stand nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no mark is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a rotation about that line can hardly be seen, so add a mark well off it"
+        "the control points are nearly on one line: from point {a} to point {b} are {length_m:.2} m, and no control point is farther off their line than {width_m:.3} m (need {needed_m:.3} m); a rotation about that line can hardly be seen, so add a mark well off it"
     )]
     ControlPointsOnLine {
         /// The control point at one end, counted from 0.

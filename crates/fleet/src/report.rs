@@ -18,7 +18,7 @@ const SECTIONS: [(Found, &str, &str); 6] = [
     (
         Found::WrongMap,
         "Wrong maps",
-        "Poses of these cameras contradict their points: the survey, the labels or the intrinsics are wrong, and no motion can be told.",
+        "Poses of these cameras contradict their points: the map, the labels or the intrinsics are wrong, so that no motion can be determined.",
     ),
     (Found::Dead, "Dead cameras", "Not seen any more, or never."),
     (
@@ -29,7 +29,7 @@ const SECTIONS: [(Found, &str, &str); 6] = [
     (
         Found::Wandering,
         "Moving to and fro",
-        "Larger than the errors of a period, but no step and no ramp beyond doubt: mostly the warmth of the day. --diurnal-deg says how much of it is nobody's concern.",
+        "Larger than the errors of a period, but no step and no ramp beyond doubt: mostly diurnal variation. State with --diurnal-deg how much of it is expected.",
     ),
     (Found::TooFew, "Too few poses", ""),
     (Found::Unknown, "Not in the table of cameras", ""),
@@ -65,7 +65,7 @@ pub fn page(fleet: &Assessment, cameras: Option<&Cameras>) -> String {
     histories(&mut page, fleet);
     if let Some(cameras) = cameras {
         if let Some(svg) = map::svg(fleet, cameras) {
-            page.heading("Where they stand");
+            page.heading("Positions");
             page.markup(&svg);
         }
         sites::table(&mut page, fleet, cameras);

@@ -248,7 +248,7 @@ fn edge(key: &str, seen_m: f64, largest_m: f64) -> Option<String> {
     let meant = meant.into_iter().find(|x| USUAL_M.contains(x));
     Some(match meant {
         Some(x) => format!("{key} is {} m: did you mean {}?", short(seen_m), short(x)),
-        None => format!("{key} is {} m, which nobody prints; the unit is metres", short(seen_m)),
+        None => format!("{key} is {} m, which is no size of a print; the unit is metres", short(seen_m)),
     })
 }
 

@@ -211,7 +211,7 @@ impl Camera {
             false => Ok((class.getattr("parse")?, (self.to_toml(py)?,))),
             true => Err(error::input(
                 py,
-                "a camera that nobody calibrated is not pickled; make it where it is needed",
+                "a nominal camera is not pickled; construct it where it is needed",
             )),
         }
     }

@@ -170,7 +170,7 @@ pub fn locate_images(
                 answers.push(answer);
                 match reporter.done(answers.len(), total) {
                     true => Ok(()),
-                    false => Err(resight::Error::request("nobody waits for the rest")),
+                    false => Err(resight::Error::request("the caller stopped")),
                 }
             },
         )?;

@@ -29,7 +29,7 @@ fn must_have_image(camera: &Camera) -> Result<(), Error> {
     match camera.size {
         Some(_) => Ok(()),
         None => Err(Error::request(
-            "the camera file has no image size; add width_px and height_px, or nobody knows what it can see",
+            "the camera file has no image size; add width_px and height_px, which determine what is in view",
         )),
     }
 }

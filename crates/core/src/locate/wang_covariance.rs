@@ -23,7 +23,7 @@ pub(crate) fn literal(configuration: &Configuration, problem: &Problem) -> Resul
     if !problem.priors.is_empty() || problem.loss != Loss::Squared {
         return Err(Error::WrongLayout {
             method: "wang2004",
-            reason: "the printed procedure knows neither priors nor losses",
+            reason: "the printed procedure has neither priors nor losses",
         });
     }
     let solve = |bearings: &[Bearing; 4], points: &[Point; 4]| {

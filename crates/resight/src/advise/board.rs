@@ -77,7 +77,7 @@ fn placed<'a>(
             false => pose_between(request.cameras, &c.name, name),
         };
         let unknown =
-            || format!("nothing says where camera `{}` is relative to `{name}`; about is enough", c.name);
+            || format!("no file states the pose of camera `{}` relative to `{name}`; an approximate one is enough", c.name);
         let cam_from_rig = cam_from_rig.ok_or_else(|| Error::request(unknown()))?;
         Ok(RigCamera { camera: &c.camera, cam_from_rig, intrinsics_covariance: rows.as_deref() })
     };

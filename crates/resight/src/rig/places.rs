@@ -139,7 +139,7 @@ fn placed_among(names: &[&str], placements: &[&Placement]) -> Result<Vec<PlacedC
     let place = |name: &&str| {
         let found = reached.iter().find(|(frame, ..)| frame == name);
         let (_, cam_from_rig, covariance) = found
-            .ok_or_else(|| format!("says nothing about where camera {name} is relative to the others"))?;
+            .ok_or_else(|| format!("does not state the pose of camera {name} relative to the others"))?;
         Ok(PlacedCamera { name: name.to_string(), cam_from_rig: *cam_from_rig, covariance: *covariance })
     };
     names.iter().map(place).collect()

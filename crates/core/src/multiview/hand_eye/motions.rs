@@ -77,7 +77,7 @@ pub(super) fn check(views: &[Known], config: &HandEyeConfig) -> Result<[f64; 3],
         |reason, metric, needed, way_out| Err(Error::DegenerateMotion { reason, metric, needed, way_out });
     if turns[0] < needed {
         let reason =
-            "the gripper hardly turned between the views: shifts alone do not say where the camera sits";
+            "the gripper hardly rotated between the views: shifts alone do not determine the position of the camera";
         let way_out = "turn the gripper about two different axes, by 30 degrees or more";
         return degenerate(reason, turns[0], needed, way_out);
     }

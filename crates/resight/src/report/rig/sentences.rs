@@ -93,7 +93,7 @@ pub fn rejection_sentence(reason: &RejectedObservation) -> String {
     match reason {
         RejectedObservation::Undetermined(error) => error.to_string(),
         RejectedObservation::Contradicts { rms_px } => format!(
-            "contradicts the other observations (rms {rms_px:.1} px): wrong labels, a moved target or another moment"
+            "contradicts the other observations (rms {rms_px:.1} px): wrong labels, a moved target or another time"
         ),
         _ => "took no part".to_string(),
     }

@@ -80,7 +80,7 @@ const OF_PAIRS: [Family<PairTally>; 14] = [
     (
         "resight_deviation_rotation_radians",
         "gauge",
-        "Turn of the tracked pose against the reference, noise included; resight_state says whether it is drift.",
+        "Rotation of the tracked pose against the reference, noise included; resight_state states whether it is drift.",
         |_, p| deviation(p, |d| d.rotation_rad),
     ),
     (
