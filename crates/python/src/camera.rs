@@ -209,10 +209,7 @@ impl Camera {
         let class = py.get_type::<Camera>();
         match self.is_nominal {
             false => Ok((class.getattr("parse")?, (self.to_toml(py)?,))),
-            true => Err(error::input(
-                py,
-                "a nominal camera is not pickled; construct it where it is needed",
-            )),
+            true => Err(error::input(py, "a nominal camera is not pickled; construct it where it is needed")),
         }
     }
 

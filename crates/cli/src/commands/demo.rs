@@ -322,8 +322,9 @@ fn reported(seen: &LocatedImage, truth: &Pose) -> String {
         let nearer =
             (other.cam_from_target.origin() - truth.origin()).norm() < (place - truth.origin()).norm();
         let which = if nearer { "second" } else { "first" };
-        let text =
-            format!("the true one is the {which}; the image alone does not decide, and the answer states that");
+        let text = format!(
+            "the true one is the {which}; the image alone does not decide, and the answer states that"
+        );
         crate::text::line(&mut out, "in truth", &text);
     }
     match truth::check(&e.cam_from_target, &e.covariance, truth) {

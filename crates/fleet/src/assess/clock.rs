@@ -70,7 +70,10 @@ impl FleetSpan {
         }
         let timed = rows - camera.without_time;
         if LEAST_ROWS <= timed && last - first < timed as f64 / MOST_PER_S {
-            return Some(format!("all {timed} rows state one time, {}: its clock does not advance", utc(first)));
+            return Some(format!(
+                "all {timed} rows state one time, {}: its clock does not advance",
+                utc(first)
+            ));
         }
         let off_s = OFF_PERIODS * self.period_s;
         if MOST_PERIODS <= camera.periods.len() {

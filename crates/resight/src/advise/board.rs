@@ -76,8 +76,12 @@ fn placed<'a>(
             true => Some(Pose::identity()),
             false => pose_between(request.cameras, &c.name, name),
         };
-        let unknown =
-            || format!("no file states the pose of camera `{}` relative to `{name}`; an approximate one is enough", c.name);
+        let unknown = || {
+            format!(
+                "no file states the pose of camera `{}` relative to `{name}`; an approximate one is enough",
+                c.name
+            )
+        };
         let cam_from_rig = cam_from_rig.ok_or_else(|| Error::request(unknown()))?;
         Ok(RigCamera { camera: &c.camera, cam_from_rig, intrinsics_covariance: rows.as_deref() })
     };

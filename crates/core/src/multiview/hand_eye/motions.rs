@@ -76,8 +76,7 @@ pub(super) fn check(views: &[Known], config: &HandEyeConfig) -> Result<[f64; 3],
     let degenerate =
         |reason, metric, needed, way_out| Err(Error::DegenerateMotion { reason, metric, needed, way_out });
     if turns[0] < needed {
-        let reason =
-            "the gripper hardly rotated between the views: shifts alone do not determine the position of the camera";
+        let reason = "the gripper hardly rotated between the views: shifts alone do not determine the position of the camera";
         let way_out = "turn the gripper about two different axes, by 30 degrees or more";
         return degenerate(reason, turns[0], needed, way_out);
     }
