@@ -1,4 +1,4 @@
-//! A day of a fleet with its truth: cameras that stay, sudden motions, slow drifts, the warmth of the day, wrong maps, dead cameras, clocks that are off.
+//! A day of a fleet with its truth: cameras that stay, sudden motions, slow drifts, diurnal variation, wrong maps, dead cameras, clocks that are off.
 //!
 //! Every number follows from the seed, the camera and the time of the row, so that any part of a day can be made on its own.
 
@@ -25,7 +25,7 @@ pub struct Simulation {
     pub begin_s: f64,
     /// Standard deviation of a pixel coordinate.
     pub sigma_px: f64,
-    /// Median amplitude of the rotation by the warmth of the day, degrees.
+    /// Median amplitude of the rotation by diurnal variation, degrees.
     pub thermal_deg: f64,
     /// Shares of cameras with a fate: step, drifting, wrong map, dead, clock off.
     pub shares: [f64; 5],

@@ -1,4 +1,4 @@
-//! One camera at a time: motions that come and go, several of them, near an end, slow, amid the warmth of the day, with rows lost.
+//! One camera at a time: motions that come and go, several of them, near an end, slow, amid diurnal variation, with rows lost.
 
 use crate::support::day;
 use rayon::prelude::*;
@@ -142,7 +142,7 @@ fn cases_a_slow_drift_is_a_ramp() {
     }
 }
 
-/// Cameras that stay, amid white noise and the warmth of the day, are never called moved.
+/// Cameras that stay, amid white noise and diurnal variation, are never called moved.
 #[test]
 fn cases_cameras_that_stay() {
     for thermal_deg in [1e-6, 0.01, 0.05] {

@@ -133,7 +133,7 @@ fn verdicts_on_thousands_of_cameras_are_as_true_as_stated() {
     assert!(judged.expected_false_alarms < 0.2 && false_alarms < 3, "{said}");
     // A promise is kept nine times in ten.
     assert!(50 < promised && 10 * missed <= promised, "{said}");
-    // Slow errors, which the warmth of the day brings, are allowed for: the squares are below one in the mean.
+    // Slow errors, such as a diurnal variation, are allowed for: the squares are below one in the mean.
     assert!(60 < found && (0.3..1.2).contains(&square), "{said}");
     assert!(10 * late <= found, "{said}");
 }

@@ -25,7 +25,7 @@ pub enum Found {
     Dead,
     /// Its times cannot be.
     Clock,
-    /// It moves to and fro by more than the errors of a period, as by the warmth of the day.
+    /// It moves to and fro by more than the errors of a period, as by diurnal variation.
     Wandering,
     /// Too few poses to say anything.
     TooFew,
