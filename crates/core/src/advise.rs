@@ -1,16 +1,16 @@
-//! Before the image is taken: how uncertain will the pose be, and which further point, target or view would make it surer?
+//! Planning before an image is taken: the uncertainty of its pose, and the further point, target or view that would reduce it.
 //!
-//! All of it rests on the information matrix at a pose that is assumed, so nothing needs to be seen yet. Where that first-order
+//! All of it follows from the information matrix at an assumed pose. Where that first-order
 //! figure cannot be trusted (the likelihood is bent, or a second pose fits nearly as well) the answer says so by a [`FirstOrderLimit`].
 //!
 //! | question | file |
 //! | --- | --- |
-//! | what is one view of known points worth? | [`expect()`] |
-//! | what is wrong with a layout, in numbers? | [`layout`] |
-//! | how uncertain is a place or a length measured on a plane? | [`ground`] |
-//! | where should the next point go? | [`point`] |
-//! | how does a target do over a volume, and which change of it helps? | [`volume`], [`change`] |
-//! | where should the next board of a rig go? | [`board`] |
+//! | the accuracy of one view of known points | [`expect()`] |
+//! | the faults of a layout, in numbers | [`layout`] |
+//! | the uncertainty of a position or a length measured on a plane | [`ground`] |
+//! | the position of the next point | [`point`] |
+//! | the accuracy of a target over a volume, and the changes that improve it | [`volume`], [`change`] |
+//! | the pose of the next board of a rig | [`board`] |
 //!
 //! Derivation: docs/math/advise.md.
 

@@ -35,7 +35,7 @@ use crate::{Bearing, Camera, Correspondence, Error, Lens, Pixel, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
 
-/// Something every view has: the same for all, or one for each.
+/// A property of every view: the same for all, or one for each.
 #[derive(Debug)]
 pub enum Given<'a, T> {
     /// All views share it.
@@ -96,7 +96,7 @@ pub struct Views<'a, const N: usize = 4> {
     pub sigma_px: Given<'a, [f64; N]>,
 }
 
-/// What is said of a view.
+/// The answer of a view.
 type Answer = Result<PoseEstimate, Error>;
 
 /// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
@@ -192,7 +192,7 @@ fn correspondences<'a, const N: usize>(
     Ok((seen.into_inner().map_err(|_| too_few)?, camera))
 }
 
-/// What `locate` says of the target, whatever a view shows of it.
+/// The verdict of `locate` on the target, independent of a view.
 fn geometry_of<const N: usize>(points: &[Point; N]) -> Result<Geometry, Error> {
     let bearing = Bearing::from(Unit::new_unchecked(Vector3::z()));
     describe_geometry(&core::array::from_fn::<_, N, _>(|k| Correspondence {

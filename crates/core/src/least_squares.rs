@@ -1,6 +1,6 @@
 //! The one loop that takes steps on a residual: Levenberg–Marquardt over anything that can be evaluated, stepped and moved.
 //!
-//! What it is asked to lower is a [`LeastSquares`]: one pose (`pose`), one point (`point`), a state of any kind with few hundred
+//! Its cost is a [`LeastSquares`]: one pose (`pose`), one point (`point`), a state of any kind with few hundred
 //! unknowns (`dense`), many poses and what they share (`shared`), the cameras, targets and bodies of a rig (`rig`). It ends by one rule:
 //!
 //! ```text
@@ -29,7 +29,7 @@ use num_traits::Float as _;
 
 /// A cost that the loop lowers.
 pub trait LeastSquares {
-    /// Where the unknowns are.
+    /// The values of the unknowns.
     type State;
     /// Gauss–Newton's view of the cost at a state.
     type Equations;
@@ -44,10 +44,10 @@ pub trait LeastSquares {
         Self::MAX_STEPS
     }
 
-    /// The cost at a state and its derivatives; none where it has none, a point outside the camera's field, say.
+    /// The cost at a state and its derivatives; none where it is undefined, as for a point outside the camera's field.
     fn evaluate(&self, state: &Self::State) -> Option<Self::Equations>;
 
-    /// Sum of squared whitened residuals, or of what they cost.
+    /// Sum of squared whitened residuals, or of their losses.
     fn chi2(equations: &Self::Equations) -> f64;
 
     /// The step at a damping (relative to the diagonal) and the decrease of χ² it promises; none where the matrix is not positive.
@@ -125,11 +125,11 @@ pub(crate) const PREDICTED_CHI2: f64 = 1e-9;
 /// … and only for a step shorter than 0.03 standard deviations, so that the normal equations before it still give the covariance.
 pub(crate) const NEAR_CHI2: f64 = 1e-3;
 
-/// Closer to the second solution than this (far beyond the ambiguity gate) every digit counts.
+/// Closer to the second solution than this (far beyond the ambiguity gate) the loop continues to rounding.
 pub(crate) const ALTERNATIVE_MARGIN_CHI2: f64 = 100.0;
 
 impl Tolerance {
-    /// Every digit that rounding leaves.
+    /// To rounding.
     pub const FINE: Tolerance = Tolerance { relative: TOLERANCE_RELATIVE, alternative_chi2: None };
 
     /// The promised decrease of χ² at which to end.

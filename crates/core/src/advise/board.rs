@@ -1,4 +1,4 @@
-//! Where should the next board of a rig go? Each view has an unknown board pose of its own, which is eliminated:
+//! The pose of the next board of a rig. Each view has an unknown board pose of its own, which is eliminated:
 //! docs/math/advise.md eqs. (14)–(17).
 
 use super::expect::{FirstOrderLimit, Optics, correspondence_of, expect};
@@ -12,7 +12,7 @@ use crate::target::KnownPoint;
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::{DMatrix, Matrix6xX};
 
-/// A camera of a rig, about where it sits.
+/// A camera of a rig with its approximate pose.
 #[derive(Debug, Clone, Copy)]
 pub struct RigCamera<'a> {
     /// The camera.
@@ -36,7 +36,7 @@ pub struct RigPlan<'a> {
     pub sigma_px: f64,
 }
 
-/// What is to become small.
+/// What is to be minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Criterion {
     /// The place of the camera that is known worst, in its worst direction (E-optimal in the places).
@@ -48,7 +48,7 @@ pub enum Criterion {
     Determinant,
 }
 
-/// What the views so far say about the cameras relative to the reference: 6 rows a camera but the reference, in order, small left
+/// The information of the views so far about the cameras relative to the reference: 6 rows a camera but the reference, in order, small left
 /// motions `[rotation_rad; translation_m]` of each `cam_from_rig`. Starts from almost nothing: 10 rad and 1 km.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigInformation {
@@ -57,7 +57,7 @@ pub struct RigInformation {
     lenses: Vec<LensInformation>,
 }
 
-/// How the places follow a camera's uncertain intrinsics: K and C of docs/math/advise.md eq. (18).
+/// The derivative of the camera positions by a camera's uncertain intrinsics: K and C of docs/math/advise.md eq. (18).
 #[derive(Debug, Clone, PartialEq)]
 struct LensInformation {
     camera: usize,
@@ -65,7 +65,7 @@ struct LensInformation {
     covariance: DMatrix<f64>,
 }
 
-/// How well one camera is known relative to the reference.
+/// The uncertainty of one camera relative to the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraOutlook {
     /// Which camera.
@@ -74,22 +74,22 @@ pub struct CameraOutlook {
     pub covariance: Matrix6,
     /// Greatest standard deviation of rotation.
     pub rotation_rad: f64,
-    /// Greatest standard deviation of place.
+    /// Greatest standard deviation of position.
     pub position_m: f64,
     /// The same if all intrinsics were exact; none where they are.
     pub position_exact_intrinsics_m: Option<f64>,
-    /// Whether the views tell its rotation at all (to better than half a radian).
+    /// Whether the views determine its rotation at all (to better than half a radian).
     pub is_determined: bool,
 }
 
-/// A place for the next board, and what it would make of the rig.
+/// A pose for the next board, and the uncertainty of the rig with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suggestion {
     /// x_in_rig = rig_from_board · x_in_board.
     pub rig_from_board: Pose,
     /// The cameras that would see it, whole or well enough.
     pub seen_by: Vec<usize>,
-    /// How well each camera but the reference would be known, in order.
+    /// The uncertainty of each camera but the reference, in order.
     pub cameras: Vec<CameraOutlook>,
     /// The doubts of the camera that doubts least: empty where one camera alone tells the board's pose beyond doubt.
     pub first_order_limits: Vec<FirstOrderLimit>,
@@ -97,11 +97,11 @@ pub struct Suggestion {
     pub information: RigInformation,
 }
 
-/// Variances of what nothing is known about, rad² and m².
+/// Variances that stand for no knowledge, rad² and m².
 const UNKNOWN: [f64; 2] = [1e2, 1e6];
-/// A rotation less sure than this is not known at all.
+/// A rotation with a larger standard deviation counts as unknown.
 const DETERMINED_RAD: f64 = 0.5;
-/// A camera that sees fewer points of a board than this takes no part.
+/// A camera that sees fewer points of a board is not used.
 const LEAST_POINTS: usize = 6;
 /// Seen flatter than this (cosine of 75°) a board is not found.
 const LEAST_COSINE: f64 = 0.26;
@@ -123,7 +123,7 @@ impl RigInformation {
         RigInformation { matrix, reference: plan.reference, lenses }
     }
 
-    /// Of all places together: the views' share and what uncertain intrinsics add, docs/math/advise.md eq. (18).
+    /// Of all poses together: the share of the views and that of uncertain intrinsics, docs/math/advise.md eq. (18).
     fn covariance(&self) -> Option<DMatrix<f64>> {
         let by_views = self.matrix.clone().cholesky()?.inverse();
         let mut covariance = by_views.clone();
@@ -134,7 +134,7 @@ impl RigInformation {
         Some(covariance)
     }
 
-    /// How well each camera but the reference is known.
+    /// The uncertainty of each camera but the reference.
     pub fn cameras(&self) -> Option<Vec<CameraOutlook>> {
         let covariance = self.covariance()?;
         let mut cameras: Vec<CameraOutlook> =
@@ -176,7 +176,7 @@ impl RigInformation {
 struct Share {
     camera: usize,
     information: Matrix6,
-    /// How the pose follows uncertain intrinsics: G of docs/math/refine.md eq. (9), a column a parameter; none where they are exact.
+    /// The derivative of the pose by uncertain intrinsics: G of docs/math/refine.md eq. (9), a column a parameter; none where they are exact.
     lens: Option<Matrix6xX<f64>>,
 }
 
@@ -247,7 +247,7 @@ impl RigPlan<'_> {
         Optics { camera, sigma_px: self.sigma_px, intrinsics_covariance }
     }
 
-    /// What a camera sees of a board: whole, or six points where its points have names; its front not too flat.
+    /// The points of a board that a camera sees: all of them, or six where its points have names, at an angle that is not too flat.
     pub fn seen(&self, camera: usize, rig_from_board: &Pose) -> Option<Vec<Correspondence>> {
         let own = self.cameras[camera];
         let cam_from_target = own.cam_from_rig * *rig_from_board;
@@ -347,7 +347,7 @@ impl RigPlan<'_> {
         0.25 * nearest.fold(f64::INFINITY, f64::min) < (a - b).norm()
     }
 
-    /// What one board would make of the rig; none where fewer than two cameras see it.
+    /// The rig with one more board; none where fewer than two cameras see it.
     pub fn suggestion(&self, so_far: &RigInformation, rig_from_board: &Pose) -> Option<Suggestion> {
         let (information, seen_by) = self.with(so_far, rig_from_board)?;
         let first_order_limits = seen_by

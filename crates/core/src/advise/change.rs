@@ -19,7 +19,7 @@ pub struct Change {
     pub enlarges_target: bool,
 }
 
-/// The changes worth trying, per kind of target as designed (the changed one is not printed yet); none for surveyed points and tag maps, which stand where they stand.
+/// The changes worth trying, per kind of target as designed (the changed one is not printed yet); none for surveyed points and tag maps, which cannot be changed.
 pub fn changes(target: &Target) -> Vec<Change> {
     match target.design() {
         Target::LinePlusOne(t) => line_changes(t),
@@ -108,7 +108,7 @@ pub fn tried(target: &Target, optics: &Optics, volume: &Volume, n: usize) -> Vec
     all
 }
 
-/// What ranks a target over a volume: the median of the camera's position over the share of views that give one answer.
+/// The rank of a target over a volume: the median of the camera's position over the share of views that give one answer.
 /// Infinite where none does.
 pub fn cost(outlook: &Outlook) -> f64 {
     let views = outlook.n_views.max(1) as f64;

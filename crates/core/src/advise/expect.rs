@@ -1,4 +1,4 @@
-//! One view of known points from an assumed pose: what it will be worth. docs/math/advise.md eqs. (1)–(6).
+//! One view of known points from an assumed pose: the accuracy to expect. docs/math/advise.md eqs. (1)–(6).
 
 use crate::locate::choose::{AMBIGUITY_GATE_CHI2, DUPLICATE_SIGMAS, Minimum, UNCERTAIN_GATE_CHI2};
 use crate::locate::common::{Common, Dependence};
@@ -17,7 +17,7 @@ use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 pub struct View<'a> {
     /// The camera.
     pub camera: &'a Camera,
-    /// Where it is assumed to be: x_in_cam = cam_from_target · x_in_target.
+    /// Its assumed pose: x_in_cam = cam_from_target · x_in_target.
     pub cam_from_target: Pose,
     /// The points it will see.
     pub points: &'a [KnownPoint],
@@ -39,7 +39,7 @@ pub struct Optics<'a> {
 }
 
 impl<'a> Optics<'a> {
-    /// What it sees from a pose.
+    /// The points that it sees from a pose.
     pub fn view(&self, cam_from_target: Pose, points: &'a [KnownPoint]) -> View<'a> {
         let Optics { camera, sigma_px, intrinsics_covariance } = *self;
         View { camera, cam_from_target, points, sigma_px, intrinsics_covariance }
@@ -47,7 +47,7 @@ impl<'a> Optics<'a> {
 }
 
 impl<'a> View<'a> {
-    /// How `locate` takes such an image.
+    /// The settings of `locate` for such an image.
     pub(crate) fn config(&self) -> Config<'a> {
         Config { intrinsics_covariance: self.intrinsics_covariance, ..Config::default() }
     }
@@ -67,7 +67,7 @@ pub enum FirstOrderLimit {
     },
     /// Another pose shows the points `separation_sigma` standard deviations of the pixels apart.
     Ambiguous {
-        /// See above; 0 where nothing in the image tells the two apart.
+        /// See above; 0 where the image does not distinguish the two.
         separation_sigma: f64,
         /// From here on hardly one image in a hundred has two answers.
         needed_sigma: f64,
@@ -79,7 +79,7 @@ pub(crate) const ALLOWED_BEND: f64 = 1.05;
 /// Two poses this many standard deviations apart leave a doubt in 1.2 % of images: docs/math/advise.md eq. (5).
 pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 
-/// What a view will be worth.
+/// The accuracy to expect of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expectation {
     /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound of the pixels, and what
@@ -96,22 +96,22 @@ pub struct Expectation {
     pub separation_sigma: f64,
     /// Where the two poses are as probable as `locate` will call ambiguous: its gate of Δχ².
     pub gate_chi2: f64,
-    /// What makes a line and one point off it weak from here.
+    /// Why a line and one point off it are weak from this pose.
     pub weakness: Option<Weakness>,
 }
 
 impl Expectation {
-    /// How probable it is that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
+    /// The probability that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
     pub fn chance_ambiguous(&self) -> f64 {
         chance_below(self.separation_sigma, self.gate_chi2)
     }
 
-    /// How probable it is that the wrong pose will fit better: docs/math/advise.md eq. (4).
+    /// The probability that the wrong pose will fit better: docs/math/advise.md eq. (4).
     pub fn chance_wrong(&self) -> f64 {
         chance_below(self.separation_sigma, 0.0)
     }
 
-    /// What the first-order figures do not tell, the graver first; empty where they hold within 5 %.
+    /// The effects that the first-order figures leave out, the graver first; empty where they hold within 5 %.
     pub fn first_order_limits(&self) -> Vec<FirstOrderLimit> {
         let (ratio, separation_sigma) = (self.bend_ratio, self.separation_sigma);
         let ambiguous =
@@ -155,7 +155,7 @@ pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspon
     is_inside.then_some(Correspondence { sigma_m: p.sigma_m, ..c })
 }
 
-/// What a view will be worth, all its points seen.
+/// The accuracy to expect of a view in which all points are seen.
 ///
 /// # Errors
 /// `InvalidSetting` for a sigma that is not positive or a point that is out of sight, and those of `locate`: too few points,

@@ -1,4 +1,4 @@
-//! What is wrong with a choice of points, in numbers a person can act on: docs/math/advise.md eqs. (11)–(13).
+//! The faults of a choice of points, in numbers: docs/math/advise.md eqs. (11)–(13).
 
 use super::expect::{Expectation, NEEDED_SEPARATION_SIGMA, View, correspondences_in_view};
 use crate::Correspondence;
@@ -17,11 +17,11 @@ pub enum LayoutWarning {
         /// See above.
         needed: f64,
     },
-    /// The points stand close together for their distance: which way a flat target leans is hardly seen.
+    /// The points stand close together for their distance: the direction of a flat target's tilt is hardly visible.
     FarClustered {
         /// Greatest angle between two of them.
         span_rad: f64,
-        /// What would show a lean of 45°.
+        /// The angle that would show a tilt of 45°.
         needed_rad: f64,
     },
     /// The points lie in a plane that faces the camera: its tilt is seen to second order only.
@@ -47,7 +47,7 @@ pub(crate) const NEEDED_WIDTH: f64 = 0.2;
 /// Three points span a plane; more are taken as flat up to this thickness over width.
 const FLAT: f64 = 0.05;
 
-/// The faults of a view, the gravest first. Those that only matter where a figure is in doubt are named only there.
+/// The faults of a view, the gravest first. Some are named only where they matter.
 pub fn layout_warnings(view: &View, expectation: &Expectation) -> Vec<LayoutWarning> {
     let Some(seen) = correspondences_in_view(view) else { return Vec::new() };
     let mut found: Vec<LayoutWarning> = expectation.weakness.map(LayoutWarning::Weak).into_iter().collect();

@@ -1,4 +1,4 @@
-//! Where should the next point go? Points already measured, one more tried anywhere: docs/math/advise.md eqs. (1), (2), (7).
+//! The position of the next point, given those already measured: docs/math/advise.md eqs. (1), (2), (7).
 
 use super::expect::{
     NEEDED_SEPARATION_SIGMA, View, correspondence_of, correspondences_in_view, worst_sigmas,
@@ -14,7 +14,7 @@ use crate::target::KnownPoint;
 use crate::{Error, Matrix6, Point};
 use nalgebra::{Matrix2, Matrix2x6, Vector2};
 
-/// What is to become sure.
+/// What is to be determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
     /// The camera's position, in its worst direction, metres.
@@ -36,7 +36,7 @@ impl Aim {
     }
 }
 
-/// What one more point would make of a view.
+/// A view with one more point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
     /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame, by all points.
@@ -56,7 +56,7 @@ pub struct NextPoint<'a> {
     alternatives: Vec<Minimum>,
     /// The pose assumed.
     at: Minimum,
-    /// How the points so far depend on the intrinsics.
+    /// The derivative of the points so far by the intrinsics.
     lens: Dependence,
 }
 
@@ -88,7 +88,7 @@ impl<'a> NextPoint<'a> {
         self.at_camera(&self.information, &self.lens)
     }
 
-    /// What a further point would make of it; none where the camera cannot see it.
+    /// The view with a further point; none where the camera cannot see it.
     pub fn with(&self, further: &KnownPoint) -> Option<Gain> {
         let c = correspondence_of(&self.view, further)?;
         let problem = Problem::new(core::slice::from_ref(&c), self.view.camera);

@@ -1,4 +1,4 @@
-//! A target over a volume: views of every distance, tilt, roll and place in the image, and what they are worth.
+//! A target over a volume: views at every distance, tilt, roll and image position, and the accuracy of their poses.
 //! docs/math/advise.md section 5.
 
 use super::expect::{ALLOWED_BEND, Expectation, Optics, View, correspondences_in_view, expect, worst_sigmas};
@@ -65,7 +65,7 @@ impl Shape {
     }
 }
 
-/// The shortest turn from one unit vector to another; opposite ones are rotated about x.
+/// The smallest rotation from one unit vector to another; opposite ones are rotated about x.
 fn turn_between(from: &Vector3<f64>, to: &Vector3<f64>) -> nalgebra::Matrix3<f64> {
     let half_rotation =
         || UnitQuaternion::from_axis_angle(&Unit::new_normalize(Vector3::x()), core::f64::consts::PI);
@@ -117,7 +117,7 @@ pub struct Spread {
     pub worst: f64,
 }
 
-/// What a target is worth over a set of views.
+/// The accuracy that a target gives over a set of views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlook {
     /// Views tried.
@@ -143,7 +143,7 @@ pub struct Outlook {
 /// Images drawn of a view whose likelihood is bent: there the shares follow no formula.
 const DRAWS: usize = 12;
 
-/// What a target is worth over views of it; none stands for a view in which it cannot be seen.
+/// The accuracy that a target gives over views; none stands for a view in which it is not visible.
 ///
 /// Images of views whose likelihood is bent are drawn through the lens as it is stated; the covariance that they are given holds its uncertainty.
 pub fn outlook(shape: &Shape, optics: &Optics, views: &[Option<Pose>]) -> Outlook {
@@ -183,7 +183,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// A view that keeps to its first-order figures: docs/math/advise.md eqs. (4)–(5).
+    /// A view for which the first-order figures hold: docs/math/advise.md eqs. (4)–(5).
     fn predicted(&mut self, e: &Expectation) {
         self.ambiguous += e.chance_ambiguous();
         self.wrong += e.chance_wrong();
@@ -235,7 +235,7 @@ impl Tally {
     }
 }
 
-/// Of values with the parts they stand for.
+/// Of weighted values.
 fn spread(mut values: Vec<(f64, f64)>) -> Option<Spread> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (worst, total) = (values.last()?.0, values.iter().map(|v| v.1).sum::<f64>());

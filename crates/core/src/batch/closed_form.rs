@@ -1,4 +1,4 @@
-//! `solve::line_plus_one` on several problems at once, with what makes a view weak and the mirrored start.
+//! `solve::line_plus_one` on several problems at once, with the test for weak views and the mirrored start.
 //!
 //! Derivation: docs/math/line_plus_one.md eqs. (2)–(6), (10). Notation as in `solve/line_plus_one.rs`.
 
@@ -50,7 +50,7 @@ impl<S: Simd> Layout<S> {
     }
 }
 
-/// The line as the cameras see it.
+/// The line in the camera frames.
 struct Line<S: Simd> {
     b_in_cam: Vector<S>,
     r1: Vector<S>,

@@ -21,7 +21,7 @@ use crate::solve::sqpnp::sqpnp;
 use crate::{Camera, Correspondence, Pose};
 use arrayvec::ArrayVec;
 
-/// A view and what is known about it.
+/// A view and the minima known of it.
 pub(super) struct Doubtful {
     pub view: usize,
     pub geometry: Geometry,
@@ -31,7 +31,7 @@ pub(super) struct Doubtful {
     pub left_over: Option<Pose>,
     /// Whether the likelihood at the lowest is surely not bent.
     pub is_straight: bool,
-    /// Whether the closed form makes nothing of weakness.
+    /// Whether the closed form reports no weakness.
     pub is_strong: bool,
 }
 

@@ -7,7 +7,7 @@ use crate::{Matrix6, Pixel, Point, Pose, locate::choose};
 use nalgebra::{Matrix3, Vector3};
 use pulp::Simd;
 
-/// What each view saw of its N points.
+/// The pixels of each view's N points.
 pub(super) struct Group<const N: usize> {
     pub pivot: [Column; 3],
     from_pivot: [[Column; 3]; N],

@@ -67,7 +67,7 @@ impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
     }
 }
 
-/// Stands in for a lens that the lanes do not know; nothing is answered with it.
+/// A placeholder for a lens that the lanes do not know; no answer uses it.
 const UNIT: CameraMatrix = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
 
 /// The views of a group, and the target they show.
@@ -79,7 +79,7 @@ struct Sights {
     /// Of a target in this configuration, with the order of its points.
     geometry: [Option<Geometry>; WIDTH],
     order: [[usize; 4]; WIDTH],
-    /// Whether the lanes know the lens.
+    /// Whether the lanes have the lens model.
     is_pinhole: [bool; WIDTH],
 }
 
@@ -105,7 +105,7 @@ impl Sights {
         }
     }
 
-    /// Neighbouring views mostly show the same target: it is surveyed when it changes.
+    /// Neighbouring views mostly show the same target: it is examined when it changes.
     #[inline(never)]
     fn take_target(&mut self, lane: usize, points: &[Point; 4]) {
         if self.points[lane] == Some(*points) {
@@ -171,7 +171,7 @@ struct Pair<S: Simd> {
     /// Where the likelihood is surely not bent.
     straight: Mask<S>,
     strong: Mask<S>,
-    /// Where nothing is left to doubt.
+    /// Where the answer is certain.
     sure: Mask<S>,
 }
 
@@ -212,7 +212,7 @@ fn are_duplicates<S: Simd>(a: &Minimum<S>, b: &Minimum<S>) -> Mask<S> {
     angle_squared.less((xx + yy + zz) * scale) & angle_squared.less((uu + vv + ww) * scale)
 }
 
-/// What a group found, transposed.
+/// The results of a group, transposed.
 #[derive(Default)]
 struct Found {
     best: Kept,

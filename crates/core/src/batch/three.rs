@@ -73,7 +73,7 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// None where something is wrong with the view, or no pose fits: `locate` says what.
+    /// None where the view is invalid or no pose fits: `locate` names the reason.
     fn of(views: &Views<'a, 3>, view: usize, target: &mut Target) -> Option<Self> {
         let geometry = target.geometry(&views.points_in_target, view)?;
         let (camera, matrix) = views.pinhole(view)?;

@@ -1,9 +1,9 @@
 //! Covariance of an answer whose residuals share errors within clusters: cameras that fire at different times, a bent board, corners all
-//! off to one side. Such errors are estimated from how far the clusters' scores scatter.
+//! displaced to one side. Such errors are estimated from the scatter of the clusters' scores.
 //!
 //! Every cluster gives its information and its score at the minimum; without it the answer would move by a known amount (leave one out,
 //! CR3: Bell and McCaffrey 2002). The scatter of those moves is drawn towards the inverse information as far as it is uncertain (Ledoit
-//! and Wolf 2004) and widened for what a variance from so many clusters is worth. Derivation: docs/math/clustered.md.
+//! and Wolf 2004) and widened by the uncertainty of a variance from so many clusters. Derivation: docs/math/clustered.md.
 //!
 //!   P  inverse information of all unknowns   ·   S, s  a cluster's information and score   ·   B = S P  its leverage
 
@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 /// Numbers of a block: a small motion.
 const BLOCK: usize = 6;
 
-/// What one cluster says about the blocks of unknowns that it touches, every other unknown eliminated.
+/// The information of one cluster on the blocks of unknowns that it touches, every other unknown eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
     /// Its number, the caller's; ascending.
@@ -26,7 +26,7 @@ pub(crate) struct Cluster {
     pub(crate) score: DVector<f64>,
 }
 
-/// A covariance that holds what clusters share.
+/// A covariance that holds the errors that clusters share.
 #[derive(Debug, Clone)]
 pub(crate) struct Clustered {
     /// Of all unknowns together.
@@ -35,7 +35,7 @@ pub(crate) struct Clustered {
     pub(crate) within: f64,
 }
 
-/// What one block's covariance is made of.
+/// The parts of one block's covariance.
 #[derive(Debug, Clone, Copy)]
 struct Scatter {
     /// Factor on its inverse information.
@@ -58,9 +58,9 @@ const QUANTILE: f64 = 2.326;
 const ONE_BLOCK_QUANTILE: f64 = 3.09;
 /// Below the 84 % quantile of what chance gives no block is looked at: leaving clusters out costs as much as an elimination.
 const WORTH_A_LOOK: f64 = 1.0;
-/// Fewer equal clusters than this say nothing about one block alone.
+/// Fewer equal clusters than this do not determine one block alone.
 const ENOUGH_CLUSTERS: f64 = 8.0;
-/// What the other blocks say about one counts as that many clusters at the most.
+/// The other blocks count for one as that many clusters at most.
 const BORROWED_CLUSTERS: f64 = 2.0;
 /// E|y|⁴ over (E|y|²)² of six normal numbers of one variance.
 const NORMAL_FOURTH: f64 = 1.0 + 2.0 / BLOCK as f64;
@@ -130,7 +130,7 @@ pub(crate) fn restricted(inverse: &DMatrix<f64>, blocks: &[usize]) -> DMatrix<f6
     DMatrix::from_fn(n, n, |i, j| inverse[(at(i), at(j))])
 }
 
-/// What is summed over clusters.
+/// The sums over clusters.
 struct Sums {
     /// Of each block's inverse information, the inverse of its Cholesky factor.
     whitening: Vec<Matrix6<f64>>,

@@ -1,6 +1,6 @@
 //! The one loop on the poses of cameras, of targets on their bodies, and of every body in every view.
 //!
-//! An observation feels all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
+//! An observation depends on all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
 //! sum is carried to each of the three by a motion matrix. A body's place in a view touches the observations of that view only: its block
 //! is eliminated (Schur complement); what is left is as large as cameras and targets. Derivation: docs/math/rig.md eqs. (2)–(8).
 //!
@@ -18,7 +18,7 @@ pub use places::{RigGraph, RigLink, RigPoses};
 /// Gauss–Newton's view of the whole cost.
 #[derive(Debug, Clone)]
 pub struct RigEquations {
-    /// Sum of what all residuals cost.
+    /// Sum of the costs of all residuals.
     pub chi2: f64,
     bodies: Vec<BodyBlock>,
     couplings: Vec<Coupling>,
@@ -38,7 +38,7 @@ struct BodyBlock {
     end: usize,
 }
 
-/// How a shared block and a body's place act together.
+/// The cross term of a shared block and a body's pose.
 #[derive(Debug, Clone)]
 struct Coupling {
     block: usize,
@@ -263,7 +263,7 @@ impl RigEquations {
     }
 
     /// H⁻¹h, h what one more parameter and all places have in common: with the opposite sign the motions of all places that follow a
-    /// change of it. Unless `all_bodies`, of bodies only that have something in common with it: the others are many, and few ask for them.
+    /// change of it. Unless `all_bodies`, of coupled bodies only: the others are many, and rarely needed.
     pub fn following(&self, eliminated: &Eliminated, common: &Common, all_bodies: bool) -> Common {
         let mut solved = self.without_bodies(eliminated, common);
         solved.shared = eliminated.reduced.solve(&solved.shared);
@@ -346,7 +346,7 @@ impl Common {
         Common { shared: DVector::zeros(6 * graph.n_blocks), bodies }
     }
 
-    /// Adds what one observation brings, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
+    /// Adds the contribution of one observation, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
     pub fn add(&mut self, places: &RigPoses, graph: &RigGraph, link: &RigLink, by_motion: &Vector6) {
         let chain = places.chain(link, graph);
         self.bodies[link.body] += chain.by_body(&places.cam_from_rig[link.camera].rotation).tr_mul(by_motion);

@@ -16,9 +16,9 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Vector2};
 pub struct SharedEquations {
     /// Sum of squared whitened residuals over all views, and of what was known of the shared parameters before.
     pub chi2: f64,
-    /// The part of `chi2` that what was known before brings.
+    /// The part of `chi2` due to prior knowledge.
     pub prior_chi2: f64,
-    /// What was known before, k×k; part of C.
+    /// Prior information, k×k; part of C.
     pub prior_information: DMatrix<f64>,
     views: Vec<ViewBlocks>,
     /// c.
@@ -27,7 +27,7 @@ pub struct SharedEquations {
     information: DMatrix<f64>,
 }
 
-/// What one view brings.
+/// The contribution of one view.
 #[derive(Debug, Clone)]
 struct ViewBlocks {
     chi2: f64,
@@ -181,7 +181,7 @@ impl SharedEquations {
         }
     }
 
-    /// Adds what is known of the shared parameters without any view: a residual (known − current), the inverse variance of it, and its
+    /// Adds prior knowledge of the shared parameters: a residual (known − current), the inverse variance of it, and its
     /// derivatives by the shared parameters.
     pub fn add_known(&mut self, residual: f64, weight: f64, by_shared: &DVector<f64>) {
         let chi2 = weight * residual * residual;

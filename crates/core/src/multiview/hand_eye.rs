@@ -1,7 +1,7 @@
-//! Where a camera (or a rig) sits on the robot arm or vehicle that carries it, and where the target stands.
+//! The pose of a camera (or a rig) on the robot arm or vehicle that carries it, and that of the target.
 //!
-//! check → closed forms from three views each → the views that agree → how exact the gripper is → maximum likelihood over both unknown poses →
-//! is it to be believed?
+//! check → closed forms from three views each → the views that agree → the gripper's noise → maximum likelihood over both unknown poses →
+//! verdict
 //! Derivation: docs/math/hand_eye.md.
 //!
 //! ```text
@@ -30,12 +30,12 @@ use verdict::{Residuals, Verdict, judged, pixels};
 
 pub use causes::HandEyeCause;
 
-/// An orientation less exact than this is no robot's and no vehicle's, rad (2 degrees).
+/// The largest plausible noise of an orientation, rad (2 degrees).
 pub(crate) const MAX_GRIPPER_SIGMA_RAD: f64 = 0.035;
-/// Nor is a position, by the larger of its travel and the target's distance.
+/// The same of a position, by the larger of its travel and the target's distance.
 pub(crate) const MAX_GRIPPER_SIGMA_BY_REACH: f64 = 0.02;
 
-/// Which of the two is on the gripper.
+/// Whether the camera or the target is on the gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mounting {
     /// The camera moves with the gripper, the target stands still ("eye in hand"): carrier = hand, holder = base.
@@ -56,12 +56,12 @@ pub struct Candidate {
     pub delta_chi2: f64,
 }
 
-/// One robot pose of the gripper.
+/// One pose of the gripper.
 #[derive(Debug, Clone)]
 pub struct HandEyeView<'a> {
-    /// Where the gripper was: x_in_base = base_from_gripper · x_in_hand.
+    /// The gripper's pose: x_in_base = base_from_gripper · x_in_hand.
     pub base_from_gripper: Pose,
-    /// 6×6 covariance of its small left motion, base frame; zero when exact. None: the views themselves say how exact the gripper is, orientation
+    /// 6×6 covariance of its small left motion, base frame; zero when exact. None: its noise is estimated from the views, orientation
     /// and position each with one standard deviation for all such views.
     pub gripper_covariance: Option<Matrix6>,
     /// The poses of the target that fit this view, the best first; may be empty where `seen` is given.
@@ -71,7 +71,7 @@ pub struct HandEyeView<'a> {
     pub seen: &'a [RigView<'a>],
 }
 
-/// The camera's position along one direction of its carrier, where it is known: what turns about parallel axes leave open.
+/// The camera's position along one direction of its carrier, where it is known: rotations about parallel axes do not determine it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Height {
     /// Direction in the carrier frame, of any length: for a vehicle usually its vertical axis.
@@ -91,7 +91,7 @@ pub struct HandEyeConfig {
     pub height: Option<Height>,
 }
 
-/// What became of a view.
+/// The result of a view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandEyeViewResult {
     /// Log(measured · solved⁻¹) of the view's pose, `[rotation_rad; translation_m]`, camera frame; none without a pose.
@@ -114,7 +114,7 @@ pub enum RejectedView {
     Contradicts,
 }
 
-/// How inexact the gripper's poses are, as the views show it.
+/// The noise of the gripper's poses as estimated from the views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GripperNoise {
     /// Standard deviation of the orientation, rad per axis.
@@ -132,7 +132,7 @@ pub struct TargetSize {
     pub sigma: f64,
 }
 
-/// Both unknown poses, how uncertain, and how well the views agree.
+/// Both unknown poses with their uncertainty, and the agreement of the views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandEye {
     /// What was on the gripper.
@@ -163,11 +163,11 @@ pub struct HandEye {
     pub noise_scale: f64,
     /// The gripper's noise as estimated; none where every view states its own.
     pub gripper_noise: Option<GripperNoise>,
-    /// The target's size by the gripper's motions; none where they do not say.
+    /// The target's size by the gripper's motions; none where they do not determine it.
     pub target_size: Option<TargetSize>,
-    /// Whether the answer is not to be believed.
+    /// Whether the answer is inconsistent.
     pub is_inconsistent: bool,
-    /// Why it is not, the likely cause first; empty where it is.
+    /// The causes, the likely one first; empty where the answer is consistent.
     pub causes: Vec<HandEyeCause>,
     /// Root mean square turns between used views about the three principal axes of their turning, rad, the largest first: the second decides
     /// what is known.
@@ -192,7 +192,7 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
     Ok(answer(&settled, best, verdict, config))
 }
 
-/// Views that no X and Z bring together, with the likely cause.
+/// Views that no X and Z explain, with the likely cause.
 fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Error {
     if !matches!(reason, Error::NotConverged { .. }) {
         return reason;
@@ -215,7 +215,7 @@ fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Er
     Error::ViewsDisagree { likely }
 }
 
-/// What became of each view.
+/// The result of each view.
 fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
     let mut results = settled.results.clone();
     for (view, known) in settled.known.iter().enumerate() {

@@ -1,12 +1,12 @@
 //! The intrinsics of a camera from many views of known points, from nothing: focal length, principal point and as many coefficients of the lens
-//! as the views carry, with their covariance; bad corners and views named, and what the views cannot say.
+//! as the views support, with their covariance; bad corners and views are named, and so is what the views do not determine.
 //!
 //! ```text
 //! start      a focal length and poses, from homographies and a grid of focal lengths
 //! robust     gross errors weighed down, then rejected
 //! select     every lens model that is asked for, coefficient by coefficient; the evidence picks one
 //! scatter    the covariance: noise as the residuals show it, contradictions between views
-//! findings   what is wrong or weak: too few tilts, two cameras, a stretched print
+//! findings   faults and weaknesses: too few tilts, two cameras, a stretched print
 //! ```
 //! Derivation: docs/math/intrinsics.md.
 
@@ -91,7 +91,7 @@ pub enum IntrinsicsOutcome {
 /// Why there is no camera.
 #[derive(Debug, Clone)]
 pub struct Refusal {
-    /// Why: the first is the reason.
+    /// The findings; the first is the reason.
     pub findings: Vec<Finding>,
     /// Views that could not be used.
     pub skipped: Vec<SkippedFrame>,
@@ -123,12 +123,12 @@ pub struct IntrinsicsView {
     pub residuals: Vec<(Pixel, Vector2<f64>)>,
 }
 
-/// A camera with what is known of it.
+/// A camera with its covariance and the findings.
 #[derive(Debug, Clone)]
 pub struct SolvedIntrinsics {
     /// The camera.
     pub camera: Camera,
-    /// Which lens model, and its estimated coefficients.
+    /// The lens model, and its estimated coefficients.
     pub choice: LensChoice,
     /// Covariance of the parameters, in the order of `Camera::parameters`; zero for coefficients that are not estimated.
     pub covariance: DMatrix<f64>,
@@ -159,13 +159,13 @@ pub struct SolvedIntrinsics {
     pub tilts: Option<Tilts>,
     /// Where the corners are.
     pub coverage: Coverage,
-    /// How well the projection is known over the image.
+    /// The uncertainty of the projection over the image.
     pub projection: ProjectionUncertainty,
-    /// How well views are predicted that took no part.
+    /// The prediction of views that took no part.
     pub held_out: Option<HeldOut>,
     /// The view to take next.
     pub next_view: Option<NextView>,
-    /// What is wrong or weak, the worst first.
+    /// Faults and weaknesses, the worst first.
     pub findings: Vec<Finding>,
 }
 

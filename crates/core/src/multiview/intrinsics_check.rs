@@ -1,4 +1,4 @@
-//! Many frames of one camera: do the given intrinsics fit, and what do the frames say they are?
+//! Many frames of one camera: a test of the given intrinsics, and an estimate of them.
 //!
 //! `check_intrinsics` tests without changing anything; `refine_intrinsics` estimates chosen intrinsics together with every pose.
 //! Derivation: docs/math/frames.md.
@@ -30,7 +30,7 @@ pub struct SkippedFrame {
     pub reason: Error,
 }
 
-/// What kind of intrinsic parameter.
+/// The kind of an intrinsic parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Group {
     /// fx, fy, or f.
@@ -137,7 +137,7 @@ pub(crate) fn weakest(information: &DMatrix<f64>, scales: &[f64]) -> Option<(usi
     })
 }
 
-/// The parameter that takes the largest part in the direction a singular matrix says nothing about.
+/// The parameter with the largest share in the null direction of a singular matrix.
 fn missing(information: &DMatrix<f64>, scales: &[f64]) -> usize {
     let n = scales.len();
     let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] * scales[i] * scales[j]);

@@ -1,4 +1,4 @@
-//! Measuring in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all that is known.
+//! Measuring in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all constraints.
 //!
 //! Constraints in (image points, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
 //! covariance out, and of them lengths, angles, areas and heights with their 95 % intervals. Derivation: docs/math/survey.md.
@@ -33,7 +33,7 @@ pub use snoop::{DecimalSlip, Suspect};
 pub use spread::OnLine;
 pub use verdict::NetworkStatus;
 
-/// A camera and how well its intrinsics are known; photographs of one camera share its errors.
+/// A camera and the covariance of its intrinsics; photographs of one camera share its errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NetworkCamera<'a> {
     /// Lens as calibrated.
@@ -56,7 +56,7 @@ pub enum Plane {
     Unknown,
 }
 
-/// Something known about the scene. Points, photographs and planes are named by their index.
+/// A constraint on the scene. Points, photographs and planes are named by their index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // A network has a few hundred constraints; a box would take away Copy.
 pub enum Constraint {
@@ -108,7 +108,7 @@ pub enum Constraint {
         foot: usize,
         /// The upper point.
         top: usize,
-        /// How upright: standard deviation of the lean about each axis.
+        /// Standard deviation of the inclination about each axis.
         sigma_rad: f64,
     },
     /// The plane is level, and down was measured in a photograph's camera frame.
@@ -140,7 +140,7 @@ pub struct NetworkProblem<'a> {
     pub cameras: &'a [NetworkCamera<'a>],
     /// The camera that took each photograph.
     pub camera_of_photo: &'a [usize],
-    /// How many points there are.
+    /// The number of points.
     pub n_points: usize,
     /// The planes.
     pub planes: &'a [Plane],
@@ -170,14 +170,14 @@ pub enum Item {
     Plane(usize),
 }
 
-/// Everything in its place, with the joint covariance.
+/// The adjusted network, with the joint covariance.
 #[derive(Debug, Clone)]
 pub struct Adjusted {
     /// The places.
     pub(crate) state: state::State,
     /// Which unknown is which.
     pub(crate) layout: state::Layout,
-    /// The network's own copy of what later questions need.
+    /// The network's own copy of the data that queries need.
     pub(crate) constraints: Vec<Constraint>,
     /// Covariance of all unknowns, widened by `noise_scale`.
     pub(crate) covariance: DMatrix<f64>,
@@ -187,17 +187,17 @@ pub struct Adjusted {
     pub degrees_of_freedom: usize,
     /// Factor by which every variance was widened because the residuals prove the sigmas too small; 1 where they agree.
     pub noise_scale: f64,
-    /// Whether constraints as sure as stated would hardly ever disagree so much (once in ten thousand).
+    /// Whether the constraints disagree by more than their sigmas explain (once in ten thousand).
     pub is_inconsistent: bool,
     /// Constraints that contradict the others, the worst first.
     pub suspects: Vec<Suspect>,
     /// The constraint that took no part because it alone contradicts the rest; the places are those of the rest.
     pub left_out: Vec<usize>,
-    /// The line that all control points stand on, if they do.
+    /// The line that contains all control points, if there is one.
     pub on_line: Option<OnLine>,
     /// Whether a control point that a photograph shows has no place, so that what is known of it took no part.
     pub has_lost_control_points: bool,
-    /// What the constraints leave undetermined, and why; constraints about it took no part.
+    /// The points and photographs that the constraints do not determine, and why; constraints about it took no part.
     pub undetermined: Vec<(Item, Error)>,
     /// How much worse, in χ², the second best arrangement of photographs and control points fits; none where no other was found.
     pub alternative_delta_chi2: Option<f64>,
@@ -235,12 +235,12 @@ pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
 }
 
 impl Adjusted {
-    /// A point's place; none where undetermined.
+    /// A point's position; none where undetermined.
     pub fn point(&self, point: usize) -> Option<Point> {
         self.layout.has_point(point).then(|| self.state.points[point])
     }
 
-    /// Covariance of a point's place, m².
+    /// Covariance of a point's position, m².
     pub fn point_covariance_m2(&self, point: usize) -> Option<Matrix3<f64>> {
         let at = self.layout.has_point(point).then(|| self.layout.point[point])?;
         Some(Matrix3::from_fn(|i, j| match (at[i], at[j]) {
@@ -249,7 +249,7 @@ impl Adjusted {
         }))
     }
 
-    /// A photograph's place, `cam_from_world`; none where undetermined.
+    /// A photograph's pose, `cam_from_world`; none where undetermined.
     pub fn cam_from_world(&self, photo: usize) -> Option<Pose> {
         self.layout.has_photo(photo).then(|| self.state.photos[photo])
     }
@@ -275,7 +275,7 @@ impl Adjusted {
 }
 
 impl Constraint {
-    /// The points it speaks of.
+    /// The points of the constraint.
     pub fn points(&self) -> [Option<usize>; 2] {
         match *self {
             Constraint::ImagePoint { point, .. }
@@ -287,7 +287,7 @@ impl Constraint {
         }
     }
 
-    /// The photograph it speaks of.
+    /// The photograph of the constraint.
     pub fn photo(&self) -> Option<usize> {
         match *self {
             Constraint::ImagePoint { photo, .. }
@@ -297,7 +297,7 @@ impl Constraint {
         }
     }
 
-    /// The plane it speaks of.
+    /// The plane of the constraint.
     pub fn plane(&self) -> Option<usize> {
         match *self {
             Constraint::OnPlane { plane, .. }

@@ -1,4 +1,4 @@
-//! Where the cameras of a rig sit, from the relative poses of pairs of them: no image, no point.
+//! The poses of the cameras of a rig from the relative poses of pairs of them, without images or points.
 //!
 //! `chain` follows the best chain of pairs from a reference camera, `solve_pose_graph` adjusts all pairs together: maximum likelihood, with the pairs
 //! that contradict the rest named and left out. Derivation: docs/math/pose_graph.md.
@@ -18,7 +18,7 @@ use crate::{Error, Matrix6, Pose, Vector6};
 use equations::Adjustment;
 use nalgebra::DMatrix;
 
-/// The relative pose of two cameras, as something else measured it.
+/// The measured relative pose of two cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RelativePose {
     /// The camera mapped from, index.
@@ -31,13 +31,13 @@ pub struct RelativePose {
     pub noise: PairNoise,
 }
 
-/// How uncertain a pair is; one kind for all pairs of a graph.
+/// The uncertainty of a pair; one kind for all pairs of a graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // A few hundred pairs: copying is simpler than a box each.
 pub enum PairNoise {
     /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]` of `b_from_a`, frame b.
     Covariance(Matrix6),
-    /// Only which pair is surer than another: any error measure that grows in proportion to the standard deviations, such as the root mean
+    /// A relative uncertainty: any error measure that grows in proportion to the standard deviations, such as the root mean
     /// square residual of the calibration of that pair; 1 for all where nothing is known. The standard deviations themselves then come from
     /// how well the pairs agree.
     Error(f64),
@@ -79,15 +79,15 @@ pub struct CameraInGraph {
     pub covariance: Matrix6,
 }
 
-/// What became of a pair.
+/// The result of a pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairResult {
     /// Log(measured · solved⁻¹), `[rotation_rad; translation_m]`, frame b.
     pub residual: Vector6,
     /// How much of the pair the others check: 0 (a bridge: nothing does) to 6.
     pub redundancy: f64,
-    /// How far it is from what the *other* pairs say, as a standard normal number: beyond `SUSPICIOUS` once in ten thousand by chance.
-    /// None where the others cannot tell.
+    /// Its distance from the prediction of the *other* pairs, as a standard normal number: beyond `SUSPICIOUS` once in ten thousand by chance.
+    /// None where the others do not predict it.
     pub disagreement_sigma: Option<f64>,
     /// Whether it took part.
     pub is_used: bool,
@@ -96,7 +96,7 @@ pub struct PairResult {
     pub is_suspicious: bool,
 }
 
-/// Every camera's position, how uncertain, and which pairs disagree.
+/// Every camera's pose with its covariance, and the pairs that disagree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGraphSolution {
     /// The camera whose frame is the rig's.
@@ -121,7 +121,7 @@ pub struct PoseGraphSolution {
     pub joint_covariance: DMatrix<f64>,
     /// Steps of the last adjustment.
     pub steps: usize,
-    /// Whether all this can be believed.
+    /// Whether the answer is consistent.
     pub verdict: GraphVerdict,
 }
 

@@ -22,7 +22,7 @@ use num_traits::Float as _;
 /// Candidate poses `rig_from_target`, on the stack; no order promised.
 pub type RigCandidates = ArrayVec<Pose, 8>;
 
-/// What a camera of a rig sees: a half-line.
+/// An observation of a rig's camera: a half-line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// The camera centre, rig frame, metres.

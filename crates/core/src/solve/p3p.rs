@@ -30,7 +30,7 @@ const MAX_MISS: f64 = 1e-9;
 const MAX_DEFECT: f64 = 2e-8;
 /// A defect above this is more than rounding.
 const NEEDS_POLISH: f64 = 1e-12;
-/// A ρ²/σ² below this leaves N and D fewer than eleven digits to tell φ, none at 0: docs/math/p3p.md, section 4.
+/// A ρ²/σ² below this leaves N and D fewer than eleven digits to determine φ, none at 0: docs/math/p3p.md, section 4.
 const MIN_RHO2: f64 = 1e-11;
 /// Imaginary part, as cos θ, up to which a complex pair may be a double root split by rounding; the defect decides.
 const BLUR: f64 = 0.01;
@@ -50,7 +50,7 @@ pub fn p3p(bearings: &[Bearing; 3], points_in_target: &[Point; 3]) -> Candidates
     poses
 }
 
-/// Whether some root cannot tell φ, and so was left out.
+/// Whether some root does not determine φ, and so was left out.
 #[inline]
 fn push_poses(poses: &mut Candidates, triangle: &Triangle, rays: &Rays) -> bool {
     let hinge = Hinge::new(triangle, rays);
@@ -241,7 +241,7 @@ impl Hinge {
         Factors::of_quartic(&quartic).polished(&quartic).real_roots(BLUR * self.reach)
     }
 
-    /// What belongs to a root x, and how far u² + v² is off 1, eqs. (5)–(7).
+    /// The angles of a root x, and the deviation of u² + v² from 1, eqs. (5)–(7).
     #[inline]
     fn turn(&self, x: f64) -> Turn {
         let n = self.n0 + self.c1 * x;
@@ -273,7 +273,7 @@ impl Hinge {
         best.x
     }
 
-    /// Whether N and D are too small to tell φ.
+    /// Whether N and D are too small to determine φ.
     #[inline]
     fn is_blunt(&self, turn: &Turn) -> bool {
         turn.rho2 < self.least_rho2

@@ -1,4 +1,4 @@
-//! What moved between two calibrations: cameras of a rig relative to each other, or one pose; how far, and how uncertain that is.
+//! The motion between two calibrations, of cameras of a rig relative to each other or of one pose, with its uncertainty.
 //!
 //! Derivation: docs/math/compare.md. Notation: A_i, B_i are cam_from_rig of camera i before and after; S is a set of cameras that
 //! did not move relative to each other, b its first; M_i = A_i A_b⁻¹ (B_i B_b⁻¹)⁻¹ is old_from_new of camera i if b stayed;
@@ -10,7 +10,7 @@ use crate::statistics::variance_ratio::tail_with_estimated_noise;
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// The cameras of a rig as one calibration places them.
+/// The cameras of a rig by one calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigPoses {
     /// x_in_cam = cam_from_rig · x_in_rig, one entry a camera. The rig's frame may be any: it need not be the same twice.
@@ -25,7 +25,7 @@ pub struct RigPoses {
     pub noise_degrees_of_freedom: Option<f64>,
 }
 
-/// What is known of the errors that cameras of one calibration have in common.
+/// The correlation of the errors of one calibration's cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Correlation {
     /// The covariance of all cameras together holds them.
@@ -35,12 +35,12 @@ pub enum Correlation {
     Unknown,
 }
 
-/// How a camera (or a target) moved.
+/// The motion of a camera (or a target).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moved {
     /// Which camera.
     pub camera: usize,
-    /// x_in_old = old_from_new · x_in_new: where the camera now is, in its own old frame.
+    /// x_in_old = old_from_new · x_in_new: the camera's present pose in its own old frame.
     pub old_from_new: Pose,
     /// 6×6 covariance of its small left motion, old camera frame.
     pub covariance: Matrix6,
@@ -50,7 +50,7 @@ pub struct Moved {
     pub probability: f64,
 }
 
-/// What moved in a rig.
+/// The motions in a rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigComparison {
     /// χ² of "no camera moved relative to the others".
@@ -207,7 +207,7 @@ impl SeenFrom {
     }
 }
 
-/// χ² of some cameras, and what it must be compared with.
+/// χ² of some cameras, and its distribution.
 #[derive(Clone, Copy)]
 struct Statistic {
     chi2: f64,

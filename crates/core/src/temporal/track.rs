@@ -1,4 +1,4 @@
-//! The pose of a camera through time: a filter on SE(3) that also decides, over time, which of two poses it is.
+//! The pose of a camera over time: a filter on SE(3) that also decides between two poses.
 //!
 //! ```text
 //!   X  cam_from_target, its error a left motion ξ     v  twist, of a moving camera: X(t + Δ) = Exp(v Δ) X(t)
@@ -19,14 +19,14 @@ use filter::{Filter, Noise};
 /// How the camera (or the target) moves between readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Motion {
-    /// It stays, but for a random walk.
+    /// It stays, except for a random walk.
     Static {
         /// Standard deviation of the rotation about each axis after one second, radians.
         rotation_rad_per_sqrt_s: f64,
         /// Standard deviation of the shift along each axis after one second, metres.
         translation_m_per_sqrt_s: f64,
     },
-    /// It continues as it went, but for a random change of its velocity.
+    /// It continues with its velocity, except for a random change of it.
     ConstantVelocity {
         /// Standard deviation of the change of turning speed in one second, radians per second.
         rotation_rad_per_s_sqrt_s: f64,
@@ -35,19 +35,19 @@ pub enum Motion {
     },
 }
 
-/// What the tracker expects.
+/// The tracker's model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackConfig {
     /// How it moves.
     pub motion: Motion,
-    /// Share of readings that have nothing to do with the pose.
+    /// Share of outliers among the readings.
     pub outlier_probability: f64,
-    /// Probability that it was put somewhere else between two readings.
+    /// Probability that it was moved between two readings.
     pub jump_probability: f64,
 }
 
 impl Default for TrackConfig {
-    /// A mounted camera that sways by 0.006° and 0.1 mm in a second.
+    /// A mounted camera that moves at random by 0.006° and 0.1 mm in a second.
     fn default() -> Self {
         let motion = Motion::Static { rotation_rad_per_sqrt_s: 1e-4, translation_m_per_sqrt_s: 1e-4 };
         TrackConfig { motion, outlier_probability: 0.01, jump_probability: 1e-4 }
@@ -135,12 +135,12 @@ impl Tracker {
         Ok(Tracker { config: *config, noise, tracks: ArrayVec::new(), t_s: f64::MIN })
     }
 
-    /// All of its state: what `restore` makes of it continues as this one would.
+    /// All of its state: the tracker that `restore` makes of it continues as this one would.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Goes on from a snapshot; the motion expected in the time since then widens what was known.
+    /// Continues from a snapshot; the motion expected in the time since then widens the covariance.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no tracker's, `InvalidSetting` as `new`.
@@ -163,7 +163,7 @@ impl Tracker {
         self.best()
     }
 
-    /// Where it would be at a later time without a new reading.
+    /// The prediction for a later time without a new reading.
     pub fn predicted(&self, t_s: f64) -> Option<Tracked> {
         let mut later = self.clone();
         let elapsed_s = (t_s - self.t_s).max(0.0);

@@ -1,6 +1,6 @@
-//! What would make the views agree: other sizes, hands inverted, quaternions in another order, rows out of step.
+//! Mistakes that would explain why views disagree: other sizes, hands inverted, quaternions in another order, rows shifted.
 //!
-//! Asked only where the answer is not to be believed: each alternative is solved whole, and named where it brings the noise down.
+//! Tried only where the answer is inconsistent: each alternative is solved whole, and named where it lowers the noise.
 
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled, settled};
@@ -9,7 +9,7 @@ use super::{Candidate, HandEyeConfig, HandEyeView, MAX_GRIPPER_SIGMA_BY_REACH, M
 use crate::Pose;
 use crate::locate::consistency::loses_too_many;
 
-/// An alternative must bring the noise down to this part.
+/// An alternative must lower the noise to this part.
 const MAX_PART: f64 = 0.5;
 /// Rounds of correcting a size: each squares the error.
 const SIZE_ROUNDS: usize = 6;
@@ -18,7 +18,7 @@ const UNIT_STARTS: [f64; 3] = [1.0, 1e-3, 1e3];
 /// The size has settled.
 const SETTLED_SIZE: f64 = 1e-4;
 
-/// The likely cause: the alternative with the least noise, where one is far better than what was given.
+/// The likely cause: the alternative with the least noise, where one is far better than the input.
 pub(super) fn alternatives(
     views: &[HandEyeView],
     found: &Settled,
@@ -27,7 +27,7 @@ pub(super) fn alternatives(
     of_known(views, &found.known, config)
 }
 
-/// The same for views that lead nowhere as given.
+/// The same for views that give no answer.
 pub(super) fn of_unsettled(views: &[HandEyeView], config: &HandEyeConfig) -> Option<HandEyeCause> {
     of_known(views, &located(views, config).ok()?.0, config)
 }
@@ -111,7 +111,7 @@ fn badness_of_alternative(views: &[HandEyeView], config: &HandEyeConfig) -> Opti
     settled(views, config).ok().filter(brings_together).map(|settled| badness(&settled))
 }
 
-/// One number for how badly views agree: the noise in units of what no robot exceeds, infinite where many views contradict.
+/// How badly views agree: the noise in units of the largest plausible one, infinite where many views contradict.
 fn badness(settled: &Settled) -> f64 {
     let (n_views, n_used) = (settled.known.len(), settled.used().len());
     let Some([sigma_rad, sigma_m]) = settled.sigmas() else { return f64::INFINITY };

@@ -1,11 +1,11 @@
-//! What can make a hand–eye wrong, in words.
+//! The causes of an inconsistent hand–eye answer, in words.
 
 use super::settle::Settled;
 use super::{MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
 use crate::multiview::intrinsics_check::Group;
 use core::fmt;
 
-/// What is, or may be, wrong.
+/// A possible cause.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum HandEyeCause {
@@ -19,7 +19,7 @@ pub enum HandEyeCause {
     },
     /// The pixels contradict the intrinsics given.
     Intrinsics {
-        /// Which of them, the most telling first.
+        /// Which of them, the most significant first.
         groups: Vec<Group>,
         /// Corrected over given focal length, where it is among them.
         focal_ratio: Option<f64>,
@@ -39,7 +39,7 @@ pub enum HandEyeCause {
         /// How far it went, or how far the target is away, m.
         reach_m: f64,
     },
-    /// The gripper's noise as stated does not explain how the views disagree: they disagree `ratio` times as much.
+    /// The stated noise of the gripper does not explain the views' disagreement, which is `ratio` times as large.
     StatedNoise {
         /// Root of χ² of the poses per degree of freedom.
         ratio: f64,
@@ -49,7 +49,7 @@ pub enum HandEyeCause {
         /// Root of χ² of the pixels per degree of freedom.
         ratio: f64,
     },
-    /// More views contradict than a few spoilt ones explain.
+    /// More views contradict the others than a few wrong ones would.
     ManyContradict {
         /// Views that contradict.
         n_rejected: usize,

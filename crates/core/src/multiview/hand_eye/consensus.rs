@@ -1,4 +1,4 @@
-//! Which views agree, and where to start: closed forms of three views each, the one that most views agree with, those that agree with it.
+//! The views that agree, and a start: closed forms of three views each, and the one that most views agree with.
 //!
 //! Least trimmed squares (P. J. Rousseeuw and K. Van Driessen, "Computing LTS regression for large data sets", 2006), then every view against
 //! what the others predict. docs/math/hand_eye.md section 5.
@@ -48,7 +48,7 @@ const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 /// X, Z and the views that agree; where the gripper's noise is open, what the views that agree say it is.
 ///
 /// # Errors
-/// `NotConverged` when no triple leads anywhere.
+/// `NotConverged` when no triple leads to an answer.
 pub(super) fn consensus(known: &mut [Known], config: &HandEyeConfig) -> Result<Consensus, Error> {
     assume(known, &nominal(known));
     let best = started(known, config)?;
@@ -96,7 +96,7 @@ fn distances(known: &[Known], poses: &Poses, stride: usize) -> Vec<(f64, usize, 
     all
 }
 
-/// How many views the trimmed fit rests on: a little more than half, as three views are fitted by anything.
+/// The number of views in the trimmed fit: a little more than half.
 fn majority(n: usize) -> usize {
     n.min((n + 3) / 2)
 }
@@ -124,7 +124,7 @@ fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Resul
     Err(Error::NotConverged { steps: 0 })
 }
 
-/// Takes every view that agrees with the others, until nothing changes. Where the gripper's noise is open it is first what the middle residuals
+/// Includes every view that agrees with the others, until nothing changes. Where the gripper's noise is open it is first what the middle residuals
 /// say, then what the views that agree do.
 fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
     let mut best = start;
@@ -168,7 +168,7 @@ fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<C
     Ok(Consensus { poses: best.poses, candidate })
 }
 
-/// Rounds in which the middle residuals say what the gripper's noise is.
+/// Rounds in which the middle residuals estimate the gripper's noise.
 const ROUGH_ROUNDS: usize = 3;
 
 fn middle_noise(known: &[Known], poses: &Poses) -> Variances {

@@ -16,7 +16,7 @@ use crate::multiview::rig_pose::RigCost;
 use crate::{Error, Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-/// What a view's residual is.
+/// The kind of a view's residual.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Level {
     /// Its pose.
@@ -34,7 +34,7 @@ pub(super) struct Fit {
     pub degrees_of_freedom: usize,
 }
 
-/// What one view says about its T: residual cost, gradient and information of its left motion.
+/// The information of one view on its T: residual cost, gradient and information of its left motion.
 struct Share {
     chi2: f64,
     gradient: Vector6,
@@ -202,7 +202,7 @@ fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) ->
     })
 }
 
-/// What the height says about the effects.
+/// The information of the height on the effects.
 pub(super) fn besides(poses: &Poses, known: &[Known], config: &HandEyeConfig) -> Besides {
     let mut equations = DenseEquations::new(12);
     if let Some(height) = &config.height {

@@ -1,4 +1,4 @@
-//! Did the gripper turn enough to say where the camera is? Decided from the known motions, before anything is solved.
+//! Whether the gripper rotated enough to determine the camera's pose, decided from the known motions before solving.
 //!
 //! docs/math/hand_eye.md eqs. (10)–(11).
 
@@ -7,9 +7,9 @@ use super::{HandEyeConfig, MAX_GRIPPER_SIGMA_RAD, Mounting};
 use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Turns below this say nothing useful: at 0.01 rad a place is known a hundred times worse than the target's pose.
+/// Smaller rotations are not used: at 0.01 rad a place is known a hundred times worse than the target's pose.
 pub(crate) const MIN_ROTATION_RAD: f64 = 0.01;
-/// … and turns that the noise of the motions could have made.
+/// … nor are rotations within the noise of the motions.
 const NOISE_FACTOR: f64 = 5.0;
 /// Views beyond this number are compared with a part of the others only.
 const ALL_PAIRS_UP_TO: usize = 60;
@@ -49,7 +49,7 @@ pub(super) fn turning(views: &[Known]) -> Turning {
     }
 }
 
-/// The least turn that says something.
+/// The smallest rotation that is used.
 pub(super) fn needed_rad(views: &[Known]) -> f64 {
     let variance = |view: &Known| {
         let variance = view.covariance.map_or(0.0, |c| c.fixed_view::<3, 3>(0, 0).trace() / 3.0);
@@ -64,12 +64,12 @@ pub(super) fn needed_rad(views: &[Known]) -> f64 {
     f64::max(MIN_ROTATION_RAD, NOISE_FACTOR * (2.0 * mean).sqrt())
 }
 
-/// Whether the turns are all about one direction.
+/// Whether all rotations are about one direction.
 pub(super) fn are_parallel(views: &[Known]) -> bool {
     turning(views).rotations_rad[1] < needed_rad(views)
 }
 
-/// The turns, refused where they leave something open.
+/// The rotations, refused where they leave the answer undetermined.
 pub(super) fn check(views: &[Known], config: &HandEyeConfig) -> Result<[f64; 3], Error> {
     let (turning, needed) = (turning(views), needed_rad(views));
     let turns = turning.rotations_rad;

@@ -1,4 +1,4 @@
-//! How exact the gripper's motions are, from the data: variance components by restricted maximum likelihood.
+//! The accuracy of the gripper's motions, from the data: variance components by restricted maximum likelihood.
 //!
 //! Paper: D. A. Harville, "Maximum likelihood approaches to variance component estimation and to related problems", 1977; small samples:
 //! M. G. Kenward and J. H. Roger, "Small sample inference for fixed effects from restricted maximum likelihood", 1997.
@@ -36,7 +36,7 @@ pub(super) struct Row {
     pub parts: Option<[Matrix6; KINDS]>,
 }
 
-/// What is known of the effects besides the rows: a height.
+/// Prior knowledge of the effects: a height.
 #[derive(Clone)]
 pub(super) struct Besides {
     pub information: Normal,
@@ -52,7 +52,7 @@ pub(super) struct Reml {
     pub effects: Effects,
     /// Φ.
     pub phi: Normal,
-    /// What the uncertain θ adds to Φ, eq. (24).
+    /// The share of the uncertain θ in Φ, eq. (24).
     pub widening: Normal,
 }
 
@@ -82,7 +82,7 @@ struct Slope {
 
 /// Restricted maximum likelihood of θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). None where V or M is singular.
 ///
-/// Turns about the base take part only where the data ask for them: where they are not needed they would only widen the answer.
+/// Rotations about the base take part only where they raise the likelihood; elsewhere they would widen the answer.
 pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
     let without = maximum(rows, besides, &[start[0], 0.0, start[2]], &[0, 2])?;
     let start = if 0.0 < start[1] { *start } else { without.reml.variances };

@@ -8,15 +8,15 @@ use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
 use crate::Error;
 use nalgebra::{DMatrix, SVector};
 
-/// What the poses say.
+/// The answer of the poses.
 pub(super) struct Settled<'a> {
     pub known: Vec<Known<'a>>,
     pub results: Vec<HandEyeViewResult>,
     pub agreed: Consensus,
     pub fit: Fit,
-    /// Of the gripper's noise; none where every view states its own.
+    /// The gripper's noise; none where every view states its own.
     pub variances: Option<Variances>,
-    /// What the uncertain noise adds to the covariance, 12×12.
+    /// The share of the uncertain noise in the covariance, 12×12.
     pub widening: DMatrix<f64>,
     pub rotations_rad: [f64; 3],
 }
@@ -24,10 +24,10 @@ pub(super) struct Settled<'a> {
 /// A target larger than stated, as an effect beside X and Z.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Larger {
-    /// By which part of its size, and the standard deviation of that.
+    /// The relative error of its size, and the standard deviation of it.
     pub part: f64,
     pub sigma: f64,
-    /// What it does to X and Z.
+    /// Its effect on X and Z.
     pub shift: SVector<f64, 12>,
 }
 

@@ -1,4 +1,4 @@
-//! Is the answer to be believed, and if not, why? docs/math/hand_eye.md section 7.
+//! Whether the answer is consistent, and if not, why. docs/math/hand_eye.md section 7.
 
 use super::alternatives::{alternatives, resized};
 use super::causes::{HandEyeCause, large_noise};

@@ -1,4 +1,4 @@
-//! What is known of each view, in one form for both mounts, with coordinates of moderate size.
+//! The data of each view, in one form for both mounts, with coordinates of moderate size.
 //!
 //! A vehicle's base may be a map with coordinates of millions of metres: the moving side's origin is put in the middle of the robot poses, so that
 //! no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
@@ -23,7 +23,7 @@ pub(super) struct Known<'a> {
     pub carrier_from_holder: Pose,
     /// Of its left motion, carrier frame, shifted: stated, or what is assumed so far.
     pub covariance: Option<Matrix6>,
-    /// Where no noise is stated: what each kind adds to the covariance at a variance of one.
+    /// Where no noise is stated: the covariance by each kind at a variance of one.
     pub parts: Option<[Matrix6; KINDS]>,
     pub candidates: Vec<Candidate>,
     pub seen: &'a [RigView<'a>],
@@ -176,7 +176,7 @@ pub(super) fn located<'a>(
     Ok((known, results))
 }
 
-/// As given, or as the points say.
+/// As given, or as determined by the points.
 fn candidates(view: &HandEyeView) -> Result<Vec<Candidate>, Error> {
     if !view.candidates.is_empty() {
         return Ok(view.candidates.clone());
@@ -257,7 +257,7 @@ fn check_gripper_covariance(index: usize, covariance: &Matrix6) -> Result<(), Er
     Ok(())
 }
 
-/// A base farther from the robot poses than this many times their spread is the origin of a map: nothing turns about it.
+/// A base farther from the robot poses than this many times their spread is the origin of a map: no rotation is about it.
 const MAX_BASE_DISTANCE: f64 = 30.0;
 
 /// Vₖ for left motions of `base_from_gripper`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).

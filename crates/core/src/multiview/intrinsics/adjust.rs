@@ -14,7 +14,7 @@ use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Matrix2x6, Vector2};
 
-/// A view as the adjustment sees it.
+/// A view in the adjustment.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
     /// Index of the view as given.
@@ -66,7 +66,7 @@ pub(super) fn located(
     locate(&seen, camera, &Config { shared_errors: false, ..Config::default() })
 }
 
-/// What may be wrong with a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
+/// The deformation of a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
 /// target's half width and height.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shape {
@@ -98,7 +98,7 @@ impl Shape {
         })
     }
 
-    /// How many of its values are estimated.
+    /// The number of values that are estimated.
     pub(super) fn n(&self) -> usize {
         if self.is_bent { 3 } else { 1 }
     }
@@ -107,7 +107,7 @@ impl Shape {
         [(x.x - self.centre.x) / self.half_m[0], (x.y - self.centre.y) / self.half_m[1]]
     }
 
-    /// Where a point of the target is.
+    /// The position of a point of the target.
     fn at(&self, x: &Point) -> Point {
         let ([u, v], [stretch, bend_x, bend_y]) = (self.unit(x), self.values);
         x + Point::new(0.0, stretch * v * self.half_m[1], bend_x * (1.0 - u * u) + bend_y * (1.0 - v * v))
@@ -208,7 +208,7 @@ pub(super) struct Fit {
     /// The views at their poses.
     pub(super) seen: Vec<Seen>,
     pub(super) equations: SharedEquations,
-    /// Whether it is a minimum: a loop that ended early wandered along a direction that the views leave open.
+    /// Whether it is a minimum: a loop that ended early moved along an undetermined direction.
     pub(super) converged: bool,
 }
 
@@ -232,7 +232,7 @@ impl Fit {
         self.equations.reduced()
     }
 
-    /// What each view alone says of the shared unknowns, at the common minimum.
+    /// The information of each view on the shared unknowns, at the common minimum.
     pub(super) fn reduced_by_view(&self) -> Vec<Option<Reduced>> {
         let alone = |view: &Seen| {
             let place = PivotedPose::new(&view.cam_from_target, &view.pivot);
@@ -284,7 +284,7 @@ pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     Some(Fit { shared, seen, equations: found.equations, converged })
 }
 
-/// What was measured on the print says of its stretch: docs/math/intrinsics.md section 2.
+/// The measured rulers determine the stretch of the print: docs/math/intrinsics.md section 2.
 fn add_rulers(sums: &mut SharedEquations, shared: &Shared) {
     let Some((shape, sigma)) = shared.shape.and_then(|shape| Some((shape, shape.stretch_sigma?))) else {
         return;

@@ -1,8 +1,8 @@
-//! What is wrong or weak with views and answer: each with the number seen, the number needed and the way out.
+//! Faults and weaknesses of views and answer: each with the number seen, the number needed and a remedy.
 
 use super::groups::TwoGroups;
 
-/// How much a finding weighs.
+/// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The answer holds; something could be better.
@@ -13,7 +13,7 @@ pub enum Severity {
     Degenerate,
 }
 
-/// Something that views or answer show.
+/// A fault or weakness of the views or the answer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Finding {
     /// Too few views between which the target or the camera moved.
@@ -39,7 +39,7 @@ pub enum Finding {
         /// Needed, rad.
         needed_rad: f64,
     },
-    /// A parameter is left open.
+    /// A parameter is undetermined.
     Undetermined {
         /// Its name.
         parameter: &'static str,
@@ -59,7 +59,7 @@ pub enum Finding {
     RoughFocal {
         /// Standard deviation over the focal length.
         relative: f64,
-        /// What a good calibration reaches.
+        /// The standard deviation of a good calibration.
         needed: f64,
     },
     /// Views that repeat others.
@@ -76,7 +76,7 @@ pub enum Finding {
         /// Needed.
         needed: f64,
     },
-    /// More bad views than a few spoilt images explain.
+    /// More bad views than a few damaged images explain.
     ManyBadViews {
         /// Bad.
         n: usize,
@@ -96,7 +96,7 @@ pub enum Finding {
     },
     /// The print is wider or higher than stated.
     Stretched {
-        /// Height over width, less what is stated.
+        /// Height over width, less the stated ratio.
         stretch: f64,
         /// Standard deviation.
         sigma: f64,

@@ -1,4 +1,4 @@
-//! What the views show: how far the target was tilted, where in the image it was, and which views are copies of others.
+//! The geometry of the views: the tilts of the target, its positions in the image, and views that are copies of others.
 
 use super::adjust::Seen;
 use crate::camera::ImageSize;
@@ -101,7 +101,7 @@ fn apart_px(points: &[Correspondence], places: &HashMap<[u64; 3], Pixel>) -> Opt
     (0 < n && SHARED * most as f64 <= n as f64).then(|| (sum / n as f64).sqrt())
 }
 
-/// How far flat targets were tilted.
+/// The tilts of flat targets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tilts {
     /// Largest angle between a target's normal and the camera's axis, rad.

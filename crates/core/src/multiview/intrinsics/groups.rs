@@ -1,4 +1,4 @@
-//! Do all views come from one camera? Views of two cameras, or of one before and after its zoom changed, contradict each other: two groups
+//! Whether all views are of one camera. Views of two cameras, or of one before and after its zoom changed, contradict each other: two groups
 //! fit far better apart than together. docs/math/intrinsics.md section 8.
 //!
 //!   S, s  a view's information and score at the common answer   ·   gain  by how much χ² falls when a group has an answer of its own
@@ -28,7 +28,7 @@ pub const LEAST_TIMES: f64 = 1.6;
 const CHANCE: f64 = 1e-6;
 /// Chance that views of one camera seem to contradict each other.
 const WITHIN: f64 = 0.01;
-/// Rounds in which views go to the group that suits them; a bound on the work.
+/// Rounds in which views are assigned to the group that fits them better; a bound on the work.
 const MAX_ROUNDS: usize = 20;
 /// A group has at least so many views.
 const LEAST_VIEWS: usize = 2;
@@ -105,7 +105,7 @@ impl Judge<'_> {
         of_side(true) + of_side(false)
     }
 
-    /// Whether views contradict each other, and no longer do so within the groups: then the split is the whole story.
+    /// Whether views contradict each other, but not within the groups.
     fn explains(&self, split: &[bool], inverse: &DMatrix<f64>, noise: f64) -> bool {
         let Some(factor) = inverse.clone().cholesky().map(|c| c.l()) else { return false };
         let offsets = [self.offset(split, false), self.offset(split, true)];
@@ -145,7 +145,7 @@ impl Judge<'_> {
         order.iter().take(3).map(split).collect()
     }
 
-    /// Views go to the side whose answer suits them better, until none goes.
+    /// Views are assigned to the side whose answer fits them better, until nothing changes.
     fn settled(&self, mut split: Vec<bool>) -> Vec<bool> {
         for _ in 0..MAX_ROUNDS {
             let offsets = [self.offset(&split, false), self.offset(&split, true)];

@@ -1,4 +1,4 @@
-//! How well are views predicted that took no part? Each half of the views is predicted by the other half's camera.
+//! The prediction of views that took no part: each half of the views is predicted by the other half's camera.
 
 use super::adjust::{Fit, Seen, Shared, fit};
 use crate::statistics::chi_square::tail;
@@ -14,7 +14,7 @@ pub struct HeldOut {
     pub p: f64,
 }
 
-/// Fewer views have no halves.
+/// Fewer views are not divided.
 const LEAST_VIEWS: usize = 6;
 
 /// `widening`: the factor on the inverse information of the answer. None with few views, or where a half leaves a direction open.

@@ -1,4 +1,4 @@
-//! The answer of a fit, with what is wrong or weak about it.
+//! The answer of a fit, with its faults and weaknesses.
 
 use super::adjust::{Fit, Seen, Shape, Shared, fit};
 use super::findings::Finding;
@@ -24,7 +24,7 @@ const LEAST_SPREAD_RAD: f64 = 0.17;
 const GOOD_FOCAL: f64 = 0.01;
 /// Corners in a smaller part of the image's cells are remarked on.
 const GOOD_COVERAGE: f64 = 0.6;
-/// A stretch is real beyond so many standard deviations, and if it exceeds what paper does in damp air.
+/// A stretch is real beyond so many standard deviations, and if it exceeds that of paper in damp air.
 const REAL_SIGMAS: f64 = 5.0;
 const LEAST_STRETCH: f64 = 1.5e-3;
 /// A stretch beyond so many standard deviations of the rulers contradicts them.
@@ -34,7 +34,7 @@ const LEAST_BEND: f64 = 2e-3;
 /// Contradiction between views that is worth a remark: variances twice those of the noise.
 const LEAST_CONTRADICTION: f64 = 2.0;
 
-/// What the answer needs besides the fit.
+/// The data of the answer besides the fit.
 pub(super) struct Context<'a> {
     pub(super) size: ImageSize,
     pub(super) config: &'a IntrinsicsConfig,
@@ -126,7 +126,7 @@ fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&all + all.transpose())
 }
 
-/// The covariance of the parameters with what the choice of the model adds: docs/math/intrinsics.md eq. (8).
+/// The covariance of the parameters with the share of the model's choice: docs/math/intrinsics.md eq. (8).
 fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
     let own = of_parameters(fit, &spread.covariance);
     let names = fit.shared.camera.parameters();
@@ -249,7 +249,7 @@ fn many_bad(clean: &Clean) -> Option<Finding> {
     too_many.then_some(Finding::ManyBadViews { n, of, n_corners, of_corners })
 }
 
-/// Residuals far above what is stated, by the house's one rule.
+/// Residuals far above the stated noise, by the rule of `consistency`.
 fn noisy(fit: &Fit, spread: &Spread) -> Option<Finding> {
     let stated: f64 = fit.seen.iter().flat_map(|view| &view.points).map(|c| c.sigma_px * c.sigma_px).sum();
     let n: usize = fit.seen.iter().map(|view| view.points.len()).sum();

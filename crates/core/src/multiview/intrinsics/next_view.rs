@@ -1,4 +1,4 @@
-//! Which view to take next: of flat targets at some places, distances and tilts, the one after which the projection is known best over the
+//! The view to take next: of flat targets at some places, distances and tilts, the one after which the projection is known best over the
 //! image. docs/math/intrinsics.md section 9.
 
 use super::adjust::{Fit, Seen, equations};
@@ -8,12 +8,12 @@ use crate::least_squares::PivotedPose;
 use crate::{Correspondence, Pixel, Point, Pose, Vector6};
 use nalgebra::{DMatrix, Vector3};
 
-/// A view that is worth taking.
+/// A recommended view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NextView {
     /// Where the middle of the target should be in the image.
     pub centre: Pixel,
-    /// How far it should be tilted, rad, about …
+    /// The angle by which it should be tilted, rad, about …
     pub tilt_rad: f64,
     /// … this axis in the image, rad from the u axis towards the v axis: a tilt about v (90°) turns the target's left or right edge to the camera.
     pub axis_rad: f64,

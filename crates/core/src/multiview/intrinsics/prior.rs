@@ -1,5 +1,5 @@
-//! What is known of every lens before any view: pixels are about square, the principal point is near the middle, the distortion is bounded. Wide
-//! enough to say nothing where views do; where they do not, an answer stays a lens. docs/math/intrinsics.md section 3.
+//! The prior of every lens: pixels are about square, the principal point is near the middle, the distortion is bounded. Wide
+//! enough to have no effect where the views determine the lens. docs/math/intrinsics.md section 3.
 
 use super::model::Direction;
 use crate::Camera;
@@ -25,7 +25,7 @@ pub(super) struct Known {
     sigma: f64,
 }
 
-/// What is known of a camera of this model, size and about this focal length; nothing without an image size.
+/// The prior of a camera of this model, size and approximate focal length; none without an image size.
 pub(super) fn known(camera: &Camera) -> Vec<Known> {
     let (Some(size), Some(matrix)) = (camera.size, camera.matrix()) else { return Vec::new() };
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));

@@ -1,6 +1,6 @@
-//! How well a camera's projection is known over its image, and by how much two cameras differ: docs/math/intrinsics.md section 7.
+//! The uncertainty of a camera's projection over its image, and the difference of two cameras: docs/math/intrinsics.md section 7.
 //!
-//! A small rotation of the camera looks like a shift of its principal point. What is uncertain about a projection is therefore counted after
+//! A small rotation of the camera looks like a shift of its principal point. The uncertainty of a projection is therefore computed after
 //! the rotation that keeps the observed corners in place best has been taken out, as mrcal does.
 
 use crate::camera::ImageSize;
@@ -43,7 +43,7 @@ impl ProjectionUncertainty {
     }
 }
 
-/// What the projection's covariance follows from: the intrinsics' covariance and the corners that hold the camera's rotation.
+/// The inputs of the projection's covariance: the intrinsics' covariance and the corners that hold the camera's rotation.
 pub struct Projection<'a> {
     camera: &'a Camera,
     covariance: &'a DMatrix<f64>,
@@ -123,7 +123,7 @@ fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)>
     Some((-jacobian * x.cross_matrix(), rows))
 }
 
-/// By how much the projections of two cameras differ over the image of the first.
+/// The difference of two cameras' projections over the image of the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProjectionDifference {
     /// Root mean square over the places compared, px.

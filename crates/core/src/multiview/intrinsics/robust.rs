@@ -1,4 +1,4 @@
-//! Which corners and views take part: gross errors are found from the residuals of a fit that they hardly pull, and named.
+//! The corners and views that take part: gross errors are found from the residuals of a fit that they hardly affect, and named.
 //! docs/math/intrinsics.md section 4.
 
 use super::adjust::{Fit, Seen, Shared, fit, fit_with_second_solutions};
@@ -10,7 +10,7 @@ pub const GROSS_SIGMAS: f64 = 5.5;
 pub const BAD_VIEW_TIMES: f64 = 3.0;
 /// … as is one that keeps less than this part of its corners …
 const LEAST_SHARE: f64 = 0.6;
-/// … or fewer corners than this: a pose takes up most of what they say.
+/// … or fewer corners than this: a pose absorbs most of their information.
 pub const LEAST_POINTS: usize = 6;
 /// Rounds at most, of weighing and of rejecting.
 const MAX_ROUNDS: usize = 6;
@@ -57,7 +57,7 @@ pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     without_gross_errors(if any { softly(found)? } else { found })
 }
 
-/// From an answer that gross errors hardly pull: rejects them, and takes those back that are none.
+/// From an answer that gross errors hardly affect: rejects them, and restores those that are none.
 pub(super) fn cleaned_from(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     without_gross_errors(fit(seen, shared)?)
 }
@@ -94,7 +94,7 @@ fn without_gross_errors(mut found: Fit) -> Option<Clean> {
     Some(Clean { fit: found, bad })
 }
 
-/// A fit in which what is known of every lens is weighed against the noise that the residuals show.
+/// A fit in which the prior of every lens is weighted by the noise of the residuals.
 fn weighed(found: Fit) -> Option<Fit> {
     let variance = noise(&found).powi(2);
     let times = variance / found.shared.noise;
@@ -104,7 +104,7 @@ fn weighed(found: Fit) -> Option<Fit> {
     fit(found.seen, Shared { noise: variance, ..found.shared })
 }
 
-/// Variances within this factor weigh alike.
+/// Variances within this factor give equal weights.
 const SAME_NOISE: f64 = 1.5;
 
 /// A fit with weights that follow the residuals.
@@ -148,7 +148,7 @@ fn noise(fit: &Fit) -> f64 {
     (median / MEDIAN_CHI2 / left).sqrt().clamp(f64::MIN_POSITIVE.sqrt(), 1e150)
 }
 
-/// A view with gross errors at weight 0 and all others at 1, and what is wrong with it as a whole.
+/// A view with gross errors at weight 0 and all others at 1, and the fault of the whole view.
 fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
     let residuals = fit.residuals(view);
     let is_gross =

@@ -1,4 +1,4 @@
-//! The covariance of what the views share: the noise that the residuals show, and what the views contradict each other by.
+//! The covariance of the shared unknowns: from the noise of the residuals, and the contradictions between views.
 //! docs/math/intrinsics.md section 6; the scatter of views as docs/math/clustered.md, for one block of any size.
 
 use super::adjust::Fit;
@@ -17,18 +17,18 @@ pub enum Noise {
     Stated,
 }
 
-/// The covariance of what the views share, and what it is made of.
+/// The covariance of the shared unknowns, and its parts.
 #[derive(Debug, Clone)]
 pub(super) struct Spread {
     /// Of the free directions and the shape.
     pub(super) covariance: DMatrix<f64>,
     /// Factor on the stated variances.
     pub(super) noise: f64,
-    /// By how much variances grew further, since views contradict each other; 1 where they do not.
+    /// Factor by which variances grew further, because views contradict each other; 1 where they do not.
     pub(super) contradiction: f64,
 }
 
-/// Fewer redundant numbers say too little about the noise: the stated sigmas count then.
+/// With fewer redundant numbers the stated sigmas are used.
 const LEAST_REDUNDANCY: usize = 30;
 /// A view's leverage is kept this far below one.
 const RIDGE: f64 = 1e-6;
@@ -38,7 +38,7 @@ const SEEN: f64 = 0.05;
 /// One in a hundred: the chance that views without a shared error seem to contradict each other.
 const CHANCE: f64 = 0.01;
 
-/// None where the views leave a direction open.
+/// None where a direction is undetermined.
 pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let noise = noise_factor(fit, stated);
@@ -58,7 +58,7 @@ fn noise_factor(fit: &Fit, stated: Noise) -> f64 {
     }
 }
 
-/// What each view says, at the minimum: the equations at hand stand one vanishing step before it.
+/// The information of each view at the minimum: the equations are one vanishing step before it.
 pub(super) fn scores(fit: &Fit, inverse: &DMatrix<f64>) -> Vec<Reduced> {
     let mut by_view: Vec<Reduced> = fit.reduced_by_view().into_iter().flatten().collect();
     let Some(total) = fit.reduced() else { return by_view };
@@ -67,7 +67,7 @@ pub(super) fn scores(fit: &Fit, inverse: &DMatrix<f64>) -> Vec<Reduced> {
     by_view
 }
 
-/// How far the answers without one view scatter.
+/// The scatter of the answers without one view.
 struct Scatter {
     /// P Σ w wᵀ P / e, docs/math/clustered.md eq. (5).
     moved: DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! How many coefficients the data carry: every choice of a family is fitted to the same corners, and the evidence (AIC) picks the one that is
+//! The number of coefficients that the data support: every choice of a family is fitted to the same corners, and the evidence (AIC) picks the one that is
 //! expected to predict further views best. docs/math/intrinsics.md section 5.
 
 use super::adjust::{Fit, Seen, Shared, fit};
@@ -8,10 +8,10 @@ use nalgebra::{DMatrix, DVector};
 
 /// A choice of another family must be better by this much (odds of 20 to 1): of two that fit about equally well the first stays.
 pub const FAMILY_MARGIN: f64 = 6.0;
-/// A choice with less than this weight says nothing about the covariance.
+/// A choice with less than this weight does not enter the covariance.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-/// How well a choice fits.
+/// The fit of a choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
     /// Which.
@@ -40,13 +40,13 @@ pub(super) struct Local {
     pub(super) names: Vec<&'static str>,
     pub(super) values: Vec<f64>,
     pub(super) covariance: DMatrix<f64>,
-    /// What is known of them without the views: inverse covariance and mean.
+    /// Their prior: inverse covariance and mean.
     known: DMatrix<f64>,
     means: Vec<f64>,
 }
 
 impl Local {
-    /// Of a minimum; none where it leaves a direction open.
+    /// Of a minimum; none where a direction is undetermined.
     fn of(fit: &Fit) -> Option<Self> {
         let inverse = fit.reduced()?.information.cholesky()?.inverse();
         let n = fit.shared.directions.len();
@@ -64,12 +64,12 @@ impl Local {
         Some(Local { names, values, covariance: inverse.view((0, 0), (n, n)).into_owned(), known, means })
     }
 
-    /// Parameters that what is known leaves to the views: docs/math/intrinsics.md eq. (14).
+    /// Parameters that the prior leaves to the views: docs/math/intrinsics.md eq. (14).
     fn n_effective(&self) -> f64 {
         self.names.len() as f64 - self.known.component_mul(&self.covariance).sum()
     }
 
-    /// How far the parameters are from what is known.
+    /// The distance of the parameters from the prior.
     fn prior_chi2(&self) -> f64 {
         let off = DVector::from_iterator(
             self.values.len(),

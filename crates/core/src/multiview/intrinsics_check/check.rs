@@ -1,6 +1,6 @@
-//! Do the given intrinsics fit? A score (Lagrange multiplier) test over many frames, docs/math/frames.md section 3.
+//! Whether the given intrinsics fit: a score (Lagrange multiplier) test over many frames, docs/math/frames.md section 3.
 //!
-//! Each frame is solved with the intrinsics as given. What its residual then says about them, free of what the pose could explain, is
+//! Each frame is solved with the intrinsics as given. The score of its residual for them, with the pose eliminated, is
 //! summed over the frames: no parameter is changed, so the test also holds where the true intrinsics are far away.
 //!
 //!   g  score of the intrinsics, poses eliminated   ·   S  its covariance, the reduced information   ·   T = gᵀ S⁻¹ g  ~  χ²ₖ
@@ -21,7 +21,7 @@ use nalgebra::DVector;
 /// Chance of blaming good intrinsics.
 pub const FALSE_ALARM_RATE: f64 = 1e-3;
 
-/// What the frames say about the given intrinsics.
+/// The result of the test of the given intrinsics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntrinsicsCheck {
     /// The score statistic, divided by `noise_scale`; χ² with `degrees_of_freedom` for right intrinsics.
@@ -30,7 +30,7 @@ pub struct IntrinsicsCheck {
     pub degrees_of_freedom: usize,
     /// Chance of such a statistic if the intrinsics are right.
     pub p_value: f64,
-    /// What is wrong, most telling first; empty when `p_value` ≥ `FALSE_ALARM_RATE`.
+    /// The wrong parameters, the most significant first; empty when `p_value` ≥ `FALSE_ALARM_RATE`.
     pub blamed: Vec<Blame>,
     /// Every tested parameter with all others free: the offsets that the frames cannot exclude.
     pub tested: Vec<ParameterOffset>,
@@ -53,21 +53,21 @@ pub struct Blame {
     pub parameters: Vec<ParameterOffset>,
 }
 
-/// How far a parameter seems to be off: one Gauss–Newton step, right to first order.
+/// The estimated error of a parameter: one Gauss–Newton step, right to first order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterOffset {
     /// Name, as in camera.toml.
     pub name: &'static str,
     /// Value given.
     pub given: f64,
-    /// What to add to it.
+    /// The correction to add.
     pub offset: f64,
     /// Standard deviation of the offset.
     pub sigma: f64,
 }
 
 impl IntrinsicsCheck {
-    /// Whether the frames have nothing against the given intrinsics.
+    /// Whether the frames do not contradict the given intrinsics.
     pub fn fits(&self) -> bool {
         self.blamed.is_empty()
     }

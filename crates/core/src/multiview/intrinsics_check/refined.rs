@@ -41,7 +41,7 @@ pub struct RefinedFrame {
     pub frame: usize,
     /// The pose.
     pub cam_from_target: Pose,
-    /// 6×6 covariance of its small left motion, the doubt about the intrinsics included.
+    /// 6×6 covariance of its small left motion, the uncertainty of the intrinsics included.
     pub covariance: Matrix6,
     /// Sum of squared residuals over their variances.
     pub chi2: f64,
@@ -86,7 +86,7 @@ const SAME_CHI2: f64 = 1e-3;
 /// Bearings are derived anew from the pixels. Frames without a pose are skipped and named.
 ///
 /// # Errors
-/// `TooFewFrames` when no frame has a pose; `UndeterminedIntrinsics` when the frames leave a chosen parameter open;
+/// `TooFewFrames` when no frame has a pose; `UndeterminedIntrinsics` when the frames do not determine a chosen parameter;
 /// `NotConverged` when no minimum is reached.
 pub fn refine_intrinsics<F: AsRef<[Correspondence]>>(
     frames: &[F],
@@ -220,7 +220,7 @@ fn answer(
     Ok(RefinedIntrinsics { camera, covariance, frames, skipped, chi2, degrees_of_freedom, noise_scale })
 }
 
-/// Marginal covariance of the free parameters, docs/math/frames.md eq. (5); refuses what the frames leave open, eq. (9).
+/// Marginal covariance of the free parameters, docs/math/frames.md eq. (5); refuses undetermined parameters, eq. (9).
 fn covariance_of_directions(
     equations: &SharedEquations,
     views: &[View],

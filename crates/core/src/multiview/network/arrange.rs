@@ -17,7 +17,7 @@ const COST_OF_LOSS_CHI2: f64 = 25.0;
 /// Two arrangements are one when their χ² and the photographs' places agree to this.
 const SAME: f64 = 1e-3;
 
-/// A slow arrangement that is higher above the best one than this, times the factor that widens its variances, is not waited for: the gate of
+/// A slow arrangement that is higher above the best one than this, times the factor that widens its variances, is given up: the gate of
 /// a second solution is a tenth of it.
 const FAR_CHI2: f64 = 100.0;
 
@@ -30,7 +30,7 @@ pub(super) enum Depth {
     Together,
 }
 
-/// Poses that stand in for those of `locate`.
+/// Poses that replace those of `locate`.
 type Forced = Vec<(usize, Pose)>;
 
 struct Search<'a> {
@@ -40,7 +40,7 @@ struct Search<'a> {
     drafts: usize,
 }
 
-/// χ², and what it costs to leave things without a place.
+/// χ², and the penalty of leaving points or photographs without a pose.
 pub(super) fn cost(a: &Adjusted) -> f64 {
     a.chi2 + COST_OF_LOSS_CHI2 * a.undetermined.len() as f64
 }

@@ -1,6 +1,6 @@
 //! Which single constraint is wrong, where everything together contradicts itself or cannot be solved: docs/math/survey.md eq. (23).
 //!
-//! Each distance is tried with its decimal point moved, then each constraint in question is taken out. What explains everything is named, and
+//! Each distance is tried with its decimal point moved, then each suspect constraint is left out. The constraint that explains everything is named, and
 //! the places are found without it.
 
 use super::arrange::{Depth, best_of};
@@ -9,20 +9,20 @@ use super::starts::{Draft, control_points};
 use super::{Adjusted, Constraint, DecimalSlip, Frame, Item, NetworkProblem, Suspect, snoop, spread};
 use crate::Error;
 
-/// Where a decimal point is put by mistake: one place first, then two or three.
+/// The misplaced decimal points that are tried: by one digit first, then two or three.
 const SLIPS: [&[i32]; 2] = [&[1, -1], &[2, -2, 3, -3]];
-/// Constraints taken out one by one.
+/// The constraints that are left out one by one.
 const MOST_REMOVED: usize = 40;
-/// Suspects of the whole network that are taken out one by one.
+/// The number of suspects of the whole network that are left out one by one.
 const MOST_SUSPECTS: usize = 6;
 /// Two explanations whose χ² differ by less than this cannot be distinguished.
 const TIED_CHI2: f64 = 9.0;
-/// What the others predict must contradict the constraint by this many standard deviations.
+/// The prediction of the others must contradict the constraint by this many standard deviations.
 const LEAST_SIGMAS: f64 = 4.0;
 /// A distance slipped if it is the predicted one times a power of ten to this part, or to five standard deviations.
 const SLIP_TOLERANCE: f64 = 0.03;
 
-/// A network without one constraint, and what it says of that constraint.
+/// A network without one constraint, and its prediction of that constraint.
 struct Explanation {
     suspect: Suspect,
     without: Adjusted,
@@ -77,7 +77,7 @@ fn explains(network: &NetworkProblem, whole: &Result<Adjusted, Error>, found: &A
     keeps && is_checked && !is_doubtful(network, found)
 }
 
-/// Distances that fit all the rest once their decimal point is moved.
+/// Distances that agree with all others once their decimal point is moved.
 fn slips(network: &NetworkProblem, whole: &Result<Adjusted, Error>, powers: &[i32]) -> Vec<Explanation> {
     let mut found = Vec::new();
     for (index, constraint) in network.constraints.iter().enumerate() {
@@ -115,7 +115,7 @@ fn predicted(network: &NetworkProblem, index: usize, without: &Adjusted) -> Opti
     snoop::against_the_rest(&network.constraints[index], &without.state, &without.layout, &without.covariance)
 }
 
-/// Constraints without which all the rest agrees.
+/// Constraints without which all others agree.
 fn removals(network: &NetworkProblem, whole: &Result<Adjusted, Error>) -> Vec<Explanation> {
     let is_distance = |i: &usize| matches!(network.constraints[*i], Constraint::Distance { .. });
     let mut tried: Vec<usize> = match whole {
@@ -185,7 +185,7 @@ impl Adjusted {
         })
     }
 
-    /// The constraints that took part, but for those of what has no place.
+    /// The constraints that took part, except those of points or photographs without a pose.
     pub(super) fn used_constraints(&self) -> Vec<Constraint> {
         let is_used = |(i, _): &(usize, &Constraint)| !self.left_out.contains(i);
         self.constraints.iter().enumerate().filter(is_used).map(|(_, f)| *f).collect()

@@ -84,7 +84,7 @@ impl Constraint {
 }
 
 impl NetworkProblem<'_> {
-    /// Whether every number can be what it is said to be.
+    /// Whether every number is possible for its kind.
     pub(super) fn check(&self) -> Result<(), Error> {
         for (index, camera) in self.camera_of_photo.iter().enumerate() {
             if self.cameras.len() <= *camera {

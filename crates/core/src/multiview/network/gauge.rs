@@ -1,4 +1,4 @@
-//! The frame of the positions: what the constraints determine of it, and what has to be held. docs/math/survey.md, section 4.
+//! The frame of the positions: the part that the constraints determine, and the part that has to be held. docs/math/survey.md, section 4.
 
 use super::state::{Layout, State};
 use super::{Constraint, Frame, Item, NetworkProblem, Plane, rows};
@@ -24,7 +24,7 @@ pub(super) fn frame_control_points(places: &[Option<Point>]) -> Option<[usize; 3
     control_points.into_iter().skip(2).find(|c| off(*c)).map(|c| [a, b, c])
 }
 
-/// Whether coordinates, poses or known planes say anything about the frame.
+/// Whether coordinates, poses or known planes determine anything of the frame.
 pub(super) fn is_given(network: &NetworkProblem) -> bool {
     let speaks = |f: &Constraint| match f {
         Constraint::Place { .. } | Constraint::Pose { .. } => true,

@@ -32,7 +32,7 @@ const NEAR: f64 = 2e-3;
 const MOST_STEPS: usize = 12;
 
 impl Adjusted {
-    /// The answer to a question about places that were found, with its 95 % interval.
+    /// The answer to a query about positions, with its 95 % interval.
     ///
     /// # Errors
     /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the network.

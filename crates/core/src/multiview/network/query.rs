@@ -50,7 +50,7 @@ pub enum Query {
 }
 
 impl Query {
-    /// The points it speaks of.
+    /// The points of the query.
     pub fn points(&self) -> Vec<usize> {
         match self {
             Query::Distance { a, b } => vec![*a, *b],
@@ -60,7 +60,7 @@ impl Query {
         }
     }
 
-    /// How many points it needs.
+    /// The number of points it needs.
     pub(super) fn least_points(&self) -> usize {
         match self {
             Query::Polyline { .. } => 2,

@@ -127,7 +127,7 @@ fn image_point(constraint: &Constraint, state: &State, layout: &Layout) -> Optio
     Some(vec![row(0), row(1)])
 }
 
-/// The lean of top over foot about the plane's two tangents, as sines.
+/// The inclination of top over foot about the plane's two tangents, as sines.
 fn upright(
     plane: &PlaneAt,
     [foot, top]: [usize; 2],
@@ -159,7 +159,7 @@ pub(crate) fn lens_rows(state: &State, layout: &Layout) -> Vec<Row> {
     state.lenses.iter().zip(&layout.lens).flat_map(of).collect()
 }
 
-/// What the frame leaves free stays where it is.
+/// Unknowns that the frame leaves free are held.
 fn pin_rows(layout: &Layout) -> impl Iterator<Item = Row> {
     layout.pins.iter().map(|pin| Row::new(0.0).by(Some(0), pin.as_slice()))
 }

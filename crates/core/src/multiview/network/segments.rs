@@ -17,7 +17,7 @@ const LEAST_SEGMENTS: usize = 3;
 const DIRECTIONS: usize = 900;
 /// Normals followed.
 const MOST_NORMALS: usize = 6;
-/// Width over length of what looks like a line.
+/// Width over length of points that count as a line.
 const LEAST_WIDTH: f64 = 0.05;
 /// Relative misfit that counts as one standard deviation: the descent ends three thousandths of a part in ten million from a minimum.
 const SIGMA: f64 = 1e-7;
@@ -33,14 +33,14 @@ struct Segment {
     length_m: f64,
 }
 
-/// What one photograph shows of one plane.
+/// The image of one plane in one photograph.
 struct View {
     segments: Vec<Segment>,
     /// Points of the plane and their rays.
     rays: Vec<(usize, Vector3<f64>)>,
 }
 
-/// Places of the points of a plane by the lengths between them, as the photograph with the most of them has it; several where the lengths
+/// Places of the points of a plane by the lengths between them, from the photograph with the most of them; several where the lengths
 /// fit alike, none below three lengths. The plane is z = 0, the camera above it.
 pub(super) fn by_segments(network: &NetworkProblem) -> Vec<Places> {
     let Some(best) = best_view(network) else { return Vec::new() };

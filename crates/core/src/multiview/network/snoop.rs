@@ -1,4 +1,4 @@
-//! Finds constraints that contradict the others: each residual is compared with the scatter that the others leave it, docs/math/survey.md eq. (15).
+//! Finds constraints that contradict the others: each residual is compared with its standard deviation given the others, docs/math/survey.md eq. (15).
 
 use super::Constraint;
 use super::rows::rows;
@@ -12,16 +12,16 @@ pub struct Suspect {
     pub constraint: usize,
     /// Its residual over the standard deviation that it should have.
     pub sigmas: f64,
-    /// Estimated error of the constraint, given minus what the others say, in its own unit (px, m, rad); the length of it for several numbers.
+    /// Estimated error of the constraint, given minus predicted by the others, in its own unit (px, m, rad); the length of it for several numbers.
     pub off: f64,
-    /// A known distance of which the others say that its decimal point slipped.
+    /// A known distance whose decimal point is misplaced according to the others.
     pub slip: Option<DecimalSlip>,
 }
 
-/// A distance that is the right one but for its decimal point.
+/// A distance that is right except for its decimal point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DecimalSlip {
-    /// What the others say, m.
+    /// The prediction of the others, m.
     pub expected_m: f64,
     /// Its standard deviation, m.
     pub sigma_m: f64,
@@ -31,7 +31,7 @@ pub struct DecimalSlip {
 
 /// Chance that any of the constraints of a good network is called a suspect.
 const FALSE_ALARM: f64 = 1e-3;
-/// Share of a constraint's residual that the others must leave to it, below which nothing checks the constraint.
+/// Redundancy below which the others do not check a constraint.
 const LEAST_REDUNDANCY: f64 = 1e-3;
 
 /// Statistic and estimated error of one constraint; none where nothing checks it.
@@ -70,7 +70,7 @@ fn test(
     (0 < n_checked).then(|| (statistic, error.norm() * unit(constraint)))
 }
 
-/// What one standard deviation is in the constraint's own unit.
+/// One standard deviation in the constraint's own unit.
 fn unit(constraint: &Constraint) -> f64 {
     match constraint {
         Constraint::ImagePoint { covariance_px2, .. } => covariance_px2.sigma_px(),
@@ -82,7 +82,7 @@ fn unit(constraint: &Constraint) -> f64 {
 }
 
 /// A constraint that took no part, against what the others predict: its residual over its own and their standard deviations, given minus
-/// predicted, and the standard deviation of what is predicted, in the constraint's unit. None where the others say nothing of it.
+/// predicted, and the standard deviation of what is predicted, in the constraint's unit. None where the others do not predict it.
 pub(super) fn against_the_rest(
     constraint: &Constraint,
     state: &State,

@@ -1,4 +1,4 @@
-//! From first places to the joint minimum, its covariance, and what is left out of both.
+//! From initial values to the joint minimum and its covariance, and the points and photographs left out of both.
 
 use super::rows::{equations, n_rows};
 use super::starts::{Draft, undetermined};
@@ -120,7 +120,7 @@ fn conclude(
     })
 }
 
-/// H⁻¹; where there is none, the direction that nothing determines, each unknown over its own scale.
+/// H⁻¹; where there is none, the undetermined direction, each unknown over its own scale.
 fn inverse(information: &DMatrix<f64>) -> Result<DMatrix<f64>, DVector<f64>> {
     let n = information.nrows();
     let scale: Vec<f64> = (0..n).map(|i| information[(i, i)].sqrt()).collect();

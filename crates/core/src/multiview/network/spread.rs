@@ -1,4 +1,4 @@
-//! Do the control points stand on one line? Then a rotation of everything about it can hardly be seen, and its mirror image fits as well:
+//! Whether the control points are on one line. A rotation of everything about it is then hardly visible, and the mirror image fits as well:
 //! docs/math/survey.md eq. (24).
 
 use super::trilaterate::{LEAST_HEIGHT, LINE_SIGMAS, Network, Places, lengths, plane_of};
@@ -12,9 +12,9 @@ pub struct OnLine {
     pub ends: [usize; 2],
     /// How far they are from each other, m.
     pub length_m: f64,
-    /// How far the control point farthest from their line stands off it, m.
+    /// The distance of the control point farthest from their line, m.
     pub width_m: f64,
-    /// How far it would have to, m.
+    /// The distance that is needed, m.
     pub needed_m: f64,
 }
 
@@ -65,7 +65,7 @@ fn by_control_points(network: &NetworkProblem) -> bool {
     !(0..network.camera_of_photo.len()).all(is_given)
 }
 
-/// The line that adjusted control points stand on.
+/// The line through adjusted control points.
 pub(super) fn of_adjusted(network: &NetworkProblem, adjusted: &Adjusted) -> Option<OnLine> {
     let control_points: Vec<(usize, Point)> = (0..network.n_points)
         .filter(|p| is_control_point(network, *p))
@@ -79,7 +79,7 @@ pub(super) fn of_adjusted(network: &NetworkProblem, adjusted: &Adjusted) -> Opti
     (width_m < needed_m).then_some(OnLine { ends: [a, b], length_m, width_m, needed_m })
 }
 
-/// The line that coordinates stand on, where nothing but coordinates is known of the control points.
+/// The line through coordinates, where only coordinates are known of the control points.
 pub(super) fn of_coordinates(network: &NetworkProblem) -> Option<Error> {
     let place = |f: &Constraint| match f {
         Constraint::Place { point, x_in_world, sigma_m } => Some(((*point, *x_in_world), sigma_m.max())),

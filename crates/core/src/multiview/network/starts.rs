@@ -1,4 +1,4 @@
-//! First places of everything: control points by coordinates or distances, photographs by `locate`, further points by rays.
+//! Initial values of everything: control points by coordinates or distances, photographs by `locate`, further points by rays.
 
 use super::segments::{by_segments, line_of_segments};
 use super::state::{LensAt, PlaneAt, State};
@@ -10,7 +10,7 @@ use crate::multiview::triangulate::{PointView, triangulate};
 use crate::{Error, Point, Pose};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// Everything that found a place, and why the rest did not.
+/// Everything that was placed, and the reasons for the rest.
 pub(super) struct Draft {
     pub(super) state: State,
     pub(super) dropped: Vec<(Item, Error)>,
@@ -62,7 +62,7 @@ pub(super) fn control_points(problem: &NetworkProblem) -> Result<Vec<Places>, Er
     Ok(network.grow(places, &normals))
 }
 
-/// Why distances alone lay down nothing.
+/// Why distances alone place nothing.
 fn no_start(problem: &NetworkProblem, lengths: &[Length]) -> Error {
     spread::of_lengths(problem).unwrap_or(Error::Undetermined {
             what: "the frame of point",
@@ -134,7 +134,7 @@ fn fitted(index: usize, plane_of: &[Option<usize>], places: &Places) -> Option<P
     is_spanned.then(|| PlaneAt { normal: eigen.eigenvectors.column(least).into(), pivot, height_m: 0.0 })
 }
 
-/// What is placed so far.
+/// The points, photographs and planes placed so far.
 struct Building<'a> {
     problem: &'a NetworkProblem<'a>,
     plane_of: Vec<Option<usize>>,
@@ -205,7 +205,7 @@ impl Building<'_> {
         self.face_cameras();
     }
 
-    /// A plane of which only the vertical is known: from gravity.
+    /// A plane whose normal alone is known, from gravity.
     fn level(&self, index: usize) -> Option<PlaneAt> {
         self.problem.constraints.iter().find_map(|f| match f {
             Constraint::Gravity { plane, photo, down_in_cam, .. } if *plane == index => {

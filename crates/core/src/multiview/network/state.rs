@@ -1,10 +1,10 @@
-//! The unknowns: where everything is, and which number of the joint vector is which.
+//! The unknowns, and their indices in the joint vector.
 
 use super::{Constraint, Item, NetworkProblem, Plane};
 use crate::{Camera, Point, Pose};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3, Vector6};
 
-/// Where everything is. Places of what is undetermined are kept, unused.
+/// All poses, positions and planes. Those that are undetermined are kept, unused.
 #[derive(Debug, Clone)]
 pub(crate) struct State {
     pub(crate) photos: Vec<Pose>,
@@ -32,7 +32,7 @@ pub(crate) struct LensAt {
     pub(crate) z: DVector<f64>,
 }
 
-/// Which unknown is where in the joint vector; what is held has none.
+/// The index of each unknown in the joint vector; none where it is held.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
     /// First of six.
@@ -44,7 +44,7 @@ pub(crate) struct Layout {
     /// First of the columns of L.
     pub(crate) lens: Vec<usize>,
     pub(crate) n: usize,
-    /// Directions in which nothing is known and nothing needs to be: held by rows of residual 0.
+    /// Directions that are undetermined and need not be determined: held by rows of residual 0.
     pub(crate) pins: Vec<DVector<f64>>,
     dropped: Vec<Item>,
 }
@@ -196,7 +196,7 @@ impl Layout {
         plane < self.tilt.len() && !self.dropped.contains(&Item::Plane(plane))
     }
 
-    /// Whether all that a constraint speaks of has a place.
+    /// Whether all points, photographs and planes of a constraint are determined.
     pub(crate) fn has(&self, constraint: &Constraint) -> bool {
         let is_dropped = |item: Item| self.dropped.contains(&item);
         !(constraint.points().into_iter().flatten().any(|p| is_dropped(Item::Point(p)))

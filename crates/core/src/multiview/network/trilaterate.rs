@@ -1,7 +1,7 @@
 //! Positions of control points of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
 //!
-//! A triangle is laid down; each further control point stands where circles (in a common plane) or spheres meet. Where two places fit alike, both
-//! are followed: the photographs decide.
+//! A triangle is placed; each further control point is where circles (in a common plane) or spheres meet. Where two positions fit equally well, both
+//! are followed, and the photographs decide.
 
 use super::{Constraint, NetworkProblem};
 use crate::Point;
@@ -15,7 +15,7 @@ pub(super) struct Length {
     pub(super) sigma_m: f64,
 }
 
-/// Places of some of the points.
+/// Positions of some of the points.
 pub(super) type Places = Vec<Option<Point>>;
 
 /// Distances given, in order, with the constraint each comes from.
@@ -64,7 +64,7 @@ impl Network<'_> {
         self.lengths.iter().find(|l| l.ends == [a, b] || l.ends == [b, a]).copied()
     }
 
-    /// Lengths from a point to others.
+    /// Distances from a point to others.
     fn from(&self, a: usize) -> impl Iterator<Item = (usize, Length)> + '_ {
         self.lengths.iter().filter_map(move |l| match l.ends {
             [x, y] if x == a => Some((y, *l)),

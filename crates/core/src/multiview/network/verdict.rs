@@ -2,10 +2,10 @@
 
 use super::{ALTERNATIVE_GATE_CHI2, Adjusted};
 
-/// What a network's answers are worth.
+/// The status of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NetworkStatus {
-    /// Everything known agrees, and only one arrangement fits it.
+    /// All constraints agree, and only one arrangement fits them.
     Ok,
     /// Another arrangement of photographs and control points fits about as well.
     Ambiguous,

@@ -5,7 +5,7 @@
 use super::{PairNoise, PoseGraph, RelativePose, check};
 use crate::{Error, Matrix6, Pose};
 
-/// Cameras placed one after the other.
+/// Cameras in chains from a reference camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain {
     /// The camera whose frame is the rig's.
@@ -29,7 +29,7 @@ pub struct ChainedCamera {
     pub covariance: Option<Matrix6>,
 }
 
-/// What a pair adds to a chain: its error; for a covariance its trace in m², turns taken at one metre. Variances add up along a chain.
+/// The length of a pair in a chain: its error; for a covariance its trace in m², turns taken at one metre. Variances add up along a chain.
 fn cost_of(pair: &RelativePose) -> f64 {
     match pair.noise {
         PairNoise::Error(error) => error,

@@ -20,7 +20,7 @@ pub(super) struct Adjustment {
     pub steps: usize,
 }
 
-/// A pair's residual with what it says about both cameras.
+/// A pair's residual with its derivatives by both cameras.
 pub(super) struct Linearised {
     pub residual: Vector6,
     /// ∂(−r)/∂δ_b.
@@ -37,7 +37,7 @@ pub(super) fn linearised(graph: &PoseGraph, pair: usize, poses: &[Pose]) -> Line
     Linearised { residual, by_b, by_a: -(by_b * predicted.adjoint()) }
 }
 
-/// What an adjustment weighs: an information matrix for each pair, zero to leave it out, and a loss.
+/// The weights of an adjustment: an information matrix for each pair, zero to leave it out, and a loss.
 pub(super) struct Weights<'a> {
     pub information: &'a [Option<Matrix6>],
     pub loss: Loss,

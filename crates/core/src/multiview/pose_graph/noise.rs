@@ -1,4 +1,4 @@
-//! How uncertain each pair is: as stated, or as the pairs' agreement says. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
+//! The uncertainty of each pair: as stated, or as estimated from the pairs' agreement. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
 
 use super::equations::linearised;
 use super::{PairNoise, PairSigma, PoseGraph};
@@ -82,7 +82,7 @@ impl Noise {
         information_of("pair", pair, &self.covariance(pair))
     }
 
-    /// The sigmas that the residuals of the pairs used say, eq. (9): sums of squares over redundancies, one for turns and one for shifts.
+    /// The sigmas by the residuals of the pairs used, eq. (9): sums of squares over redundancies, one for turns and one for shifts.
     pub fn re_estimated(&self, turn: (f64, f64), shift: (f64, f64)) -> Self {
         match self {
             Noise::Relative { relative, sigma, is_estimated: true } => {

@@ -1,4 +1,4 @@
-//! Which pairs contradict the others? Each is compared with what the rest says, the worst is left out, until none is far off.
+//! The pairs that contradict the others: each is compared with the prediction of the rest, and the worst is left out, until none is far off.
 //!
 //! Paper: W. Baarda, "A testing procedure for use in geodetic networks", 1968, with the variance estimated from the others.
 //! Derivation: docs/math/pose_graph.md eqs. (8)–(11).
@@ -10,7 +10,7 @@ use crate::locate::loss::Loss;
 use crate::{Error, Matrix6, Pose};
 use nalgebra::DMatrix;
 
-/// The answer, its noise, and what became of each pair.
+/// The answer, its noise, and the result of each pair.
 pub(super) struct Settled {
     pub adjustment: Adjustment,
     pub noise: Noise,
@@ -149,7 +149,7 @@ fn shares(graph: &PoseGraph, adjustment: &Adjustment, noise: &Noise, used: &[boo
     Ok(((turn, turn_redundancy), (shift, shift_redundancy)))
 }
 
-/// Q = J P Jᵀ: covariance of what the solution predicts for a pair, eq. (8).
+/// Q = J P Jᵀ: covariance of the prediction of a pair, eq. (8).
 fn predicted_covariance(graph: &PoseGraph, index: usize, adjustment: &Adjustment) -> Matrix6 {
     let pair = &graph.pairs[index];
     let l = linearised(graph, index, &adjustment.poses);

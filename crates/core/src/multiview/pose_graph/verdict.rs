@@ -1,4 +1,4 @@
-//! Can the graph be believed? The rule is that of `consistency`, asked about the residuals and about the pairs that contradict.
+//! Whether the graph is consistent: the rule of `consistency`, applied to the residuals and to the pairs that contradict.
 
 use super::noise::Noise;
 use super::{PairResult, PoseGraph};
@@ -18,10 +18,10 @@ pub enum GraphFault {
     Loops,
 }
 
-/// Whether the answer is to be believed.
+/// Whether the answer is consistent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GraphVerdict {
-    /// What is wrong; none where the pairs agree.
+    /// The contradiction; none where the pairs agree.
     pub fault: Option<GraphFault>,
     /// The camera whose pairs disagree most, where something is wrong.
     pub worst_camera: Option<usize>,
@@ -36,7 +36,7 @@ pub struct GraphVerdict {
 const LOOSE_RAD: f64 = 0.035;
 /// The same of a shift, over the middle distance of the pairs' cameras: 0.003 at most with right files.
 const LOOSE_SHARE: f64 = 0.02;
-/// A pair of which less than this is checked says nothing for or against itself.
+/// A pair of which less than this is checked cannot be judged.
 const LEAST_REDUNDANCY: f64 = 1e-3;
 
 pub(super) fn verdict(

@@ -4,7 +4,7 @@ use super::{Candidate, Motion};
 use crate::temporal::snapshot::numbers;
 use crate::{Error, Matrix6, Pose, Vector6};
 
-/// What the motion adds in a second.
+/// The process noise of a second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Noise {
     /// Of the pose of a static camera, of the velocity of a moving one: variance per second.
