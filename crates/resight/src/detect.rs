@@ -40,7 +40,7 @@ use std::collections::BTreeSet;
 use tags::TagFinder;
 use thiserror::Error;
 
-/// Why a detector could not be built, or could not say. A target that is not in the image is not an error.
+/// Why a detector could not be built or could not decide. A target that is not in the image is not an error.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DetectError {
@@ -57,7 +57,7 @@ pub enum DetectError {
         family: String,
         /// The id given.
         id: u32,
-        /// How many ids there are.
+        /// The number of ids.
         n_codes: usize,
     },
     /// Dimensions that cannot be right.
@@ -66,7 +66,7 @@ pub enum DetectError {
     /// A board the library cannot be set up for.
     #[error("this board cannot be detected: {reason}")]
     Board {
-        /// What the library says.
+        /// The library's message.
         reason: String,
     },
     /// A target without a detector.
@@ -74,7 +74,7 @@ pub enum DetectError {
     NotDetectable {
         /// The target's kind.
         kind: &'static str,
-        /// What to do instead.
+        /// The remedy.
         instead: &'static str,
     },
     /// Several copies of the tag looked for.

@@ -27,7 +27,7 @@ use resight_core::Target;
 use sheet::Laid;
 pub use tags::sheet_of_tags;
 
-/// What to print, and on what.
+/// The target to print, and the paper.
 #[derive(Debug, Clone)]
 pub struct PrintRequest {
     /// The target. It is printed as designed: a printed scale is of an earlier print.
@@ -42,7 +42,7 @@ pub struct PrintRequest {
     pub measured: Option<MeasuredRulers>,
     /// Diameter of the dots of a `line_plus_one` target, metres; none: a third of the smallest distance between two.
     pub dot_diameter_m: Option<f64>,
-    /// Files are called this, and the sheet says so.
+    /// The name of the files, also printed on the sheet.
     pub name: String,
 }
 

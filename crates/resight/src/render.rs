@@ -63,7 +63,7 @@ pub enum RenderError {
     },
 }
 
-/// What is in front of the camera.
+/// The scene in front of the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// The targets; where two overlap the nearer one is seen.
@@ -114,7 +114,7 @@ impl Style {
     }
 }
 
-/// What lens, light and sensor do to the image.
+/// The effects of lens, light and sensor on the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Finish {
     /// Standard deviation of the Gaussian blur, px.
@@ -176,7 +176,7 @@ pub fn render(scene: &Scene, camera: &Camera, finish: &Finish) -> Result<GrayIma
     Ok(GrayImage { width_px: size.width_px, height_px: size.height_px, data })
 }
 
-/// Where each feature of a placed target truly is in the image; only those inside the frame. Occlusion is not examined.
+/// The true position of each feature of a placed target in the image; only those inside the frame. Occlusion is not examined.
 pub fn true_pixels(placed: &Placed, camera: &Camera) -> Vec<(Feature, Pixel)> {
     let inside = |p: &Pixel| match camera.size {
         None => true,

@@ -1,4 +1,4 @@
-//! A rig with names: the jobs that solve it, and what files and reports say about cameras, views and targets.
+//! A rig with names: the jobs that solve it, and the names of cameras, views and targets in files and reports.
 
 mod detections;
 pub mod digest;
@@ -62,12 +62,12 @@ pub struct NamedRig {
     pub targets: Vec<NamedTarget>,
     /// Body of each target, in the same order: what `RigProblem` takes.
     pub body_of_target: Vec<usize>,
-    /// What was seen; sorted by view, camera, target.
+    /// The observations, sorted by view, camera, target.
     pub observations: Vec<Observation>,
 }
 
 impl NamedRig {
-    /// What the solver takes.
+    /// The input of the solver.
     pub fn problem(&self) -> RigProblem<'_> {
         RigProblem {
             cameras: &self.lenses,

@@ -35,7 +35,7 @@ use job::Job;
 use nalgebra::DMatrix;
 use outline::Outline;
 
-/// What is known of the object that was touched.
+/// The knowledge of the object that was touched.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Object {
     /// Nothing: only what holds for every object is used.
@@ -70,7 +70,7 @@ pub enum UnknownReason {
 /// How to calibrate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// How well every parameter is known beforehand.
+    /// The priors of all parameters.
     pub priors: Priors,
     /// μ, where it is known; none to estimate it.
     pub mu: Option<f64>,
@@ -108,14 +108,14 @@ pub struct Counts {
     pub unused: usize,
 }
 
-/// A calibration with what its record says of it.
+/// A calibration with the tests of its record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibrated {
     /// The rig.
     pub calibration: Calibration,
-    /// How well it was known beforehand.
+    /// Its prior.
     pub priors: Priors,
-    /// What the record leaves open.
+    /// The combinations that the record does not determine.
     pub undetermined: Vec<Undetermined>,
     /// The parameters that were held.
     pub held: Vec<Parameter>,
@@ -131,7 +131,7 @@ pub struct Calibrated {
     pub degrees_of_freedom: usize,
     /// Probability that a record which keeps the model fits as badly.
     pub p_value: f64,
-    /// How many contacts were left out because the object contradicts them.
+    /// The number of contacts that were left out because they contradict the object.
     pub contradicted: usize,
     /// Whether the record keeps the model, at the false-alarm rate asked for, and the object explains 95 % of the contacts.
     pub is_consistent: bool,

@@ -1,4 +1,4 @@
-//! One error type: what is wrong, the number seen, the number needed, the way out.
+//! One error type: the fault, the number seen, the number needed, the remedy.
 
 use thiserror::Error;
 
@@ -65,9 +65,9 @@ pub enum Error {
     TooFew {
         /// Of what.
         what: &'static str,
-        /// How many came in.
+        /// The number given.
         seen: usize,
-        /// How many are needed.
+        /// The number needed.
         needed: usize,
         /// What to do.
         way_out: &'static str,
@@ -110,13 +110,13 @@ pub enum Error {
     /// A request that contradicts itself, or the files it comes with.
     #[error("{reason}")]
     Request {
-        /// What is wrong, and what is needed.
+        /// The fault, and the number needed.
         reason: String,
     },
 }
 
 impl Error {
-    /// What is wrong with a request.
+    /// The fault of a request.
     pub fn request(reason: impl Into<String>) -> Self {
         Error::Request { reason: reason.into() }
     }

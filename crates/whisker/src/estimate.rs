@@ -19,14 +19,14 @@ pub const MOST_ALONG_SHARE: f64 = 0.05;
 /// Sigmas beyond which noise does not explain a contact past the tip or a moment that never vanishes: 3e-5, one-sided.
 pub const GATE_SIGMAS: f64 = 4.0;
 
-/// What can be said of a sample.
+/// The status of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
     /// A contact whose covariance holds.
     Ok,
     /// The load is within the noise: nothing is touched.
     NoContact,
-    /// Something is touched, but too lightly to say where along the whisker.
+    /// Something is touched, but too lightly to locate it along the whisker.
     LowForce,
     /// The moment never vanishes: several contacts, a distributed one, or a wrong EI. Also a load, a pose of the hub or a noise that is
     /// no number, or too large for its square to be one.
@@ -142,7 +142,7 @@ impl Contact {
     }
 }
 
-/// What one sample says.
+/// The estimate of one sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactEstimate {
     /// The verdict.

@@ -1,4 +1,4 @@
-//! What friction and the tip say of a load: constraints, modes, the coefficient of friction.
+//! Friction and the tip as constraints on a load: modes, the coefficient of friction.
 //!
 //! A load has three numbers and an equilibrium with one point force at a known mode only two degrees of freedom: between clamp and
 //! tip the force makes the friction angle with the whisker's normal, at the tip the arc length is the whisker's.

@@ -1,4 +1,4 @@
-//! What was touched: the simplest convex object that explains the contacts, or what is missing to say it.
+//! The object that was touched: the simplest convex one that explains the contacts, or the data that are missing.
 //!
 //! A contact between clamp and tip gives a supporting line: the object lies on one side of the whisker's tangent and touches it.
 //! The contact's worst error, along the whisker, moves the line along itself (docs/math/whisker_identify.md).
@@ -24,7 +24,7 @@ use nalgebra::{DMatrix, Vector2};
 use row::Row;
 use start::Lines;
 
-/// What may be called an object's class.
+/// The classes of objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Class {
     /// A disc.
@@ -44,7 +44,7 @@ pub enum Class {
 pub enum Verdict {
     /// The object is of this class.
     Is(Class),
-    /// The contacts do not decide; `Coverage` says what is known and what is missing.
+    /// The contacts do not decide; `Coverage` states what is known and what is missing.
     InsufficientCoverage,
 }
 
@@ -99,7 +99,7 @@ pub struct Parameter {
     pub unit: &'static str,
 }
 
-/// What became of a touch, in the order given.
+/// The result of a touch, in the order given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Use {
     /// It counts.
@@ -157,9 +157,9 @@ pub enum Reason {
         best: Model,
         /// The other one.
         alternative: Model,
-        /// How much worse the other one is.
+        /// The excess of the other one.
         delta_bic: f64,
-        /// How much worse it would have to be.
+        /// The excess that is needed.
         needed: f64,
     },
     /// The ratio of the axes, or of the sides, is not known well enough to call them equal or different.
@@ -168,9 +168,9 @@ pub enum Reason {
         best: Model,
         /// The ratio that is not excluded (or its inverse).
         ratio: f64,
-        /// How much worse that ratio explains the contacts.
+        /// The excess with that ratio.
         delta_chi2: f64,
-        /// How much worse it would have to.
+        /// The excess that is needed.
         needed: f64,
     },
     /// Fewer sides of the object were touched than a polygon needs to be closed.
@@ -212,11 +212,11 @@ pub struct Identification {
     pub chi2_per_degree_of_freedom: f64,
     /// Whether the best hypothesis explains the contacts.
     pub fits: bool,
-    /// What became of each touch, in the order given.
+    /// The result of each touch, in the order given.
     pub uses: Vec<Use>,
 }
 
-/// What is asked and how strictly.
+/// The hypotheses, and the limits of the decision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// Classes that may be answered.

@@ -1,4 +1,4 @@
-//! What the hub measures: load and pose, and how well.
+//! The hub's measurements: load and pose, with their noise.
 
 use crate::PlanarPose;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -58,7 +58,7 @@ pub struct Sample {
     pub t_s: Option<f64>,
     /// Where the hub was.
     pub world_from_hub: PlanarPose,
-    /// What the load cell read.
+    /// The reading of the load cell.
     pub load: HubLoad,
 }
 

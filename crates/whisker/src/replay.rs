@@ -38,7 +38,7 @@ pub struct Replay {
     mu_sigma: Option<f64>,
     /// Half the contacts have a smaller standard deviation in the worst direction.
     median_sigma_m: Option<f64>,
-    /// What the user should know.
+    /// Remarks.
     warnings: Vec<String>,
     /// The corner of the least coordinates of everything, and that of the greatest.
     extent_m: [[f64; 2]; 2],
@@ -61,7 +61,7 @@ pub struct FoundObject {
     message: String,
     /// The outline as a closed counter-clockwise line; without a class that of the best hypothesis, empty where none fits.
     outline_m: Vec<[f64; 2]>,
-    /// What `resight whisker identify --json` answers.
+    /// The answer of `resight whisker identify --json`.
     identification: IdentificationObject,
 }
 

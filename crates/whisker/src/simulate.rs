@@ -1,4 +1,4 @@
-//! What a whisker would have felt: the quasi-static forward model.
+//! The readings of a whisker: the quasi-static forward model.
 //!
 //! A rod, a convex object, a path of the hub, a coefficient of friction; out come exact readings with the contact behind each.
 //! The whisker touches at one point at a time, slides (friction at its limit, against the slip) or sticks where the hub turns back, changes kind of contact
@@ -27,7 +27,7 @@ use equilibrium::{Outline, State};
 use follow::{Follower, Now};
 use nalgebra::Vector2;
 
-/// A reading without noise, and what is behind it.
+/// A reading without noise, and its cause.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Simulated {
     /// The reading.
@@ -66,7 +66,7 @@ pub struct Event {
     pub change: Change,
 }
 
-/// What can happen along a path, besides one kind of contact passing into the next.
+/// The events along a path, besides one kind of contact becoming the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
     /// The free whisker meets the object.

@@ -27,7 +27,7 @@ pub enum Mode {
     Sweep,
 }
 
-/// What a record says.
+/// The answer of a record.
 #[derive(Debug, Clone)]
 pub struct Solved {
     /// One for every reading, in order.
@@ -36,7 +36,7 @@ pub struct Solved {
     pub samples: Vec<Option<Sample>>,
     /// μ, its standard deviation, and whether it was estimated.
     pub friction: Option<Friction>,
-    /// What the user should know.
+    /// Remarks.
     pub warnings: Vec<String>,
     /// What lies ahead where a sweep ends in contact.
     pub forecasts: Vec<Forecast>,

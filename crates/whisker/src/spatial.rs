@@ -86,7 +86,7 @@ pub struct SpatialContact {
     pub in_plane: HubContact,
 }
 
-/// What six signals say.
+/// The estimate of six signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialEstimate {
     /// Whether the contact below holds.

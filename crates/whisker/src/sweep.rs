@@ -1,6 +1,6 @@
 //! The contacts of whole sweeps estimated together.
 //!
-//! One sample knows its contact well across the whisker and badly along it; from sample to sample the contact can only move
+//! One sample determines its contact well across the whisker and badly along it; from sample to sample the contact can only move
 //! along the object's tangent, which is the whisker's own. With the friction of sliding, one angle for the whole record, and
 //! the length at the tip, that fixes the place along the whisker too, without any assumption on the object's shape.
 //! Derivation: docs/math/whisker_sweep.md.
@@ -73,9 +73,9 @@ impl Default for Options {
 pub struct Jump {
     /// The row after which the contact jumped.
     pub after_row: usize,
-    /// By how many standard deviations the envelope condition was off.
+    /// The residual of the envelope condition in standard deviations.
     pub deviations: f64,
-    /// How far the contact went across its tangent, metres.
+    /// The motion of the contact across its tangent, metres.
     pub across_m: f64,
 }
 
@@ -92,7 +92,7 @@ pub struct Sweep {
     pub jumps: Vec<Jump>,
     /// Sum of squares at the minimum.
     pub chi2: f64,
-    /// What it should be; it deviates from that by chance by √(2 × this).
+    /// Its expected value; chance deviates from it by √(2 × this).
     pub degrees_of_freedom: usize,
     /// Whether all this can be: the sum of squares chance, jumps true leaps and at most one per run of contacts, friction not negative. If not,
     /// no estimate has the status ok: stiffness, gains or zero are wrong. (A hub off by a fixed offset or angle moves the whole
@@ -124,7 +124,7 @@ pub fn smooth(rod: &Rod, cell: &Cell, samples: &[Sample], options: &Options) -> 
     Ok(report(&with, samples, &runs, &chained, smoothed, jumps, options))
 }
 
-/// What is known of the friction angle.
+/// The prior of the friction angle.
 pub(crate) fn prior(friction: &Friction) -> Result<Prior, Error> {
     match *friction {
         Friction::Unknown => Ok(Prior { angle_rad: 0.0, sigma_rad: UNKNOWN_FRICTION_RAD }),

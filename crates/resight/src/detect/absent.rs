@@ -1,4 +1,4 @@
-//! A target was not found: what was looked for, and what is in the image instead.
+//! A target was not found: the target that was sought, and the one in the image instead.
 
 use super::chessboard::{ChessboardFinder, Outcome};
 use super::dots::DotDetector;
@@ -21,7 +21,7 @@ pub fn not_found(target: &Target, image: &GrayImage) -> String {
     }
 }
 
-/// What is looked for.
+/// The target that is sought.
 fn wanted(target: &Target) -> String {
     match target.design() {
         Target::Tag(t) => format!("tag target ({} id {}, size_m {})", t.family, t.id, t.size_m),
@@ -53,7 +53,7 @@ fn last_id(first: u32, count: u32) -> u32 {
     first.saturating_add(count).saturating_sub(1)
 }
 
-/// What an image shows instead of a target, with the way out; none where nothing like it is seen.
+/// What an image shows instead of a target, with a remedy; none where nothing similar is seen.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
     match target.design() {
         Target::Tag(tag) => other_tags(&tag.family, &format!("id {}", tag.id), "correct `family`", image),

@@ -48,7 +48,7 @@ impl AprilGridFinder {
         self.grid.first_id..self.grid.first_id + self.grid.rows * self.grid.columns
     }
 
-    /// Where the corners of a tag are by the tags beside it; none where fewer than two are near.
+    /// The expected corners of a tag by the tags beside it; none where fewer than two are near.
     fn predicted(&self, id: u32, tags: &[DecodedTag]) -> Option<[Pixel; 4]> {
         let apart = |tag: &DecodedTag| (self.corner(tag.id, 0) - self.corner(id, 0)).norm();
         let mut beside: Vec<&DecodedTag> = tags.iter().collect();
@@ -204,7 +204,7 @@ impl GridTagFinder {
     }
 }
 
-/// How much an image is reduced before tags are sought in it.
+/// The reduction of an image before tags are sought in it.
 fn decimate(image: &GrayImage) -> f32 {
     if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 }
 }

@@ -29,7 +29,7 @@ pub(super) struct DecodedTag {
     pub corners: [Pixel; 4],
 }
 
-/// Where the edges of a quad are taken from before its bits are read.
+/// The image in which the edges of a quad are measured before its bits are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edges {
     /// From its outline in the reduced image: good enough to read a large tag, and half of the time of a search.

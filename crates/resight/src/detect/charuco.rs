@@ -30,7 +30,7 @@ pub(super) struct CharucoFinder {
     squares: Vec<(u32, u32)>,
     /// Families in the order of [`MIRRORED`].
     decoder: QuadDecoder,
-    /// What is printed in each square, row by row; none in the plain ones.
+    /// The marker in each square, row by row; none in the plain ones.
     prints: Vec<Option<MarkerPattern>>,
     /// Half of a marker's edge, and a marker's cells, in squares.
     half_marker: f64,
@@ -163,7 +163,7 @@ impl CharucoFinder {
         }
     }
 
-    /// Where the corners of a marker should be by those beside it; none where none is near.
+    /// The expected corners of a marker by those beside it; none where none is near.
     fn predicted(&self, markers: &[DecodedTag], id: u32) -> Option<[Pixel; 4]> {
         let centre = self.centre(id);
         let is_near = markers.iter().any(|m| (self.centre(m.id) - centre).norm() <= GROW_SQUARES);
@@ -226,7 +226,7 @@ impl CharucoFinder {
         [0, 1, 2, 3].map(|k| (on_board[k], marker.corners[k]))
     }
 
-    /// How far a marker's corners lie from where `map` puts them, in squares of its own image.
+    /// The distance of a marker's corners from those of `map`, in squares of its own image.
     fn deviation_squares(&self, map: &Homography, marker: &DecodedTag) -> f64 {
         let pairs = self.pairs(marker);
         let edge_px = super::sigma::shortest_edge_px(&marker.corners).max(1.0);

@@ -40,7 +40,7 @@ pub(super) struct ChessboardFinder {
     detectors: Vec<ChessboardDetector>,
 }
 
-/// What an image shows of a board.
+/// The part of a board that an image shows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Outcome {
     /// Its corners.
@@ -96,7 +96,7 @@ impl ChessboardFinder {
         sizes.filter(|(rows, _)| 3 <= *rows).max_by_key(|(rows, columns)| rows * columns)
     }
 
-    /// What the image shows of the board.
+    /// The part of the board that the image shows.
     pub fn look(&self, image: &GrayImage) -> Outcome {
         let corners = corners(image, &self.config);
         let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
@@ -304,7 +304,7 @@ impl Search<'_> {
         best
     }
 
-    /// What a piece grows to, and its place in the board.
+    /// A piece after growing, and its place in the board.
     fn grown(&self, mut lattice: Lattice, dark: i32, all: &mut Vec<Lattice>) -> Outcome {
         let board = &self.finder.board;
         let mut pattern = Pattern::new(self.image, self.noise_gray, dark, &lattice);
@@ -347,7 +347,7 @@ fn enlarged(joint: Joint, scale: f64) -> Joint {
     Joint { pixel: joint.pixel * scale + middle, sigma_px: scale * joint.sigma_px }
 }
 
-/// Of two outcomes the one that says more.
+/// The more complete of two outcomes.
 fn better(a: Outcome, b: Outcome) -> Outcome {
     let worth = |x: &Outcome| match x {
         Outcome::Board(corners) => (2, corners.len() as u64),

@@ -87,7 +87,7 @@ impl Sums {
         Some(sums)
     }
 
-    /// Where the edges meet, relative to the window's centre.
+    /// The intersection of the edges, relative to the window's centre.
     fn shift(&self) -> Option<Vector2<f64>> {
         // One edge alone leaves the corner free along it: the smaller eigenvalue vanishes against the larger.
         let (trace, determinant) = (self.normal.trace(), self.normal.determinant());

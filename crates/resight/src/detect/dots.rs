@@ -71,7 +71,7 @@ pub enum Polarity {
     LightOnDark,
 }
 
-/// What is known about the dots and how careful to be.
+/// The dots' geometry, and the detector's thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DotConfig {
     /// Diameter of the discs, metres; none: any, as long as the four are alike.
@@ -129,7 +129,7 @@ impl DotDetector {
         Self::with_config(target, DotConfig::default())
     }
 
-    /// The same with what is known about the dots.
+    /// The same with the dots' geometry.
     pub fn with_config(target: &LinePlusOne, config: DotConfig) -> Result<Self, resight_core::Error> {
         Target::LinePlusOne(*target).check()?;
         let unfit = |parameter, seen| {

@@ -2,7 +2,7 @@
 //!
 //! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole image, so corners are the same; those of
 //! what is measured where it was, to a fraction of their sigma.
-//! A target that left its place is looked for in the whole image at once. What takes long (a look for copies and for tags out of
+//! A target that left its place is searched in the whole image at once. What takes long (a look for copies and for tags out of
 //! place, small tags at full size) goes strip by strip, a share of the image for the time that has passed, so no frame waits for it.
 //! Capture times and images alone decide what is searched, not how long it took: the same film gives the same answers.
 
@@ -18,7 +18,7 @@ use resight_core::target::Feature;
 use resight_core::{Camera, Pixel, Target};
 use tags::TagFollower;
 
-/// How much of an image was searched.
+/// The part of an image that was searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// Where the target was expected, and perhaps a strip besides.
@@ -44,7 +44,7 @@ enum Kind {
 }
 
 impl Follower {
-    /// Knows no place yet.
+    /// No position is known yet.
     ///
     /// # Errors
     /// As of [`Detector::new`].
@@ -85,7 +85,7 @@ impl Follower {
         Ok(found)
     }
 
-    /// How much of the last image was searched.
+    /// The part of the last image that was searched.
     pub fn extent(&self) -> Extent {
         self.extent
     }

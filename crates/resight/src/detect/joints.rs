@@ -26,7 +26,7 @@ impl Joint {
     }
 }
 
-/// How far the window of a corner's refinement reaches to each side of its centre.
+/// Half the width of the window of a corner's refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CornerWindow {
     /// None: what is printed around a corner is laid on the image, 4 to 7 px to each side.

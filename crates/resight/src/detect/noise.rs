@@ -4,14 +4,14 @@ use crate::GrayImage;
 
 /// Columns and rows between the places where the noise is measured.
 const EVERY: usize = 4;
-/// Fewest places that say anything.
+/// The smallest number of samples.
 const MIN_PLACES: usize = 64;
 /// And so does a smaller share of an image: beside pure black and white, edges of letters.
 const MIN_SHARE: f64 = 0.002;
 /// Largest answer of the mask below, 8·255 in either direction.
 const LARGEST: usize = 2040;
 
-/// Standard deviation of the noise of each pixel, grey levels; 0 of an image too small to say.
+/// Standard deviation of the noise of each pixel, grey levels; 0 of an image that is too small.
 ///
 /// J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding, 1996: the mask
 /// `1 −2 1, −2 4 −2, 1 −2 1` sees neither brightness nor slopes nor straight edges along the axes, and noise of standard deviation σ as
@@ -76,7 +76,7 @@ pub(super) struct Quietened<'a> {
 }
 
 impl<'a> Quietened<'a> {
-    /// Smooths an image as its noise asks for. In noise of 5 grey levels most of the time of a search went into outlines of noise.
+    /// Smooths an image by its noise. In noise of 5 grey levels most of the time of a search went into outlines of noise.
     pub fn new(image: &'a GrayImage) -> Self {
         let noise_gray = noise_gray(image);
         // Noise of unit variance has 9/64 of it left after one pass in both directions and (35/128)² after two.

@@ -18,7 +18,7 @@ const CONTRAST_GRAY: f64 = 10.0;
 
 /// A residual that shows so many times the variance of the common one is this corner's own.
 pub(super) const OWN_EXCESS: f64 = 3.0;
-/// What the method itself leaves, standard deviation in pixels: 0.0015 px on rendered boards without noise, rounding included.
+/// The error of the method itself, standard deviation in pixels: 0.0015 px on rendered boards without noise, rounding included.
 const METHOD_PX: f64 = 0.0013;
 /// The image's noise is known to a fifth; a smaller residual is chance.
 const LEAST_EXCESS: f64 = 0.6;
@@ -30,14 +30,14 @@ const BLUR_CORNERS: usize = 4;
 
 /// A corner that was found, and the print around it.
 pub(super) struct Place<Ink> {
-    /// Where it was found.
+    /// Its measured position.
     pub found: Pixel,
-    /// Where it is on the plane, and how the plane appears around it.
+    /// Its position on the plane, and the map of the plane around it.
     pub place: PlanePoint,
     pub map: Homography,
     /// Shortest edge of the squares around it, pixels.
     pub square_px: f64,
-    /// How far the print is known, pixels.
+    /// The radius of the known print, pixels.
     pub clear_px: f64,
     /// It is elsewhere if its print lies further off, pixels.
     pub reach_px: f64,
@@ -45,14 +45,14 @@ pub(super) struct Place<Ink> {
     pub ink: Ink,
 }
 
-/// What the print says of a corner.
+/// The result of comparing a corner with its print.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Observed {
     /// The print is there.
     Print { pixel: Pixel, sigma_px: f64 },
     /// Something else is: the corner is covered, or was none.
     Otherwise,
-    /// Too near to the edge of the image to say.
+    /// Too near to the edge of the image to compare.
     Outside,
 }
 
@@ -68,7 +68,7 @@ pub(super) fn sigmas_px(fits: &[Fit]) -> Vec<f64> {
     fits.iter().map(of).collect()
 }
 
-/// What all corners of an image have in common.
+/// The data shared by all corners of an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Common {
     /// Standard deviation of the noise of each pixel, grey levels.
@@ -149,7 +149,7 @@ impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
         lying.filter(|l| is_seen(l.explained, l.contrast_gray)).map_or(0.0, |l| l.explained)
     }
 
-    /// How far the print is compared, pixels to each side; none too near to the edge of the image.
+    /// The radius of the comparison, pixels to each side; none too near to the edge of the image.
     fn half_px(&self, image: &GrayImage) -> Option<usize> {
         let size = |n: u32| n as f64 - 1.0;
         let (u, v) = (self.found.x.round(), self.found.y.round());

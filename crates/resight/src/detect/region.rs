@@ -56,12 +56,12 @@ impl Region {
         [self.end[0] - self.first[0], self.end[1] - self.first[1]]
     }
 
-    /// Its first column and row, which what is found in it is moved by.
+    /// Its first column and row, the offset of detections in it.
     pub fn origin(&self) -> Pixel {
         Pixel::new(self.first[0] as f64, self.first[1] as f64)
     }
 
-    /// How many pixels it has.
+    /// The number of its pixels.
     pub fn area_px(&self) -> u64 {
         let edge = |axis: usize| (self.end[axis] - self.first[axis]) as u64;
         edge(0) * edge(1)

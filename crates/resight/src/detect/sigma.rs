@@ -1,4 +1,4 @@
-//! How well a detector places a corner: the standard deviations that every covariance downstream rests on.
+//! The accuracy of a detected corner: the standard deviations on which every covariance is based.
 
 use super::apriltag::DecodedTag;
 use resight_core::Pixel;

@@ -18,7 +18,7 @@ use part::Part;
 use resight_core::Pixel;
 use rows::{BLUR, BOWS, CornersByMap, GAIN, GRAY, Line, MAP, Placed, Row, SPREAD, UNKNOWNS, WIDTH};
 
-/// Where a tag's corners are.
+/// The corners of a tag.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LaidTag {
     pub corners: [Pixel; 4],
@@ -26,11 +26,11 @@ pub(super) struct LaidTag {
     pub sigmas_px: [f64; 4],
     /// The share of its pixels that look like the print.
     pub shown: f64,
-    /// What the next image begins with.
+    /// The start for the next image.
     fit: Fit,
 }
 
-/// What was known in the end.
+/// The result.
 #[derive(Debug, Clone, Copy)]
 struct Fit {
     reduce: usize,
@@ -99,7 +99,7 @@ const SPREAD_PRIOR_PX: f64 = 0.3;
 const BOW_PRIOR: f64 = 0.02;
 /// What the unknowns take up of sums over squares, in shares of an edge.
 const TAKEN_UP: f64 = 1.5;
-/// What the method itself leaves, standard deviation in pixels.
+/// The error of the method itself, standard deviation in pixels.
 const METHOD_PX: f64 = 0.003;
 /// The same of a drawing without any blur, whose pixels lie at a few places of their edges only.
 const SHARP_METHOD_PX: f64 = 0.015;
@@ -194,7 +194,7 @@ fn around(print: &Print, corners: &[Pixel; 4]) -> [Pixel; 4] {
     corners.map(|corner| centre + (corner - centre) * grown)
 }
 
-/// What is known from round to round.
+/// The state from round to round.
 struct State {
     at: [Pixel; 4],
     blur_px2: Matrix2<f64>,
@@ -214,7 +214,7 @@ struct Solved {
     x: Row,
     factor: Cholesky<f64, Const<UNKNOWNS>>,
     corners_by_map: CornersByMap,
-    /// How far the coordinates of the corners move.
+    /// The motion of the corners' coordinates.
     steps: Pull,
     /// Weight of each line.
     weights: Vec<f64>,
@@ -372,7 +372,7 @@ fn products(lines: &[Line], weights: &[f64]) -> [[f64; WIDTH]; GRAY + 1] {
     sums
 }
 
-/// Whether the print shows, and how well its corners are known: docs/math/tag_print.md section 3.
+/// Whether the print shows, and the uncertainty of its corners: docs/math/tag_print.md section 3.
 fn conclude(
     lines: &[Line],
     solved: &Solved,

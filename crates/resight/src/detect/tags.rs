@@ -23,7 +23,7 @@ pub struct FoundTag {
     pub sigmas_px: [f64; 4],
     /// Standard deviation of each coordinate by what the lens model and a print that is not flat leave, pixels.
     pub lens_sigma_px: f64,
-    /// How far its bits lie from the black/white threshold, grey levels.
+    /// The distance of its bits from the black/white threshold, grey levels.
     pub margin_gray: f64,
 }
 
@@ -139,7 +139,7 @@ impl TagFinder {
         all
     }
 
-    /// How many tags there can be without copies.
+    /// The largest number of tags without copies.
     pub(super) fn wanted(&self) -> usize {
         self.wanted
     }

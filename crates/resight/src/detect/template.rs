@@ -1,4 +1,4 @@
-//! What a known print should look like around one of its corners, and the shift that lays it on the image.
+//! The predicted image of a known print around one of its corners, and the shift that aligns it with the image.
 //!
 //! Where a corner stands free, edges are the better measure (`corner`). In a small or strongly tilted board the markers come nearer to the
 //! corners than a window for edges is wide, and every saddle-point detector loses corners; but what is printed there is known. The model of
@@ -17,7 +17,7 @@ use resight_core::Pixel;
 /// A print laid on an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
-    /// Where the corner is.
+    /// The corner's position.
     pub pixel: Pixel,
     /// Standard deviation of each coordinate by the noise alone.
     pub noise_px: f64,
@@ -29,7 +29,7 @@ pub(super) struct Fit {
     pub contrast_gray: f64,
 }
 
-/// Where a print lies, before anything is said of how well that is known.
+/// The position of a print, without its uncertainty.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lying {
     pub pixel: Pixel,

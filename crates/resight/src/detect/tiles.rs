@@ -21,12 +21,12 @@ const OVERLAP: f64 = 64.0;
 /// Tags from the next reduction are taken where they are this long, pixels of it: their edges are then measured clear of their bits.
 const LARGE: f64 = 32.0;
 
-/// What one search of the library sees.
+/// The input of one search of the library.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CameraWatcher {
     /// How many times the image is reduced before outlines are sought; at least 1.
     pub decimate: f32,
-    /// Where edges are taken from.
+    /// The image that edges are measured in.
     pub edges: Edges,
 }
 
@@ -60,7 +60,7 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraW
     all
 }
 
-/// How many columns and rows of tiles an image takes at this reduction.
+/// The number of columns and rows of tiles of an image at this reduction.
 fn tile_counts(size_px: [u32; 2], decimate: f64) -> [u32; 2] {
     let reduced = size_px.map(|edge| edge as f64 / decimate);
     if reduced[0] * reduced[1] <= WHOLE_PIXELS && reduced.iter().all(|edge| *edge <= LONGEST_EDGE) {

@@ -13,11 +13,11 @@ use crate::formats::plausible;
 pub struct QueryAnswer {
     /// The question.
     pub query: NamedQuery,
-    /// What the answer is worth: that of the network, unless it has no value or both solutions give the same.
+    /// The status of the answer: that of the network, unless it has no value or both solutions give the same.
     pub status: NetworkStatus,
     /// One value, three for a position; or why there is none.
     pub result: Result<Vec<Measured>, String>,
-    /// What the second solution says, where the answer is ambiguous.
+    /// The answer of the second solution, where it is ambiguous.
     pub other: Option<Vec<Measured>>,
 }
 
@@ -30,9 +30,9 @@ pub struct Answers {
     pub status: NetworkStatus,
     /// One a question, in order.
     pub answers: Vec<QueryAnswer>,
-    /// What is wrong, to be read before any number: contradictions, second solutions, control points on a line.
+    /// The faults, to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
-    /// What a reader must know besides: what was left out, what cannot be checked.
+    /// Remarks: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
 }
 
@@ -109,7 +109,7 @@ const MOST_SUSPECTS: usize = 3;
 /// Two statistics that differ by less than this part cannot be distinguished.
 const TIED: f64 = 0.01;
 
-/// What contradicts what, where anything does.
+/// The contradictions.
 fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
     let Some((first, rest)) = adjusted.suspects.split_first() else {
         let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
@@ -130,7 +130,7 @@ fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
     ))
 }
 
-/// What stands before the numbers.
+/// The lines before the numbers.
 fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut verdict = Vec::new();
     verdict

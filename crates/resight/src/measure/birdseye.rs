@@ -59,7 +59,7 @@ struct Source<'a> {
     sigma_px: f64,
 }
 
-/// What one place of the ground is worth.
+/// The accuracy of one place of the ground.
 #[derive(Clone, Copy)]
 struct Worth {
     /// Ground that one pixel covers along its longer side, m.
@@ -69,7 +69,7 @@ struct Worth {
 }
 
 /// The rectified ground of a photograph; none where the plane or the photograph has no place, or fewer than three points lie on the plane.
-/// Where it is known which way the camera looked, an arrow shows north.
+/// Where the camera's heading is known, an arrow shows north.
 pub fn birdseye(
     scene: &NamedScene,
     answers: &Answers,
@@ -191,7 +191,7 @@ fn bilinear(image: &GrayImage, p: &Pixel) -> u8 {
     (top * (1.0 - b) + bottom * b).round() as u8
 }
 
-/// The worth of the ground on a coarse grid.
+/// The accuracy of the ground on a coarse grid.
 struct Field {
     columns: usize,
     rows: usize,

@@ -4,7 +4,7 @@ use super::answers::{Refusal, solve};
 use super::scene::NamedScene;
 use crate::answer::MeasureAnswer;
 
-/// Every question of a scene with its answer. What cannot be solved is in the answer's status.
+/// Every query of a scene with its answer. The answer's status states what cannot be solved.
 ///
 /// # Errors
 /// A scene that is wrong in itself: no length, an impossible camera or statement.

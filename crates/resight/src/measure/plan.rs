@@ -148,7 +148,7 @@ fn axes(drawing: &mut Drawing, sheet: &Sheet) {
     }
 }
 
-/// Where text already stands, so that no two stand on each other: the middle lines of texts, as points with a radius.
+/// The places of text, so that no two overlap: the middle lines of texts, as points with a radius.
 struct Labels {
     /// Width and height of the sheet, px.
     sheet: Vector2<f64>,
@@ -279,7 +279,7 @@ fn arms(path: &Path) -> [Vector2<f64>; 2] {
     [path[0], path[2]].map(|end| path[1] + (end - path[1]).cap_magnitude(44.0))
 }
 
-/// What was measured, as lines.
+/// The measured quantities, as lines.
 fn lines(drawing: &mut Drawing, sheet: &Sheet, answer: &QueryAnswer, adjusted: &Adjusted) {
     let Some(mut path) = path_of(sheet, answer, adjusted) else { return };
     match answer.query.kind {
@@ -304,7 +304,7 @@ fn arc(path: &Path) -> Path {
     (0..=24).map(at).collect()
 }
 
-/// What was measured, as text beside its line.
+/// The measured quantities, as text beside their lines.
 fn lengths(
     drawing: &mut Drawing,
     labels: &mut Labels,
@@ -368,7 +368,7 @@ fn points(
     }
 }
 
-/// What is wrong, above everything else.
+/// The fault, above everything else.
 fn warning(drawing: &mut Drawing, answers: &Answers) {
     if let Some(first) = answers.verdict.first() {
         let short: String = first.chars().take(MOST_WARNING).collect();

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 pub use rig::rig_scene;
 
-/// What can be asked.
+/// The kinds of queries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QueryKind {
@@ -51,7 +51,7 @@ impl QueryKind {
 /// A question with names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedQuery {
-    /// What it is called in the table.
+    /// Its name in the table.
     pub name: String,
     /// What is asked.
     pub kind: QueryKind,
@@ -79,7 +79,7 @@ pub struct SceneCamera {
     pub intrinsics_covariance: Option<Vec<f64>>,
 }
 
-/// A scene as the solver takes it, with the names that people use.
+/// A scene as input of the solver, with names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedScene {
     /// Cameras.
@@ -110,12 +110,12 @@ pub struct NamedScene {
     pub error_limit_m: f64,
     /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
     pub is_camera_frame: bool,
-    /// What is unusual about the files of the cameras, in sentences.
+    /// Remarks on the files of the cameras, in sentences.
     pub remarks: Vec<String>,
 }
 
 impl NamedScene {
-    /// The cameras as the solver takes them.
+    /// The cameras as input of the solver.
     pub fn network_cameras(&self) -> Vec<NetworkCamera<'_>> {
         let mut cameras = Vec::with_capacity(self.cameras.len());
         for SceneCamera { camera, intrinsics_covariance } in &self.cameras {
@@ -124,7 +124,7 @@ impl NamedScene {
         cameras
     }
 
-    /// What the solver takes.
+    /// The input of the solver.
     pub fn network<'a>(&'a self, cameras: &'a [NetworkCamera<'a>]) -> NetworkProblem<'a> {
         NetworkProblem {
             cameras,

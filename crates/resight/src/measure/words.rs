@@ -59,7 +59,7 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
 }
 
-/// What control points on one line mean.
+/// The meaning of control points on one line.
 pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {
     let [a, b] = line.ends.map(|p| scene.points[p].as_str());
     format!(

@@ -1,4 +1,4 @@
-//! What stands on one sheet besides the page: the target's ink in millimetres, the white it needs, and what is said of it.
+//! The content of one sheet: the target's ink in millimetres, the white it needs, and its caption.
 
 use super::PrintRequest;
 use super::shape::Shape;

@@ -1,4 +1,4 @@
-//! Where everything stands on a page: rulers beside the target or below it, upright or turned, with as much white as there is room for.
+//! The layout of a page: rulers beside the target or below it, upright or turned, with as much white as there is room for.
 
 use super::content::Content;
 use super::paper::Paper;

@@ -1,4 +1,4 @@
-//! What the rulers of a printed sheet say of its scale.
+//! The scale of a printed sheet by its measured rulers.
 
 use crate::error::Error;
 use resight_core::Target;

@@ -1,4 +1,4 @@
-//! What is printed on.
+//! The paper.
 
 use crate::error::Error;
 
@@ -36,7 +36,7 @@ impl Paper {
     /// `A4`, `A3`, … , `letter`, or `WIDTHxHEIGHT` in millimetres.
     ///
     /// # Errors
-    /// What papers there are, or which sides a paper may have.
+    /// The known papers, or the allowed sides of one.
     pub fn parse(word: &str) -> Result<Paper, Error> {
         if let Some((_, paper)) = NAMED.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)) {
             return Ok(*paper);

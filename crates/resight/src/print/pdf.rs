@@ -37,7 +37,7 @@ pub(super) fn document(pages: &[&Page]) -> Vec<u8> {
     file(&objects)
 }
 
-/// Objects, numbered from 1, with the table of where they are.
+/// Objects, numbered from 1, with the table of their offsets.
 fn file(objects: &[Vec<u8>]) -> Vec<u8> {
     let mut out = b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n".to_vec();
     let mut table = format!("xref\n0 {}\n0000000000 65535 f \n", objects.len() + 1);

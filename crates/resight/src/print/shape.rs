@@ -1,4 +1,4 @@
-//! What is on a page: the one list that both writers draw.
+//! The shapes of a page: the one list that both writers draw.
 
 /// Something black. Millimetres from the top left of the page, y down.
 #[derive(Debug, Clone, PartialEq)]

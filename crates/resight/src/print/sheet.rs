@@ -1,4 +1,4 @@
-//! What one page and several have in common: a target with its cut marks, lines of words, and the pages they end on.
+//! The part that one page and several share: a target with its cut marks, lines of words, and the pages they end on.
 
 use super::content::Content;
 use super::shape::{Page, Shape};

@@ -1,4 +1,4 @@
-//! Words on a sheet: how wide they are, and where lines break.
+//! Text on a sheet: its width and its line breaks.
 
 /// Advance widths of Helvetica's printable ASCII, from the space on, thousandths of the font's size (Adobe's font metrics).
 const WIDTHS: [u16; 95] = [

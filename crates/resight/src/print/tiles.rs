@@ -11,7 +11,7 @@ use crate::error::Error;
 
 /// Blank edge of each page, in which the marks stand.
 const MARGIN_MM: f64 = 12.0;
-/// What neighbouring pages both show.
+/// The overlap of neighbouring pages.
 const OVERLAP_MM: f64 = 10.0;
 /// Marks of a joint: from here to there, off the part that belongs to the target.
 const MARK_MM: [f64; 2] = [1.0, 6.0];
@@ -101,7 +101,7 @@ impl Tiling {
         Page { size_mm: self.page, groups: vec![part, marks] }
     }
 
-    /// In the margins: where the joints are, and which page this is.
+    /// In the margins: the marks of the joints, and the page's number.
     fn marks(&self, row: usize, column: usize, title: &str) -> Vec<Shape> {
         let counts = [self.columns, self.rows];
         let at = [column, row];

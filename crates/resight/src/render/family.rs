@@ -1,4 +1,4 @@
-//! What is printed inside a tag: black and white cells, taken from the detectors' own code tables.
+//! The print inside a tag: black and white cells, taken from the detectors' own code tables.
 //!
 //! AprilTag families come from the C library's generator, OpenCV's `DICT_…` from calib-targets; no table of codes is
 //! kept here. Both are upright as their own makers draw them, which a test proves by detecting; OpenCV draws its

@@ -1,4 +1,4 @@
-//! What light, lens and sensor do: illumination gradient, Gaussian blur, noise, rounding.
+//! The effects of light, lens and sensor: illumination gradient, Gaussian blur, noise, rounding.
 
 /// PCG-XSH-RR 64/32 (M. O'Neill, 2014): small, seeded, the same on every machine.
 #[derive(Debug, Clone)]

@@ -1,4 +1,4 @@
-//! What is printed of a flat target, as outlines: the pattern that [`render`](super::render) draws sample by sample, for printers.
+//! The print of a flat target, as outlines: the pattern that [`render`](super::render) draws sample by sample, for printers.
 //!
 //! Black cells that share an edge become one outline, so that no hairline shows between them.
 

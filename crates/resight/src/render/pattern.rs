@@ -1,4 +1,4 @@
-//! What each kind of target looks like: planes with a pattern, and balls for surveyed points.
+//! The appearance of each kind of target: planes with a pattern, and balls for surveyed points.
 
 use super::family::{self, Cells};
 use super::{Placed, RenderError, Style};

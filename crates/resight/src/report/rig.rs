@@ -1,4 +1,4 @@
-//! A rig's page: one file that shows where the cameras are, how uncertain that is, and what it rests on, without a network.
+//! A rig's page: one file with the cameras' poses, their uncertainty and the data behind them, without a network.
 //!
 //! Everything on it is there without scripts too: tables, drawings and an image in space. With scripts the image turns and every
 //! single residual can be looked at. Same run, same bytes.
@@ -32,7 +32,7 @@ const SCRIPTS: [&str; 5] = [
     include_str!("rig/controls.js"),
 ];
 
-/// What several parts of the page draw from, computed once.
+/// The data that several parts of the page share, computed once.
 struct Drawn<'a> {
     run: &'a RigRun,
     targets: Vec<TargetInView>,
@@ -82,7 +82,7 @@ fn judged(run: &RigRun) -> String {
     }
 }
 
-/// The figures that say at once whether the run went well.
+/// The key figures of the run.
 fn summary(run: &RigRun) -> [(&'static str, String); 6] {
     let s = &run.solution;
     let share = 100.0 * s.n_used as f64 / s.n_seen.max(1) as f64;

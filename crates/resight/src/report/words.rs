@@ -23,7 +23,7 @@ pub fn distance_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> (f64, f64) {
     (distance_m, (along.transpose() * translation * along)[(0, 0)].max(0.0).sqrt())
 }
 
-/// Where the camera is in the target frame and the standard deviation along each axis of that frame, metres.
+/// The camera's position in the target frame and the standard deviation along each axis of that frame, metres.
 pub fn position_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
     let sigma_m = position_sigma_m(&estimate.cam_from_target, &estimate.covariance);
     (estimate.cam_from_target.origin(), sigma_m)

@@ -35,7 +35,7 @@ pub struct DetectionRow<'a> {
     pub id: Option<&'a str>,
     /// Which corner of the tag `id`, counted from 0.
     pub corner: Option<&'a str>,
-    /// Where the point is in the target's frame, metres; none where the request's target knows it.
+    /// The point's position in the target's frame, metres; none where the request's target has it.
     pub position_m: Option<[f64; 3]>,
     /// `[u, v]`, pixels.
     pub image_px: [f64; 2],
@@ -47,7 +47,7 @@ pub struct DetectionRow<'a> {
     pub line: Option<u64>,
 }
 
-/// Where detections come from.
+/// The source of detections.
 #[derive(Debug, Clone, Copy)]
 pub enum DetectionSource<'a> {
     /// CSV files with the columns camera, view, id, x_m, y_m, z_m, u_px, v_px and optionally target, body, corner, sigma_px, sigma_m, t_s.
@@ -77,7 +77,7 @@ impl<'a> Detections<'a> {
     }
 }
 
-/// What is wrong with a row: the column to blame, and the end of a sentence about it.
+/// The fault of a row: the column, and the end of a sentence about it.
 pub(super) struct RowFault {
     column: &'static str,
     what: String,

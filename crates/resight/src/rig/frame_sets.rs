@@ -9,7 +9,7 @@ use std::collections::HashMap;
 pub(super) struct FrameSets {
     /// Frames that no other camera has a counterpart of.
     pub n_alone: usize,
-    /// What to say about it.
+    /// A remark on it.
     pub remarks: Vec<String>,
 }
 

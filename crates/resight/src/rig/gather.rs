@@ -1,4 +1,4 @@
-//! What was seen, put into the canonical order of a [`NamedRig`].
+//! The observations, in the canonical order of a [`NamedRig`].
 
 use super::names::natural;
 use super::{NamedRig, NamedTarget};
@@ -8,7 +8,7 @@ use crate::formats::NamedCamera;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-/// What one frame of one camera shows of one target.
+/// The points of one target in one frame of one camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedObservation {
     /// Which camera, index into the cameras given.
@@ -21,7 +21,7 @@ pub struct NamedObservation {
     pub points: Vec<(String, Correspondence)>,
 }
 
-/// A rig, and what its numbers are called.
+/// A rig, and the names of its indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gathered {
     /// Ready for the solver.

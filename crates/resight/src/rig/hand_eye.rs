@@ -1,4 +1,4 @@
-//! From a robot's poses and what its camera (or rig) observed to where that is mounted: the job behind `resight hand-eye`.
+//! The mounting of a camera (or rig) from a robot's poses and the camera's observations: the job behind `resight hand-eye`.
 
 use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::report::rig::rig_verdict_sentence;
 use nalgebra::{DMatrix, DVector};
 
-/// What a camera or rig observed while the robot moved.
+/// The observations of a camera or rig while the robot moved.
 #[derive(Debug, Clone)]
 pub enum HandEyeViews {
     /// Poses of the target found already, in the frame of one camera.
@@ -20,18 +20,18 @@ pub enum HandEyeViews {
     Points(Box<ObservedRig>),
 }
 
-/// A robot's poses and what was observed in them.
+/// A robot's poses and the observations in them.
 #[derive(Debug, Clone)]
 pub struct HandEyeRequest {
     /// The poses of the gripper; views are matched by name.
     pub robot: Vec<RobotPose>,
-    /// What the camera or rig observed.
+    /// The observations of the camera or rig.
     pub views: HandEyeViews,
     /// What is on the gripper, and a coordinate of the camera that is known otherwise.
     pub config: HandEyeConfig,
 }
 
-/// Where a camera or rig is mounted on a robot or vehicle, and where the target stands.
+/// The pose of a camera or rig on a robot or vehicle, and that of the target.
 ///
 /// An answer without these poses has a status: `Degenerate` where the robot's motions do not determine them, `Inconsistent` where the
 /// views contradict each other, that of the rig where there is none, else `Error`.
@@ -187,7 +187,7 @@ fn names(robot_views: &[RobotView]) -> Vec<String> {
     robot_views.iter().map(|view| view.view.clone()).collect()
 }
 
-/// What the solver's numbers are called.
+/// The names of the solver's indices.
 struct Named {
     eye: &'static str,
     views: Vec<String>,

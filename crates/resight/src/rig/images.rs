@@ -51,12 +51,12 @@ impl CameraImage {
     }
 }
 
-/// What is known of the images, and how targets are found in them.
+/// The images with their times, and the settings of the detectors.
 #[derive(Debug, Clone, Default)]
 pub struct ImageOptions {
     /// When each frame was taken; none: names alone say which frames are one view.
     pub times: Option<FrameTimes>,
-    /// Where corners of chessboards and ChArUco boards are refined.
+    /// The refinement of corners of chessboards and ChArUco boards.
     pub corner_window: CornerWindow,
 }
 
@@ -79,7 +79,7 @@ enum Pixels<'a> {
     Decoded(GrayImage),
 }
 
-/// What was found in one frame.
+/// The detections in one frame.
 struct FrameResult {
     camera: usize,
     name: String,
@@ -181,7 +181,7 @@ fn one_video_each(videos: &mut [CameraVideo], names: &[String]) -> Result<(), Er
     }
 }
 
-/// The search for targets, and what it found.
+/// The search for targets, and its results.
 struct Search<'a> {
     options: &'a ImageOptions,
     /// Each camera at the size of its images, once one was looked at.

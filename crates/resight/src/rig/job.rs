@@ -75,11 +75,11 @@ pub fn rig_from_detections(detections: &Detections, request: &RigRequest) -> Res
 pub struct ObservedRig {
     /// The observations by camera, view and target.
     pub gathered: Gathered,
-    /// What took no part from the beginning.
+    /// Observations that took no part from the beginning.
     pub left_out: Vec<LeftOut>,
     /// Frames that no other camera has a counterpart of.
     pub n_alone: usize,
-    /// What is unusual about files and observations.
+    /// Remarks on files and observations.
     pub remarks: Vec<String>,
     reference: usize,
     known_distances: Vec<KnownDistance>,

@@ -1,4 +1,4 @@
-//! What the cameras of a rig observed, on its way from images or detections to the solver.
+//! The observations of a rig's cameras, from images or detections, as input of the solver.
 
 use super::NamedTarget;
 use super::gather::NamedObservation;
@@ -9,7 +9,7 @@ use crate::formats::NamedCamera;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// What one frame shows.
+/// The observations of one frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
     /// Index into the cameras given.

@@ -1,4 +1,4 @@
-//! Where a file's cameras are, all in one frame, however the file chains their poses.
+//! The poses of a file's cameras in one frame, however the file chains them.
 
 use crate::core::temporal::compare::{Correlation, RigPoses};
 use crate::core::{Matrix6, Pose};
@@ -98,7 +98,7 @@ impl PlacedRig {
         Some(RigPoses { cam_from_rig, covariance, correlation, noise_degrees_of_freedom })
     }
 
-    /// Whether every camera has a covariance: a file that gives it for some only says nothing about the others.
+    /// Whether every camera has a covariance: a file may give it for some of them only.
     pub fn has_covariances(&self) -> bool {
         self.cameras.iter().all(|camera| camera.covariance.is_some())
     }

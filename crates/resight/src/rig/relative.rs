@@ -1,4 +1,4 @@
-//! What a solved rig says about other frames than its own: between two cameras, and in a surveyed world.
+//! The poses of a solved rig in other frames than its own: between two cameras, and in a surveyed world.
 
 use crate::core::multiview::rig::{RigConfig, RigProblem, RigSolution, solve_rig};
 use crate::core::{Error, Matrix6, Pose};
@@ -36,7 +36,7 @@ pub fn between(solution: &RigSolution, a: usize, b: usize) -> Option<UncertainPo
     Some(UncertainPose { b_from_a, covariance: (covariance + covariance.transpose()) * 0.5 })
 }
 
-/// Where a rig stands in the frame of a target at rest.
+/// The pose of a rig in the frame of a target at rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InWorld {
     /// World from rig.

@@ -31,7 +31,7 @@ pub struct RigRequest {
     pub joint_covariance: bool,
     /// Files that the cameras and targets were read from: the answer names them with their digests.
     pub files: Vec<PathBuf>,
-    /// What is unusual about those files.
+    /// Remarks on those files.
     pub remarks: Vec<String>,
     /// The command line that asks, where one does: the answer, its page and its scene repeat it.
     pub command: Option<String>,

@@ -39,7 +39,7 @@ pub(super) struct RobotView {
 }
 
 impl RobotView {
-    /// As the solver takes it.
+    /// The input of the solver.
     pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandEyeView<'a> {
         HandEyeView {
             base_from_gripper: self.robot.base_from_gripper,

@@ -11,7 +11,7 @@ pub struct TimedFrame {
     pub t_s: f64,
 }
 
-/// Which view each frame belongs to, views counted in the order of time: a view holds frames of different cameras, all within
+/// The view of each frame, views counted in the order of time: a view holds frames of different cameras, all within
 /// `tolerance_s` of each other. Neighbours in time are joined, the closest first, so that a frame between two others goes to the
 /// nearer; the answer does not depend on the order of the frames.
 ///

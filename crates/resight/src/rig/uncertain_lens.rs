@@ -1,4 +1,4 @@
-//! What uncertain intrinsics of one camera do to an answer that is found again with other ones: docs/math/hand_eye.md section 9.
+//! The share of one camera's uncertain intrinsics in an answer, which is computed again with other ones: docs/math/hand_eye.md section 9.
 
 use crate::core::Camera;
 use crate::formats::NamedCamera;
@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 /// Size of the steps, standard deviations: within the linear range, and far above where an iteration ends.
 const STEP: f64 = 0.3;
 
-/// What the intrinsics add to the covariance of an answer, D C Dᵀ by central differences along the principal directions of C. `with` gives
+/// The share of the intrinsics in the covariance of an answer, D C Dᵀ by central differences along the principal directions of C. `with` gives
 /// the change of the answer through another lens; none where it has none.
 pub(crate) fn share(
     camera: &NamedCamera,

@@ -27,7 +27,7 @@ pub struct RigPoint {
     pub sigma_m: Option<f64>,
 }
 
-/// The rows of one view: what all cameras see of the target at one time.
+/// The rows of one view: the points that all cameras see at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigPointsView {
     /// Column `view`, or the file's name.

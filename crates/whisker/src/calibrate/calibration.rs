@@ -1,4 +1,4 @@
-//! A calibrated rig: what its readings mean, and how far its own uncertainty moves a contact.
+//! A calibrated rig: the correction of its readings, and the share of its uncertainty in a contact.
 
 use super::constraints::{Posed, Setting, State};
 use super::model::{self, Gravity};
@@ -47,7 +47,7 @@ impl Calibration {
         model::rod_of(&self.values, &self.nominal_rod)
     }
 
-    /// What the cell reads with nothing touched, without weight: N, N, N·m.
+    /// The readings of the cell with nothing touched, without weight: N, N, N·m.
     pub fn zeros(&self) -> Vector3<f64> {
         let [x, y, m] = [Parameter::ForceXZero, Parameter::ForceYZero, Parameter::TorqueZero];
         Vector3::new(self.value(x), self.value(y), self.value(m))
@@ -102,7 +102,7 @@ impl Calibration {
         }
     }
 
-    /// What the calibration's own uncertainty adds to the covariance of a contact `[x, y, θ]` of `sample` (as read, not applied),
+    /// The share of the calibration's own uncertainty in the covariance of a contact `[x, y, θ]` of `sample` (as read, not applied),
     /// world: the same error in all samples, so it does not average out. For `Mode::Mid` and `Mode::Tip` of a contact estimated
     /// under that constraint, `Mode::Free` of one estimated from its load alone. None where the sample has no contact.
     /// docs/math/whisker_calibrate.md eqs. (16)–(17).

@@ -1,4 +1,4 @@
-//! What a sample in contact must fulfil, and how that depends on its reading, the hub and every parameter.
+//! The constraints on a sample in contact, and their derivatives by its reading, the hub and every parameter.
 //!
 //! ```text
 //!   free: the load is zero · mid: F (sin φ − sin φ_f) = 0 · tip: s − L = 0                   docs/math/whisker_calibrate.md (5)–(7)
@@ -31,7 +31,7 @@ pub enum Role {
     Unused,
 }
 
-/// What a contact says of the object's outline.
+/// The constraint of a contact on the object's outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outlined {
     /// Nothing: no object, or a tip too near a corner.
@@ -84,7 +84,7 @@ impl State {
     }
 }
 
-/// Where a fit stands.
+/// The state of a fit.
 #[derive(Debug, Clone)]
 pub struct State {
     /// The rig's parameters.
@@ -95,7 +95,7 @@ pub struct State {
     pub rotations_rad: DVector<f64>,
 }
 
-/// What does not change in a fit.
+/// The constants of a fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Setting<'a> {
     /// The rod as given.

@@ -1,4 +1,4 @@
-//! Has the rig changed? Between two calibrations, or along a record.
+//! Whether the rig has changed, between two calibrations or along a record.
 //!
 //! ```text
 //!   U  the directions of the parameters (in units of their prior σ, D) that the data determine · d = Uᵀ D⁻¹ (new − old) · V = Cov d
@@ -17,7 +17,7 @@ use crate::{Cell, Error, Sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use resight_core::statistics::chi_square::tail;
 
-/// What one parameter would have had to do, to explain the change by itself.
+/// The change of one parameter that would explain everything by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     /// Which.
@@ -142,21 +142,21 @@ fn verdict(
     Drift { chi2, degrees_of_freedom, p_value, has_drifted: p_value < false_alarm_rate, changes }
 }
 
-/// What a monitor says.
+/// The verdict of a monitor.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Watch {
     /// The window is not full.
     Filling,
-    /// The window holds too few samples, free or in contact, to say anything.
+    /// The window holds too few samples, free or in contact.
     Stale {
-        /// How many could be used.
+        /// The number that could be used.
         seen: usize,
-        /// How many are needed.
+        /// The number needed.
         needed: usize,
     },
     /// Nothing has changed beyond the noise and the calibration's own uncertainty.
     Steady(Drift),
-    /// The rig has changed, or no longer is what the model says.
+    /// The rig has changed, or no longer fits the model.
     Drifted(Drift),
 }
 
@@ -174,7 +174,7 @@ pub struct DriftMonitor {
 /// By how much friction may differ from window to window without its contacts being taken for tip contacts, σ in radians.
 const FRICTION_CHANGE_RAD: f64 = 0.1;
 
-/// Fewer usable samples in a window say nothing.
+/// The smallest number of usable samples in a window.
 const LEAST_SEEN: usize = 20;
 
 impl DriftMonitor {

@@ -30,7 +30,7 @@ pub struct Problem<'a> {
     pub plans: &'a [Plan],
     /// How exact what is observed is.
     pub noise: Noise,
-    /// How well the parameters are known beforehand, about `centre`.
+    /// The prior of the parameters, about `centre`.
     pub priors: &'a Priors,
     /// Where the priors are centred.
     pub centre: Values,
@@ -100,7 +100,7 @@ impl Problem<'_> {
         Fitted { state, covariance, object_covariance, chi2, degrees_of_freedom }
     }
 
-    /// How many equations the samples give at `state`.
+    /// The number of equations of the samples at `state`.
     fn equations_at(&self, state: &State) -> usize {
         let posed = Posed::new(self.setting, state);
         let used = self.samples.iter().zip(self.plans).filter(|(_, plan)| plan.role != Role::Unused);
@@ -176,7 +176,7 @@ impl Layout {
         moved
     }
 
-    /// How far every unknown is from where it was expected.
+    /// The distance of every unknown from its expected value.
     fn offs(&self, state: &State, centre: &Values) -> Vec<f64> {
         let free = self.free.iter().map(|(p, scale)| (state.values[p.index()] - centre[p.index()]) / scale);
         let object = state.object.iter().map(|off| off / OBJECT_SIGMA);

@@ -1,4 +1,4 @@
-//! A calibration under way: where it starts, which equations every sample gives, fits, and what to leave out.
+//! A calibration in progress: its start, the equations of every sample, fits, and samples to leave out.
 
 use super::constraints::Stretch;
 use super::constraints::{Constraint, Plan, Posed, Role, Setting, State};
@@ -29,7 +29,7 @@ pub struct Outcome {
     pub fitted: Fitted,
     /// The roles.
     pub roles: Vec<Role>,
-    /// How many contacts the object contradicts, so that they were left out.
+    /// The number of contacts that were left out because they contradict the object.
     pub contradicted: usize,
 }
 
@@ -214,7 +214,7 @@ impl<'a> Job<'a> {
         kept.collect()
     }
 
-    /// What the fit says.
+    /// The result of the fit.
     pub fn answer(&self, outcome: Outcome, object: &Object, outline: Option<&Outline>) -> Calibrated {
         let is_consistent = outcome.is_consistent(self.options.false_alarm_rate);
         let p_value = outcome.p_value();

@@ -1,4 +1,4 @@
-//! From what the instruments read to what they mean, and how that depends on every parameter.
+//! The correction of readings, and its derivatives by every parameter.
 //!
 //! ```text
 //!   r = [fx, fy, mz] read · z zeros · w weight, γ its load at the hub angle ψ · G_f, G_m gains · δ cell angle · p cell origin
@@ -41,7 +41,7 @@ pub struct Meant {
     pub load_by_parameters: SMatrix<f64, 3, COUNT>,
 }
 
-/// What `sample` means under `values`.
+/// `sample` corrected by `values`.
 pub fn meant(values: &Values, gravity: Option<&Gravity>, sample: &Sample) -> Meant {
     let v = |parameter: Parameter| values[parameter.index()];
     let weight = gravity.map_or(Vector3::zeros(), |g| unit_weight(g, sample.world_from_hub.angle_rad));

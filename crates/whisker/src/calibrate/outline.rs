@@ -1,4 +1,4 @@
-//! The outline of the object in a fit: how far a line or a point is from it, and how that depends on the object's free parameters.
+//! The outline of the object in a fit: the distance of a line or a point from it, and its derivatives by the object's free parameters.
 //!
 //! For a convex object with support function h: the line with outward normal n supports it where n·x = h(n), and a point lies on the
 //! outline where its signed distance max_n (n·x − h(n)) vanishes. docs/math/whisker_calibrate.md eqs. (9)–(10).
@@ -38,7 +38,7 @@ impl Outline {
         Some(Outline { start: start.clone(), freedom })
     }
 
-    /// How many parameters are free: shift x, shift y, turn (not of a circle), then sizes.
+    /// The number of free parameters: shift x, shift y, turn (not of a circle), then sizes.
     pub fn count(&self) -> usize {
         match self.freedom {
             Freedom::Held => 0,

@@ -1,9 +1,9 @@
-//! What a calibration knows about the instruments, parameter by parameter, and how well it was known before.
+//! The parameters of a calibration, and their priors.
 
 use crate::{Cell, Error};
 use nalgebra::{SMatrix, SVector};
 
-/// How many parameters there are.
+/// The number of parameters.
 pub const COUNT: usize = 15;
 
 /// One number per [`Parameter`], in the order of [`Parameter::ALL`] and its unit.
@@ -17,11 +17,11 @@ pub type Covariance = SMatrix<f64, COUNT, COUNT>;
 pub enum Parameter {
     /// ln(EI / the EI given).
     Stiffness,
-    /// What the cell reads along the clamped whisker with nothing touched, newtons.
+    /// The cell's reading along the clamped whisker with nothing touched, newtons.
     ForceXZero,
-    /// What it reads across, newtons.
+    /// Its reading across, newtons.
     ForceYZero,
-    /// What its torque reads, newton metres.
+    /// Its torque reading, newton metres.
     TorqueZero,
     /// ln(force / reading).
     ForceGain,

@@ -1,4 +1,4 @@
-//! How exact the hub's pose is: what the rounding of its angle has in common over many samples.
+//! The accuracy of the hub's pose: the rounding of its angle is common to many samples.
 
 use super::constraints::Stretch;
 use super::fit::Noise;

@@ -1,4 +1,4 @@
-//! What the cell reads with nothing touched.
+//! The readings of the cell with nothing touched.
 
 use super::model::{Gravity, unit_weight};
 use crate::{Cell, Error, Sample};

@@ -1,4 +1,4 @@
-//! What a record leaves open: the combinations of parameters about which it says no more than was known beforehand.
+//! The combinations of parameters that a record does not determine.
 
 use super::Object;
 use super::parameters::{Covariance, Parameter, Priors};

@@ -1,4 +1,4 @@
-//! What both closed forms share: the clamped end as a state of the pendulum, and the way back into the hub frame.
+//! The part that both closed forms share: the clamped end as a state of the pendulum, and the way back into the hub frame.
 //!
 //! ```text
 //!   F force, M₀ moment at the clamp · λ = √(F/EI) · β₀ angle of the clamped whisker from −F, in (−π, π]

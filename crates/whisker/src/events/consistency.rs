@@ -1,4 +1,4 @@
-//! Does a record agree with itself? Constraints pooled over it, and what a wrong calibration would do to them.
+//! Whether a record agrees with itself: constraints pooled over it, and the effect of a wrong calibration on them.
 //!
 //! Rows: the friction and tip residual of every sample; the outline of one sweep where another has the same normals. Faults: gains, zeros, angles and offsets, each by the score of the rows along its
 //! derivative. One fault explains a record better than noise: the record is inconsistent, and so is every contact that the fault
@@ -39,7 +39,7 @@ pub struct Suspicion {
     pub chi2: f64,
 }
 
-/// What a record says of itself.
+/// The consistency of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Consistency {
     /// χ² of all rows, the friction angle fitted.

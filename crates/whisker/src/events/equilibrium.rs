@@ -40,7 +40,7 @@ impl Equilibrium {
 pub struct Problem<'a> {
     /// The whisker.
     pub rod: &'a Rod,
-    /// What it leans on.
+    /// The feature that it touches.
     pub arc: Arc,
     /// How: friction angle between clamp and tip, or the tip.
     pub constraint: Constraint,

@@ -1,4 +1,4 @@
-//! Slip-off predicted: how far the hub may go on as it goes until the whisker finds no equilibrium any more.
+//! Slip-off predicted: the further motion of the hub until the whisker has no equilibrium.
 //!
 //! The arc under the last contacts and the hub's motion are continued; the equilibrium is followed along it, between clamp and tip,
 //! then at the tip, until its Jacobian is singular: the fold. Near it the determinant falls as the square root of the travel left,
@@ -35,7 +35,7 @@ pub struct Ending {
     pub world_from_hub: PlanarPose,
 }
 
-/// What lies ahead of a contact if the hub continues as it does.
+/// The prediction of a contact if the hub's motion continues.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prediction {
     /// L − s, metres: what is left of the whisker beyond the contact.
@@ -141,7 +141,7 @@ struct Start {
     is_tip: bool,
 }
 
-/// The way the hub goes, and the whisker on it.
+/// The path of the hub, and the whisker on it.
 struct Ahead<'a> {
     rod: &'a Rod,
     cell: Cell,

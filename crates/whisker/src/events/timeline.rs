@@ -8,7 +8,7 @@ use crate::friction::{Constraint, Record, Tests, project, sound};
 use crate::{Cell, Rod, Sample};
 use resight_core::statistics::chi_square;
 
-/// What happened at a sample.
+/// The event at a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventKind {
     /// The whisker touched.
@@ -123,7 +123,7 @@ const KINKED: f64 = 1e-3;
 /// Contacts before and after a sample that its label rests on.
 const AROUND: usize = 8;
 
-/// What every sample touches: the tip by its mode, corner or tangent by the arc through the mid-whisker contacts around it. None where
+/// The feature that every sample touches: the tip by its mode, corner or tangent by the arc through the mid-whisker contacts around it. None where
 /// nothing is touched or the contact is not ok.
 pub fn labels(
     rod: &Rod,

@@ -16,7 +16,7 @@ pub const TOUCH_TWICE: f64 = 12.838;
 /// `TOUCH_AT_ONCE` in that metric that is found free has not been let go but has slipped off.
 const EXTRAPOLATION_VARIANCE: f64 = 6.0;
 
-/// What a sample changed.
+/// The change by a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
     /// Nothing.

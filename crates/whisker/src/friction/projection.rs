@@ -13,7 +13,7 @@ use crate::estimate::Mode;
 use crate::{Cell, HubContact, HubLoad, Rod, Sample};
 use nalgebra::{Matrix3, Vector3};
 
-/// What a mode demands of a load.
+/// The constraint of a mode on a load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constraint {
     /// Between clamp and tip: the force makes this angle with the whisker's normal.

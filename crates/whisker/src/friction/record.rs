@@ -11,7 +11,7 @@ use crate::contact::Method;
 use crate::estimate::{Mode, Status, estimate};
 use crate::{Cell, ContactEstimate, Error, Rod, Sample};
 
-/// What is known of the coefficient of friction.
+/// The prior of the coefficient of friction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Mu {
     /// Nothing: it is estimated from the record.
@@ -21,7 +21,7 @@ pub enum Mu {
     Known(f64),
 }
 
-/// What a record says under constraints.
+/// The estimate of a record under constraints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     /// One answer per sample, in the order given.

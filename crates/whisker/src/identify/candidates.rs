@@ -15,7 +15,7 @@ pub(super) struct Candidate {
     pub score: Score,
 }
 
-/// What the hypotheses are fitted to.
+/// The data that the hypotheses are fitted to.
 pub(super) struct Evidence<'a> {
     pub rows: &'a [Row],
     pub search: Search<'a>,

@@ -12,11 +12,11 @@ use resight_core::least_squares::{LeastSquares, Tolerance, minimize};
 pub(super) struct Fit {
     /// Where.
     pub state: State,
-    /// Σ of what the rows cost, eq. (9).
+    /// Σ of the rows' costs, eq. (9).
     pub cost: f64,
 }
 
-/// What each row has to say of a fit.
+/// The terms of each row in a fit.
 pub(super) struct Verdicts {
     /// Squared distances, row by row.
     pub squared: Vec<f64>,
@@ -183,7 +183,7 @@ const ROUNDING: f64 = 0.02;
 /// Pairs of rows whose mean product says anything.
 const FEWEST_PAIRS: u32 = 12;
 
-/// What the rows say of a state.
+/// The cost of the rows at a state.
 pub(super) fn verdicts(rows: &[Row], state: &State) -> Verdicts {
     let Some(outline) = state.outline() else {
         return Verdicts { squared: Vec::new(), places: Vec::new() };

@@ -1,4 +1,4 @@
-//! The contacts an outline allows: a curve of places and normals, and how far a touch is from it.
+//! The contacts an outline allows: a curve of places and normals, and the distance of a touch from it.
 //!
 //!   [p(β), β]  tangent contact of a smooth outline: p = c + P P n/|P n|, dp/dβ = ρ t, ρ = det P² / |P n|³      eq. (3), (4)
 //!   [cₖ, β]  whisker on corner k, βₖ₋₁ ≤ β ≤ βₖ   ·   [cₖ + u tₖ, βₖ]  whisker along face k, 0 ≤ u ≤ ℓₖ          eq. (5)
@@ -54,7 +54,7 @@ pub(super) enum Place {
     Face(usize, f64),
 }
 
-/// How far a touch is from the outline.
+/// The distance of a touch from the outline.
 #[derive(Debug, Clone)]
 pub(super) struct Distance {
     /// Whitened residual, measured − nearest.

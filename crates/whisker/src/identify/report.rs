@@ -1,4 +1,4 @@
-//! The chosen hypothesis in the user's terms: shape, parameters and their covariance, what was touched, what to do next.
+//! The chosen hypothesis for the user: shape, parameters and their covariance, coverage, what to do next.
 
 use super::candidates::{Candidate, Evidence};
 use super::fit::{covariance, verdicts};

@@ -1,4 +1,4 @@
-//! Touches made ready for fitting: whitened, and what a squared distance costs.
+//! Touches prepared for fitting: whitened, with the cost of a squared distance.
 //!
 //!   Σ  covariance of [x, y, β] and what linearising leaves out, eq. (2)   ·   W = L⁻¹, Σ = L Lᵀ   ·   D  squared distance
 //!   c  what an outlier costs                                    docs/math/whisker_identify.md eq. (2), (8)–(10)
@@ -141,7 +141,7 @@ fn along_variance(covariance: &Matrix3<f64>) -> f64 {
     0.5 * (m[(0, 0)] + m[(1, 1)] + (m[(0, 0)] - m[(1, 1)]).hypot(m[(0, 1)] + m[(1, 0)]))
 }
 
-/// What a squared distance costs and how much its row counts.
+/// The cost of a squared distance and the weight of its row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Loss {
     /// From five standard deviations on the cost grows linearly: far rows keep pulling a start towards them, eq. (10).

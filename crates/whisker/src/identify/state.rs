@@ -1,4 +1,4 @@
-//! What a hypothesis leaves free: its parameters, the outline they draw, and how the outline's parameters follow from them.
+//! The free parameters of a hypothesis, the outline they define, and the derivatives of the outline's parameters by them.
 
 use super::outline::{Corners, Outline, Smooth};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};

@@ -1,4 +1,4 @@
-//! One contact as evidence about the object: a place, the outward normal there, and how well both are known.
+//! One contact as evidence about the object: a position, the outward normal there, and the covariance of both.
 //!
 //!   β  direction of the outward normal, world, radians: θ + 90° where the object is to the right of the whisker (M₀ > 0),
 //!      θ − 90° where it is to the left                                             docs/math/whisker_identify.md eq. (1)

@@ -75,7 +75,7 @@ impl Given {
         })
     }
 
-    /// What was not used.
+    /// Files that were not used.
     pub fn remarks(&self) -> Option<String> {
         let (name, _) = self.contacts.as_ref().filter(|_| self.readings.is_some())?;
         Some(format!("{name} is not used: the contacts are those of the readings"))

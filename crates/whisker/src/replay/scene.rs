@@ -1,4 +1,4 @@
-//! Readings as they are drawn: shapes, contacts, ellipses, and how far everything reaches.
+//! Readings as they are drawn: shapes, contacts, ellipses, and their extent.
 
 use crate::contact::Method;
 use crate::contact::bent::shape_in_hub;

@@ -1,4 +1,4 @@
-//! Where a kind of contact ends, and what follows.
+//! The end of a kind of contact, and the kind that follows.
 
 use super::equilibrium::{Outline, State, Touching, least_force_n, wrapped};
 use crate::Rod;

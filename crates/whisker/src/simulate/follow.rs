@@ -11,7 +11,7 @@ use super::{Change, Event};
 use crate::{Error, PlanarPose, Rod};
 use nalgebra::Vector3;
 
-/// What the whisker is doing.
+/// The state of the whisker.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Now {
     Free,

@@ -1,4 +1,4 @@
-//! The unloaded whisker: where it lies, what it cuts, how a contact begins.
+//! The unloaded whisker: its shape, its intersections, the beginning of a contact.
 
 use super::TruthContact;
 use super::equilibrium::{Outline, State, Touching, wrapped};

@@ -76,7 +76,7 @@ pub fn standard_sweeps() -> [Motion; 3] {
     ]
 }
 
-/// How many samples a sweep has.
+/// The number of samples of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Spacing {
     /// Free samples up to and including the touch.

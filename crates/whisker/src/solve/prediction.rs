@@ -1,4 +1,4 @@
-//! What lies ahead of a contact: where its phase began, and its slip-off in words.
+//! The prediction of a contact: the beginning of its phase, and its slip-off in words.
 
 use super::rig::Rig;
 use crate::contact::Method;
@@ -105,7 +105,7 @@ pub struct ForecastObject {
     sweep: u32,
     /// Its sample.
     sample: u32,
-    /// What is left of the whisker beyond the contact, metres.
+    /// Length of the whisker beyond the contact, metres.
     margin_m: f64,
     /// Its standard deviation, metres.
     margin_sigma_m: f64,

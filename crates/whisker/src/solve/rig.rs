@@ -5,7 +5,7 @@ use crate::estimate::Mode;
 use crate::files::{ContactRow, HubRow, WhiskerFile, six_axis};
 use crate::{Cell, ContactEstimate, Error, Rod, Sample};
 
-/// The way out of what only the plane allows.
+/// The remedy for functions that work in the plane only.
 pub const SIX_AXES: &str = "readings of a six-axis cell (fz, mx, my) are each solved for themselves; leave those columns out to solve \
                             fx, fy, mz in the plane";
 

@@ -11,7 +11,7 @@ use std::cell::RefCell;
 /// outline of radius L/5 turning by 3°.
 pub const TOUCH_SLIDE: f64 = 0.01;
 
-/// What is known of the friction angle beforehand.
+/// The prior of the friction angle.
 #[derive(Debug, Clone, Copy)]
 pub struct Prior {
     /// Its expected value, radians.
@@ -33,7 +33,7 @@ pub struct Problem<'a> {
     pub states: Vec<Local>,
     /// The shared friction angle, radians.
     pub shared_rad: f64,
-    /// What was known of it.
+    /// Its prior.
     pub prior: Prior,
 }
 

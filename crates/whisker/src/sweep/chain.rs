@@ -23,7 +23,7 @@ pub struct Chain {
     corner_gradient: f64,
 }
 
-/// What the solution says: the step and what is needed of H⁻¹.
+/// The solution: the step, and the required parts of H⁻¹.
 #[derive(Debug, Clone, Default)]
 pub struct Solution {
     /// Step of every node.

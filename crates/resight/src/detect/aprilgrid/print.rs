@@ -39,7 +39,7 @@ const REACH_EDGES: f64 = 2.5;
 /// Rounds of looking beside what was found in the last one.
 const MOST_ROUNDS: usize = 20;
 
-/// What is printed on a grid.
+/// The print of a grid.
 pub(super) struct GridPrint {
     grid: AprilGrid,
     /// Tags and spaces to a tag's edge.
@@ -219,7 +219,7 @@ fn printed(fit: &Fit) -> Joint {
     Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
 }
 
-/// What every corner of an image is compared with.
+/// The print that every corner of an image is compared with.
 struct CameraWatcher<'a> {
     print: &'a GridPrint,
     image: &'a GrayImage,

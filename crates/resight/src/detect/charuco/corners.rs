@@ -50,7 +50,7 @@ struct Expected {
     at: Pixel,
     /// Shortest edge of the squares around it, pixels.
     square_px: f64,
-    /// How far from `at` it is looked for, pixels.
+    /// The radius around `at` of the search, pixels.
     reach_px: f64,
 }
 
@@ -163,7 +163,7 @@ impl CharucoFinder {
     }
 }
 
-/// What every corner of an image is compared with.
+/// The print that every corner of an image is compared with.
 struct Comparison<'a> {
     finder: &'a CharucoFinder,
     image: &'a GrayImage,
@@ -230,7 +230,7 @@ impl Comparison<'_> {
         EXPLAINED <= explained && CONTRAST_GRAY <= contrast_gray
     }
 
-    /// Where the search of a corner begins: a blurred print draws it in from further away.
+    /// The start of the search of a corner: a blurred print draws it in from further away.
     fn start(&self, corner: &Expected, blur_px: f64) -> Pixel {
         let reach_px = corner.reach_px;
         let is_far = SEARCH_PX < reach_px;

@@ -71,7 +71,7 @@ impl<'a> Pattern<'a> {
         Pattern { image, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
     }
 
-    /// Takes nodes out that their print does not vouch for, and moves the others to where it lies.
+    /// Removes nodes whose print does not show, and moves the others to their print.
     pub fn keep_vouched(&self, lattice: &mut Lattice) {
         let vouched = |(node, joint): (&Node, &Joint)| {
             let fit = self.look(lattice, *node, None)?;

@@ -22,7 +22,7 @@ const NEAREST: usize = 12;
 const LOCAL_SQUARES: i32 = 4;
 
 impl Lattice {
-    /// What the library has labelled.
+    /// The corners that the library has labelled.
     pub fn labelled(found: &ChessboardDetection) -> Self {
         let nodes = found.corners.iter().map(|c| {
             let pixel = Pixel::new(c.position.x as f64, c.position.y as f64);

@@ -1,4 +1,4 @@
-//! Where in the board a piece of its pattern lies, and which way round.
+//! The position and orientation in the board of a piece of its pattern.
 
 use super::lattice::{Extent, Lattice, Node};
 use crate::GrayImage;
@@ -35,7 +35,7 @@ impl Placement {
     }
 }
 
-/// The eight ways to turn and mirror a lattice.
+/// The eight rotations and reflections of a lattice.
 const WAYS: [(Node, Node); 8] = [
     ((1, 0), (0, 1)),
     ((0, 1), (-1, 0)),
@@ -54,7 +54,7 @@ pub(super) struct Ends {
     pub v: (bool, bool),
 }
 
-/// What is known of a lattice's place in the board.
+/// A lattice's possible places in the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
     /// There alone, up to a rotation that the colours of the board do not show.
@@ -65,7 +65,7 @@ pub(super) enum Place {
     Nowhere,
 }
 
-/// What every placement of a lattice is judged by.
+/// The data by which a placement of a lattice is judged.
 pub(super) struct Observed<'a> {
     lattice: &'a Lattice,
     board: &'a Chessboard,

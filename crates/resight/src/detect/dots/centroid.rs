@@ -1,4 +1,4 @@
-//! Where exactly is the dot? Centroid of the coverage around a region, its standard deviation, and its shape.
+//! The exact position of a dot: centroid of the coverage around a region, its standard deviation, and its shape.
 //!
 //! Notation: I grey, b(x) plane through the surroundings, f(x) plane through the inside, w = (I − b)/(f − b) the part of
 //! a pixel that the dot covers, C = f − b the contrast, S = Σw the area; docs/math/dots.md eqs. (1)–(6).
@@ -11,7 +11,7 @@ use crate::GrayImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use resight_core::Pixel;
 
-/// A dot: place, how uncertain, and shape.
+/// A dot: position, its uncertainty, and shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
     /// Centroid of its image, pixels (not corrected for perspective).
@@ -137,7 +137,7 @@ impl GreyPlane {
     }
 }
 
-/// Pixels of a window, sorted by what they tell.
+/// Pixels of a window, sorted by their use.
 #[derive(Default)]
 pub(super) struct Scratch {
     ring: Vec<(Vector2<f64>, f64)>,

@@ -177,7 +177,7 @@ impl Labeller {
     }
 }
 
-/// How many leading bytes equal `class`; eight at a time.
+/// The number of leading bytes that equal `class`; eight at a time.
 fn run_length(row: &[u8], class: u8) -> usize {
     let mut n = 0;
     for chunk in row.chunks_exact(8) {

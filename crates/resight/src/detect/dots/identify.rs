@@ -1,4 +1,4 @@
-//! Which four dots are the target? Every explanation is tested, and accepted only if chance would hardly give it.
+//! The four dots that are the target: every explanation is tested, and accepted only if chance would hardly produce it.
 //!
 //! A simple ratio on a line is not kept by perspective, so nothing is thrown away on the ratio alone: it tells the depth
 //! ratio k of the line's ends, which must be plausible and must agree with the dots' shapes. What counts in the end is
@@ -51,7 +51,7 @@ struct Triple {
     depths: [Option<f64>; 2],
 }
 
-/// What is looked for, where.
+/// The target, and the dots.
 pub(super) struct Search<'a> {
     pub layout: &'a Layout,
     pub view: &'a View<'a>,

@@ -1,4 +1,4 @@
-//! The geometry of three dots on a line and one off it: what their places and shapes say about each other.
+//! The geometry of three dots on a line and one off it: the relations between their positions and shapes.
 //!
 //! Notation (docs/math/dots.md): the target is scaled so that the line runs from (0, 0) through (r, 0) to (1, 0) and the
 //! fourth dot is (e, g). H = [h₁ h₂ h₃] maps (x, y, 1) to the plane z = 1; p₀, p₁, p₂, d are the dots' images there.
@@ -265,7 +265,7 @@ fn rim_centroid(radius: f64, place: &dyn Fn(f64, f64) -> Option<Pixel>, origin: 
     Some(if area.abs() < 1e-9 { Pixel::zeros() } else { sum / (3.0 * area) })
 }
 
-/// How far the fourth dot is from where a rigid target could have it, dots.md eqs. (15)–(17).
+/// The distance of the fourth dot from the possible positions of a rigid target's, dots.md eqs. (15)–(17).
 pub(super) struct RigidCheck {
     /// Distance in the image, px.
     pub distance_px: f64,
@@ -295,7 +295,7 @@ pub(super) fn rigid_check(layout: &Layout, dots: &[ViewDot; 4], view: &View) -> 
     Some(RigidCheck { distance_px: off.norm(), chi2 })
 }
 
-/// Where the fourth dot can be, camera frame up to scale.
+/// The possible positions of the fourth dot, camera frame up to scale.
 struct Circle {
     centre: Point,
     first: Point,

@@ -1,4 +1,4 @@
-//! Black or white? A threshold that follows the illumination and the size of what is there.
+//! Black or white: a threshold that follows the illumination and the size of the features.
 //!
 //! Tiles of 8×8 pixels keep their darkest and brightest value; a pyramid of 2×2 tiles follows. A tile takes the finest
 //! level whose 3×3 neighbourhood shows contrast, so a lamp of two pixels is judged against its surroundings of 24 pixels

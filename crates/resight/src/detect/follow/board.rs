@@ -25,7 +25,7 @@ pub(super) struct BoardFollower {
     detector: Detector,
     /// Width of what the board has around its features, of the larger side of their bounding box.
     rim_share: f64,
-    /// What was found last.
+    /// The last detection.
     seen: Vec<Detection>,
     /// Since the ids were read, seconds.
     unread_s: f64,
@@ -40,7 +40,7 @@ pub(super) struct BoardFollower {
 const REACH_PX: f64 = 24.0;
 /// A part of more than this share of the image saves nothing.
 const MOST_OF_IT: f64 = 0.8;
-/// About so many corners say how a board has moved.
+/// About so many corners determine the motion of a board.
 const SCOUTS: usize = 12;
 /// The ids of a board that stays are read once in this time, seconds; so long it cannot be exchanged or turned unseen.
 const READ_EVERY_S: f64 = 0.5;

@@ -41,7 +41,7 @@ struct Seen {
     laid: Option<LaidTag>,
     /// The share of the print that showed when it was read.
     shown: f64,
-    /// How far it moved since the image before; zero where it was not seen.
+    /// Its motion since the image before; zero where it was not seen.
     moved: Pixel,
 }
 
@@ -58,7 +58,7 @@ impl Seen {
     }
 }
 
-/// Where a tag may be. Where the pose puts it and where it was last need not agree while something moves: both are searched.
+/// The possible positions of a tag. The pose's prediction and the last position may differ while something moves: both are searched.
 struct Place {
     id: u32,
     /// Its longer side.
@@ -216,7 +216,7 @@ impl TagFollower {
         places
     }
 
-    /// What has left its place, or was never seen.
+    /// Tags that have left their place, or were never seen.
     fn everywhere(&mut self, image: &GrayImage, elapsed_s: f64, found: &mut Vec<DecodedTag>) -> Extent {
         let is_due = self.absence.is_due();
         if is_due {

@@ -1,4 +1,4 @@
-//! What is printed of a tag, seen through a blur: closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
+//! The print of a tag through a blur, in closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
 
 use crate::detect::families::{Family, draw};
 use std::ops::Range;
@@ -17,7 +17,7 @@ pub(in crate::detect) struct Print {
     pub inset: usize,
     /// −1 black, 1 white, row by row.
     values: Vec<f64>,
-    /// Whether the family says what is printed there.
+    /// Whether the family defines the print there.
     is_known: Vec<bool>,
 }
 
@@ -72,7 +72,7 @@ impl Print {
         Some(Print { width, inset, values, is_known })
     }
 
-    /// Whether the family says what is printed at a place.
+    /// Whether the family defines the print at a place.
     pub fn is_known(&self, [x, y]: [f64; 2]) -> bool {
         let cell = |x: f64| (0.0 <= x && x < self.width as f64).then_some(x as usize);
         cell(x).zip(cell(y)).is_some_and(|(x, y)| self.is_known[y * self.width + x])

@@ -1,4 +1,4 @@
-//! How the grey level of each pixel depends on what is not known of a tag (docs/math/tag_print.md eq. (4)).
+//! The derivatives of each pixel's grey level by the unknowns of a tag (docs/math/tag_print.md eq. (4)).
 
 use super::ink::{Blur, Print};
 use super::part::Part;
@@ -25,7 +25,7 @@ pub(super) type CornersByMap = SMatrix<f64, 8, 8>;
 
 /// One pixel.
 pub(super) struct Line {
-    /// Where it is in the part.
+    /// Its position in the part.
     pub index: usize,
     pub row: [f64; WIDTH],
     /// 1 well inside of the print, 0 outside.

@@ -1,4 +1,4 @@
-//! How much of a pixel is white: exactly where one straight edge crosses it, by samples where more does.
+//! The white share of a pixel: exactly where one straight edge crosses it, by samples where more does.
 //!
 //! Samples on any grid have directions in which few distances occur: 34 places of Fibonacci's lattice show an edge of slope 1 : 4 at two distances,
 //! the same two in every pixel, and corners between such edges were 0.02 px off. Where an edge crosses two sides of the pixel is found by halving,
@@ -51,7 +51,7 @@ fn by_edge(ink: &impl Fn(InPixel) -> f32, colours: [f32; 4]) -> Option<f32> {
     Some(outer + (inner - outer) * area as f32)
 }
 
-/// Where the colour changes along a side, which begins with this one.
+/// The point where the colour changes along a side that begins with this one.
 fn crossing(ink: &impl Fn(InPixel) -> f32, side: usize, colour: f32) -> InPixel {
     let (begin, end) = (CORNERS[side], CORNERS[(side + 1) % 4]);
     let (mut low, mut step) = (0.0, 0.5);

@@ -1,4 +1,4 @@
-//! How well the shift of a print is known (docs/math/corner_sigma.md).
+//! The uncertainty of a print's shift (docs/math/corner_sigma.md).
 //!
 //! Two answers to one question. What white noise does, from the slopes of the print: the Cramér–Rao bound. And what the residual shows: pixels of
 //! one edge that lie off together (a foreign edge, a wrong print, ink that spreads) move the corner as noise does, so each pixel's pull on the corner

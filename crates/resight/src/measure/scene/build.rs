@@ -15,14 +15,14 @@ use std::path::{Path, PathBuf};
 
 /// Standard deviation of an image point where the scene states none, px: a careful person on a full-size display.
 pub const DEFAULT_SIGMA_PX: f64 = 1.0;
-/// How flat a plane is where the scene does not say, m.
+/// Flatness of a plane where the scene does not state it, m.
 const DEFAULT_FLATNESS_M: f64 = 0.01;
-/// How upright an object is where the scene does not say, rad (½°).
+/// Inclination of an upright object where the scene does not state it, rad (½°).
 const DEFAULT_LEAN_RAD: f64 = 0.01;
 /// Coordinates farther from zero than this are moved near it for the computation, m.
 const FAR_M: f64 = 10_000.0;
 
-/// What tells one camera from another: its file, the size of its images; and its stated sigmas.
+/// The identity of a camera: its file, the size of its images; and its stated sigmas.
 type CameraUse<'a> = ((String, Option<String>), Option<(u32, u32)>, &'a BTreeMap<String, f64>);
 
 /// A scene in the making.

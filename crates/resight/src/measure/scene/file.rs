@@ -23,7 +23,7 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub(super) query: Vec<QueryEntry>,
     pub(super) birdseye: Option<BirdseyeEntry>,
-    /// What the page of `resight serve` keeps for itself.
+    /// Data of the page of `resight serve`.
     #[serde(rename = "session")]
     _session: Option<serde::de::IgnoredAny>,
 }

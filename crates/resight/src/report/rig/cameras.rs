@@ -1,4 +1,4 @@
-//! The table of cameras: place, turn, how uncertain, what was used.
+//! The table of cameras: position, rotation, uncertainties, points used.
 
 use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
@@ -78,7 +78,7 @@ fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
     words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
 }
 
-/// What the columns mean, and what became of the stated noise.
+/// The meaning of the columns, and the factor on the stated noise.
 pub(super) fn legend(run: &RigRun) -> String {
     let scale = run.solution.noise_scale;
     let noise = if 1.0 < scale {

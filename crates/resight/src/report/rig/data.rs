@@ -1,4 +1,4 @@
-//! What the script draws from, as JSON in the page.
+//! The data of the script, as JSON in the page.
 
 use super::Drawn;
 use super::pieces::number;

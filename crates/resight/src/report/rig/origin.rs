@@ -1,4 +1,4 @@
-//! What the page was made from: command, files with their hashes, versions; and the conventions of its numbers.
+//! The origin of the page: command, files with their hashes, versions; and the conventions of its numbers.
 
 use super::pieces::{row, tabular};
 use crate::report::html::escaped;

@@ -1,4 +1,4 @@
-//! Pairs of cameras: how many views they share and where one stands seen from the other.
+//! Pairs of cameras: the number of shared views, and their relative pose.
 
 use super::pieces::{number, row, tabular};
 use crate::core::{Matrix6, Pose};

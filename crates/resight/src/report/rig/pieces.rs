@@ -52,7 +52,7 @@ pub(super) fn tabular(class: &str, caption: &str, head: &[&str], rows: &str) -> 
     )
 }
 
-/// Where an image in space is looked at from; `view.js` computes the same.
+/// The viewpoint of a drawing in space; `view.js` computes the same.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Viewpoint {
     pub yaw_rad: f64,

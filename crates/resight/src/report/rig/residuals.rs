@@ -33,7 +33,7 @@ pub(super) struct Packed {
     pub one_in: [usize; 2],
 }
 
-/// Place, residual, whether used.
+/// Position, residual, whether used.
 type Mark = (Pixel, Vector2<f64>, bool);
 
 /// The points of an observation that project somewhere.

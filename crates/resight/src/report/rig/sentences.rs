@@ -1,4 +1,4 @@
-//! What the rig hangs on, and what is known about its scale, in sentences.
+//! The weakest link of a rig, and the test of its scale, in sentences.
 
 use super::pieces::number;
 use crate::core::multiview::rig::{RejectedObservation, TargetScale};
@@ -54,7 +54,7 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
     )
 }
 
-/// One line: how many cameras, views and points, and how well they fit.
+/// One line: the numbers of cameras, views and points, and the residual.
 pub fn rig_headline(run: &RigRun) -> String {
     let s = &run.solution;
     let noise = match s.noise_scale {

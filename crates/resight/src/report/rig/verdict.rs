@@ -1,4 +1,4 @@
-//! Whether a rig can be believed, in words: what the program, its files and the page say first.
+//! The verdict on a rig in words: the first line of the program's output, its files and the page.
 
 use crate::core::multiview::rig::{Cause, LensOffset, Losses, RigSolution};
 use crate::report::verdict::{Status, figures};
@@ -30,7 +30,7 @@ pub fn rig_verdict_sentence(run: &RigRun) -> Option<String> {
     })
 }
 
-/// What is wrong with one camera; none where nothing is.
+/// The fault of one camera; none where there is none.
 pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
     let (solution, name) = (&run.solution, &run.rig.cameras[camera].name);
     let losses = &solution.verdict.cameras[camera];

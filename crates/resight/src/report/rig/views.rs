@@ -1,4 +1,4 @@
-//! Views × cameras: how much of what was seen was used; and what was left out whole.
+//! Views × cameras: the share of points used, and the observations left out whole.
 
 use super::pieces::{fixed, row, tabular};
 use crate::core::multiview::rig::RejectedObservation;
@@ -11,7 +11,7 @@ const MOST_CELLS: usize = 24_000;
 /// Rejected observations that are listed.
 const MOST_REJECTED: usize = 500;
 
-/// What a camera saw in a view, over all targets.
+/// The points of a camera in a view, over all targets.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
     n_seen: usize,

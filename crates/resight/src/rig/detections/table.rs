@@ -5,7 +5,7 @@ use crate::error::{Error, FileError};
 use crate::input::table::{Table, TableRow};
 use std::path::Path;
 
-/// Where the columns are.
+/// The positions of the columns.
 struct Columns {
     camera: Option<usize>,
     view: Option<usize>,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ImageFile {
     /// Which camera.
     pub camera: usize,
-    /// What the wildcards of its pattern stand for; none where it was given as a path.
+    /// The text that matched the wildcards of its pattern; none where it was given as a path.
     pub wild: Option<String>,
     /// The file.
     pub path: PathBuf,
@@ -60,7 +60,7 @@ fn are_shared(images: &[ImageFile], names: &[String]) -> bool {
     cameras.values().any(|cameras| 1 < cameras.len())
 }
 
-/// What the wildcards of a pattern stand for in a path, folder by folder from the end; none without wildcards.
+/// The text that matches the wildcards of a pattern in a path, folder by folder from the end; none without wildcards.
 pub(super) fn wild_part(pattern: &str, path: &Path) -> Option<String> {
     let mut parts = Vec::new();
     let folders = Path::new(pattern).components().rev().zip(path.components().rev());

@@ -71,7 +71,7 @@ impl Series {
         series
     }
 
-    /// How far the series holds.
+    /// The range in which the series holds.
     #[inline]
     pub fn reach(&self) -> f64 {
         let last = |n: usize| self.alpha[n].abs().max(self.p[n].abs()).max(self.moment[n].abs());
