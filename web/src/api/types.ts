@@ -518,7 +518,7 @@ export type Figure = {
 
 /** The object behind the contacts, its outline, and the verdict in a sentence. */
 export type FoundObject = {
-  /** What `resight whisker identify --json` answers. */
+  /** The answer of `resight whisker identify --json`. */
   identification: IdentificationObject;
   /** Whether a class was named. */
   is_named: boolean;
@@ -1122,17 +1122,17 @@ export type ReasonObject = {
   /** How much worse its BIC is. */
   delta_bic: number | null;
   kind: "two_hypotheses";
-  /** How much worse it would have to be. */
+  /** The excess that is needed. */
   needed: number;
   /** The second one. */
   rival: string;
 } | {
   /** The better hypothesis. */
   best: string;
-  /** How much worse that ratio explains the contacts. */
+  /** The excess with that ratio. */
   delta_chi2: number | null;
   kind: "ratio_open";
-  /** How much worse it would have to. */
+  /** The excess that is needed. */
   needed: number;
   /** The ratio that is not excluded, or its inverse. */
   ratio: number;
@@ -1202,7 +1202,7 @@ export type Replay = {
   shapes_one_in: number;
   /** Readings by their status. */
   statuses: Record<string, number>;
-  /** What the user should know. */
+  /** Remarks. */
   warnings: string[];
 };
 
