@@ -32,6 +32,21 @@ step() { # step NAME COMMAND…: runs it, says every half minute that it still d
     wait "$clock" 2>/dev/null || true
 }
 
+aside() { # aside FUNCTION: begins it in the time that builds leave to one processor; `awaited FUNCTION` is its step
+    rm -f "$target/$1.result"
+    (
+        renice -n 10 "$BASHPID" >/dev/null
+        if ("$1") >"$target/$1.log" 2>&1; then echo 0; else echo 1; fi >"$target/$1.going"
+        mv "$target/$1.going" "$target/$1.result"
+    ) &
+}
+
+awaited() {
+    until [ -f "$target/$1.result" ]; do sleep 1; done
+    cat "$target/$1.log"
+    return "$(cat "$target/$1.result")"
+}
+
 python_environment() {
     local venv=$target/check-venv
     [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
@@ -114,8 +129,11 @@ page() { # that the committed page is that of its sources, and its tests in a br
 }
 
 cluster_tests() { # fleets on Spark and Sail
-    needs java openjdk-17-jre-headless || return 1
-    CARGO_TARGET_DIR=$target scripts/cluster_tests.sh "$target"/wheels/resight-*.whl
+    awaited engines && CARGO_TARGET_DIR=$target scripts/cluster_tests.sh "$target"/wheels/resight-*.whl
+}
+
+engines() {
+    needs java openjdk-17-jre-headless && CARGO_TARGET_DIR=$target scripts/cluster_tests.sh
 }
 
 frames() { # the recorded videos as images, once
@@ -124,7 +142,8 @@ frames() { # the recorded videos as images, once
 
 step "python environment" python_environment
 if [ "$mode" = everything ]; then
-    step "derivations (SymPy, 50 digits)" derivations
+    aside derivations
+    aside engines
 fi
 step "ffmpeg" ffmpeg_program
 export PATH=$PATH:$target/ffmpeg # An installed one comes first.
@@ -143,6 +162,7 @@ else
 fi
 if [ "$mode" = everything ]; then
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
+    step "derivations (SymPy, 50 digits)" awaited derivations
     step "files read by other programs" foreign_readers
     step "page" page
     step "python wheel" wheel
