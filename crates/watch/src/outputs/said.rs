@@ -162,6 +162,10 @@ impl EventText {
             Event::Compared { camera, target, t_s, deviation } => {
                 format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), compared::words(deviation))
             }
+            Event::Promised { camera, target, t_s, promise } => {
+                let (pair, promised) = (self.names.pair(*camera, *target), promised::words(promise));
+                format!("{pair}  {t_s:.3} s  the noise of its readings has changed{promised}")
+            }
             Event::Learned { camera, target, reference, promise } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
                 let (turn, shift) = (sigma.fixed_rows::<3>(0).norm(), sigma.fixed_rows::<3>(3).norm());
@@ -239,6 +243,19 @@ impl EventText {
                 message: Some(compared::words(deviation)),
                 ..none()
             },
+            Event::Promised { camera: c, target: t, t_s, promise } => {
+                let (noise, detectable) = promised::objects(promise);
+                EventObject {
+                    event: "promised",
+                    camera: camera(c),
+                    target: target(t),
+                    t_s: Some(*t_s),
+                    noise: Some(noise),
+                    detectable: Some(detectable),
+                    message: Some(self.words(event)),
+                    ..none()
+                }
+            }
             Event::Learned { camera: c, target: t, reference, promise } => {
                 let (noise, detectable) = promise.as_ref().map(|p| promised::objects(p)).unzip();
                 let cam_from_target = Some(TransformObject::from(reference.a_from_b));
