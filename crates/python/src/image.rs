@@ -1,12 +1,14 @@
-//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) of uint8.
+//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) or (height, width, channels) of
+//! uint8.
 
 use crate::answer::PoseAnswer;
+use crate::arrays::{is_masked, words};
 use crate::camera::Camera;
 use crate::error;
 use crate::points::method;
 use crate::run::run;
 use crate::target::Target;
-use numpy::{PyArray2, PyArrayMethods};
+use numpy::{PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resight::GrayImage;
@@ -14,6 +16,7 @@ use resight::answer::DetectionAnswer;
 use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
+use resight::image::Channels;
 use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method};
 use std::path::PathBuf;
 
@@ -25,23 +28,13 @@ pub enum Input {
 
 impl Input {
     /// # Errors
-    /// `input` for what is no grey image.
+    /// `input` for what is no image.
     pub fn new(value: &Bound<'_, PyAny>, view: &str) -> PyResult<Self> {
         let py = value.py();
-        if let Ok(array) = value.cast::<PyArray2<u8>>() {
-            let [rows, columns] = *numpy::PyUntypedArrayMethods::shape(array) else {
-                return Err(error::input(py, "image: no image"));
-            };
-            let size = (u32::try_from(columns), u32::try_from(rows));
-            let (Ok(width_px), Ok(height_px)) = size else {
-                return Err(error::input(py, format!("image: {columns} x {rows} px is too large")));
-            };
-            if rows == 0 || columns == 0 {
-                return Err(error::input(py, "image: an array without pixels"));
-            }
-            let busy = |_| error::input(py, "image: the array is being written to elsewhere");
-            let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
-            return Ok(Input::Memory(view.to_owned(), GrayImage { width_px, height_px, data }));
+        if is_array(value)? {
+            let image = GrayImage::of_channels(&Pixels::new(value)?.channels())
+                .map_err(|reason| error::input(py, format!("image: {reason}")))?;
+            return Ok(Input::Memory(view.to_owned(), image));
         }
         if let Ok(bytes) = value.cast::<PyBytes>() {
             let image = GrayImage::decode(bytes.as_bytes())
@@ -49,8 +42,10 @@ impl Input {
             return Ok(Input::Memory(view.to_owned(), image));
         }
         value.extract::<PathBuf>().map(Input::File).map_err(|_| {
-            let message = "image: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8 is needed; \
-                           make grey ones of colour by cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) or PIL's convert(\"L\")";
+            let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+            let message = format!(
+                "image: a path, the bytes of a PNG or JPEG, or an array of uint8 is needed, {kind} is given"
+            );
             error::input(py, message)
         })
     }
@@ -64,6 +59,56 @@ impl Input {
             }
             Input::Memory(view, image) => (view.clone(), Ok(std::borrow::Cow::Borrowed(image))),
         }
+    }
+}
+
+/// Whether a value is an array, or is one for NumPy, as images of PIL are.
+fn is_array(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(value.hasattr("__array_interface__")? || value.hasattr("__array__")?)
+}
+
+/// Pixels of an array, row by row.
+pub struct Pixels {
+    data: Vec<u8>,
+    /// Height and width, and the channels where the array has such an axis.
+    pub shape: Vec<usize>,
+}
+
+impl Pixels {
+    /// # Errors
+    /// `input` for what is no array (height, width) or (height, width, channels) of uint8.
+    pub fn new(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = value.py();
+        if is_masked(value)? {
+            let message =
+                "image: what is behind the mask of a masked array has no grey; give image.filled(0)";
+            return Err(error::input(py, message));
+        }
+        let value = py.import("numpy")?.call_method1("asarray", (value,))?;
+        let Ok(array) = value.cast::<PyArrayDyn<u8>>() else {
+            let dtype = value.getattr("dtype")?;
+            let message = format!(
+                "image: an array of {dtype} is given, uint8 is needed: scale to 0 to 255, then image.astype(numpy.uint8)"
+            );
+            return Err(error::input(py, message));
+        };
+        let shape = numpy::PyUntypedArrayMethods::shape(array).to_vec();
+        if !matches!(shape[..], [_, _] | [_, _, 1 | 3 | 4]) || shape.contains(&0) {
+            let message = format!(
+                "image: shape {} is given; (height, width), or (height, width, channels) with 1, 3 or 4 channels is needed",
+                words(&shape)
+            );
+            return Err(error::input(py, message));
+        }
+        let busy = |_| error::input(py, "image: the array is being written to elsewhere");
+        let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
+        Ok(Pixels { data, shape })
+    }
+
+    /// As the library takes them.
+    pub fn channels(&self) -> Channels<'_> {
+        let n_channels = self.shape.get(2).copied().unwrap_or(1);
+        Channels { width_px: self.shape[1], height_px: self.shape[0], n_channels, data: &self.data }
     }
 }
 
