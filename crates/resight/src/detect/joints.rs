@@ -88,6 +88,8 @@ fn corners_of(image: &GrayImageView, config: &DetectorConfig) -> Vec<ChessCorner
 /// The corners that the library finds; in a large image strip by strip.
 pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
     let Some(whole) = view(image) else { return Vec::new() };
+    #[cfg(test)]
+    super::work::count(image.data.len());
     if image.data.len() <= WHOLE_PIXELS {
         return corners_of(&whole, config);
     }
