@@ -17,6 +17,7 @@ use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{self, detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
+use resight::image::Channels;
 use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method, explain};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};

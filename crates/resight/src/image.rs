@@ -6,6 +6,7 @@ use std::path::Path;
 
 pub mod exif;
 mod frugal;
+mod header;
 mod undistort;
 
 pub use undistort::{Channels, undistorted};
@@ -35,10 +36,15 @@ const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 /// # Errors
 /// No such file, or no image.
 pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
-    let fault = |reason: String| FileError::new(path, reason);
-    let reader = ::image::ImageReader::open(path).map_err(|e| FileError::of_system(path, &e))?;
-    let reader = reader.with_guessed_format().map_err(|e| fault(e.to_string()))?;
-    reader.into_dimensions().map_err(|_| fault("not a readable PNG or JPEG image".to_owned()))
+    let bytes = input::read(path, Kind::Image)?;
+    header::dimensions(&bytes).ok_or_else(|| FileError::new(path, "not a readable PNG or JPEG image"))
+}
+
+/// Memory that decoding takes at most, its result included, bytes; none where the bytes are no PNG or JPEG.
+pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
+    let (width, height) = header::dimensions(bytes)?;
+    let pixels = u64::from(width) * u64::from(height);
+    Some(pixels.saturating_add(pixels.saturating_mul(4).min(MAX_DECODED_BYTES)))
 }
 
 impl GrayImage {

@@ -33,6 +33,7 @@ mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod rows;
 mod symmetric;
 
 /// Settings of [`locate_image`]; the default is right for most jobs.

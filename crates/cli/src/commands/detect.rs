@@ -9,6 +9,7 @@ use resight::answer::DetectionAnswer;
 use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{detect_every_tag, detect_target, explain};
+use resight::report::words::counted;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -90,14 +91,10 @@ fn describe(found: &DetectionAnswer) -> String {
     let mut out = match &found.message {
         Some(message) if found.detections.is_empty() => format!("{}   {message}\n", found.view),
         Some(message) => {
-            format!(
-                "{}   {}: {} points; {message}\n",
-                found.view,
-                found.status.name(),
-                found.detections.len()
-            )
+            let points = counted(found.detections.len(), "point");
+            format!("{}   {}: {points}; {message}\n", found.view, found.status.name())
         }
-        None => format!("{}   {} points\n", found.view, found.detections.len()),
+        None => format!("{}   {}\n", found.view, counted(found.detections.len(), "point")),
     };
     for remark in &found.remarks {
         out += &format!("  {remark}\n");

@@ -71,7 +71,7 @@ fn heading_of(exif: &[u8]) -> Option<Heading> {
 
 /// In words how a viewer rotates or mirrors the stored pixels of a PNG or JPEG before it shows them; none where it shows them as they are.
 pub fn orientation(picture: &[u8]) -> Option<&'static str> {
-    orientation_of(&exif(picture)?)
+    orientation_of(exif(picture)?)
 }
 
 fn orientation_of(exif: &[u8]) -> Option<&'static str> {
@@ -88,9 +88,8 @@ fn orientation_of(exif: &[u8]) -> Option<&'static str> {
     })
 }
 
-fn exif(picture: &[u8]) -> Option<Vec<u8>> {
-    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
-    ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()?
+fn exif(picture: &[u8]) -> Option<&[u8]> {
+    super::header::exif(picture)
 }
 
 /// The block and its first list.

@@ -146,7 +146,12 @@ impl ObservedRig {
     pub fn solve(self) -> RigAnswer {
         let shared = shared_views(&self.gathered.rig.problem());
         if 1 < shared.groups.len() {
-            return RigAnswer::Unsolved(not_connected(&shared, &names, &self.left_out));
+            return RigAnswer::Unsolved(not_connected(
+                &shared,
+                &self.gathered.rig,
+                self.is_named,
+                &self.left_out,
+            ));
         }
         match self.solved() {
             Ok(solved) => RigAnswer::Solved(Box::new(solved)),
@@ -273,7 +278,8 @@ fn views_apart(shared: &SharedViews, rig: &NamedRig) -> Option<String> {
 }
 
 /// Groups of cameras that no chain of shared views joins.
-fn not_connected(shared: &SharedViews, names: &[String], left_out: &[LeftOut]) -> Unsolved {
+fn not_connected(shared: &SharedViews, rig: &NamedRig, is_named: bool, left_out: &[LeftOut]) -> Unsolved {
+    let names = camera_names(rig);
     let of_group = |group: &Vec<usize>| group.iter().map(|camera| names[*camera].clone()).collect();
     let groups: Vec<Vec<String>> = shared.groups.iter().map(of_group).collect();
     let blind: Vec<&str> =
@@ -287,8 +293,9 @@ fn not_connected(shared: &SharedViews, names: &[String], left_out: &[LeftOut]) -
     };
     let seen = blind_cameras.iter().find_map(|name| Collected::explanation(left_out, name));
     let seen = seen.map(|seen| format!(" ({seen})")).unwrap_or_default();
+    let apart = is_named.then(|| views_apart(shared, rig)).flatten().unwrap_or_default();
     let message = format!(
-        "nothing connects the cameras {}{blind}{seen}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
+        "nothing connects the cameras {}{blind}{seen}{apart}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
         listed.iter().map(|group| format!("[{group}]")).collect::<Vec<_>>().join(" and ")
     );
     Unsolved { groups, ..Unsolved::new(Status::NotConnected, message) }

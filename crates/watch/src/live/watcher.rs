@@ -100,7 +100,10 @@ impl<'a> Watcher<'a> {
         };
         drop(turn); // The receiver of the event may be slow.
         self.queue.give_back((arrived, frame));
-        self.teller.looked(t_s, looked) && self.compared(t_s, false) && self.promised(t_s) && self.dropped(false)
+        self.teller.looked(t_s, looked)
+            && self.compared(t_s, false)
+            && self.promised(t_s)
+            && self.dropped(false)
     }
 
     fn compared(&mut self, t_s: f64, is_end: bool) -> bool {

@@ -38,13 +38,7 @@ pub(super) struct Contradictions {
 
 impl Contradictions {
     pub fn none() -> Self {
-        Contradictions {
-            chance: EXPECTED,
-            is_after: false,
-            log_r: f64::MIN,
-            is_said: false,
-            log_well: 0.0,
-        }
+        Contradictions { chance: EXPECTED, is_after: false, log_r: f64::MIN, is_said: false, log_well: 0.0 }
     }
 
     /// Whether the readings contradict their stated noise.
@@ -53,7 +47,8 @@ impl Contradictions {
     }
 
     pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
-        let ratio = |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
+        let ratio =
+            |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
         let (chance, weight) = &mut self.chance[usize::from(self.is_after)];
         if self.is_said {
             self.log_well = (self.log_well + ratio(SELDOM, MOSTLY).ln()).max(0.0);

@@ -359,13 +359,22 @@ impl Pair {
     }
 
     /// By the verdict that uncertain intrinsics allow. The covariance of a reading stays that of the pixels: all readings have the lens in common.
-    fn is_consistent(&self, estimate: &PoseEstimate, n_points: usize, detections: &[Detection], lens: &Camera) -> bool {
+    fn is_consistent(
+        &self,
+        estimate: &PoseEstimate,
+        n_points: usize,
+        detections: &[Detection],
+        lens: &Camera,
+    ) -> bool {
         let noise = self.monitor().map_or(1.0, measured_variance);
         let is_consistent = |e: &PoseEstimate| match e.consistency {
             Consistency::Consistent => true,
             Consistency::Inconsistent { chi2_per_degree_of_freedom, .. } => {
                 let degrees_of_freedom = (2 * n_points).saturating_sub(6);
-                !is_inconsistent(chi2_per_degree_of_freedom * degrees_of_freedom as f64 / noise, degrees_of_freedom)
+                !is_inconsistent(
+                    chi2_per_degree_of_freedom * degrees_of_freedom as f64 / noise,
+                    degrees_of_freedom,
+                )
             }
         };
         let uncertain = || {
