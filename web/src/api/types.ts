@@ -426,7 +426,7 @@ export type EventObject = {
   detectable?: DetectableObject | null;
   /** Of `compared`, and of `state` and `verdict` with the reason `away`: where the camera is beside its reference. */
   deviation?: DeviationObject | null;
-  /** `frame`, `state`, `compared`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
+  /** `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
   event: string;
   /** Of the state `stale`: for how long. */
   for_s?: number | null;
