@@ -139,7 +139,7 @@ pub fn with_progress<T>(job: impl FnOnce() -> T) -> T {
     answer
 }
 
-/// How often a terminal sees that a job goes on.
+/// How often a terminal shows that a job continues.
 const TICK: Duration = Duration::from_millis(200);
 
 /// An answer, as one JSON object or in words.

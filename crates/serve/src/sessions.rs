@@ -127,8 +127,13 @@ impl Shared {
         let Ok(_turn) = self.turn.acquire().await else { return };
         let mut after = (*self.now()).clone();
         after.take(measured);
-        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
+        self.replace(after);
         self.news.send_replace(true);
+    }
+
+    /// The lock is held for the exchange of two pointers.
+    fn replace(&self, after: Session) {
+        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
     }
 
     /// Nobody can ask for it any more: what it holds goes at once, whoever still looks at it.

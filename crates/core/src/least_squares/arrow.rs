@@ -8,6 +8,7 @@
 //! ```
 
 use super::dense::NormalEquations;
+use super::{Ending, Minimum};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
@@ -369,6 +370,43 @@ impl ArrowFactor<'_> {
         }
         inverse
     }
+}
+
+/// Steps on a level: near a minimum each squares the error.
+const LEVEL_STEPS: usize = 30;
+/// A step on a level that moves less than this squared number of standard deviations is the last.
+const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
+
+/// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
+/// steps do not settle.
+pub(crate) fn minimize_on_level<S: Clone>(
+    start: &S,
+    level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
+    evaluate: impl Fn(&S) -> Option<ArrowEquations>,
+    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
+) -> Option<Minimum<S, ArrowEquations>> {
+    let mut state = start.clone();
+    let mut before = f64::INFINITY;
+    let mut shortened = 1.0;
+    for steps in 1..=LEVEL_STEPS {
+        let (equations, (above, gradient)) = (evaluate(&state)?, level(&state)?);
+        let factor = equations.factor(0.0)?;
+        let (down, along) = (factor.solve(&equations.gradient), factor.solve(&gradient));
+        let multiplier = (-above - gradient.dot(&down)) / gradient.dot(&along);
+        let step = down + along * multiplier;
+        let length2 = step.dot(&equations.times(&step));
+        if !length2.is_finite() {
+            return None;
+        }
+        if length2 <= LEVEL_TOLERANCE_CHI2 {
+            return Some(Minimum { state, equations, steps, ending: Ending::Converged });
+        }
+        // Steps that do not shrink circle around: half of each settles them.
+        shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };
+        before = length2;
+        state = moved(&state, &(step * f64::max(shortened, 0.1)))?;
+    }
+    None
 }
 
 #[cfg(test)]

@@ -221,7 +221,7 @@ impl Monitor {
         match self.drift {
             // Contradictions of long ago say nothing of now.
             _ if self.config.stale_after_s < t_s - self.last_s => Watch::Stale { for_s },
-            _ if self.contradictions.are_said() => Watch::Inconsistent,
+            _ if self.contradictions.are_reported() => Watch::Inconsistent,
             // They come, and none could be used of late.
             _ if self.config.stale_after_s < for_s => Watch::Checking,
             Some(drift) => match self.refined(&drift) {

@@ -6,7 +6,7 @@ use super::rows::equations;
 use super::state::{Layout, State};
 use super::{Adjusted, Constraint, Item};
 use crate::Error;
-use crate::least_squares::dense::minimize_on_level;
+use crate::least_squares::arrow::minimize_on_level;
 use nalgebra::DVector;
 
 /// A value with its uncertainty, in metres, radians or square metres.

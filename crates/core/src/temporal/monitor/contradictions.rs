@@ -31,26 +31,32 @@ pub(super) struct Contradictions {
     is_after: bool,
     /// ln R.
     log_r: f64,
-    is_said: bool,
+    is_reported: bool,
     /// ln of the odds that all is well again.
     log_well: f64,
 }
 
 impl Contradictions {
     pub fn none() -> Self {
-        Contradictions { chance: EXPECTED, is_after: false, log_r: f64::MIN, is_said: false, log_well: 0.0 }
+        Contradictions {
+            chance: EXPECTED,
+            is_after: false,
+            log_r: f64::MIN,
+            is_reported: false,
+            log_well: 0.0,
+        }
     }
 
     /// Whether the readings contradict their stated noise.
-    pub fn are_said(&self) -> bool {
-        self.is_said
+    pub fn are_reported(&self) -> bool {
+        self.is_reported
     }
 
     pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
         let ratio =
             |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
         let (chance, weight) = &mut self.chance[usize::from(self.is_after)];
-        if self.is_said {
+        if self.is_reported {
             self.log_well = (self.log_well + ratio(SELDOM, MOSTLY).ln()).max(0.0);
             if WELL <= self.log_well {
                 *self = Contradictions { chance: self.chance, ..Contradictions::none() };
@@ -59,7 +65,7 @@ impl Contradictions {
         }
         self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio(MOSTLY, *chance).ln();
         if log_threshold <= self.log_r {
-            (self.is_said, self.log_well) = (true, 0.0);
+            (self.is_reported, self.log_well) = (true, 0.0);
             return;
         }
         *weight = (*weight + 1.0).min(LEARNED_OVER);
@@ -72,4 +78,4 @@ impl Contradictions {
     }
 }
 
-numbers!(Contradictions { chance, is_after, log_r, is_said, log_well });
+numbers!(Contradictions { chance, is_after, log_r, is_reported, log_well });
