@@ -10,7 +10,7 @@ pub use check::check_intrinsics;
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer};
 use crate::core::Target;
 use crate::core::camera::ImageSize;
-use crate::core::multiview::intrinsics::{IntrinsicsConfig, solve_intrinsics};
+use crate::core::multiview::intrinsics::{IntrinsicsConfig, LEAST_POINTS, solve_intrinsics};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
 use crate::rig::{CameraImage, ImageOptions};
@@ -119,6 +119,10 @@ fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraInt
     let Some(size) = camera.size else {
         return Ok(describe::not_found(camera));
     };
+    let most = camera.views.iter().map(|view| view.points.len()).max().unwrap_or(LEAST_POINTS);
+    if most < LEAST_POINTS {
+        return Ok(describe::too_few_points(camera, most));
+    }
     let config = IntrinsicsConfig {
         models: request.models,
         noise: request.noise,
