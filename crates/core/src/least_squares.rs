@@ -16,6 +16,8 @@ pub(crate) mod point;
 #[cfg(feature = "std")]
 pub(crate) mod clustered;
 #[cfg(feature = "std")]
+pub mod arrow;
+#[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
 pub(crate) mod shared;
