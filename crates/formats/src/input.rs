@@ -95,7 +95,7 @@ impl Kind {
 pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
     let file = open_file(path, kind)?;
     let mut bytes = Vec::new();
-    let reported = |e: Error| FileError::new(path, e.to_string());
+    let reported = |e: Error| FileError::of_system(path, &e);
     file.take(kind.limit_bytes() + 1).read_to_end(&mut bytes).map_err(reported)?;
     if kind.limit_bytes() < bytes.len() as u64 {
         return Err(FileError::new(path, kind.too_large(None)));
@@ -124,7 +124,7 @@ pub fn open_table(path: &Path) -> Result<Rows, FileError> {
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
 fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
-    let reported = |e: Error| FileError::new(path, e.to_string());
+    let reported = |e: Error| FileError::of_system(path, &e);
     let found = std::fs::metadata(path).map_err(reported)?;
     must_be_file(path, &found)?;
     if found.is_file() && kind.limit_bytes() < found.len() {

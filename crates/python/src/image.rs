@@ -1,12 +1,13 @@
-//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) of uint8.
+//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) or (height, width, channels) of
+//! uint8.
 
 use crate::answer::PoseAnswer;
 use crate::camera::Camera;
 use crate::error;
+use crate::pixels::{Pixels, is_array};
 use crate::points::method;
 use crate::run::run;
 use crate::target::Target;
-use numpy::{PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resight::GrayImage;
@@ -25,23 +26,13 @@ pub enum Input {
 
 impl Input {
     /// # Errors
-    /// `input` for what is no grey image.
+    /// `input` for what is no image.
     pub fn new(value: &Bound<'_, PyAny>, view: &str) -> PyResult<Self> {
         let py = value.py();
-        if let Ok(array) = value.cast::<PyArray2<u8>>() {
-            let [rows, columns] = *numpy::PyUntypedArrayMethods::shape(array) else {
-                return Err(error::input(py, "image: no image"));
-            };
-            let size = (u32::try_from(columns), u32::try_from(rows));
-            let (Ok(width_px), Ok(height_px)) = size else {
-                return Err(error::input(py, format!("image: {columns} x {rows} px is too large")));
-            };
-            if rows == 0 || columns == 0 {
-                return Err(error::input(py, "image: an array without pixels"));
-            }
-            let busy = |_| error::input(py, "image: the array is being written to elsewhere");
-            let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
-            return Ok(Input::Memory(view.to_owned(), GrayImage { width_px, height_px, data }));
+        if is_array(value)? {
+            let image = GrayImage::of_channels(&Pixels::new(value)?.channels())
+                .map_err(|reason| error::input(py, format!("image: {reason}")))?;
+            return Ok(Input::Memory(view.to_owned(), image));
         }
         if let Ok(bytes) = value.cast::<PyBytes>() {
             let image = GrayImage::decode(bytes.as_bytes())
@@ -49,8 +40,10 @@ impl Input {
             return Ok(Input::Memory(view.to_owned(), image));
         }
         value.extract::<PathBuf>().map(Input::File).map_err(|_| {
-            let message = "image: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8 is needed; \
-                           make grey ones of colour by cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) or PIL's convert(\"L\")";
+            let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+            let message = format!(
+                "image: a path, the bytes of a PNG or JPEG, or an array of uint8 is needed, {kind} is given"
+            );
             error::input(py, message)
         })
     }

@@ -6,6 +6,7 @@
 mod error;
 mod arrays;
 mod run;
+mod pixels;
 mod camera;
 mod target;
 mod pose;
@@ -33,8 +34,6 @@ mod _native {
     use super::answer::PoseAnswer;
     #[pymodule_export]
     use super::camera::Camera;
-    #[pymodule_export]
-    use super::columns::rig_from_columns;
     #[pymodule_export]
     use super::fleet::{Cameras, FleetState, batch, fleet_report, fleet_span_s, locate_views, solve_views};
     #[pymodule_export]

@@ -46,11 +46,13 @@ impl Target {
         Ok(formats::read_target(&file).map_err(|reason| error::file(py, &reason))?.into())
     }
 
+    /// `tag`, `aprilgrid`, `chessboard`, `charuco`, `tag_map`, `line_plus_one` or `points`.
     #[getter]
     fn kind(&self) -> &'static str {
         self.target.kind()
     }
 
+    /// What is unusual about it, in sentences; every answer repeats them.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()

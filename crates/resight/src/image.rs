@@ -6,6 +6,9 @@ use std::path::Path;
 
 pub mod exif;
 mod frugal;
+mod undistort;
+
+pub use undistort::{Channels, undistorted};
 
 /// An 8-bit grey image, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,7 +36,7 @@ const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 /// No such file, or no image.
 pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
     let fault = |reason: String| FileError::new(path, reason);
-    let reader = ::image::ImageReader::open(path).map_err(|e| fault(e.to_string()))?;
+    let reader = ::image::ImageReader::open(path).map_err(|e| FileError::of_system(path, &e))?;
     let reader = reader.with_guessed_format().map_err(|e| fault(e.to_string()))?;
     reader.into_dimensions().map_err(|_| fault("not a readable PNG or JPEG image".to_owned()))
 }
@@ -42,6 +45,41 @@ impl GrayImage {
     /// A uniform image.
     pub fn filled(width_px: u32, height_px: u32, value: u8) -> Self {
         GrayImage { width_px, height_px, data: vec![value; width_px as usize * height_px as usize] }
+    }
+
+    /// The grey of an image of one channel, or of colours: a quarter of the first and the third and half of the second, the same for red,
+    /// green, blue and for blue, green, red; a fourth channel is transparency, and not read.
+    ///
+    /// # Errors
+    /// Another number of channels, no pixels, more than 64 Mpx.
+    pub fn of_channels(image: &Channels) -> Result<Self, String> {
+        let Channels { width_px, height_px, n_channels, data } = *image;
+        if width_px == 0 || height_px == 0 {
+            return Err("an image without pixels".to_owned());
+        }
+        let n_pixels = (width_px as u64).saturating_mul(height_px as u64);
+        if MAX_PIXELS < n_pixels {
+            return Err(format!("image is {width_px}×{height_px} px; the limit is 64 Mpx, reduce it"));
+        }
+        if n_pixels.saturating_mul(n_channels as u64) != data.len() as u64 {
+            return Err(format!(
+                "{} values are no {width_px}×{height_px} px of {n_channels} channels",
+                data.len()
+            ));
+        }
+        let grey = |pixel: &[u8]| {
+            ((u16::from(pixel[0]) + 2 * u16::from(pixel[1]) + u16::from(pixel[2]) + 2) / 4) as u8
+        };
+        let data = match n_channels {
+            1 => data.to_vec(),
+            3 | 4 => data.chunks_exact(n_channels).map(grey).collect(),
+            n => {
+                return Err(format!(
+                    "{n} channels; 1 (grey), 3 (colour) or 4 (colour and transparency) are needed"
+                ));
+            }
+        };
+        Ok(GrayImage { width_px: width_px as u32, height_px: height_px as u32, data })
     }
 
     /// Value at column `u`, row `v`. Panics outside the image.

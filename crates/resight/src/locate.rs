@@ -25,12 +25,14 @@ pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
+pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
 mod focal;
 mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod rows;
 
 /// What to do beyond the defaults.
 #[derive(Debug, Clone, Default)]

@@ -8,6 +8,7 @@ use resight::GrayImage;
 use resight::answer::DetectionAnswer;
 use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{detect_every_tag, detect_target};
+use resight::report::words::counted;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -79,7 +80,7 @@ fn of_image(path: &Path, detect: impl FnOnce(&str, &GrayImage) -> DetectionAnswe
 fn describe(found: &DetectionAnswer) -> String {
     let mut out = match &found.message {
         Some(message) => format!("{}   {message}\n", found.view),
-        None => format!("{}   {} points\n", found.view, found.detections.len()),
+        None => format!("{}   {}\n", found.view, counted(found.detections.len(), "point")),
     };
     for remark in &found.remarks {
         out += &format!("  {remark}\n");

@@ -13,9 +13,12 @@ use crate::report::face::is_from_behind;
 
 /// A camera that saw no target.
 pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
+    let where_ = match camera.left_out.iter().filter(|one| one.what == "frame").count() {
+        1 => "the image".to_owned(),
+        n => format!("any of {n} images"),
+    };
     let message = format!(
-        "no target was found in any of {} images; check the target file and that the whole target is in focus",
-        camera.left_out.iter().filter(|one| one.what == "frame").count()
+        "no target was found in {where_}; check the target file and that the whole target is in focus"
     );
     unsolved(camera, Status::NotFound, message, Vec::new(), &[])
 }

@@ -20,7 +20,7 @@ pub struct SourceArgs {
     /// Where frames come from: a folder, images, a video, a recording, a stream, a device, or - for stdin.
     ///
     /// A folder that fills up, images ('night/*.png'), a video file, a recording (run.mcap, or run.mcap#/topic where several topics show
-    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on
+    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0, or its number: 0), or - for detections as JSON Lines on
     /// stdin. NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
     /// read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, help_heading = None, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]

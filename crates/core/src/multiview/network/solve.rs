@@ -158,7 +158,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
         .enumerate()
         .map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
     let (share, item) = points.chain(photos).chain(tilts).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "the constraints leave a direction of it free; image point it in another photograph, or add a distance or coordinates";
+    let reason = "the constraints leave a direction of it free; mark it in another photograph, or add a distance or coordinates";
     let why = match item {
         Item::Point(i) => undetermined("point", i, reason, 0.0, 1.0),
         Item::Photo(i) => undetermined("photo", i, reason, 0.0, 1.0),
@@ -191,7 +191,7 @@ fn weakest(
     };
     let all = (0..network.n_points).filter(|p| layout.has_point(*p));
     let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "its standard deviation is too large a part of its distance from the camera; image point it in a photograph from farther aside";
+    let reason = "its standard deviation is too large a part of its distance from the camera; mark it in a photograph from farther aside";
     (LARGEST_SIGMA < worst)
         .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
 }

@@ -4,9 +4,15 @@ use super::OPENING_S;
 use resight::video::ffmpeg::Release;
 use std::path::Path;
 
-/// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`).
+/// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`, or its number).
 pub fn is_stream(source: &str) -> bool {
-    scheme(source).is_some() || is_device(source)
+    scheme(source).is_some() || is_device(source) || numbered(source).is_some()
+}
+
+/// The device of a camera's number, as OpenCV counts them: `0` is `/dev/video0`, unless there is a file or a folder of that name.
+fn numbered(source: &str) -> Option<String> {
+    let is_number = (1..=2).contains(&source.len()) && source.bytes().all(|c| c.is_ascii_digit());
+    (is_number && !Path::new(source).exists()).then(|| format!("/dev/video{source}"))
 }
 
 /// An address.
@@ -20,8 +26,9 @@ pub(super) struct Address {
 
 impl Address {
     pub fn new(given: &str) -> Self {
-        let input = given.strip_prefix("v4l2://").unwrap_or(given);
-        Address { input: input.to_string(), shown: without_secrets(input) }
+        let input =
+            numbered(given).unwrap_or_else(|| given.strip_prefix("v4l2://").unwrap_or(given).to_string());
+        Address { shown: without_secrets(&input), input }
     }
 
     /// ffmpeg's words without what is not shown.
@@ -230,12 +237,18 @@ mod tests {
 
     #[test]
     fn streams_are_reported_from_files() {
-        for stream in
-            ["rtsp://cam/x", "udp://@239.0.0.1:1234", "v4l2:///dev/video7", "/dev/video7", "/dev/null"]
-        {
+        for stream in [
+            "rtsp://cam/x",
+            "udp://@239.0.0.1:1234",
+            "v4l2:///dev/video7",
+            "/dev/video7",
+            "/dev/null",
+            "0",
+            "12",
+        ] {
             assert!(is_stream(stream), "{stream}");
         }
-        for other in ["night/*.png", "film.mp4", "-", "C://x", "/etc/hostname", "://"] {
+        for other in ["night/*.png", "film.mp4", "-", "C://x", "/etc/hostname", "://", "123", "", "0x"] {
             assert!(!is_stream(other), "{other}");
         }
     }
@@ -256,7 +269,8 @@ mod tests {
         let release = Release::read("ffmpeg version 5.1.9 Copyright");
         let patient = Address::new("udp://:1234").input_options(1e5, release).join(" ");
         assert!(patient.ends_with("-timeout 2147000000"), "{patient}");
-        assert!(options("/dev/video0").ends_with("-f v4l2"));
+        assert!(options("/dev/video0").ends_with("-f v4l2") && options("0").ends_with("-f v4l2"));
+        assert_eq!(Address::new("0"), Address::new("/dev/video0"));
         assert!(options("srt://cam:9000").ends_with("-analyzeduration 1000000"));
     }
 }
