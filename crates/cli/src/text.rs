@@ -67,6 +67,7 @@ fn headline(answer: &PoseAnswer) -> &'static str {
         Status::NotFound => "NOT FOUND: no target in this image",
         Status::NotConnected => "NOT CONNECTED: no chain of observations joins all cameras",
         Status::Undecided => "UNDECIDED: the data do not say which",
+        Status::Implausible => "IMPLAUSIBLE: a size or unit that hardly exists",
         Status::Error => "ERROR",
     }
 }

@@ -5,6 +5,8 @@ use crate::target::{Feature, Target};
 use crate::{Bearing, Camera, Error, Pixel, Point};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
+#[cfg(feature = "std")]
+use std::collections::HashMap;
 
 /// A named feature found in an image.
 #[cfg(feature = "std")]
@@ -97,6 +99,33 @@ impl Correspondence {
     pub(crate) fn is_plain(&self) -> bool {
         self.sigma_m == 0.0 && self.covariance_px2.is_none()
     }
+}
+
+/// Counts observations once that say again what an earlier one said: a point at a pixel, both to the last digit.
+#[cfg(feature = "std")]
+#[derive(Debug, Clone, Default)]
+pub struct Observations {
+    first: HashMap<[u64; 6], usize>,
+}
+
+#[cfg(feature = "std")]
+impl Observations {
+    /// The index that the first observation of this point at this pixel had, `index` where this is it. `view` parts what cannot be one
+    /// observation: frames, cameras, targets.
+    pub fn first(&mut self, view: usize, x_in_target: &Point, pixel: &Pixel, index: usize) -> usize {
+        let bits = |x: f64| (x + 0.0).to_bits(); // −0 and 0 are one number.
+        let (x, p) = (x_in_target, pixel);
+        let key = [view as u64, bits(x.x), bits(x.y), bits(x.z), bits(p.x), bits(p.y)];
+        *self.first.entry(key).or_insert(index)
+    }
+}
+
+/// For each observation of one view the index of the first that says the same; its own, where it says something new. Equal observations are one:
+/// each further copy would narrow the covariance, though nothing more was measured.
+#[cfg(feature = "std")]
+pub fn first_of_equals(seen: &[Correspondence]) -> Vec<usize> {
+    let mut known = Observations::default();
+    seen.iter().enumerate().map(|(i, c)| known.first(0, &c.x_in_target, &c.pixel, i)).collect()
 }
 
 /// A detection that took no part, and why.

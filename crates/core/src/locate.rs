@@ -144,6 +144,16 @@ impl PoseEstimate {
         core::iter::once(first).chain(self.others.iter().flatten().copied())
     }
 
+    /// How far above the lowest minimum, in χ², another must be to be excluded: 9, where points or intrinsics are uncertain, or all points are
+    /// near one line, 16.
+    pub fn gate_chi2(&self) -> f64 {
+        match self.minima().all(|h| h.minimum.log_determinant == 0.0) {
+            true if !self.geometry.is_some_and(|g| g.is_narrow()) => choose::AMBIGUITY_GATE_CHI2,
+            true => choose::NARROW_GATE_CHI2,
+            false => choose::UNCERTAIN_GATE_CHI2,
+        }
+    }
+
     /// How many minima lie within the gate, this pose included: 1 where it is unique.
     pub fn n_alternatives(&self) -> usize {
         self.minima().filter(|h| h.is_alternative).count()

@@ -27,6 +27,10 @@ const LARGEST_EXTENT_M: f64 = 1e5;
 const LEAST_COORDINATES: usize = 6;
 /// Taped distances beyond this, all round, are millimetres.
 const LONGEST_TAPE_M: f64 = 100.0;
+/// No scene of taped distances is so large that the shortest of them is longer than this, round or not.
+const SHORTEST_TAPE_M: f64 = 150.0;
+/// Longer ones are millimetres rather than centimetres.
+const LONGEST_CENTIMETRES: f64 = 3000.0;
 /// What people print and hang up: where the likely meaning of a wrong number should lie.
 const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
 
@@ -163,6 +167,14 @@ pub fn of_points(points: &[Point]) -> Option<String> {
 /// Distances taped or stepped: a remark where all are round numbers of hundreds or thousands.
 pub fn of_distances(distances_m: &[f64]) -> Option<String> {
     let shortest = distances_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let longest = distances_m.iter().copied().fold(0.0, f64::max);
+    if shortest.is_finite() && SHORTEST_TAPE_M < shortest && longest < LONGEST_CENTIMETRES {
+        return Some(format!(
+            "the shortest distance stated is {} m, and no tape is that long: are they in centimetres? Did you mean {}?",
+            short(shortest),
+            short(shortest / 1e2)
+        ));
+    }
     let is_suspect = !distances_m.is_empty()
         && distances_m.iter().all(|x| x.is_finite() && is_round(*x))
         && LONGEST_TAPE_M < shortest;

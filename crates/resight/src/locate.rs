@@ -5,6 +5,7 @@ use crate::answer::consensus::locate_most;
 use crate::answer::{Agreement, PoseAnswer, Status};
 use crate::detect::{CornerWindow, Detector, absent};
 use crate::error::Error;
+use crate::formats::plausible;
 use crate::nominal::lens_of_unknown_focal;
 use crate::overlay::{self, Tone};
 use crate::report::face;
@@ -20,17 +21,21 @@ use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
+pub use causes::PointsCause;
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
+use once::Once;
 pub use resight_core::locate::Method;
 
+mod causes;
 mod focal;
 mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod once;
 
 /// What to do beyond the defaults.
 #[derive(Debug, Clone, Default)]
@@ -161,6 +166,7 @@ impl<'a> ImageLocator<'a> {
         if let Ok(estimate) = &found.estimate {
             verdict = face::judged(verdict, self.target, &estimate.cam_from_target, &found.seen);
         }
+        verdict = verdict.with_sizes(&plausible::of_target(self.target));
         let scaled_from_px = self.scaled_from_px(camera);
         if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
             verdict.message += &format!(
@@ -261,6 +267,9 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    if let Some(once) = Once::of(&seen) {
+        return once.answered(points, |points| locate_points(view, points, camera, options));
+    }
     if let Some(lens) = &options.estimate_focal {
         return located_with_unknown_focal(view, points, &seen, lens);
     }
@@ -276,13 +285,19 @@ pub fn locate_points(
         None => locate(&seen, camera, &config).map(|e| (e, None)),
         Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
     };
-    let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
-        Ok((e, agreement)) => {
-            let label = |i: usize| format!("point {}", points[i].label());
-            (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement)
-        }
+    let label = |i: usize| format!("point {}", points[i].label());
+    let causes = match &solved {
+        Ok((e, None)) => causes::causes(&seen, camera, &config, e, label),
+        _ => Vec::new(),
+    };
+    let (mut verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved
+    {
+        Ok((e, agreement)) => (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement),
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
+    if let Some(cause) = causes.first() {
+        verdict.message = format!("{}; {}", cause.message, verdict.message);
+    }
     let intrinsics_cost = intrinsics
         .zip(estimate.as_ref())
         .and_then(|(known, estimate)| known.cost(estimate, &seen, camera, [0.0; 2]));
@@ -298,6 +313,7 @@ pub fn locate_points(
         intrinsics_cost,
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
+        causes,
         ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
 }

@@ -24,6 +24,8 @@ pub struct TableLocator {
     /// Standard deviation of rows that state none, and whether the caller stated it.
     sigma: (f64, bool),
     options: PointsOptions,
+    /// What is to be said of the sizes of the table.
+    sizes: Vec<String>,
 }
 
 /// The poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5 px),
@@ -37,9 +39,14 @@ pub fn locate_table(
     options: &PointsOptions,
 ) -> Result<Vec<PoseAnswer>, Error> {
     let views = read_views(file.as_ref(), false)?;
-    let locator = TableLocator::new(Some(camera.clone()), None, options.clone());
     let remarks = unit_remarks(&views);
-    Ok(views.iter().map(|view| PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) }).collect())
+    let locator = TableLocator::new(Some(camera.clone()), None, options.clone()).with_sizes(&remarks);
+    let located = |view| {
+        let mut answer = locator.locate(view);
+        answer.remarks.extend(remarks.iter().cloned());
+        answer
+    };
+    Ok(views.iter().map(located).collect())
 }
 
 impl TableLocator {
@@ -51,7 +58,13 @@ impl TableLocator {
             Some(_) => ("px", 0.5),
         };
         let options = PointsOptions { image_unit, ..options };
-        TableLocator { camera, sigma: (sigma.unwrap_or(assumed), sigma.is_some()), options }
+        let sigma = (sigma.unwrap_or(assumed), sigma.is_some());
+        TableLocator { camera, sigma, options, sizes: Vec::new() }
+    }
+
+    /// The same for views whose sizes are hardly meant as they are given: answers that are `ok` otherwise are `implausible`.
+    pub fn with_sizes(self, remarks: &[String]) -> Self {
+        TableLocator { sizes: remarks.to_vec(), ..self }
     }
 
     /// The pose of one view.
@@ -73,6 +86,8 @@ impl TableLocator {
                  directions and --gravity-sigma-deg before using this pose"
                     .into();
         }
+        answer.verdict = answer.verdict.with_sizes(&self.sizes);
+        answer.remarks.extend(mirrored(view, &answer));
         let is_assumed = !self.sigma.1 && view.rows.iter().any(|row| row.sigma.is_none());
         if is_assumed && answer.estimate.is_some() {
             let flag = if self.camera.is_none() { "--sigma-normalized" } else { "--sigma-px" };
@@ -158,6 +173,22 @@ impl TableLocator {
             .map(|c| Correspondence { sigma_m, ..c })
             .map_err(|reason| format!("line {}: {reason}", row.line))
     }
+}
+
+/// Points of one level cannot show that the image or the plane is mirrored: the camera is then on the other side, and fits as well.
+fn mirrored(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
+    let estimate = answer.estimate.as_ref().filter(|_| answer.status() == Status::Ok)?;
+    let level_m = view.rows.first()?.x_in_target[2];
+    let is_level = view.rows.iter().all(|row| row.line_end.is_none() && row.x_in_target[2] == level_m);
+    let above_m = estimate.cam_from_target.origin().z - level_m;
+    (is_level && above_m < 0.0).then(|| {
+        format!(
+            "the camera stands {:.2} m below the level of the points (on the side of smaller z_m); with x_m and y_m exchanged, or v_px counted upwards, it would stand \
+             as far above and fit as well, which points of one level cannot tell: right for a board whose z points away from the camera, a mistake for ground \
+             seen from above",
+            -above_m
+        )
+    })
 }
 
 /// One correspondence.

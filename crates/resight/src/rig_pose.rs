@@ -69,6 +69,9 @@ pub fn rig_poses(
     request: &RigPoseRequest,
 ) -> Vec<RigPoseAnswer> {
     let remarks: Vec<String> = read::unit_remark(views).into_iter().collect();
-    let solved = |view| RigPoseAnswer { remarks: remarks.clone(), ..solve::solved(rig, view, request) };
+    let solved = |view| {
+        let answer = solve::solved(rig, view, request);
+        RigPoseAnswer { remarks: remarks.iter().chain(&answer.remarks).cloned().collect(), ..answer }
+    };
     views.iter().map(solved).collect()
 }

@@ -1,6 +1,7 @@
 //! The first line of `locate`: what the points allow, and the method for it.
 
 use super::Config;
+use super::choose::{AMBIGUITY_GATE_CHI2, NARROW_GATE_CHI2};
 use super::common::Common;
 use super::method::{Method, resolve};
 use super::prior_start::may_hold;
@@ -22,6 +23,12 @@ impl View<'_> {
     /// Any layout where the points have none.
     pub(crate) fn configuration(&self) -> Configuration {
         self.geometry.map_or(Configuration::General, |g| g.configuration)
+    }
+
+    /// The gate of exact points.
+    pub(crate) fn gate_chi2(&self) -> f64 {
+        let is_narrow = self.geometry.is_some_and(|g| g.is_narrow());
+        if is_narrow { NARROW_GATE_CHI2 } else { AMBIGUITY_GATE_CHI2 }
     }
 }
 

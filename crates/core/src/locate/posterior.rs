@@ -7,7 +7,7 @@
 //! The prior is flat over poses: rotations alike, places alike. Derivation, and where it fails: docs/math/posterior.md eqs. (1)–(6).
 
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
-use crate::locate::choose::{Minima, Minimum, count_alternatives};
+use crate::locate::choose::{Minima, Minimum, are_within, count_alternatives};
 use crate::locate::curvature::Bends;
 use arrayvec::ArrayVec;
 use nalgebra::Matrix3;
@@ -41,6 +41,26 @@ pub(crate) fn weights(minima: &Minima, noise_scale: f64) -> Weights {
     weights
 }
 
+/// Minima that residuals above the stated noise make one: a valley is the flatter the larger they are, and two descents may end in one at places
+/// that the stated noise would tell apart.
+pub(crate) fn merge(minima: &mut Minima, bends: &mut Bends, noise_scale: f64) {
+    if noise_scale <= 1.0 {
+        return;
+    }
+    let mut i = 1;
+    while i < minima.len() {
+        if !minima[..i].iter().any(|m| are_within(m, &minima[i], noise_scale)) {
+            i += 1;
+            continue;
+        }
+        minima.remove(i);
+        if i < bends.len() {
+            bends[i..].rotate_left(1);
+            bends[bends.len() - 1] = None;
+        }
+    }
+}
+
 /// A minimum whose rotation is known worse than this leads no sharper one: there the quadratic form that its mass is taken from reaches around
 /// the whole circle, and the determinant of so bad a covariance is rounding. One view in 10,000 at 4–15 m and 1 px.
 const FLAT_RAD: f64 = 0.5;
@@ -53,8 +73,9 @@ pub(crate) fn lead_with_the_most_probable(
     weights: &mut Weights,
     bends: &mut Bends,
     noise_scale: f64,
+    gate: f64,
 ) {
-    for i in 1..count_alternatives(minima, noise_scale) {
+    for i in 1..count_alternatives(minima, noise_scale, gate) {
         let mut place = i;
         while 0 < place && weights[place - 1] < weights[place] && !is_flat(&minima[place]) {
             minima.swap(place - 1, place);

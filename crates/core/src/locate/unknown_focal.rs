@@ -13,7 +13,7 @@ pub mod marked_lines;
 use lens::LensCovariance;
 pub use lens::LensPrior;
 
-use crate::locate::choose::{Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
 use crate::locate::common::Common;
 use crate::locate::consistency::{Consistency, consistency_of, noise_scale};
 use crate::locate::method::Method;
@@ -198,14 +198,19 @@ impl FocalView<'_> {
         let lowest = minima.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
         let degrees_of_freedom = (2 * self.problem.seen.len()).saturating_sub(7);
         let noise_scale = noise_scale(lowest.descent.chi2, degrees_of_freedom);
-        let fitting: Vec<&FocalMinimum> =
-            minima.iter().filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale)).collect();
+        let fitting: Vec<&FocalMinimum> = minima
+            .iter()
+            .filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale, AMBIGUITY_GATE_CHI2))
+            .collect();
         let probabilities = probabilities(&fitting, noise_scale);
         let fitting = fitting.into_iter().zip(probabilities);
         let fitting: Vec<Fitting> = fitting
             .map(|(m, probability)| self.whole(m, probability, lowest, noise_scale))
             .collect::<Result<_, _>>()?;
-        self.check(&fitting, noise_scale)?;
+        let consistency =
+            consistency_of(&lowest.minimum, &Problem::new(&lowest.seen, &lowest.camera), degrees_of_freedom);
+        // Residuals far above the stated noise are the fault to name first: they widen every covariance, and more points would not help.
+        self.check(&fitting, noise_scale, consistency == Consistency::Consistent)?;
         let mut ordered = fitting;
         ordered.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let leading = ordered.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
@@ -220,8 +225,6 @@ impl FocalView<'_> {
             }
             _ => Ambiguity::Unique { ratio },
         };
-        let consistency =
-            consistency_of(&lowest.minimum, &Problem::new(&lowest.seen, &lowest.camera), degrees_of_freedom);
         let pose = PoseEstimate {
             cam_from_target: first.minimum.cam_from_target,
             covariance,
@@ -264,9 +267,9 @@ impl FocalView<'_> {
         }
     }
 
-    /// The refusals: a focal length that the points do not determine, or that no lens has.
-    fn check(&self, fitting: &[Fitting], noise_scale: f64) -> Result<(), Error> {
-        for Fitting { m, whole, .. } in fitting {
+    /// The refusals: a focal length that consistent points do not determine, or that no lens has.
+    fn check(&self, fitting: &[Fitting], noise_scale: f64, is_consistent: bool) -> Result<(), Error> {
+        for Fitting { m, whole, .. } in fitting.iter().filter(|_| is_consistent) {
             if !is_determined(whole, 1.0) {
                 let state = &m.descent.state;
                 let enough = |c: &JointCovariance| is_determined(c, noise_scale);
@@ -298,8 +301,14 @@ impl FocalView<'_> {
         let lens: LensCovariance = m.covariance.fixed_view::<5, 5>(6, 6).into_owned();
         let intrinsics = self.problem.lens.parameter_covariance(&m.descent.state.lens, &lens);
         let common = Common { intrinsics: Some(intrinsics.as_slice()), scale_sigma: self.target_scale_sigma };
-        let doubts =
-            Doubts { problem: view, common, noise_scale, lowest: lowest.minimum, shared_errors: false };
+        let doubts = Doubts {
+            problem: view,
+            common,
+            noise_scale,
+            lowest: lowest.minimum,
+            shared_errors: false,
+            gate: AMBIGUITY_GATE_CHI2,
+        };
         // What the bend of the pose and a printed target's scale add to what is in `whole` already.
         let pose = doubts.covariance(&m.minimum, None)?.covariance
             - m.covariance.fixed_view::<6, 6>(0, 0) * noise_scale;

@@ -52,6 +52,13 @@ pub(crate) fn locate_most(
 }
 
 impl Agreement {
+    /// The same of rows some of which repeat others: `first` of each row the first that says the same, `kept` those that took part.
+    pub(crate) fn of_rows(&mut self, first: &[usize], kept: &[usize]) {
+        let agrees: Vec<usize> = self.inliers.iter().filter_map(|i| kept.get(*i).copied()).collect();
+        self.inliers = (0..first.len()).filter(|row| agrees.binary_search(&first[*row]).is_ok()).collect();
+        self.n_rows = first.len();
+    }
+
     /// One sentence: how many agree, and the first few that do not.
     pub fn sentence(&self, names: &[String], unit: &str) -> String {
         let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();

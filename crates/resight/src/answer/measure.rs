@@ -1,7 +1,7 @@
 //! The answer of the job that measures in photographs: one object a question, then one of the whole network.
 
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::multiview::network::{Measured, NetworkStatus};
+use crate::core::multiview::network::{Constraint, Measured, NetworkStatus, Source};
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;
@@ -31,7 +31,7 @@ pub enum NetworkAnswer {
 impl MeasureAnswer {
     pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
         MeasureAnswer {
-            answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
+            answers: answers.answers.iter().map(|answer| answer_object(scene, &answers, answer)).collect(),
             network: NetworkAnswer::Solved(Box::new(network_object(scene, &answers))),
             solved: Some(answers),
         }
@@ -50,9 +50,9 @@ impl MeasureAnswer {
     /// Whether the network and every answer may be relied on.
     pub fn is_ok(&self) -> bool {
         let is_ok = |status: NetworkStatus| status == NetworkStatus::Ok;
-        self.solved
-            .as_ref()
-            .is_some_and(|solved| is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status)))
+        self.solved.as_ref().is_some_and(|solved| {
+            solved.sizes.is_empty() && is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status))
+        })
     }
 }
 
@@ -66,7 +66,28 @@ pub struct QueryObject {
     status: Status,
     #[serde(flatten)]
     values: serde_json::Map<String, serde_json::Value>,
+    /// How well the answer is checked; null where there is none.
+    redundancy: Option<QueryRedundancy>,
     message: String,
+}
+
+/// What a single mistake may do to an answer.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct QueryRedundancy {
+    /// The largest error that one mistake puts into the answer without being noticed in four of five cases, in the unit of the answer; null where
+    /// nothing checks something that the answer rests on. Of a position the largest of the three.
+    smallest_error: Option<f64>,
+    unit: &'static str,
+    /// What nothing checks.
+    unchecked: Vec<String>,
+}
+
+/// A measurement and the smallest error of it that would be noticed in four of five cases; null where nothing checks it.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct SourceRedundancy {
+    of: String,
+    smallest_error: Option<f64>,
+    unit: &'static str,
 }
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -111,10 +132,38 @@ pub struct NetworkObject {
     photos: Vec<PhotoObject>,
     points: Vec<PointObject>,
     suspects: Vec<String>,
+    /// Every measurement and lens that took part.
+    redundancy: Vec<SourceRedundancy>,
     remarks: Vec<String>,
 }
 
-fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
+fn redundancy(scene: &NamedScene, answer: &QueryAnswer, unit: &'static str) -> QueryRedundancy {
+    let mut unchecked: Vec<String> = Vec::new();
+    for source in answer.checks.iter().flat_map(|check| &check.unchecked) {
+        let name = words::source(scene, *source);
+        if !unchecked.contains(&name) {
+            unchecked.push(name);
+        }
+    }
+    let errors = answer.checks.iter().map(|check| check.smallest_error);
+    let smallest_error = errors.reduce(|a, b| Some(a?.max(b?))).flatten();
+    QueryRedundancy { smallest_error, unit, unchecked }
+}
+
+fn source_redundancy(scene: &NamedScene, (source, error): &(Source, Option<f64>)) -> SourceRedundancy {
+    let unit = match source {
+        Source::Focal(_) => "part",
+        Source::Constraint(i) => match scene.constraints[*i] {
+            Constraint::ImagePoint { .. } => "px",
+            Constraint::Upright { .. } | Constraint::Gravity { .. } => "rad",
+            Constraint::Pose { .. } => "sigma",
+            _ => "m",
+        },
+    };
+    SourceRedundancy { of: words::source(scene, *source), smallest_error: *error, unit }
+}
+
+fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) -> QueryObject {
     let suffix = match answer.query.kind {
         QueryKind::Angle => "rad",
         QueryKind::Area => "m2",
@@ -128,7 +177,12 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
                 message += &format!(" or {}", values_in_words(answer.query.kind, other));
                 entries.insert("other".to_string(), self::entries(other, suffix).into());
             }
-            QueryObject { values: entries, ..base(scene, &answer.query, answer.status, &message) }
+            if let Some(check) = words::check(scene, answer) {
+                message += &format!("; {check}");
+            }
+            let redundancy = Some(redundancy(scene, answer, suffix));
+            let base = base(scene, &answer.query, answer.status, &message);
+            QueryObject { values: entries, redundancy, status: answers.word(answer.status), ..base }
         }
         Err(reason) => base(scene, &answer.query, answer.status, reason),
     }
@@ -143,6 +197,7 @@ fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: 
         points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
         status: status.into(),
         values: serde_json::Map::new(),
+        redundancy: None,
         message: message.to_string(),
     }
 }
@@ -182,7 +237,7 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
     NetworkObject {
         schema: SchemaNumber,
         kind: "network",
-        status: answers.status.into(),
+        status: answers.word(answers.status),
         message: answers.verdict.join("; "),
         frame: frame_words(scene, adjusted.frame),
         chi2: adjusted.chi2,
@@ -191,6 +246,7 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
         alternative_delta_chi2: adjusted.alternative_delta_chi2,
         photos: scene.photos.iter().enumerate().map(photo).collect(),
         points: scene.points.iter().enumerate().map(point).collect(),
+        redundancy: answers.checked.iter().map(|checked| source_redundancy(scene, checked)).collect(),
         suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
         remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
     }

@@ -4,9 +4,11 @@ use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
 use crate::core::multiview::network::{
-    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, NetworkStatus, adjust,
+    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, Mistakes, NetworkStatus, Reliability,
+    Source, adjust,
 };
 use crate::formats::plausible;
+use crate::report::verdict::Status;
 
 /// One question answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +21,8 @@ pub struct QueryAnswer {
     pub result: Result<Vec<Measured>, String>,
     /// What the second solution says, where the answer is ambiguous.
     pub other: Option<Vec<Measured>>,
+    /// How well each value is checked; empty where there is none.
+    pub checks: Vec<Reliability>,
 }
 
 /// A scene solved.
@@ -32,8 +36,33 @@ pub struct Answers {
     pub answers: Vec<QueryAnswer>,
     /// What is wrong, to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
+    /// What is stated in numbers that are hardly metres: an answer that is `ok` otherwise is `implausible`.
+    pub sizes: Vec<String>,
     /// What a reader must know besides: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
+    /// Each constraint, and each camera's focal length, with the smallest error of it that would be noticed; none where nothing checks it.
+    pub checked: Vec<(Source, Option<f64>)>,
+}
+
+impl Answers {
+    /// The word for the whole or for one of its answers, sizes considered.
+    pub fn word(&self, status: NetworkStatus) -> Status {
+        match Status::from(status) {
+            Status::Ok if !self.sizes.is_empty() => Status::Implausible,
+            status => status,
+        }
+    }
+}
+
+/// Every source of mistakes that took part.
+fn checked(scene: &NamedScene, mistakes: &Mistakes) -> Vec<(Source, Option<f64>)> {
+    let constraints = (0..scene.constraints.len()).map(Source::Constraint);
+    let lenses = (0..scene.cameras.len()).map(Source::Focal);
+    constraints
+        .chain(lenses)
+        .filter(|source| mistakes.has(*source))
+        .map(|source| (source, mistakes.smallest_error(source)))
+        .collect()
 }
 
 /// Why a scene has no answer at all.
@@ -50,9 +79,23 @@ pub(super) fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
     let cameras = scene.network_cameras();
     let adjusted = adjust(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
     let status = adjusted.status();
-    let answers = scene.queries.iter().map(|query| answer(scene, &adjusted, status, query)).collect();
-    let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
-    Ok(Answers { adjusted, status, answers, verdict, remarks })
+    let mistakes = adjusted.mistakes();
+    let answer = |query| {
+        let mut answer = answer(scene, &adjusted, status, query);
+        if answer.result.is_ok() {
+            let of_query = |q| mistakes.of_query(&q).ok();
+            answer.checks = scene.core_queries(query).into_iter().filter_map(of_query).collect();
+        }
+        answer
+    };
+    let answers: Vec<QueryAnswer> = scene.queries.iter().map(answer).collect();
+    let (mut verdict, mut remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    let sizes = units(scene);
+    verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
+    remarks.extend(words::reliability(&answers));
+    remarks.extend(words::lenses(scene, &mistakes));
+    let checked = checked(scene, &mistakes);
+    Ok(Answers { adjusted, status, answers, verdict, sizes, remarks, checked })
 }
 
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
@@ -68,7 +111,8 @@ fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
 }
 
 fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
-    let base = QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None };
+    let base =
+        QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None, checks: Vec::new() };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
@@ -111,6 +155,13 @@ const TIED: f64 = 0.01;
 
 /// What contradicts what, where anything does.
 fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
+    if let Some(exchange) = &adjusted.exchanged {
+        let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
+        let photo = &scene.photos[exchange.photo].name;
+        return Some(format!(
+            "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels, and measure again; the numbers below are with them exchanged"
+        ));
+    }
     let Some((first, rest)) = adjusted.suspects.split_first() else {
         let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
         return adjusted.is_inconsistent.then(|| format!(
@@ -166,7 +217,6 @@ fn units(scene: &NamedScene) -> Vec<String> {
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = scene.remarks.clone();
-    remarks.extend(units(scene));
     if adjusted.degrees_of_freedom == 0 {
         remarks.push(
             "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),

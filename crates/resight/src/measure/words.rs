@@ -1,8 +1,9 @@
 //! What the solver says by index, said with the names of the scene; numbers with the digits that their intervals warrant.
 
+use super::answers::QueryAnswer;
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::multiview::network::{Constraint, Frame, Item, Measured, OnLine, Suspect};
+use crate::core::multiview::network::{Constraint, Frame, Item, Measured, Mistakes, OnLine, Source, Suspect};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -58,6 +59,89 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     };
     format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
 }
+
+/// `the image point of P in north`, `the focal length of north, south`.
+pub fn source(scene: &NamedScene, source: Source) -> String {
+    match source {
+        Source::Constraint(i) => constraint(scene, &scene.constraints[i]),
+        Source::Focal(camera) => {
+            let photos = scene.photos.iter().zip(&scene.camera_of_photo).filter(|(_, at)| **at == camera);
+            let names: Vec<&str> = photos.map(|(photo, _)| photo.name.as_str()).collect();
+            format!("the focal length of {}", names.join(", "))
+        }
+    }
+}
+
+/// `2.1 px`, `0.034 m`, `0.4°`, of a focal length `3.1 %`.
+pub fn smallest_error(scene: &NamedScene, source: Source, error: f64) -> String {
+    let named = match source {
+        Source::Focal(_) => return format!("{:.1} %", 100.0 * error),
+        Source::Constraint(i) => &scene.constraints[i],
+    };
+    match named {
+        Constraint::ImagePoint { .. } => format!("{error:.1} px"),
+        Constraint::Upright { .. } | Constraint::Gravity { .. } => format!("{:.1}°", error.to_degrees()),
+        Constraint::Pose { .. } => format!("{error:.1} of its standard deviations"),
+        _ => format!("{error:.3} m"),
+    }
+}
+
+/// `from 0.12 m on an error would be noticed`, or what nothing checks; none for an answer without values.
+pub fn check(scene: &NamedScene, answer: &QueryAnswer) -> Option<String> {
+    let mut unchecked: Vec<Source> = answer.checks.iter().flat_map(|c| c.unchecked.iter().copied()).collect();
+    let mut seen = Vec::new();
+    unchecked.retain(|source| {
+        !seen.contains(source) && {
+            seen.push(*source);
+            true
+        }
+    });
+    if !unchecked.is_empty() {
+        let names: Vec<String> = unchecked.iter().map(|s| source(scene, *s)).collect();
+        return Some(format!("nothing checks {}", names.join(", ")));
+    }
+    let errors = answer.checks.iter().filter_map(|c| c.smallest_error);
+    let largest = errors.fold(f64::NEG_INFINITY, f64::max);
+    let scale = if answer.query.kind == QueryKind::Angle { 180.0 / std::f64::consts::PI } else { 1.0 };
+    let (value, unit) = (largest * scale, unit(answer.query.kind));
+    largest
+        .is_finite()
+        .then(|| format!("a mistake is noticed from {value:.places$} {unit} on", places = decimals(value)))
+}
+
+/// What it means that something is not checked, where an answer rests on it; each answer names what.
+pub(super) fn reliability(answers: &[QueryAnswer]) -> Option<String> {
+    let is_unchecked = |answer: &&QueryAnswer| answer.checks.iter().any(|check| !check.unchecked.is_empty());
+    let names: Vec<&str> =
+        answers.iter().filter(is_unchecked).map(|answer| answer.query.name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "not checked: {}; each rests on something that no other measurement checks, and a mistake of any size in it would go unnoticed; another photograph, distance or control point of the same point would check it",
+            names.join(", ")
+        )
+    })
+}
+
+/// How wrong a lens may be without a contradiction, where that is much.
+pub(super) fn lenses(scene: &NamedScene, mistakes: &Mistakes) -> Vec<String> {
+    let of_lens = |camera: usize| {
+        let of = Source::Focal(camera);
+        let name = source(scene, of);
+        match mistakes.smallest_error(of) {
+            _ if !mistakes.has(of) => None,
+            None => Some(format!("nothing checks {name}: a wrong one would go unnoticed")),
+            Some(error) if MUCH < error => Some(format!(
+                "{name} is hardly checked: an error of less than {} would go unnoticed",
+                smallest_error(scene, of, error)
+            )),
+            Some(_) => None,
+        }
+    };
+    (0..scene.cameras.len()).filter_map(of_lens).collect()
+}
+
+/// A focal length that may be wrong by more than this part unnoticed is said to be hardly checked.
+const MUCH: f64 = 0.05;
 
 /// What control points on one line mean.
 pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {

@@ -29,6 +29,8 @@ pub enum Status {
     Undecided,
     /// No chain of observations joins all cameras.
     NotConnected,
+    /// The numbers agree, but a size or a unit is one that hardly exists.
+    Implausible,
     /// Anything else that kept the answer back.
     Error,
 }
@@ -44,13 +46,14 @@ impl Status {
             Status::NotFound => "not_found",
             Status::Undecided => "undecided",
             Status::NotConnected => "not_connected",
+            Status::Implausible => "implausible",
             Status::Error => "error",
         }
     }
 
     /// Whether a pose comes with it.
     pub fn has_pose(self) -> bool {
-        matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent)
+        matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent | Status::Implausible)
     }
 }
 
@@ -72,6 +75,18 @@ pub struct Verdict {
     pub status: Status,
     /// The sentence: what is so, the number seen, the number needed, what to do.
     pub message: String,
+}
+
+impl Verdict {
+    /// The same where sizes are hardly meant as they are given: an answer that is `ok` otherwise is `implausible`.
+    pub fn with_sizes(self, remarks: &[String]) -> Self {
+        match (self.status, remarks.first()) {
+            (Status::Ok, Some(remark)) => {
+                Verdict { status: Status::Implausible, message: format!("{remark}; {}", self.message) }
+            }
+            _ => self,
+        }
+    }
 }
 
 /// Judges an estimate. `name_of` names the point of an index; `unit` is that of the residual, e.g. `px`.
@@ -219,11 +234,12 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
             let alternatives = estimate.minima().filter(|h| h.is_alternative);
             let probable: Vec<String> = alternatives.map(|h| percent(h.probability)).collect();
             format!(
-                "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need 9 to exclude one; \
+                "{count} poses fit about equally well (error ratio {ratio:.2}, Δχ² {:.1}, need {:.0} to exclude one; \
                  probabilities {}); {all} are given, the more probable first: {}",
                 (other.chi2 - estimate.chi2).abs(),
+                estimate.gate_chi2(),
                 probable.join(", "),
-                way_out(estimate.weakness.as_ref())
+                way_out(estimate)
             )
         }
         Ambiguity::Unique { ratio: Some(ratio) } if ratio.is_finite() => {
@@ -253,8 +269,8 @@ pub fn weakness_figures(weakness: &Weakness) -> (&'static str, f64, f64) {
     }
 }
 
-fn way_out(weakness: Option<&Weakness>) -> String {
-    match weakness {
+fn way_out(estimate: &PoseEstimate) -> String {
+    match estimate.weakness.as_ref() {
         Some(Weakness::CriticalPlane { separation_sigma, needed_sigma }) => format!(
             "the camera stands in the critical plane of the target, through the fourth point perpendicular to the line \
              (the two differ by {separation_sigma:.1} σ in the image, need {needed_sigma:.0}); move the camera along the line, or place the \
@@ -263,7 +279,13 @@ fn way_out(weakness: Option<&Weakness>) -> String {
         Some(Weakness::LineEndOn { length_sigma, needed_sigma }) => format!(
             "the line is seen nearly end on ({length_sigma:.0} σ long in the image, need {needed_sigma:.0}); look at it from the side"
         ),
-        _ => "tilt the target, move closer, or use what you know to choose".into(),
+        _ => match estimate.geometry.filter(|g| g.is_narrow()) {
+            Some(g) => format!(
+                "all points are near one line ({:.0} % of their length off it), about which a rotation hardly shows; add a point well off it",
+                100.0 * g.width.ratio
+            ),
+            None => "tilt the target, move closer, or use what you know to choose".into(),
+        },
     }
 }
 
