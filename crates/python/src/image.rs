@@ -11,11 +11,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resight::GrayImage;
 use resight::answer::DetectionAnswer;
+use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
-use resight::detect::job::{detect_every_tag, detect_target};
+use resight::detect::job::{self, detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
-use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method};
+use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method, explain};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 
 /// An image, and what it is called in answers.
 pub enum Input {
@@ -78,6 +80,7 @@ struct Request {
     target: resight::core::Target,
     options: LocateOptions,
     remarks: Vec<String>,
+    explainer: Arc<Mutex<Explainer>>,
 }
 
 impl Request {
@@ -109,7 +112,15 @@ impl Request {
                 estimate_focal: camera.is_none(),
             },
             remarks,
+            explainer: Arc::clone(&target.explainer),
         })
+    }
+
+    /// Says of the first image without the target what it shows instead.
+    fn explain(&self, answer: &mut resight::PoseAnswer, image: Option<&Input>) {
+        if let Ok(mut explainer) = self.explainer.lock() {
+            explain(answer, &self.target, &mut explainer, || Some(image?.read().1.ok()?.into_owned()));
+        }
     }
 
     fn answer(&self, locator: &mut ImageLocator, image: &Input) -> resight::PoseAnswer {
@@ -139,7 +150,9 @@ pub fn locate_image(
     let image = Input::new(image, view)?;
     let answer = run(py, None, move |_| -> Result<resight::PoseAnswer, resight::Error> {
         let mut locator = ImageLocator::new(&request.camera, &request.target, &request.options)?;
-        Ok(request.answer(&mut locator, &image))
+        let mut answer = request.answer(&mut locator, &image);
+        request.explain(&mut answer, Some(&image));
+        Ok(answer)
     })?;
     Ok(answer.map_err(|reason| error::job(py, &reason))?.into())
 }
@@ -166,7 +179,8 @@ pub fn locate_images(
             &inputs,
             || ImageLocator::new(&request.camera, &request.target, &request.options),
             |locator: &mut ImageLocator, input: &Input| request.answer(locator, input),
-            |answer| -> Result<(), resight::Error> {
+            |mut answer| -> Result<(), resight::Error> {
+                request.explain(&mut answer, inputs.get(answers.len()));
                 answers.push(answer);
                 match reporter.done(answers.len(), total) {
                     true => Ok(()),
@@ -202,7 +216,10 @@ pub fn detect(
         match (target, family) {
             (Some(target), None) => {
                 let mut detector = Detector::with_corner_window(&target, corner_window(corner_half_px))?;
-                Ok(detect_target(&mut detector, &target, &view, &image))
+                let mut answer = detect_target(&mut detector, &target, &view, &image);
+                // Asked about one image at a time, detection is what says what is there.
+                job::explain(&mut answer, &target, &mut Explainer::default(), || Some(image.into_owned()));
+                Ok(answer)
             }
             (None, Some(family)) => {
                 let mut finder = EveryTagFinder::new(&family)?;

@@ -57,6 +57,23 @@ impl GrayImage {
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
 
+    /// The same, with what is unusual about the file: EXIF asks viewers to show it rotated or mirrored. Pixels are taken as they are stored,
+    /// everywhere.
+    ///
+    /// # Errors
+    /// As of [`GrayImage::read`].
+    pub fn read_with_remark(path: &Path) -> Result<(Self, Option<String>), FileError> {
+        let bytes = input::read(path, Kind::Image)?;
+        let image = Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))?;
+        let remark = exif::orientation(&bytes).map(|how| {
+            format!(
+                "EXIF asks viewers to show this image {how}; its pixels are taken as stored, so the intrinsics have to be of images stored the same way (OpenCV's \
+                 imread rotates unless IMREAD_IGNORE_ORIENTATION is given)"
+            )
+        });
+        Ok((image, remark))
+    }
+
     /// Decodes PNG or JPEG bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         // Other decoders may be compiled in for other crates; which formats are read must not depend on that.

@@ -10,7 +10,7 @@ pub use check::check_intrinsics;
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer};
 use crate::core::Target;
 use crate::core::camera::ImageSize;
-use crate::core::multiview::intrinsics::{IntrinsicsConfig, solve_intrinsics};
+use crate::core::multiview::intrinsics::{IntrinsicsConfig, LEAST_POINTS, solve_intrinsics};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
 use crate::rig::{CameraImage, ImageOptions};
@@ -116,9 +116,14 @@ pub fn intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsAnswer, Error
 }
 
 fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraIntrinsics, Error> {
-    let Some(size) = camera.size else {
+    let is_of_images = matches!(request.source, IntrinsicsSource::Images { .. });
+    let Some(size) = camera.size.filter(|_| !(is_of_images && camera.views.is_empty())) else {
         return Ok(describe::not_found(camera));
     };
+    let most = camera.views.iter().map(|view| view.points.len()).max().unwrap_or(LEAST_POINTS);
+    if most < LEAST_POINTS {
+        return Ok(describe::too_few_points(camera, most));
+    }
     let config = IntrinsicsConfig {
         models: request.models,
         noise: request.noise,

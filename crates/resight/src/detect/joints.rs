@@ -82,6 +82,8 @@ const STRIP_ROWS: usize = 128;
 /// The corners that the library finds; in a large image strip by strip.
 pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
     let Some(whole) = view(image) else { return Vec::new() };
+    #[cfg(test)]
+    super::work::count(image.data.len());
     if image.data.len() <= WHOLE_PIXELS {
         return detect_corner_frame(&whole, config).corners;
     }

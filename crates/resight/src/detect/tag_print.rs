@@ -6,6 +6,7 @@
 //! over a corner) counts for nothing, and its corner is known the worse.
 
 mod ink;
+mod margin;
 mod part;
 mod rows;
 
@@ -26,6 +27,10 @@ pub(super) struct LaidTag {
     pub sigmas_px: [f64; 4],
     /// The share of its pixels that look like the print.
     pub shown: f64,
+    /// The share of the variance of these that the print explains,
+    explained: f64,
+    /// and of the variance of all, whatever they look like: of a code that another print happens to bear it is small.
+    pub explained_of_all: f64,
     /// What the next image begins with.
     fit: Fit,
 }
@@ -108,9 +113,33 @@ const TWO_VALUED_METHOD_PX: f64 = 0.289;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
+/// Lays a print on the image as [`lay_with`] does, with its white margin, or with the ground around it where that explains more.
+pub(super) fn lay(
+    image: &GrayImage,
+    noise_gray: f64,
+    print: &Print,
+    corners: &[Pixel; 4],
+    n_tags: usize,
+    before: Option<&LaidTag>,
+) -> Option<LaidTag> {
+    let laid = lay_with(image, noise_gray, print, corners, n_tags, before);
+    // A tag that is not where it was needs no second look there.
+    if laid.is_none() && before.is_some() {
+        return None;
+    }
+    let start = laid.map_or(*corners, |laid| laid.corners);
+    let Some(margins) = margin::dark(image, print, &start) else { return laid };
+    let on_ground = lay_with(image, noise_gray, &print.with_margin(margins), &start, n_tags, None);
+    let score = |laid: &LaidTag| laid.shown * laid.explained;
+    match (laid, on_ground) {
+        (Some(laid), Some(other)) if score(&other) <= score(&laid) => Some(laid),
+        (laid, other) => other.or(laid),
+    }
+}
+
 /// Lays a print on the image, corners as the library found them, or as they were in the image `before`; one of so many tags that may be there. None
 /// where the print does not show there.
-pub(super) fn lay(
+fn lay_with(
     image: &GrayImage,
     noise_gray: f64,
     print: &Print,
@@ -394,6 +423,7 @@ fn conclude(
     let rows = solved.corners_by_sums();
     let by_noise_px2 = solved.by_noise_px2(&rows);
     let (mut total, mut left) = (0.0, 0.0);
+    let explained_of_all = explained_of_all(lines, x, noise_gray2);
     for (line, weight) in lines.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight) {
         let residual = line.residual(x);
         total += weight * (line.gray() - mean).powi(2);
@@ -438,8 +468,19 @@ fn conclude(
         blur_px2: state.blur_px2,
         x: *x,
     };
-    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, fit };
+    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, explained, explained_of_all, fit };
     sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
+}
+
+/// The share of the variance of all lines that the print explains, besides that of the noise.
+fn explained_of_all(lines: &[Line], x: &Row, noise_gray2: f64) -> f64 {
+    let weight: f64 = lines.iter().map(|line| line.weight).sum();
+    let mean = lines.iter().map(|line| line.weight * line.gray()).sum::<f64>() / weight;
+    let (total, left) = lines.iter().fold((0.0, 0.0), |(total, left), line| {
+        let (from_mean, residual) = (line.gray() - mean, line.residual(x));
+        (total + line.weight * from_mean * from_mean, left + line.weight * residual * residual)
+    });
+    1.0 - (left - weight * noise_gray2).max(0.0) / (total - weight * noise_gray2).max(1e-9)
 }
 
 /// How a pixel's residual moves the eight coordinates of the corners.

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 /// Tags.
+const ORIENTATION: u16 = 0x0112;
 const MAKE: u16 = 0x010f;
 const MODEL: u16 = 0x0110;
 const FOCAL_LENGTH_IN_35_MM_FILM: u16 = 0xa405;
@@ -68,6 +69,25 @@ fn heading_of(exif: &[u8]) -> Option<Heading> {
     let deg = f64::from(tiff.u32(at)?) / f64::from(tiff.u32(at.checked_add(4)?)?);
     let is_magnetic = tiff.text(gps, GPS_IMG_DIRECTION_REF).is_some_and(|reference| reference == "M");
     (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
+}
+
+/// In words how a viewer rotates or mirrors the stored pixels of a PNG or JPEG before it shows them; none where it shows them as they are.
+pub fn orientation(picture: &[u8]) -> Option<&'static str> {
+    orientation_of(&exif(picture)?)
+}
+
+fn orientation_of(exif: &[u8]) -> Option<&'static str> {
+    let (tiff, first) = first_list(exif)?;
+    Some(match tiff.u16(tiff.entry(first, ORIENTATION, SHORT)? + 8)? {
+        2 => "mirrored left to right",
+        3 => "rotated by 180°",
+        4 => "mirrored top to bottom",
+        5 => "mirrored and rotated by 90° counter-clockwise",
+        6 => "rotated by 90° clockwise",
+        7 => "mirrored and rotated by 90° clockwise",
+        8 => "rotated by 90° counter-clockwise",
+        _ => return None,
+    })
 }
 
 fn exif(picture: &[u8]) -> Option<Vec<u8>> {

@@ -143,7 +143,7 @@ impl ObservedRig {
         let names = camera_names(&self.gathered.rig);
         let shared = shared_views(&self.gathered.rig.problem());
         if 1 < shared.groups.len() {
-            return RigAnswer::Unsolved(not_connected(&shared, &names));
+            return RigAnswer::Unsolved(not_connected(&shared, &names, &self.left_out));
         }
         match self.solved() {
             Ok(solved) => RigAnswer::Solved(Box::new(solved)),
@@ -250,19 +250,22 @@ fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> Strin
 }
 
 /// Groups of cameras that no chain of shared views joins.
-fn not_connected(shared: &SharedViews, names: &[String]) -> Unsolved {
+fn not_connected(shared: &SharedViews, names: &[String], left_out: &[LeftOut]) -> Unsolved {
     let of_group = |group: &Vec<usize>| group.iter().map(|camera| names[*camera].clone()).collect();
     let groups: Vec<Vec<String>> = shared.groups.iter().map(of_group).collect();
     let blind: Vec<&str> =
         (0..names.len()).filter(|i| shared.counts[*i][*i] == 0).map(|i| names[i].as_str()).collect();
     let listed: Vec<String> = groups.iter().map(|group| group.join(", ")).collect();
+    let blind_cameras = blind.clone();
     let blind = match &blind[..] {
         [] => String::new(),
         [only] => format!("; camera {only} saw nothing at all"),
         several => format!("; cameras {} saw nothing at all", several.join(", ")),
     };
+    let seen = blind_cameras.iter().find_map(|name| Collected::explanation(left_out, name));
+    let seen = seen.map(|seen| format!(" ({seen})")).unwrap_or_default();
     let message = format!(
-        "nothing connects the cameras {}{blind}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
+        "nothing connects the cameras {}{blind}{seen}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
         listed.iter().map(|group| format!("[{group}]")).collect::<Vec<_>>().join(" and ")
     );
     Unsolved { groups, ..Unsolved::new(Status::NotConnected, message) }
