@@ -59,6 +59,7 @@ impl Arguments {
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         if let Command::Watch(watch) = &mut arguments.command {
             watch.printed = printed;
+            watch.outputs.come_from(session.as_deref());
             watch.sources.session = session;
         }
         Ok(arguments)

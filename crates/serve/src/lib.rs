@@ -14,7 +14,10 @@
 
 mod error;
 mod guard;
+mod aside;
+mod memory;
 mod app;
+mod body;
 mod page;
 mod sessions;
 mod example;

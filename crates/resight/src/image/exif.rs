@@ -1,7 +1,5 @@
 //! When an image was taken, through what lens and which way the camera looked, as its EXIF says (CIPA DC-008).
 
-use std::io::Cursor;
-
 /// Tags.
 const MAKE: u16 = 0x010f;
 const MODEL: u16 = 0x0110;
@@ -22,7 +20,7 @@ const RATIONAL: u16 = 5;
 /// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
 /// UTC: differences between images of one camera are right.
 pub fn taken_s(picture: &[u8]) -> Option<f64> {
-    of_exif(&exif(picture)?)
+    of_exif(exif(picture)?)
 }
 
 /// The lens a photograph was taken through.
@@ -36,7 +34,7 @@ pub struct ExifLens {
 
 /// The lens of a PNG or JPEG; none where it does not say.
 pub fn lens(picture: &[u8]) -> Option<ExifLens> {
-    lens_of(&exif(picture)?)
+    lens_of(exif(picture)?)
 }
 
 fn lens_of(exif: &[u8]) -> Option<ExifLens> {
@@ -58,7 +56,7 @@ pub struct Heading {
 
 /// Which way the camera of a PNG or JPEG looked; none where it does not say.
 pub fn heading(picture: &[u8]) -> Option<Heading> {
-    heading_of(&exif(picture)?)
+    heading_of(exif(picture)?)
 }
 
 fn heading_of(exif: &[u8]) -> Option<Heading> {
@@ -70,9 +68,8 @@ fn heading_of(exif: &[u8]) -> Option<Heading> {
     (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
 }
 
-fn exif(picture: &[u8]) -> Option<Vec<u8>> {
-    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
-    ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()?
+fn exif(picture: &[u8]) -> Option<&[u8]> {
+    super::header::exif(picture)
 }
 
 /// The block and its first list.

@@ -1,6 +1,7 @@
 //! Where a stream is, what ffmpeg needs to be reported about it, and what of it may be shown.
 
 use super::OPENING_S;
+use crate::outputs::secret;
 use resight::video::ffmpeg::Release;
 use std::path::Path;
 
@@ -29,13 +30,11 @@ impl Address {
         words.replace(&self.input, &self.shown)
     }
 
-    /// Whether it holds what nobody else may see: a user's password, or of a server's address what stands behind `?`, often a token.
+    /// Whether it holds what nobody else may see: a secret, or of a server's address what stands behind `?`, often a token.
     pub fn is_secret(&self) -> bool {
         let Some((scheme, rest)) = self.input.split_once("://") else { return false };
-        let is_token =
-            matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps") && rest.contains('?');
-        is_token
-            || rest.rsplit_once('@').is_some_and(|(user, _)| user.contains(':') && !user.starts_with('['))
+        let is_server = matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps");
+        (is_server && rest.contains('?')) || secret::is_in(&self.input)
     }
 
     /// Whether the connection is secured by a certificate.
@@ -188,9 +187,12 @@ fn is_device(_: &str) -> bool {
     false
 }
 
-/// Without `user:password@` and without what follows `?`.
+/// Without `user:password@`, without what follows `?`, and up to the first secret that its path names.
 fn without_secrets(input: &str) -> String {
     let Some((scheme, rest)) = input.split_once("://") else { return input.to_string() };
+    if let Some(at) = secret::named_in(input).filter(|at| !input[..*at].contains('?')) {
+        return format!("{}…", without_secrets(&input[..at]));
+    }
     let (path, query) = rest.split_once('?').map_or((rest, ""), |(path, _)| (path, "?…"));
     let (host, path) = path.find('/').map_or((path, ""), |slash| path.split_at(slash));
     let host = host.rsplit_once('@').map_or(host, |(_, host)| host);
@@ -206,6 +208,7 @@ mod tests {
         for (given, shown) in [
             ("rtsp://admin:p@ss@cam.local:554/h264?channel=1", "rtsp://cam.local:554/h264?…"),
             ("http://cam/video@2x", "http://cam/video@2x"),
+            ("rtsp://me:a@cam/user=admin_password=7_channel=1", "rtsp://cam/user=admin_password=…"),
             ("tcp://127.0.0.1:5000", "tcp://127.0.0.1:5000"),
             ("v4l2:///dev/video0", "/dev/video0"),
         ] {
