@@ -32,7 +32,7 @@ pub use causes::HandEyeCause;
 
 /// The largest plausible noise of an orientation, rad (2 degrees).
 pub(crate) const MAX_GRIPPER_SIGMA_RAD: f64 = 0.035;
-/// The same of a position, by the larger of its travel and the target's distance.
+/// The largest plausible noise of a position, over the larger of the gripper's travel and the distance of the target.
 pub(crate) const MAX_GRIPPER_SIGMA_BY_REACH: f64 = 0.02;
 
 /// Whether the camera or the target is on the gripper.

@@ -129,7 +129,7 @@ impl DotDetector {
         Self::with_config(target, DotConfig::default())
     }
 
-    /// The same with the dots' geometry.
+    /// Returns a detector for one target with limits on the size and polarity of its dots. Fails as `new`.
     pub fn with_config(target: &LinePlusOne, config: DotConfig) -> Result<Self, resight_core::Error> {
         Target::LinePlusOne(*target).check()?;
         let unfit = |parameter, seen| {
