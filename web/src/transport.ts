@@ -48,6 +48,10 @@ export interface Transport {
   save(session: string): Promise<NamedBlob>;
   exported(session: string, photo: number, format: string): Promise<NamedBlob>;
   birdseye(session: string, photo: number): Promise<Blob>;
+  /** Gives up what is being changed. */
+  cancel(session: string): Promise<void>;
+  /** Names of the cameras that the program watches. */
+  cameras(): Promise<string[]>;
   live(): Promise<LiveView>;
 }
 
@@ -190,6 +194,14 @@ class Http implements Transport {
 
   async birdseye(session: string, photo: number): Promise<Blob> {
     return (await this.file("/api/session/birdseye", { session, photo })).blob;
+  }
+
+  async cancel(session: string): Promise<void> {
+    await this.post("/api/session/cancel", {}, { session });
+  }
+
+  cameras(): Promise<string[]> {
+    return this.get("/api/live/cameras");
   }
 
   live(): Promise<LiveView> {

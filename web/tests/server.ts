@@ -29,7 +29,8 @@ export interface Server {
 export async function serve(...args: string[]): Promise<Server> {
   const program = process.env.RESIGHT_PROGRAM;
   assert(program, "RESIGHT_PROGRAM names no program; set it to the path of `resight`.");
-  const child = spawn(program, ["serve", "--listen", "127.0.0.1:0", ...args], { stdio: ["ignore", "pipe", "inherit"] });
+  const listen = args.includes("--listen") ? [] : ["--listen", "127.0.0.1:0"];
+  const child = spawn(program, ["serve", ...listen, ...args], { stdio: ["ignore", "pipe", "inherit"] });
   const [address] = (await once(createInterface({ input: child.stdout }), "line")) as [string];
   const stop = async () => {
     if (child.exitCode !== null || child.signalCode !== null) return;

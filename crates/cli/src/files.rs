@@ -2,7 +2,6 @@
 
 use crate::stdio;
 use anyhow::{Context, Result, bail};
-use resight::input::nearest;
 use std::path::{Path, PathBuf};
 
 /// Images given as paths or patterns (`*`, `?`, `[…]`; a shell usually expands them first), in the order given.
@@ -56,18 +55,8 @@ pub fn must_exist(path: &Path) -> Result<()> {
         // A pipe that the shell opened (`/dev/stdin`, `<(…)`) is as good as a file.
         return Ok(resight::input::must_not_block(path)?);
     }
-    let folder = folder_of(path);
-    if !folder.is_dir() {
-        bail!("{}: no such file (nor is there a folder {})", path.display(), folder.display());
-    }
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let siblings = std::fs::read_dir(folder)?.flatten().filter(|e| e.path().is_file());
-    match nearest(&name, siblings.map(|e| e.file_name().to_string_lossy().into_owned())) {
-        Some(found) => {
-            bail!("{}: no such file; did you mean {}?", path.display(), path.with_file_name(found).display())
-        }
-        None => bail!("{}: no such file", path.display()),
-    }
+    let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+    Err(resight::FileError::of_system(path, &missing).into())
 }
 
 /// Refuses, before any work is done, an output file that could not be written later.

@@ -7,6 +7,7 @@ mod args;
 mod camera;
 mod files;
 mod gravity;
+mod meant;
 mod output;
 mod robust;
 mod stdio;
@@ -14,6 +15,7 @@ mod text;
 mod commands;
 mod program;
 
+use resight::formats::without_number;
 use std::ffi::OsString;
 
 /// Runs the program with these arguments, the first of which is its name; the exit status of docs/reference.
@@ -42,7 +44,7 @@ fn refused(reason: &anyhow::Error) -> u8 {
             u8::try_from(usage.exit_code()).unwrap_or(2)
         }
         None => {
-            output::error(&format!("error: {reason:#}"));
+            output::error(&without_number(&format!("error: {reason:#}")));
             2
         }
     }

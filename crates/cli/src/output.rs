@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::io::IsTerminal;
+use std::time::Duration;
 
 /// How a command ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,6 +111,36 @@ impl Printer {
         self.bar.suspend(|| print(text))
     }
 }
+
+/// Runs a job that takes its time. On a terminal it shows how many of its images are done and how long the others will take, before and after
+/// them that it works and for how long.
+pub fn with_progress<T>(job: impl FnOnce() -> T) -> T {
+    let shown = !is_quiet() && std::io::stderr().is_terminal();
+    let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(None, target);
+    let style = |template: &str| {
+        ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+    };
+    let (working, counting) = (
+        style("{spinner} computing for {elapsed}"),
+        style("{bar:30} {pos}/{len} images  {per_sec}  {eta} left"),
+    );
+    bar.set_style(working.clone());
+    bar.enable_steady_tick(TICK);
+    let of_job = bar.clone();
+    let observer = move |n_done: usize, n_all: usize| {
+        of_job.set_style(if n_done < n_all { counting.clone() } else { working.clone() });
+        of_job.set_length(n_all as u64);
+        of_job.set_position(n_done as u64);
+        true
+    };
+    let answer = resight::parallel::observed(observer, job);
+    bar.finish_and_clear();
+    answer
+}
+
+/// How often a terminal shows that a job continues.
+const TICK: Duration = Duration::from_millis(200);
 
 /// An answer, as one JSON object or in words.
 pub fn print_answer(as_json: bool, answer: &impl Serialize, words: &str, status: Status) -> Result<()> {

@@ -5,6 +5,7 @@ use crate::commands::{
     intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve, watch,
     whisker,
 };
+use crate::meant;
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
 use clap::parser::ValueSource;
@@ -35,7 +36,8 @@ impl Arguments {
     /// What is wrong with the session file or the command line, or the help that it asks for.
     pub fn read(words: &[OsString]) -> anyhow::Result<Self> {
         let command = Arguments::command();
-        let mut matches = command.clone().try_get_matches_from(words)?;
+        let words = meant::flags(words);
+        let mut matches = command.clone().try_get_matches_from(words).map_err(meant::with_command)?;
         let (mut printed, mut session) = (None, None);
         if let (Some(("watch", given)), Some(watch)) =
             (matches.subcommand(), command.find_subcommand("watch"))
@@ -59,6 +61,7 @@ impl Arguments {
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         if let Command::Watch(watch) = &mut arguments.command {
             watch.printed = printed;
+            watch.outputs.come_from(session.as_deref());
             watch.sources.session = session;
         }
         Ok(arguments)

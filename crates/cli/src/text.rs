@@ -7,7 +7,7 @@ use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest, with_sigma,
+    coordinate, counted, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest, with_sigma,
     yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
@@ -127,8 +127,8 @@ fn fit(answer: &PoseAnswer, e: &PoseEstimate) -> String {
         degrees_of_freedom => format!("χ² {} for {degrees_of_freedom} degrees of freedom", figures(e.chi2)),
     };
     let counted = match answer.n_lines {
-        0 => format!("{} points", e.n_points),
-        n => format!("{} points and {n} lines", answer.n_points),
+        0 => counted(e.n_points, "point"),
+        n => format!("{} and {}", counted(answer.n_points, "point"), counted(n, "line")),
     };
     let of_which = if 1 < e.n_alternatives() { " (pose 1)" } else { "" };
     let text = format!(

@@ -170,6 +170,17 @@ impl Camera {
         each_lens!(&self.lens, model => model.parameters())
     }
 
+    /// Coefficients of the distortion alone, in the order of OpenCV and of the key `distortion` of camera.toml: none of a pinhole. `None` for
+    /// models that have no such list (photogrammetric, fov, eucm, double sphere).
+    pub fn distortion(&self) -> Option<ArrayVec<f64, 14>> {
+        let own = match self.lens {
+            Lens::Pinhole(_) | Lens::BrownConrady(_) | Lens::KannalaBrandt(_) => 4,
+            Lens::Omni(_) => 5, // After xi.
+            Lens::Photogrammetric(_) | Lens::Fov(_) | Lens::Eucm(_) | Lens::DoubleSphere(_) => return None,
+        };
+        Some(self.parameters().iter().skip(own).map(|(_, value)| *value).collect())
+    }
+
     /// The same model and image size with other parameter values, in the order of `parameters`.
     ///
     /// # Errors

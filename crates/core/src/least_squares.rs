@@ -18,6 +18,8 @@ pub(crate) mod clustered;
 #[cfg(feature = "std")]
 pub mod dense;
 #[cfg(feature = "std")]
+pub mod arrow;
+#[cfg(feature = "std")]
 pub(crate) mod shared;
 #[cfg(feature = "std")]
 pub(crate) mod rig;

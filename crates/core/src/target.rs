@@ -6,6 +6,7 @@
 //! Images: CONVENTIONS.md.
 
 mod printed;
+mod symmetry;
 
 pub use printed::{MOST_PRINTED_ERROR, Printed, PrintedScale};
 

@@ -47,6 +47,7 @@ mod minimal_p3p;
 mod monitor;
 mod monitor_again;
 mod monitor_alarm;
+mod monitor_contradictions;
 mod monitor_delay;
 mod monitor_learn;
 mod monitor_lens;

@@ -28,6 +28,7 @@ use nalgebra::Matrix6;
 use rayon::prelude::*;
 use resight::core::temporal::monitor::FALSE_ALARM_PROBABILITY;
 use resight::core::temporal::monitor::learn::LearnConfig;
+use resight::parallel::on_all_cores;
 use std::collections::BTreeMap;
 
 /// What counts as a motion, and what is no motion.
@@ -204,8 +205,9 @@ fn judged(
 ) -> Assessment {
     let all: Vec<(&String, &CameraState)> = cameras.iter().collect();
     let is_known = |name: &str| known.is_none_or(|cameras| cameras.number(name).is_some());
-    let mut verdicts: Vec<CameraVerdict> =
-        all.par_iter().map(|(name, state)| verdict::of(name, state, is_known(name), fleet, config)).collect();
+    let of =
+        |(name, state): &(&String, &CameraState)| verdict::of(name, state, is_known(name), fleet, config);
+    let mut verdicts: Vec<CameraVerdict> = on_all_cores(|| all.par_iter().map(of).collect());
     verdicts.sort_by(|a, b| {
         let evidence = |v: &CameraVerdict| v.motion().map_or(0.0, |motion| motion.chi2);
         a.found.cmp(&b.found).then(evidence(b).total_cmp(&evidence(a))).then(a.camera.cmp(&b.camera))

@@ -7,6 +7,7 @@ use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
 };
 use rayon::prelude::*;
+use resight::parallel::on_all_cores;
 use std::fs::File;
 use std::path::PathBuf;
 
@@ -23,10 +24,10 @@ pub fn reread(files: &[PathBuf], period_s: f64) -> Result<FleetState, FleetError
             .map_err(|e| FleetError::parquet(path, &e))?;
         groups.extend((0..metadata.metadata().num_row_groups()).map(|group| (path, metadata.clone(), group)));
     }
-    groups.into_par_iter().try_for_each(|(path, metadata, group)| {
+    let read = |(path, metadata, group): &(&PathBuf, ArrowReaderMetadata, usize)| {
         let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
-        let builder =
-            ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata).with_row_groups(vec![group]);
+        let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(file, metadata.clone())
+            .with_row_groups(vec![*group]);
         let reader = builder.with_batch_size(PIECE).build().map_err(|e| FleetError::parquet(path, &e))?;
         for batch in reader {
             let batch = batch.map_err(|e| FleetError::at(path, e.to_string()))?;
@@ -35,6 +36,7 @@ pub fn reread(files: &[PathBuf], period_s: f64) -> Result<FleetState, FleetError
             state.add(&rows);
         }
         Ok::<(), FleetError>(())
-    })?;
+    };
+    on_all_cores(|| groups.par_iter().try_for_each(read))?;
     Ok(state)
 }

@@ -2,25 +2,7 @@
 
 /// UTC where it can be one of our days, else seconds.
 pub fn utc(t_s: f64) -> String {
-    // 1990 to 2200.
-    if !(6.3e8..7.3e9).contains(&t_s) {
-        return format!("{t_s:.0} s");
-    }
-    let seconds = t_s.round() as i64;
-    let (year, month, day) = date(seconds.div_euclid(86_400));
-    let of_day = seconds.rem_euclid(86_400);
-    format!("{year}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", of_day / 3600, of_day / 60 % 60, of_day % 60)
-}
-
-/// Year, month and day of a number of days since 1970, by the civil calendar's 400-year cycle.
-fn date(days: i64) -> (i64, i64, i64) {
-    let shifted = days + 719_468;
-    let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
-    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year + year / 4 - year / 100);
-    let m = (5 * of_year + 2) / 153;
-    let month = if m < 10 { m + 3 } else { m - 9 };
-    (year + era * 400 + i64::from(month <= 2), month, of_year - (153 * m + 2) / 5 + 1)
+    resight::report::words::moment(t_s, 0)
 }
 
 /// In the largest unit of which there is one.

@@ -1,6 +1,6 @@
 //! Files that are never half written.
 
-use crate::FileError;
+use crate::{FileError, without_number};
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
@@ -24,7 +24,8 @@ pub fn stream_atomically(
     path: &Path,
     write: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), FileError> {
-    let reported = |e: std::io::Error| FileError::new(path, format!("cannot write: {e}"));
+    let reported =
+        |e: std::io::Error| FileError::new(path, format!("cannot write: {}", without_number(&e.to_string())));
     // A symbolic link stays one; what it points to is replaced.
     let destination = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     remove_leftovers(&destination);

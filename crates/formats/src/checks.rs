@@ -153,6 +153,22 @@ pub(super) fn critical_plane_warning(target: &Target) -> Option<String> {
     })
 }
 
+/// Why poses of a board that looks the same after a rotation are ambiguous, with the way out.
+pub fn symmetry_warning(target: &Target) -> Option<String> {
+    let Target::Chessboard(board) = target.design() else { return None };
+    let (rotation, poses) = match board.alike() {
+        4 => ("a quarter of a turn", "four"),
+        2 => ("half a turn", "two"),
+        _ => return None,
+    };
+    Some(format!(
+        "a chessboard of {} × {} inner corners looks the same after {rotation}, so each view has {poses} poses, of which only what you know chooses \
+            (intrinsics do not depend on it; `watch`, `rig` and `hand-eye` take the one that is upright in the image). Take a board with an odd and an even number of \
+            corners, such as 6 × 9, or a ChArUco board",
+        board.rows, board.columns
+    ))
+}
+
 /// The camera for images of this size: itself when the size agrees, scaled when the images are a uniform enlargement
 /// or reduction of the calibrated size (pixel centres kept), refused when the aspect differs.
 pub fn check_image_size(camera: &Camera, width_px: u32, height_px: u32) -> Result<Camera, String> {

@@ -31,6 +31,10 @@ pub enum Kind {
     Table,
     /// Results of this program, JSON Lines, read whole.
     Results,
+    /// A scene of `resight measure` (TOML): thousands of points.
+    Scene,
+    /// A session that the page of `resight serve` saved: a scene beside its photographs, whose files take a third more as text.
+    Session,
     /// The state of a session.
     State,
     /// A password, a token, a certificate.
@@ -39,8 +43,17 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, as documented.
-    pub const ALL: [Kind; 7] =
-        [Kind::Image, Kind::Text, Kind::Literal, Kind::Table, Kind::Results, Kind::State, Kind::Secret];
+    pub const ALL: [Kind; 9] = [
+        Kind::Image,
+        Kind::Text,
+        Kind::Literal,
+        Kind::Table,
+        Kind::Results,
+        Kind::Scene,
+        Kind::Session,
+        Kind::State,
+        Kind::Secret,
+    ];
 
     /// Most bytes of such a file.
     pub const fn limit_bytes(self) -> u64 {
@@ -50,6 +63,8 @@ impl Kind {
             Kind::Literal => 16 << 20,
             Kind::Table => 512 << 20,
             Kind::Results => 128 << 20,
+            Kind::Scene => 4 << 20,
+            Kind::Session => Kind::Image.limit_bytes() / 3 * 4 + (16 << 20),
             Kind::State => 64 << 20,
             Kind::Secret => 1 << 20,
         }
@@ -63,6 +78,8 @@ impl Kind {
             Kind::Literal => "a file of this kind (JSON, a table)",
             Kind::Table => "a table of rows",
             Kind::Results => "a file of results",
+            Kind::Scene => "a scene",
+            Kind::Session => "a saved session",
             Kind::State => "the state of a session",
             Kind::Secret => "a secret or certificate",
         }
@@ -73,6 +90,17 @@ impl Kind {
             Kind::Image => "save it with more compression or fewer pixels",
             Kind::Table | Kind::Results => "split it",
             _ => "check that it is the file you mean",
+        }
+    }
+
+    /// Refuses what is larger than such a file may be.
+    ///
+    /// # Errors
+    /// More bytes than [`Kind::limit_bytes`].
+    pub fn must_hold(self, path: &Path, bytes: usize) -> Result<(), FileError> {
+        match bytes as u64 <= self.limit_bytes() {
+            true => Ok(()),
+            false => Err(FileError::new(path, self.too_large(Some(bytes as u64)))),
         }
     }
 
@@ -95,7 +123,7 @@ impl Kind {
 pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
     let file = open_file(path, kind)?;
     let mut bytes = Vec::new();
-    let reported = |e: Error| FileError::new(path, e.to_string());
+    let reported = |e: Error| FileError::of_system(path, &e);
     file.take(kind.limit_bytes() + 1).read_to_end(&mut bytes).map_err(reported)?;
     if kind.limit_bytes() < bytes.len() as u64 {
         return Err(FileError::new(path, kind.too_large(None)));
@@ -124,7 +152,7 @@ pub fn open_table(path: &Path) -> Result<Rows, FileError> {
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
 fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
-    let reported = |e: Error| FileError::new(path, e.to_string());
+    let reported = |e: Error| FileError::of_system(path, &e);
     let found = std::fs::metadata(path).map_err(reported)?;
     must_be_file(path, &found)?;
     if found.is_file() && kind.limit_bytes() < found.len() {

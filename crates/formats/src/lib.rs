@@ -107,9 +107,9 @@ mod convert;
 mod explain;
 
 pub use atomic::{stream_atomically, write_atomically};
-pub use checks::check_image_size;
+pub use checks::{check_image_size, symmetry_warning};
 pub use convert::{Conversion, convert};
-pub use error::FileError;
+pub use error::{FileError, without_number};
 pub use explain::{explain, explain_from_bytes, remarks};
 pub use file::{
     CameraFile, ClockOffset, JointCovariance, NamedCamera, OutFile, Placement, TargetFile, WriteError,

@@ -17,7 +17,7 @@ pub fn read(path: &Path) -> Result<Document, FileError> {
     crate::input::must_not_block(path)?;
     #[cfg(feature = "recordings")]
     if resight_recording::is_recording(path) {
-        let mut file = std::fs::File::open(path).map_err(|e| FileError::new(path, e.to_string()))?;
+        let mut file = std::fs::File::open(path).map_err(|e| FileError::of_system(path, &e))?;
         return super::mcap::document(path, &mut file).map_err(|fault| fault.in_file(path));
     }
     let bytes = crate::input::read(path, Kind::Literal)?;

@@ -193,5 +193,6 @@ pub(super) fn target_of(document: &Document, options: &TagOptions) -> Result<Tar
     }
     warnings.extend(plausible::of_target(&target));
     warnings.extend(checks::critical_plane_warning(&target));
+    warnings.extend(checks::symmetry_warning(&target));
     Ok(TargetFile { format: format.format, target, warnings })
 }

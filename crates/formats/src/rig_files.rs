@@ -102,7 +102,7 @@ fn folder(path: &Path) -> Result<Vec<Document>, FileError> {
 }
 
 fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), FileError> {
-    let reported = |e: std::io::Error| FileError::new(folder, e.to_string());
+    let reported = |e: std::io::Error| FileError::of_system(folder, &e);
     for entry in std::fs::read_dir(folder).map_err(reported)? {
         let path = entry.map_err(reported)?.path();
         if path.is_dir() && 0 < depth {

@@ -2,23 +2,138 @@
 
 use crate::arrays::array;
 use crate::error;
-use crate::pose::Pose;
+use crate::pose::{Pose, rigid};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use resight::core::PoseEstimate;
 use resight::core::locate::consistency::Consistency;
 use resight::core::temporal::monitor::Reading;
-use resight::report::words::sigmas;
+use resight::core::{self, Matrix6, PoseEstimate};
+use resight::report::words::{sigmas, translation_sigma_m};
+use resight::rig::ViewPoses;
+use serde::Deserialize;
+use std::sync::OnceLock;
 
-/// Status and sentence, and the pose where there is one.
+/// The answer about one view: status and sentence, and the pose where there is one.
 #[pyclass(frozen, module = "resight")]
 pub struct PoseAnswer {
-    pub answer: Box<resight::PoseAnswer>,
+    state: State,
+    figures: OnceLock<Figures>,
+}
+
+/// Solved here, or read from a line of JSON.
+enum State {
+    Solved(Box<resight::PoseAnswer>),
+    Read(String, Box<Figures>),
+}
+
+/// What attributes and tables show.
+pub struct Figures {
+    pub view: String,
+    pub status: String,
+    pub message: String,
+    pub n_points: usize,
+    remarks: Vec<String>,
+    method: Option<String>,
+    pub pose: Option<PoseFigures>,
+}
+
+/// A pose, and how well it is known.
+#[derive(Clone)]
+pub struct PoseFigures {
+    pub cam_from_target: core::Pose,
+    pub covariance: Matrix6,
+    pub probability: f64,
+    pub rms_px: f64,
+    pub chi2: f64,
+    pub degrees_of_freedom: usize,
+    /// Every minimum, the answer first, and whether it is within the gate.
+    pub minima: Vec<(core::Pose, bool)>,
 }
 
 impl From<resight::PoseAnswer> for PoseAnswer {
     fn from(answer: resight::PoseAnswer) -> Self {
-        PoseAnswer { answer: Box::new(answer) }
+        PoseAnswer { state: State::Solved(Box::new(answer)), figures: OnceLock::new() }
+    }
+}
+
+impl From<&PoseEstimate> for PoseFigures {
+    fn from(e: &PoseEstimate) -> Self {
+        let minima = e.minima().map(|h| (h.minimum.cam_from_target, h.is_alternative)).collect();
+        PoseFigures { minima, ..PoseFigures::without_minima(e) }
+    }
+}
+
+impl From<&resight::PoseAnswer> for Figures {
+    fn from(answer: &resight::PoseAnswer) -> Self {
+        let estimate = answer.estimate.as_ref();
+        Figures {
+            view: answer.view.clone(),
+            status: answer.status().name().to_owned(),
+            message: answer.verdict.message.clone(),
+            n_points: answer.n_points,
+            remarks: answer.remarks.clone(),
+            method: estimate.map(|e| resight::locate::method_name(e.method).to_owned()),
+            pose: estimate.map(PoseFigures::from),
+        }
+    }
+}
+
+/// The keys of the JSON object that attributes show.
+#[derive(Deserialize)]
+struct Line {
+    view: String,
+    status: String,
+    message: String,
+    n_points: usize,
+    #[serde(default)]
+    remarks: Vec<String>,
+    method: Option<String>,
+    cam_from_target: Option<Transform>,
+    covariance: Option<[[f64; 6]; 6]>,
+    probability: Option<f64>,
+    rms_px: Option<f64>,
+    chi2: Option<f64>,
+    degrees_of_freedom: Option<usize>,
+    minima: Option<Vec<Minimum>>,
+}
+
+#[derive(Deserialize)]
+struct Transform {
+    matrix: [[f64; 4]; 4],
+}
+
+#[derive(Deserialize)]
+struct Minimum {
+    cam_from_target: Transform,
+    within_gate: bool,
+}
+
+impl Transform {
+    fn pose(&self) -> Result<core::Pose, String> {
+        let numbers: [f64; 16] = std::array::from_fn(|i| self.matrix[i / 4][i % 4]);
+        rigid(&numbers).ok_or_else(|| "cam_from_target is no rigid transform".to_owned())
+    }
+}
+
+impl Line {
+    fn figures(self) -> Result<Figures, String> {
+        let pose = match (self.cam_from_target, self.covariance) {
+            (Some(transform), Some(covariance)) => {
+                let minimum = |m: &Minimum| Ok((m.cam_from_target.pose()?, m.within_gate));
+                Some(PoseFigures {
+                    cam_from_target: transform.pose()?,
+                    covariance: Matrix6::from_fn(|i, j| covariance[i][j]),
+                    probability: self.probability.unwrap_or(f64::NAN),
+                    rms_px: self.rms_px.unwrap_or(f64::NAN),
+                    chi2: self.chi2.unwrap_or(f64::NAN),
+                    degrees_of_freedom: self.degrees_of_freedom.unwrap_or(0),
+                    minima: self.minima.iter().flatten().map(minimum).collect::<Result<_, String>>()?,
+                })
+            }
+            _ => None,
+        };
+        let Line { view, status, message, n_points, remarks, method, .. } = self;
+        Ok(Figures { view, status, message, n_points, remarks, method, pose })
     }
 }
 
@@ -26,142 +141,265 @@ type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 #[pymethods]
 impl PoseAnswer {
-    #[getter]
-    fn status(&self) -> &'static str {
-        self.answer.status().name()
+    /// From the line that the program prints with `--json`, or that `to_json` gave.
+    #[staticmethod]
+    fn from_json(py: Python<'_>, line: String) -> PyResult<Self> {
+        let read = serde_json::from_str::<Line>(&line).map_err(|reason| reason.to_string());
+        let figures = read
+            .and_then(Line::figures)
+            .map_err(|reason| error::input(py, format!("line: no answer about a pose: {reason}")))?;
+        Ok(PoseAnswer { state: State::Read(line, Box::new(figures)), figures: OnceLock::new() })
     }
 
+    /// `ok`, `ambiguous`, `inconsistent`, `degenerate`, `not_found` or `error`; only `ok` may be used unseen.
+    #[getter]
+    fn status(&self) -> &str {
+        &self.figures().status
+    }
+
+    /// Why, with the numbers seen and needed.
     #[getter]
     fn message(&self) -> &str {
-        &self.answer.verdict.message
+        &self.figures().message
     }
 
+    /// Name of the image or view.
     #[getter]
     fn view(&self) -> &str {
-        &self.answer.view
+        &self.figures().view
     }
 
+    /// What is unusual about the input.
     #[getter]
     fn remarks(&self) -> Vec<String> {
-        self.answer.remarks.clone()
+        self.figures().remarks.clone()
     }
 
+    /// The solver that answered.
     #[getter]
-    fn method(&self) -> Option<&'static str> {
-        self.estimate().map(|e| resight::locate::method_name(e.method))
+    fn method(&self) -> Option<&str> {
+        self.figures().method.as_deref()
     }
 
+    /// How many points were used.
     #[getter]
     fn n_points(&self) -> usize {
-        self.answer.n_points
+        self.figures().n_points
     }
 
+    /// The most probable pose; None where there is none.
     #[getter]
     fn cam_from_target(&self) -> Option<Pose> {
-        self.estimate().map(|e| pose(e, false))
+        self.pose().map(|p| of_target(p.cam_from_target))
     }
 
+    /// Its inverse: the camera's place in the target frame.
     #[getter]
     fn target_from_cam(&self) -> Option<Pose> {
-        self.estimate().map(|e| pose(e, true))
+        self.cam_from_target().map(|pose| pose.inverted())
     }
 
+    /// Covariance (6, 6) of the small left motion `[rotation_rad; translation_m]` of `cam_from_target`, camera frame.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
-        let rows = |e: &PoseEstimate| array(py, e.covariance.iter().copied().collect(), &[6, 6]); // Symmetric.
-        self.estimate().map(rows).transpose()
+        let rows = |p: &PoseFigures| array(py, p.covariance.iter().copied().collect(), &[6, 6]); // Symmetric.
+        self.pose().map(rows).transpose()
     }
 
+    /// Standard deviations of the camera's rotation about its axes, (3,), radians.
     #[getter]
     fn sigma_rad<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
-        self.estimate().map(|e| array(py, sigmas(&e.covariance).0.to_vec(), &[3])).transpose()
+        self.pose().map(|p| array(py, sigmas(&p.covariance).0.to_vec(), &[3])).transpose()
     }
 
+    /// Standard deviations of the camera's place along its axes, (3,), metres.
     #[getter]
     fn sigma_m<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
-        self.estimate().map(|e| array(py, sigmas(&e.covariance).1.to_vec(), &[3])).transpose()
+        self.pose().map(|p| array(py, sigmas(&p.covariance).1.to_vec(), &[3])).transpose()
     }
 
+    /// Standard deviations of `cam_from_target.translation_m` itself, (3,), metres: a rotation of the camera changes it too.
+    #[getter]
+    fn sigma_translation_m<'py>(&self, py: Python<'py>) -> PyResult<Option<Array<'py>>> {
+        self.pose().map(|p| array(py, p.sigma_translation_m().to_vec(), &[3])).transpose()
+    }
+
+    /// Of this pose among all that were found.
     #[getter]
     fn probability(&self) -> Option<f64> {
-        self.estimate().map(|e| e.probability)
+        self.pose().map(|p| p.probability)
     }
 
+    /// Root mean square reprojection error over points.
     #[getter]
     fn rms_px(&self) -> Option<f64> {
-        self.estimate().map(|e| e.rms_px)
+        self.pose().map(|p| p.rms_px)
     }
 
+    /// Sum of squared residuals over their variances.
     #[getter]
     fn chi2(&self) -> Option<f64> {
-        self.estimate().map(|e| e.chi2)
+        self.pose().map(|p| p.chi2)
     }
 
+    /// Of `chi2`: two for each point, less six.
     #[getter]
     fn degrees_of_freedom(&self) -> Option<usize> {
-        self.estimate().map(|e| e.degrees_of_freedom)
+        self.pose().map(|p| p.degrees_of_freedom)
     }
 
-    /// The pose within the gate that fits as well, where the answer is ambiguous.
+    /// The other pose that fits as well, where the answer is ambiguous.
     #[getter]
     fn other_cam_from_target(&self) -> Option<Pose> {
-        let estimate = self.estimate()?;
-        let other = estimate.minima().skip(1).find(|h| h.is_alternative)?;
-        Some(of_target(other.minimum.cam_from_target))
+        let (other, _) = self.pose()?.minima.iter().skip(1).find(|(_, is_within)| *is_within)?;
+        Some(of_target(*other))
     }
 
-    /// Every minimum, (k, 4, 4), the answer first.
+    /// Every minimum as a homogeneous matrix, (k, 4, 4), the answer first.
     #[getter]
     fn minima<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let minima: Vec<f64> = self
-            .estimate()
-            .into_iter()
-            .flat_map(PoseEstimate::minima)
-            .flat_map(|h| h.minimum.cam_from_target.matrix().concat())
-            .collect();
-        let k = minima.len() / 16;
-        array(py, minima, &[k, 4, 4])
+        let minima = self.pose().map_or(&[][..], |p| &p.minima);
+        let numbers = minima.iter().flat_map(|(pose, _)| pose.matrix().concat()).collect();
+        array(py, numbers, &[minima.len(), 4, 4])
     }
 
-    /// The line that the program prints with --json.
+    /// The line that the program prints with `--json`.
     fn to_json(&self, py: Python<'_>) -> PyResult<String> {
-        serde_json::to_string(&*self.answer).map_err(|reason| error::error(py, "write", reason.to_string()))
+        match &self.state {
+            State::Solved(answer) => serde_json::to_string(&**answer)
+                .map_err(|reason| error::error(py, "write", reason.to_string())),
+            State::Read(line, _) => Ok(line.clone()),
+        }
     }
 
-    /// The same as plain Python values.
+    /// The JSON object of the program's `--json` as plain Python values.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("json")?.call_method1("loads", (self.to_json(py)?,))
     }
 
+    /// How `pickle` and `copy` make it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
+        Ok((py.get_type::<PoseAnswer>().getattr("from_json")?, (self.to_json(py)?,)))
+    }
+
+    fn __eq__(&self, py: Python<'_>, other: &Bound<'_, PyAny>) -> PyResult<bool> {
+        match other.cast::<PoseAnswer>() {
+            Ok(other) => Ok(self.to_json(py)? == other.get().to_json(py)?),
+            Err(_) => Ok(false),
+        }
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        self.to_json(py)?.into_pyobject(py)?.hash()
+    }
+
+    /// What a notebook shows.
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
+        let (escape, mut html) = (py.import("html")?.getattr("escape")?, String::from("<table>"));
+        for (name, text) in self.figures().lines() {
+            let text: String = escape.call1((text,))?.extract()?;
+            html.push_str(&format!("<tr><th>{name}</th><td style=\"text-align:left\">{text}</td></tr>"));
+        }
+        html.push_str("</table>");
+        Ok(html)
+    }
+
     fn __repr__(&self) -> String {
-        let status = self.answer.status().name();
-        let Some(estimate) = self.estimate() else {
-            return format!("PoseAnswer({status}: {})", self.answer.verdict.message);
-        };
-        let (turn, shift) = sigmas(&estimate.covariance);
+        let Figures { status, message, pose, .. } = self.figures();
+        let Some(pose) = pose else { return format!("PoseAnswer({status}: {message})") };
+        let [x, y, z] = pose.sigma_translation_m().map(|sigma_m| 1e3 * sigma_m);
         format!(
-            "PoseAnswer({status}, {} ± {:.2} mm, ± {:.3} deg)",
-            pose(estimate, false).words(),
-            1e3 * largest(shift),
-            largest(turn).to_degrees()
+            "PoseAnswer({status}, {} ± ({x:.2}, {y:.2}, {z:.2}) mm, rotation ± {:.3} deg)",
+            of_target(pose.cam_from_target).words(),
+            largest(sigmas(&pose.covariance).0).to_degrees()
         )
     }
 }
 
-impl PoseAnswer {
-    /// What the change detector hears of it; none where there is no pose.
-    pub fn reading(&self, t_s: f64) -> Option<Reading> {
-        let estimate = self.estimate()?;
-        Some(Reading {
-            t_s,
-            a_from_b: estimate.cam_from_target,
-            covariance: estimate.covariance,
-            is_consistent: matches!(estimate.consistency, Consistency::Consistent),
-        })
+impl Figures {
+    /// What a notebook shows, line by line.
+    fn lines(&self) -> Vec<(&'static str, String)> {
+        let said = if self.message.is_empty() { String::new() } else { format!(": {}", self.message) };
+        let mut lines = vec![("view", self.view.clone()), ("status", format!("{}{said}", self.status))];
+        if let Some(pose) = &self.pose {
+            let [x, y, z] = pose.sigma_translation_m().map(|sigma_m| 1e3 * sigma_m);
+            let turn = core::Pose::identity().angle_to_rad(&pose.cam_from_target).to_degrees();
+            let sigma_deg = largest(sigmas(&pose.covariance).0).to_degrees();
+            let place = of_target(pose.cam_from_target).words();
+            lines.push(("pose", format!("{place} ± ({x:.2}, {y:.2}, {z:.2}) mm")));
+            lines.push(("rotation", format!("{turn:.3} ± {sigma_deg:.3} deg")));
+            lines.push(("residual", format!("{:.3} px over {} points", pose.rms_px, self.n_points)));
+        }
+        lines.extend(self.remarks.iter().map(|remark| ("remark", remark.clone())));
+        lines.retain(|(_, text)| !text.is_empty());
+        lines
+    }
+}
+
+impl PoseFigures {
+    /// Of an estimate, without its minima.
+    pub fn without_minima(e: &PoseEstimate) -> Self {
+        PoseFigures {
+            cam_from_target: e.cam_from_target,
+            covariance: e.covariance,
+            probability: e.probability,
+            rms_px: e.rms_px,
+            chi2: e.chi2,
+            degrees_of_freedom: e.degrees_of_freedom,
+            minima: Vec::new(),
+        }
     }
 
-    fn estimate(&self) -> Option<&PoseEstimate> {
-        self.answer.estimate.as_ref()
+    /// At the origin, known exactly.
+    pub fn nowhere() -> Self {
+        PoseFigures {
+            cam_from_target: core::Pose::identity(),
+            covariance: Matrix6::zeros(),
+            probability: 0.0,
+            rms_px: 0.0,
+            chi2: 0.0,
+            degrees_of_freedom: 0,
+            minima: Vec::new(),
+        }
+    }
+
+    /// Of the translation of cam_from_target.
+    fn sigma_translation_m(&self) -> [f64; 3] {
+        translation_sigma_m(&self.cam_from_target, &self.covariance)
+    }
+}
+
+impl PoseAnswer {
+    pub fn figures(&self) -> &Figures {
+        match &self.state {
+            State::Solved(answer) => self.figures.get_or_init(|| Figures::from(&**answer)),
+            State::Read(_, figures) => figures,
+        }
+    }
+
+    fn pose(&self) -> Option<&PoseFigures> {
+        self.figures().pose.as_ref()
+    }
+
+    /// What the change detector hears of it; none where there is no pose.
+    pub fn reading(&self, t_s: f64) -> Option<Reading> {
+        let pose = self.pose()?;
+        let is_consistent = match &self.state {
+            State::Solved(answer) => {
+                let consistency = answer.estimate.as_ref().map(|e| e.consistency);
+                matches!(consistency, Some(Consistency::Consistent))
+            }
+            State::Read(..) => self.figures().status != "inconsistent",
+        };
+        Some(Reading { t_s, a_from_b: pose.cam_from_target, covariance: pose.covariance, is_consistent })
+    }
+
+    /// The poses that fit, under another name of the view, for a hand–eye calibration.
+    pub fn poses(&self, view: String) -> Result<ViewPoses, String> {
+        match &self.state {
+            State::Solved(answer) => Ok(ViewPoses::of_answer(view, answer)),
+            State::Read(line, _) => Ok(ViewPoses { view, ..ViewPoses::of_line(line)? }),
+        }
     }
 }
 
@@ -170,12 +408,7 @@ pub fn largest(sigmas: [f64; 3]) -> f64 {
     sigmas.into_iter().fold(0.0, f64::max)
 }
 
-fn pose(estimate: &PoseEstimate, inverse: bool) -> Pose {
-    let pose = of_target(estimate.cam_from_target);
-    if inverse { Pose { pose: pose.pose.inverse(), b: pose.a, a: pose.b } } else { pose }
-}
-
-fn of_target(cam_from_target: resight::core::Pose) -> Pose {
+fn of_target(cam_from_target: core::Pose) -> Pose {
     Pose { pose: cam_from_target, b: "cam".to_owned(), a: "target".to_owned() }
 }
 

@@ -4,7 +4,15 @@
 use crate::error::input;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyType};
+
+static MASKED: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+
+/// Whether this is an array with a mask, behind which NumPy keeps numbers that are not meant.
+pub fn is_masked(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    value.is_instance(MASKED.import(value.py(), "numpy.ma", "MaskedArray")?)
+}
 
 /// An array of float64, C-contiguous, kept alive while it is read.
 pub struct Numbers<'py> {
@@ -17,12 +25,20 @@ impl<'py> Numbers<'py> {
     /// # Errors
     /// `input` for what is no array of real numbers.
     pub fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let py = value.py();
+        let unmasked; // What is masked is missing: NaN.
+        let value = match is_masked(value)? {
+            true => {
+                unmasked = py.import("resight._make")?.call_method1("unmasked", (name, value))?;
+                &unmasked
+            }
+            false => value,
+        };
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
             && array.is_c_contiguous()
         {
             return Self::borrowed(name, array);
         }
-        let py = value.py();
         let numpy = py.import("numpy")?;
         let refused = |reason: PyErr| {
             input(py, format!("{name}: an array of real numbers is needed ({})", reason.value(py)))

@@ -2,12 +2,15 @@
 
 use crate::arrays::{Numbers, array};
 use crate::error;
-use numpy::PyArrayDyn;
+use crate::image::Pixels;
+use crate::run::here;
+use numpy::{PyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use resight::core::camera::ImageSize;
-use resight::core::{Pixel, Point};
+use resight::core::{CameraMatrix, Pixel, Point};
 use resight::formats::{self, NamedCamera};
+use resight::image::undistorted;
 use resight::locate::IntrinsicsCovariance;
 use resight::nominal::NominalLens;
 use std::path::{Path, PathBuf};
@@ -112,26 +115,31 @@ impl Camera {
         Ok(Camera { known, remark: Some(lens.remark()), is_nominal: true })
     }
 
+    /// As its file calls it.
     #[getter]
     fn name(&self) -> &str {
         &self.known.name
     }
 
+    /// `pinhole`, `brown_conrady`, `kannala_brandt`, …
     #[getter]
     fn model(&self) -> &'static str {
         self.known.camera.model_name()
     }
 
+    /// Width and height; None where the file states none.
     #[getter]
     fn image_size_px(&self) -> Option<(u32, u32)> {
         self.known.camera.size.map(|size| (size.width_px, size.height_px))
     }
 
+    /// That it is not calibrated, say.
     #[getter]
     fn remark(&self) -> Option<&str> {
         self.remark.as_deref()
     }
 
+    /// Intrinsic parameters by name, with the unit in the name; the order is that of `intrinsics_covariance`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let parameters = PyDict::new(py);
@@ -141,12 +149,21 @@ impl Camera {
         Ok(parameters)
     }
 
+    /// OpenCV's `distCoeffs` (n,): the coefficients alone, in its order, none of a pinhole; None for a lens model that has no such list.
+    #[getter]
+    fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<f64>>>> {
+        let Some(d) = self.known.camera.distortion() else { return Ok(None) };
+        array(py, d.to_vec(), &[d.len()]).map(Some)
+    }
+
+    /// OpenCV's camera matrix (3, 3), px; None for the photogrammetric model.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<f64>>>> {
         let Some(k) = self.known.camera.matrix() else { return Ok(None) };
         array(py, vec![k.fx_px, 0.0, k.cx_px, 0.0, k.fy_px, k.cy_px, 0.0, 0.0, 1.0], &[3, 3]).map(Some)
     }
 
+    /// Covariance of `parameters`, (n, n); None where they are taken as exact.
     #[getter]
     fn intrinsics_covariance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArrayDyn<f64>>>> {
         let Some(rows) = self.known.intrinsics_rows() else { return Ok(None) };
@@ -196,6 +213,34 @@ impl Camera {
             bearings.extend(bearing.map_err(|reason| error::math(py, &reason))?.iter());
         }
         array(py, bearings, &[rows.len(), 3])
+    }
+
+    /// An image (height, width) or (height, width, channels) of uint8 as a pinhole would have taken it.
+    #[pyo3(signature = (image, matrix=None))]
+    fn undistort<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+        matrix: Option<[[f64; 3]; 3]>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let pixels = Pixels::new(image)?;
+        let matrix = match matrix {
+            Some([[fx_px, 0.0, cx_px], [0.0, fy_px, cy_px], [0.0, 0.0, 1.0]])
+                if [fx_px, fy_px].iter().all(|f| *f > 0.0 && f.is_finite())
+                    && [cx_px, cy_px].iter().all(|c| c.is_finite()) =>
+            {
+                CameraMatrix { fx_px, fy_px, cx_px, cy_px }
+            }
+            Some(_) => {
+                return Err(error::input(py, "matrix: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] is needed"));
+            }
+            None => self.known.camera.matrix().ok_or_else(|| {
+                error::input(py, "matrix: this lens has none of its own; give that of the image wanted")
+            })?,
+        };
+        let lens = &self.known.camera;
+        let straight = here(py, || undistorted(&pixels.channels(), lens, &matrix))?;
+        PyArray::from_vec(py, straight).reshape(pixels.shape)
     }
 
     /// The camera as a camera.toml.

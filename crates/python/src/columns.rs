@@ -1,10 +1,10 @@
-//! Detections as a table of columns: words as lists, numbers as arrays of float64 in which NaN is missing.
+//! Detections as files, or as a table of columns: words as lists, numbers as arrays of float64 in which NaN is missing.
 
 use crate::arrays::each;
 use crate::error;
-use crate::jobs::{Named, Solving, answered, request, rig_lines};
 use pyo3::prelude::*;
 use resight::rig::{DetectionRow, Detections};
+use std::path::PathBuf;
 
 type Words = Option<Vec<Option<String>>>;
 
@@ -29,7 +29,7 @@ pub struct Columns<'py> {
 }
 
 /// The same, owned by the thread that solves.
-struct Owned {
+pub struct Owned {
     words: [Words; 4],
     camera: Vec<String>,
     view: Vec<String>,
@@ -91,20 +91,38 @@ impl Owned {
     }
 }
 
-#[pyfunction]
-pub fn rig_from_columns(
-    py: Python<'_>,
-    cameras: Vec<Named<'_>>,
-    targets: Vec<Named<'_>>,
-    columns: Columns<'_>,
-    sigma_px: Option<f64>,
-    solving: Solving,
-) -> PyResult<Vec<String>> {
-    let request = solving.of(request(cameras, targets)?);
-    let columns = columns.owned(py)?;
-    answered(py, move || {
-        let rows: Vec<DetectionRow> = (0..columns.camera.len()).map(|i| columns.row(i)).collect();
-        let detections = Detections { sigma_px, ..Detections::rows(&rows) };
-        rig_lines(&resight::rig_from_detections(&detections, &request)?)
-    })
+/// Points that a detector found, as Python has them.
+#[derive(FromPyObject)]
+#[allow(clippy::large_enum_variant)] // One a call.
+pub enum Detected<'py> {
+    Files(Vec<PathBuf>),
+    Columns(Columns<'py>),
+}
+
+/// The same for the thread that solves.
+pub enum Found {
+    Files(Vec<PathBuf>),
+    Columns(Box<Owned>),
+}
+
+impl Detected<'_> {
+    pub fn owned(self, py: Python<'_>) -> PyResult<Found> {
+        Ok(match self {
+            Detected::Files(files) => Found::Files(files),
+            Detected::Columns(columns) => Found::Columns(Box::new(columns.owned(py)?)),
+        })
+    }
+}
+
+impl Found {
+    /// Runs a job on these detections; `sigma_px` is that of rows that state none.
+    pub fn with<T>(&self, sigma_px: Option<f64>, job: impl FnOnce(Detections) -> T) -> T {
+        match self {
+            Found::Files(files) => job(Detections { sigma_px, ..Detections::files(files) }),
+            Found::Columns(columns) => {
+                let rows: Vec<DetectionRow> = (0..columns.camera.len()).map(|i| columns.row(i)).collect();
+                job(Detections { sigma_px, ..Detections::rows(&rows) })
+            }
+        }
+    }
 }

@@ -59,11 +59,13 @@ impl Cameras {
         self.cameras.to_text().map_err(|reason| raised(py, &reason))
     }
 
+    /// Names in column `camera`.
     #[getter]
     fn names(&self) -> Vec<String> {
         self.cameras.names().to_vec()
     }
 
+    /// What is unusual but not wrong, in sentences.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.cameras.warnings.clone()

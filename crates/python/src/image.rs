@@ -1,21 +1,26 @@
-//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) of uint8.
+//! Images to poses and detections. An image is a path, the bytes of a PNG or JPEG, or an array (height, width) or (height, width, channels) of
+//! uint8.
 
 use crate::answer::PoseAnswer;
+use crate::arrays::{is_masked, words};
 use crate::camera::Camera;
 use crate::error;
 use crate::points::method;
 use crate::run::run;
 use crate::target::Target;
-use numpy::{PyArray2, PyArrayMethods};
+use numpy::{PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resight::GrayImage;
 use resight::answer::DetectionAnswer;
+use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
-use resight::detect::job::{detect_every_tag, detect_target};
+use resight::detect::job::{self, detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
-use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method};
+use resight::image::Channels;
+use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method, explain};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
 
 /// An image, and what it is called in answers.
 pub enum Input {
@@ -25,23 +30,13 @@ pub enum Input {
 
 impl Input {
     /// # Errors
-    /// `input` for what is no grey image.
+    /// `input` for what is no image.
     pub fn new(value: &Bound<'_, PyAny>, view: &str) -> PyResult<Self> {
         let py = value.py();
-        if let Ok(array) = value.cast::<PyArray2<u8>>() {
-            let [rows, columns] = *numpy::PyUntypedArrayMethods::shape(array) else {
-                return Err(error::input(py, "image: no image"));
-            };
-            let size = (u32::try_from(columns), u32::try_from(rows));
-            let (Ok(width_px), Ok(height_px)) = size else {
-                return Err(error::input(py, format!("image: {columns} x {rows} px is too large")));
-            };
-            if rows == 0 || columns == 0 {
-                return Err(error::input(py, "image: an array without pixels"));
-            }
-            let busy = |_| error::input(py, "image: the array is being written to elsewhere");
-            let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
-            return Ok(Input::Memory(view.to_owned(), GrayImage { width_px, height_px, data }));
+        if is_array(value)? {
+            let image = GrayImage::of_channels(&Pixels::new(value)?.channels())
+                .map_err(|reason| error::input(py, format!("image: {reason}")))?;
+            return Ok(Input::Memory(view.to_owned(), image));
         }
         if let Ok(bytes) = value.cast::<PyBytes>() {
             let image = GrayImage::decode(bytes.as_bytes())
@@ -49,8 +44,10 @@ impl Input {
             return Ok(Input::Memory(view.to_owned(), image));
         }
         value.extract::<PathBuf>().map(Input::File).map_err(|_| {
-            let message = "image: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8 is needed; \
-                           make grey ones of colour by cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) or PIL's convert(\"L\")";
+            let kind = value.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+            let message = format!(
+                "image: a path, the bytes of a PNG or JPEG, or an array of uint8 is needed, {kind} is given"
+            );
             error::input(py, message)
         })
     }
@@ -67,6 +64,56 @@ impl Input {
     }
 }
 
+/// Whether a value is an array, or is one for NumPy, as images of PIL are.
+fn is_array(value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    Ok(value.hasattr("__array_interface__")? || value.hasattr("__array__")?)
+}
+
+/// Pixels of an array, row by row.
+pub struct Pixels {
+    data: Vec<u8>,
+    /// Height and width, and the channels where the array has such an axis.
+    pub shape: Vec<usize>,
+}
+
+impl Pixels {
+    /// # Errors
+    /// `input` for what is no array (height, width) or (height, width, channels) of uint8.
+    pub fn new(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = value.py();
+        if is_masked(value)? {
+            let message =
+                "image: what is behind the mask of a masked array has no grey; give image.filled(0)";
+            return Err(error::input(py, message));
+        }
+        let value = py.import("numpy")?.call_method1("asarray", (value,))?;
+        let Ok(array) = value.cast::<PyArrayDyn<u8>>() else {
+            let dtype = value.getattr("dtype")?;
+            let message = format!(
+                "image: an array of {dtype} is given, uint8 is needed: scale to 0 to 255, then image.astype(numpy.uint8)"
+            );
+            return Err(error::input(py, message));
+        };
+        let shape = numpy::PyUntypedArrayMethods::shape(array).to_vec();
+        if !matches!(shape[..], [_, _] | [_, _, 1 | 3 | 4]) || shape.contains(&0) {
+            let message = format!(
+                "image: shape {} is given; (height, width), or (height, width, channels) with 1, 3 or 4 channels is needed",
+                words(&shape)
+            );
+            return Err(error::input(py, message));
+        }
+        let busy = |_| error::input(py, "image: the array is being written to elsewhere");
+        let data = array.try_readonly().map_err(busy)?.as_array().iter().copied().collect();
+        Ok(Pixels { data, shape })
+    }
+
+    /// As the library takes them.
+    pub fn channels(&self) -> Channels<'_> {
+        let n_channels = self.shape.get(2).copied().unwrap_or(1);
+        Channels { width_px: self.shape[1], height_px: self.shape[0], n_channels, data: &self.data }
+    }
+}
+
 /// Half width of the window in which corners are refined; none: what is printed around them is laid on the image.
 pub fn corner_window(half_px: Option<u32>) -> CornerWindow {
     half_px.map_or(CornerWindow::default(), CornerWindow::Half)
@@ -78,6 +125,7 @@ struct Request {
     target: resight::core::Target,
     options: LocateOptions,
     remarks: Vec<String>,
+    explainer: Arc<Mutex<Explainer>>,
 }
 
 impl Request {
@@ -109,7 +157,15 @@ impl Request {
                 estimate_focal: camera.is_none(),
             },
             remarks,
+            explainer: Arc::clone(&target.explainer),
         })
+    }
+
+    /// Says of the first image without the target what it shows instead.
+    fn explain(&self, answer: &mut resight::PoseAnswer, image: Option<&Input>) {
+        if let Ok(mut explainer) = self.explainer.lock() {
+            explain(answer, &self.target, &mut explainer, || Some(image?.read().1.ok()?.into_owned()));
+        }
     }
 
     fn answer(&self, locator: &mut ImageLocator, image: &Input) -> resight::PoseAnswer {
@@ -139,7 +195,9 @@ pub fn locate_image(
     let image = Input::new(image, view)?;
     let answer = run(py, None, move |_| -> Result<resight::PoseAnswer, resight::Error> {
         let mut locator = ImageLocator::new(&request.camera, &request.target, &request.options)?;
-        Ok(request.answer(&mut locator, &image))
+        let mut answer = request.answer(&mut locator, &image);
+        request.explain(&mut answer, Some(&image));
+        Ok(answer)
     })?;
     Ok(answer.map_err(|reason| error::job(py, &reason))?.into())
 }
@@ -166,7 +224,8 @@ pub fn locate_images(
             &inputs,
             || ImageLocator::new(&request.camera, &request.target, &request.options),
             |locator: &mut ImageLocator, input: &Input| request.answer(locator, input),
-            |answer| -> Result<(), resight::Error> {
+            |mut answer| -> Result<(), resight::Error> {
+                request.explain(&mut answer, inputs.get(answers.len()));
                 answers.push(answer);
                 match reporter.done(answers.len(), total) {
                     true => Ok(()),
@@ -202,7 +261,10 @@ pub fn detect(
         match (target, family) {
             (Some(target), None) => {
                 let mut detector = Detector::with_corner_window(&target, corner_window(corner_half_px))?;
-                Ok(detect_target(&mut detector, &target, &view, &image))
+                let mut answer = detect_target(&mut detector, &target, &view, &image);
+                // Asked about one image at a time, detection is what says what is there.
+                job::explain(&mut answer, &target, &mut Explainer::default(), || Some(image.into_owned()));
+                Ok(answer)
             }
             (None, Some(family)) => {
                 let mut finder = EveryTagFinder::new(&family)?;

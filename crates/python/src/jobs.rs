@@ -1,6 +1,7 @@
 //! Jobs over several images or files. Each returns the JSON line that the program prints with --json; `python/resight` makes answers of it.
 
 use crate::camera::Camera;
+use crate::columns::{Detected, Found};
 use crate::error;
 use crate::image::{Input, corner_window};
 use crate::run::run;
@@ -13,8 +14,7 @@ use resight::core::multiview::pose_graph::PairSigma;
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, model_names};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{
-    CameraDistance, CameraImage, Detections, FrameTimes, ImageOptions, PoseGraphMethod, PoseGraphRequest,
-    RigRequest,
+    CameraDistance, CameraImage, FrameTimes, ImageOptions, PoseGraphMethod, PoseGraphRequest, RigRequest,
 };
 use std::path::PathBuf;
 
@@ -158,14 +158,14 @@ pub fn rig_from_detections(
     py: Python<'_>,
     cameras: Vec<Named<'_>>,
     targets: Vec<Named<'_>>,
-    files: Vec<PathBuf>,
+    detections: Detected<'_>,
     sigma_px: Option<f64>,
     solving: Solving,
 ) -> PyResult<Vec<String>> {
     let request = solving.of(request(cameras, targets)?);
+    let found = detections.owned(py)?;
     answered(py, move || {
-        let detections = Detections { sigma_px, ..Detections::files(&files) };
-        rig_lines(&resight::rig_from_detections(&detections, &request)?)
+        found.with(sigma_px, |rows| rig_lines(&resight::rig_from_detections(&rows, &request)?))
     })
 }
 
@@ -214,36 +214,60 @@ fn models(py: Python<'_>, name: &str) -> PyResult<Models> {
     })
 }
 
-/// What `intrinsics` and its check look at: images with targets, or files of detections with the size of their images.
-fn intrinsics_request(
-    targets: Vec<Named<'_>>,
-    images: Vec<Taken<'_>>,
-    files: Vec<PathBuf>,
-    image_size_px: Option<(u32, u32)>,
-    sigma_px: Option<f64>,
-    py: Python<'_>,
-) -> PyResult<IntrinsicsRequest> {
-    let (source, cameras) = match (files.is_empty(), image_size_px) {
-        (true, _) => {
-            let mut cameras: Vec<String> = Vec::new();
-            for (camera, ..) in &images {
-                if !cameras.contains(camera) {
-                    cameras.push(camera.clone());
+/// What `intrinsics` and its check look at: images with targets, or detections with the size of their images.
+struct Observations {
+    targets: Vec<(String, resight::core::Target)>,
+    seen: Seen,
+}
+
+enum Seen {
+    Images(Vec<CameraImage>, Vec<String>),
+    Points(Found, Option<f64>, ImageSize),
+}
+
+impl Observations {
+    fn new(
+        targets: Vec<Named<'_>>,
+        images: Vec<Taken<'_>>,
+        detections: Option<Detected<'_>>,
+        image_size_px: Option<(u32, u32)>,
+        sigma_px: Option<f64>,
+        py: Python<'_>,
+    ) -> PyResult<Self> {
+        let seen = match (detections, image_size_px) {
+            (None, _) => {
+                let mut cameras: Vec<String> = Vec::new();
+                for (camera, ..) in &images {
+                    if !cameras.contains(camera) {
+                        cameras.push(camera.clone());
+                    }
                 }
+                Seen::Images(taken(images)?, cameras)
             }
-            let images = taken(images)?;
-            (IntrinsicsSource::Images { images, options: ImageOptions::default() }, cameras)
+            (Some(found), Some((width_px, height_px))) => {
+                Seen::Points(found.owned(py)?, sigma_px, ImageSize { width_px, height_px })
+            }
+            (Some(_), None) => {
+                return Err(error::input(py, "image_size_px: detections need the size of their images"));
+            }
+        };
+        Ok(Observations { targets: request(Vec::new(), targets)?.targets, seen })
+    }
+
+    /// Runs a job with a request for these.
+    fn with<T>(self, job: impl FnOnce(IntrinsicsRequest) -> T) -> T {
+        let Observations { targets, seen } = self;
+        match seen {
+            Seen::Images(images, cameras) => {
+                let source = IntrinsicsSource::Images { images, options: ImageOptions::default() };
+                job(IntrinsicsRequest { cameras, targets, ..IntrinsicsRequest::new(source) })
+            }
+            Seen::Points(found, sigma_px, size) => found.with(sigma_px, |detections| {
+                let source = IntrinsicsSource::Detections { detections, size };
+                job(IntrinsicsRequest { targets, ..IntrinsicsRequest::new(source) })
+            }),
         }
-        (false, Some((width_px, height_px))) => {
-            let size = ImageSize { width_px, height_px };
-            (IntrinsicsSource::Detections { files, sigma_px, size }, Vec::new())
-        }
-        (false, None) => {
-            return Err(error::input(py, "image_size_px: detections need the size of their images"));
-        }
-    };
-    let targets = request(Vec::new(), targets)?.targets;
-    Ok(IntrinsicsRequest { cameras, targets, ..IntrinsicsRequest::new(source) })
+    }
 }
 
 /// The answer, and the camera file where there is a camera to rely on.
@@ -262,15 +286,18 @@ pub fn intrinsics(
     py: Python<'_>,
     targets: Vec<Named<'_>>,
     images: Vec<Taken<'_>>,
-    files: Vec<PathBuf>,
+    detections: Option<Detected<'_>>,
     image_size_px: Option<(u32, u32)>,
     sigma_px: Option<f64>,
     model: &str,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let request = intrinsics_request(targets, images, files, image_size_px, sigma_px, py)?;
-    let request = IntrinsicsRequest { models: models(py, model)?, ..request };
-    observed(py, progress, move || intrinsics_lines(&resight::intrinsics(&request)?))
+    let observations = Observations::new(targets, images, detections, image_size_px, sigma_px, py)?;
+    let models = models(py, model)?;
+    observed(py, progress, move || {
+        observations
+            .with(|request| intrinsics_lines(&resight::intrinsics(&IntrinsicsRequest { models, ..request })?))
+    })
 }
 
 #[pyfunction]
@@ -280,7 +307,7 @@ pub fn check_intrinsics(
     cameras: Vec<Named<'_>>,
     targets: Vec<Named<'_>>,
     images: Vec<Taken<'_>>,
-    files: Vec<PathBuf>,
+    detections: Option<Detected<'_>>,
     image_size_px: Option<(u32, u32)>,
     sigma_px: Option<f64>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -288,11 +315,13 @@ pub fn check_intrinsics(
     let checked = request(cameras, Vec::new())?.cameras;
     let of_camera = || checked.first()?.camera.size.map(|size| (size.width_px, size.height_px));
     let size = image_size_px.or_else(of_camera);
-    let request = intrinsics_request(targets, images, files, size, sigma_px, py)?;
-    let request = IntrinsicsRequest { checked, ..request };
+    let observations = Observations::new(targets, images, detections, size, sigma_px, py)?;
     observed(py, progress, move || {
-        let answer: IntrinsicsCheckAnswer = resight::check_intrinsics(&request)?;
-        Ok(vec![line(&answer)?])
+        observations.with(|request| {
+            let answer: IntrinsicsCheckAnswer =
+                resight::check_intrinsics(&IntrinsicsRequest { checked, ..request })?;
+            Ok(vec![line(&answer)?])
+        })
     })
 }
 

@@ -34,8 +34,6 @@ mod _native {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
-    use super::columns::rig_from_columns;
-    #[pymodule_export]
     use super::fleet::{Cameras, FleetState, batch, fleet_report, fleet_span_s, locate_views, solve_views};
     #[pymodule_export]
     use super::image::{detect, locate_image, locate_images};

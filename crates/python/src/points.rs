@@ -4,12 +4,12 @@ use crate::answer::PoseAnswer;
 use crate::arrays::{Numbers, each};
 use crate::camera::Camera;
 use crate::error;
+use crate::run::{here, run};
 use pyo3::prelude::*;
 use resight::core::camera::ImageSize;
 use resight::core::locate::prior::Prior;
 use resight::core::locate::unknown_focal::LensPrior;
-use resight::core::{Correspondence, Pixel, Point};
-use resight::locate::{METHODS, Method, NamedPoint, PointsOptions, locate_points};
+use resight::locate::{METHODS, Method, PointRows, PointsOptions};
 use resight::nominal::lens_of_unknown_focal;
 use resight::points::{TableLocator, read_views, unit_remarks};
 use std::path::PathBuf;
@@ -50,8 +50,8 @@ fn priors(py: Python<'_>, gravity: Option<Gravity>) -> PyResult<Vec<Prior>> {
     }])
 }
 
-/// From so many points on a view may take seconds, during which Ctrl-C must be heard.
-const MANY_POINTS: usize = 1000;
+/// From so many points on a view may take seconds, as the search for wrong ones may, during which Ctrl-C must be heard.
+pub const MANY_POINTS: usize = 1000;
 
 /// The pose of a camera from points (n, 3) in the target frame and their pixels (n, 2).
 #[pyfunction]
@@ -86,15 +86,17 @@ pub fn solve(
     if names.as_ref().is_some_and(|names| names.len() != n) {
         return Err(error::input(py, format!("names: one for each of {n} points is needed")));
     }
-    let mut named = Vec::with_capacity(n);
-    for k in 0..n {
-        let (x, [u, v]) = (Point::from(points[k]), seen[k]);
-        let seen = Correspondence::new(&camera.known.camera, x, Pixel::new(u, v), sigmas_px[k]);
-        let seen = seen
-            .map_err(|reason| error::error(py, &error::math_kind(&reason), format!("point {k}: {reason}")))?;
-        let name = names.as_ref().map_or_else(|| k.to_string(), |names| names[k].clone());
-        named.push(NamedPoint { name, line: None, seen: Correspondence { sigma_m: sigmas_m[k], ..seen } });
-    }
+    let rows = PointRows {
+        points_m: points,
+        pixels: seen,
+        sigma_px: &sigmas_px,
+        sigma_m: &sigmas_m,
+        names: names.as_deref(),
+    };
+    let seen = rows.seen(&camera.known.camera).map_err(|fault| {
+        let kind = fault.kind.as_ref().map_or_else(|| "input".to_owned(), error::math_kind);
+        error::error(py, &kind, fault.message)
+    })?;
     let method = self::method(py, method)?;
     let options = PointsOptions {
         method,
@@ -103,11 +105,11 @@ pub fn solve(
         robust_threshold_px,
         ..PointsOptions::default()
     };
-    let mut answer = match n < MANY_POINTS {
-        true => crate::run::here(py, || locate_points(view, &named, &camera.known.camera, &options))?,
+    let mut answer = match n < MANY_POINTS && robust_threshold_px.is_none() {
+        true => here(py, || seen.locate(view, &camera.known.camera, &options))?,
         false => {
             let (view, lens) = (view.to_owned(), camera.known.camera.clone());
-            crate::run::run(py, None, move |_| locate_points(&view, &named, &lens, &options))?
+            run(py, None, move |_| seen.locate(&view, &lens, &options))?
         }
     };
     answer.remarks.extend(camera.remark.clone());
@@ -116,7 +118,8 @@ pub fn solve(
 
 /// The poses of a CSV file of points, one a view.
 #[pyfunction]
-#[pyo3(signature = (file, camera, *, sigma_px=None, method="auto", robust_threshold_px=None, image_size_px=None))]
+#[pyo3(signature = (file, camera, *, sigma_px=None, method="auto", robust_threshold_px=None, image_size_px=None, progress=None))]
+#[allow(clippy::too_many_arguments)] // As the function has them in Python, by keyword.
 pub fn solve_table(
     py: Python<'_>,
     file: PathBuf,
@@ -125,6 +128,7 @@ pub fn solve_table(
     method: &str,
     robust_threshold_px: Option<f64>,
     image_size_px: Option<(u32, u32)>,
+    progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<PoseAnswer>> {
     let method = self::method(py, method)?;
     let intrinsics = camera.and_then(Camera::intrinsics).filter(|_| method != Method::Wang2004);
@@ -139,9 +143,15 @@ pub fn solve_table(
     let views = read_views(&file, false).map_err(|reason| error::file(py, &reason))?;
     let mut remarks = unit_remarks(&views);
     remarks.extend(camera.and_then(|camera| camera.remark.clone()));
-    let answers = crate::run::run(py, None, move |_| {
-        let answer = |view| resight::PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) };
-        views.iter().map(answer).collect::<Vec<_>>()
+    let answers = run(py, progress, move |reporter| {
+        let mut answers = Vec::with_capacity(views.len());
+        for view in &views {
+            answers.push(resight::PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) });
+            if !reporter.done(answers.len(), views.len()) {
+                break; // Nobody waits for the rest.
+            }
+        }
+        answers
     })?;
     Ok(answers.into_iter().map(PoseAnswer::from).collect())
 }

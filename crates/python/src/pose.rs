@@ -4,6 +4,7 @@ use crate::arrays::{Numbers, array};
 use crate::error;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
+use pyo3::types::{PyIterator, PyTuple};
 use resight::core::{self, Point};
 
 /// x_in_b = b_from_a · x_in_a.
@@ -11,8 +12,10 @@ use resight::core::{self, Point};
 #[derive(Clone)]
 pub struct Pose {
     pub pose: core::Pose,
+    /// The frame that it leads to.
     #[pyo3(get)]
     pub b: String,
+    /// The frame that it starts from.
     #[pyo3(get)]
     pub a: String,
 }
@@ -50,21 +53,25 @@ impl Pose {
         Ok(Pose { pose, b: b.to_owned(), a: a.to_owned() })
     }
 
+    /// Homogeneous matrix (4, 4).
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.pose.matrix().concat(), &[4, 4])
     }
 
+    /// Rotation matrix (3, 3).
     #[getter]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.pose.rotation.transpose().iter().copied().collect(), &[3, 3])
     }
 
+    /// Translation (3,), metres: the origin of frame a seen in frame b.
     #[getter]
     fn translation_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         array(py, self.pose.translation.iter().copied().collect(), &[3])
     }
 
+    /// Unit quaternion w, x, y, z with w ≥ 0.
     #[getter]
     fn rotation_wxyz(&self) -> [f64; 4] {
         self.pose.quaternion_wxyz()
@@ -79,7 +86,25 @@ impl Pose {
 
     /// a_from_b.
     fn inverse(&self) -> Self {
-        Pose { pose: self.pose.inverse(), b: self.a.clone(), a: self.b.clone() }
+        self.inverted()
+    }
+
+    /// `R, t = pose`: the rotation matrix (3, 3) and the translation (3,), metres.
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        (self.rotation(py)?, self.translation_m(py)?).into_pyobject(py)?.try_iter()
+    }
+
+    /// Poses are equal that have the same frames and the same numbers, to the last bit.
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Pose>().is_ok_and(|other| {
+            let other = other.get();
+            self.pose == other.pose && self.b == other.b && self.a == other.a
+        })
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        let numbers: Vec<f64> = self.pose.matrix().concat().into_iter().map(|x| x + 0.0).collect(); // −0 is 0.
+        (PyTuple::new(py, numbers)?, &self.b, &self.a).into_pyobject(py)?.hash()
     }
 
     /// `c_from_b @ b_from_a` is `c_from_a`; `b_from_a @ points` (n, 3) are the points in b.
@@ -116,6 +141,13 @@ impl Pose {
             "Pose({}_from_{}: t ({:.4}, {:.4}, {:.4}) m, rotation {angle:.2} deg)",
             self.b, self.a, t.x, t.y, t.z
         )
+    }
+}
+
+impl Pose {
+    /// a_from_b.
+    pub fn inverted(&self) -> Self {
+        Pose { pose: self.pose.inverse(), b: self.a.clone(), a: self.b.clone() }
     }
 }
 

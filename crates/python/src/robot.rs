@@ -1,14 +1,19 @@
 //! A camera on a robot, and a known rig in front of known points.
 
+use crate::answer::PoseAnswer;
+use crate::columns::Detected;
 use crate::error;
 use crate::image::corner_window;
 use crate::jobs::{JobResult, Named, Solving, Taken, answered, line, observed, request, taken};
+use crate::pose::{NOT_RIGID, rigid};
 use pyo3::prelude::*;
 use resight::answer::HandEyeAnswer;
-use resight::core::Point;
 use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
+use resight::core::{Matrix6, Point, Pose};
+use resight::rig::pairs::pose_from_numbers;
 use resight::rig::{
-    Detections, HandEyeRequest, HandEyeViews, ImageOptions, ObservedRig, read_robot_poses, read_view_poses,
+    HandEyeRequest, HandEyeViews, ImageOptions, ObservedRig, RobotPose, ViewPoses, read_robot_poses,
+    read_view_poses,
 };
 use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses};
 use std::path::PathBuf;
@@ -54,32 +59,120 @@ fn hand_eye_lines(answer: HandEyeAnswer) -> JobResult<Vec<String>> {
     }])
 }
 
+/// The gripper's poses: a file, or by name 16 numbers of a homogeneous matrix, or qw, qx, qy, qz, x_m, y_m, z_m.
+#[derive(FromPyObject)]
+pub enum Motions {
+    File(PathBuf),
+    Named(Vec<(String, Vec<f64>)>),
+}
+
+/// The same, checked.
+enum KnownMotions {
+    File(PathBuf),
+    Named(Vec<(String, Pose)>),
+}
+
+impl Motions {
+    fn known(self, py: Python<'_>) -> PyResult<KnownMotions> {
+        let poses = match self {
+            Motions::File(file) => return Ok(KnownMotions::File(file)),
+            Motions::Named(poses) => poses,
+        };
+        let pose = |(view, numbers): (String, Vec<f64>)| {
+            let pose = pose_of(&numbers);
+            pose.map(|pose| (view.clone(), pose))
+                .map_err(|reason| error::input(py, format!("motions: view {view}: {reason}")))
+        };
+        Ok(KnownMotions::Named(poses.into_iter().map(pose).collect::<PyResult<_>>()?))
+    }
+}
+
+impl KnownMotions {
+    fn robot(self, noise: Option<GripperNoise>) -> JobResult<Vec<RobotPose>> {
+        match self {
+            KnownMotions::File(file) => Ok(read_robot_poses(&file, noise)?),
+            KnownMotions::Named(poses) => RobotPose::named(poses, noise),
+        }
+    }
+}
+
+/// Of 16 numbers of a homogeneous matrix, or a quaternion and a translation.
+fn pose_of(numbers: &[f64]) -> Result<Pose, String> {
+    if let Ok(matrix) = <&[f64; 16]>::try_from(numbers) {
+        return rigid(matrix).ok_or_else(|| NOT_RIGID.to_owned());
+    }
+    match <&[f64; 7]>::try_from(numbers) {
+        Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => pose_from_numbers(numbers),
+        _ => Err(format!(
+            "{} numbers are given; a matrix (4, 4), or qw, qx, qy, qz, x_m, y_m, z_m is needed",
+            numbers.len()
+        )),
+    }
+}
+
+/// Poses of the target by the name of their view: a file, answers, or matrices with their covariances.
+#[derive(FromPyObject)]
+pub enum SeenPoses<'py> {
+    File(PathBuf),
+    Answers(Vec<(String, Bound<'py, PoseAnswer>)>),
+    Matrices(Vec<(String, [f64; 16], [f64; 36])>),
+}
+
+enum KnownPoses {
+    File(PathBuf),
+    Views(Vec<ViewPoses>),
+}
+
+impl SeenPoses<'_> {
+    fn known(self, py: Python<'_>) -> PyResult<KnownPoses> {
+        Ok(KnownPoses::Views(match self {
+            SeenPoses::File(file) => return Ok(KnownPoses::File(file)),
+            SeenPoses::Answers(answers) => {
+                let poses = |(view, answer): (String, Bound<'_, PoseAnswer>)| answer.get().poses(view);
+                answers.into_iter().map(poses).collect::<Result<_, _>>().map_err(|e| error::input(py, e))?
+            }
+            SeenPoses::Matrices(poses) => {
+                let of = |(view, matrix, covariance): (String, [f64; 16], [f64; 36])| {
+                    let pose = rigid(&matrix)
+                        .ok_or_else(|| error::input(py, format!("poses: view {view}: {NOT_RIGID}")))?;
+                    Ok(ViewPoses::of_pose(view, pose, Matrix6::from_row_slice(&covariance)))
+                };
+                poses.into_iter().map(of).collect::<PyResult<_>>()?
+            }
+        }))
+    }
+}
+
 /// From poses that were found already.
 #[pyfunction]
 pub fn hand_eye_of_poses(
     py: Python<'_>,
-    motions: PathBuf,
-    poses: PathBuf,
+    motions: Motions,
+    poses: SeenPoses<'_>,
     robot: Robot,
 ) -> PyResult<Vec<String>> {
     let (noise, config) = (robot.noise(py)?, robot.config());
+    let (motions, poses) = (motions.known(py)?, poses.known(py)?);
     answered(py, move || {
-        let robot = read_robot_poses(&motions, noise)?;
-        let views = HandEyeViews::Poses(read_view_poses(&poses)?);
+        let robot = motions.robot(noise)?;
+        let views = HandEyeViews::Poses(match poses {
+            KnownPoses::File(file) => read_view_poses(&file)?,
+            KnownPoses::Views(views) => views,
+        });
         hand_eye_lines(resight::hand_eye(HandEyeRequest { robot, views, config })?)
     })
 }
 
-/// From images, or from files of detections.
+/// From images, or from detections.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
 pub fn hand_eye(
     py: Python<'_>,
-    motions: PathBuf,
+    motions: Motions,
     cameras: Vec<Named<'_>>,
     targets: Vec<Named<'_>>,
     images: Vec<Taken<'_>>,
-    files: Vec<PathBuf>,
+    detections: Option<Detected<'_>>,
     sigma_px: Option<f64>,
     solving: Solving,
     robot: Robot,
@@ -88,14 +181,13 @@ pub fn hand_eye(
     let (noise, config) = (robot.noise(py)?, robot.config());
     let request = solving.of(request(cameras, targets)?);
     let images = taken(images)?;
+    let motions = motions.known(py)?;
+    let found = detections.map(|detections| detections.owned(py)).transpose()?;
     observed(py, progress, move || {
-        let robot = read_robot_poses(&motions, noise)?;
-        let observed = match files.is_empty() {
-            false => {
-                let detections = Detections { sigma_px, ..Detections::files(&files) };
-                ObservedRig::from_detections(&detections, &request)?
-            }
-            true => {
+        let robot = motions.robot(noise)?;
+        let observed = match found {
+            Some(found) => found.with(sigma_px, |rows| ObservedRig::from_detections(&rows, &request))?,
+            None => {
                 let options = ImageOptions { times: None, corner_window: corner_window(None) };
                 ObservedRig::from_images(&images, &options, &request)?
             }

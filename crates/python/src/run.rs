@@ -106,6 +106,24 @@ fn hearer<'py>(py: Python<'py>, progress: &Bound<'py, PyAny>) -> PyResult<Bound<
     }
 }
 
+/// What a caller wants to hear of a job on its own thread.
+pub struct Heard<'py>(Option<Bound<'py, PyAny>>);
+
+impl<'py> Heard<'py> {
+    /// Of the argument `progress`.
+    pub fn new(py: Python<'py>, progress: Option<&Bound<'py, PyAny>>) -> PyResult<Self> {
+        Ok(Heard(progress.map(|progress| hearer(py, progress)).transpose()?))
+    }
+
+    /// So many of so many are done.
+    ///
+    /// # Errors
+    /// What the caller's function raises.
+    pub fn done(&self, n_done: usize, n_all: usize) -> PyResult<()> {
+        self.0.as_ref().map_or(Ok(()), |hear| hear.call1((n_done, n_all)).map(|_| ()))
+    }
+}
+
 type Next<T> = (Receiver<News<T>>, Result<News<T>, RecvTimeoutError>);
 
 fn next_of<T>(received: Receiver<News<T>>) -> Next<T> {

@@ -1,16 +1,17 @@
 //! Answers as a table of columns for pandas, Polars and Arrow: the Arrow PyCapsule interface, without a copy on their side.
 
-use crate::answer::PoseAnswer;
+use crate::answer::{PoseAnswer, PoseFigures};
 use crate::error;
 use crate::many::Poses;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
     ArrayRef, FixedSizeListArray, Float64Array, RecordBatch, RecordBatchIterator, StringArray, UInt32Array,
 };
+use arrow_ipc::reader::StreamReader;
+use arrow_ipc::writer::StreamWriter;
 use arrow_schema::{ArrowError, DataType, Field};
 use pyo3::prelude::*;
-use pyo3::types::PyCapsule;
-use resight::core::PoseEstimate;
+use pyo3::types::{PyBytes, PyCapsule};
 use std::sync::Arc;
 
 /// One row an answer; the columns of a pose are null where there is none.
@@ -67,6 +68,24 @@ impl Table {
         }
     }
 
+    /// What `__reduce__` kept: a stream of Arrow.
+    #[staticmethod]
+    fn _of(py: Python<'_>, stream: &[u8]) -> PyResult<Self> {
+        let batch = StreamReader::try_new(stream, None).and_then(|mut batches| batches.next().transpose());
+        let batch = batch.ok().flatten();
+        let batch = batch.ok_or_else(|| error::input(py, "this is no table that was pickled"))?;
+        Ok(Table { batch })
+    }
+
+    /// How `pickle` and `copy` make it again.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Bound<'py, PyBytes>,))> {
+        let mut stream = Vec::new();
+        let written = StreamWriter::try_new(&mut stream, &self.batch.schema())
+            .and_then(|mut writer| writer.write(&self.batch).and_then(|()| writer.finish()));
+        written.map_err(|reason| error::error(py, "write", reason.to_string()))?;
+        Ok((py.get_type::<Table>().getattr("_of")?, (PyBytes::new(py, &stream),)))
+    }
+
     fn __len__(&self) -> usize {
         self.batch.num_rows()
     }
@@ -77,21 +96,19 @@ impl Table {
 }
 
 /// What a row is made of.
-struct Row<'a> {
-    view: String,
-    status: &'static str,
-    message: String,
-    n_points: u32,
-    estimate: Option<&'a PoseEstimate>,
+pub struct Row<'a> {
+    pub view: String,
+    pub status: &'a str,
+    pub message: &'a str,
+    pub n_points: usize,
+    pub pose: Option<&'a PoseFigures>,
 }
 
 /// The table of answers: a list of them, or the poses of `solve_many`.
 #[pyfunction]
 pub fn table(py: Python<'_>, answers: &Bound<'_, PyAny>) -> PyResult<Table> {
     if let Ok(poses) = answers.cast::<Poses>() {
-        let poses = poses.get();
-        let row = |(i, n_points, answer, status)| Row::of_view(i, n_points, answer, status);
-        return made(py, &poses.rows().map(row).collect::<Vec<_>>());
+        return made(py, &poses.get().rows().collect::<Vec<_>>());
     }
     let answers: Vec<Bound<'_, PoseAnswer>> = answers.extract().map_err(|_| {
         error::input(
@@ -99,34 +116,17 @@ pub fn table(py: Python<'_>, answers: &Bound<'_, PyAny>) -> PyResult<Table> {
             "answers: a list of PoseAnswer (of locate_images, solve, solve_table) or Poses is needed",
         )
     })?;
-    let rows: Vec<Row> = answers.iter().map(|answer| Row::of_answer(&answer.get().answer)).collect();
-    made(py, &rows)
+    made(py, &answers.iter().map(row).collect::<Vec<_>>())
 }
 
-impl<'a> Row<'a> {
-    fn of_view(
-        view: usize,
-        n_points: usize,
-        answer: &'a Result<PoseEstimate, resight::core::Error>,
-        status: &'static str,
-    ) -> Self {
-        Row {
-            view: view.to_string(),
-            status,
-            message: answer.as_ref().err().map(ToString::to_string).unwrap_or_default(),
-            n_points: u32::try_from(n_points).unwrap_or(u32::MAX),
-            estimate: answer.as_ref().ok(),
-        }
-    }
-
-    fn of_answer(answer: &'a resight::PoseAnswer) -> Self {
-        Row {
-            view: answer.view.clone(),
-            status: answer.status().name(),
-            message: answer.verdict.message.clone(),
-            n_points: u32::try_from(answer.n_points).unwrap_or(u32::MAX),
-            estimate: answer.estimate.as_ref(),
-        }
+fn row<'a>(answer: &'a Bound<'_, PoseAnswer>) -> Row<'a> {
+    let figures = answer.get().figures();
+    Row {
+        view: figures.view.clone(),
+        status: &figures.status,
+        message: &figures.message,
+        n_points: figures.n_points,
+        pose: figures.pose.as_ref(),
     }
 }
 
@@ -139,14 +139,22 @@ fn batch(rows: &[Row]) -> Result<RecordBatch, ArrowError> {
     let text = |of: &dyn Fn(&Row) -> String| -> ArrayRef {
         Arc::new(rows.iter().map(|row| Some(of(row))).collect::<StringArray>())
     };
-    let number = |of: &dyn Fn(&PoseEstimate) -> f64| -> ArrayRef {
-        Arc::new(rows.iter().map(|row| row.estimate.map(of)).collect::<Float64Array>())
+    let number = |of: &dyn Fn(&PoseFigures) -> f64| -> ArrayRef {
+        Arc::new(rows.iter().map(|row| row.pose.map(of)).collect::<Float64Array>())
     };
     RecordBatch::try_from_iter_with_nullable([
         ("view", text(&|row| row.view.clone()), false),
         ("status", text(&|row| row.status.to_owned()), false),
-        ("message", text(&|row| row.message.clone()), false),
-        ("n_points", Arc::new(rows.iter().map(|row| Some(row.n_points)).collect::<UInt32Array>()), false),
+        ("message", text(&|row| row.message.to_owned()), false),
+        (
+            "n_points",
+            Arc::new(
+                rows.iter()
+                    .map(|row| Some(u32::try_from(row.n_points).unwrap_or(u32::MAX)))
+                    .collect::<UInt32Array>(),
+            ),
+            false,
+        ),
         ("rotation_wxyz", lists::<4>(rows, |e| e.cam_from_target.quaternion_wxyz())?, true),
         ("translation_m", lists::<3>(rows, |e| e.cam_from_target.translation.into())?, true),
         ("covariance", lists::<36>(rows, |e| std::array::from_fn(|i| e.covariance.as_slice()[i]))?, true),
@@ -159,11 +167,11 @@ fn batch(rows: &[Row]) -> Result<RecordBatch, ArrowError> {
 /// Lists of `N` numbers, null where there is no pose.
 fn lists<const N: usize>(
     rows: &[Row],
-    of: impl Fn(&PoseEstimate) -> [f64; N],
+    of: impl Fn(&PoseFigures) -> [f64; N],
 ) -> Result<ArrayRef, ArrowError> {
-    let numbers = rows.iter().flat_map(|row| row.estimate.map_or([0.0; N], &of));
+    let numbers = rows.iter().flat_map(|row| row.pose.map_or([0.0; N], &of));
     let item = Arc::new(Field::new("item", DataType::Float64, false));
-    let has_pose = rows.iter().map(|row| row.estimate.is_some()).collect::<Vec<bool>>().into();
+    let has_pose = rows.iter().map(|row| row.pose.is_some()).collect::<Vec<bool>>().into();
     let size = i32::try_from(N).map_err(|_| ArrowError::ComputeError("too long a list".to_owned()))?;
     let numbers = Arc::new(Float64Array::from_iter_values(numbers));
     Ok(Arc::new(FixedSizeListArray::try_new(item, size, numbers, Some(has_pose))?))

@@ -6,8 +6,10 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use resight::core;
+use resight::detect::absent::Explainer;
 use resight::formats::{self, TargetFile};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 
 /// What is looked for in images: points whose places are known.
 #[pyclass(frozen, module = "resight")]
@@ -15,11 +17,13 @@ pub struct Target {
     pub target: core::Target,
     /// What is unusual about it, in sentences.
     pub warnings: Vec<String>,
+    /// Says of the first image without it what that shows instead: loops over frames call for one image at a time.
+    pub explainer: Arc<Mutex<Explainer>>,
 }
 
 impl From<TargetFile> for Target {
     fn from(file: TargetFile) -> Self {
-        Target { target: file.target, warnings: file.warnings }
+        Target { target: file.target, warnings: file.warnings, explainer: Arc::default() }
     }
 }
 
@@ -46,11 +50,13 @@ impl Target {
         Ok(formats::read_target(&file).map_err(|reason| error::file(py, &reason))?.into())
     }
 
+    /// `tag`, `aprilgrid`, `chessboard`, `charuco`, `tag_map`, `line_plus_one` or `points`.
     #[getter]
     fn kind(&self) -> &'static str {
         self.target.kind()
     }
 
+    /// What is unusual about it, in sentences; every answer repeats them.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()

@@ -118,7 +118,7 @@ def test_corners_and_camera_files(photographs):
     assert np.array_equal(resight.read_camera("examples/photo/left.yml").matrix, file.getNode("camera_matrix").mat())
 
 
-@ROWS.run("`calibrateCamera`")
+@ROWS.run("the same from images")
 def test_intrinsics(photographs, tmp_path):
     """Fewer images than a good calibration needs: the two agree within our ±."""
     corners = [corners_of(image) for image in photographs["left"].values()]
@@ -155,6 +155,136 @@ def test_markers(tags):
     for tag, quad in zip(np.ravel(ids).tolist(), corners):
         distances = [np.linalg.norm(quad[0, (k + 2) % 4] - found[tag, k]) for k in range(4)]  # Half a turn, docs/from-apriltag.md.
         assert max(distances) < 2.5, (tag, distances)
+
+
+@ROWS.run("`calibrateCamera(")
+def test_calibrate_camera(photographs):
+    corners = [corners_of(image) for image in photographs["left"].values()]
+    boards = [BOARD.astype(np.float32)] * len(corners)
+    theirs = cv2.calibrateCamera(boards, corners, (640, 480), None, None)
+    ours = cv.calibrateCamera(boards, corners, (640, 480), None, None)
+    retval, matrix, distortion, rvecs, tvecs = ours
+    parameters = {p["name"]: p for p in ours.answer.to_dict()["cameras"][0]["intrinsics"]["parameters"]}
+    assert ours.status == "ok" and retval < 1 and distortion.shape[0] == 1 and 5 <= distortion.shape[1]
+    assert abs(matrix[0, 0] - theirs[1][0, 0]) < 5 * parameters["fx_px"]["sigma"] and matrix[0, 0] == parameters["fx_px"]["value"]
+    assert len(rvecs) == len(tvecs) == len(corners)
+    for rvec, tvec, board, seen in zip(rvecs, tvecs, boards, corners):
+        error = cv2.projectPoints(board, rvec, tvec, matrix, distortion)[0].reshape(-1, 2) - seen.reshape(-1, 2)
+        assert np.sqrt(np.mean(error**2)) < 0.5
+    for held in (cv2.CALIB_FIX_ASPECT_RATIO, cv2.CALIB_FIX_PRINCIPAL_POINT, cv2.CALIB_ZERO_TANGENT_DIST, cv2.CALIB_FIX_K3):
+        with pytest.raises(resight.Error, match="leave them out"):
+            cv.calibrateCamera(boards, corners, (640, 480), flags=held)
+    for taken in (cv2.CALIB_USE_INTRINSIC_GUESS, cv2.CALIB_RATIONAL_MODEL, cv2.CALIB_THIN_PRISM_MODEL, cv2.CALIB_TILTED_MODEL):
+        assert cv._CALIB_TAKEN & taken == taken
+    nothing = cv.calibrateCamera(boards[:1], corners[:1], (640, 480))
+    assert nothing[0] is None and nothing.status == "degenerate"
+    with pytest.raises(resight.Error, match="one item for each view"):
+        cv.calibrateCamera(boards, corners[1:], (640, 480))
+
+
+def robot(n, rng, noise=0.0):
+    """Poses of a gripper and of a target that a camera on it sees: R and t of each, and gripper_from_cam."""
+    def pose(turn, shift):
+        return resight.Pose.from_vectors(turn, shift).matrix
+
+    gripper_from_cam, base_from_target = pose([0.1, -0.2, 1.5], [0.04, -0.02, 0.07]), pose([3.0, 0.1, 0.2], [0.6, 0.1, 0.0])
+    grippers = [pose(rng.normal(0, 0.5, 3), [0.5, 0.0, 0.6] + rng.normal(0, 0.1, 3)) for _ in range(n)]
+    noisy = [pose(rng.normal(0, noise, 3), rng.normal(0, noise, 3)) for _ in range(n)]
+    targets = [e @ np.linalg.inv(g @ gripper_from_cam) @ base_from_target for g, e in zip(grippers, noisy)]
+    return grippers, targets, gripper_from_cam
+
+
+def parts(poses):
+    return [p[:3, :3] for p in poses], [p[:3, 3:] for p in poses]
+
+
+@ROWS.run("`calibrateHandEye(")
+def test_calibrate_hand_eye():
+    grippers, targets, truth = robot(15, np.random.default_rng(3), noise=1e-3)
+    ours = cv.calibrateHandEye(*parts(grippers), *parts(targets))
+    rotation, translation = ours
+    if hasattr(cv2, "calibrateHandEye"):  # OpenCV 5.0 has it in C++ alone.
+        theirs = cv2.calibrateHandEye(*parts(grippers), *parts(targets))
+        assert np.linalg.norm(theirs[1] - translation) < 2e-2
+    sigma = np.sqrt(np.diag(ours.covariance))
+    assert ours.status == "ok" and translation.shape == (3, 1) and rotation.shape == (3, 3)
+    assert np.all(np.abs(translation.ravel() - truth[:3, 3]) < 5 * sigma[3:].max()) and sigma[3:].max() < 5e-3
+    assert np.linalg.norm(cv2.Rodrigues(rotation @ truth[:3, :3].T)[0]) < 5 * sigma[:3].max() * np.sqrt(3)
+    vectors = [cv2.Rodrigues(r)[0] for r in parts(grippers)[0]]
+    again = cv.calibrateHandEye(vectors, parts(grippers)[1], *parts(targets), method=cv2.CALIB_HAND_EYE_PARK)
+    assert np.allclose(again[1], translation, atol=1e-9)
+    still = cv.calibrateHandEye(*parts(grippers[:1] * 15), *parts(targets[:1] * 15))
+    assert still[0] is None and still.status == "degenerate" and still.covariance is None
+    with pytest.raises(resight.Error, match="15 R_gripper2base and 14"):
+        cv.calibrateHandEye(parts(grippers)[0], parts(grippers)[1][1:], *parts(targets))
+
+
+@ROWS.run("`Rodrigues(")
+def test_rodrigues():
+    for vector in (RVEC, RVEC.ravel(), np.zeros((3, 1)), np.array([0.0, np.pi, 0.0])):
+        matrix, jacobian = cv.Rodrigues(vector)
+        assert np.allclose(matrix, cv2.Rodrigues(vector)[0], atol=1e-12) and jacobian is None
+        back = cv.Rodrigues(matrix)[0]
+        assert back.shape == (3, 1) and np.allclose(cv2.Rodrigues(back)[0], matrix, atol=1e-12)
+    for wrong in (np.diag([1.0, 1, -1]), np.eye(4), np.zeros((3, 3)), [1, 2]):
+        with pytest.raises(resight.Error):
+            cv.Rodrigues(wrong)
+
+
+@ROWS.run("`undistort(")
+def test_undistort(photographs):
+    grey = photographs["left"]["01"]
+    colour = cv2.imread("examples/photo/left01.jpg")
+    wide = np.array([[400.0, 0, 320], [0, 400, 240], [0, 0, 1]])
+    for image in (grey, colour, np.asfortranarray(grey)):
+        for matrix in (None, wide):
+            theirs = cv2.undistort(image, K, D, None, matrix)
+            ours = cv.undistort(image, K, D, None, matrix)
+            assert ours.shape == theirs.shape and ours.dtype == np.uint8
+            # OpenCV interpolates to 1/32 px: a grey level or two at edges, and whole pixels at the border alone.
+            assert np.mean(np.abs(ours.astype(int) - theirs.astype(int)) <= 3) > 0.995
+    for wrong in (grey.astype(float), np.zeros((4, 4, 2), np.uint8), "left01.jpg", grey[:0]):
+        with pytest.raises(resight.Error):
+            cv.undistort(wrong, K, D)
+
+
+def test_arguments_are_taken_in_the_order_of_opencv(seen):
+    """With flags, start values and outputs, by place and by name, in each shape."""
+    guess = RVEC.copy(), TVEC.copy()
+    expected = cv.solvePnP(BOARD, seen, K, D)
+    for points, pixels in ((BOARD[:, None], seen), (BOARD[None], seen.reshape(1, -1, 2)), (BOARD.astype(np.float32), seen.reshape(-1, 2))):
+        for flags in (cv2.SOLVEPNP_ITERATIVE, cv2.SOLVEPNP_SQPNP, cv2.SOLVEPNP_EPNP):
+            theirs = cv2.solvePnP(points, pixels, K, D, *guess, True, flags)
+            ours = cv.solvePnP(points, pixels, K, D, *guess, True, flags)
+            assert len(ours) == len(theirs) and np.allclose(ours[2], expected[2], atol=1e-6)
+    assert cv.solvePnP(BOARD, seen, K, D, flags=cv2.SOLVEPNP_IPPE)[0]
+    named = dict(useExtrinsicGuess=False, iterationsCount=50, reprojectionError=4.0, confidence=0.99, flags=cv2.SOLVEPNP_EPNP)
+    assert len(cv.solvePnPRansac(BOARD, seen, K, D, **named)) == len(cv2.solvePnPRansac(BOARD, seen, K, D, **named)) == 4
+    assert cv.solvePnPRansac(BOARD, seen, K, D, None, None, False, 50, 4.0)[3].shape == (54, 1)
+    assert len(cv.solvePnPGeneric(BOARD, seen, K, D, flags=cv2.SOLVEPNP_SQPNP)) == 4
+    assert resight.cv is cv
+
+
+def test_results_are_pickled(seen):
+    import copy
+    import pickle
+
+    result = cv.solvePnP(BOARD, seen, K, D)
+    for again in (pickle.loads(pickle.dumps(result)), copy.deepcopy(result)):
+        assert again.status == "ok" and np.array_equal(again[2], result[2]) and np.array_equal(again.covariance, result.covariance)
+        assert again.answer == result.answer and again[0] is True
+
+
+def test_unrelated_points_cost_no_more_than_related_ones():
+    """A threshold far below the noise made every sample of three seem good to itself: 20 s, and Ctrl-C was not heard."""
+    import time
+
+    rng = np.random.default_rng(0)
+    points, pixels = rng.normal(size=(100, 3)), rng.normal(size=(100, 2)) * 300 + 500
+    for threshold in (1e-8, 1e-3, 1.0, 8.0, 30.0, 1e6):
+        begun = time.process_time()
+        result = cv.solvePnPRansac(points, pixels, K, None, reprojectionError=threshold)
+        assert result[0] is False and time.process_time() - begun < 5, threshold
 
 
 def test_each_row_is_run():

@@ -72,7 +72,8 @@ def test_layouts_of_memory_give_the_same_answer(camera, points_m, pixels):
     (lambda p: None, "no real numbers"),
     (lambda p: [[1, 2], [3]], "real numbers"),
     (lambda p: np.array(3.0), "shape ()"),
-    (lambda p: p * np.nan, "outside the valid field"),
+    (lambda p: p * np.inf, "outside the valid field"),
+    (lambda p: np.where(p == p[0, 0], np.nan, p), "half missing"),
     (lambda p: p[None], "(1, 4, 2) is given"),
     (lambda p: {}, "no real numbers"),
 ])

@@ -17,6 +17,7 @@ pub mod families;
 pub mod follow;
 mod homography;
 mod joints;
+mod light;
 mod noise;
 mod print;
 mod region;
@@ -25,6 +26,8 @@ mod tag_print;
 pub mod tags;
 mod template;
 mod tiles;
+#[cfg(test)]
+mod work;
 pub mod job;
 
 use crate::GrayImage;
@@ -82,6 +85,16 @@ pub enum DetectError {
     Copies {
         /// Its id.
         id: u32,
+        /// How often it was seen.
+        count: usize,
+    },
+    /// Several copies of the board looked for.
+    #[error(
+        "the {kind} is seen {count} times, so which one is meant is not known; cover or remove the copies"
+    )]
+    BoardCopies {
+        /// The board's kind.
+        kind: &'static str,
         /// How often it was seen.
         count: usize,
     },
@@ -277,9 +290,9 @@ impl Detector {
                 self.copies = copies;
                 Ok(detections)
             }
-            Finder::AprilGrid(finder) => Ok(finder.detect(image)),
-            Finder::Chessboard(finder) => Ok(finder.detect(image)),
-            Finder::Charuco(finder) => Ok(finder.detect(image)),
+            Finder::AprilGrid(finder) => finder.detect(image),
+            Finder::Chessboard(finder) => finder.detect(image),
+            Finder::Charuco(finder) => finder.detect(image),
             Finder::Dots(finder) => Ok(match camera {
                 Some(camera) => finder.detect_with_camera(image, camera)?,
                 None => finder.detect(image)?,

@@ -6,6 +6,10 @@ use std::path::Path;
 
 pub mod exif;
 mod frugal;
+mod header;
+mod undistort;
+
+pub use undistort::{Channels, undistorted};
 
 /// An 8-bit grey image, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,16 +36,56 @@ const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 /// # Errors
 /// No such file, or no image.
 pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
-    let fault = |reason: String| FileError::new(path, reason);
-    let reader = ::image::ImageReader::open(path).map_err(|e| fault(e.to_string()))?;
-    let reader = reader.with_guessed_format().map_err(|e| fault(e.to_string()))?;
-    reader.into_dimensions().map_err(|_| fault("not a readable PNG or JPEG image".to_owned()))
+    let bytes = input::read(path, Kind::Image)?;
+    header::dimensions(&bytes).ok_or_else(|| FileError::new(path, "not a readable PNG or JPEG image"))
+}
+
+/// Memory that decoding takes at most, its result included, bytes; none where the bytes are no PNG or JPEG.
+pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
+    let (width, height) = header::dimensions(bytes)?;
+    let pixels = u64::from(width) * u64::from(height);
+    Some(pixels.saturating_add(pixels.saturating_mul(4).min(MAX_DECODED_BYTES)))
 }
 
 impl GrayImage {
     /// A uniform image.
     pub fn filled(width_px: u32, height_px: u32, value: u8) -> Self {
         GrayImage { width_px, height_px, data: vec![value; width_px as usize * height_px as usize] }
+    }
+
+    /// The grey of an image of one channel, or of colours: a quarter of the first and the third and half of the second, the same for red,
+    /// green, blue and for blue, green, red; a fourth channel is transparency, and not read.
+    ///
+    /// # Errors
+    /// Another number of channels, no pixels, more than 64 Mpx.
+    pub fn of_channels(image: &Channels) -> Result<Self, String> {
+        let Channels { width_px, height_px, n_channels, data } = *image;
+        if width_px == 0 || height_px == 0 {
+            return Err("an image without pixels".to_owned());
+        }
+        let n_pixels = (width_px as u64).saturating_mul(height_px as u64);
+        if MAX_PIXELS < n_pixels {
+            return Err(format!("image is {width_px}×{height_px} px; the limit is 64 Mpx, reduce it"));
+        }
+        if n_pixels.saturating_mul(n_channels as u64) != data.len() as u64 {
+            return Err(format!(
+                "{} values are no {width_px}×{height_px} px of {n_channels} channels",
+                data.len()
+            ));
+        }
+        let grey = |pixel: &[u8]| {
+            ((u16::from(pixel[0]) + 2 * u16::from(pixel[1]) + u16::from(pixel[2]) + 2) / 4) as u8
+        };
+        let data = match n_channels {
+            1 => data.to_vec(),
+            3 | 4 => data.chunks_exact(n_channels).map(grey).collect(),
+            n => {
+                return Err(format!(
+                    "{n} channels; 1 (grey), 3 (colour) or 4 (colour and transparency) are needed"
+                ));
+            }
+        };
+        Ok(GrayImage { width_px: width_px as u32, height_px: height_px as u32, data })
     }
 
     /// Value at column `u`, row `v`. Panics outside the image.
@@ -57,6 +101,23 @@ impl GrayImage {
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
 
+    /// The same, with what is unusual about the file: EXIF asks viewers to show it rotated or mirrored. Pixels are taken as they are stored,
+    /// everywhere.
+    ///
+    /// # Errors
+    /// As of [`GrayImage::read`].
+    pub fn read_with_remark(path: &Path) -> Result<(Self, Option<String>), FileError> {
+        let bytes = input::read(path, Kind::Image)?;
+        let image = Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))?;
+        let remark = exif::orientation(&bytes).map(|how| {
+            format!(
+                "EXIF asks viewers to show this image {how}; its pixels are taken as stored, so the intrinsics have to be of images stored the same way (OpenCV's \
+                 imread rotates unless IMREAD_IGNORE_ORIENTATION is given)"
+            )
+        });
+        Ok((image, remark))
+    }
+
     /// Decodes PNG or JPEG bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         // Other decoders may be compiled in for other crates; which formats are read must not depend on that.
@@ -65,37 +126,35 @@ impl GrayImage {
         if !matches!(format, ::image::ImageFormat::Png | ::image::ImageFormat::Jpeg) {
             return Err(format!("is a {format:?} image; save it as PNG or JPEG"));
         }
-        let reader = || {
-            ::image::ImageReader::new(std::io::Cursor::new(bytes))
-                .with_guessed_format()
-                .map_err(|e| e.to_string())
-        };
-        let (width, height) =
-            reader()?.into_dimensions().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?;
-        if MAX_PIXELS < width as u64 * height as u64 {
+        let unreadable =
+            |reason: &dyn std::fmt::Display| format!("not a readable PNG or JPEG image: {reason}");
+        let (width, height) = header::dimensions(bytes).ok_or_else(|| unreadable(&"it has no size"))?;
+        let pixels = u64::from(width) * u64::from(height);
+        if MAX_PIXELS < pixels {
             return Err(format!("image is {width}×{height} px; the limit is 64 Mpx, reduce it"));
         }
-        let pixels = width as u64 * height as u64;
-        match format {
-            ::image::ImageFormat::Png => {
-                if let Some(gray) = frugal::png_rows(bytes)? {
-                    return Ok(gray);
-                }
-            }
-            _ if MAX_PROGRESSIVE_PIXELS < pixels && frugal::is_progressive(bytes) => {
-                return Err(format!(
-                    "progressive JPEG of {width}×{height} px; the limit is 24 Mpx, save it as a baseline JPEG"
-                ));
-            }
-            _ if MAX_DECODED_BYTES < 4 * pixels => return frugal::jpeg_luma(bytes),
-            _ => {}
+        if format == ::image::ImageFormat::Png {
+            return frugal::png(bytes);
         }
-        let mut decoder = reader()?;
+        // An image without its end is torn unless all of its pixels are there.
+        let is_torn = !header::has_end(bytes) && !frugal::has_all_pixels(bytes);
+        if is_torn {
+            return Err(unreadable(&"it ends too early: the file is torn; copy or save it again"));
+        }
+        if MAX_PROGRESSIVE_PIXELS < pixels && header::is_progressive(bytes) {
+            return Err(format!(
+                "progressive JPEG of {width}×{height} px; the limit is 24 Mpx, save it as a baseline JPEG"
+            ));
+        }
+        if MAX_DECODED_BYTES < 4 * pixels {
+            return frugal::jpeg_luma(bytes);
+        }
+        let mut decoder =
+            ::image::ImageReader::with_format(std::io::Cursor::new(bytes), ::image::ImageFormat::Jpeg);
         let mut limits = ::image::Limits::default();
         limits.max_alloc = Some(MAX_DECODED_BYTES);
         decoder.limits(limits);
-        let gray =
-            decoder.decode().map_err(|e| format!("not a readable PNG or JPEG image: {e}"))?.into_luma8();
+        let gray = decoder.decode().map_err(|e| unreadable(&e))?.into_luma8();
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
     }
 
@@ -199,7 +258,7 @@ mod tests {
         ] {
             let values = &bytes[..40 * 30 * color.bits_per_pixel() as usize / 8];
             let file = png(values, 40, 30, color);
-            let rows = frugal::png_rows(&file).unwrap().unwrap();
+            let rows = frugal::png(&file).unwrap();
             let whole = ::image::load_from_memory(&file).unwrap().into_luma8();
             assert_eq!(rows.data, whole.into_raw(), "{color:?}");
         }
@@ -218,9 +277,9 @@ mod tests {
         assert_eq!((luma.width_px, luma.height_px), (64, 48));
         assert!(luma.data.iter().zip(&whole.data).all(|(a, b)| a.abs_diff(*b) <= 2));
         assert!(
-            !frugal::is_progressive(&file)
-                && !frugal::is_progressive(b"")
-                && !frugal::is_progressive(b"\xff\xd8\xff")
+            !header::is_progressive(&file)
+                && !header::is_progressive(b"")
+                && !header::is_progressive(b"\xff\xd8\xff")
         );
     }
 

@@ -10,16 +10,16 @@ pub use check::check_intrinsics;
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer};
 use crate::core::Target;
 use crate::core::camera::ImageSize;
-use crate::core::multiview::intrinsics::{IntrinsicsConfig, solve_intrinsics};
+use crate::core::multiview::intrinsics::{IntrinsicsConfig, LEAST_POINTS, solve_intrinsics};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
-use crate::rig::{CameraImage, ImageOptions};
+use crate::rig::{CameraImage, Detections, ImageOptions};
 use gather::{CameraViews, gather};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What the cameras saw.
 #[derive(Debug, Clone)]
-pub enum IntrinsicsSource {
+pub enum IntrinsicsSource<'a> {
     /// Images or videos in which the request's targets are looked for.
     Images {
         /// Each with the name of its camera.
@@ -29,10 +29,8 @@ pub enum IntrinsicsSource {
     },
     /// Points that a detector found already.
     Detections {
-        /// CSV files with the columns of [`crate::rig::Detections`]; `camera` may be missing.
-        files: Vec<PathBuf>,
-        /// Standard deviation of each image coordinate, pixels, where a row has none; none: 0.5 is assumed.
-        sigma_px: Option<f64>,
+        /// Files, in which the column `camera` may be missing, or rows in memory.
+        detections: Detections<'a>,
         /// Size of the images.
         size: ImageSize,
     },
@@ -40,12 +38,12 @@ pub enum IntrinsicsSource {
 
 /// What intrinsics are to be estimated from.
 #[derive(Debug, Clone)]
-pub struct IntrinsicsRequest {
+pub struct IntrinsicsRequest<'a> {
     /// What was seen.
-    pub source: IntrinsicsSource,
+    pub source: IntrinsicsSource<'a>,
     /// The targets by name.
     pub targets: Vec<(String, Target)>,
-    /// Names of the cameras; those of images must be among them, rows of other cameras are not used. Empty with detections: all of the file.
+    /// Names of the cameras; those of images must be among them, rows of other cameras are not used. Empty with detections: all that these name.
     pub cameras: Vec<String>,
     /// Lens models that are tried.
     pub models: Models,
@@ -60,9 +58,9 @@ pub struct IntrinsicsRequest {
 /// The name of a camera that has none.
 pub const NAMELESS: &str = "camera";
 
-impl IntrinsicsRequest {
+impl<'a> IntrinsicsRequest<'a> {
     /// From a source, with everything else as by default.
-    pub fn new(source: IntrinsicsSource) -> Self {
+    pub fn new(source: IntrinsicsSource<'a>) -> Self {
         IntrinsicsRequest {
             source,
             targets: Vec::new(),
@@ -94,12 +92,15 @@ impl IntrinsicsRequest {
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource};
+/// use resight::rig::Detections;
 /// # let folder = std::env::temp_dir().join("resight-intrinsics-doc");
 /// # std::fs::create_dir_all(&folder)?;
 /// # let file = folder.join("corners.csv");
 /// # std::fs::write(&file, "view,id,x_m,y_m,z_m,u_px,v_px\n1,0,0,0,0,10,10\n")?;
 /// let size = resight::core::camera::ImageSize { width_px: 640, height_px: 480 };
-/// let source = IntrinsicsSource::Detections { files: vec![file], sigma_px: Some(0.2), size };
+/// let files = [file];
+/// let detections = Detections { sigma_px: Some(0.2), ..Detections::files(&files) };
+/// let source = IntrinsicsSource::Detections { detections, size };
 /// let answer = resight::intrinsics(&IntrinsicsRequest::new(source))?;
 /// assert_eq!(answer.status, resight::Status::Degenerate); // One point of one view is not enough.
 /// # Ok(())
@@ -119,6 +120,10 @@ fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraInt
     let Some(size) = camera.size else {
         return Ok(describe::not_found(camera));
     };
+    let most = camera.views.iter().map(|view| view.points.len()).max().unwrap_or(LEAST_POINTS);
+    if most < LEAST_POINTS {
+        return Ok(describe::too_few_points(camera, most));
+    }
     let config = IntrinsicsConfig {
         models: request.models,
         noise: request.noise,

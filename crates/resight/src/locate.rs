@@ -3,7 +3,8 @@
 use crate::GrayImage;
 use crate::answer::consensus::locate_most;
 use crate::answer::{Agreement, PoseAnswer, Status};
-use crate::detect::{CornerWindow, Detector, absent};
+use crate::detect::absent::{self, Explainer};
+use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::nominal::lens_of_unknown_focal;
 use crate::overlay::{self, Tone};
@@ -25,12 +26,15 @@ pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 pub use resight_core::locate::Method;
+pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
 mod focal;
 mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod rows;
+mod symmetric;
 
 /// Settings of [`locate_image`]; the default is right for most jobs.
 #[derive(Debug, Clone, Default)]
@@ -58,7 +62,22 @@ pub fn locate_image(
     target: &Target,
     options: &LocateOptions,
 ) -> Result<PoseAnswer, Error> {
-    Ok(ImageLocator::new(camera, target, options)?.locate(image, String::new()).answer)
+    let mut answer = ImageLocator::new(camera, target, options)?.locate(image, String::new()).answer;
+    explain(&mut answer, target, &mut Explainer::default(), || Some(image.clone()));
+    Ok(answer)
+}
+
+/// Says of an image without the target what it shows instead: of the first one of a session, searched for in the `image` that is read again.
+/// Images have to be given in their order.
+pub fn explain(
+    answer: &mut PoseAnswer,
+    target: &Target,
+    explainer: &mut Explainer,
+    image: impl FnOnce() -> Option<GrayImage>,
+) {
+    if answer.status() == Status::NotFound {
+        answer.verdict.message = explainer.explain(target, image);
+    }
 }
 
 /// Locates one target in images of one camera; built once per thread.
@@ -88,7 +107,8 @@ impl<'a> ImageLocator<'a> {
         Ok(ImageLocator { camera, target, options, detector })
     }
 
-    /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer.
+    /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer. Of an image without the target it
+    /// is not said what that shows instead, which takes longer than the search: [`explain`].
     pub fn locate(&mut self, image: &GrayImage, view: String) -> Located {
         if self.options.estimate_focal {
             return self.locate_with_unknown_focal(image, view);
@@ -102,9 +122,9 @@ impl<'a> ImageLocator<'a> {
             Err(reason) => return Located::error(view, reason.to_string()),
         };
         let answer = if detections.is_empty() {
-            PoseAnswer::without_pose(view, Status::NotFound, absent::not_found(self.target, image))
+            PoseAnswer::without_pose(view, Status::NotFound, absent::missing(self.target))
         } else {
-            self.answer(&detections, &camera, view)
+            symmetric::judged(self.answer(&detections, &camera, view), self.target)
         };
         let remarks = self.detector.remarks().collect();
         Located { camera: Some(camera), detections, answer: PoseAnswer { remarks, ..answer } }
@@ -118,7 +138,7 @@ impl<'a> ImageLocator<'a> {
         };
         let remarks = self.detector.remarks().collect();
         if detections.is_empty() {
-            let reason = absent::not_found(self.target, image);
+            let reason = absent::missing(self.target);
             let answer = PoseAnswer::without_pose(view, Status::NotFound, reason);
             return Located { camera: None, detections, answer: PoseAnswer { remarks, ..answer } };
         }
@@ -133,7 +153,7 @@ impl<'a> ImageLocator<'a> {
             remarks,
             ..answer
         };
-        Located { camera, detections, answer }
+        Located { camera, detections, answer: symmetric::judged(answer, self.target) }
     }
 
     /// The size that the intrinsics are of, where `camera` is them at another.

@@ -6,11 +6,12 @@ pub mod scene;
 pub mod clicks;
 pub mod answers;
 mod job;
+mod again;
 pub mod words;
 pub mod table;
 pub mod plan;
 pub mod birdseye;
 
 pub use answers::{Answers, QueryAnswer};
-pub use job::measure;
+pub use job::{measure, measure_after};
 pub use scene::{NamedQuery, NamedScene, QueryKind, ScenePhoto, read_scene, rig_scene};

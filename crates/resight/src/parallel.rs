@@ -1,8 +1,33 @@
 //! Work on many inputs on all cores, its results in the order of the inputs and a block at a time: memory stays bounded.
+//!
+//! The threads are those of one pool in each process. A process that `fork` made has no thread of its parent's, and one that waited for
+//! them would wait for ever: each of its jobs gets a pool of its own.
 
 use crate::Error;
 use rayon::prelude::*;
 use std::cell::RefCell;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// The process in which the common pool has its threads; 0 before any job. An atomic, for a lock could be held while a process forks.
+static POOL_IS_OF: AtomicU32 = AtomicU32::new(0);
+
+/// Runs `work`, in which parallel iterators, ours or of another crate, use all cores of this process, also of one made by `fork`.
+pub fn on_all_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    let this = std::process::id();
+    let owner = match POOL_IS_OF.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
+        Ok(_) => this,
+        Err(owner) => owner,
+    };
+    if owner == this || rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let threads = rayon::ThreadPoolBuilder::new;
+    // Where no thread can be started, this one does all.
+    match threads().build().or_else(|_| threads().num_threads(1).use_current_thread().build()) {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
 
 /// Hears how many of how many inputs are done; false ends the job.
 type Observer = Box<dyn FnMut(usize, usize) -> bool>;
@@ -48,7 +73,8 @@ pub fn in_order<T: Sync, R: Send, E>(
     work: impl Fn(&T) -> R + Sync,
     done: impl FnMut(R) -> Result<(), E>,
 ) -> Result<(), E> {
-    in_blocks(inputs, 1024, |block| Ok(block.par_iter().map(&work).collect()), done)
+    let answers = |block: &[T]| on_all_cores(|| block.par_iter().map(&work).collect());
+    in_blocks(inputs, 1024, |block| Ok(answers(block)), done)
 }
 
 /// As [`in_order`], each thread with a detector (or several) of its own: the C library keeps state in it.
@@ -69,7 +95,7 @@ pub fn detect_in_order<T: Sync, D, R: Send, F: Send, E: From<F>>(
         }
     };
     let answers = |block: &[T]| -> Result<Vec<R>, E> {
-        let found: Result<Vec<R>, F> = block.par_iter().map_init(|| None, look).collect();
+        let found: Result<Vec<R>, F> = on_all_cores(|| block.par_iter().map_init(|| None, look).collect());
         Ok(found?)
     };
     in_blocks(inputs, 4 * rayon::current_num_threads(), answers, done)

@@ -169,6 +169,7 @@ fn warnings(request: &PrintRequest, contents: &[Content], sheets: &[Laid]) -> Ve
             "the target file states the scale of an earlier print; this one is drawn as designed, and its rulers are to be measured anew".to_owned(),
         );
     }
+    warnings.extend(formats::symmetry_warning(&request.target));
     if let Some([rows, columns]) = sheets.first().and_then(|sheet| sheet.tiles) {
         warnings.push(format!(
             "the target is larger than the paper and comes on {rows} × {columns} pages; joints are never exact: measure both rulers across them, on the \

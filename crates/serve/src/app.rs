@@ -1,9 +1,18 @@
 //! What all routes share.
 
+use crate::error::Problem;
 use crate::live::Live;
+use crate::memory::{Memory, Taken, full};
 use crate::sessions::Sessions;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use tokio::sync::Semaphore;
+
+/// Photographs decoded and sessions read at once.
+const DECODING: usize = 2;
+/// Results that were dropped in, solved at once.
+const SOLVING: usize = 1;
+/// Other long work at once: searches for targets, reports, images from above. What takes milliseconds has threads besides.
+const WORKING: usize = 2;
 
 /// What all routes share.
 #[derive(Clone)]
@@ -11,9 +20,62 @@ pub struct App {
     /// Sessions of pages.
     pub sessions: Arc<Sessions>,
     /// Cameras that are watched.
-    pub live: Option<Arc<Live>>,
+    watched: Arc<OnceLock<Arc<Live>>>,
     /// Turns of decoding.
     pub decoding: Arc<Semaphore>,
     /// Turns of solving results that were dropped in.
     pub solving: Arc<Semaphore>,
+    /// Turns of other long work.
+    pub working: Arc<Semaphore>,
+    /// What all of them may take.
+    pub memory: Memory,
+}
+
+impl App {
+    /// Nothing is open yet.
+    pub fn new(live: Option<Arc<Live>>) -> Self {
+        let turns = |n| Arc::new(Semaphore::new(n));
+        let memory = Memory::default();
+        App {
+            sessions: Arc::new(Sessions::new(memory.clone())),
+            watched: Arc::new(live.map_or_else(OnceLock::new, OnceLock::from)),
+            decoding: turns(DECODING),
+            solving: turns(SOLVING),
+            working: turns(WORKING),
+            memory,
+        }
+    }
+
+    /// The cameras that are watched, where any are.
+    pub fn live(&self) -> Option<&Arc<Live>> {
+        self.watched.get()
+    }
+
+    /// Watches these cameras from now on; false where others are watched already.
+    pub fn watch(&self, live: Arc<Live>) -> bool {
+        self.watched.set(live).is_ok()
+    }
+
+    /// Memory for a request; sessions that were not used for longest go for it.
+    ///
+    /// # Errors
+    /// Not as much is left, even so.
+    pub fn take(&self, bytes: usize) -> Result<Taken, Problem> {
+        let mut taken = Taken::default();
+        self.make_room(&mut taken, bytes)?;
+        Ok(taken)
+    }
+
+    /// More memory for a request.
+    ///
+    /// # Errors
+    /// As of [`App::take`].
+    pub fn make_room(&self, taken: &mut Taken, bytes: usize) -> Result<(), Problem> {
+        while !self.memory.resize(taken, bytes) {
+            if !self.sessions.let_oldest_go(None) {
+                return Err(full());
+            }
+        }
+        Ok(())
+    }
 }

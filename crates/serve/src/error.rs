@@ -30,6 +30,16 @@ impl Problem {
         Problem { status: status.as_u16(), kind, message: message.into() }
     }
 
+    /// The word.
+    pub fn kind(&self) -> &'static str {
+        self.kind
+    }
+
+    /// The sentence.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
     /// What was sent cannot be used.
     pub fn input(message: impl Into<String>) -> Self {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "input", message)

@@ -15,7 +15,7 @@ use tokio::time::timeout;
 const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"];
 
 /// No route takes a larger body, bytes; each has a limit of its own besides.
-pub const LARGEST: usize = 256 << 20;
+const LARGEST: usize = 192 << 20;
 
 /// Of a refusal in plain words, bytes.
 const MOST_SAID: usize = 4096;

@@ -14,7 +14,9 @@
 
 mod error;
 mod guard;
+mod memory;
 mod app;
+mod body;
 mod page;
 mod sessions;
 mod example;

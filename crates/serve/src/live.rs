@@ -5,6 +5,7 @@
 
 pub mod answers;
 pub mod asked;
+mod example;
 pub mod feed;
 pub mod mjpeg;
 pub mod pictures;
@@ -39,6 +40,7 @@ const YOUNG: Duration = Duration::from_millis(200);
 /// What routes and the session share.
 pub struct Live {
     board: Mutex<Board>,
+    names: Vec<String>,
     /// Why the session is no more.
     failed: Mutex<Option<String>>,
     shared: Mutex<Option<(Instant, Utf8Bytes)>>,
@@ -64,6 +66,7 @@ impl Live {
         let references: Vec<_> = request.cameras.iter().flat_map(known).collect();
         let targets = request.cameras.first().map(|camera| camera.targets.iter());
         Live {
+            names: request.cameras.iter().map(|camera| camera.name.clone()).collect(),
             board: Mutex::new(Board::new(&request.names, &references, WINDOW)),
             failed: Mutex::default(),
             shared: Mutex::default(),
@@ -107,6 +110,11 @@ impl Live {
         *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = failed;
     }
 
+    /// Whether the session is no more because something failed.
+    pub fn has_failed(&self) -> bool {
+        self.failed.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
     /// How everything is.
     pub fn view(&self) -> LiveView {
         let failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -126,9 +134,14 @@ impl Live {
         }
     }
 
+    /// Names of the cameras.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// Which camera has that name.
     fn number(&self, camera: &str) -> Option<usize> {
-        self.board().names.cameras.iter().position(|name| name == camera)
+        self.names.iter().position(|name| name == camera)
     }
 
     /// References of a camera: what it is compared with, what it was compared with before, and where it is.

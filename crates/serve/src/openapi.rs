@@ -20,7 +20,7 @@ use axum::{Json, Router};
 use operation::Operation;
 use resight::answer::RigView;
 use resight::scene::around::AroundScene;
-use resight_session::View;
+use resight_session::{CommonCamera, View};
 use resight_watch::outputs::said::object::EventObject;
 use resight_whisker::replay::Replay;
 use schemas::Schemas;
@@ -37,7 +37,7 @@ pub fn routes() -> Router<App> {
 
 /// One word, for supervisors; what is wrong, the page says.
 async fn health(State(app): State<App>) -> Response {
-    match app.live.as_ref().is_some_and(|live| live.view().failed.is_some()) {
+    match app.live().is_some_and(|live| live.has_failed()) {
         true => (axum::http::StatusCode::SERVICE_UNAVAILABLE, "degraded\n").into_response(),
         false => "ok\n".into_response(),
     }
@@ -89,17 +89,22 @@ fn photographs(s: &mut Schemas) -> Vec<Operation> {
             .query(of_session.clone())
             .takes(JSON, s.given::<Numbered>())
             .answers(JSON, s.answer::<NumberedView>()),
-        Operation::get("/api/session/view", "The current state.")
+        Operation::post("/api/session/cancel", "Gives up what is being changed, if it takes long: a search for a target. The session stays as it was.")
+            .query(of_session.clone())
+            .answers(JSON, s.answer::<bool>()),
+        Operation::get("/api/session/view", "What is so now.")
             .query(of_photograph.clone())
             .answers(JSON, s.answer::<View>()),
         Operation::get("/api/session/save", "The session as one file, which `resight measure` reads too.")
-            .query(of_session)
+            .query(named(s, &["session", "photographs"]))
             .answers_file(&["application/toml"]),
         Operation::get("/api/session/export", "The answer in another format; JSON where none is named.")
             .query(named(s, &["session", "photo", "format"]))
             .answers_file(&["*/*"]),
         Operation::get("/api/session/exports", "The words that /api/session/export takes as its format.")
             .answers(JSON, s.answer::<Vec<String>>()),
+        Operation::get("/api/session/cameras", "Common cameras and phones, each a lens that a command can state.")
+            .answers(JSON, s.answer::<Vec<CommonCamera>>()),
         Operation::get("/api/session/birdseye", "The ground from straight above.")
             .query(of_photograph)
             .answers_file(&["image/png"]),
@@ -115,6 +120,13 @@ fn live(s: &mut Schemas) -> Vec<Operation> {
     };
     vec![
         Operation::get("/api/live", "How every watched camera is.").answers(JSON, s.answer::<LiveView>()),
+        Operation::get("/api/live/cameras", "Names of the watched cameras; none where none is watched.")
+            .answers(JSON, s.answer::<Vec<String>>()),
+        Operation::post(
+            "/api/live/example",
+            "Watches two drawn cameras, where none are watched; after some seconds one of them is moved.",
+        )
+        .answers(JSON, s.answer::<LiveView>()),
         action(s, "/api/live/acknowledge", "Acknowledges an alarm."),
         action(s, "/api/live/reset", "Begins the standard deviations anew."),
         action(

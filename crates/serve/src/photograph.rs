@@ -1,12 +1,12 @@
 //! The routes of photographs and four clicks. Whatever computes runs on a thread where a failure loses one request.
 
 use crate::app::App;
+use crate::body::{Received, receive};
 use crate::error::Problem;
 use crate::guard::must_be_json;
 use crate::sessions::Shared;
 use crate::{example, page};
-use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Query, Request, State};
+use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -14,14 +14,21 @@ use axum::{Json, Router};
 use resight_session::{Command, Photograph, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::sync::{MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::task::spawn_blocking;
 
-/// Largest photograph and largest saved session, bytes: base64 takes a third more, and a session holds several.
-const PHOTOGRAPH_BYTES: usize = 96 << 20;
-const SESSION_BYTES: usize = crate::guard::LARGEST;
+/// Largest photograph, bytes.
+const PHOTOGRAPH_BYTES: usize = resight_session::FILES_BYTES;
+/// Largest saved session; as JSON it is a little larger.
+const SESSION_BYTES: usize = resight_session::SAVED_BYTES + (16 << 20);
+/// Reading a session takes its text, the table that it is, and the files in it.
+const READING_TIMES: usize = 3;
 /// Largest command: camera and target files are in them.
 pub const COMMAND_BYTES: usize = 8 << 20;
+/// Memory that a search for a target takes for each pixel, bytes.
+const SEARCHING_BYTES_PER_PX: usize = 6;
 
 /// Opens a session: empty, saved, or the example.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
@@ -69,25 +76,23 @@ pub struct Named {
     photo: usize,
     name: Option<String>,
     format: Option<String>,
+    /// Of a saved session: whether its photographs are in it (true where nothing is said), or their hashes alone.
+    photographs: Option<bool>,
 }
 
 /// The routes.
 pub fn routes() -> Router<App> {
-    let large = DefaultBodyLimit::max;
     Router::new()
-        .route("/api/session", post(open).layer(large(SESSION_BYTES)))
-        .route("/api/session/photograph", get(photograph).post(add).layer(large(PHOTOGRAPH_BYTES)))
+        .route("/api/session", post(open))
+        .route("/api/session/photograph", get(photograph).post(add))
         .route("/api/session/exports", get(async || Json(resight_session::exports())))
-        .route("/api/session/command", post(command).layer(large(COMMAND_BYTES)))
+        .route("/api/session/cameras", get(async || Json(resight_session::COMMON_CAMERAS)))
+        .route("/api/session/command", post(command))
+        .route("/api/session/cancel", post(cancel))
         .route("/api/session/view", get(view))
         .route("/api/session/save", get(save))
         .route("/api/session/export", get(export))
         .route("/api/session/birdseye", get(birdseye))
-}
-
-/// A thread that failed while it held a session left it whole, because a command changes its state at its end.
-pub fn locked(session: &Shared) -> MutexGuard<'_, Session> {
-    session.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Runs on a thread of its own.
@@ -95,53 +100,61 @@ pub async fn aside<T: Send + 'static>(job: impl FnOnce() -> T + Send + 'static) 
     spawn_blocking(job).await.map_err(|_| Problem::failed())
 }
 
-fn known(app: &App, id: &str) -> Result<Shared, Problem> {
+fn known(app: &App, id: &str) -> Result<Arc<Shared>, Problem> {
     let gone = "There is no such session any more; open a new one, or load the saved one.";
     app.sessions.get(id).ok_or_else(|| Problem::missing(gone))
 }
 
-fn json<T: for<'a> Deserialize<'a>>(headers: &HeaderMap, body: &[u8]) -> Result<T, Problem> {
-    must_be_json(headers)?;
-    serde_json::from_slice(body)
-        .map_err(|reason| Problem::input(format!("The JSON is not what is needed: {reason}.")))
+async fn turn(turns: &Semaphore) -> Result<SemaphorePermit<'_>, Problem> {
+    turns.acquire().await.map_err(|_| Problem::failed())
 }
 
-async fn open(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<Opened>, Problem> {
-    let asked: Open = if body.is_empty() {
-        must_be_json(&headers).map(|()| Open::default())?
-    } else {
-        json(&headers, &body)?
+async fn open(State(app): State<App>, request: Request) -> Result<Json<Opened>, Problem> {
+    let body = receive(&app, request, SESSION_BYTES).await?;
+    let asked: Open = match body.bytes.is_empty() {
+        true => must_be_json(&body.headers).map(|()| Open::default())?,
+        false => {
+            let _reading = app.take(READING_TIMES * body.bytes.len())?;
+            body.json("The JSON is not what is needed")?
+        }
     };
-    let _turn = app.decoding.acquire().await.map_err(|_| Problem::failed())?;
+    let n_bytes = body.bytes.len();
+    drop(body);
+    let _turn = turn(&app.decoding).await?;
+    let _reading = app.take(READING_TIMES * n_bytes)?;
     let made = aside(move || match asked {
         Open { load: Some(text), .. } => Session::load(&text).map_err(|refusal| Problem::input(refusal.text)),
         Open { example: true, .. } => example::session().map_err(Problem::input),
         Open { .. } => Ok(Session::new()),
     });
-    let (session, shared) = app.sessions.add(made.await??);
-    let view = aside(move || locked(&shared).view(0)).await?;
+    let (session, shared) = app.sessions.add(made.await??)?;
+    let view = aside(move || shared.now().view(0)).await?;
     Ok(Json(Opened { session, view }))
 }
 
 async fn add(
     State(app): State<App>,
     Query(named): Query<Named>,
-    headers: HeaderMap,
-    body: Bytes,
+    request: Request,
 ) -> Result<Json<View>, Problem> {
     let session = known(&app, &named.session)?;
-    let given = headers.get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default();
+    let given = request.headers().get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default();
     if !matches!(given, "image/jpeg" | "image/png") {
         let message = "Send a photograph as image/jpeg or image/png.";
         return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "media_type", message));
     }
-    // Few at a time: a photograph of 64 Mpx takes 200 MB while it is decoded.
-    let _turn = app.decoding.acquire().await.map_err(|_| Problem::failed())?;
+    let body = receive(&app, request, PHOTOGRAPH_BYTES).await?;
+    let _turn = turn(&app.decoding).await?;
+    let decoding_bytes = resight::image::decoding_bytes(&body.bytes).unwrap_or(0);
+    let _decoding = app.take(usize::try_from(decoding_bytes).unwrap_or(usize::MAX))?;
     let name = named.name.unwrap_or_else(|| "photograph".to_owned());
-    let decoded = aside(move || Photograph::decode(&name, body.to_vec())).await?;
-    let photograph = decoded.map_err(|reason| Problem::input(sentence(&reason)))?;
-    let view = aside(move || locked(&session).add_photograph(photograph)).await?;
-    app.sessions.make_room(&named.session);
+    let decoded = aside(move || {
+        let Received { bytes, .. } = body;
+        Photograph::decode(&name, bytes)
+    });
+    let photograph = decoded.await?.map_err(|reason| Problem::input(sentence(&reason)))?;
+    let view = session.change(&app.sessions, move |session| session.add_photograph(photograph)).await?;
+    session.measure();
     Ok(Json(view.map_err(|refusal| Problem::input(refusal.text))?))
 }
 
@@ -155,40 +168,96 @@ async fn photograph(
     request: Request,
 ) -> Result<Response, Problem> {
     let session = known(&app, &named.session)?;
-    let photograph = locked(&session).photograph(named.photo).cloned();
+    let now = session.now();
+    let photograph = now.photograph(named.photo);
     let photograph = photograph.ok_or_else(|| Problem::missing("There is no such photograph."))?;
-    let tag = format!("\"{}-{}-{}\"", named.session, named.photo, photograph.bytes.len());
+    let tag = format!("\"{}\"", photograph.sha256);
+    let _sending = app.take(photograph.bytes.len())?;
     Ok(page::file(&request, &tag, photograph.media_type(), &photograph.bytes))
+}
+
+/// Applies a command: the view of what is so now, in which what is measured may be of before.
+/// With it comes how often the session had been measured then.
+pub async fn applied(
+    app: &App,
+    session: &Arc<Shared>,
+    photo: usize,
+    command: Command,
+) -> Result<(View, u64), Problem> {
+    let is_search = matches!(command, Command::FindTarget { .. });
+    let _turn = if is_search { Some(turn(&app.working).await?) } else { None };
+    let n_pixels = |photograph: &Arc<Photograph>| photograph.image.data.len();
+    let searched = if is_search { session.now().photograph(photo).map_or(0, n_pixels) } else { 0 };
+    let _searching = app.take(SEARCHING_BYTES_PER_PX * searched)?;
+    let change = move |session: &mut Session| (session.change(photo, command), session.n_measured());
+    let changed = session.change(&app.sessions, change).await?;
+    session.measure();
+    Ok(changed)
 }
 
 async fn command(
     State(app): State<App>,
     Query(named): Query<Named>,
-    headers: HeaderMap,
-    body: Bytes,
+    request: Request,
 ) -> Result<Json<NumberedView>, Problem> {
     let session = known(&app, &named.session)?;
-    let Numbered { seq, photo, command } = json(&headers, &body)?;
-    let view = aside(move || locked(&session).apply(photo, command)).await?;
+    let body = receive(&app, request, COMMAND_BYTES).await?;
+    let Numbered { seq, photo, command } = body.json("The JSON is not what is needed")?;
+    let (mut view, _) = applied(&app, &session, photo, command).await?;
+    if view.is_measuring {
+        let (snap, error) = (view.snap.take(), view.error.take());
+        let now = measured(&session).await?;
+        view = View { snap, error, ..aside(move || now.view(photo)).await? };
+    }
     Ok(Json(NumberedView { seq, view }))
 }
 
+/// The session when everything in it is measured.
+async fn measured(session: &Arc<Shared>) -> Result<Arc<Session>, Problem> {
+    let mut news = session.news();
+    loop {
+        let now = session.now();
+        if now.measuring().is_none() {
+            return Ok(now);
+        }
+        session.measure();
+        news.changed().await.map_err(|_| Problem::failed())?;
+    }
+}
+
+async fn cancel(
+    State(app): State<App>,
+    Query(named): Query<Named>,
+    headers: HeaderMap,
+) -> Result<Json<bool>, Problem> {
+    must_be_json(&headers)?;
+    known(&app, &named.session)?.cancel();
+    Ok(Json(true))
+}
+
 async fn view(State(app): State<App>, Query(named): Query<Named>) -> Result<Json<View>, Problem> {
-    let session = known(&app, &named.session)?;
-    Ok(Json(aside(move || locked(&session).view(named.photo)).await?))
+    let now = measured(&known(&app, &named.session)?).await?;
+    Ok(Json(aside(move || now.view(named.photo)).await?))
 }
 
 async fn save(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
-    let session = known(&app, &named.session)?;
-    let saved =
-        aside(move || locked(&session).save()).await?.map_err(|refusal| Problem::input(refusal.text))?;
+    let now = known(&app, &named.session)?.now();
+    let is_whole = named.photographs.unwrap_or(true);
+    let _turn = turn(&app.working).await?;
+    // The text, and the pieces that it is put together from.
+    let _writing = app.take(if is_whole { 4 * now.files_bytes() } else { 0 })?;
+    let saved = aside(move || if is_whole { now.save() } else { now.save_without_photographs() });
+    let saved = saved.await?.map_err(|refusal| Problem::input(refusal.text))?;
     Ok(download("session.toml", "application/toml; charset=utf-8", saved.into_bytes()))
 }
 
 async fn export(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
-    let session = known(&app, &named.session)?;
+    let now = measured(&known(&app, &named.session)?).await?;
     let format = named.format.unwrap_or_else(|| "json".to_owned());
-    let made = aside(move || locked(&session).export(named.photo, &format)).await?;
+    let _turn = turn(&app.working).await?;
+    let _writing = app.take(4 * now.photograph(named.photo).map_or(0, |p| p.bytes.len()))?;
+    let today_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
+    let made = aside(move || now.export(named.photo, &format, today_s)).await?;
     let export = made.map_err(|refusal| Problem::input(refusal.text))?;
     Ok(download(&export.name, export.media_type, export.text.into_bytes()))
 }
@@ -204,12 +273,9 @@ fn download(name: &str, media_type: &str, bytes: Vec<u8>) -> Response {
 }
 
 async fn birdseye(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
-    let session = known(&app, &named.session)?;
-    let png = aside(move || {
-        // The session is not held while the image is drawn.
-        let mut copy = locked(&session).clone();
-        copy.birdseye_png(named.photo)
-    });
+    let now = known(&app, &named.session)?.now();
+    let _turn = turn(&app.working).await?;
+    let png = aside(move || now.birdseye_png(named.photo));
     let png = png.await?.ok_or_else(|| {
         Problem::missing(
             "There is no bird's-eye view yet: the camera needs a pose, and three points on the ground.",

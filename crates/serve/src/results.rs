@@ -3,12 +3,10 @@
 //! Names of files serve messages; nothing is read from a disk.
 
 use crate::app::App;
+use crate::body::receive;
 use crate::error::Problem;
-use crate::guard::must_be_json;
 use crate::photograph::aside;
-use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, State};
-use axum::http::HeaderMap;
+use axum::extract::{Request, State};
 use axum::routing::post;
 use axum::{Json, Router};
 use resight::answer::{RigView, rig_view};
@@ -53,21 +51,18 @@ pub struct GivenFile {
 
 /// The routes.
 pub fn routes() -> Router<App> {
-    Router::new()
-        .route("/api/rig", post(rig))
-        .route("/api/whisker", post(whisker))
-        .layer(DefaultBodyLimit::max(BYTES))
+    Router::new().route("/api/rig", post(rig)).route("/api/whisker", post(whisker))
 }
 
-async fn rig(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<RigView>, Problem> {
-    let given = given(&headers, &body)?;
+async fn rig(State(app): State<App>, request: Request) -> Result<Json<RigView>, Problem> {
+    let given = given(&app, request).await?;
     let _turn = app.solving.acquire().await.map_err(|_| Problem::failed())?;
     let shown = aside(move || rig_view(&given.texts(&RIG)).map_err(|fault| sentence(&fault)));
     Ok(Json(shown.await?.map_err(Problem::input)?))
 }
 
-async fn whisker(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<Replay>, Problem> {
-    let given = given(&headers, &body)?;
+async fn whisker(State(app): State<App>, request: Request) -> Result<Json<Replay>, Problem> {
+    let given = given(&app, request).await?;
     // One at a time: twenty thousand readings take seconds.
     let _turn = app.solving.acquire().await.map_err(|_| Problem::failed())?;
     let played = aside(move || replay(&given.texts(&WHISKER)).map_err(|fault| sentence(&fault)));
@@ -80,13 +75,10 @@ fn sentence(reason: &dyn std::fmt::Display) -> String {
     format!("{}.", reason.trim_start_matches(": ").trim_end_matches('.'))
 }
 
-fn given(headers: &HeaderMap, body: &[u8]) -> Result<GivenFiles, Problem> {
-    must_be_json(headers)?;
-    let given: GivenFiles = serde_json::from_slice(body).map_err(|reason| {
-        Problem::input(format!(
-            "Give {{\"files\": [{{\"name\": …, \"text\": …}}]}} or {{\"example\": true}}: {reason}."
-        ))
-    })?;
+async fn given(app: &App, request: Request) -> Result<GivenFiles, Problem> {
+    let body = receive(app, request, BYTES).await?;
+    let needed = "Give {\"files\": [{\"name\": …, \"text\": …}]} or {\"example\": true}";
+    let given: GivenFiles = body.json(needed)?;
     match given.files.len() {
         n if MOST_FILES < n => Err(Problem::input(format!("{n} files; at most {MOST_FILES} are taken."))),
         _ => Ok(given),

@@ -14,16 +14,11 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::Semaphore;
 
-/// Photographs decoded at once.
-const DECODING: usize = 2;
-/// Results that were dropped in, solved at once.
-const SOLVING: usize = 1;
 /// Threads that answer; what computes has others.
 const THREADS: usize = 2;
-/// Threads that compute.
-const WORKERS: usize = 8;
+/// Threads that compute: more than there are turns of long work, so that what takes milliseconds finds one.
+const WORKERS: usize = 12;
 
 const FLAGS: Flags = Flags { address: "--listen", token_file: "--token-file", host: "--allowed-host" };
 
@@ -108,12 +103,7 @@ impl Server {
             .enable_all()
             .build()
             .context("threads for --listen")?;
-        let app = App {
-            sessions: Arc::default(),
-            live: self.live,
-            decoding: Arc::new(Semaphore::new(DECODING)),
-            solving: Arc::new(Semaphore::new(SOLVING)),
-        };
+        let app = App::new(self.live);
         let routes = routes(app, self.access, self.patience);
         Ok(runtime.block_on(accept(self.listener, routes, Patience::Kept))?)
     }

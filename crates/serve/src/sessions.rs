@@ -1,48 +1,196 @@
-//! The sessions that pages have open, by their ids. Few, and small together: the one that was not used for longest goes.
+//! The sessions that pages have open, by their ids.
+//!
+//! A session is never locked while something is computed: readers take it as it is now, a change is made to a copy of it (photographs and answers are
+//! shared) and takes its place when it is done. Changes of one session come one after the other, in the order in which they were asked for.
 
-use resight_session::Session;
+use crate::error::Problem;
+use crate::memory::{Memory, Taken, full};
+use crate::photograph::aside;
+use axum::http::StatusCode;
+use resight_session::{Measured, Session};
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::{Notify, Semaphore, watch};
 
 /// Sessions kept.
 const MOST: usize = 32;
-/// Pixels and files of photographs of all sessions together, bytes.
-const MOST_BYTES: usize = 1 << 30;
-/// Photographs that a session may have.
-const PHOTOS: usize = 16;
 
 /// A session that several requests may want at once.
-pub type Shared = Arc<Mutex<Session>>;
+pub struct Shared {
+    now: Mutex<Arc<Session>>,
+    taken: Mutex<Taken>,
+    memory: Memory,
+    turn: Semaphore,
+    cancelled: Notify,
+    is_measuring: AtomicBool,
+    /// Changes with the session; it ends when the session is no longer kept.
+    news: watch::Sender<bool>,
+}
+
+impl Shared {
+    fn new(session: Session, memory: Memory) -> Option<Arc<Self>> {
+        let taken = memory.take(session.weight_bytes())?;
+        Some(Arc::new(Shared {
+            now: Mutex::new(Arc::new(session)),
+            taken: Mutex::new(taken),
+            memory,
+            turn: Semaphore::new(1),
+            cancelled: Notify::new(),
+            is_measuring: AtomicBool::new(false),
+            news: watch::Sender::new(true),
+        }))
+    }
+
+    /// The session as it is now.
+    pub fn now(&self) -> Arc<Session> {
+        Arc::clone(&self.now.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Says that there is something new; false once the session is no longer kept.
+    pub fn news(&self) -> watch::Receiver<bool> {
+        self.news.subscribe()
+    }
+
+    /// Gives up what is being changed, if it takes long; the session stays as it was before.
+    pub fn cancel(&self) {
+        self.cancelled.notify_waiters();
+    }
+
+    /// Changes the session, on a thread of its own, and says what came of it.
+    ///
+    /// # Errors
+    /// A thread that failed, no memory left, or that it was cancelled: nothing has changed then.
+    pub async fn change<T: Send + 'static>(
+        self: &Arc<Self>,
+        sessions: &Sessions,
+        change: impl FnOnce(&mut Session) -> T + Send + 'static,
+    ) -> Result<T, Problem> {
+        let _turn = self.turn.acquire().await.map_err(|_| Problem::failed())?;
+        let mut after = (*self.now()).clone();
+        let changed = aside(move || {
+            let done = change(&mut after);
+            (after, done)
+        });
+        let (after, done) = tokio::select! {
+            changed = changed => changed?,
+            () = self.cancelled.notified() => {
+                return Err(Problem::new(StatusCode::CONFLICT, "cancelled", "This was cancelled; nothing has changed."));
+            }
+        };
+        self.keep(sessions, after)?;
+        Ok(done)
+    }
+
+    /// Keeps a changed session; where memory is short, the steps that could be undone go first, then sessions that were not used for longest.
+    fn keep(&self, sessions: &Sessions, mut after: Session) -> Result<(), Problem> {
+        if !self.fits(&after) {
+            while !self.fits(&after) && sessions.let_oldest_go(Some(self)) {}
+        }
+        if !self.fits(&after) {
+            after.forget_steps();
+        }
+        if !self.fits(&after) {
+            return Err(full());
+        }
+        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
+        self.news.send_replace(true);
+        Ok(())
+    }
+
+    fn fits(&self, session: &Session) -> bool {
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        self.memory.resize(&mut taken, session.weight_bytes())
+    }
+
+    /// Measures what is not measured yet, on a thread of its own, the newest state each time; at most one such thread works for a session.
+    pub fn measure(self: &Arc<Self>) {
+        if self.now().measuring().is_none() || self.is_measuring.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        let shared = Arc::clone(self);
+        tokio::spawn(async move {
+            while let Some(task) = shared.now().measuring() {
+                let Ok(measured) = aside(move || task.run()).await else { break };
+                shared.take(measured).await;
+            }
+            shared.is_measuring.store(false, Ordering::Release);
+            // Something may have come in between.
+            if shared.now().measuring().is_some() {
+                shared.measure();
+            }
+        });
+    }
+
+    async fn take(&self, measured: Measured) {
+        let Ok(_turn) = self.turn.acquire().await else { return };
+        let mut after = (*self.now()).clone();
+        after.take(measured);
+        self.replace(after);
+        self.news.send_replace(true);
+    }
+
+    /// The lock is held for the exchange of two pointers.
+    fn replace(&self, after: Session) {
+        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
+    }
+
+    /// Nobody can ask for it any more: what it holds goes at once, whoever still looks at it.
+    fn leave(&self) {
+        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::default();
+        *self.taken.lock().unwrap_or_else(PoisonError::into_inner) = Taken::default();
+        self.news.send_replace(false);
+    }
+}
 
 /// All of them.
-#[derive(Default)]
 pub struct Sessions {
     kept: Mutex<Kept>,
+    memory: Memory,
 }
 
 /// Sessions by id, each with the count of uses at its last one.
 #[derive(Default)]
 struct Kept {
     uses: u64,
-    by_id: HashMap<String, (u64, Shared)>,
+    by_id: HashMap<String, (u64, Arc<Shared>)>,
 }
 
 impl Sessions {
-    /// Keeps a session and names it.
-    pub fn add(&self, session: Session) -> (String, Shared) {
-        let (id, shared) = (fresh_id(), Arc::new(Mutex::new(session)));
-        let mut all = self.lock();
-        all.uses += 1;
-        let now = all.uses;
-        all.by_id.insert(id.clone(), (now, Arc::clone(&shared)));
-        drop(all);
-        self.make_room(&id);
-        (id, shared)
+    /// None yet.
+    pub fn new(memory: Memory) -> Self {
+        Sessions { kept: Mutex::default(), memory }
+    }
+
+    /// Keeps a session and names it; those that were not used for longest go for it.
+    ///
+    /// # Errors
+    /// No memory left.
+    pub fn add(&self, session: Session) -> Result<(String, Arc<Shared>), Problem> {
+        let shared = loop {
+            match Shared::new(session.clone(), self.memory.clone()) {
+                Some(shared) => break shared,
+                None if self.let_oldest_go(None) => {}
+                None => return Err(full()),
+            }
+        };
+        let id = fresh_id();
+        let is_full = {
+            let mut all = self.lock();
+            all.uses += 1;
+            let now = all.uses;
+            all.by_id.insert(id.clone(), (now, Arc::clone(&shared)));
+            MOST < all.by_id.len()
+        };
+        if is_full {
+            self.let_oldest_go(Some(&shared));
+        }
+        Ok((id, shared))
     }
 
     /// The session of an id.
-    pub fn get(&self, id: &str) -> Option<Shared> {
+    pub fn get(&self, id: &str) -> Option<Arc<Shared>> {
         let mut all = self.lock();
         all.uses += 1;
         let now = all.uses;
@@ -51,20 +199,16 @@ impl Sessions {
         Some(Arc::clone(session))
     }
 
-    /// Lets the longest unused go until the rest is small enough; `kept` stays.
-    pub fn make_room(&self, kept: &str) {
-        let mut all = self.lock();
-        loop {
-            let n = all.by_id.len();
-            let bytes: usize =
-                all.by_id.values().filter_map(|(_, s)| s.try_lock().ok().map(|s| weight(&s))).sum();
-            let oldest =
-                all.by_id.iter().filter(|(id, _)| id.as_str() != kept).min_by_key(|(_, (used, _))| *used);
-            let Some(id) = oldest.map(|(id, _)| id.clone()).filter(|_| MOST < n || MOST_BYTES < bytes) else {
-                return;
-            };
-            all.by_id.remove(&id);
-        }
+    /// Lets the one go that was not used for longest; whether there was one besides `kept`.
+    pub fn let_oldest_go(&self, kept: Option<&Shared>) -> bool {
+        let gone = {
+            let mut all = self.lock();
+            let others =
+                all.by_id.iter().filter(|(_, (_, s))| !kept.is_some_and(|kept| std::ptr::eq(&**s, kept)));
+            let oldest = others.min_by_key(|(_, (used, _))| *used).map(|(id, _)| id.clone());
+            oldest.and_then(|id| all.by_id.remove(&id))
+        };
+        gone.map(|(_, shared)| shared.leave()).is_some()
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
@@ -72,11 +216,7 @@ impl Sessions {
     }
 }
 
-fn weight(session: &Session) -> usize {
-    (0..PHOTOS).filter_map(|i| session.photograph(i)).map(|p| p.bytes.len() + p.image.data.len()).sum()
-}
-
-/// 128 unpredictable bits: SipHash under keys that the system drew.
+/// 128 bits that nobody can guess: SipHash under keys that the system drew.
 fn fresh_id() -> String {
     let half = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", half(), half())

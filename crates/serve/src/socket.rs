@@ -1,8 +1,11 @@
 //! The WebSocket of a session: commands up, views down. The fast way while a point is dragged.
+//!
+//! The view after a command comes at once, with its number; what is measured follows when it is there, and what another page changed, as views
+//! with the number 0. A page that is slow gets the newest of these, not all.
 
 use crate::app::App;
 use crate::error::Problem;
-use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, aside, locked};
+use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, applied, aside};
 use crate::sessions::Shared;
 use axum::Router;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -11,8 +14,10 @@ use axum::response::Response;
 use axum::routing::any;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use serde_json::Value;
+use std::sync::Arc;
 use std::time::Duration;
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 
 /// A page that says nothing for so long is gone; it opens another.
 const SILENCE: Duration = Duration::from_secs(3600);
@@ -39,40 +44,104 @@ async fn open(
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
     let upgrade =
         upgrade.max_message_size(COMMAND_BYTES).max_frame_size(COMMAND_BYTES).protocols(["resight"]);
-    Ok(upgrade.on_upgrade(move |socket| talk(socket, session)))
+    let page = Page { app, session, id: named.session, photo: 0, shown: None };
+    Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }
 
-async fn talk(mut socket: WebSocket, session: Shared) {
-    while let Ok(Some(Ok(message))) = timeout(SILENCE, socket.recv()).await {
-        let text = match message {
-            Message::Text(text) => text,
-            Message::Close(_) => return,
-            _ => continue,
-        };
-        let answer = answer(&session, text.as_str()).await;
-        match timeout(PATIENCE, socket.send(Message::Text(answer.into()))).await {
-            Ok(Ok(())) => {}
-            _ => return,
+/// One page that looks at a session.
+struct Page {
+    app: App,
+    session: Arc<Shared>,
+    id: String,
+    /// The photograph that it shows.
+    photo: usize,
+    /// What it was sent last: version of the session, and how often it had been measured.
+    shown: Option<(u64, u64)>,
+}
+
+impl Page {
+    async fn talk(mut self, mut socket: WebSocket) {
+        let mut news = self.session.news();
+        let mut last_said = Instant::now();
+        loop {
+            let answer = tokio::select! {
+                said = socket.recv() => {
+                    last_said = Instant::now();
+                    match said {
+                        Some(Ok(Message::Text(text))) => self.answer(text.as_str()).await,
+                        Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                        Some(Ok(_)) => continue,
+                    }
+                }
+                changed = news.changed() => {
+                    let is_kept = changed.is_ok() && *news.borrow_and_update();
+                    if !is_kept {
+                        return;
+                    }
+                    match self.new().await {
+                        Some(text) => text,
+                        None => continue,
+                    }
+                }
+                () = tokio::time::sleep_until(last_said + SILENCE) => return,
+            };
+            match timeout(PATIENCE, socket.send(Message::Text(answer.into()))).await {
+                Ok(Ok(())) => {}
+                _ => return,
+            }
         }
     }
-}
 
-async fn answer(session: &Shared, text: &str) -> String {
-    let Numbered { seq, photo, command } = match serde_json::from_str(text) {
-        Ok(numbered) => numbered,
-        Err(reason) => return refused(&format!("The command is not what is needed: {reason}.")),
-    };
-    let session = Shared::clone(session);
-    let done = aside(move || {
-        let view = locked(&session).apply(photo, command);
-        serde_json::to_string(&NumberedView { seq, view })
-    });
-    match done.await {
-        Ok(Ok(text)) => text,
-        _ => refused("This could not be done; nothing else was lost."),
+    /// The view after a command.
+    async fn answer(&mut self, text: &str) -> String {
+        let Numbered { seq, photo, command } = match serde_json::from_str(text) {
+            Ok(numbered) => numbered,
+            Err(reason) => {
+                return refused(
+                    seq_of(text),
+                    "input",
+                    &format!("The command is not what is needed: {reason}."),
+                );
+            }
+        };
+        // It counts as used.
+        self.app.sessions.get(&self.id);
+        self.photo = photo;
+        match applied(&self.app, &self.session, photo, command).await {
+            Ok((view, n_measured)) => {
+                self.shown = Some((view.version, n_measured));
+                written(seq, move || view).await
+            }
+            Err(problem) => refused(seq, problem.kind(), problem.message()),
+        }
+    }
+
+    /// What is new: none where the page has it already.
+    async fn new(&mut self) -> Option<String> {
+        let now = self.session.now();
+        let state = (now.version(), now.n_measured());
+        if self.shown.is_some_and(|shown| state <= shown) {
+            return None;
+        }
+        self.shown = Some(state);
+        let photo = self.photo;
+        Some(written(0, move || now.view(photo)).await)
     }
 }
 
-fn refused(message: &str) -> String {
-    serde_json::json!({ "error": { "kind": "input", "message": message } }).to_string()
+async fn written(seq: u64, view: impl FnOnce() -> resight_session::View + Send + 'static) -> String {
+    let done = aside(move || serde_json::to_string(&NumberedView { seq, view: view() }));
+    match done.await {
+        Ok(Ok(text)) => text,
+        _ => refused(seq, "failed", "This could not be done; nothing else was lost."),
+    }
+}
+
+/// The number of a command that is none, where it has one.
+fn seq_of(text: &str) -> u64 {
+    serde_json::from_str::<Value>(text).ok().and_then(|message| message["seq"].as_u64()).unwrap_or(0)
+}
+
+fn refused(seq: u64, kind: &str, message: &str) -> String {
+    serde_json::json!({ "seq": seq, "error": { "kind": kind, "message": message } }).to_string()
 }

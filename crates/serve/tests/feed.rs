@@ -21,9 +21,14 @@ pub enum Told {
 
 impl Feed {
     pub fn open(place: SocketAddr) -> Self {
+        Feed::of(place, "/ws/live")
+    }
+
+    /// Of another address.
+    pub fn of(place: SocketAddr, path: &str) -> Self {
         let mut stream = TcpStream::connect(place).expect("a connection");
         let head = format!(
-            "GET /ws/live HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
+            "GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n",
             place.port()
         );
         stream.write_all(head.as_bytes()).expect("sent");
@@ -43,8 +48,11 @@ impl Feed {
     /// Sends a text; masked with zeros, which is a mask too.
     pub fn say(&mut self, message: &Value) {
         let text = message.to_string();
-        assert!(text.len() < 126);
-        let mut frame = vec![0x81, 0x80 | text.len() as u8, 0, 0, 0, 0];
+        let mut frame = match text.len() {
+            n if n < 126 => vec![0x81, 0x80 | n as u8],
+            n => [&[0x81, 0x80 | 126], &u16::try_from(n).expect("a short text").to_be_bytes()[..]].concat(),
+        };
+        frame.extend([0; 4]);
         frame.extend(text.as_bytes());
         let _ = self.stream.write_all(&frame);
     }

@@ -8,6 +8,8 @@ mod live_support;
 
 mod described;
 mod limits;
+mod load;
+mod sources;
 mod live;
 mod results;
 mod security;

@@ -166,8 +166,40 @@ pub enum GivenLens {
     },
     /// What the photograph's EXIF says.
     Exif,
+    /// One of the common cameras, by its name.
+    Common {
+        /// As in the list.
+        name: String,
+    },
+    /// Lines that are parallel in the scene: where they meet says how long the lens is.
+    Lines {
+        /// Three at least, of two directions at least.
+        lines: Vec<GivenLine>,
+    },
     /// Nothing: the focal length is estimated from the same points.
     Unknown,
+}
+
+/// A straight line of the scene, marked by two of its points.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GivenLine {
+    /// Which way it runs.
+    pub direction: LineDirection,
+    /// Column and row of both points.
+    pub ends: [[f64; 2]; 2],
+}
+
+/// Directions of the scene, each square to the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LineDirection {
+    /// Level, and away from the camera.
+    Along,
+    /// Level, and square to that.
+    Across,
+    /// Upright.
+    Up,
 }
 
 /// What the points are.
@@ -233,4 +265,17 @@ pub enum MeasuredKind {
     Height,
     /// Coordinates of a point of the ground.
     Position,
+}
+
+impl MeasuredKind {
+    /// The word in JSON and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            MeasuredKind::Length => "length",
+            MeasuredKind::Polyline => "polyline",
+            MeasuredKind::Area => "area",
+            MeasuredKind::Height => "height",
+            MeasuredKind::Position => "position",
+        }
+    }
 }

@@ -1,17 +1,20 @@
 //! Commands that change the state, each checked before anything is changed.
 
 use crate::command::{Command, GivenLens, MeasuredKind, Template};
+use crate::limits::{
+    FILES_BYTES, MOST_COORDINATE_M, MOST_DISTANCES, MOST_MEASURED_POINTS, MOST_MEASURED_TOGETHER,
+    MOST_MEASUREMENTS, MOST_NAME, MOST_PHOTOS, MOST_POINTS,
+};
 use crate::refusal::{Refusal, Step};
 use crate::state::{Distance, ImagePoint, Measurement, PhotoState, Position, State};
 use crate::{lens, target, texts};
+use resight::core::camera::ImageSize;
+use std::collections::BTreeSet;
 
-/// Most points of a photograph, distances and measurements of a session, and characters of a name.
-const MOST_POINTS: usize = 2000;
-const MOST_DISTANCES: usize = 200;
-const MOST_MEASUREMENTS: usize = 200;
-const MOST_NAME: usize = 60;
 /// Standard deviation of a distance where none is stated, in parts of it.
 const LENGTH_SIGMA: f64 = 0.01;
+/// No configuration of points has so many poses.
+const MOST_POSES: usize = 8;
 
 type Edited = Result<(), Refusal>;
 
@@ -36,8 +39,9 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
         }
         Command::SetDistance { a, b, distance_m, sigma_m } => set_distance(state, a, b, distance_m, sigma_m),
         Command::RemoveDistance { a, b } => {
-            state.distances.retain(|d| !d.joins(&a, &b));
-            Ok(())
+            let at = state.distances.iter().position(|d| d.joins(&a, &b));
+            at.map(|at| drop(state.distances.remove(at)))
+                .ok_or_else(|| points(format!("There is no distance {a}–{b}.")))
         }
         Command::SetSigma { sigma_px } => {
             positive("sigma_px", sigma_px, "px")?;
@@ -52,14 +56,17 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
             photo_of(state, photo)?.points = found.into_iter().map(|(point, _)| point).collect();
             Ok(())
         }
+        Command::ChoosePose { index } if MOST_POSES <= index => {
+            Err(points(format!("There is no pose {index}: they are counted from 0, and a few fit at most.")))
+        }
         Command::ChoosePose { index } => {
             photo_of(state, photo)?.chosen = Some(index);
             Ok(())
         }
         Command::AddMeasurement { name, what, points } => add_measurement(state, photo, name, what, points),
         Command::MoveMeasurement { name, index, u_px, v_px, .. } => {
-            inside(photo_of(state, photo)?, u_px, v_px, Step::Measure)?;
-            let found = state.measurements.iter_mut().find(|m| m.name == name);
+            inside(photo_of(state, photo)?.photograph.size(), u_px, v_px, Step::Measure)?;
+            let found = state.measurements.iter_mut().find(|m| m.name == name && m.photo == photo);
             let point = found.and_then(|m| m.points.get_mut(index));
             *point
                 .ok_or_else(|| measure(format!("There is no measurement {name} with a point {index}.")))? =
@@ -67,8 +74,9 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
             Ok(())
         }
         Command::RemoveMeasurement { name } => {
-            state.measurements.retain(|m| m.name != name);
-            Ok(())
+            let at = state.measurements.iter().position(|m| m.name == name);
+            at.map(|at| drop(state.measurements.remove(at)))
+                .ok_or_else(|| measure(format!("There is no measurement {name}.")))
         }
         Command::Show { grid, axes } => {
             (state.show_grid, state.show_axes) = (grid, axes);
@@ -101,8 +109,7 @@ fn positive(what: &str, seen: f64, unit: &str) -> Edited {
     }
 }
 
-fn inside(photo: &PhotoState, u_px: f64, v_px: f64, step: Step) -> Edited {
-    let size = photo.photograph.size();
+fn inside(size: ImageSize, u_px: f64, v_px: f64, step: Step) -> Edited {
     let is_in = |x: f64, n: u32| -0.5 <= x && x <= f64::from(n) - 0.5;
     match is_in(u_px, size.width_px) && is_in(v_px, size.height_px) {
         true => Ok(()),
@@ -124,19 +131,25 @@ fn set_lens(photo: &mut PhotoState, given: GivenLens) -> Edited {
 }
 
 fn put_point(photo: &mut PhotoState, put: ImagePoint) -> Edited {
-    inside(photo, put.u_px, put.v_px, Step::Points)?;
-    named(&put.name)?;
-    put.sigma_px.map_or(Ok(()), |sigma_px| positive("The point's standard deviation", sigma_px, "px"))?;
+    check_point(photo.photograph.size(), &put)?;
     photo.chosen = None;
     if let Some(point) = photo.points.iter_mut().find(|p| p.name == put.name) {
         *point = put;
         return Ok(());
     }
-    if MOST_POINTS <= photo.points.len() {
-        return Err(points(texts::too_many("points", MOST_POINTS)));
-    }
+    room("points", photo.points.len(), MOST_POINTS)?;
     photo.points.push(put);
     Ok(())
+}
+
+fn room(what: &str, n: usize, most: usize) -> Edited {
+    if n < most { Ok(()) } else { Err(points(texts::too_many(what, most))) }
+}
+
+fn check_point(size: ImageSize, point: &ImagePoint) -> Edited {
+    inside(size, point.u_px, point.v_px, Step::Points)?;
+    named(&point.name)?;
+    point.sigma_px.map_or(Ok(()), |sigma_px| positive("The point's standard deviation", sigma_px, "px"))
 }
 
 fn remove_point(state: &mut State, photo: usize, name: &str) -> Edited {
@@ -172,42 +185,50 @@ fn rename(state: &mut State, name: &str, to: String) -> Edited {
 }
 
 fn set_position(state: &mut State, name: String, position: Position) -> Edited {
-    named(&name)?;
-    let Position { x_m, y_m, z_m, sigma_m } = position;
-    let limit = |x: f64| x.abs() <= 1e7;
-    if ![x_m, y_m, z_m].into_iter().all(limit) {
-        return Err(points(format!("({x_m}, {y_m}, {z_m}) m: coordinates up to 10 000 km are needed.")));
-    }
-    if !(0.0 <= sigma_m && sigma_m.is_finite()) {
-        return Err(points(format!("sigma_m is {sigma_m} m; 0 or more is needed.")));
-    }
-    if MOST_POINTS <= state.positions.len() {
-        return Err(points(texts::too_many("positions", MOST_POINTS)));
+    check_position(&name, &position)?;
+    if !state.positions.contains_key(&name) {
+        room("positions", state.positions.len(), MOST_POINTS)?;
     }
     state.positions.insert(name, position);
     state.photos.iter_mut().for_each(|photo| photo.chosen = None);
     Ok(())
 }
 
+fn check_position(name: &str, Position { x_m, y_m, z_m, sigma_m }: &Position) -> Edited {
+    named(name)?;
+    if ![x_m, y_m, z_m].into_iter().all(|x| x.abs() <= MOST_COORDINATE_M) {
+        return Err(points(format!("({x_m}, {y_m}, {z_m}) m: coordinates up to 10 000 km are needed.")));
+    }
+    match 0.0 <= *sigma_m && sigma_m.is_finite() {
+        true => Ok(()),
+        false => Err(points(format!("sigma_m is {sigma_m} m; 0 or more is needed."))),
+    }
+}
+
 fn set_distance(state: &mut State, a: String, b: String, distance_m: f64, sigma_m: Option<f64>) -> Edited {
-    named(&a)?;
-    named(&b)?;
+    let stated = Distance { sigma_m: sigma_m.unwrap_or(LENGTH_SIGMA * distance_m), a, b, distance_m };
+    check_distance(&stated)?;
+    state.photos.iter_mut().for_each(|photo| photo.chosen = None);
+    if let Some(known) = state.distances.iter_mut().find(|d| d.joins(&stated.a, &stated.b)) {
+        (known.distance_m, known.sigma_m) = (stated.distance_m, stated.sigma_m);
+        return Ok(());
+    }
+    room("distances", state.distances.len(), MOST_DISTANCES)?;
+    state.distances.push(stated);
+    Ok(())
+}
+
+fn check_distance(Distance { a, b, distance_m, sigma_m }: &Distance) -> Edited {
+    named(a)?;
+    named(b)?;
     if a == b {
         return Err(points(format!("A distance from {a} to itself says nothing.")));
     }
-    positive(&format!("The distance {a}–{b}"), distance_m, "m")?;
-    let sigma_m = sigma_m.unwrap_or(LENGTH_SIGMA * distance_m);
-    positive("Its standard deviation", sigma_m, "m")?;
-    state.photos.iter_mut().for_each(|photo| photo.chosen = None);
-    if let Some(known) = state.distances.iter_mut().find(|d| d.joins(&a, &b)) {
-        (known.distance_m, known.sigma_m) = (distance_m, sigma_m);
-        return Ok(());
+    positive(&format!("The distance {a}–{b}"), *distance_m, "m")?;
+    if MOST_COORDINATE_M < *distance_m {
+        return Err(points(format!("The distance {a}–{b} is {distance_m} m; 10 000 km is the most.")));
     }
-    if MOST_DISTANCES <= state.distances.len() {
-        return Err(points(texts::too_many("distances", MOST_DISTANCES)));
-    }
-    state.distances.push(Distance { a, b, distance_m, sigma_m });
-    Ok(())
+    positive("Its standard deviation", *sigma_m, "m")
 }
 
 fn add_measurement(
@@ -215,28 +236,83 @@ fn add_measurement(
     photo: usize,
     name: String,
     what: MeasuredKind,
-    pixels: Vec<[f64; 2]>,
+    points: Vec<[f64; 2]>,
 ) -> Edited {
-    named(&name)?;
-    for [u, v] in &pixels {
-        inside(photo_of(state, photo)?, *u, *v, Step::Measure)?;
-    }
-    let (least, most) = match what {
-        MeasuredKind::Length | MeasuredKind::Height => (2, 2),
-        MeasuredKind::Polyline => (2, 200),
-        MeasuredKind::Area => (3, 200),
-        MeasuredKind::Position => (1, 1),
-    };
-    if !(least..=most).contains(&pixels.len()) {
-        let needed = if least == most { least.to_string() } else { format!("{least} to {most}") };
-        return Err(measure(format!("{} points were given; {needed} are needed.", pixels.len())));
-    }
-    if state.measurements.iter().any(|m| m.name == name) {
-        return Err(measure(format!("Another measurement is called {name} already.")));
+    let added = Measurement { name, photo, what, points };
+    check_measurement(state, &added)?;
+    if state.measurements.iter().any(|m| m.name == added.name) {
+        return Err(measure(format!("Another measurement is called {} already.", added.name)));
     }
     if MOST_MEASUREMENTS <= state.measurements.len() {
         return Err(measure(texts::too_many("measurements", MOST_MEASUREMENTS)));
     }
-    state.measurements.push(Measurement { name, photo, what, points: pixels });
+    check_measured_points(state.measurements.iter().chain([&added]))?;
+    state.measurements.push(added);
     Ok(())
+}
+
+fn check_measurement(state: &State, m: &Measurement) -> Edited {
+    named(&m.name)?;
+    let photo = state.photos.get(m.photo);
+    let size = photo.ok_or_else(|| measure(texts::NO_PHOTOGRAPH))?.photograph.size();
+    m.points.iter().try_for_each(|[u, v]| inside(size, *u, *v, Step::Measure))?;
+    let (least, most) = match m.what {
+        MeasuredKind::Length | MeasuredKind::Height => (2, 2),
+        MeasuredKind::Polyline => (2, MOST_MEASURED_POINTS),
+        MeasuredKind::Area => (3, MOST_MEASURED_POINTS),
+        MeasuredKind::Position => (1, 1),
+    };
+    match (least..=most).contains(&m.points.len()) {
+        true => Ok(()),
+        false => {
+            let needed = if least == most { least.to_string() } else { format!("{least} to {most}") };
+            Err(measure(format!("{} points were given; {needed} are needed.", m.points.len())))
+        }
+    }
+}
+
+fn check_measured_points<'a>(all: impl Iterator<Item = &'a Measurement>) -> Edited {
+    match all.map(|m| m.points.len()).sum::<usize>() <= MOST_MEASURED_TOGETHER {
+        true => Ok(()),
+        false => Err(measure(texts::too_many("points of measurements", MOST_MEASURED_TOGETHER))),
+    }
+}
+
+/// Whether so many photographs, with files so large together, have room in a session.
+pub fn check_photographs(n: usize, files_bytes: usize) -> Edited {
+    let refuse = |text: String| Err(Refusal { step: Step::Photograph, text });
+    match (MOST_PHOTOS < n, FILES_BYTES < files_bytes) {
+        (true, _) => refuse(texts::too_many("photographs", MOST_PHOTOS)),
+        (_, true) => refuse(texts::too_large(files_bytes, FILES_BYTES)),
+        _ => Ok(()),
+    }
+}
+
+/// Checks a whole state, which a person may have written by hand, as the commands that would have made it.
+pub fn check(state: &State) -> Edited {
+    let files_bytes = state.photos.iter().map(|p| p.photograph.bytes.len()).sum();
+    check_photographs(state.photos.len(), files_bytes)?;
+    positive("sigma_px", state.sigma_px, "px")?;
+    for photo in &state.photos {
+        room("points", photo.points.len(), MOST_POINTS + 1)?;
+        let size = photo.photograph.size();
+        photo.points.iter().try_for_each(|point| check_point(size, point))?;
+        no_twice("points", photo.points.iter().map(|p| p.name.as_str()))?;
+    }
+    room("positions", state.positions.len(), MOST_POINTS + 1)?;
+    state.positions.iter().try_for_each(|(name, position)| check_position(name, position))?;
+    room("distances", state.distances.len(), MOST_DISTANCES + 1)?;
+    state.distances.iter().try_for_each(check_distance)?;
+    room("measurements", state.measurements.len(), MOST_MEASUREMENTS + 1)?;
+    state.measurements.iter().try_for_each(|m| check_measurement(state, m))?;
+    check_measured_points(state.measurements.iter())?;
+    no_twice("measurements", state.measurements.iter().map(|m| m.name.as_str()))
+}
+
+fn no_twice<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Edited {
+    let mut known = BTreeSet::new();
+    match names.into_iter().find(|name| !known.insert(*name)) {
+        Some(name) => Err(points(format!("Two {what} are called {name}; names must differ."))),
+        None => Ok(()),
+    }
 }

@@ -3,11 +3,12 @@
 use crate::lines::{Curve, overlay};
 use crate::refusal::{Refusal, Step};
 use crate::session::Session;
-use crate::texts;
+use crate::{MeasuredKind, texts};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::DMatrix;
 use resight::formats::{self, Format, NamedCamera, Placement};
+use resight::measure::table::cell;
 use std::fmt::Write;
 
 /// A file to be saved by the person.
@@ -31,11 +32,11 @@ pub fn exports() -> Vec<&'static str> {
 
 impl Session {
     /// The answer of a photograph as `json`, `homography` (3×3, pixels from the plane z = 0), `csv` (measurements), `svg`, `report` (HTML), or
-    /// a format of `resight convert`.
+    /// a format of `resight convert`. `now_s` is the time of the report, seconds since 1970.
     ///
     /// # Errors
     /// No pose yet, a format that is not known, or that cannot hold the camera.
-    pub fn export(&mut self, photo: usize, format: &str) -> Result<Export, Refusal> {
+    pub fn export(&self, photo: usize, format: &str, now_s: f64) -> Result<Export, Refusal> {
         let refuse = |text: String| Refusal { step: Step::Measure, text };
         let Some(solved) = self.solved(photo) else { return Err(refuse(texts::NO_POSE_YET.to_owned())) };
         let file = |name: &str, media_type, text| Export { name: name.to_owned(), media_type, text };
@@ -52,7 +53,7 @@ impl Session {
                 }
             },
             "svg" => Ok(file("photograph.svg", "image/svg+xml", self.svg(photo, &solved))),
-            "report" => Ok(file("report.html", "text/html", self.report(photo, &solved))),
+            "report" => Ok(file("report.html", "text/html", self.report(photo, &solved, now_s))),
             "csv" => Ok(file("measurements.csv", "text/csv", self.csv(photo))),
             word => {
                 let format = Format::to_write(word).ok_or_else(|| refuse(unknown(word)))?;
@@ -69,29 +70,24 @@ impl Session {
         }
     }
 
-    fn csv(&mut self, photo: usize) -> String {
-        let mut text = "name,what,value,low_95,high_95,unit\n".to_owned();
+    /// One line a value; a position has three.
+    fn csv(&self, photo: usize) -> String {
+        let mut text = "name,what,value,low_95,high_95,unit,axis\n".to_owned();
         for m in self.view(photo).measurements {
-            let number = |x: Option<f64>| x.map_or_else(String::new, |x| x.to_string());
-            let name = m.name.replace('"', "\"\"");
-            let what = serde_json::to_value(m.what)
-                .ok()
-                .and_then(|v| v.as_str().map(str::to_owned))
-                .unwrap_or_default();
-            let _ = writeln!(
-                text,
-                "\"{name}\",{what},{},{},{},{}",
-                number(m.value),
-                number(m.low),
-                number(m.high),
-                m.unit
-            );
+            let (name, what) = (cell(&m.name), m.what.name());
+            let axes: &[&str] = if m.what == MeasuredKind::Position { &["x", "y", "z"] } else { &[""] };
+            if m.values.is_empty() {
+                let _ = writeln!(text, "{name},{what},,,,{},", m.unit);
+            }
+            for ((value, [low, high]), axis) in m.values.iter().zip(&m.intervals_95).zip(axes) {
+                let _ = writeln!(text, "{name},{what},{value},{low},{high},{},{axis}", m.unit);
+            }
         }
         text
     }
 
     /// The photograph with everything drawn over it.
-    fn svg(&mut self, photo: usize, solved: &crate::pose::Solved) -> String {
+    pub(crate) fn svg(&self, photo: usize, solved: &crate::pose::Solved) -> String {
         let drawn = overlay(&self.state, solved);
         let Some(photograph) = self.photograph(photo).cloned() else { return String::new() };
         let (w, h) = (photograph.image.width_px, photograph.image.height_px);
@@ -137,34 +133,13 @@ impl Session {
         }
         svg + "</svg>\n"
     }
-
-    /// A page to print.
-    fn report(&mut self, photo: usize, solved: &crate::pose::Solved) -> String {
-        let svg = self.svg(photo, solved);
-        let view = self.view(photo);
-        let row = |cells: [&str; 3]| {
-            format!("<tr>{}</tr>", cells.map(|c| format!("<td>{}</td>", escaped(c))).concat())
-        };
-        let figures: String = view.figures.iter().map(|f| row([f.title, &f.words, f.help])).collect();
-        let measured: String = view
-            .measurements
-            .iter()
-            .map(|m| row([&m.name, &m.words, m.error.as_deref().unwrap_or("95 % interval")]))
-            .collect();
-        let status = view.status().unwrap_or("old");
-        let name = self.photograph(photo).map_or_else(String::new, |p| escaped(&p.name));
-        format!(
-            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{name}</title><style>body{{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}}svg{{width:100%}}td{{padding:.2rem 1rem .2rem 0;vertical-align:top}}@page{{size:A4;margin:15mm}}</style><h1>{name}</h1><p><strong>{status}</strong>: {}</p>{svg}<h2>Pose</h2><table>{figures}</table><h2>Measurements</h2><table>{measured}</table><p>± and intervals hold with 95 % probability.</p></html>\n",
-            escaped(&solved.answer.verdict.message)
-        )
-    }
 }
 
 fn unknown(word: &str) -> String {
     format!("There is no export `{word}`; there are {}.", exports().join(", "))
 }
 
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

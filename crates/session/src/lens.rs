@@ -1,15 +1,26 @@
 //! What is stated of a lens, as a camera.
 
-use crate::command::GivenLens;
+use crate::cameras::COMMON_CAMERAS;
+use crate::command::{GivenLens, GivenLine, LineDirection};
 use crate::photograph::Photograph;
+use crate::state::SIGMA_PX;
 use crate::texts;
-use resight::answer::EstimatedFocal;
-use resight::core::Camera;
+use resight::answer::{EstimatedFocal, Status};
+use resight::core::camera::ImageSize;
 use resight::core::locate::unknown_focal::LensPrior;
+use resight::core::locate::unknown_focal::marked_lines::{Axis, MarkedLine};
+use resight::core::{Camera, Pixel};
 use resight::formats::{self, NamedCamera};
+use resight::image::exif::ExifLens;
 use resight::locate::IntrinsicsCovariance;
+use resight::marked_lines::{MarkedView, NamedMarkedLine, SceneLens, scene_view_of};
 use resight::nominal::{NominalLens, lens_of_unknown_focal};
 use std::path::Path;
+
+/// Lines that are taken.
+const MOST_LINES: usize = 100;
+/// Relative standard deviation that a stated field of view has for the nominal lens.
+const FIELD_OF_VIEW_SIGMA: f64 = 0.05;
 
 /// A lens that points can be solved with.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,8 +52,47 @@ pub fn known(given: &GivenLens, photograph: &Photograph) -> Result<KnownLens, St
             Some(exif) => nominal(NominalLens::Exif(exif.clone())),
             None => Err(texts::NO_EXIF.to_owned()),
         },
+        GivenLens::Common { name } => {
+            let known = COMMON_CAMERAS.iter().find(|camera| camera.name == name);
+            let camera = known.ok_or_else(|| texts::no_common_camera(name))?;
+            let stated = ExifLens { focal_35mm: camera.focal_35mm, camera: Some(name.clone()) };
+            let named = NominalLens::Exif(stated).camera(size).map_err(|reason| reason.to_string())?;
+            Ok(of_named(named, name, Some(texts::COMMON_CAMERA.to_owned())))
+        }
+        GivenLens::Lines { lines } => of_lines(lines, size),
         GivenLens::Unknown => Ok(KnownLens::Unknown(lens_of_unknown_focal(size))),
     }
+}
+
+/// The focal length by lines that are parallel in the scene; the rest of the lens is nominal.
+fn of_lines(lines: &[GivenLine], size: ImageSize) -> Result<KnownLens, String> {
+    if MOST_LINES < lines.len() {
+        return Err(texts::too_many_lines(lines.len(), MOST_LINES));
+    }
+    let marked = |(i, line): (usize, &GivenLine)| {
+        let axis = match line.direction {
+            LineDirection::Along => Axis::Along,
+            LineDirection::Across => Axis::Across,
+            LineDirection::Up => Axis::Up,
+        };
+        let ends_px = line.ends.map(|[u, v]| Pixel::new(u, v));
+        let line = MarkedLine { ends_px, sigma_px: SIGMA_PX, axis, length: None };
+        NamedMarkedLine { name: format!("Line {}", i + 1), line }
+    };
+    let view = MarkedView { name: String::new(), lines: lines.iter().enumerate().map(marked).collect() };
+    let found = scene_view_of(&view, &SceneLens::Unknown(lens_of_unknown_focal(size)));
+    let focal = found.focal_px.zip(found.focal_sigma_px).zip(found.horizontal_field_of_view_rad);
+    let Some(((focal_px, sigma_px), hfov_rad)) = focal.filter(|_| found.status == Status::Ok) else {
+        return Err(found.message);
+    };
+    let nominal = NominalLens::HorizontalFieldOfView(hfov_rad.to_degrees());
+    let mut named = nominal.camera(size).map_err(|reason| reason.to_string())?;
+    // What a field of view leaves open is what the lines leave open.
+    if let Some(covariance) = &mut named.intrinsics_covariance {
+        let open = sigma_px.powi(2) - (FIELD_OF_VIEW_SIGMA * focal_px).powi(2);
+        (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);
+    }
+    Ok(of_named(named, &texts::by_lines(focal_px, sigma_px), Some(texts::BY_LINES.to_owned())))
 }
 
 fn of_named(named: NamedCamera, name: &str, remark: Option<String>) -> KnownLens {

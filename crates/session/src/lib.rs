@@ -23,16 +23,21 @@
 #![warn(missing_docs)]
 
 mod texts;
+mod cameras;
 mod command;
+mod limits;
 mod state;
+mod history;
 mod photograph;
 mod lens;
 mod places;
 mod pose;
+mod solving;
 mod figures;
 mod lines;
 mod advice;
 mod network;
+mod measuring;
 mod target;
 mod snap;
 mod view;
@@ -42,9 +47,15 @@ mod edit;
 mod session;
 mod save;
 mod export;
+mod report;
 
-pub use command::{Command, GivenLens, GivenTarget, MeasuredKind, SnapTo, Template};
+pub use cameras::{COMMON_CAMERAS, CommonCamera};
+pub use command::{
+    Command, GivenLens, GivenLine, GivenTarget, LineDirection, MeasuredKind, SnapTo, Template,
+};
 pub use export::{Export, exports};
+pub use limits::{FILES_BYTES, MOST_PHOTOS, SAVED_BYTES};
+pub use measuring::{Measured, Measuring};
 pub use photograph::Photograph;
 pub use refusal::{Refusal, Step};
 pub use session::Session;

@@ -12,12 +12,11 @@ use resight::measure::NamedScene;
 use resight::measure::scene::SceneCamera;
 use resight::measure::{Answers, NamedQuery, QueryKind, ScenePhoto};
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// A scene as `resight measure` takes it.
 pub type Scene = NamedScene;
-/// What was measured; none where nothing is asked for.
-pub type MeasuredNow = Option<Result<(Scene, Answers), String>>;
 
 /// How flat the ground is, in parts of the extent of the points: 9 mm over 3 m. Beyond that of `resight measure` it does not grow.
 const FLATNESS: f64 = 0.003;
@@ -38,11 +37,17 @@ pub fn flatness_m(places: &Places) -> f64 {
 
 /// A scene with every photograph that has a pose and every measurement in one of them; `on_plane` puts the points themselves on the ground
 /// too, which bird's-eye images need.
-pub fn scene(state: &State, solved: &[Option<Solved>], places: &Places, on_plane: bool) -> Option<Scene> {
+pub fn scene(
+    state: &State,
+    solved: &[Option<Arc<Solved>>],
+    places: &Places,
+    on_plane: bool,
+) -> Option<Scene> {
     let shown: Vec<(usize, &Solved)> =
-        solved.iter().enumerate().filter_map(|(i, s)| Some((i, s.as_ref()?))).collect();
+        solved.iter().enumerate().filter_map(|(i, s)| Some((i, s.as_deref()?))).collect();
     let up = shown.first()?.1.up;
-    let mut builder = Builder { scene: empty(state.sigma_px, up), state, flatness_m: flatness_m(places) };
+    let scene = empty(state.sigma_px, up);
+    let mut builder = Builder { scene, state, flatness_m: flatness_m(places), numbers: BTreeMap::new() };
     for (photo, solved) in &shown {
         builder.photo(*photo, solved);
     }
@@ -80,16 +85,19 @@ struct Builder<'a> {
     scene: Scene,
     state: &'a State,
     flatness_m: f64,
+    /// Which point has a name.
+    numbers: BTreeMap<String, usize>,
 }
 
 impl Builder<'_> {
     fn point(&mut self, name: &str) -> usize {
-        let known = self.scene.points.iter().position(|p| p == name);
-        known.unwrap_or_else(|| {
-            self.scene.points.push(name.to_owned());
-            self.scene.is_control_point.push(false);
-            self.scene.points.len() - 1
-        })
+        if let Some(known) = self.numbers.get(name) {
+            return *known;
+        }
+        self.scene.points.push(name.to_owned());
+        self.scene.is_control_point.push(false);
+        self.numbers.insert(name.to_owned(), self.scene.points.len() - 1);
+        self.scene.points.len() - 1
     }
 
     /// Photographs of one lens, stated alike, share its errors.
@@ -190,13 +198,15 @@ impl Builder<'_> {
 }
 
 /// Solves it; a sentence where that is impossible.
-pub fn measured(scene: &Scene) -> Result<(Answers, String), String> {
-    let answer = resight::measure(scene).map_err(|reason| reason.to_string())?;
+pub fn measured(scene: &Scene) -> Result<Answers, String> {
+    measured_after(scene, None)
+}
+
+/// The same, after another scene: what differs alone is measured again.
+pub fn measured_after(scene: &Scene, before: Option<(&Scene, &Answers)>) -> Result<Answers, String> {
+    let answer = resight::measure::measure_after(scene, before).map_err(|reason| reason.to_string())?;
     match (answer.solved, answer.network) {
-        (Some(solved), _) => {
-            let verdict = solved.verdict.join("; ");
-            Ok((solved, verdict))
-        }
+        (Some(solved), _) => Ok(solved),
         (None, resight::answer::measure::NetworkAnswer::Refused(refused)) => Err(refused.message),
         (None, _) => Err(crate::texts::NO_POSE_YET.to_owned()),
     }

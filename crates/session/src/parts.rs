@@ -1,9 +1,10 @@
 //! The parts of a view.
 
 use crate::lens::{self, KnownLens};
-use crate::network::MeasuredNow;
+use crate::measuring::Measured;
 use crate::places::Places;
 use crate::pose::Solved;
+use crate::solving::StatedLens;
 use crate::state::{Distance, ImagePoint, Measurement, PhotoState, State};
 use crate::texts;
 use crate::view::{DistanceView, LensView, MeasurementView, PhotoView, PointView};
@@ -13,21 +14,25 @@ use resight::overlay::ground::prediction_ellipse;
 
 /// Two-sided 95 % point of the normal distribution.
 const NORMAL_95: f64 = 1.96;
+/// A residual of two parts exceeds this many variances once in a thousand times.
+const SUSPECT_CHI2: f64 = 13.816;
+/// Share of a point's variance that the pose must leave to its residual, below which nothing checks the point.
+const LEAST_REST: f64 = 1e-3;
 
 /// A photograph.
 pub fn photo_view(p: &PhotoState) -> PhotoView {
     let size = p.photograph.size();
     PhotoView {
         name: p.photograph.name.clone(),
+        sha256: p.photograph.sha256.clone(),
         width_px: size.width_px,
         height_px: size.height_px,
         has_exif_lens: p.photograph.exif.is_some(),
     }
 }
 
-/// Its lens; none where none was stated.
-pub fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView> {
-    let given = photo.lens.as_ref()?;
+/// Its lens.
+pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>) -> LensView {
     let none = LensView {
         state: "given",
         words: String::new(),
@@ -36,12 +41,12 @@ pub fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView
         remark: None,
         error: None,
     };
-    Some(match lens::known(given, &photo.photograph) {
+    match lens.known.as_deref() {
         Ok(KnownLens::Camera { camera, remark, name, .. }) => LensView {
-            words: name,
+            words: name.clone(),
             model: Some(camera.model_name().to_owned()),
-            hfov_deg: lens::hfov_deg(&camera),
-            remark,
+            hfov_deg: lens::hfov_deg(camera),
+            remark: remark.clone(),
             ..none
         },
         Ok(KnownLens::Unknown(_)) => {
@@ -53,9 +58,10 @@ pub fn lens_view(photo: &PhotoState, solved: Option<&Solved>) -> Option<LensView
                 ..none
             }
         }
-        Err(error) => LensView { state: "refused", error: Some(error), ..none },
-    })
+        Err(error) => LensView { state: "refused", error: Some(error.clone()), ..none },
+    }
 }
+
 /// The distances typed.
 pub fn distances_view(state: &State, places: &Places) -> Vec<DistanceView> {
     let one = |(i, d): (usize, &Distance)| {
@@ -90,7 +96,7 @@ pub fn points_view(
     photo: &PhotoState,
     places: &Places,
     solved: Option<&Solved>,
-    measured: &MeasuredNow,
+    measured: Option<&Measured>,
 ) -> Vec<PointView> {
     let mut all: Vec<PointView> =
         photo.points.iter().map(|p| point_view(state, p, places, solved, measured)).collect();
@@ -100,6 +106,12 @@ pub fn points_view(
     if let Some(worst) = worst.filter(|p| has_check && 0.0 < residual(p)) {
         worst.is_worst = true;
     }
+    for point in all.iter_mut().filter(|_| has_check) {
+        // The pose takes a share of each point's own error up; the rest is what its residual scatters by.
+        let variance = point.sigma_px.powi(2) * (1.0 - point.leverage.unwrap_or(0.0));
+        point.is_suspect = LEAST_REST * point.sigma_px.powi(2) < variance
+            && SUSPECT_CHI2 * variance < residual(point).powi(2);
+    }
     all
 }
 
@@ -108,7 +120,7 @@ fn point_view(
     p: &ImagePoint,
     places: &Places,
     solved: Option<&Solved>,
-    measured: &MeasuredNow,
+    measured: Option<&Measured>,
 ) -> PointView {
     let used = solved.and_then(|s| Some((s, s.points.iter().find(|q| q.name == p.name)?)));
     let predicted = used.and_then(|(s, q)| s.camera.project(&(s.cam_from_world * q.seen.x_in_target)));
@@ -124,6 +136,7 @@ fn point_view(
         residual_px: predicted.map(|pixel| (pixel - Pixel::new(p.u_px, p.v_px)).norm()),
         leverage: used.and_then(|(s, q)| leverage(s, q)),
         is_worst: false,
+        is_suspect: false,
     }
 }
 
@@ -140,15 +153,15 @@ fn leverage(solved: &Solved, point: &resight::locate::NamedPoint) -> Option<f64>
 }
 
 /// Where several photographs put a point.
-fn position(name: &str, measured: &MeasuredNow) -> Option<([f64; 3], [f64; 3])> {
-    let Some(Ok((_, answers))) = measured else { return None };
+fn position(name: &str, measured: Option<&Measured>) -> Option<([f64; 3], [f64; 3])> {
+    let answers = measured?.found.as_ref().ok()?;
     let answer = answers.answers.iter().find(|a| a.query.name == name)?;
     let values = answer.result.as_ref().ok().filter(|v| v.len() == 3)?;
     Some((std::array::from_fn(|i| values[i].value), std::array::from_fn(|i| NORMAL_95 * values[i].sigma)))
 }
 
 /// Something measured, or why it is not.
-pub fn measurement_view(m: &Measurement, measured: &MeasuredNow) -> MeasurementView {
+pub fn measurement_view(m: &Measurement, measured: Option<&Measured>) -> MeasurementView {
     let unit = if m.what == crate::MeasuredKind::Area { "m²" } else { "m" };
     let mut view = MeasurementView {
         name: m.name.clone(),
@@ -161,13 +174,14 @@ pub fn measurement_view(m: &Measurement, measured: &MeasuredNow) -> MeasurementV
         low: None,
         high: None,
         values: Vec::new(),
+        intervals_95: Vec::new(),
         unit,
         words: String::new(),
         error: Some(texts::NO_POSE_YET.to_owned()),
     };
     let answers = match measured {
-        Some(Ok((_, answers))) => answers,
-        Some(Err(reason)) => {
+        Some(Measured { found: Ok(answers), .. }) => answers,
+        Some(Measured { found: Err(reason), .. }) => {
             view.error = Some(reason.clone());
             return view;
         }
@@ -179,6 +193,7 @@ pub fn measurement_view(m: &Measurement, measured: &MeasuredNow) -> MeasurementV
         Ok(values) => {
             let first = values.first();
             view.values = values.iter().map(|v| v.value).collect();
+            view.intervals_95 = values.iter().map(|v| [v.low, v.high]).collect();
             view.value = first.map(|v| v.value);
             (view.low, view.high) = (first.map(|v| v.low), first.map(|v| v.high));
             view.half_width_95 = first.map(|v| 0.5 * (v.high - v.low));

@@ -6,12 +6,15 @@ use resight::GrayImage;
 use resight::core::camera::ImageSize;
 use resight::image::exif::{self, ExifLens, Heading};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use sha2::{Digest, Sha256};
 
 /// A decoded photograph.
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 pub struct Photograph {
     /// The name of its file, without a folder.
     pub name: String,
+    /// SHA-256 of the file, in hexadecimal: what it is known by, for files of one name may show different things.
+    pub sha256: String,
     /// The file: PNG or JPEG.
     pub bytes: Vec<u8>,
     /// Its pixels.
@@ -20,6 +23,14 @@ pub struct Photograph {
     pub exif: Option<ExifLens>,
     /// Which way the camera looked, where it says.
     pub heading: Option<Heading>,
+    /// When it was taken, seconds since 1970 by the camera's clock, where it says.
+    pub taken_s: Option<f64>,
+}
+
+impl PartialEq for Photograph {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name && self.sha256 == other.sha256
+    }
 }
 
 impl std::fmt::Debug for Photograph {
@@ -39,8 +50,29 @@ impl Photograph {
     /// A sentence: no image, too large, torn.
     pub fn decode(name: &str, bytes: Vec<u8>) -> Result<Self, String> {
         let image = GrayImage::decode(&bytes)?;
-        let (exif, heading) = (exif::lens(&bytes), exif::heading(&bytes));
-        Ok(Photograph { name: plain_name(name), bytes, image, exif, heading })
+        let (exif, heading, taken_s) = (exif::lens(&bytes), exif::heading(&bytes), exif::taken_s(&bytes));
+        let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+        Ok(Photograph { name: plain_name(name), sha256, bytes, image, exif, heading, taken_s })
+    }
+
+    /// The same without its file and pixels.
+    pub(crate) fn bare(&self) -> Self {
+        let (name, sha256) = (self.name.clone(), self.sha256.clone());
+        let (exif, heading, taken_s) = (self.exif.clone(), self.heading, self.taken_s);
+        Photograph {
+            name,
+            sha256,
+            bytes: Vec::new(),
+            image: GrayImage::filled(0, 0, 0),
+            exif,
+            heading,
+            taken_s,
+        }
+    }
+
+    /// Memory that it takes.
+    pub fn weight_bytes(&self) -> usize {
+        self.bytes.len() + self.image.data.len()
     }
 
     /// Its size.
@@ -68,12 +100,16 @@ fn plain_name(name: &str) -> String {
 #[serde(deny_unknown_fields)]
 struct Saved {
     name: String,
+    /// Written for a reader that has the file already; whoever reads hashes what is there.
+    #[serde(default)]
+    sha256: Option<String>,
     image_base64: String,
 }
 
 impl Serialize for Photograph {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Saved { name: self.name.clone(), image_base64: STANDARD.encode(&self.bytes) }.serialize(serializer)
+        let (name, sha256) = (self.name.clone(), Some(self.sha256.clone()));
+        Saved { name, sha256, image_base64: STANDARD.encode(&self.bytes) }.serialize(serializer)
     }
 }
 

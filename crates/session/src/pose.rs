@@ -5,10 +5,12 @@ use crate::places::Places;
 use crate::state::{PhotoState, State};
 use nalgebra::DMatrix;
 use resight::PoseAnswer;
+use resight::core::advise::ground::Plane;
 use resight::core::locate::Method;
 use resight::core::{Camera, Correspondence, Matrix6, Pixel, Point, Pose};
 use resight::locate::{NamedPoint, PointsOptions, locate_points};
 use resight::nominal::NominalLens;
+use std::sync::Arc;
 
 /// A photograph whose camera has a pose.
 #[derive(Debug, Clone)]
@@ -29,23 +31,33 @@ pub struct Solved {
     pub up: f64,
 }
 
+/// What a pose depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// What the photograph is called, for messages.
+    pub name: String,
+    /// Its points that have places.
+    pub points: Vec<NamedPoint>,
+    pub lens: Arc<KnownLens>,
+    /// The minimum that the person chose.
+    pub chosen: Option<usize>,
+}
+
 /// What became of the points of a photograph.
+#[derive(Debug, Clone)]
 pub enum Attempt {
     /// Something is missing.
     Incomplete,
     /// An answer without a pose.
     Refused(Box<PoseAnswer>),
     /// A pose.
-    Solved(Box<Solved>),
+    Solved(Arc<Solved>),
 }
 
 /// Solves the points that have places.
-pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Places) -> Attempt {
-    let camera = match lens {
-        KnownLens::Camera { camera, .. } => (**camera).clone(),
-        KnownLens::Unknown(_) => Camera::normalized(),
-    };
-    let points = named_points(state, photo, lens, &camera, places);
+pub fn solve(Given { name, points, lens, chosen }: &Given) -> Attempt {
+    let lens = &**lens;
+    let camera = camera_of(lens);
     let needed = if matches!(lens, KnownLens::Unknown(_)) { 4 } else { 3 };
     if points.len() < needed {
         return Attempt::Incomplete;
@@ -55,22 +67,22 @@ pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Place
         KnownLens::Camera { intrinsics, .. } => options.intrinsics = intrinsics.clone(),
         KnownLens::Unknown(prior) => options.estimate_focal = Some(*prior),
     }
-    let answer = locate_points(&photo.photograph.name, &points, &camera, &options);
+    let answer = locate_points(name, points, &camera, &options);
     let Some(estimate) = answer.estimate else { return Attempt::Refused(Box::new(answer)) };
     let Some((camera, intrinsics_covariance)) = lens_of(lens, camera, &answer) else {
         return Attempt::Refused(Box::new(answer));
     };
     let all: Vec<_> = estimate.minima().collect();
     let alternatives = estimate.n_alternatives();
-    let chosen = photo.chosen.unwrap_or(0).min(all.len() - 1);
+    let chosen = chosen.unwrap_or(0).min(all.len() - 1);
     let other = if chosen == 0 { 1 } else { 0 };
     let is_flat = points.iter().all(|p| p.seen.x_in_target.z == 0.0);
     let taken = all[chosen].minimum;
     let up = if is_flat && taken.cam_from_target.origin().z < 0.0 { -1.0 } else { 1.0 };
-    Attempt::Solved(Box::new(Solved {
+    Attempt::Solved(Arc::new(Solved {
         camera,
         intrinsics_covariance,
-        points,
+        points: points.clone(),
         cam_from_world: taken.cam_from_target,
         covariance: taken.covariance,
         other_cam_from_world: all
@@ -82,13 +94,16 @@ pub fn solve(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Place
     }))
 }
 
-fn named_points(
-    state: &State,
-    photo: &PhotoState,
-    lens: &KnownLens,
-    camera: &Camera,
-    places: &Places,
-) -> Vec<NamedPoint> {
+fn camera_of(lens: &KnownLens) -> Camera {
+    match lens {
+        KnownLens::Camera { camera, .. } => (**camera).clone(),
+        KnownLens::Unknown(_) => Camera::normalized(),
+    }
+}
+
+/// The points of a photograph that have places.
+pub fn named_points(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Places) -> Vec<NamedPoint> {
+    let camera = &camera_of(lens);
     let one = |point: &crate::state::ImagePoint| {
         let place = places.by_name.get(&point.name)?;
         let pixel = Pixel::new(point.u_px, point.v_px);
@@ -128,6 +143,28 @@ fn lens_of(lens: &KnownLens, camera: Camera, answer: &PoseAnswer) -> Option<(Cam
 
 /// Standard deviation of a focal length of which nothing is known, in parts of it.
 const WIDE_FOCAL: f64 = 0.5;
+
+/// Share of the distance from the camera by which a foot is raised to see which way is up.
+const RAISED: f64 = 0.01;
+
+/// Foot and top of something that stands on the ground, whichever was clicked first.
+pub fn foot_first(solved: &Solved, [a, b]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    let pixel = |[u, v]: [f64; 2]| Pixel::new(u, v);
+    let on_ground = |at| Plane::level(0.0).seen_at(&solved.camera, &solved.cam_from_world, &pixel(at));
+    let is_above = |foot: Point| {
+        let height = RAISED * (foot - solved.cam_from_world.origin()).norm();
+        let raised = foot + Point::z() * (solved.up * height);
+        let seen = |x: Point| solved.camera.project(&(solved.cam_from_world * x));
+        let up = seen(raised)? - seen(foot)?;
+        Some(0.0 <= up.dot(&(pixel(b) - pixel(a))))
+    };
+    match on_ground(a).map(is_above) {
+        Some(Some(false)) => [b, a],
+        // What the ground does not meet stands above the horizon.
+        None if on_ground(b).is_some() => [b, a],
+        _ => [a, b],
+    }
+}
 
 /// Names of the points that have a pixel but no place.
 pub fn without_place<'a>(photo: &'a PhotoState, places: &Places) -> Vec<&'a str> {

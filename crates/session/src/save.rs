@@ -1,14 +1,15 @@
 //! A session as one file: a scene that `resight measure` reads, with the table `[session]` that holds the session itself.
 
-use crate::places::{Places, places};
+use crate::places::Places;
 use crate::refusal::{Refusal, Step};
 use crate::session::Session;
 use crate::state::{PhotoState, State};
 use crate::texts;
 use crate::{GivenLens, MeasuredKind};
-use crate::{lens, network};
+use crate::{edit, lens, network};
 use resight::formats::{self, NamedCamera};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use toml::{Table, Value};
 
 /// The file as the page reads it; the scene beside it is `resight measure`'s.
@@ -22,12 +23,25 @@ impl Session {
     ///
     /// # Errors
     /// A number that TOML does not hold.
-    pub fn save(&mut self) -> Result<String, Refusal> {
-        let places = places(&self.state);
+    pub fn save(&self) -> Result<String, Refusal> {
+        self.saved(&self.state)
+    }
+
+    /// The same with the hashes of the photographs instead of their files: for a page that has the files itself.
+    ///
+    /// # Errors
+    /// As of [`Session::save`].
+    pub fn save_without_photographs(&self) -> Result<String, Refusal> {
+        let bare = |p: &PhotoState| PhotoState { photograph: Arc::new(p.photograph.bare()), ..p.clone() };
+        self.saved(&State { photos: self.state.photos.iter().map(bare).collect(), ..self.state.clone() })
+    }
+
+    fn saved(&self, state: &State) -> Result<String, Refusal> {
+        let places = &*self.places;
         let solved: Vec<_> = (0..self.state.photos.len()).map(|i| self.solved(i)).collect();
         let failed = |reason: toml::ser::Error| Refusal { step: Step::Photograph, text: reason.to_string() };
-        let mut file = scene(&self.state, &places, &solved);
-        let own = toml::to_string(&Saved { session: self.state.clone() }).map_err(failed)?;
+        let mut file = scene(&self.state, places, &solved);
+        let own = toml::to_string(&Saved { session: state.clone() }).map_err(failed)?;
         let head = "# A session of `resight serve`. `resight measure` reads it too: it leaves the table [session] alone.\n";
         file.insert("sigma_px".into(), self.state.sigma_px.into());
         let scene = toml::to_string(&file).map_err(failed)?;
@@ -37,38 +51,25 @@ impl Session {
     /// A session that was saved.
     ///
     /// # Errors
-    /// A sentence: no session, a photograph that is torn, keys that nothing has.
+    /// A sentence: no session, a photograph that is torn, keys that nothing has, more than a session holds.
     pub fn load(text: &str) -> Result<Self, Refusal> {
         let fault = |text: String| Refusal { step: Step::Photograph, text };
         let mut table: Table = toml::from_str(text).map_err(|e| fault(e.message().to_owned()))?;
         let own = table.remove("session").ok_or_else(|| fault(texts::NOTHING_SAVED.to_owned()))?;
+        drop(table);
+        check_encoded(&own)?;
         let state: State = own.try_into().map_err(|e: toml::de::Error| fault(e.message().to_owned()))?;
-        check(&state).map_err(fault)?;
+        edit::check(&state)?;
         Ok(Session::of(state))
     }
 }
 
-/// Numbers that a person wrote into the file by hand are checked as commands are.
-fn check(state: &State) -> Result<(), String> {
-    let positive = |x: f64| 0.0 < x && x.is_finite();
-    let places = state.positions.values().flat_map(|p| [p.x_m, p.y_m, p.z_m]);
-    let pixels = state.photos.iter().flat_map(|p| p.points.iter().flat_map(|q| [q.u_px, q.v_px]));
-    let clicked = state.measurements.iter().flat_map(|m| m.points.iter().flatten().copied());
-    let all_finite = places.chain(pixels).chain(clicked).all(f64::is_finite);
-    let lengths = state.distances.iter().all(|d| positive(d.distance_m) && positive(d.sigma_m));
-    let sigmas = state.positions.values().all(|p| 0.0 <= p.sigma_m && p.sigma_m.is_finite());
-    let least = |m: &crate::state::Measurement| match m.what {
-        MeasuredKind::Area => 3,
-        MeasuredKind::Position => 1,
-        _ => 2,
-    };
-    let counts =
-        state.measurements.iter().all(|m| least(m) <= m.points.len() && m.photo < state.photos.len());
-    match all_finite && lengths && sigmas && counts && positive(state.sigma_px) {
-        true => Ok(()),
-        false => Err("The session holds a number that cannot be right, or a measurement without its points."
-            .to_owned()),
-    }
+/// Whether the photographs have room, before the first is decoded.
+fn check_encoded(own: &Value) -> Result<(), Refusal> {
+    let Some(photos) = own.get("photos").and_then(Value::as_array) else { return Ok(()) };
+    let encoded = photos.iter().filter_map(|p| p.get("photograph")?.get("image_base64")?.as_str());
+    // Four letters hold three bytes.
+    edit::check_photographs(photos.len(), encoded.map(|text| text.len() / 4 * 3).sum())
 }
 
 fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
@@ -76,7 +77,7 @@ fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
 }
 
 /// The scene of `resight measure`.
-fn scene(state: &State, places: &Places, solved: &[Option<crate::pose::Solved>]) -> Table {
+fn scene(state: &State, places: &Places, solved: &[Option<Arc<crate::pose::Solved>>]) -> Table {
     let mut file = Table::new();
     let control_point = |(name, place): (&String, &crate::places::Place)| {
         let [x, y, z]: [f64; 3] = place.x_m.into();
@@ -124,8 +125,12 @@ fn scene(state: &State, places: &Places, solved: &[Option<crate::pose::Solved>])
     );
     file.insert("upright".into(), uprights.into());
     file.insert("query".into(), queries.into());
-    let photos =
-        state.photos.iter().enumerate().zip(solved).filter_map(|((i, p), s)| photo(state, i, p, s.as_ref()));
+    let photos = state
+        .photos
+        .iter()
+        .enumerate()
+        .zip(solved)
+        .filter_map(|((i, p), s)| photo(state, i, p, s.as_deref()));
     file.insert("photo".into(), photos.collect::<Vec<_>>().into());
     file
 }

@@ -1,38 +1,43 @@
-//! The session: commands applied, steps undone, and the view of the current state.
+//! The session: commands applied, steps undone, and the view of what is so now.
+//!
+//! A change solves again what it touches: the poses of the photographs whose points, lens or places it changed. What is measured depends on
+//! all of them and takes longer: it is a task of its own ([`Measuring`]), and until it is done the view has the values of before.
 
-use crate::command::Command;
+use crate::command::{Command, MeasuredKind};
 use crate::figures::{Figure, figures};
-use crate::lens;
+use crate::history::History;
 use crate::lines::{Overlay, overlay};
-use crate::network::{self, MeasuredNow};
+use crate::measuring::{Measured, Measuring};
+use crate::network::{self, Scene};
 use crate::parts::{distances_view, lens_view, measurement_view, names_elsewhere, photo_view, points_view};
 use crate::photograph::Photograph;
 use crate::places::{Places, places};
-use crate::pose::{Attempt, Solved, solve, without_place};
+use crate::pose::{Attempt, Solved, foot_first, without_place};
 use crate::refusal::{Refusal, Step};
 use crate::snap::snap;
+use crate::solving::Solving;
 use crate::state::{PhotoState, State};
 use crate::view::{BirdseyeView, PhotoView, ShowView, StepText, View};
 use crate::{advice, edit, texts};
 use resight::core::Pixel;
 use std::sync::Arc;
 
-/// Photographs of one session: each is held in memory.
-const MOST_PHOTOS: usize = 6;
-/// Steps that can be undone.
-const MOST_STEPS: usize = 500;
-
-/// A session. Nothing is remembered besides it.
+/// A session. Nothing is remembered besides it; a copy is cheap, for photographs and answers are shared.
 #[derive(Debug, Clone, Default)]
 pub struct Session {
     pub(crate) state: State,
-    past: Vec<State>,
-    future: Vec<State>,
+    history: History,
     /// What is under the hand.
     dragged: Option<String>,
-    /// The last good answer of each photograph.
-    good: Vec<Option<Solved>>,
+    pub(crate) solving: Solving,
+    pub(crate) places: Arc<Places>,
+    /// What was measured last.
+    measured: Option<Arc<Measured>>,
+    /// The scene of what is so now, where it is another than that.
+    unmeasured: Option<Arc<Scene>>,
     version: u64,
+    /// Counts what was measured.
+    n_measured: u64,
 }
 
 impl Session {
@@ -42,30 +47,35 @@ impl Session {
     }
 
     pub(crate) fn of(state: State) -> Self {
-        Session { state, ..Session::default() }
+        let mut session = Session { state, ..Session::default() };
+        session.solve();
+        session.measure();
+        session
     }
 
-    /// Adds a photograph; one of the same name is replaced.
+    /// Adds a photograph; another of the same name is replaced, and the same file again changes nothing.
     ///
     /// # Errors
-    /// Too many photographs.
+    /// Too many photographs, or files that are too large together.
     pub fn add_photograph(&mut self, photograph: Photograph) -> Result<View, Refusal> {
-        let before = self.state.clone();
         let known = self.state.photos.iter().position(|p| p.photograph.name == photograph.name);
+        if let Some(at) = known.filter(|at| *self.state.photos[*at].photograph == photograph) {
+            return Ok(self.view(at));
+        }
+        let kept = self.state.photos.iter().enumerate().filter(|(at, _)| Some(*at) != known);
+        let files_bytes = photograph.bytes.len() + kept.map(|(_, p)| p.photograph.bytes.len()).sum::<usize>();
+        edit::check_photographs(self.state.photos.len() + usize::from(known.is_none()), files_bytes)?;
+        let before = self.state.clone();
         let fresh =
             PhotoState { photograph: Arc::new(photograph), lens: None, chosen: None, points: Vec::new() };
-        let at = match known {
-            Some(at) => {
-                self.state.photos[at] = fresh;
-                at
-            }
-            None if self.state.photos.len() < MOST_PHOTOS => {
-                self.state.photos.push(fresh);
-                self.state.photos.len() - 1
-            }
-            None => return Err(Refusal::of(Step::Photograph, texts::too_many("photographs", MOST_PHOTOS))),
-        };
-        self.remember(before);
+        let at = known.unwrap_or(self.state.photos.len());
+        match self.state.photos.get_mut(at) {
+            Some(photo) => *photo = fresh,
+            None => self.state.photos.push(fresh),
+        }
+        self.history.remember(before, &self.state);
+        self.version += 1;
+        self.solve();
         Ok(self.view(at))
     }
 
@@ -74,13 +84,51 @@ impl Session {
         self.state.photos.get(photo).map(|p| &p.photograph)
     }
 
-    /// Applies a command to a photograph and returns the current state.
+    /// How many photographs there are.
+    pub fn n_photographs(&self) -> usize {
+        self.state.photos.len()
+    }
+
+    /// Files of all photographs together, bytes.
+    pub fn files_bytes(&self) -> usize {
+        self.state.photos.iter().map(|p| p.photograph.bytes.len()).sum()
+    }
+
+    /// Memory that it takes, bytes: photographs as files and as pixels, texts, and the steps that can be undone.
+    pub fn weight_bytes(&self) -> usize {
+        let photographs = self.state.photos.iter().map(|p| p.photograph.weight_bytes()).sum::<usize>();
+        photographs + self.state.weight_bytes() + self.history.weight_bytes()
+    }
+
+    /// Forgets the steps that could be undone: where memory is short.
+    pub fn forget_steps(&mut self) {
+        self.history.clear();
+    }
+
+    /// Counts the changes.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Counts what was measured.
+    pub fn n_measured(&self) -> u64 {
+        self.n_measured
+    }
+
+    /// Applies a command to a photograph, measures, and says what is so now.
     pub fn apply(&mut self, photo: usize, command: Command) -> View {
-        self.version += 1;
+        let answered = self.change(photo, command);
+        if !answered.is_measuring {
+            return answered;
+        }
+        self.measure();
+        View { snap: answered.snap, error: answered.error, ..self.view(photo) }
+    }
+
+    /// Applies a command to a photograph and says what is so now; what is measured is that of before, where [`View::is_measuring`].
+    pub fn change(&mut self, photo: usize, command: Command) -> View {
         let (mut error, mut snapped) = (None, None);
         match command {
-            Command::Undo => error = self.undo(),
-            Command::Redo => error = self.redo(),
             Command::Snap { u_px, v_px, to } => {
                 let image = self.state.photos.get(photo).map(|p| &p.photograph.image);
                 snapped = image.and_then(|image| snap(image, &Pixel::new(u_px, v_px), to));
@@ -88,69 +136,112 @@ impl Session {
                     error = Some(Refusal::of(Step::Points, "Nothing to snap to is near."));
                 }
             }
-            command => error = self.change(photo, command).err(),
+            command => error = self.edit(photo, command).err(),
         }
         let mut view = self.view(photo);
         (view.snap, view.error) = (snapped, error.map(|e| e.view()));
         view
     }
 
-    fn change(&mut self, photo: usize, command: Command) -> Result<(), Refusal> {
-        let before = self.state.clone();
-        let dragged = match &command {
-            Command::PutPoint { name, drag: true, .. } => Some(format!("point {name}")),
-            Command::MoveMeasurement { name, index, drag: true, .. } => {
-                Some(format!("measurement {name} {index}"))
+    fn edit(&mut self, photo: usize, command: Command) -> Result<(), Refusal> {
+        match command {
+            Command::Undo => self.step(History::undo, texts::NOTHING_TO_UNDO),
+            Command::Redo => self.step(History::redo, texts::NOTHING_TO_REDO),
+            command => {
+                let command = self.understood(photo, command);
+                let before = self.state.clone();
+                let dragged = dragged(&command);
+                let continues = dragged_end(&command).is_some() && dragged_end(&command) == self.dragged;
+                if let Err(refusal) = edit::edit(&mut self.state, photo, command) {
+                    self.state = before;
+                    return Err(refusal);
+                }
+                self.dragged = dragged;
+                if !continues {
+                    self.history.remember(before, &self.state);
+                }
+                Ok(())
             }
-            _ => None,
-        };
-        let goes_on = self.dragged.is_some() && continues(&command, self.dragged.as_deref());
-        if let Err(refusal) = edit::edit(&mut self.state, photo, command) {
-            self.state = before;
-            return Err(refusal);
-        }
-        self.dragged = dragged;
-        if !goes_on {
-            self.remember(before);
-        }
+        }?;
+        self.version += 1;
+        self.solve();
         Ok(())
     }
 
-    fn remember(&mut self, before: State) {
-        if MOST_STEPS <= self.past.len() {
-            self.past.remove(0);
+    /// A height whose top was clicked before its foot is meant the other way round.
+    fn understood(&self, photo: usize, command: Command) -> Command {
+        match (command, self.solved(photo)) {
+            (Command::AddMeasurement { name, what: MeasuredKind::Height, points }, Some(solved)) => {
+                let points = match <[_; 2]>::try_from(points) {
+                    Ok(two) => foot_first(&solved, two).to_vec(),
+                    Err(points) => points,
+                };
+                Command::AddMeasurement { name, what: MeasuredKind::Height, points }
+            }
+            (command, _) => command,
         }
-        self.past.push(before);
-        self.future.clear();
     }
 
-    fn undo(&mut self) -> Option<Refusal> {
-        let Some(before) = self.past.pop() else {
-            return Some(Refusal::of(Step::Points, texts::NOTHING_TO_UNDO));
-        };
-        self.future.push(std::mem::replace(&mut self.state, before));
+    fn step(&mut self, step: fn(&mut History, &mut State) -> bool, none: &str) -> Result<(), Refusal> {
         self.dragged = None;
-        None
+        match step(&mut self.history, &mut self.state) {
+            true => Ok(()),
+            false => Err(Refusal::of(Step::Points, none)),
+        }
     }
 
-    fn redo(&mut self) -> Option<Refusal> {
-        let Some(after) = self.future.pop() else {
-            return Some(Refusal::of(Step::Points, texts::NOTHING_TO_REDO));
-        };
-        self.past.push(std::mem::replace(&mut self.state, after));
-        self.dragged = None;
-        None
+    /// Poses again what a change touched, and finds out whether anything is to be measured again.
+    fn solve(&mut self) {
+        self.places = Arc::new(places(&self.state));
+        self.solving.solve(&self.state, &self.places);
+        let scene = self.scene();
+        if scene.is_none() {
+            self.measured = None;
+        }
+        let is_known = |scene: &Scene| self.measured.as_ref().is_some_and(|m| m.scene == *scene);
+        self.unmeasured = scene.filter(|scene| !is_known(scene)).map(Arc::new);
     }
 
-    /// The current state.
-    pub fn view(&mut self, photo: usize) -> View {
-        let places = places(&self.state);
-        let current = self.solve_all(&places);
-        let now = self.now(photo, &places, &current);
-        let state = &self.state;
-        let shown = self.good.get(photo).and_then(Option::as_ref);
-        let is_old = shown.is_some() && !current.get(photo).is_some_and(|c| matches!(c, Some(Ok(_))));
-        let measured = self.measured(&places);
+    fn scene(&self) -> Option<Scene> {
+        if self.state.measurements.is_empty() && self.state.photos.len() < 2 {
+            return None;
+        }
+        network::scene(&self.state, &self.solving.good, &self.places, false)
+            .filter(|scene| !scene.queries.is_empty())
+    }
+
+    /// What is to be measured again; none where everything in the view is of now.
+    pub fn measuring(&self) -> Option<Measuring> {
+        let scene = Arc::clone(self.unmeasured.as_ref()?);
+        Some(Measuring { scene, before: self.measured.clone() })
+    }
+
+    /// Takes what was measured: of now, or of a state before, until that of now is there.
+    pub fn take(&mut self, measured: Measured) {
+        let is_current = self.unmeasured.as_ref().is_none_or(|scene| **scene == measured.scene);
+        if self.unmeasured.is_none() {
+            return;
+        }
+        self.measured = Some(Arc::new(measured));
+        self.n_measured += 1;
+        if is_current {
+            self.unmeasured = None;
+        }
+    }
+
+    pub(crate) fn measure(&mut self) {
+        if let Some(task) = self.measuring() {
+            self.take(task.run());
+        }
+    }
+
+    /// What is so now.
+    pub fn view(&self, photo: usize) -> View {
+        let (state, places) = (&self.state, &*self.places);
+        let now = self.now(photo);
+        let shown = self.solving.good.get(photo).and_then(Option::as_deref);
+        let is_old = shown.is_some() && !self.solving.is_solved(photo);
+        let measured = self.measured.as_deref();
         let advice = match self.dragged.is_none() && !is_old {
             true => shown.and_then(|solved| advice::advice(solved, state.sigma_px)),
             false => None,
@@ -158,21 +249,23 @@ impl Session {
         let (figures, overlay): (Vec<Figure>, Option<Overlay>) =
             shown.map_or((Vec::new(), None), |solved| (figures(solved), Some(overlay(state, solved))));
         let photos: Vec<PhotoView> = state.photos.iter().map(photo_view).collect();
+        let lens = self.solving.lens(photo);
+        let (can_undo, can_redo) = self.history.steps();
         View {
             version: self.version,
             photo_index: photo,
             photo: photos.get(photo).cloned(),
             photos,
-            lens: state.photos.get(photo).and_then(|p| lens_view(p, shown)),
+            lens: lens.map(|known| lens_view(known, shown)),
             template: state.template,
             sigma_px: state.sigma_px,
             points: state
                 .photos
                 .get(photo)
-                .map(|p| points_view(state, p, &places, shown.filter(|_| !is_old), &measured))
+                .map(|p| points_view(state, p, places, shown.filter(|_| !is_old), measured))
                 .unwrap_or_default(),
             names_elsewhere: names_elsewhere(state, photo),
-            distances: distances_view(state, &places),
+            distances: distances_view(state, places),
             missing: now.missing,
             error: None,
             answer: now.answer.or_else(|| shown.map(|solved| solved.answer.json())),
@@ -182,38 +275,17 @@ impl Session {
             figures,
             overlay,
             advice,
-            measurements: state.measurements.iter().map(|m| measurement_view(m, &measured)).collect(),
+            measurements: state.measurements.iter().map(|m| measurement_view(m, measured)).collect(),
+            is_measuring: self.unmeasured.is_some(),
             birdseye: shown.filter(|_| !is_old).map(|_| BirdseyeView { version: self.version }),
             snap: None,
             show: ShowView { grid: state.show_grid, axes: state.show_axes },
-            can_undo: !self.past.is_empty(),
-            can_redo: !self.future.is_empty(),
+            can_undo,
+            can_redo,
         }
     }
 
-    /// Every photograph that can be solved; the last good answers are kept.
-    fn solve_all(&mut self, places: &Places) -> Vec<Option<Result<(), Refused>>> {
-        self.good.resize(self.state.photos.len(), None);
-        let mut all = Vec::new();
-        for (i, photo) in self.state.photos.iter().enumerate() {
-            let known = photo.lens.as_ref().and_then(|given| lens::known(given, &photo.photograph).ok());
-            let attempt = known.map(|lens| solve(&self.state, photo, &lens, places));
-            all.push(match attempt {
-                Some(Attempt::Solved(solved)) => {
-                    self.good[i] = Some(*solved);
-                    Some(Ok(()))
-                }
-                Some(Attempt::Refused(answer)) => Some(Err(Refused(answer))),
-                Some(Attempt::Incomplete) | None => None,
-            });
-            if photo.points.len() < 3 || photo.lens.is_none() {
-                self.good[i] = None;
-            }
-        }
-        all
-    }
-
-    fn now(&self, photo: usize, places: &Places, current: &[Option<Result<(), Refused>>]) -> Now {
+    fn now(&self, photo: usize) -> Now {
         let mut now = Now { missing: Vec::new(), answer: None, refusal: None };
         let mut miss = |step: Step, text: String| now.missing.push(StepText { step: step.name(), text });
         let Some(shown) = self.state.photos.get(photo) else {
@@ -224,60 +296,46 @@ impl Session {
             miss(Step::Lens, texts::NO_LENS.to_owned());
         }
         let needed = if matches!(shown.lens, Some(crate::GivenLens::Unknown)) { 4 } else { 3 };
-        let placed = shown.points.len() - without_place(shown, places).len();
+        let placed = shown.points.len() - without_place(shown, &self.places).len();
         if shown.points.len() < needed {
             miss(Step::Points, texts::points_missing(shown.points.len(), needed));
         } else if placed < needed {
-            miss(Step::Points, texts::places_missing(&without_place(shown, places)));
-        } else if self.state.measurements.is_empty()
-            && current.get(photo).is_some_and(|c| matches!(c, Some(Ok(()))))
-        {
+            miss(Step::Points, texts::places_missing(&without_place(shown, &self.places)));
+        } else if self.state.measurements.is_empty() && self.solving.is_solved(photo) {
             miss(Step::Measure, texts::NO_MEASUREMENT.to_owned());
         }
-        now.refusal = places.contradiction.clone().map(|text| StepText { step: Step::Points.name(), text });
-        if let Some(Some(Err(Refused(answer)))) = current.get(photo) {
-            now.refusal
-                .get_or_insert(StepText { step: Step::Points.name(), text: answer.verdict.message.clone() });
-            if self.good.get(photo).is_none_or(Option::is_none) {
+        now.refusal =
+            self.places.contradiction.clone().map(|text| StepText { step: Step::Points.name(), text });
+        if let Some(Attempt::Refused(answer)) = self.solving.attempt(photo) {
+            let is_unknown = matches!(shown.lens, Some(crate::GivenLens::Unknown));
+            let (step, text) = match is_unknown {
+                true => (Step::Lens, format!("{} {}", answer.verdict.message, texts::UNKNOWN_NEXT)),
+                false => (Step::Points, answer.verdict.message.clone()),
+            };
+            now.refusal.get_or_insert(StepText { step: step.name(), text });
+            if self.solving.good.get(photo).is_none_or(Option::is_none) {
                 now.answer = Some(answer.json());
             }
         }
         now
     }
 
-    fn measured(&self, places: &Places) -> MeasuredNow {
-        let is_open = self.state.photos.len() > 1;
-        if self.state.measurements.is_empty() && !is_open {
-            return None;
-        }
-        let scene = network::scene(&self.state, &self.good, places, false)?;
-        if scene.queries.is_empty() {
-            return None;
-        }
-        Some(network::measured(&scene).map(|(answers, _)| (scene, answers)))
-    }
-
     /// The ground from straight above, as PNG; none where there is nothing to show.
-    pub fn birdseye_png(&mut self, photo: usize) -> Option<Vec<u8>> {
-        let places = places(&self.state);
-        self.solve_all(&places);
-        let scene = network::scene(&self.state, &self.good, &places, true)?;
-        let (answers, _) = network::measured(&scene).ok()?;
-        let at = self.good.iter().take(photo).filter(|solved| solved.is_some()).count();
-        self.good.get(photo)?.as_ref()?;
+    pub fn birdseye_png(&self, photo: usize) -> Option<Vec<u8>> {
+        let good = &self.solving.good;
+        let scene = network::scene(&self.state, good, &self.places, true)?;
+        let answers = network::measured(&scene).ok()?;
+        let at = good.iter().take(photo).filter(|solved| solved.is_some()).count();
+        good.get(photo)?.as_ref()?;
         let Photograph { image, heading, .. } = &*self.state.photos.get(photo)?.photograph;
         resight::measure::birdseye::birdseye(&scene, &answers, at, image, *heading)?.png().ok()
     }
 
     /// The pose of a photograph that is not old.
-    pub(crate) fn solved(&mut self, photo: usize) -> Option<Solved> {
-        let places = places(&self.state);
-        let current = self.solve_all(&places);
-        matches!(current.get(photo), Some(Some(Ok(())))).then(|| self.good[photo].clone())?
+    pub(crate) fn solved(&self, photo: usize) -> Option<Arc<Solved>> {
+        self.solving.good.get(photo)?.clone().filter(|_| self.solving.is_solved(photo))
     }
 }
-
-struct Refused(Box<resight::PoseAnswer>);
 
 struct Now {
     missing: Vec<StepText>,
@@ -285,11 +343,21 @@ struct Now {
     refusal: Option<StepText>,
 }
 
-fn continues(command: &Command, dragged: Option<&str>) -> bool {
-    let what = match command {
-        Command::PutPoint { name, .. } => format!("point {name}"),
-        Command::MoveMeasurement { name, index, .. } => format!("measurement {name} {index}"),
-        _ => return false,
-    };
-    dragged == Some(what.as_str())
+/// What a command has under the hand; none for one that is no drag.
+fn dragged(command: &Command) -> Option<String> {
+    match command {
+        Command::PutPoint { drag: true, .. } | Command::MoveMeasurement { drag: true, .. } => {
+            dragged_end(command)
+        }
+        _ => None,
+    }
+}
+
+/// What a command moves, dragged or put down.
+fn dragged_end(command: &Command) -> Option<String> {
+    match command {
+        Command::PutPoint { name, .. } => Some(format!("point {name}")),
+        Command::MoveMeasurement { name, index, .. } => Some(format!("measurement {name} {index}")),
+        _ => None,
+    }
 }

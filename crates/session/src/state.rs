@@ -27,6 +27,23 @@ pub struct State {
     pub measurements: Vec<Measurement>,
 }
 
+impl State {
+    /// Memory that it takes besides its photographs: texts, and lists by their lengths.
+    pub fn weight_bytes(&self) -> usize {
+        const ENTRY: usize = 128; // A name, a handful of numbers and what holds them.
+        let lens = |lens: &Option<GivenLens>| match lens {
+            Some(GivenLens::File { name, text }) => name.len() + text.len(),
+            Some(GivenLens::Lines { lines }) => ENTRY * lines.len(),
+            _ => 0,
+        };
+        let photo = |p: &PhotoState| lens(&p.lens) + ENTRY * (1 + p.points.len());
+        let measured = |m: &Measurement| ENTRY + 16 * m.points.len();
+        self.photos.iter().map(photo).sum::<usize>()
+            + self.measurements.iter().map(measured).sum::<usize>()
+            + ENTRY * (self.positions.len() + self.distances.len())
+    }
+}
+
 impl Default for State {
     fn default() -> Self {
         State {

@@ -13,7 +13,27 @@ pub const NOTHING_TO_UNDO: &str = "There is nothing to undo.";
 pub const NOTHING_TO_REDO: &str = "There is nothing to redo.";
 pub const NO_TAG: &str = "No tag of this family is in the photograph.";
 pub const NOTHING_SAVED: &str = "This is no session that the page saved: it has no table [session].";
+pub const REPORT: &str = "± of the pose and of measurements, and intervals, hold with 95 % probability; ± 1σ is one standard deviation. Pixels are those of the file: (0, 0) is the middle of the top-left one.";
 pub const ESTIMATED: &str = "estimated from the same points";
+
+pub const COMMON_CAMERA: &str = "the focal length is that of the maker's main camera; a photograph that was zoomed or cropped has another";
+pub const BY_LINES: &str =
+    "the focal length is that at which the marked lines are parallel; distortion is taken as none";
+pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, two upright and two along a wall or a road; or give the field of view; or add a mark well off the plane of the others.";
+
+pub fn no_common_camera(name: &str) -> String {
+    format!(
+        "No camera of the list is called {name}; take one of /api/session/cameras, or give a field of view."
+    )
+}
+
+pub fn too_many_lines(seen: usize, most: usize) -> String {
+    format!("{seen} lines were marked; {most} are the most that are taken, and six are enough.")
+}
+
+pub fn by_lines(focal_px: f64, sigma_px: f64) -> String {
+    format!("by lines: {focal_px:.0} ± {sigma_px:.0} px")
+}
 
 pub fn several_cameras(file: &str, names: &[String]) -> String {
     format!(
@@ -74,6 +94,15 @@ pub fn not_positive(what: &str, seen: f64, unit: &str) -> String {
 
 pub fn too_many(what: &str, most: usize) -> String {
     format!("There are {most} {what} already, the most that a session holds; remove one first.")
+}
+
+pub fn too_large(bytes: usize, most: usize) -> String {
+    let mb = |bytes: usize| bytes.div_ceil(1 << 20);
+    format!(
+        "The photographs of this session would have {} MB together; {} MB is the most that a session holds. Save this one with more compression, or begin a new session.",
+        mb(bytes),
+        mb(most)
+    )
 }
 
 /// Title, one sentence and page of the book of each figure.

@@ -12,7 +12,7 @@ use serde::Serialize;
 /// What a page shows. Pixels are those of the file: (0, 0) is the centre of the top-left one.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct View {
-    /// Counts the commands.
+    /// Counts the changes.
     pub version: u64,
     /// Number of the photograph that this is a view of.
     pub photo_index: usize,
@@ -52,6 +52,8 @@ pub struct View {
     pub advice: Option<Advice>,
     /// What is measured.
     pub measurements: Vec<MeasurementView>,
+    /// Whether their values are those of an earlier state: newer ones follow.
+    pub is_measuring: bool,
     /// Whether a bird's-eye view can be asked for.
     pub birdseye: Option<BirdseyeView>,
     /// The answer to `snap`.
@@ -76,6 +78,8 @@ impl View {
 pub struct PhotoView {
     /// Its file name.
     pub name: String,
+    /// SHA-256 of its file, in hexadecimal: what it is known by.
+    pub sha256: String,
     /// Columns.
     pub width_px: u32,
     /// Rows.
@@ -120,8 +124,10 @@ pub struct PointView {
     pub residual_px: Option<f64>,
     /// How much of the point's own error the pose takes up: 0 none, 1 all of it, so that nothing checks it.
     pub leverage: Option<f64>,
-    /// Whether it fits worst.
+    /// Whether it fits worst: of several points one always does.
     pub is_worst: bool,
+    /// Whether it fits worse than its own error and that of the pose explain (one of a thousand right ones does).
+    pub is_suspect: bool,
 }
 
 /// A distance.
@@ -171,6 +177,8 @@ pub struct MeasurementView {
     pub high: Option<f64>,
     /// All values: three of a position.
     pub values: Vec<f64>,
+    /// Lower and upper end of the 95 % interval of each.
+    pub intervals_95: Vec<[f64; 2]>,
     /// Unit of the values.
     pub unit: &'static str,
     /// In words.

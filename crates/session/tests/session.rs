@@ -278,7 +278,7 @@ fn a_saved_session_is_the_same_one_and_measure_reads_it() {
     let view =
         session.apply(0, Command::AddMeasurement { name: "kerb".into(), what: MeasuredKind::Length, points });
     let saved = session.save().expect("a file");
-    let mut loaded = Session::load(&saved).expect("the same");
+    let loaded = Session::load(&saved).expect("the same");
     let again = loaded.view(0);
     assert_eq!(again.figures, view.figures);
     assert_eq!(again.measurements[0].value, view.measurements[0].value);
@@ -293,16 +293,16 @@ fn a_saved_session_is_the_same_one_and_measure_reads_it() {
         assert!(Session::load(broken).is_err());
     }
     for format in ["json", "svg", "report", "csv", "opencv", "colmap", "ros"] {
-        let export = session.export(0, format).unwrap_or_else(|e| panic!("{format}: {e}"));
+        let export = session.export(0, format, 0.0).unwrap_or_else(|e| panic!("{format}: {e}"));
         assert!(export.text.len() > 20, "{format}");
     }
     // Formats that cannot hold this lens, which is bent, say so.
     for format in resight_session::exports() {
-        let refused = session.export(0, format).err();
+        let refused = session.export(0, format, 0.0).err();
         assert!(refused.is_none_or(|e| !e.text.contains("no export")), "{format}");
     }
-    assert!(session.export(0, "homography").is_err_and(|e| e.text.contains("bent")));
-    assert!(session.export(0, "nonsense").is_err_and(|e| e.text.contains("opencv")));
+    assert!(session.export(0, "homography", 0.0).is_err_and(|e| e.text.contains("bent")));
+    assert!(session.export(0, "nonsense", 0.0).is_err_and(|e| e.text.contains("opencv")));
 }
 
 /// Dots and corners are found where they are.

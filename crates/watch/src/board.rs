@@ -238,6 +238,7 @@ fn camera_of(event: &Event) -> Option<usize> {
         Event::Observed { camera, .. }
         | Event::StateChanged { camera, .. }
         | Event::Compared { camera, .. }
+        | Event::Promised { camera, .. }
         | Event::Learned { camera, .. }
         | Event::MovedWhileLearning { camera, .. }
         | Event::Dropped { camera, .. }

@@ -261,7 +261,7 @@ pub struct Promise {
     pub noise: MeasuredNoise,
     /// The smallest sudden motions that are found within a time, nine times in ten.
     pub detectable: Detectable,
-    /// The readings that this, and the reference, were learned from.
+    /// The readings that this, and the reference, were learned from; none of a promise that changed later.
     pub learned_from: Vec<Reading>,
 }
 
@@ -307,6 +307,17 @@ pub enum Event {
         t_s: f64,
         /// Where it is.
         deviation: Box<Deviation>,
+    },
+    /// The noise of the readings has changed so much that another motion is promised to be found: said once an hour at most.
+    Promised {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the target among those of the camera.
+        target: usize,
+        /// When, seconds of capture.
+        t_s: f64,
+        /// How noisy the readings are now, and which motions are found with that.
+        promise: Box<Promise>,
     },
     /// A reference was learned.
     Learned {

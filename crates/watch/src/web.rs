@@ -2,23 +2,27 @@
 
 pub mod access;
 mod patient;
+mod places;
 
 use access::Access;
 use anyhow::{Context, Result, bail};
 use axum::Router;
+use axum::extract::Request;
+use axum::middleware::{self, Next};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use patient::Patient;
+use places::{Place, Places};
 use std::net::{SocketAddr, TcpListener, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpStream;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
-/// Open at once; the system keeps further ones waiting.
-const CONNECTIONS: usize = 256;
+/// Open at once; for further ones the slowest are left.
+const CONNECTIONS: usize = 512;
 /// For the head of a request; a connection that is kept open waits as long for the next one.
 const HEAD_PATIENCE: Duration = Duration::from_secs(5);
 /// For the other side to take some of an answer.
@@ -87,38 +91,68 @@ pub fn listen(
 pub async fn accept(listener: TcpListener, routes: Router, patience: Patience) -> std::io::Result<()> {
     listener.set_nonblocking(true)?;
     let listener = tokio::net::TcpListener::from_std(listener)?;
-    let places = Arc::new(Semaphore::new(CONNECTIONS));
+    let (turns, places) = (Arc::new(Semaphore::new(CONNECTIONS)), Arc::new(Places::default()));
     loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return Ok(()) };
-        match listener.accept().await {
-            Ok((stream, _)) => {
-                let routes = routes.clone();
-                tokio::spawn(async move {
-                    serve(stream, routes, patience).await;
-                    drop(place);
-                });
+        let (stream, _) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(_) => {
+                sleep(PAUSE).await;
+                continue;
             }
-            Err(_) => sleep(PAUSE).await,
+        };
+        let Some(turn) = free_place(&turns, &places).await else { return Ok(()) };
+        let (routes, place) = (routes.clone(), places.take());
+        tokio::spawn(async move {
+            serve(stream, routes, patience, place).await;
+            drop(turn);
+        });
+    }
+}
+
+/// A place for one more connection; whoever is slow is left for it.
+async fn free_place(turns: &Arc<Semaphore>, places: &Places) -> Option<OwnedSemaphorePermit> {
+    loop {
+        let turn = Arc::clone(turns).acquire_owned();
+        let is_full = turns.available_permits() == 0;
+        if is_full && !places.leave_one() {
+            // All are being answered, or have just come.
+            sleep(PAUSE / 4).await;
+        }
+        match timeout(PAUSE, turn).await {
+            Ok(turn) => return turn.ok(),
+            Err(_) => continue,
         }
     }
 }
 
-async fn serve(stream: TcpStream, routes: Router, patience: Patience) {
+async fn serve(stream: TcpStream, routes: Router, patience: Patience, place: Place) {
     let mut builder = http1::Builder::new();
     builder.timer(TokioTimer::new()).header_read_timeout(HEAD_PATIENCE).max_buf_size(HEAD_BYTES);
+    let (leave, place) = (Arc::clone(&place.leave), Arc::new(place));
+    let of_place = Arc::clone(&place);
+    let routes = routes.layer(middleware::from_fn(move |request: Request, next: Next| {
+        let place = Arc::clone(&of_place);
+        async move { place.answered(next.run(place.asked(request)).await) }
+    }));
     let service = TowerToHyperService::new(routes);
     // Small answers are wanted at once.
     let _ = stream.set_nodelay(true);
     let stream = Patient::new(TokioIo::new(stream), WRITE_PATIENCE);
-    // A client that breaks its connection or is too slow gets no message.
-    match patience {
-        Patience::OneRequest(limit) => {
-            let connection = builder.keep_alive(false).serve_connection(stream, service);
-            let _ = timeout(limit, connection).await;
+    // Whoever breaks a connection or is too slow needs no telling.
+    let connection = async {
+        match patience {
+            Patience::OneRequest(limit) => {
+                let connection = builder.keep_alive(false).serve_connection(stream, service);
+                let _ = timeout(limit, connection).await;
+            }
+            Patience::Kept => {
+                let _ = builder.serve_connection(stream, service).with_upgrades().await;
+            }
         }
-        Patience::Kept => {
-            let _ = builder.serve_connection(stream, service).with_upgrades().await;
-        }
+    };
+    tokio::select! {
+        () = connection => {}
+        () = leave.notified() => {}
     }
 }
 

@@ -278,6 +278,14 @@ export type Command = {
   kind: "show";
 };
 
+/** A camera of the list. */
+export type CommonCamera = {
+  /** Focal length that sees the same diagonal on film of 36 × 24 mm, as its maker states it, millimetres. */
+  focal_35mm: number;
+  /** What it is called. */
+  name: string;
+};
+
 /** Errors that neighbouring readings share. */
 export type CorrelatedObject = {
   /** Over a reading's own noise. */
@@ -418,7 +426,7 @@ export type EventObject = {
   detectable?: DetectableObject | null;
   /** Of `compared`, and of `state` and `verdict` with the reason `away`: where the camera is beside its reference. */
   deviation?: DeviationObject | null;
-  /** `frame`, `state`, `compared`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
+  /** `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
   event: string;
   /** Of the state `stale`: for how long. */
   for_s?: number | null;
@@ -565,7 +573,23 @@ export type GivenLens = {
 } | {
   by: "exif";
 } | {
+  by: "common";
+  /** As in the list. */
+  name: string;
+} | {
+  by: "lines";
+  /** Three at least, of two directions at least. */
+  lines: GivenLine[];
+} | {
   by: "unknown";
+};
+
+/** A straight line of the scene, marked by two of its points. */
+export type GivenLine = {
+  /** Which way it runs. */
+  direction: LineDirection;
+  /** Column and row of both points. */
+  ends: [[number, number], [number, number]];
 };
 
 /** What to find. */
@@ -670,6 +694,9 @@ export type LensView = {
   words: string;
 };
 
+/** Directions of the scene, each square to the others. */
+export type LineDirection = "along" | "across" | "up";
+
 /** The message of the WebSocket that comes four times a second. */
 export type LiveMessage = {
   /** How everything is. */
@@ -719,6 +746,8 @@ export type MeasurementView = {
   half_width_95: number | null;
   /** Upper end. */
   high: number | null;
+  /** Lower and upper end of the 95 % interval of each. */
+  intervals_95: ([number, number])[];
   /** Lower end of it. */
   low: number | null;
   /** Its name. */
@@ -943,6 +972,8 @@ export type PhotoView = {
   height_px: number;
   /** Its file name. */
   name: string;
+  /** SHA-256 of its file, in hexadecimal: what it is known by. */
+  sha256: string;
   /** Columns. */
   width_px: number;
 };
@@ -1000,7 +1031,9 @@ export type PlayedReading = {
 export type PointView = {
   /** 95 % half widths of it where photographs gave it. */
   half_width_95_m: [number, number, number] | null;
-  /** Whether it fits worst. */
+  /** Whether it fits worse than its own error and that of the pose explain (one of a thousand right ones does). */
+  is_suspect: boolean;
+  /** Whether it fits worst: of several points one always does. */
   is_worst: boolean;
   /** How much of the point's own error the pose takes up: 0 none, 1 all of it, so that nothing checks it. */
   leverage: number | null;
@@ -1122,17 +1155,17 @@ export type ReasonObject = {
   /** How much worse its BIC is. */
   delta_bic: number | null;
   kind: "two_hypotheses";
-  /** How much worse it would have to be. */
+  /** The excess that is needed. */
   needed: number;
   /** The second one. */
   rival: string;
 } | {
   /** The better hypothesis. */
   best: string;
-  /** How much worse that ratio explains the contacts. */
+  /** The excess with that ratio. */
   delta_chi2: number | null;
   kind: "ratio_open";
-  /** How much worse it would have to. */
+  /** The excess that is needed. */
   needed: number;
   /** The ratio that is not excluded, or its inverse. */
   ratio: number;
@@ -1389,6 +1422,8 @@ export type View = {
   error: StepText | null;
   /** What the pose means. */
   figures: Figure[];
+  /** Whether their values are those of an earlier state: newer ones follow. */
+  is_measuring: boolean;
   /** Whether the answer is that of an earlier state, kept while what is stated now gives none. */
   is_old: boolean;
   /** Its lens. */
@@ -1419,7 +1454,7 @@ export type View = {
   snap: Snapped | null;
   /** What the points are. */
   template: Template;
-  /** Counts the commands. */
+  /** Counts the changes. */
   version: number;
 };
 

@@ -115,8 +115,8 @@ function Numbers({ camera, isLive, store }: { camera: CameraView; isLive: boolea
         <header><h2>{texts.sections.pose}</h2>{camera.target && <span class="cut">{camera.target}</span>}</header>
         {pose ? (
           <>
-            <Triple title={words.distance} help={words.distanceHelp} all={pose.position_m.map((x, i) => metres(x, pose.sigma_m[i]!))} />
-            <Triple title={words.angles} help={words.anglesHelp} all={pose.yaw_pitch_roll_rad.map((x, i) => degrees(x, pose.rotation_sigma_rad[[1, 0, 2][i]!]!))} />
+            <Triple names={texts.axes.xyz} title={words.distance} help={words.distanceHelp} all={pose.position_m.map((x, i) => metres(x, pose.sigma_m[i]!))} />
+            <Triple names={texts.axes.angles} title={words.angles} help={words.anglesHelp} all={pose.yaw_pitch_roll_rad.map((x, i) => degrees(x, pose.rotation_sigma_rad[[1, 0, 2][i]!]!))} />
             <Figure title={words.rms} help={words.rmsHelp} link="reading-the-answer.md" words={camera.rms_px == null ? "–" : `${camera.rms_px.toFixed(3)} px`} />
             <Figure title={words.agree} help={words.agreeHelp} words={`${camera.n_agree ?? 0} / ${camera.n_points}`} name="agree" />
             {ambiguity && <Figure title={words.ambiguity} help={words.ambiguityHelp} link="reading-the-answer.md" words={ambiguity.is_ambiguous ? texts.ambiguous((100 * ambiguity.probability).toFixed(0)) : texts.unique} name="ambiguity" />}
@@ -130,8 +130,8 @@ function Numbers({ camera, isLive, store }: { camera: CameraView; isLive: boolea
           <button onClick={() => void store.reset(camera.name)}>{texts.reset}</button>
         </header>
         <p class="small quiet" data-figure="spread-n">{texts.spreadOf(spread.n)}</p>
-        <Triple title={words.spreadRotation} help={words.spreadRotationHelp} all={spread.rotation_rad?.map(angle) ?? ["–"]} />
-        <Triple title={words.spreadPosition} help={words.spreadPositionHelp} all={spread.translation_m?.map(length) ?? ["–"]} />
+        <Triple names={texts.axes.xyz} title={words.spreadRotation} help={words.spreadRotationHelp} all={spread.rotation_rad?.map(angle) ?? ["–"]} />
+        <Triple names={texts.axes.xyz} title={words.spreadPosition} help={words.spreadPositionHelp} all={spread.translation_m?.map(length) ?? ["–"]} />
       </section>
       <section class="step" data-live={isLive}>
         <header><h2>{texts.sections.stages}</h2></header>
@@ -154,12 +154,13 @@ function Numbers({ camera, isLive, store }: { camera: CameraView; isLive: boolea
   );
 }
 
-/** Three numbers under each other. */
-function Triple({ title, help, all }: { title: string; help: string; all: string[] }) {
+/** Three numbers under each other, each with the name of its axis. */
+function Triple({ title, help, all, names }: { title: string; help: string; all: string[]; names: string[] }) {
+  const named = all.length === 1 ? all : all.map((words, i) => `${names[i]} ${words}`);
   return (
     <div class="triple">
-      <Figure title={title} help={help} words={all[0]!} />
-      {all.slice(1).map((words, i) => <p key={i} class="value">{words}</p>)}
+      <Figure title={title} help={help} words={named[0]!} />
+      {named.slice(1).map((words, i) => <p key={i} class="value">{words}</p>)}
     </div>
   );
 }

@@ -11,7 +11,7 @@ import type { LiveStore } from "./store";
 
 export function Grid({ store }: { store: LiveStore }) {
   return (
-    <div class="cameras">
+    <div class="cameras" data-few={store.cameras.value.length <= 2}>
       {store.cameras.value.map((camera) => <Tile key={camera.name} camera={camera} store={store} />)}
     </div>
   );

@@ -19,15 +19,25 @@ export function Live() {
   }, []);
   if (!store) return null;
   const { link, view } = store;
-  if (link.value === "no session") return <NoSession />;
+  if (link.value === "no session") return <NoSession store={store} />;
   if (!view.value) return <div class="nothing" role="status"><p>{link.value === "gone" ? texts.gone : texts.connecting}</p></div>;
   return <Session store={store} />;
 }
 
-function NoSession() {
+function NoSession({ store }: { store: LiveStore }) {
+  const fault = useSignal("");
+  const isStarting = useSignal(false);
+  const start = async () => {
+    isStarting.value = true;
+    await store.example().catch((problem: Error) => (fault.value = problem.message));
+    isStarting.value = false;
+  };
   return (
     <div class="nothing">
       <h1>{texts.noSession}</h1>
+      <button class="main" disabled={isStarting.value} onClick={start}>{isStarting.value ? texts.connecting : texts.example}</button>
+      <p class="quiet small">{texts.exampleWhat}</p>
+      {fault.value && <Note tone="bad" live>{fault.value}</Note>}
       <p>{texts.noSessionHow}</p>
       <p><code>{texts.noSessionCommand}</code></p>
       <p class="quiet">{texts.noSessionMake}</p>

@@ -81,8 +81,17 @@ export class LiveStore {
     this.view.value = await transport.post<LiveView>("/api/live/reference", { camera, confirm: true });
   }
 
+  /** Watches the example, which the program draws. */
+  async example() {
+    await transport.post<LiveView>("/api/live/example", {});
+    clearTimeout(this.timer);
+    this.link.value = "connecting";
+    await this.begin();
+  }
+
   private async begin() {
     try {
+      if (!(await transport.cameras()).length) throw new Problem("not_found", "");
       const view = await transport.live();
       if (this.isClosed) return;
       this.taken(view);

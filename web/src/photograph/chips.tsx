@@ -4,8 +4,8 @@ import { useRef } from "preact/hooks";
 import type { DistanceView } from "../api/types";
 import { type Point, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
-import { plateOf } from "./draw";
-import { apply, failed, marks, measured, tool, view, viewport } from "./store";
+import { type Box, boxes, overlap } from "./labels";
+import { apply, failed, marks, nextMark, tool, view, viewport } from "./store";
 import { Field } from "./field";
 import { number, pairs, type Pair } from "./pairs";
 
@@ -29,13 +29,13 @@ const placed = computed((): Placed[] => {
   const at = new Map(marks.value.map((mark) => [mark.name, toScreen(t, mark.at)] as const));
   const all = [...at.values()];
   const middle: Point = [mean(all.map(([x]) => x)), mean(all.map(([, y]) => y))];
-  const taken: Point[] = measured.value.map((m) => plateOf(m, t));
+  const taken = boxes();
   const result: Placed[] = [];
   for (const pair of pairs(now.template, now.points, now.distances)) {
     const [a, b] = [at.get(pair.a), at.get(pair.b)];
     if (!a || !b) continue;
     const spot = free(a, b, middle, all, taken, size);
-    taken.push(spot);
+    taken.push(boxAt(spot, size.width));
     result.push({ ...pair, x: spot[0], y: spot[1] });
   }
   return result;
@@ -45,7 +45,12 @@ function mean(values: number[]): number {
   return values.reduce((sum, value) => sum + value, 0) / Math.max(1, values.length);
 }
 
-function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Point[], size: { width: number; height: number }): Point {
+function boxAt([x, y]: Point, viewportWidth: number): Box {
+  const width = viewportWidth < PHONE_PX ? NARROW : WIDTH;
+  return { x: x - width / 2, y: y - HEIGHT / 2, width, height: HEIGHT };
+}
+
+function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Box[], size: { width: number; height: number }): Point {
   const middle: Point = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const long = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
   let normal: Point = [-(b[1] - a[1]) / long, (b[0] - a[0]) / long];
@@ -61,14 +66,19 @@ function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Point[],
     ];
     const covers = (at: Point, dx: number, dy: number) => (Math.abs(at[0] - spot[0]) < dx && Math.abs(at[1] - spot[1]) < dy ? 1 : 0);
     const cost = marks.reduce((sum, at) => sum + covers(at, wide / 2 + 14, HEIGHT / 2 + 14), 0)
-      + taken.reduce((sum, at) => sum + covers(at, wide + 4, HEIGHT + 4), 0) * 3 + 0.05 * Math.abs(step);
+      + taken.filter((box) => overlap(box, boxAt(spot, size.width))).length * 3 + 0.05 * Math.abs(step);
     if (!best || cost < best.cost) best = { cost, spot };
   }
   return best!.spot;
 }
 
 export function Chips() {
-  return <>{placed.value.map(({ a, b, typed }) => <Chip key={`${a} ${b}`} a={a} b={b} typed={typed} />)}</>;
+  // Until all marks stand a press means the photograph below: no chip may take it.
+  const passes = nextMark.value !== null;
+  // A distance is missing where one of its ends has no place without it.
+  const hasPlace = (name: string) => view.value?.points.some((point) => point.name === name && point.position_m) ?? false;
+  const isMissing = ({ a, b, typed }: Pair) => !typed && !(hasPlace(a) && hasPlace(b));
+  return <>{placed.value.map((pair) => <Chip key={`${pair.a} ${pair.b}`} {...pair} passes={passes} isMissing={isMissing(pair)} />)}</>;
 }
 
 /** Where a chip lies now. */
@@ -78,14 +88,14 @@ function transformOf(a: string, b: string): string {
 }
 
 /** Its place follows what is drawn, while the field itself is rendered with the panels. */
-function Chip({ a, b, typed }: Pair) {
+function Chip({ a, b, typed, passes, isMissing }: Pair & { passes: boolean; isMissing: boolean }) {
   const label = useRef<HTMLLabelElement>(null);
   useSignalEffect(() => {
     const transform = transformOf(a, b);
     if (label.current) label.current.style.transform = transform;
   });
   return (
-    <label class="chip" data-missing={!typed} ref={label} style={{ transform: untracked(() => transformOf(a, b)) }}>
+    <label class="chip" data-missing={isMissing} data-passes={passes} ref={label} style={{ transform: untracked(() => transformOf(a, b)) }}>
       <span aria-hidden="true" class="name">{texts.marks.short(a, b)}</span>
       <DistanceInput a={a} b={b} typed={typed} />
       <span aria-hidden="true">m</span>

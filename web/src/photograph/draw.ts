@@ -4,8 +4,9 @@ import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
 import {
-  aim, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
+  aim, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
 } from "./store";
+import { FONT, labels } from "./labels";
 
 type Context = CanvasRenderingContext2D;
 
@@ -18,7 +19,6 @@ const RIM = "rgb(0 0 0 / 55%)";
 const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" };
 /** Lines of a pixel are drawn several times as fast as wider ones. */
 const THIN = 1;
-const FONT = '600 14px system-ui, "DejaVu Sans", sans-serif';
 
 /** Draws everything; every signal that it reads draws it again. */
 export function draw(context: Context, state: ViewportState) {
@@ -45,7 +45,8 @@ export function draw(context: Context, state: ViewportState) {
   measurements(context, t);
   distances(context, t);
   allMarks(context, t);
-  values(context, t);
+  values(context);
+  marked(context, t);
   underway(context, t);
   proposal(context, t);
   loupe(context, t, state);
@@ -115,12 +116,11 @@ function label(context: Context, text: string, [x, y]: Point, colour: string, dx
 }
 
 /** A sentence on a dark plate, so that it is read on any photograph. */
-function plate(context: Context, text: string, [x, y]: Point, colour: string) {
+function plate(context: Context, text: string, [x, y]: Point, width: number, colour: string) {
   context.font = FONT;
-  const width = context.measureText(text).width;
   context.fillStyle = "rgb(15 18 22 / 82%)";
   context.beginPath();
-  context.roundRect(x - width / 2 - 7, y - 12, width + 14, 24, 5);
+  context.roundRect(x - width / 2, y - 12, width, 24, 5);
   context.fill();
   context.fillStyle = colour;
   context.textAlign = "center";
@@ -163,15 +163,15 @@ function allMarks(context: Context, t: Transform) {
   for (const mark of marks.value) {
     const at = toScreen(t, mark.at);
     const isSelected = sameHandle(selected.value, { kind: "mark", name: mark.name });
-    if (many && !isSelected && !mark.is_worst) {
+    if (many && !isSelected && !mark.is_suspect) {
       ring(context, at, 3, MARK, 1.5);
       continue;
     }
     const colour = isSelected ? "#ffffff" : MARK;
     ring(context, at, isSelected ? 11 : 9, colour, isSelected ? 2.5 : 2);
     cross(context, at, 2, 7, colour);
-    if (mark.is_worst) ring(context, at, 15, colours.value.bad, 2);
-    const off = mark.is_worst && mark.residual_px != null ? ` ${mark.residual_px.toFixed(1)} px` : "";
+    if (mark.is_suspect) ring(context, at, 15, colours.value.bad, 2);
+    const off = mark.is_suspect && mark.residual_px != null ? ` ${mark.residual_px.toFixed(1)} px` : "";
     label(context, mark.name + off, at, "#ffffff", 14, -10);
   }
 }
@@ -202,20 +202,20 @@ function measurements(context: Context, t: Transform) {
   }
 }
 
-/** What was measured, with its interval, over everything else. */
-function values(context: Context, t: Transform) {
-  for (const m of measured.value) plate(context, m.error ? "–" : m.words, plateOf(m, t), MEASURE);
-}
-
-/** Where the value of a measurement is written. */
-export function plateOf(m: { what: string; points: Point[] }, t: Transform): Point {
-  const [x, y] = middle(m.points.map((point) => toScreen(t, point)));
-  return m.what === "position" ? [x, y + 26] : [x, y];
-}
-
-function middle(points: Point[]): Point {
-  const n = points.length;
-  return [points.reduce((sum, [x]) => sum + x, 0) / n, points.reduce((sum, [, y]) => sum + y, 0) / n];
+/** What was measured, with its interval, over everything else; paler where it is of before, and newer values are on their way. */
+function values(context: Context) {
+  context.globalAlpha = view.value!.is_measuring && !moved.value ? 0.7 : 1;
+  context.strokeStyle = MEASURE;
+  context.lineWidth = THIN;
+  for (const { at, leads } of labels.value) {
+    if (!leads) continue;
+    context.beginPath();
+    context.moveTo(...leads);
+    context.lineTo(...at);
+    context.stroke();
+  }
+  for (const { text, at, width } of labels.value) plate(context, text, at, width, MEASURE);
+  context.globalAlpha = 1;
 }
 
 function advice(context: Context, at: Point) {
@@ -223,6 +223,16 @@ function advice(context: Context, at: Point) {
   ring(context, at, 12, "#7dff9b", 2);
   context.setLineDash([]);
   cross(context, at, 0, 5, "#7dff9b");
+}
+
+/** Lines that were marked for the lens. */
+function marked(context: Context, t: Transform) {
+  if (!lensLines.value.length || (tool.value !== "marks" && !lineOf(tool.value))) return;
+  for (const { direction, ends } of lensLines.value) {
+    const colour = AXES[{ up: "z", along: "y", across: "x" }[direction]]!;
+    lines(context, t, [ends as Curve], colour, 2);
+    ends.forEach((end) => ring(context, toScreen(t, end as Point), 5, colour));
+  }
 }
 
 /** A measurement that is not complete, up to the pointer, and where the next mark would go. */

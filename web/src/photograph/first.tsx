@@ -7,7 +7,7 @@ import { Note } from "../parts/status";
 import { photographTexts as texts } from "../texts/photograph";
 import { Pictogram } from "./pictograms";
 import { transport } from "../transport";
-import { addPhotograph, busy, error, open, takeFiles, takeFrame } from "./store";
+import { addTaken, busy, error, forgetKept, offered, open, openKept, takeFiles, takeFrame } from "./store";
 
 const t = texts.first;
 const IMAGES = "image/png,image/jpeg";
@@ -18,7 +18,7 @@ const cameras = signal<string[]>([]);
 /** Asks once whether cameras are watched. */
 export function useCameras() {
   useEffect(() => {
-    transport.live().then((live) => (cameras.value = live.cameras.map((camera) => camera.name)), () => (cameras.value = []));
+    transport.cameras().then((names) => (cameras.value = names), () => (cameras.value = []));
   }, []);
 }
 
@@ -33,11 +33,18 @@ export function First() {
     <Drop class="first" label={t.drop} onFiles={takeFiles}>
       <h1>{t.title}</h1>
       <p>{t.text}</p>
+      {offered.value && (
+        <div class="offered" role="status">
+          <span class="grow">{t.kept(offered.value.names, new Date(offered.value.kept_ms))}</span>
+          <button class="main" onClick={openKept}>{t.goOn}</button>
+          <button onClick={forgetKept}>{t.forget}</button>
+        </div>
+      )}
       <div class="dropzone">
         <p class="drop">{t.drop}</p>
         <div class="row centre">
           <Pick class="main" accept={IMAGES} multiple onFiles={takeFiles}>{t.choose}</Pick>
-          <Pick accept={IMAGES} capture="environment" onFiles={([file]) => file && addPhotograph(file)}>{t.device}</Pick>
+          <Pick accept={IMAGES} capture="environment" onFiles={([file]) => file && addTaken(file)}>{t.device}</Pick>
           <FrameMenu />
         </div>
       </div>

@@ -14,7 +14,7 @@ import { AnswerStep } from "./steps/answer";
 import { LensStep } from "./steps/lens";
 import { MarksStep } from "./steps/marks";
 import { MeasureStep } from "./steps/measure";
-import { apply, busy, error, resume, showsBirdseye, showsKeys, takeFiles, view } from "./store";
+import { apply, busy, changedElsewhere, error, resume, showsBirdseye, showsKeys, takeFiles, view } from "./store";
 
 /** Keys that hold everywhere in the tab. */
 function keys(event: KeyboardEvent) {
@@ -71,6 +71,7 @@ export function Photograph() {
         </div>
         <Sheet label={texts.panel} summary={<Summary />}>
           {busy.value && <p class="busy" role="status">{busy.value}</p>}
+          {changedElsewhere.value && <Note tone="grey" live>{texts.elsewhere}</Note>}
           {error.value?.step === "photograph" && <Note tone="bad" live>{error.value.text}</Note>}
           <LensStep />
           <MarksStep />

@@ -16,14 +16,23 @@ function draggedBy({ photo, command }: Waiting): string | null {
   return null;
 }
 
+/** What a link tells besides the answers to commands. */
+export interface Listener {
+  /** What is so now, where it is not the answer to a command: measured meanwhile, or changed by another page. */
+  news: (view: View) => void;
+  /** The program no longer has the session: it was started again, or let it go. */
+  gone: () => void;
+}
+
 export class Link {
   private stream: Stream;
   private isConnected = false;
+  private isClosed = false;
   private waiting: Waiting[] = [];
   private flying: (Waiting & { seq: number; bySocket: boolean }) | null = null;
   private seq = 0;
 
-  constructor(readonly session: string) {
+  constructor(readonly session: string, private readonly listener: Listener) {
     this.stream = transport.stream("/ws/session", { session }, {
       connected: (is) => this.connected(is),
       text: (message) => this.answered(message as NumberedView & { error?: { kind: string; message: string } }),
@@ -31,6 +40,7 @@ export class Link {
   }
 
   close() {
+    this.isClosed = true;
     this.stream.close();
   }
 
@@ -65,8 +75,10 @@ export class Link {
   }
 
   private answered(message: NumberedView & { error?: { kind: string; message: string } }) {
-    if (!this.flying?.bySocket) return;
-    if (message.error) this.finished(this.flying.seq, new Problem(message.error.kind, message.error.message));
+    if (message.error) {
+      // A program of before does not say which command it refuses: one is on its way at a time.
+      this.finished(message.seq || (this.flying?.seq ?? 0), new Problem(message.error.kind, message.error.message));
+    } else if (message.seq === 0) this.listener.news(message.view);
     else this.finished(message.seq, message.view);
   }
 
@@ -82,8 +94,16 @@ export class Link {
   /** Nobody knows whether a command on a torn connection was applied: the session says what is so. */
   private connected(is: boolean) {
     this.isConnected = is;
+    if (is || this.isClosed) return;
     const one = this.flying;
-    if (is || !one?.bySocket) return;
-    transport.view(this.session, one.photo).then((view) => this.finished(one.seq, view), (problem) => this.finished(one.seq, problem));
+    const photo = one?.bySocket ? one.photo : 0;
+    // Also whether there still is a session to connect to.
+    transport.view(this.session, photo).then(
+      (view) => one?.bySocket && this.finished(one.seq, view),
+      (problem: Problem) => {
+        if (one?.bySocket) this.finished(one.seq, problem);
+        if (problem.kind === "not_found" && !this.isClosed) this.listener.gone();
+      },
+    );
   }
 }

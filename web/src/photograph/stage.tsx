@@ -39,16 +39,29 @@ function near(pointer: ViewportPointer): Handle | null {
   return best?.handle ?? null;
 }
 
+/** While marks are placed, a press this near to one means it and not the next one, px. */
+const SAME_PX = 4;
+
+/** Whether a press is on a point, not only near it. */
+function isOn(pointer: ViewportPointer, handle: Handle | null, within = (pointer.touch ? NEAR_FINGER_PX : NEAR_PX) / 2): boolean {
+  const at = handle && placeOf(handle);
+  if (!at) return false;
+  const [x, y] = toScreen(viewport.transform.value, at);
+  return Math.hypot(x - pointer.screen[0], y - pointer.screen[1]) < within;
+}
+
 /** What is dragged, and from where; a finger moves the selected point from wherever it is put down. */
 let held: { handle: Handle; from: Point } | null = null;
 
 const handler: PointerHandler = {
   down(pointer) {
+    // While marks are placed or something is measured, a press beside a point means a new one; a finger that moves still moves it.
     const close = near(pointer);
-    const handle = close ?? (pointer.touch ? selected.value : null);
+    const places = tool.value !== "marks" || nextMark.value !== null;
+    const handle = (places && !isOn(pointer, close) ? null : close) ?? (pointer.touch && !places ? selected.value : null);
     const from = handle && placeOf(handle);
     held = handle && from ? { handle, from } : null;
-    if (close && !pending.value.length) selected.value = close;
+    if (handle && close && !pending.value.length) selected.value = close;
     return !!held;
   },
   move(pointer, first) {
@@ -75,9 +88,11 @@ const handler: PointerHandler = {
     const close = near(pointer);
     if (tool.value !== "marks") {
       const last = pending.value.at(-1);
-      const isLast = last && Math.hypot(last[0] - pointer.at[0], last[1] - pointer.at[1]) * viewport.transform.value.scale < NEAR_PX;
+      // Only what may have any number of points ends with a second press on its last one: a length may be shorter than a finger.
+      const isOpen = ["polyline", "area"].includes(tool.value) && 1 < pending.value.length;
+      const isLast = isOpen && last && Math.hypot(last[0] - pointer.at[0], last[1] - pointer.at[1]) * viewport.transform.value.scale < NEAR_PX;
       void addMeasured(pointer.at, !!isLast);
-    } else if (close) selected.value = close;
+    } else if (close && (!nextMark.value || isOn(pointer, close, SAME_PX))) selected.value = close;
     else if (nextMark.value) void place(nextMark.value, pointer.at);
     else selected.value = null;
   },

@@ -1,11 +1,12 @@
 // What the tab knows: the session's view as the program last gave it, and what the person is about to do.
 import { batch, computed, signal } from "@preact/signals";
 import { options } from "preact";
-import type { Command, MeasuredKind, Snapped, SnapTo, View } from "../api/types";
+import type { Command, GivenLine, LineDirection, MeasuredKind, Snapped, SnapTo, View } from "../api/types";
 import { decodePicture, type Picture } from "../parts/picture";
 import { type Point, ViewportState, toPicture } from "../parts/transform";
 import { Problem, transport } from "../transport";
 import { photographTexts as texts } from "../texts/photograph";
+import { forget, hasPhotograph, keep, keepPhotograph, lastKept, wholeSession } from "./kept";
 import { Link } from "./link";
 
 export interface StepError {
@@ -15,7 +16,9 @@ export interface StepError {
 
 /** A point that can be moved: a mark, or one of a measurement. */
 export type Handle = { kind: "mark"; name: string } | { kind: "measurement"; name: string; index: number };
-export type Tool = "marks" | MeasuredKind;
+/** A line of the scene that says how long the lens is. */
+export type LineTool = `line_${LineDirection}`;
+export type Tool = "marks" | MeasuredKind | LineTool;
 
 export const session = signal<string | null>(null);
 export const photo = signal(0);
@@ -29,6 +32,8 @@ export const moved = signal<{ handle: Handle; at: Point } | null>(null);
 export const tool = signal<Tool>("marks");
 /** Whether a click adds a further mark beyond those that the template needs. */
 export const addsMark = signal(false);
+/** Lines that were marked for the lens, before they are used. */
+export const lensLines = signal<GivenLine[]>([]);
 /** Points of a measurement that is not complete yet. */
 export const pending = signal<Point[]>([]);
 export const hovered = signal<Point | null>(null);
@@ -52,20 +57,21 @@ export interface Mark {
   name: string;
   at: Point;
   residual_px: number | null;
-  is_worst: boolean;
+  /** It fits worse than its error explains. */
+  is_suspect: boolean;
 }
 
 /** Marks as they are drawn: the dragged one where the hand has it, and the one just placed, before the answer is there. */
 export const marks = computed((): Mark[] => {
   const hand = moved.value?.handle.kind === "mark" ? moved.value : null;
-  const all = (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_worst }): Mark => ({
+  const all = (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_suspect }): Mark => ({
     name,
     at: hand?.handle.name === name ? hand.at : [u_px, v_px],
     residual_px: residual_px ?? null,
-    is_worst,
+    is_suspect,
   }));
   const isNew = hand && !all.some((mark) => mark.name === hand.handle.name);
-  return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_worst: false }] : all;
+  return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_suspect: false }] : all;
 });
 
 /** Measurements of the photograph, likewise. */
@@ -109,6 +115,7 @@ export const needsMarks = computed(() => (view.value ? NEEDED[view.value.templat
 function took(next: View) {
   // Its photograph was taken back.
   if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
+  seen = Math.max(seen, next.version);
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -121,6 +128,33 @@ function took(next: View) {
   });
   remember();
   void showPicture(next);
+  void keepSession(next);
+}
+
+/** The highest version of the session that this page made or has seen. */
+let seen = 0;
+/** Whether the session was changed by another page: said for some seconds. */
+export const changedElsewhere = signal(false);
+let elsewhereTimer = 0;
+const ELSEWHERE_MS = 6000;
+
+/** What the program says by itself: what is measured by now, and what another page changed. */
+function news(next: View) {
+  if (next.version < seen) return;
+  const isOthers = seen < next.version;
+  // While something is under the hand, what it has drawn stays: measurements alone are taken over.
+  if (hand && view.value && !isOthers) {
+    view.value = { ...view.value, measurements: next.measurements, is_measuring: next.is_measuring };
+    return;
+  }
+  if (isOthers) {
+    changedElsewhere.value = true;
+    clearTimeout(elsewhereTimer);
+    elsewhereTimer = window.setTimeout(() => (changedElsewhere.value = false), ELSEWHERE_MS);
+  }
+  const shown = next.photo_index === photo.value;
+  if (shown) took({ ...next, error: error.value ?? null, snap: null });
+  else void showPhoto(photo.value);
 }
 
 function failed(step: string, problem: unknown) {
@@ -216,11 +250,28 @@ export async function acceptSnap() {
   else await move(handle, [u_px, v_px], false);
 }
 
+/** Which way the lines of a tool run; none of other tools. */
+export function lineOf(what: Tool): LineDirection | null {
+  return what.startsWith("line_") ? (what.slice("line_".length) as LineDirection) : null;
+}
+
+export function isMeasured(what: Tool): what is MeasuredKind {
+  return what !== "marks" && !lineOf(what);
+}
+
 /** Adds the point of a click to the measurement under way, and the measurement when it is complete. */
 export async function addMeasured(at: Point, ends = false) {
   const what = tool.value;
   if (what === "marks") return;
   const points = ends ? pending.value : [...pending.value, at];
+  const direction = lineOf(what);
+  if (direction) {
+    const [a, b] = points;
+    if (a && b) lensLines.value = [...lensLines.value, { direction, ends: [[...a], [...b]] }];
+    pending.value = a && b ? [] : points;
+    return;
+  }
+  if (!isMeasured(what)) return;
   const needed = { length: 2, height: 2, position: 1, polyline: Infinity, area: Infinity }[what];
   pending.value = points;
   const isComplete = needed <= points.length || (ends && (what === "area" ? 3 : 2) <= points.length);
@@ -241,18 +292,19 @@ function freeMeasurement(what: MeasuredKind): string {
 
 async function showPicture(next: View) {
   const shown = next.photo;
-  const key = shown ? `${session.value} ${next.photo_index} ${shown.name} ${shown.width_px}×${shown.height_px}` : "";
+  const key = shown?.sha256 ?? "";
   if (key === pictureOf) return;
   pictureOf = key;
-  if (!shown || !session.value) {
-    picture.value = null;
-    return;
-  }
+  // What was shown before must not be seen under the marks of another photograph.
+  picture.value = null;
+  if (!shown || !session.value) return;
   try {
-    const decoded = await decodePicture(await transport.photograph(session.value, next.photo_index));
+    const file = await transport.photograph(session.value, next.photo_index);
+    const decoded = await decodePicture(file);
     if (pictureOf !== key) return;
     viewport.show(decoded.width, decoded.height, decoded.turns);
     picture.value = decoded;
+    void keepPhotograph(key, file);
   } catch (problem) {
     if (pictureOf === key) failed("photograph", problem);
   }
@@ -271,12 +323,14 @@ function remember() {
 
 function use(id: string, next: View) {
   link?.close();
-  link = new Link(id);
-  pictureOf = "";
+  link = new Link(id, { news, gone: () => void offerAgain() });
+  seen = next.version;
+  offered.value = null;
   batch(() => {
     session.value = id;
     selected.value = null;
     pending.value = [];
+    lensLines.value = [];
     snapped.value = null;
     letGo();
     tool.value = "marks";
@@ -300,36 +354,86 @@ export async function open(what: { example?: boolean; load?: string } = {}): Pro
   }
 }
 
-/** The session that was open before the page was loaded again. */
+/** The session that was open before the page was loaded again; where the program has it no longer, the page offers its own copy. */
 export async function resume() {
   const kept = sessionStorage.getItem(KEPT);
-  if (!kept || session.value) return;
+  if (session.value) return;
+  if (!kept) return void (offered.value = await lastKept());
   busy.value = texts.opening;
   try {
     const { session: id, photo: number } = JSON.parse(kept);
     use(id, await transport.view(id, number));
   } catch (problem) {
     sessionStorage.removeItem(KEPT);
-    failed("photograph", problem);
+    offered.value = await lastKept();
+    if (!offered.value) failed("photograph", problem);
   } finally {
     busy.value = null;
   }
 }
 
+/** A session that the page has kept and the program does not have: when it was kept, and how it is opened. */
+export const offered = signal<Awaited<ReturnType<typeof lastKept>>>(null);
+
+/** The program was started again while the page was open: what is on the page is opened anew, and nothing is lost. */
+async function offerAgain() {
+  link?.close();
+  link = null;
+  const kept = await lastKept();
+  if (!kept) return failed("photograph", new Problem("not_found", texts.lost));
+  offered.value = kept;
+  await openKept();
+}
+
+/** Opens the session that the page has kept. */
+export async function openKept(): Promise<boolean> {
+  const kept = offered.value;
+  if (!kept) return false;
+  const number = photo.value;
+  const isOpen = await open({ load: wholeSession(kept) });
+  if (isOpen && number) await showPhoto(number);
+  return isOpen;
+}
+
+/** Forgets what the page has kept. */
+export async function forgetKept() {
+  offered.value = null;
+  await forget();
+}
+
+let keepTimer = 0;
+let keptVersion = "";
+/** The page keeps a session when nothing has changed for so long, ms. */
+const KEEP_MS = 800;
+
+/** Keeps the session in the browser, without the photographs, which are kept as they come. */
+function keepSession(next: View) {
+  const id = session.value;
+  const version = `${id} ${next.version}`;
+  if (!id || !next.photo || version === keptVersion) return;
+  clearTimeout(keepTimer);
+  keepTimer = window.setTimeout(async () => {
+    if (hand || session.value !== id) return;
+    try {
+      const text = await (await transport.file("/api/session/save", { session: id, photographs: "false" })).blob.text();
+      for (const [number, { sha256 }] of next.photos.entries()) {
+        if (!(await hasPhotograph(sha256))) await keepPhotograph(sha256, await transport.photograph(id, number));
+      }
+      await keep({ text, kept_ms: Date.now(), names: next.photos.map(({ name }) => name), hashes: next.photos.map(({ sha256 }) => sha256) });
+      keptVersion = version;
+    } catch {
+      // Private windows keep nothing, and a program that does not answer is asked again with the next change.
+    }
+  }, KEEP_MS);
+}
+
 /** Adds a photograph to the session, or begins one with it; whether it is there now. */
 export async function addPhotograph(file: File): Promise<boolean> {
   if (!session.value && !(await open())) return false;
-  const before = photo.value;
   busy.value = texts.sending(file.name, 0);
   try {
-    const next = await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share)));
-    if (!(await isTorn(file))) {
-      took(next);
-      return true;
-    }
-    await link?.send(before, { kind: "undo" });
-    failed("photograph", texts.torn(file.name));
-    return false;
+    took(await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share))));
+    return true;
   } catch (problem) {
     failed("photograph", problem);
     return false;
@@ -338,14 +442,16 @@ export async function addPhotograph(file: File): Promise<boolean> {
   }
 }
 
-/** Whether the browser cannot show what the program could read a part of. */
-async function isTorn(file: Blob): Promise<boolean> {
-  try {
-    (await createImageBitmap(file)).close();
-    return false;
-  } catch {
-    return true;
-  }
+/** A photograph that this device has just taken: phones give all of theirs one name. */
+export function addTaken(file: File): Promise<boolean> {
+  const [, ending = ".jpg"] = /(\.\w+)$/.exec(file.name) ?? [];
+  const time = new Date().toTimeString().slice(0, 8).replaceAll(":", "");
+  return addPhotograph(new File([file], `photo-${time}${ending}`, { type: file.type }));
+}
+
+/** Gives up what takes long: a search for a target. */
+export async function cancel() {
+  if (session.value) await transport.cancel(session.value).catch(() => {});
 }
 
 /** The next frame of a watched camera as a photograph, with the camera's lens. */

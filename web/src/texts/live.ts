@@ -2,6 +2,9 @@
 export const liveTexts = {
   title: "Live",
   noSession: "No cameras are watched",
+  example: "Try the example",
+  exampleWhat: "Two cameras drawn by the program itself. After some seconds one of them is moved, and an alarm waits for you.",
+  axes: { xyz: ["x", "y", "z"], angles: ["yaw", "pitch", "roll"] },
   noSessionHow: "Start the program with a session file, and its cameras appear here:",
   noSessionCommand: "resight serve session.toml",
   noSessionMake: "`resight watch --print-session` writes such a file from the flags of a watch; a watch that runs already is shown with",

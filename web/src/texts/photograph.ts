@@ -1,5 +1,5 @@
 // Every word of the tab Photograph.
-import type { MeasuredKind, SnapTo, Template } from "../api/types";
+import type { LineDirection, MeasuredKind, SnapTo, Template } from "../api/types";
 
 const kinds: Record<MeasuredKind, string> = {
   length: "Length",
@@ -52,13 +52,18 @@ export const photographTexts = {
     frame: "Take a frame from a running camera",
     example: "Try the example",
     load: "Open a saved session",
+    kept: (names: string[], at: Date) => `Your work of ${at.toLocaleString()} is kept in this browser (${names.join(", ")}).`,
+    goOn: "Go on with it",
+    forget: "Forget it",
     local: "Nothing leaves this machine. PNG or JPEG, up to 64 megapixels.",
   },
   opening: "Opening …",
   sending: (name: string, share: number) => (share < 1 ? `Sending ${name}: ${Math.round(100 * share)} %` : `Looking at ${name} …`),
   waitingFor: (camera: string) => `Waiting for a frame of ${camera} …`,
   tooLargeText: (name: string) => `${name} is larger than 256 MB; a photograph, a camera file or a saved session is needed.`,
-  torn: (name: string) => `${name} is torn: only a part of the photograph is in the file. Copy or save it again.`,
+  lost: "The program was started again and no longer has this session; open a new one, or load the saved one.",
+  elsewhere: "Changed in another window. Both show the same.",
+  measuring: "Measuring …",
   noUse: (name: string) => `${name} is neither a photograph (PNG or JPEG) nor a saved session. Drop the photograph first, then the camera file.`,
 
   stage: (name: string) => `${name}, with marks. Numbers select a mark, arrows move it, Enter places one, question mark lists all keys.`,
@@ -79,6 +84,18 @@ export const photographTexts = {
     fovHelp: "From the left to the right edge, as the data sheet has it, without distortion. Every ± is wider.",
     fovUnit: "degrees across",
     use: "Use",
+    common: "A camera or phone of the list …",
+    commonHelp: "For photographs that lost their EXIF, as messengers lose it. Whole photographs only, not zoomed.",
+    lines: "Lines that are parallel in the scene",
+    linesHelp: "Mark straight lines that are parallel in the scene, three at least of two directions: edges of walls and doors, a kerb, a road. Where they meet says how long the lens is.",
+    directions: { up: "Upright", along: "Along", across: "Across" } as Record<LineDirection, string>,
+    lineHint: {
+      up: "Click two points of an upright edge, then of another one.",
+      along: "Click two points of a level line that runs away from you, then of another one.",
+      across: "Click two points of a level line that runs across, square to the others.",
+    } as Record<LineDirection, string>,
+    useLines: (n: number) => `Use these ${n} lines`,
+    lastLine: "Take the last one back",
     unknown: "I don't know",
     unknownHelp: "The focal length is estimated from the marks. They must be seen at a slant; every ± is much wider.",
     change: "Change",
@@ -108,7 +125,8 @@ export const photographTexts = {
     points: "Points",
     coordinates: (name: string, axis: string) => `${axis} of ${name} in metres`,
     residual: "off by",
-    worst: "worst",
+    worst: "farthest off",
+    suspect: "does not fit",
     remove: (name: string) => `Remove ${name}`,
     rename: (name: string) => `Name of ${name}`,
     sigmaPx: "A click is exact to",
@@ -123,7 +141,8 @@ export const photographTexts = {
     size: "Edge of its black square, m",
     find: "Find it",
     noSize: "The size of the tag in metres is needed.",
-    looking: "Looking for it …",
+    looking: (seconds: number) => `Looking for it … ${seconds} s`,
+    cancel: "Cancel",
   },
 
   answer: {
@@ -196,7 +215,7 @@ export const photographTexts = {
     load: "Open …",
     save: "Save as one file",
     askFresh: "Begin a new session?",
-    askText: "What is open is kept on this machine only until the program ends. Save it first if you want to keep it.",
+    askText: "What is open is kept in this browser only until another photograph is worked on. Save it first if you want to keep it.",
     yes: "Begin anew",
   },
   exports: {

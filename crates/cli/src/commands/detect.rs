@@ -6,8 +6,10 @@ use anyhow::Result;
 use clap::Args;
 use resight::GrayImage;
 use resight::answer::DetectionAnswer;
+use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
-use resight::detect::job::{detect_every_tag, detect_target};
+use resight::detect::job::{detect_every_tag, detect_target, explain};
+use resight::report::words::counted;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -54,13 +56,18 @@ pub fn run(args: &Detect) -> Result<Outcome> {
         )?,
         (None, Some(file)) => {
             let (target, _) = super::target(file, &args.tags, |warning| printer.remark(warning))?;
+            let (mut explainer, mut paths) = (Explainer::default(), images.iter());
             resight::parallel::detect_in_order(
                 &images,
                 || args.corners.detector(&target),
                 |detector, path: &PathBuf| {
                     of_image(path, |view, image| detect_target(detector, &target, view, image))
                 },
-                |found| print(&mut printer, found),
+                |mut found| {
+                    let path = paths.next();
+                    explain(&mut found, &target, &mut explainer, || GrayImage::read(path?).ok());
+                    print(&mut printer, found)
+                },
             )?;
         }
         (None, None) => anyhow::bail!("--target or --family is needed"),
@@ -70,16 +77,24 @@ pub fn run(args: &Detect) -> Result<Outcome> {
 
 fn of_image(path: &Path, detect: impl FnOnce(&str, &GrayImage) -> DetectionAnswer) -> DetectionAnswer {
     let view = view_name(path);
-    match GrayImage::read(path) {
-        Ok(image) => detect(&view, &image),
+    match GrayImage::read_with_remark(path) {
+        Ok((image, remark)) => {
+            let mut found = detect(&view, &image);
+            found.remarks.extend(remark);
+            found
+        }
         Err(reason) => DetectionAnswer::error(view, reason.to_string()),
     }
 }
 
 fn describe(found: &DetectionAnswer) -> String {
     let mut out = match &found.message {
-        Some(message) => format!("{}   {message}\n", found.view),
-        None => format!("{}   {} points\n", found.view, found.detections.len()),
+        Some(message) if found.detections.is_empty() => format!("{}   {message}\n", found.view),
+        Some(message) => {
+            let points = counted(found.detections.len(), "point");
+            format!("{}   {}: {points}; {message}\n", found.view, found.status.name())
+        }
+        None => format!("{}   {}\n", found.view, counted(found.detections.len(), "point")),
     };
     for remark in &found.remarks {
         out += &format!("  {remark}\n");

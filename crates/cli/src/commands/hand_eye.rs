@@ -2,7 +2,7 @@
 
 use super::rig::{self, AnswerArgs, ObservationArgs, SolvingArgs, unanswered};
 use crate::args::{not_negative, positive};
-use crate::output::{Outcome, print_answer, remark};
+use crate::output::{Outcome, print_answer, remark, with_progress};
 use crate::text::line;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -10,7 +10,7 @@ use resight::answer::{HandEyeAnswer, SolvedHandEye};
 use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
 use resight::formats::write_atomically;
-use resight::report::words::{degrees, length, sigmas};
+use resight::report::words::{coordinate, degrees, length, sigmas, translation_sigma_m};
 use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
 use std::path::{Path, PathBuf};
 
@@ -99,7 +99,8 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
             HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request)?))
         }
     };
-    match resight::hand_eye(HandEyeRequest { robot, views, config: args.config()? })? {
+    let request = HandEyeRequest { robot, views, config: args.config()? };
+    match with_progress(|| resight::hand_eye(request))? {
         HandEyeAnswer::Solved(solved) => answer(&solved, &args.output),
         HandEyeAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
     }
@@ -183,20 +184,17 @@ fn words(solved: &SolvedHandEye) -> String {
     out
 }
 
-/// Rotation vector, translation and the largest standard deviation of each.
+/// Rotation vector with the largest standard deviation of the rotation, and each number of the translation with its own.
 fn place(b_from_a: &Pose, covariance: &Matrix6) -> String {
-    let (r, t) = (b_from_a.log(), b_from_a.translation * 1e3);
-    let (turn, shift) = sigmas(covariance);
-    let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
+    let (r, t) = (b_from_a.log(), b_from_a.translation);
+    let turn = sigmas(covariance).0.into_iter().fold(0.0, f64::max);
+    let sigma_m = translation_sigma_m(b_from_a, covariance);
+    let [x, y, z] = [0, 1, 2].map(|i| coordinate(t[i], sigma_m[i]));
     format!(
-        "rotation [{:+.6} {:+.6} {:+.6}] rad, translation [{:+.2} {:+.2} {:+.2}] mm   ± {} and {}",
+        "rotation [{:+.6} {:+.6} {:+.6}] rad ± {}, translation [{x}, {y}, {z}]",
         r[0],
         r[1],
         r[2],
-        t.x,
-        t.y,
-        t.z,
-        degrees(largest(turn)),
-        length(largest(shift))
+        degrees(turn)
     )
 }

@@ -4,14 +4,14 @@ mod words;
 
 use crate::args::{CornerArgs, parse_size, positive};
 use crate::camera::cameras_of;
-use crate::output::{Outcome, print_answer, remark};
+use crate::output::{Outcome, print_answer, remark, with_progress};
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use resight::core::camera::ImageSize;
 use resight::formats::{NamedCamera, own_file, write_atomically};
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, Noise, TargetShape, model_names};
 use resight::report::intrinsics_page;
-use resight::rig::{CameraImage, ImageOptions};
+use resight::rig::{CameraImage, Detections, ImageOptions};
 use std::path::PathBuf;
 
 /// Estimates a camera's intrinsics with their covariance from images of a target.
@@ -131,7 +131,7 @@ pub fn run(args: &Intrinsics) -> Result<Outcome> {
 }
 
 fn estimate(args: &Intrinsics, request: &IntrinsicsRequest) -> Result<Outcome> {
-    let answer = resight::intrinsics(request)?;
+    let answer = with_progress(|| resight::intrinsics(request))?;
     answer.remarks.iter().for_each(|text| remark(text));
     let reliable = answer.reliable();
     if let (Some(path), false) = (&args.output, reliable.is_empty()) {
@@ -148,13 +148,13 @@ fn check(args: &Intrinsics, request: &IntrinsicsRequest) -> Result<Outcome> {
     if args.output.is_some() || args.report.is_some() {
         bail!("--check changes nothing, so -o and --report have nothing to write; leave them out");
     }
-    let answer = resight::check_intrinsics(request)?;
+    let answer = with_progress(|| resight::check_intrinsics(request))?;
     answer.remarks.iter().for_each(|text| remark(text));
     print_answer(args.json, &answer, &words::describe_check(&answer), answer.status)?;
     Ok(Outcome::of([answer.status]))
 }
 
-fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
+fn request(args: &Intrinsics) -> Result<IntrinsicsRequest<'_>> {
     let checked = args.check.as_deref().map(|file| cameras_of(&file.to_string_lossy()));
     let checked = checked.transpose()?.unwrap_or_default();
     let (source, cameras) = source(args, &checked)?;
@@ -178,7 +178,7 @@ fn request(args: &Intrinsics) -> Result<IntrinsicsRequest> {
 }
 
 /// What is looked at, and the names of its cameras.
-fn source(args: &Intrinsics, checked: &[NamedCamera]) -> Result<(IntrinsicsSource, Vec<String>)> {
+fn source<'a>(args: &'a Intrinsics, checked: &[NamedCamera]) -> Result<(IntrinsicsSource<'a>, Vec<String>)> {
     if !args.detections.is_empty() {
         let of_camera = || checked.first().and_then(|known| known.camera.size);
         let Some(size) = args.image_size_px.or_else(of_camera) else {
@@ -187,9 +187,8 @@ fn source(args: &Intrinsics, checked: &[NamedCamera]) -> Result<(IntrinsicsSourc
             );
         };
         args.detections.iter().try_for_each(|path| crate::files::must_exist(path))?;
-        let source =
-            IntrinsicsSource::Detections { files: args.detections.clone(), sigma_px: args.sigma_px, size };
-        return Ok((source, args.camera_name.clone()));
+        let detections = Detections { sigma_px: args.sigma_px, ..Detections::files(&args.detections) };
+        return Ok((IntrinsicsSource::Detections { detections, size }, args.camera_name.clone()));
     }
     let (mut images, mut names) = (Vec::new(), Vec::new());
     for argument in &args.images {

@@ -6,7 +6,8 @@ use crate::output::{Outcome, Printer};
 use anyhow::Result;
 use clap::Args;
 use resight::core::Target;
-use resight::locate::{ImageLocator, LocateOptions, Located, Method};
+use resight::detect::absent::Explainer;
+use resight::locate::{ImageLocator, LocateOptions, Located, Method, explain};
 use resight::{GrayImage, PoseAnswer};
 use std::path::{Path, PathBuf};
 
@@ -77,12 +78,14 @@ pub fn run(args: &Locate) -> Result<Outcome> {
             seen.located.answer.remarks.splice(..0, remarks.iter().cloned());
             Ok(seen.located.answer)
         };
+    let (mut explainer, mut paths) = (Explainer::default(), jobs.iter());
     resight::parallel::detect_in_order(
         &jobs,
         || ImageLocator::new(&camera, &target, &options),
         work,
         |answer| {
-            let answer = answer?;
+            let (mut answer, path) = (answer?, paths.next());
+            explain(&mut answer, &target, &mut explainer, || GrayImage::read(&path?.0).ok());
             printer.result(&answer, &crate::text::describe(&answer), answer.status())
         },
     )?;
@@ -118,8 +121,12 @@ impl LocatedImage {
     /// Reads an image and answers.
     pub fn look(locator: &mut ImageLocator, path: &Path) -> Self {
         let view = super::detect::view_name(path);
-        match GrayImage::read(path) {
-            Ok(image) => LocatedImage { located: locator.locate(&image, view), image: Some(image) },
+        match GrayImage::read_with_remark(path) {
+            Ok((image, remark)) => {
+                let mut located = locator.locate(&image, view);
+                located.answer.remarks.extend(remark);
+                LocatedImage { located, image: Some(image) }
+            }
             Err(reason) => LocatedImage { image: None, located: Located::error(view, reason.to_string()) },
         }
     }

@@ -13,6 +13,7 @@ use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{
     Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,
 };
+use resight::report::words::counted;
 use std::path::{Path, PathBuf};
 
 /// Lengths, positions, angles, areas and heights from photographs, each with its 95 % interval.
@@ -52,7 +53,7 @@ pub fn run(args: &Measure) -> Result<Outcome> {
     if let Some(folder) = &args.output {
         crate::files::make_folder("-o", folder)?;
     }
-    let answer = measure(&scene).with_context(|| title.clone())?;
+    let answer = crate::output::with_progress(|| measure(&scene)).with_context(|| title.clone())?;
     print(&if args.json { json(&answer)? } else { in_words(&scene, &answer) })?;
     if let (Some(folder), Some(solved)) = (&args.output, &answer.solved) {
         let written = write_files(folder, &scene, solved, &title)?;
@@ -124,9 +125,12 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
     }
     let adjusted = &answers.adjusted;
     out += &format!(
-        "\n± is half of the 95 % interval. {} photographs, {} points; {}; positions {}.\n",
-        (0..scene.photos.len()).filter(|p| adjusted.cam_from_world(*p).is_some()).count(),
-        (0..scene.points.len()).filter(|p| adjusted.point(*p).is_some()).count(),
+        "\n± is half of the 95 % interval. {}, {}; {}; positions {}.\n",
+        counted(
+            (0..scene.photos.len()).filter(|p| adjusted.cam_from_world(*p).is_some()).count(),
+            "photograph"
+        ),
+        counted((0..scene.points.len()).filter(|p| adjusted.point(*p).is_some()).count(), "point"),
         match adjusted.degrees_of_freedom {
             0 => "nothing left over to check with".to_string(),
             n => format!("χ² {:.1} for {n} degrees of freedom", adjusted.chi2),

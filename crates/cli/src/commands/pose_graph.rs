@@ -2,15 +2,16 @@
 
 use super::rig::{AnswerArgs, named, unanswered};
 use crate::args::positive;
-use crate::output::{Outcome, print_answer, remark};
+use crate::output::{Outcome, print_answer, remark, with_progress};
 use crate::text::line;
 use anyhow::Result;
 use clap::Args;
 use resight::answer::pose_graph::PairAgreement;
 use resight::answer::{PoseGraphAnswer, SolvedPoseGraph};
 use resight::core::multiview::pose_graph::PairSigma;
+use resight::core::{Matrix6, Pose};
 use resight::formats::write_atomically;
-use resight::report::words::{degrees, length};
+use resight::report::words::{coordinate, degrees, length, position_sigma_m, sigmas};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{PoseGraphMethod, PoseGraphRequest};
 use std::path::PathBuf;
@@ -74,7 +75,7 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
         joint_covariance: args.joint_covariance,
         ..PoseGraphRequest::new(read_pairs(&args.pairs)?)
     };
-    let solved = match resight::pose_graph(&request)? {
+    let solved = match with_progress(|| resight::pose_graph(&request))? {
         PoseGraphAnswer::Solved(solved) => solved,
         PoseGraphAnswer::Unsolved(reason) => return unanswered(&args.output, &reason),
     };
@@ -85,6 +86,19 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
     Ok(Outcome::of([solved.status()]))
 }
 
+/// Where a camera is in the rig, each coordinate with its standard deviation, and that of its direction.
+fn place(cam_from_rig: &Pose, covariance: Option<&Matrix6>) -> String {
+    let place = cam_from_rig.origin();
+    let Some(covariance) = covariance else {
+        let [x, y, z] = [place.x, place.y, place.z].map(|x| 1e3 * x);
+        return format!("x {x:+.1}   y {y:+.1}   z {z:+.1} mm in the rig");
+    };
+    let sigma_m = position_sigma_m(cam_from_rig, covariance);
+    let [x, y, z] = [0, 1, 2].map(|i| coordinate(place[i], sigma_m[i]));
+    let turn = sigmas(covariance).0.into_iter().fold(0.0, f64::max);
+    format!("x {x}   y {y}   z {z} in the rig, direction ± {}", degrees(turn))
+}
+
 fn words(solved: &SolvedPoseGraph) -> String {
     let mut out = match solved.contradiction() {
         Some(sentence) => format!("INCONSISTENT   {sentence}.\n\n"),
@@ -92,17 +106,7 @@ fn words(solved: &SolvedPoseGraph) -> String {
     };
     out.push_str(&format!("RIG   {}\n\n", solved.message()));
     for (name, (cam_from_rig, covariance)) in solved.cameras.iter().zip(&solved.cam_from_rig) {
-        let place = cam_from_rig.origin() * 1e3;
-        let sigma = covariance.as_ref().filter(|c| 0.0 < c.trace()).map_or(String::new(), |c| {
-            let (turn, shift) = resight::report::words::sigmas(c);
-            let largest = |s: [f64; 3]| s.into_iter().fold(0.0, f64::max);
-            format!("   ± {} and {}", degrees(largest(turn)), length(largest(shift)))
-        });
-        line(
-            &mut out,
-            name,
-            &format!("x {:+.1}   y {:+.1}   z {:+.1} mm in the rig{sigma}", place.x, place.y, place.z),
-        );
+        line(&mut out, name, &place(cam_from_rig, covariance.as_ref().filter(|c| 0.0 < c.trace())));
     }
     if let Some(sigma) = solved.solution.as_ref().and_then(|s| s.median_sigma) {
         let (rotation, translation) = (degrees(sigma.sigma_rad), length(sigma.sigma_m));

@@ -4,7 +4,7 @@ pub(super) mod named;
 mod words;
 
 use crate::args::{CornerArgs, positive};
-use crate::output::{Outcome, error, print_answer, remark};
+use crate::output::{Outcome, error, print_answer, remark, with_progress};
 use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{RigAnswer, SolvedRig, Unsolved};
@@ -148,7 +148,7 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     };
     let observed = observed(&args.observed, &request)?;
     remark(words::shared_views(&observed.gathered).trim_end());
-    match observed.solve() {
+    match with_progress(|| observed.solve()) {
         RigAnswer::Solved(solved) => answer(args, &solved),
         RigAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
     }
@@ -200,7 +200,8 @@ pub(super) fn observed(args: &ObservationArgs, request: &RigRequest) -> Result<O
         }
         let names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
         let options = ImageOptions { times: times(args, &names)?, corner_window: args.corners.window() };
-        ObservedRig::from_images(&images(&args.images, &names)?, &options, request)?
+        let images = images(&args.images, &names)?;
+        with_progress(|| ObservedRig::from_images(&images, &options, request))?
     } else {
         bail!("nothing to look at: give --images NAME=GLOB for each camera, or --detections FILE.csv");
     };

@@ -110,7 +110,7 @@ pub struct Watch {
     #[command(flatten)]
     alarm: AlarmArgs,
     #[command(flatten)]
-    outputs: OutputArgs,
+    pub outputs: OutputArgs,
     /// Shows the session on a page at this address, as `resight serve` does.
     #[arg(long, hide_short_help = true, value_name = "ADDRESS:PORT", help_heading = "Outputs")]
     serve: Option<String>,

@@ -20,9 +20,6 @@ pub struct DenseEquations {
     pub information: DMatrix<f64>,
 }
 
-/// A minimum over states of a kind.
-pub type DenseMinimum<S> = Minimum<S, DenseEquations>;
-
 impl DenseEquations {
     /// No row yet.
     pub fn new(n: usize) -> Self {
@@ -58,35 +55,54 @@ impl DenseEquations {
     }
 }
 
-struct DenseCost<F, G, S> {
+/// What the loop asks of the equations, however they are stored.
+pub trait NormalEquations {
+    /// Sum of squared whitened residuals.
+    fn chi2(&self) -> f64;
+    /// The damped step and what it promises.
+    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)>;
+}
+
+impl NormalEquations for DenseEquations {
+    fn chi2(&self) -> f64 {
+        self.chi2
+    }
+
+    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
+        DenseEquations::step(self, damping)
+    }
+}
+
+struct DenseCost<F, G, S, E> {
     evaluate: F,
     moved: G,
     max_steps: usize,
-    state: PhantomData<S>,
+    state: PhantomData<(S, E)>,
 }
 
-impl<F, G, S> LeastSquares for DenseCost<F, G, S>
+impl<F, G, S, E> LeastSquares for DenseCost<F, G, S, E>
 where
-    F: Fn(&S) -> Option<DenseEquations>,
+    F: Fn(&S) -> Option<E>,
     G: Fn(&S, &DVector<f64>) -> Option<S>,
+    E: NormalEquations,
 {
     type State = S;
-    type Equations = DenseEquations;
+    type Equations = E;
     type Step = DVector<f64>;
 
     fn max_steps(&self) -> usize {
         self.max_steps
     }
 
-    fn evaluate(&self, state: &S) -> Option<DenseEquations> {
+    fn evaluate(&self, state: &S) -> Option<E> {
         (self.evaluate)(state)
     }
 
-    fn chi2(equations: &DenseEquations) -> f64 {
-        equations.chi2
+    fn chi2(equations: &E) -> f64 {
+        equations.chi2()
     }
 
-    fn step(&self, equations: &DenseEquations, damping: f64) -> Option<(DVector<f64>, f64)> {
+    fn step(&self, equations: &E, damping: f64) -> Option<(DVector<f64>, f64)> {
         equations.step(damping)
     }
 
@@ -99,57 +115,20 @@ where
 pub const MAX_STEPS: usize = 200;
 
 /// Minimises a cost. `evaluate` returns none where a point leaves a camera's field, `moved` where no state is left.
-pub fn minimize_dense<S>(
+pub fn minimize_dense<S, E: NormalEquations>(
     start: S,
-    evaluate: impl Fn(&S) -> Option<DenseEquations>,
+    evaluate: impl Fn(&S) -> Option<E>,
     moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
-) -> Option<DenseMinimum<S>> {
+) -> Option<Minimum<S, E>> {
     minimize_dense_within(MAX_STEPS, start, evaluate, moved)
 }
 
 /// The same with so many evaluations at most.
-pub fn minimize_dense_within<S>(
+pub fn minimize_dense_within<S, E: NormalEquations>(
     max_steps: usize,
     start: S,
-    evaluate: impl Fn(&S) -> Option<DenseEquations>,
+    evaluate: impl Fn(&S) -> Option<E>,
     moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
-) -> Option<DenseMinimum<S>> {
+) -> Option<Minimum<S, E>> {
     minimize(&DenseCost { evaluate, moved, max_steps, state: PhantomData }, start, &Tolerance::FINE)
-}
-
-/// Steps on a level: near a minimum each squares the error.
-const LEVEL_STEPS: usize = 30;
-/// A step on a level that moves less than this squared number of standard deviations is the last.
-const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
-
-/// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
-/// steps do not settle.
-pub(crate) fn minimize_on_level<S: Clone>(
-    start: &S,
-    level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
-    evaluate: impl Fn(&S) -> Option<DenseEquations>,
-    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
-) -> Option<DenseMinimum<S>> {
-    let mut state = start.clone();
-    let mut before = f64::INFINITY;
-    let mut shortened = 1.0;
-    for steps in 1..=LEVEL_STEPS {
-        let (equations, (above, gradient)) = (evaluate(&state)?, level(&state)?);
-        let factor = equations.factor(0.0)?;
-        let (down, along) = (factor.solve(&equations.gradient), factor.solve(&gradient));
-        let multiplier = (-above - gradient.dot(&down)) / gradient.dot(&along);
-        let step = down + along * multiplier;
-        let length2 = step.dot(&(&equations.information * &step));
-        if !length2.is_finite() {
-            return None;
-        }
-        if length2 <= LEVEL_TOLERANCE_CHI2 {
-            return Some(Minimum { state, equations, steps, ending: Ending::Converged });
-        }
-        // Steps that do not shrink circle around: half of each settles them.
-        shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };
-        before = length2;
-        state = moved(&state, &(step * f64::max(shortened, 0.1)))?;
-    }
-    None
 }

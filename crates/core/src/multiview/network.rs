@@ -287,7 +287,36 @@ impl Constraint {
         }
     }
 
-    /// The photograph of the constraint.
+    /// Gives its points other numbers; whether all of them have one.
+    pub fn renumber(&mut self, number: impl Fn(usize) -> Option<usize>) -> bool {
+        let points: [Option<&mut usize>; 2] = match self {
+            Constraint::ImagePoint { point, .. }
+            | Constraint::Place { point, .. }
+            | Constraint::OnPlane { point, .. } => [Some(point), None],
+            Constraint::Distance { a, b, .. } => [Some(a), Some(b)],
+            Constraint::Upright { foot, top, .. } => [Some(foot), Some(top)],
+            Constraint::Gravity { .. } | Constraint::Pose { .. } => [None, None],
+        };
+        points.into_iter().flatten().all(|point| match number(*point) {
+            Some(number) => {
+                *point = number;
+                true
+            }
+            None => false,
+        })
+    }
+
+    /// How many residuals it has.
+    fn n_rows(&self) -> usize {
+        match self {
+            Constraint::ImagePoint { .. } | Constraint::Upright { .. } | Constraint::Gravity { .. } => 2,
+            Constraint::Place { sigma_m, .. } => sigma_m.iter().filter(|sigma| 0.0 < **sigma).count(),
+            Constraint::Distance { .. } | Constraint::OnPlane { .. } => 1,
+            Constraint::Pose { covariance, .. } => 6 * usize::from(covariance.is_some()),
+        }
+    }
+
+    /// The photograph it speaks of.
     pub fn photo(&self) -> Option<usize> {
         match *self {
             Constraint::ImagePoint { photo, .. }

@@ -13,6 +13,8 @@ use crate::{Camera, Correspondence, Error, Pose};
 /// Three points with noise of their own predict the others worse than the final pose does: the search looks this many
 /// thresholds wide. Evidence: docs/math/robust.md, table 1.
 const WIDE: f64 = 3.0;
+/// Points that give a pose.
+const SAMPLE: usize = 3;
 /// Share of a consensus that a good sample's own pose must have within the wide limit to be followed up.
 const RECALL: f64 = 0.5;
 /// Probability that a sample of good points leads to their consensus: docs/math/robust.md, table 1.
@@ -153,8 +155,9 @@ impl Search<'_> {
         n_points.unwrap_or(self.needed.max(4)) as f64
     }
 
+    /// Whether a sample's own pose is worth polishing. Its own three points always agree, so another must.
     fn is_promising(&self, count: usize) -> bool {
-        RECALL * self.least_points() <= count as f64
+        SAMPLE < count && RECALL * self.least_points() <= count as f64
     }
 
     /// Eq. (8): a good pose against one that agrees with a point now and then. Before anything is found, good means a share that

@@ -13,12 +13,14 @@ mod axis;
 mod priors;
 mod transients;
 mod models;
+mod memory;
 mod bank;
 mod promise;
 mod measured;
 mod onsets;
 mod test;
 mod gate;
+mod contradictions;
 mod drift;
 mod milestones;
 mod scatter;
@@ -26,7 +28,6 @@ mod trace;
 mod again;
 mod aftermath;
 mod place;
-mod earlier;
 mod unsettled;
 mod whereabouts;
 pub mod learn;
@@ -46,7 +47,7 @@ use crate::temporal::snapshot::{Snapshot, numbers};
 use crate::{Error, Matrix6, Pose, Vector6};
 use aftermath::Aftermath;
 use again::Motions;
-use earlier::Version3;
+use contradictions::Contradictions;
 use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
@@ -155,8 +156,7 @@ pub struct Monitor {
     whereabouts: Whereabouts,
     last_s: f64,
     last_usable_s: f64,
-    /// Share of contradictory readings, averaged over some twenty.
-    inconsistent_share: f64,
+    contradictions: Contradictions,
     /// Readings left out: outliers that nothing confirmed.
     pub outliers: u64,
     /// Readings left out because their time is before that of the last one.
@@ -164,13 +164,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 4;
-/// Before there were further motions.
-const VERSION_3: u32 = 3;
-/// Share of contradictory readings beyond which the state is `Inconsistent`.
-const MOSTLY: f64 = 0.5;
-/// Readings over which that share is taken.
-const SHARE_OVER: f64 = 20.0;
+const SNAPSHOT_VERSION: u32 = 5;
 
 impl Monitor {
     /// Starts at `t_s`, seconds, of the same clock as the readings.
@@ -197,7 +191,7 @@ impl Monitor {
             whereabouts: Whereabouts::default(),
             last_s: t_s,
             last_usable_s: t_s,
-            inconsistent_share: 0.0,
+            contradictions: Contradictions::none(),
             outliers: 0,
             out_of_order: 0,
         })
@@ -209,8 +203,7 @@ impl Monitor {
             return self.watch(self.last_s);
         }
         self.last_s = reading.t_s;
-        let contradicts = f64::from(u8::from(!reading.is_consistent));
-        self.inconsistent_share += (contradicts - self.inconsistent_share) / SHARE_OVER;
+        self.contradictions.push(!reading.is_consistent, self.log_threshold());
         if reading.is_consistent {
             self.last_usable_s = reading.t_s;
             self.scatters(reading);
@@ -228,10 +221,13 @@ impl Monitor {
         match self.drift {
             // Contradictions of long ago say nothing of now.
             _ if self.config.stale_after_s < t_s - self.last_s => Watch::Stale { for_s },
-            _ if MOSTLY < self.inconsistent_share => Watch::Inconsistent,
-            _ if self.config.stale_after_s < for_s => Watch::Stale { for_s },
-            Some(_) if self.is_held(t_s) => Watch::Checking,
-            Some(drift) => Watch::Drifted(self.refined(&drift)),
+            _ if self.contradictions.are_reported() => Watch::Inconsistent,
+            // They come, and none could be used of late.
+            _ if self.config.stale_after_s < for_s => Watch::Checking,
+            Some(drift) => match self.refined(&drift) {
+                seen if self.is_held(t_s) || !seen.is_distinct() => Watch::Checking,
+                seen => Watch::Drifted(seen),
+            },
             None if self.gate.is_waiting() => Watch::Checking,
             None if self.aftermath.is_doubted(t_s) => Watch::CorrelatedErrors,
             None if self.whereabouts.is_away() => self.deviation().map_or(Watch::Checking, Watch::Away),
@@ -242,7 +238,8 @@ impl Monitor {
 
     /// Returns the drift decided last, also without readings.
     pub fn drift(&self) -> Option<Drift> {
-        self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
+        let refined = |drift| self.refined(&drift);
+        self.drift.filter(|_| !self.is_held(self.last_s)).map(refined).filter(Drift::is_distinct)
     }
 
     fn is_held(&self, t_s: f64) -> bool {
@@ -303,27 +300,21 @@ impl Monitor {
         Snapshot::of(self, SNAPSHOT_VERSION)
     }
 
-    /// Continues from a snapshot of this version or the one before. The time in between counts: the state may be stale, and errors have had
-    /// time to change.
+    /// Continues from a snapshot of this version. The time in between counts: the state may be stale, and errors have had time to change.
     ///
     /// # Errors
     /// `SnapshotVersion`, `SnapshotNumbers` for numbers that are no monitor's, `InvalidSetting` as `new`.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, Error> {
-        let mut monitor = match snapshot.version {
-            VERSION_3 => snapshot.state::<Version3>(VERSION_3)?.0,
-            _ => snapshot.state::<Monitor>(SNAPSHOT_VERSION)?,
-        };
+        let monitor = snapshot.state::<Monitor>(SNAPSHOT_VERSION)?;
         check(&monitor.config)?;
         monitor.reference.check()?;
         if !(monitor.test.is_sound()
             && monitor.aftermath.is_sound()
             && monitor.motions.is_sound()
-            && monitor.whereabouts.is_sound())
+            && monitor.whereabouts.is_sound()
+            && monitor.contradictions.is_sound())
         {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
-        }
-        if snapshot.version == VERSION_3 {
-            monitor.is_at_reference(0);
         }
         Ok(monitor)
     }
@@ -453,7 +444,7 @@ numbers!(Monitor {
     aftermath,
     last_s,
     last_usable_s,
-    inconsistent_share,
+    contradictions,
     outliers,
     out_of_order,
     motions,

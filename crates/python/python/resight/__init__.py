@@ -10,6 +10,7 @@ covariance (6, 6) is that of the small motion `[rotation_rad; translation_m]` of
 only `ok` may be used unseen.
 """
 
+from . import cv as cv
 from . import interop as interop
 from . import spark as spark
 from . import whisker as whisker

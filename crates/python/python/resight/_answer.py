@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import math
 import os
@@ -84,6 +85,14 @@ class Answer:
     def __hash__(self) -> int:
         return hash(self._json)
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows: status and sentence, the poses, and every key that is one number or word."""
+        message = self._keys.get("message")
+        rows = [("status", f"{self.status}: {message}" if message else self.status), *(("pose", pose) for pose in _poses(self._keys))]
+        rows += [(key, str(value)) for key, value in self._keys.items() if isinstance(value, (int, float, str)) and key not in ("status", "message")]
+        cells = "".join(f'<tr><th>{html.escape(key)}</th><td style="text-align:left">{html.escape(text)}</td></tr>' for key, text in rows)
+        return f"<table>{cells}</table>"
+
     def __repr__(self) -> str:
         message = self._keys.get("message")
         parts = [f"{self.status}: {message}" if message else self.status, *_poses(self._keys), ", ".join(self._keys)]
@@ -91,7 +100,7 @@ class Answer:
 
 
 def _poses(keys: dict[str, Any]) -> list[str]:
-    """The pose of an answer, or of each camera of a rig, with its frames and the largest of its standard deviations."""
+    """The pose of an answer, or of each camera of a rig, with its frames, each number of its translation with its standard deviation, and the largest of those of the rotation."""
     cameras = keys.get("cameras")
     parts = cameras if isinstance(cameras, dict) else {}
     words = [f"{name}: {pose}" for name, camera in parts.items() if (pose := _pose(camera))]
@@ -104,9 +113,10 @@ def _pose(keys: dict[str, Any]) -> str | None:
         if "_from_" in name and isinstance(value, dict) and "translation_m" in value:
             x, y, z = value["translation_m"]
             place = f"{name} t ({x:.4f}, {y:.4f}, {z:.4f}) m"
-            if not (keys.get("sigma_m") and keys.get("sigma_rad")):
+            if not (keys.get("sigma_translation_m") and keys.get("sigma_rad")):
                 return place
-            return f"{place} ± {1e3 * max(keys['sigma_m']):.2f} mm, ± {math.degrees(max(keys['sigma_rad'])):.3f} deg"
+            x, y, z = (1e3 * sigma_m for sigma_m in keys["sigma_translation_m"])
+            return f"{place} ± ({x:.2f}, {y:.2f}, {z:.2f}) mm, rotation ± {math.degrees(max(keys['sigma_rad'])):.3f} deg"
     return None
 
 

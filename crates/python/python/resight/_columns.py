@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ._error import Error
+from ._make import unmasked
 
 # Columns that the kernel may read; of others only the names are handed on, for a hint where one is misspelt.
 _READ = re.compile(r"camera|time_s|time|timestamp|ts|view|status|sigma_px|points_px|points_m|[uv]\d*_px|[xyz]\d*_m|cam_from_target_\w+|covariance_\d\d|probability|chi2|rms_px")
@@ -94,9 +95,11 @@ def _of_numpy(name: str, values: Any) -> Column:
         return ("unused",)
     if name in _NAMES:
         return _names_of_numpy(name, values)
-    array = np.asarray(values)
+    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "M":
+        values = values.filled(np.datetime64("NaT"))
+    array = unmasked(name, values)
     if array.dtype.kind == "M":
-        return "numbers", array.astype("datetime64[ns]").astype(np.int64) / 1e9
+        return "numbers", np.where(np.isnat(array), np.nan, array.astype("datetime64[ns]").astype(np.int64) / 1e9)
     if array.ndim == 1:
         return "numbers", array
     width = int(np.prod(array.shape[1:]))
@@ -109,6 +112,8 @@ def _names_of_numpy(name: str, values: Any) -> Column:
     if isinstance(values, str):
         raise Error(f"{name}: one name is given, one for each row is needed", "input")
     known: dict[str, int] = {}
+    if isinstance(values, np.ma.MaskedArray):
+        values = values.tolist()
     rows = [-1 if value is None else known.setdefault(str(value), len(known)) for value in values]
     return "names", list(known), np.asarray(rows, dtype=np.int32)
 

@@ -10,6 +10,7 @@ from typing import Any
 from . import _native
 from ._answer import Answer
 from ._error import Error
+from ._hand import motion_names, motions_of, seen_poses
 from ._table import columns
 
 
@@ -39,8 +40,8 @@ def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, re
     """The extrinsics of several cameras from images of targets that they see together.
 
     `cameras`: names to cameras or files, or one file of several cameras. `targets`: one target or file, a list of them, or names to them.
-    `images`: names of cameras to a pattern such as `left*.jpg`, a list of paths, or names of views to grey arrays (height, width) of uint8;
-    images of one name are one view, or with `timestamps` (a CSV file of camera, frame, t_s) those within `sync_tolerance_s` of each other.
+    `images`: names of cameras to a pattern such as `left*.jpg`, a path, a list of patterns, paths and arrays of uint8 (those of one place in
+    the lists are one view), or names of views to arrays. Files of one name are one view, as are `left01` and `right01`; or with `timestamps` (a CSV file of camera, frame, t_s) those within `sync_tolerance_s` of each other.
     `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
     `progress(done, total)` is called after each image, True is a bar by tqdm; Ctrl-C ends the work.
     """
@@ -62,9 +63,7 @@ def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sig
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s)
     named = _named("cameras", cameras), _named("targets", targets)
-    if _is_paths(detections):
-        return Answer(*_native.rig_from_detections(*named, _paths(detections), sigma_px, solving))
-    return Answer(*_native.rig_from_columns(*named, columns(detections), sigma_px, solving))
+    return Answer(*_native.rig_from_detections(*named, _detected(detections), sigma_px, solving))
 
 
 def pose_graph(file: Any, *, cameras: Any = (), reference: str | None = None, chain: bool = False, pair_sigma_rad: float | None = None,
@@ -78,29 +77,58 @@ def pose_graph(file: Any, *, cameras: Any = (), reference: str | None = None, ch
     return Answer(*_native.pose_graph(os.fspath(file), _named("cameras", cameras), reference, chain, sigmas, joint_covariance))
 
 
-def hand_eye(motions: Any, *, poses: Any = None, cameras: Any = (), targets: Any = (),
-             images: Mapping[str, Any] | None = None, detections: Any = None, sigma_px: float | None = None,
-             reference: str | None = None, eye_to_hand: bool = False, robot_sigma_rad: float | None = None,
-             robot_sigma_m: float | None = None, height_m: float | None = None, height_sigma_m: float = 1e-3,
-             height_axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
+def hand_eye(motions: Any, *, cameras: Any = (), targets: Any = (), images: Any = None, detections: Any = None, poses: Any = None,
+             poses_covariance: Any = None, sigma_px: float | None = None, reference: str | None = None, eye_to_hand: bool = False,
+             robot_sigma_rad: float | None = None, robot_sigma_m: float | None = None, height_m: float | None = None,
+             height_sigma_m: float = 1e-3, height_axis: Sequence[float] = (0.0, 0.0, 1.0),
              progress: Any = None) -> Answer:
     """Where a camera or rig is mounted on a robot or vehicle.
 
-    `motions`: a CSV file of the gripper's poses as `resight hand-eye` reads it. Either `poses` (JSON Lines of `locate` or `solve`), or
-    `cameras` with `targets` and `images`, or with `detections` (CSV files). `robot_sigma_rad`, `robot_sigma_m`: the robot's own noise, estimated
-    from the views where not given. `height_m`: a known coordinate of the camera along `height_axis` in the gripper's frame, metres.
+    `motions`: the gripper's poses base_from_gripper: a CSV file as `resight hand-eye` reads it, an array (n, 4, 4), a list of `Pose`, a table
+    with the columns of the file, or names of views to matrices or `Pose`s. Either `poses`: JSON Lines of `locate` or `solve`, a list of
+    `PoseAnswer`, or cam_from_target as of `motions` with `poses_covariance` (n, 6, 6) of the small motion `[rotation_rad; translation_m]`. Or
+    `cameras` with `targets` and `images`, or with `detections` (CSV files or a table). Lists and arrays go together by place, all else by the
+    name of the view. `robot_sigma_rad`, `robot_sigma_m`: the robot's own noise, estimated from the views where not given. `height_m`: a known
+    coordinate of the camera along `height_axis` in the gripper's frame, metres.
     """
     robot = {"eye_to_hand": eye_to_hand, "sigma_rad": robot_sigma_rad, "sigma_m": robot_sigma_m, "height_m": height_m,
              "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis)}
     if sum(given is not None for given in (poses, images, detections)) != 1:
         raise Error("one of poses, images and detections is needed")
     if poses is not None:
-        return Answer(*_native.hand_eye_of_poses(os.fspath(motions), os.fspath(poses), robot))
+        seen = seen_poses(poses, poses_covariance, motion_names(motions))
+        return Answer(*_native.hand_eye_of_poses(motions_of(motions, None), seen, robot))
+    only = _only(cameras)
+    if images is not None and not isinstance(images, Mapping):
+        if only is None:
+            raise Error("images: a dictionary from the names of the cameras is needed with several cameras")
+        images = {only: images}
     taken = [] if images is None else _taken(images)
-    files = [] if detections is None else _paths(detections)
+    found = None if detections is None else _detected(detections, only)
     named = _named("cameras", cameras), _named("targets", targets)
     solving = _solving(reference, None, (), (), False, None)
-    return Answer(*_native.hand_eye(os.fspath(motions), *named, taken, files, sigma_px, solving, robot, progress))
+    gripper = motions_of(motions, _views(taken))
+    return Answer(*_native.hand_eye(gripper, *named, taken, found, sigma_px, solving, robot, progress))
+
+
+def _only(cameras: Any) -> str | None:
+    """The name of the camera where there is one."""
+    named = _named("cameras", cameras)
+    if len(named) != 1:
+        return None
+    name, camera = named[0]
+    if name is None and not isinstance(camera, _native.Camera):
+        known = _native.Camera.read_all(os.fspath(camera))
+        return next(iter(known)) if len(known) == 1 else None
+    return name if name is not None else camera.name
+
+
+def _views(taken: list[Taken]) -> list[str] | None:
+    """Names of the views of one camera's images, in their order; None without images or with several cameras'."""
+    if not taken or len({camera for camera, *_ in taken}) != 1:
+        return None
+    return [view if view is not None and not isinstance(image, (str, os.PathLike)) else os.path.splitext(os.path.basename(image))[0]
+            for _, view, _, image in taken]
 
 
 def rig_pose(points: Any, rig: Any, *, sigma_px: float = 0.5, robust_threshold_px: float | None = None) -> list[Answer]:
@@ -156,8 +184,8 @@ def intrinsics(targets: Any = (), images: Any = None, *, detections: Any = None,
                progress: Any = None) -> Answer:
     """Focal length, principal point and distortion of cameras with their covariance.
 
-    `images`: a pattern or a list of one camera's, or names of cameras to them as of `rig_from_images`. Or `detections`: CSV files, with the
-    size of their images. `answer.save("camera.toml")` writes cameras that may be relied on.
+    `images`: a pattern or a list of one camera's, or names of cameras to them as of `rig_from_images`. Or `detections`: CSV files or a table
+    as of `rig_from_detections` (column camera may be missing), with the size of their images. `answer.save("camera.toml")` writes cameras that may be relied on.
     """
     source = _source(targets, images, detections)
     return Answer(*_native.intrinsics(*source, image_size_px, sigma_px, model, progress))
@@ -241,23 +269,42 @@ def _of_camera(camera: str, given: Any) -> list[Taken]:
             raise Error(f"images of {camera}: names of views are for arrays; the view of a file is called by its name, give a list of paths")
         return [(camera, str(view), None, image) for view, image in given.items()]
     if isinstance(given, (str, os.PathLike)):
-        pattern = os.fspath(given)
-        if not any(c in pattern for c in "*?["):
-            return [(camera, None, pattern, pattern)]
-        paths = sorted(glob.glob(pattern))
-        if not paths:
-            raise Error(f"images of {camera}: no file matches {pattern}", "file")
-        return [(camera, None, pattern, path) for path in paths]
-    return [(camera, f"{i:06}", None, image) for i, image in enumerate(given)]
+        return _files(camera, os.fspath(given))
+    if isinstance(given, bytes) or _is_one_image(given):
+        given = [given]
+    if not isinstance(given, Iterable):
+        raise Error(f"images of {camera}: a path, a pattern, a list or names of views to arrays is needed, not {type(given).__name__}")
+    taken: list[Taken] = []
+    for i, image in enumerate(given):
+        taken += _files(camera, os.fspath(image)) if isinstance(image, (str, os.PathLike)) else [(camera, f"{i:06}", None, image)]
+    return taken
 
 
-def _source(targets: Any, images: Any, detections: Any) -> tuple[list[tuple[str | None, Any]], list[Taken], list[str]]:
+def _is_one_image(given: Any) -> bool:
+    """Whether an array is one image, grey or in colour; else it is several."""
+    shape = getattr(given, "shape", None)
+    if shape is None:
+        return hasattr(given, "__array_interface__")  # An image of PIL.
+    return len(shape) == 2 or len(shape) == 3 and shape[2] in (3, 4)
+
+
+def _files(camera: str, pattern: str) -> list[Taken]:
+    """The file of a path, or those that a pattern matches."""
+    if not any(c in pattern for c in "*?[") or os.path.exists(pattern):
+        return [(camera, None, None, pattern)]
+    paths = sorted(glob.glob(pattern))
+    if not paths:
+        raise Error(f"images of {camera}: no file matches {pattern}", "file")
+    return [(camera, None, pattern, path) for path in paths]
+
+
+def _source(targets: Any, images: Any, detections: Any) -> tuple[list[tuple[str | None, Any]], list[Taken], Any]:
     if (images is None) == (detections is None):
         raise Error("either images or detections are needed")
     if images is not None and not isinstance(images, Mapping):
         images = {"camera": images}
-    files = [] if detections is None else _paths(detections)
-    return _named("targets", targets), [] if images is None else _taken(images), files
+    found = None if detections is None else _detected(detections, "camera")
+    return _named("targets", targets), [] if images is None else _taken(images), found
 
 
 def _is_paths(values: Any) -> bool:
@@ -266,9 +313,10 @@ def _is_paths(values: Any) -> bool:
     return isinstance(values, (list, tuple)) and all(isinstance(value, (str, os.PathLike)) for value in values)
 
 
-def _paths(values: Any) -> list[str]:
+def _detected(values: Any, camera: str | None = None) -> list[str] | dict[str, Any]:
+    """Paths of files, or the columns of a table; `camera`: the name of the only one where no column names any."""
     if not _is_paths(values):
-        raise Error("detections: paths of CSV files are needed")
+        return columns(values, camera)
     if isinstance(values, (str, os.PathLike)):
         return [os.fspath(values)]
     return [os.fspath(value) for value in values]

@@ -86,8 +86,17 @@ def _opencv_document(k: np.ndarray, d: np.ndarray, fisheye: bool) -> str:
     return f"%YAML:1.0\n---\n{model}camera_matrix: {matrix(k)}distortion_coefficients: {matrix(distortion)}"
 
 
+def unmasked(name: str, value: Any) -> np.ndarray:
+    """A masked array with NaN for what is masked; any other as it is."""
+    if not isinstance(value, np.ma.MaskedArray):
+        return np.asarray(value)
+    if value.dtype.kind not in "fiu":
+        raise Error(f"{name}: numbers of dtype {value.dtype} are no real numbers; give float64")
+    return np.asarray(value.astype(np.float64).filled(np.nan))
+
+
 def _numbers(name: str, value: Any) -> np.ndarray:
     try:
-        return np.asarray(value, dtype=np.float64)
+        return np.asarray(unmasked(name, value), dtype=np.float64)
     except (TypeError, ValueError) as reason:
         raise Error(f"{name}: numbers are needed ({reason})") from None

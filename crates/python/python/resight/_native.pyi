@@ -1,5 +1,5 @@
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _Array: TypeAlias = NDArray[np.float64]
 _Image: TypeAlias = str | os.PathLike[str] | bytes | NDArray[np.uint8]
+_Progress: TypeAlias = Callable[[int, int], object] | bool | None
 
 __all__ = [
     "Camera",
@@ -39,7 +40,6 @@ __all__ = [
     "measure",
     "panic_on_purpose",
     "pose_graph",
-    "rig_from_columns",
     "rig_from_detections",
     "rig_from_images",
     "rig_pose",
@@ -119,6 +119,10 @@ class Camera:
         """Intrinsic parameters by name, with the unit in the name; the order is that of `intrinsics_covariance`."""
 
     @property
+    def distortion(self) -> _Array | None:
+        """OpenCV's `distCoeffs` (n,): the coefficients alone, in its order, none of a pinhole; None for a lens model that has no such list."""
+
+    @property
     def matrix(self) -> _Array | None:
         """OpenCV's camera matrix (3, 3), px; None for the photogrammetric model."""
 
@@ -134,6 +138,12 @@ class Camera:
 
     def bearings(self, pixels: ArrayLike) -> _Array:
         """Unit vectors (n, 3) in the camera frame towards what is seen at pixels (n, 2). Raises `Error` (`outside_field`)."""
+
+    def undistort(self, image: NDArray[np.uint8], matrix: Sequence[Sequence[float]] | None = None) -> NDArray[np.uint8]:
+        """An image (height, width) or (height, width, channels) of uint8 as a pinhole takes it, of the same size; 0 where the lens sees nothing.
+
+        `matrix` (3, 3): the pinhole's, by default this camera's own. Pixels are interpolated bilinearly.
+        """
 
     def to_toml(self) -> str:
         """The camera as a camera.toml."""
@@ -217,6 +227,12 @@ class Pose:
     def inverse(self) -> Pose:
         """a_from_b."""
 
+    def __iter__(self) -> Iterator[_Array]:
+        """`R, t = pose`: the rotation matrix (3, 3) and the translation (3,), metres."""
+
+    def __eq__(self, value: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+
     def __matmul__(self, value: Any, /) -> Any:
         """`c_from_b @ b_from_a` is the pose c_from_a; `b_from_a @ points` (n, 3) are the points in b. Raises `Error` where frames differ."""
 
@@ -271,6 +287,10 @@ class PoseAnswer:
         """Standard deviations of the camera's place along its axes, (3,), metres."""
 
     @property
+    def sigma_translation_m(self) -> _Array | None:
+        """Standard deviations of `cam_from_target.translation_m` itself, (3,), metres: a rotation of the camera changes it too."""
+
+    @property
     def probability(self) -> float | None:
         """Of this pose among all that were found."""
 
@@ -294,11 +314,18 @@ class PoseAnswer:
     def minima(self) -> _Array:
         """Every minimum as a homogeneous matrix, (k, 4, 4), the answer first."""
 
+    @staticmethod
+    def from_json(line: str) -> PoseAnswer:
+        """From the line that the program prints with `--json`, or that `to_json` gave. Raises `Error` for any other text."""
+
     def to_dict(self) -> dict[str, Any]:
         """The JSON object of the program's `--json` as plain Python values."""
 
     def to_json(self) -> str:
         """The line that the program prints with `--json`."""
+
+    def __eq__(self, value: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
 
 @final
 class Monitor:
@@ -385,8 +412,9 @@ def solve(
 
     `sigma_px` (0.5 where not given) and `sigma_m` (0: exact): standard deviations, one for all or (n,). `gravity`: down in the target frame,
     down in the camera frame, and the standard deviation of the angle between them, degrees. `robust_threshold_px`: how far off a point may be
-    to agree, where some are wrong. `names`: what points are called in messages. Points that determine no pose are no exception: the answer's
-    status and message say so. Raises `Error` for arrays of another shape or kind and for pixels outside the lens's field.
+    to agree, where some are wrong. `names`: what points are called in messages. Points whose pixel is NaN or masked were not seen and are left
+    out, which a remark says. Points that determine no pose are no exception: the answer's status and message say so. Raises `Error` for arrays
+    of another shape or kind and for pixels outside the lens's field.
     """
 
 def solve_many(
@@ -396,11 +424,12 @@ def solve_many(
     *,
     offsets: Sequence[int] | None = None,
     sigma_px: float = 0.5,
+    progress: _Progress = None,
 ) -> Poses:
     """Poses of many views by one camera, three and four points on the vector kernel.
 
     `pixels` (n, k, 2), `points_m` (k, 3) for all views or (n, k, 3). With `offsets` (n + 1 of them) `points_m` (m, 3) and `pixels` (m, 2) are
-    the views one after another. C-contiguous float64 arrays are read where they are; the answers take 2.3 kB a view, so tens of millions are
+    the views one after another. Points whose pixel is NaN or masked were not seen. C-contiguous float64 arrays are read where they are; the answers take 0.5 kB a view, so tens of millions are
     given in parts. Raises `Error` for a camera whose intrinsics are uncertain: the kernel takes them as exact.
     """
 
@@ -412,6 +441,7 @@ def solve_table(
     method: str = "auto",
     robust_threshold_px: float | None = None,
     image_size_px: tuple[int, int] | None = None,
+    progress: _Progress = None,
 ) -> list[PoseAnswer]:
     """The poses of a CSV file of points as `resight solve` reads it, one a view.
 
@@ -439,8 +469,8 @@ def locate_image(
 ) -> PoseAnswer:
     """The pose of a camera from an image of a target.
 
-    `image`: a path, the bytes of a PNG or JPEG, or a grey array (height, width) of uint8, called `view` in the answer. Without a camera its
-    focal length is estimated with the pose.
+    `image`: a path, the bytes of a PNG or JPEG, or an array (height, width) or (height, width, channels) of uint8, called `view` in the answer;
+    colours may be in the order of OpenCV or of anybody else. Without a camera its focal length is estimated with the pose.
     """
 
 def locate_images(
@@ -450,7 +480,7 @@ def locate_images(
     *,
     method: str = "auto",
     corner_half_px: int | None = None,
-    progress: Callable[[int, int], object] | bool | None = None,
+    progress: _Progress = None,
 ) -> list[PoseAnswer]:
     """The same for many images on all cores, answers in their order. `progress(done, total)` is called after each; Ctrl-C ends the work."""
 
@@ -465,6 +495,7 @@ def detect(
 
 _Named: TypeAlias = list[tuple[str | None, Any]]
 _Taken: TypeAlias = list[tuple[str, str | None, str | None, Any]]
+_Detected: TypeAlias = list[str] | dict[str, Any]
 
 def rig_from_images(
     cameras: _Named,
@@ -476,10 +507,7 @@ def rig_from_images(
     progress: Any,
 ) -> list[str]: ...
 def rig_from_detections(
-    cameras: _Named, targets: _Named, files: list[str], sigma_px: float | None, solving: dict[str, Any]
-) -> list[str]: ...
-def rig_from_columns(
-    cameras: _Named, targets: _Named, columns: dict[str, Any], sigma_px: float | None, solving: dict[str, Any]
+    cameras: _Named, targets: _Named, detections: _Detected, sigma_px: float | None, solving: dict[str, Any]
 ) -> list[str]: ...
 def pose_graph(
     file: str,
@@ -492,7 +520,7 @@ def pose_graph(
 def intrinsics(
     targets: _Named,
     images: _Taken,
-    files: list[str],
+    detections: _Detected | None,
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
     model: str,
@@ -502,18 +530,22 @@ def check_intrinsics(
     cameras: _Named,
     targets: _Named,
     images: _Taken,
-    files: list[str],
+    detections: _Detected | None,
     image_size_px: tuple[int, int] | None,
     sigma_px: float | None,
     progress: Any,
 ) -> list[str]: ...
-def hand_eye_of_poses(motions: str, poses: str, robot: dict[str, Any]) -> list[str]: ...
+def hand_eye_of_poses(
+    motions: str | list[tuple[str, list[float]]],
+    poses: str | list[tuple[str, PoseAnswer]] | list[tuple[str, list[float], list[float]]],
+    robot: dict[str, Any],
+) -> list[str]: ...
 def hand_eye(
-    motions: str,
+    motions: str | list[tuple[str, list[float]]],
     cameras: _Named,
     targets: _Named,
     images: _Taken,
-    files: list[str],
+    detections: _Detected | None,
     sigma_px: float | None,
     solving: dict[str, Any],
     robot: dict[str, Any],

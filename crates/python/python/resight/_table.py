@@ -9,15 +9,21 @@ from typing import Any
 import numpy as np
 
 from ._error import Error
+from ._make import unmasked
 
 _NEEDED = ("camera", "view", "u_px", "v_px")
 _WORDS = ("camera", "view", "target", "body", "id", "corner")
 _NUMBERS = ("u_px", "v_px", "x_m", "y_m", "z_m", "sigma_px", "sigma_m", "t_s")
 
 
-def columns(table: Any) -> dict[str, Any]:
-    """The columns of detections as the native module takes them: lists of words, arrays of numbers, None for what is not there."""
-    given = _given(table)
+def columns(table: Any, camera: str | None = None) -> dict[str, Any]:
+    """The columns of detections as the native module takes them: lists of words, arrays of numbers, None for what is not there.
+
+    `camera`: the name of the only camera, where no column names any.
+    """
+    given = given_columns(table)
+    if camera is not None and "camera" not in given and "view" in given:
+        given["camera"] = [camera] * len(given["view"])
     for name in _NEEDED:
         if name not in given:
             raise Error(f"detections: column {name} is missing; there are {', '.join(given)}")
@@ -28,7 +34,7 @@ def columns(table: Any) -> dict[str, Any]:
     return found | {name: _numbers(name, given[name]) if name in given else None for name in _NUMBERS}
 
 
-def _given(table: Any) -> dict[str, Any]:
+def given_columns(table: Any) -> dict[str, Any]:
     if hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):  # Arrow by its PyCapsule interface alone
         table = import_module("pyarrow").table(table)
     if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # pyarrow
@@ -40,7 +46,7 @@ def _given(table: Any) -> dict[str, Any]:
 
 
 def _words(name: str, values: Any) -> list[str | None]:
-    array = np.asarray(values)
+    array = np.asarray(values.tolist(), dtype=object) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     if array.ndim != 1:
         raise Error(f"detections: {name} has the shape {array.shape}, a column (n,) is needed")
     if array.dtype.kind in "iu":
@@ -59,6 +65,6 @@ def _word(value: Any) -> str | None:
 
 def _numbers(name: str, values: Any) -> np.ndarray:
     try:
-        return np.ascontiguousarray(values, dtype=np.float64)  # None becomes NaN.
+        return np.ascontiguousarray(unmasked(name, values), dtype=np.float64)  # None becomes NaN.
     except (TypeError, ValueError) as reason:
         raise Error(f"detections: {name}: numbers are needed ({reason})") from None

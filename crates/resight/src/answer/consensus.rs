@@ -52,6 +52,12 @@ pub(crate) fn locate_most(
 }
 
 impl Agreement {
+    /// Counts in `n_rows` rows, of which those given were looked at, in their order.
+    pub(crate) fn place_in_rows(&mut self, rows: &[usize], n_rows: usize) {
+        self.inliers.iter_mut().for_each(|inlier| *inlier = rows[*inlier]);
+        self.n_rows = n_rows;
+    }
+
     /// One sentence: how many agree, and the first few that do not.
     pub fn sentence(&self, names: &[String], unit: &str) -> String {
         let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();

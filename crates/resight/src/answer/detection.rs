@@ -14,7 +14,8 @@ pub struct DetectionAnswer {
     pub view: String,
     /// The points.
     pub detections: Vec<DetectedPoint>,
-    /// `not_found` where there is none, `error` where the image cannot be read.
+    /// `not_found` where there is none, `inconsistent` where the target is seen mirrored, `error` where the image cannot be read or the target is
+    /// in it several times.
     pub status: Status,
     /// What was found instead, or what is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -2,7 +2,7 @@
 
 use super::{TransformObject, rows};
 use crate::core::{Matrix6, Pose};
-use crate::report::words::sigmas;
+use crate::report::words::{sigmas, translation_sigma_m};
 use crate::rig::relative::UncertainPose;
 use nalgebra::DMatrix;
 use schemars::JsonSchema;
@@ -16,6 +16,8 @@ pub(super) struct PlacedObject {
     covariance: Option<[[f64; 6]; 6]>,
     sigma_rad: Option<[f64; 3]>,
     sigma_m: Option<[f64; 3]>,
+    /// Of the translation of `cam_from_rig` itself, which a rotation changes too.
+    sigma_translation_m: Option<[f64; 3]>,
 }
 
 impl PlacedObject {
@@ -28,6 +30,7 @@ impl PlacedObject {
             covariance: covariance.map(rows),
             sigma_rad: sigma.map(|s| s.0),
             sigma_m: sigma.map(|s| s.1),
+            sigma_translation_m: covariance.map(|covariance| translation_sigma_m(cam_from_rig, covariance)),
         }
     }
 }
@@ -40,12 +43,20 @@ pub(super) struct UncertainObject {
     covariance: [[f64; 6]; 6],
     sigma_rad: [f64; 3],
     sigma_m: [f64; 3],
+    /// Of the translation itself, which a rotation changes too.
+    sigma_translation_m: [f64; 3],
 }
 
 impl UncertainObject {
     pub(super) fn of(pose: &UncertainPose) -> Self {
         let (sigma_rad, sigma_m) = sigmas(&pose.covariance);
-        UncertainObject { pose: pose.b_from_a.into(), covariance: rows(&pose.covariance), sigma_rad, sigma_m }
+        UncertainObject {
+            pose: pose.b_from_a.into(),
+            covariance: rows(&pose.covariance),
+            sigma_rad,
+            sigma_m,
+            sigma_translation_m: translation_sigma_m(&pose.b_from_a, &pose.covariance),
+        }
     }
 }
 

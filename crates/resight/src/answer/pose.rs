@@ -11,9 +11,8 @@ use crate::core::solve::configuration::{Configuration, Geometry, Measure};
 use crate::core::solve::line_plus_one::Weakness;
 use crate::core::{Matrix6, Pose};
 use crate::locate::IntrinsicsCost;
-use crate::report::truth::point_covariance;
 use crate::report::verdict::{Status, Verdict, weakness_figures};
-use crate::report::words::sigmas;
+use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
@@ -332,7 +331,7 @@ impl PoseAnswer {
             covariance: e.map(|e| rows(&e.covariance)),
             sigma_rad: sigma.map(|s| s.0),
             sigma_m: sigma.map(|s| s.1),
-            sigma_translation_m: e.map(translation_sigmas),
+            sigma_translation_m: e.map(|e| translation_sigma_m(&e.cam_from_target, &e.covariance)),
             rms_px: e.map(|e| e.rms_px),
             chi2: e.map(|e| e.chi2),
             degrees_of_freedom: e.map(|e| e.degrees_of_freedom),
@@ -371,11 +370,6 @@ impl PoseAnswer {
             _ => None,
         }
     }
-}
-
-fn translation_sigmas(estimate: &PoseEstimate) -> [f64; 3] {
-    let covariance = point_covariance(&estimate.cam_from_target.translation, &estimate.covariance);
-    [0, 1, 2].map(|i| covariance[(i, i)].max(0.0).sqrt())
 }
 
 fn weakness(weakness: &Weakness) -> WeaknessObject {

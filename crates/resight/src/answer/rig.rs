@@ -11,7 +11,7 @@ use crate::formats::{JointCovariance, WriteError, own_rig_file, status_keys};
 use crate::report::rig::{
     camera_status, rig_camera_sentence, rig_headline, rig_status, rig_verdict_sentence, scale_sentences,
 };
-use crate::report::words::sigmas;
+use crate::report::words::{distance_sigma_m, sigmas, translation_sigma_m};
 use crate::rig::relative::{InWorld, UncertainPose, between};
 use crate::rig::{InputFile, LeftOut, RigRun};
 use rejected::RejectedObject;
@@ -159,6 +159,8 @@ struct CameraObject {
     covariance: [[f64; 6]; 6],
     sigma_rad: [f64; 3],
     sigma_m: [f64; 3],
+    /// Of the translation of `cam_from_rig` itself, which a rotation changes too.
+    sigma_translation_m: [f64; 3],
     /// Views in which it took part, of those in which it saw something.
     n_views: usize,
     n_views_seen: usize,
@@ -181,7 +183,11 @@ struct PairObject {
     covariance: Option<[[f64; 6]; 6]>,
     sigma_rad: Option<[f64; 3]>,
     sigma_m: Option<[f64; 3]>,
+    /// Of the translation of `b_from_a` itself, which a rotation changes too.
+    sigma_translation_m: Option<[f64; 3]>,
     distance_m: f64,
+    /// Of the distance.
+    sigma_distance_m: Option<f64>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -294,6 +300,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
             covariance: rows(&c.covariance),
             sigma_rad,
             sigma_m,
+            sigma_translation_m: translation_sigma_m(&c.cam_from_rig, &c.covariance),
             n_views: c.n_views,
             n_views_seen,
             n_observations_rejected: losses.n_lost,
@@ -327,6 +334,8 @@ fn pair(solved: &SolvedRig, a: usize, b: usize) -> PairObject {
         n_shared_views: s.shared.counts[a][b],
         n_shared_views_used: s.verdict.used_views[a][b],
         b_from_a: b_from_a.into(),
+        sigma_translation_m: known.as_ref().map(|pose| translation_sigma_m(&b_from_a, &pose.covariance)),
+        sigma_distance_m: known.as_ref().map(|pose| distance_sigma_m(&b_from_a, &pose.covariance).1),
         covariance: known.map(|pose| rows(&pose.covariance)),
         sigma_rad: sigma.map(|s| s.0),
         sigma_m: sigma.map(|s| s.1),

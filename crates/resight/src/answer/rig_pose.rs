@@ -4,7 +4,7 @@ use super::pose::rows;
 use super::{SchemaNumber, Status, TransformObject};
 use crate::core::Pose;
 use crate::core::multiview::rig_pose::{RigAmbiguity, RigPoseEstimate};
-use crate::report::words::sigmas;
+use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -31,6 +31,8 @@ pub struct RigPoseAnswer {
     pub sigma_rad: Option<[f64; 3]>,
     /// Standard deviations of the rig's position, along the rig's axes.
     pub sigma_m: Option<[f64; 3]>,
+    /// Of the translation of `rig_from_target` itself, which a rotation changes too.
+    pub sigma_translation_m: Option<[f64; 3]>,
     /// Of the position's, those with exact intrinsics; null where all cameras' are exact.
     pub sigma_exact_intrinsics_m: Option<[f64; 3]>,
     /// Root mean square reprojection error over the points used, px.
@@ -110,6 +112,7 @@ impl RigPoseAnswer {
             covariance: None,
             sigma_rad: None,
             sigma_m: None,
+            sigma_translation_m: None,
             sigma_exact_intrinsics_m: None,
             rms_px: None,
             chi2: None,
@@ -143,6 +146,7 @@ impl RigPoseAnswer {
             covariance: Some(rows(&e.covariance)),
             sigma_rad: Some(sigma_rad),
             sigma_m: Some(sigma_m),
+            sigma_translation_m: Some(translation_sigma_m(&e.rig_from_target, &e.covariance)),
             sigma_exact_intrinsics_m,
             rms_px: Some(e.rms_px),
             chi2: Some(e.chi2),

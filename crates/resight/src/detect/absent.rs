@@ -1,23 +1,51 @@
-//! A target was not found: the target that was sought, and the one in the image instead.
+//! A target was not found: what was looked for, and what is in the image instead.
+//!
+//! One explanation for every command. Each hint names a change of the target's file, or of the image, with which the target is found: the search
+//! is run with that change before the hint is printed. What chance explains (a code of 16 bits in a square of something else) is no hint.
+//!
+//! Looking for what else is there takes several searches of the whole image, so it is done where somebody asked about one image, and once in a session
+//! of many: [`Explainer`].
 
-use super::chessboard::{ChessboardFinder, Outcome};
+mod charuco;
+mod chessboard;
+mod grid;
+mod tags;
+
+use super::Detector;
 use super::dots::DotDetector;
-use super::every_tag::{EveryTagFinder, FamilyTags};
-use super::joints::CornerWindow;
 use crate::GrayImage;
 use resight_core::Target;
-use resight_core::target::{Chessboard, LinePlusOne};
+use resight_core::target::LinePlusOne;
 
-/// Ids named in a sentence.
-const MOST_NAMED: usize = 8;
-
-/// In one sentence: which target is not in the image, by which of its numbers, and what is there instead. Searches the whole image again,
-/// for every family of tags: for images in which the target was not found.
+/// In one sentence: which target is not in the image, by which of its numbers, and what is there instead.
+///
+/// Searches the whole image again several times: for an image that somebody asks about, not for every frame of many ([`missing`]).
 pub fn not_found(target: &Target, image: &GrayImage) -> String {
-    let wanted = wanted(target);
     match instead_of(target, image) {
-        Some(seen) => format!("no {wanted} in this image: {seen}"),
-        None => format!("no {wanted} in this image; check that all of it is visible, sharp and evenly lit"),
+        Some(seen) => format!("no {} in this image: {seen}", wanted(target)),
+        None => format!("{}; check that all of it is visible, sharp and evenly lit", missing(target)),
+    }
+}
+
+/// The same without a search: which target is not in the image.
+pub fn missing(target: &Target) -> String {
+    format!("no {} in this image", wanted(target))
+}
+
+/// Explains the first image of a session that does not show its target, and no other.
+#[derive(Debug, Default)]
+pub struct Explainer {
+    is_spent: bool,
+}
+
+impl Explainer {
+    /// What to say of an image without the target; `image` is called where the image is searched for what else is there. Images have to be
+    /// given in their order, so that which of them is explained does not depend on threads.
+    pub fn explain(&mut self, target: &Target, image: impl FnOnce() -> Option<GrayImage>) -> String {
+        if std::mem::replace(&mut self.is_spent, true) {
+            return missing(target);
+        }
+        image().map_or_else(|| missing(target), |image| not_found(target, &image))
     }
 }
 
@@ -56,86 +84,58 @@ fn last_id(first: u32, count: u32) -> u32 {
 /// What an image shows instead of a target, with a remedy; none where nothing similar is seen.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
     match target.design() {
-        Target::Tag(tag) => other_tags(&tag.family, &format!("id {}", tag.id), "correct `family`", image),
-        Target::TagMap(map) => {
-            let way_out = "state the family in the map, or with --tag-family";
-            other_tags(&map.family, "an id of the map", way_out, image)
-        }
-        Target::AprilGrid(grid) => {
-            let ids =
-                format!("ids {} to {}", grid.first_id, last_id(grid.first_id, grid.rows * grid.columns));
-            other_tags(&grid.family, &ids, "correct `family`", image)
-        }
-        Target::Charuco(board) => {
-            let count = board.rows * board.columns / 2;
-            let ids = format!("ids 0 to {} where the board has them", last_id(0, count));
-            other_tags(&board.dictionary, &ids, "correct `dictionary`", image)
-        }
-        Target::Chessboard(board) => other_grid(board, image).or_else(|| markers_on_board(image)),
-        Target::LinePlusOne(dots) => other_dots(dots, image),
+        Target::Tag(tag) => tags::instead(&tags::Wanted::of_tag(tag), image),
+        Target::TagMap(map) => tags::instead(&tags::Wanted::of_map(map), image),
+        Target::AprilGrid(grid) => grid::instead(grid, image),
+        Target::Charuco(board) => charuco::instead(board, image),
+        Target::Chessboard(board) => chessboard::instead(board, image),
+        Target::LinePlusOne(dots) => other_dots(dots, image).or_else(|| of_whole_image(target, image)),
         _ => None,
     }
 }
 
-/// Tags of the family with other ids, or else of another family.
-fn other_tags(family: &str, wanted: &str, way_out: &str, image: &GrayImage) -> Option<String> {
-    if let Some(own) = EveryTagFinder::new(family).ok()?.find(image).first() {
-        return Some(format!("tags of {family} are there, but none with {wanted}: {}", named(own)));
+/// How many points of a target an image shows.
+fn n_points(target: &Target, image: &GrayImage) -> usize {
+    Detector::new(target).and_then(|mut detector| detector.detect(image)).map_or(0, |found| found.len())
+}
+
+/// Whether the image shows a fair part of a target: what chance makes of another target is a point here and there.
+fn shows(target: &Target, image: &GrayImage) -> bool {
+    let n = n_points(target, image);
+    4 <= n && target.features().len().min(LEAST_POINTS) <= n
+}
+
+/// Points of a board that chance does not give: three tags, or as many corners.
+const LEAST_POINTS: usize = 12;
+
+/// The image as it is, but mirrored or inverted, shows the target.
+fn of_whole_image(target: &Target, image: &GrayImage) -> Option<String> {
+    if shows(target, &mirrored(image)) {
+        return Some(MIRRORED.to_owned());
     }
-    let found = EveryTagFinder::new("any").ok()?.find(image);
-    let other = found.first()?;
-    Some(format!(
-        "no tag of {family} is there, but tags of {} are: {}; {way_out}",
-        other.family,
-        named(other)
-    ))
+    shows(target, &inverted(image)).then(|| INVERTED.to_owned())
 }
 
-/// A few ids.
-fn named(family: &FamilyTags) -> String {
-    let mut ids: Vec<u32> = family.tags.iter().map(|tag| tag.id).collect();
-    ids.dedup();
-    let named: Vec<String> = ids.iter().take(MOST_NAMED).map(u32::to_string).collect();
-    let more = if MOST_NAMED < ids.len() { ", …" } else { "" };
-    format!("{}{more}", named.join(", "))
+const MIRRORED: &str = "it is there mirrored; switch off the mirror mode of the camera, or print the target again without mirroring";
+const INVERTED: &str = "it is there inverted, white on black; print it black on white, or invert the image";
+
+/// Left and right exchanged.
+fn mirrored(image: &GrayImage) -> GrayImage {
+    let rows = image.data.chunks(image.width_px.max(1) as usize);
+    GrayImage { data: rows.flat_map(|row| row.iter().rev().copied()).collect(), ..*image }
 }
 
-/// A chessboard of another size.
-fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
-    let finder = ChessboardFinder::new(board, CornerWindow::Clear).ok()?;
-    let (places, (rows, columns)) = match finder.look(image) {
-        Outcome::Part { columns, rows, places } => {
-            (places, (rows.min(columns) as usize, rows.max(columns) as usize))
-        }
-        _ => (0, finder.largest_grid(image)?),
-    };
-    let wanted = (board.rows.min(board.columns) as usize, board.rows.max(board.columns) as usize);
-    let hint = if wanted == (rows + 1, columns + 1) {
-        "rows and columns count inner corners, one less than squares".to_owned() // Squares were counted.
-    } else if 0 < places {
-        format!(
-            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)",
-            wanted.0, wanted.1
-        )
-    } else {
-        "rows and columns count inner corners: correct them, or show the whole board".to_owned()
-    };
-    Some(format!("a grid of {rows} × {columns} inner corners is there; {hint}"))
-}
-
-/// Tags in the squares of what should be a plain chessboard.
-fn markers_on_board(image: &GrayImage) -> Option<String> {
-    let found = EveryTagFinder::new("any").ok()?.find(image);
-    let most = found.first()?;
-    Some(format!(
-        "tags of {} are there: {}; a board with tags in its squares is of kind `charuco`, tags beside each other one of kind `aprilgrid`",
-        most.family,
-        named(most)
-    ))
+/// Black and white exchanged.
+fn inverted(image: &GrayImage) -> GrayImage {
+    GrayImage { data: image.data.iter().map(|gray| 255 - gray).collect(), ..*image }
 }
 
 /// Dots that are not the target.
 fn other_dots(target: &LinePlusOne, image: &GrayImage) -> Option<String> {
+    let mirrored = mirrored(image);
+    if 4 <= n_points(&Target::LinePlusOne(*target), &mirrored) {
+        return Some(format!("{MIRRORED} (seen from behind, it looks the same)"));
+    }
     let dots = DotDetector::new(target).ok()?.dots(image).ok()?;
     let dark = dots.iter().filter(|dot| dot.contrast < 0.0).count();
     let (light, most) = (dots.len() - dark, dark.max(dots.len() - dark));

@@ -5,6 +5,7 @@
 //! by a white dot before the tags are sought. And Kalibr's border is two cells wide; both borders are looked for.
 //! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
 
+mod layout;
 mod print;
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
@@ -14,11 +15,12 @@ use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
 use super::print::Common;
 use super::region::{Region, joined, longer_side_px};
-use super::tags::FoundTag;
+use super::tags::{FoundTag, sorted};
 use super::template::REDRAWN_PX;
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
+use layout::Layout;
 use print::{Corners, GridPrint};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -88,13 +90,16 @@ impl AprilGridFinder {
         self.print.place(id, corner)
     }
 
-    pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
+    /// The corners; none where the tags do not lie as the grid has them. Fails where several such grids are in view.
+    pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         let joints = joints(image);
         let quiet = Quietened::new(image);
         let decimate = decimate(image);
-        let mut tags = first_look(&mut self.decoder, image, &joints, &quiet, decimate);
+        let seen = first_look(&mut self.decoder, image, &joints, &quiet, decimate);
+        let mut tags = self.laid_out(seen)?;
         if quiet.is_smoothed() || 1.0 < decimate {
-            tags = self.with_missing(image, tags, &joints);
+            let all = self.with_missing(image, tags, &joints);
+            tags = self.laid_out(all)?;
         }
         let undecoded = self.ids().filter(|id| tags.iter().all(|tag| tag.id != *id));
         let completed = undecoded.filter_map(|id| self.complete(id, &tags, &joints)).flatten();
@@ -116,7 +121,16 @@ impl AprilGridFinder {
         let all = known.keys().copied().collect();
         let common = Common { noise_gray: quiet.noise_gray, blur_px: None, redrawn_px: REDRAWN_PX };
         let (measured, _) = self.print.measured(image, common, self.border_cells, &known, &all, &doubtful);
-        detections(measured)
+        Ok(detections(measured))
+    }
+
+    /// The tags that lie as the grid has them.
+    fn laid_out(&self, tags: Vec<DecodedTag>) -> Result<Vec<DecodedTag>, DetectError> {
+        match layout::of(tags, &self.print) {
+            Layout::Grid(tags) => Ok(tags),
+            Layout::Otherwise => Ok(Vec::new()),
+            Layout::Copies(count) => Err(DetectError::BoardCopies { kind: "AprilGrid", count }),
+        }
     }
 
     /// Whether all corners are among these.
@@ -191,17 +205,51 @@ pub(super) struct GridTagFinder {
 impl GridTagFinder {
     /// Every id of a family.
     pub fn new(family: &str) -> Result<Self, DetectError> {
-        let family = Family::named(family)?;
-        let decoder = QuadDecoder::new(&[family.clone(), family.with_double_border()]);
-        Ok(GridTagFinder { decoder: decoder.ok_or(DetectError::OutOfMemory)? })
+        GridTagFinder::of(&Family::named(family)?).ok_or(DetectError::OutOfMemory)
     }
 
-    /// The tags, as far as they are decoded.
-    pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        let tags =
-            first_look(&mut self.decoder, image, &joints(image), &Quietened::new(image), decimate(image));
-        tags.iter().filter(|tag| LEAST_MARGIN <= tag.margin_gray).map(FoundTag::by_edges).collect()
+    /// These ids of a family; none of a family without a black border, which no grid is printed with.
+    pub fn of(family: &Family) -> Option<Self> {
+        let has_black_border = !family.reversed_border && family.total_width == family.border_width + 2;
+        let families = [family.clone(), family.clone().with_double_border()];
+        Some(GridTagFinder { decoder: QuadDecoder::new(&families).filter(|_| has_black_border)? })
     }
+
+    /// The tags, as far as they are decoded, copies of an id included, by id, then from the left.
+    pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
+        let (joints, quiet) = (joints(image), Quietened::new(image));
+        let tags = one_border(grid_tags(&mut self.decoder, image, &joints, &quiet));
+        let corners = |tag: &DecodedTag| {
+            let by_edges = FoundTag::by_edges(tag);
+            let at = corners(tag, &joints);
+            FoundTag {
+                corners: [0, 1, 2, 3].map(|k: usize| at[k].1.pixel),
+                sigmas_px: [0, 1, 2, 3].map(|k: usize| at[k].1.sigma_px),
+                ..by_edges
+            }
+        };
+        sorted(tags.iter().map(corners).collect())
+    }
+}
+
+/// Tags that touch small black squares at their corners, of the families of a decoder, each read so clearly that no grid need vouch for it.
+pub(super) fn grid_tags(
+    decoder: &mut QuadDecoder,
+    image: &GrayImage,
+    joints: &[Joint],
+    quiet: &Quietened,
+) -> Vec<DecodedTag> {
+    // A tag of a grid has a joint at each corner.
+    if joints.len() < 4 {
+        return Vec::new();
+    }
+    let mut tags = all_tags(decoder, image, joints, quiet, decimate(image));
+    let is_at_joints = |tag: &DecodedTag| {
+        let reach_px = (0.1 * sigma::shortest_edge_px(&tag.corners)).clamp(1.5, 4.0);
+        tag.corners.iter().filter(|corner| nearest(joints, corner, reach_px).is_some()).count()
+    };
+    tags.retain(|tag| LEAST_MARGIN <= tag.margin_gray && 3 <= is_at_joints(tag));
+    tags
 }
 
 /// The reduction of an image before tags are sought in it.
@@ -209,8 +257,19 @@ fn decimate(image: &GrayImage) -> f32 {
     if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 }
 }
 
-/// The tags that show in the whole image, quietened where it is noisy.
+/// The tags that show in the whole image with the border that shows more of them.
 fn first_look(
+    decoder: &mut QuadDecoder,
+    image: &GrayImage,
+    joints: &[Joint],
+    quiet: &Quietened,
+    decimate: f32,
+) -> Vec<DecodedTag> {
+    one_border(all_tags(decoder, image, joints, quiet, decimate))
+}
+
+/// The tags that show in the whole image, quietened where it is noisy.
+fn all_tags(
     decoder: &mut QuadDecoder,
     image: &GrayImage,
     joints: &[Joint],
@@ -219,13 +278,13 @@ fn first_look(
 ) -> Vec<DecodedTag> {
     decoder.set_least_contrast(quiet.least_contrast(LEAST_CONTRAST));
     let look = CameraWatcher { decimate, edges: Edges::FullSize };
-    let tags = one_border(tiles::search(decoder, &cut_joints(quiet.image(), joints, decimate), look));
+    let tags = tiles::search(decoder, &cut_joints(quiet.image(), joints, decimate), look);
     if !tags.is_empty() || !quiet.is_smoothed() {
         return tags;
     }
     // The smallest tags show only in the image as it came, however noisy.
     decoder.set_least_contrast(quiet.least_contrast_unsmoothed(LEAST_CONTRAST));
-    one_border(tiles::search(decoder, &cut_joints(image, joints, decimate), look))
+    tiles::search(decoder, &cut_joints(image, joints, decimate), look)
 }
 
 /// Largest image, pixels, in which tags are sought at full size. At half size a third of the tags of a 1-megapixel
@@ -271,14 +330,11 @@ fn window(image: &GrayImage, centre: &Pixel, radius: f64) -> impl Iterator<Item 
     range(centre.y, image.height_px).flat_map(move |v| columns.clone().map(move |u| (u, v)))
 }
 
-/// Of the two borders the one that shows more tags; of an id seen twice the clearer one.
+/// Of the two borders the one that shows more tags.
 fn one_border(tags: Vec<DecodedTag>) -> Vec<DecodedTag> {
     let of = |family: usize| tags.iter().filter(|t| t.family == family).count();
     let border = usize::from(of(0) < of(1));
-    let mut kept: Vec<DecodedTag> = tags.into_iter().filter(|t| t.family == border).collect();
-    kept.sort_by(|a, b| a.id.cmp(&b.id).then(b.margin_gray.total_cmp(&a.margin_gray)));
-    kept.dedup_by_key(|t| t.id);
-    kept
+    tags.into_iter().filter(|t| t.family == border).collect()
 }
 
 /// A lone tag is believed to tell where all others are with a clear reading, grey levels; two vouch for each other.

@@ -107,6 +107,8 @@ impl QuadDecoder {
         if !fits || !(1.0..=64.0).contains(&decimate) || MAX_PIXELS < pixels || image.data.len() != pixels {
             return Vec::new();
         }
+        #[cfg(test)]
+        super::work::count((pixels as f32 / (decimate * decimate)) as usize);
         let mut view = c::image_u8_t {
             width: image.width_px as i32,
             height: image.height_px as i32,

@@ -82,16 +82,17 @@ impl CharucoFinder {
         })
     }
 
-    pub fn detect(&mut self, image: &GrayImage) -> Vec<Detection> {
+    /// The inner corners that are seen, by id. Fails where several such boards are in view.
+    pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         let quiet = Quietened::new(image);
-        let markers = self.markers(image, &quiet);
+        let markers = self.markers(image, &quiet)?;
         self.is_inverted = markers.first().is_some_and(|m| m.family % 2 == 1);
-        if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) }
+        Ok(if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) })
     }
 
     /// Markers that agree on where the board is. Reduced first: that shows some markers of most boards in a quarter of the time, and the
     /// others are then looked for where those say. The smallest show only in the image as it came, however noisy.
-    fn markers(&mut self, image: &GrayImage, quiet: &Quietened) -> Vec<DecodedTag> {
+    fn markers(&mut self, image: &GrayImage, quiet: &Quietened) -> Result<Vec<DecodedTag>, DetectError> {
         let mut decimate = 2.0;
         while FIRST_PIXELS < image.data.len() as f64 / (decimate * decimate) && decimate < 16.0 {
             decimate *= 2.0;
@@ -103,14 +104,40 @@ impl CharucoFinder {
             };
             self.decoder.set_least_contrast(contrast);
             let seen = self.look(searched, decimate as f32);
+            let copies = self.copies(&seen);
+            if 1 < copies {
+                return Err(DetectError::BoardCopies { kind: "ChArUco board", count: copies });
+            }
             let best = self.agreeing(&seen);
             if !best.is_empty() {
                 self.decoder.set_least_contrast(LEAST_CONTRAST);
-                return self.grown(image, best);
+                return Ok(self.grown(image, best));
             }
             decimate /= 2.0;
         }
-        Vec::new()
+        Ok(Vec::new())
+    }
+
+    /// How many boards share ids among these markers: the largest set that agrees, and each further one of [`LEAST_OF_COPY`] or more that has an
+    /// id of the sets before it in another place. A layout that is not the stated one has every id once.
+    fn copies(&self, markers: &[DecodedTag]) -> usize {
+        let mut left = markers.to_vec();
+        let mut known: Vec<u32> = Vec::new();
+        let mut count = 0;
+        loop {
+            let set = self.largest_set(&left);
+            let is_board = LEAST_OF_COPY <= set.len();
+            if !is_board || 0 < count && !set.iter().any(|m| known.contains(&m.id)) {
+                return count;
+            }
+            count += 1;
+            known.extend(set.iter().map(|m| m.id));
+            let is_same = |a: &DecodedTag, b: &DecodedTag| {
+                (middle(a) - middle(b)).norm() < 0.5 * super::sigma::shortest_edge_px(&a.corners)
+            };
+            // Ends: every round takes markers away.
+            left.retain(|m| !set.iter().any(|other| is_same(other, m)));
+        }
     }
 
     fn look(&mut self, image: &GrayImage, decimate: f32) -> Vec<DecodedTag> {
@@ -172,8 +199,8 @@ impl CharucoFinder {
         corners.iter().all(|u| u.iter().all(|x| x.is_finite())).then_some(corners)
     }
 
-    /// The largest set of markers that one marker of it puts in their places.
-    fn agreeing(&self, markers: &[DecodedTag]) -> Vec<DecodedTag> {
+    /// The largest set of markers that one marker of it puts in their places, each id once.
+    fn largest_set(&self, markers: &[DecodedTag]) -> Vec<DecodedTag> {
         let set_of = |leader: &DecodedTag| -> Vec<DecodedTag> {
             let Some(map) = Homography::fit(&self.pairs(leader)) else { return Vec::new() };
             let same_print = markers.iter().filter(|m| m.family == leader.family);
@@ -186,6 +213,12 @@ impl CharucoFinder {
         let mut best = sets.max_by(|a, b| strength(a).total_cmp(&strength(b))).unwrap_or_default();
         best.sort_by(|a, b| a.id.cmp(&b.id).then(b.margin_gray.total_cmp(&a.margin_gray)));
         best.dedup_by_key(|m| m.id);
+        best
+    }
+
+    /// The same where hardly any clear marker contradicts it.
+    fn agreeing(&self, markers: &[DecodedTag]) -> Vec<DecodedTag> {
+        let best = self.largest_set(markers);
         // The other pattern of a board of odd width puts six of seven markers one column off, all in agreement: clear
         // markers that contradict count, not only those that agree.
         let contradicts = |m: &&DecodedTag| {
@@ -234,6 +267,14 @@ impl CharucoFinder {
         pairs.iter().map(|(x, u)| (map.at(x) - u).norm() / square_px).fold(0.0, f64::max)
     }
 }
+
+/// The middle of a marker in the image.
+fn middle(marker: &DecodedTag) -> Pixel {
+    marker.corners.iter().sum::<Pixel>() / 4.0
+}
+
+/// Fewer markers that agree are no second board: a sheet with one of its markers lies beside it.
+const LEAST_OF_COPY: usize = 2;
 
 /// Reading a lone marker needs, grey levels (30 gave no false id in 72 markers, without anything to vouch).
 const LONE_MARGIN_GRAY: f64 = 30.0;

@@ -12,6 +12,7 @@
 
 mod grow;
 mod lattice;
+mod outline;
 mod place;
 mod squares;
 
@@ -25,6 +26,7 @@ use calib_targets_chessboard::{ChessCorner, ChessboardDetector, ChessboardParams
 use calib_targets_core::DetectorConfig;
 use grow::{MOST_NODES, Pattern};
 use lattice::Lattice;
+use outline::Outline;
 use place::{MIN_LABELLED, Observed, Place, Placement};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
@@ -47,6 +49,8 @@ pub(super) enum Outcome {
     Board(Vec<Detection>),
     /// A part of the pattern, so many columns and rows of corners, that could be in this many places of the board.
     Part { columns: u32, rows: u32, places: usize },
+    /// So many boards.
+    Copies(usize),
     /// No board.
     Nothing,
 }
@@ -59,7 +63,9 @@ const MOST_SEEDS: usize = 3;
 const SAME_CORNER_PX: f64 = 3.0;
 /// Fewer nodes than this are no board unless it has no more.
 const LEAST_NODES: usize = 6;
-/// Fewest nodes of a part that is reported.
+/// Corners beside a board that are at least this share of one are looked through for a second one.
+const SHARE_OF_COPY: f64 = 0.5;
+/// Fewest nodes of a part that is told of.
 const LEAST_OF_PART: usize = 12;
 
 impl ChessboardFinder {
@@ -75,10 +81,12 @@ impl ChessboardFinder {
         Ok(ChessboardFinder { board: *board, window, config: corner_config(), detectors })
     }
 
-    pub fn detect(&self, image: &GrayImage) -> Vec<Detection> {
+    /// The corners. Fails where several such boards are in view.
+    pub fn detect(&self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         match self.look(image) {
-            Outcome::Board(found) => found,
-            Outcome::Part { .. } | Outcome::Nothing => Vec::new(),
+            Outcome::Board(found) => Ok(found),
+            Outcome::Copies(count) => Err(DetectError::BoardCopies { kind: "chessboard", count }),
+            Outcome::Part { .. } | Outcome::Nothing => Ok(Vec::new()),
         }
     }
 
@@ -102,16 +110,19 @@ impl ChessboardFinder {
         let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
         let mut pieces = Vec::new();
         for detector in &self.detectors {
-            for found in detector.detect_all(&corners) {
-                let lattice = Lattice::labelled(&found);
-                let seen = Observed::new(&lattice, &self.board, image);
-                if let Some(Place::Known(p)) = seen.map(|seen| seen.place_whole()) {
-                    return search.whole(lattice, &p);
+            let (whole, others) = search.split(detector, &corners);
+            pieces.extend(others);
+            match whole.len() {
+                0 => {}
+                1 => {
+                    let found = whole.into_iter().map(|(lattice, p)| search.whole(lattice, &p)).next();
+                    return search.alone(found.unwrap_or(Outcome::Nothing), &corners);
                 }
-                pieces.push(lattice);
+                count => return Outcome::Copies(count),
             }
         }
-        search.by_pieces(pieces, corners)
+        let found = search.by_pieces(pieces, &corners);
+        search.alone(found, &corners)
     }
 
     /// Whether all corners are among these.
@@ -231,6 +242,53 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// The boards that a library's search shows nearly whole, and its other pieces.
+    fn split(
+        &self,
+        detector: &ChessboardDetector,
+        corners: &[ChessCorner],
+    ) -> (Vec<(Lattice, Placement)>, Vec<Lattice>) {
+        let (mut whole, mut others) = (Vec::new(), Vec::new());
+        for found in detector.detect_all(corners) {
+            let lattice = Lattice::labelled(&found);
+            let seen = Observed::new(&lattice, &self.finder.board, self.image);
+            match seen.map(|seen| seen.place_whole()) {
+                Some(Place::Known(p)) => whole.push((lattice, p)),
+                _ => others.push(lattice),
+            }
+        }
+        (whole, others)
+    }
+
+    /// A board, unless the corners beside it are another one.
+    fn alone(&self, found: Outcome, corners: &[ChessCorner]) -> Outcome {
+        let Outcome::Board(board) = &found else { return found };
+        let beside = Outline::around(board, &self.finder.board);
+        let rest: Vec<ChessCorner> = corners
+            .iter()
+            .filter(|c| !beside.holds(&Pixel::new(c.position.x as f64, c.position.y as f64)))
+            .cloned()
+            .collect();
+        let needed = (self.finder.board.rows * self.finder.board.columns) as f64;
+        if (rest.len() as f64) < SHARE_OF_COPY * needed {
+            return found;
+        }
+        for detector in &self.finder.detectors {
+            let (whole, others) = self.split(detector, &rest);
+            if !whole.is_empty() {
+                return Outcome::Copies(1 + whole.len());
+            }
+            let large = |piece: &&Lattice| SHARE_OF_COPY * needed <= piece.nodes.len() as f64;
+            for piece in others.iter().filter(large).filter(|piece| piece.nodes.len() <= MOST_NODES).take(1) {
+                let Some(dark) = place::dark(piece, self.image) else { continue };
+                if matches!(self.grown(piece.clone(), dark, &mut Vec::new()), Outcome::Board(_)) {
+                    return Outcome::Copies(2);
+                }
+            }
+        }
+        found
+    }
+
     /// A board that the library found, with the corners that it missed where their print shows them.
     fn whole(&self, lattice: Lattice, p: &Placement) -> Outcome {
         let board = &self.finder.board;
@@ -252,8 +310,8 @@ impl Search<'_> {
     }
 
     /// The best of what grows at the levels of the image, beginning with what was found at full size.
-    fn by_pieces(&self, pieces: Vec<Lattice>, corners: Vec<ChessCorner>) -> Outcome {
-        let mut best = self.at_level(pieces, &corners, 1.0);
+    fn by_pieces(&self, pieces: Vec<Lattice>, corners: &[ChessCorner]) -> Outcome {
+        let mut best = self.at_level(pieces, corners, 1.0);
         let mut reduced = halved(self.image);
         for level in 1..LEVELS {
             if self.is_enough(&best) {
@@ -352,6 +410,7 @@ fn better(a: Outcome, b: Outcome) -> Outcome {
     let worth = |x: &Outcome| match x {
         Outcome::Board(corners) => (2, corners.len() as u64),
         Outcome::Part { columns, rows, .. } => (1, *columns as u64 * *rows as u64),
+        Outcome::Copies(count) => (3, *count as u64),
         Outcome::Nothing => (0, 0),
     };
     if worth(&a) < worth(&b) { b } else { a }

@@ -1,11 +1,20 @@
-//! Every tag of an image, of one family or of any family.
+//! Every tag of an image, of one family or of whatever family: for who does not know yet what hangs there.
+//!
+//! One search over the image shows the outlines of tags, and all families are read in them; only the families that show there are then looked
+//! for one by one, with all that measures their corners. So an image without a tag costs two or three searches, not that of every family.
 
-use super::aprilgrid::GridTagFinder;
-use super::families::APRILTAG_FAMILIES;
-use super::tags::{FoundTag, TagFinder};
+use super::aprilgrid::{GridTagFinder, grid_tags};
+use super::apriltag::{Edges, QuadDecoder};
+use super::families::{APRILTAG_FAMILIES, Family};
+use super::joints::joints;
+use super::light;
+use super::noise::Quietened;
+use super::tags::{FINE, FINEST, FoundTag, TagFinder, by_place_and_id};
+use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
+use std::collections::BTreeSet;
 
 /// OpenCV's dictionaries that are sought beside the AprilTag families. Each begins with the ids of its smaller ones, so that these are
 /// found too. Of 4 × 4 bits only fifty: of a thousand, one square in fifteen would bear one by chance.
@@ -25,10 +34,27 @@ pub struct FamilyTags {
 
 /// Finds every tag; built once per thread.
 pub struct EveryTagFinder {
-    free: Vec<(String, TagFinder)>,
-    /// Tags that touch the small squares of an AprilGrid, sought where no tag stands free.
-    in_grids: Vec<(String, GridTagFinder)>,
+    families: Vec<Sought>,
+    /// Reads all families in every outline: tags that stand free,
+    free: QuadDecoder,
+    /// and tags that touch the small squares of an AprilGrid. None where no family of a grid is sought.
+    in_grids: Option<QuadDecoder>,
+    /// The place in `families` of each family that `in_grids` reads.
+    of_grids: Vec<usize>,
 }
+
+/// A family, and what measures its tags once one was seen.
+struct Sought {
+    name: String,
+    least_margin_gray: f64,
+    /// Whether one square in some hundreds bears one of its codes by chance, so that its print has to show.
+    is_weak: bool,
+    free: Option<TagFinder>,
+    in_grids: Option<GridTagFinder>,
+}
+
+/// Of a family whose codes chance gives this share of the print has to show: of the tag of another family half of the cells do.
+const SHOWN_OF_WEAK: f64 = 0.85;
 
 impl EveryTagFinder {
     /// All tags of a family (AprilTag name or OpenCV dictionary), or of any family where `family` is `any`.
@@ -42,24 +68,41 @@ impl EveryTagFinder {
         Self::of([family])
     }
 
-    fn of<'a>(families: impl IntoIterator<Item = &'a str>) -> Result<Self, DetectError> {
-        let mut finder = EveryTagFinder { free: Vec::new(), in_grids: Vec::new() };
-        for family in families {
-            finder.free.push((family.to_owned(), TagFinder::new(family)?));
-            if OF_GRIDS.contains(&family) {
-                finder.in_grids.push((family.to_owned(), GridTagFinder::new(family)?));
+    fn of<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self, DetectError> {
+        let (mut families, mut free, mut in_grids, mut of_grids) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for name in names {
+            let family = Family::named(name)?;
+            if OF_GRIDS.contains(&name) {
+                of_grids.push(families.len());
+                in_grids.extend([family.clone(), family.clone().with_double_border()]);
             }
+            families.push(Sought {
+                name: name.to_owned(),
+                least_margin_gray: family.min_margin_gray(),
+                is_weak: family.is_weak(),
+                free: None,
+                in_grids: None,
+            });
+            free.push(family);
         }
-        Ok(finder)
+        let decoder = |families: &[Family]| QuadDecoder::new(families).ok_or(DetectError::OutOfMemory);
+        let in_grids = if of_grids.is_empty() { None } else { Some(decoder(&in_grids)?) };
+        Ok(EveryTagFinder { families, free: decoder(&free)?, in_grids, of_grids })
     }
 
     /// The families that an image shows, the one with most tags first. A square that two families read is that of the one that shows
     /// more tags.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FamilyTags> {
-        let of = |family: &str, tags: Vec<FoundTag>| FamilyTags { family: family.to_owned(), tags };
-        let mut found: Vec<FamilyTags> =
-            self.free.iter_mut().map(|(family, finder)| of(family, finder.find(image))).collect();
-        found.extend(self.in_grids.iter_mut().map(|(family, finder)| of(family, finder.find(image))));
+        let quiet = Quietened::new(image);
+        let (free, in_grids) = (self.shown(&quiet), self.shown_in_grids(image, &quiet));
+        let mut found = self.measured(image, free);
+        found.extend(in_grids.into_iter().filter_map(|index| self.families[index].find(image, false)));
+        if found.iter().all(|family| family.tags.is_empty()) {
+            // What shows at full size only, or in another light.
+            let free = self.shown_finest(image, &quiet);
+            found = self.measured(image, free);
+        }
         // The sort is stable: among equals the family named first.
         found.sort_by_key(|family| std::cmp::Reverse(family.tags.len()));
         let mut kept: Vec<FamilyTags> = Vec::new();
@@ -71,10 +114,71 @@ impl EveryTagFinder {
                 None => kept.push(family),
             }
         }
-        for family in &mut kept {
-            family.tags.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
-        }
+        kept.iter_mut().for_each(|family| family.tags.sort_by(by_place_and_id));
+        kept.sort_by_key(|family| std::cmp::Reverse(family.tags.len()));
         kept
+    }
+
+    fn measured(&mut self, image: &GrayImage, free: BTreeSet<usize>) -> Vec<FamilyTags> {
+        free.into_iter().filter_map(|index| self.families[index].find(image, true)).collect()
+    }
+
+    /// The families of which a tag stands free at half the size.
+    fn shown(&mut self, quiet: &Quietened) -> BTreeSet<usize> {
+        self.free.set_least_contrast(quiet.least_contrast(self.least_margin_gray()));
+        self.shown_at(quiet.image(), FINE)
+    }
+
+    /// The same at full size, and of families whose codes chance does not give also in a shadow or without a white margin.
+    fn shown_finest(&mut self, image: &GrayImage, quiet: &Quietened) -> BTreeSet<usize> {
+        let least = quiet.least_contrast_unsmoothed(self.least_margin_gray());
+        self.free.set_least_contrast(least);
+        let mut all = self.shown_at(image, FINEST);
+        for (other, level) in [(light::logarithm(image), FINE), (light::stretched(image, least), FINEST)] {
+            let shown = other.map(|other| self.shown_at(&other, level)).unwrap_or_default();
+            all.extend(shown.into_iter().filter(|index| !self.families[*index].is_weak));
+        }
+        all
+    }
+
+    fn least_margin_gray(&self) -> u8 {
+        self.families.iter().map(|family| family.least_margin_gray).fold(f64::INFINITY, f64::min) as u8
+    }
+
+    fn shown_at(&mut self, image: &GrayImage, decimate: f32) -> BTreeSet<usize> {
+        let look = CameraWatcher { decimate, edges: Edges::FullSize };
+        let tags = tiles::search(&mut self.free, image, look);
+        let clear = tags.iter().filter(|tag| self.families[tag.family].least_margin_gray <= tag.margin_gray);
+        clear.map(|tag| tag.family).collect()
+    }
+
+    /// The families of which a tag touches the squares of a grid.
+    fn shown_in_grids(&mut self, image: &GrayImage, quiet: &Quietened) -> BTreeSet<usize> {
+        let Some(decoder) = &mut self.in_grids else { return BTreeSet::new() };
+        let tags = grid_tags(decoder, image, &joints(image), quiet);
+        tags.iter().map(|tag| self.of_grids[tag.family / 2]).collect()
+    }
+}
+
+impl Sought {
+    /// Its tags, free or in a grid; none where the finder cannot be built, which it could be before.
+    fn find(&mut self, image: &GrayImage, is_free: bool) -> Option<FamilyTags> {
+        let mut tags = if is_free {
+            let finder = match &mut self.free {
+                Some(finder) => finder,
+                none => none.insert(TagFinder::new(&self.name).ok()?),
+            };
+            finder.find(image)
+        } else {
+            let finder = match &mut self.in_grids {
+                Some(finder) => finder,
+                none => none.insert(GridTagFinder::new(&self.name).ok()?),
+            };
+            finder.find(image)
+        };
+        // A lone tag of a grid has other print around it, and rests on its clear reading.
+        tags.retain(|tag| !is_free || !self.is_weak || SHOWN_OF_WEAK <= tag.shown);
+        Some(FamilyTags { family: self.name.clone(), tags })
     }
 }
 

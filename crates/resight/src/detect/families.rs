@@ -89,6 +89,11 @@ impl Family {
         (0..=by_distance).rev().find(|&bits| entries(bits) * 48 <= 16_000_000).unwrap_or(0)
     }
 
+    /// Whether codes lie so close together that chance gives them: in the squares of a chessboard, in letters, in other families' tags.
+    pub fn is_weak(&self) -> bool {
+        self.hamming_distance <= WEAK_DISTANCE
+    }
+
     /// Smallest decision margin accepted, grey levels. Without correction and with codes this close, ArUco squares
     /// need a clear reading: 30 left none of 72 markers out and no false id in. The true tags of real photographs
     /// read 52 and more, so 15 is a floor against texture, not against dim light.
@@ -120,6 +125,9 @@ impl Family {
         }
     }
 }
+
+/// Families with at most this distance have codes that one square in some hundreds bears by chance.
+const WEAK_DISTANCE: u32 = 7;
 
 /// OpenCV's copies of AprilTag families (rotated by half against the originals) state their distance in the name.
 fn stated_distance(dictionary: &str) -> u32 {

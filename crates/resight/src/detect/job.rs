@@ -1,14 +1,17 @@
 //! An image to the points in it, as an answer.
 
+use super::absent::Explainer;
 use super::every_tag::{EveryTagFinder, FamilyTags};
 use super::tags::FoundTag;
 use super::{Detector, absent};
 use crate::GrayImage;
-use crate::answer::DetectionAnswer;
 use crate::answer::detection::DetectedPoint;
+use crate::answer::{DetectionAnswer, Status};
 use crate::core::Target;
+use crate::core::correspondence::Detection;
+use crate::report::face;
 
-/// The points of a target in an image; where there are none, the message says what the image holds instead. `view` names the image.
+/// The points of a target in an image; where there are none, [`explain`] says what the image holds instead. `view` names the image.
 pub fn detect_target(
     detector: &mut Detector,
     target: &Target,
@@ -18,13 +21,38 @@ pub fn detect_target(
     match detector.detect(image) {
         Err(reason) => DetectionAnswer::error(view, reason.to_string()),
         Ok(detections) => {
-            let message = detections.is_empty().then(|| absent::not_found(target, image));
+            let message = detections.is_empty().then(|| absent::missing(target));
             let points = detections.iter().map(|d| DetectedPoint::new(d, None)).collect();
-            DetectionAnswer {
+            let answer = DetectionAnswer {
                 remarks: detector.remarks().collect(),
                 ..DetectionAnswer::new(view, points, message)
-            }
+            };
+            judged(answer, target, &detections)
         }
+    }
+}
+
+/// A flat target that is seen mirrored is not to be relied on, whatever was found: no lens is needed to tell.
+fn judged(answer: DetectionAnswer, target: &Target, detections: &[Detection]) -> DetectionAnswer {
+    match face::is_mirrored(target, detections) {
+        Some(true) => DetectionAnswer {
+            status: Status::Inconsistent,
+            message: Some(format!("the {} {}", target.design().kind(), face::MIRRORED)),
+            ..answer
+        },
+        _ => answer,
+    }
+}
+
+/// Says of an image without the target what it shows instead: of the first one of a session, searched for in the `image` that is read again.
+pub fn explain(
+    answer: &mut DetectionAnswer,
+    target: &Target,
+    explainer: &mut Explainer,
+    image: impl FnOnce() -> Option<GrayImage>,
+) {
+    if answer.status == Status::NotFound {
+        answer.message = Some(explainer.explain(target, image));
     }
 }
 

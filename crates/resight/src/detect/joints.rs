@@ -3,6 +3,7 @@
 use super::corner::refine_corner;
 use super::sigma;
 use crate::GrayImage;
+use crate::parallel::on_all_cores;
 use calib_targets_chessboard::{ChessCorner, detect_corner_frame};
 use calib_targets_core::{
     DetectorConfig, GrayImageView, ImageRefiner, NoiseLevel, Uncertainty, default_chess_config,
@@ -79,11 +80,18 @@ const OVERLAP_ROWS: usize = 32;
 /// Fewest rows of a strip: of a very wide image the overlap would be most of the work.
 const STRIP_ROWS: usize = 128;
 
+/// The library spreads its work over threads.
+fn corners_of(image: &GrayImageView, config: &DetectorConfig) -> Vec<ChessCorner> {
+    on_all_cores(|| detect_corner_frame(image, config).corners)
+}
+
 /// The corners that the library finds; in a large image strip by strip.
 pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
     let Some(whole) = view(image) else { return Vec::new() };
+    #[cfg(test)]
+    super::work::count(image.data.len());
     if image.data.len() <= WHOLE_PIXELS {
-        return detect_corner_frame(&whole, config).corners;
+        return corners_of(&whole, config);
     }
     let rows = (STRIP_PIXELS / whole.width).max(STRIP_ROWS);
     let mut all = Vec::new();
@@ -92,7 +100,7 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
         let (from, to) = (first.saturating_sub(OVERLAP_ROWS), (end + OVERLAP_ROWS).min(whole.height));
         let data = &image.data[from * whole.width..to * whole.width];
         let strip = GrayImageView { width: whole.width, height: to - from, data };
-        for mut corner in detect_corner_frame(&strip, config).corners {
+        for mut corner in corners_of(&strip, config) {
             corner.position.y += from as f32;
             // A corner may be refined to just outside of the image.
             let is_after = first == 0 || first as f32 <= corner.position.y;

@@ -6,6 +6,7 @@
 //! over a corner) counts for nothing, and its corner is known the worse.
 
 mod ink;
+mod margin;
 mod part;
 mod rows;
 
@@ -26,7 +27,9 @@ pub(super) struct LaidTag {
     pub sigmas_px: [f64; 4],
     /// The share of its pixels that look like the print.
     pub shown: f64,
-    /// The start for the next image.
+    /// The share of the variance of these that the print explains.
+    explained: f64,
+    /// What the next image begins with.
     fit: Fit,
 }
 
@@ -108,9 +111,33 @@ const TWO_VALUED_METHOD_PX: f64 = 0.289;
 /// Noise that moves what these priors are about as the residuals do, in their standard deviations.
 const SHARED: f64 = 2.0;
 
+/// Lays a print on the image as [`lay_with`] does, with its white margin, or with the ground around it where that explains more.
+pub(super) fn lay(
+    image: &GrayImage,
+    noise_gray: f64,
+    print: &Print,
+    corners: &[Pixel; 4],
+    n_tags: usize,
+    before: Option<&LaidTag>,
+) -> Option<LaidTag> {
+    let laid = lay_with(image, noise_gray, print, corners, n_tags, before);
+    // A tag that is not where it was needs no second look there.
+    if laid.is_none() && before.is_some() {
+        return None;
+    }
+    let start = laid.map_or(*corners, |laid| laid.corners);
+    let Some(margins) = margin::dark(image, print, &start) else { return laid };
+    let on_ground = lay_with(image, noise_gray, &print.with_margin(margins), &start, n_tags, None);
+    let score = |laid: &LaidTag| laid.shown * laid.explained;
+    match (laid, on_ground) {
+        (Some(laid), Some(other)) if score(&other) <= score(&laid) => Some(laid),
+        (laid, other) => other.or(laid),
+    }
+}
+
 /// Lays a print on the image, corners as the library found them, or as they were in the image `before`; one of so many tags that may be there. None
 /// where the print does not show there.
-pub(super) fn lay(
+fn lay_with(
     image: &GrayImage,
     noise_gray: f64,
     print: &Print,
@@ -438,7 +465,7 @@ fn conclude(
         blur_px2: state.blur_px2,
         x: *x,
     };
-    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, fit };
+    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, explained, fit };
     sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
 }
 

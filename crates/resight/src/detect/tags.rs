@@ -1,7 +1,10 @@
 //! Square fiducials: one tag, tags of a map, or every tag of a family.
 
+use super::aprilgrid::GridTagFinder;
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
+use super::joints::{halved, joints};
+use super::light;
 use super::noise::Quietened;
 use super::region::{Region, longer_side_px};
 use super::tag_print::{self, LaidTag, Print};
@@ -25,6 +28,8 @@ pub struct FoundTag {
     pub lens_sigma_px: f64,
     /// The distance of its bits from the black/white threshold, grey levels.
     pub margin_gray: f64,
+    /// The share of its print that shows; 0 where the print could not be compared.
+    pub shown: f64,
 }
 
 /// Finds every tag of a family, copies of an id included.
@@ -38,6 +43,8 @@ pub struct TagFinder {
     rim_edges: f64,
     /// The part of an image searched last; its memory is used again.
     part: GrayImage,
+    /// The same tags inside an AprilGrid, whose squares touch them; built when one is looked for.
+    in_grid: Option<GridTagFinder>,
 }
 
 impl TagFinder {
@@ -65,21 +72,35 @@ impl TagFinder {
             wanted,
             rim_edges,
             part: GrayImage::filled(0, 0, 0),
+            in_grid: None,
         })
     }
 
-    /// The tags in an image, by id, then from the left.
+    /// The tags in an image, by id, then from the left, copies of an id included.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        // A large tag shows at a quarter of the size, in a third of the time; looking there first costs a third more when it does not.
-        // With many tags some are small, so the coarse look rarely ends the search.
-        let levels: &[f32] = if self.wanted == 1 { &[COARSE, FINE, FINEST] } else { &[FINE, FINEST] };
+        // Half the size shows all copies of a tag; a quarter shows the large ones that are blurred.
+        let levels: &[f32] = if self.wanted == 1 { &[FINE, COARSE, FINEST] } else { &[FINE, FINEST] };
         let quiet = Quietened::new(image);
         let tags = if quiet.is_smoothed() {
             self.search_noisy(image, &quiet, levels)
         } else {
             self.search(image, levels)
         };
-        self.measured(image, quiet.noise_gray, &tags)
+        let found = self.measured(image, quiet.noise_gray, &tags);
+        if found.is_empty() { self.find_in_grid(image) } else { found }
+    }
+
+    /// The tags that are part of an AprilGrid, where the image may show one.
+    pub(super) fn find_in_grid(&mut self, image: &GrayImage) -> Vec<FoundTag> {
+        // Half the size tells in a quarter of the time whether there are joints of squares at all.
+        if joints(&halved(image)).len() < LEAST_JOINTS {
+            return Vec::new();
+        }
+        let finder = match self.in_grid.take().or_else(|| GridTagFinder::of(&self.family)) {
+            Some(finder) => self.in_grid.insert(finder),
+            None => return Vec::new(),
+        };
+        finder.find(image)
     }
 
     /// Each tag measured by its print, by id, then from the left.
@@ -131,7 +152,15 @@ impl TagFinder {
             if level == FINEST && !all.is_empty() && FINEST_PIXELS < image.data.len() {
                 break;
             }
-            self.add_at(image, level, &mut all);
+            match self.in_other_light(image, level, all.is_empty()) {
+                Some(other) => add_new(&mut all, self.find_where_structured(&other, level)),
+                None => self.add_at(image, level, &mut all),
+            }
+            if all.is_empty() && level == FINE {
+                // A shadow with hard edges: its logarithm shows what the image does not.
+                let log = light::logarithm(image).filter(|_| !self.family.is_weak());
+                log.iter().for_each(|log| self.add_at(log, level, &mut all));
+            }
             if self.wanted <= all.len() {
                 break;
             }
@@ -139,9 +168,20 @@ impl TagFinder {
         all
     }
 
-    /// The largest number of tags without copies.
-    pub(super) fn wanted(&self) -> usize {
-        self.wanted
+    /// Tags in the part of an image in another light that shows anything.
+    fn find_where_structured(&mut self, image: &GrayImage, level: f32) -> Vec<DecodedTag> {
+        let region = light::structured(image)
+            .and_then(|ends| Region::around(&ends, 16.0, [image.width_px, image.height_px]));
+        region.map_or(Vec::new(), |region| self.find_in(image, &region, level))
+    }
+
+    /// The image in which small tags are sought where none was found at half the size: those in a shadow or without a white margin show too. Codes that
+    /// chance gives are sought in the image as it came, whose contrast tells.
+    fn in_other_light(&self, image: &GrayImage, level: f32, is_none: bool) -> Option<GrayImage> {
+        if level != FINEST || !is_none || self.family.is_weak() {
+            return None;
+        }
+        light::stretched(image, Quietened::new(image).least_contrast_unsmoothed(self.min_margin_gray as u8))
     }
 
     /// Tags in a part of an image, corners in the pixels of the whole.
@@ -191,10 +231,18 @@ impl TagFinder {
     }
 }
 
+/// Joints of the squares around a tag of a grid: fewer show none.
+const LEAST_JOINTS: usize = 8;
+
 /// By id, then from the left.
 pub(super) fn sorted(mut found: Vec<FoundTag>) -> Vec<FoundTag> {
-    found.sort_by(|a, b| a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x)));
+    found.sort_by(by_place_and_id);
     found
+}
+
+/// The order of tags: by id, then from the left.
+pub(super) fn by_place_and_id(a: &FoundTag, b: &FoundTag) -> std::cmp::Ordering {
+    a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x))
 }
 
 /// Adds the tags that are not there yet.
@@ -228,6 +276,7 @@ impl FoundTag {
             corners: laid.corners,
             sigmas_px: laid.sigmas_px,
             lens_sigma_px: sigma::tag_lens_px(&laid.corners),
+            shown: laid.shown,
             ..by_edges
         })
     }
@@ -240,7 +289,13 @@ impl FoundTag {
             sigmas_px: [sigma::tag_px(tag); 4],
             lens_sigma_px: sigma::LENS_PX,
             margin_gray: tag.margin_gray,
+            shown: 0.0,
         }
+    }
+
+    /// As the library would have read it.
+    pub(super) fn decoded(&self) -> DecodedTag {
+        DecodedTag { family: 0, id: self.id, margin_gray: self.margin_gray, corners: self.corners }
     }
 
     /// Its four corners as detections.

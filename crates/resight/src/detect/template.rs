@@ -239,6 +239,8 @@ fn search<Ink: Fn(PlanePoint) -> f32, Out>(
     if !inside(middle.x, image.width_px) || !inside(middle.y, image.height_px) {
         return None;
     }
+    #[cfg(test)]
+    super::work::count((2 * window.half_px + 1).pow(2) * STEPS);
     let mut at = start;
     // Drawn again where the first search ends: there the shift is small, and interpolation no longer blurs.
     for round in 0..2 {

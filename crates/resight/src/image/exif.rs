@@ -1,8 +1,7 @@
 //! When an image was taken, through what lens and which way the camera looked, as its EXIF says (CIPA DC-008).
 
-use std::io::Cursor;
-
 /// Tags.
+const ORIENTATION: u16 = 0x0112;
 const MAKE: u16 = 0x010f;
 const MODEL: u16 = 0x0110;
 const FOCAL_LENGTH_IN_35_MM_FILM: u16 = 0xa405;
@@ -22,7 +21,7 @@ const RATIONAL: u16 = 5;
 /// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
 /// UTC: differences between images of one camera are right.
 pub fn taken_s(picture: &[u8]) -> Option<f64> {
-    of_exif(&exif(picture)?)
+    of_exif(exif(picture)?)
 }
 
 /// The lens a photograph was taken through.
@@ -36,7 +35,7 @@ pub struct ExifLens {
 
 /// The lens of a PNG or JPEG; none where it does not say.
 pub fn lens(picture: &[u8]) -> Option<ExifLens> {
-    lens_of(&exif(picture)?)
+    lens_of(exif(picture)?)
 }
 
 fn lens_of(exif: &[u8]) -> Option<ExifLens> {
@@ -58,7 +57,7 @@ pub struct Heading {
 
 /// Which way the camera of a PNG or JPEG looked; none where it does not say.
 pub fn heading(picture: &[u8]) -> Option<Heading> {
-    heading_of(&exif(picture)?)
+    heading_of(exif(picture)?)
 }
 
 fn heading_of(exif: &[u8]) -> Option<Heading> {
@@ -70,9 +69,27 @@ fn heading_of(exif: &[u8]) -> Option<Heading> {
     (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
 }
 
-fn exif(picture: &[u8]) -> Option<Vec<u8>> {
-    let reader = ::image::ImageReader::new(Cursor::new(picture)).with_guessed_format().ok()?;
-    ::image::ImageDecoder::exif_metadata(&mut reader.into_decoder().ok()?).ok()?
+/// In words how a viewer rotates or mirrors the stored pixels of a PNG or JPEG before it shows them; none where it shows them as they are.
+pub fn orientation(picture: &[u8]) -> Option<&'static str> {
+    orientation_of(exif(picture)?)
+}
+
+fn orientation_of(exif: &[u8]) -> Option<&'static str> {
+    let (tiff, first) = first_list(exif)?;
+    Some(match tiff.u16(tiff.entry(first, ORIENTATION, SHORT)? + 8)? {
+        2 => "mirrored left to right",
+        3 => "rotated by 180°",
+        4 => "mirrored top to bottom",
+        5 => "mirrored and rotated by 90° counter-clockwise",
+        6 => "rotated by 90° clockwise",
+        7 => "mirrored and rotated by 90° clockwise",
+        8 => "rotated by 90° counter-clockwise",
+        _ => return None,
+    })
+}
+
+fn exif(picture: &[u8]) -> Option<&[u8]> {
+    super::header::exif(picture)
 }
 
 /// The block and its first list.

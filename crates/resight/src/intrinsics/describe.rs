@@ -3,22 +3,48 @@
 use super::gather::{CameraViews, NamedView};
 use crate::answer::Status;
 use crate::answer::intrinsics::*;
+use crate::core::Target;
 use crate::core::camera::ImageSize;
 use crate::core::multiview::intrinsics::{
-    BadView, Finding, IntrinsicsOutcome, IntrinsicsView, NextView, Severity, SolvedIntrinsics,
+    BadView, Finding, IntrinsicsOutcome, IntrinsicsView, LEAST_POINTS, NextView, Severity, SolvedIntrinsics,
 };
 use crate::core::multiview::intrinsics_check::SkippedFrame;
 use crate::formats::NamedCamera;
 use crate::report::face::is_from_behind;
+use crate::rig::Collected;
 
 /// A camera that saw no target.
 pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
-    let message = format!(
-        "no target was found in any of {} images; check the target file and that the whole target is in focus",
-        camera.left_out.iter().filter(|one| one.what == "frame").count()
+    let n = camera.left_out.iter().filter(|one| one.what == "frame").count();
+    let seen = Collected::explanation(&camera.left_out, &camera.name);
+    let seen = seen.map_or_else(
+        || "check the target file and that the whole target is in focus".to_owned(),
+        |seen| format!("in the first one, {seen}"),
     );
+    let message = format!("no target was found in any of {n} images; {seen}");
     unsolved(camera, Status::NotFound, message, Vec::new(), &[])
 }
+
+/// A camera whose views have too few points each, whatever the pose of the target.
+pub(super) fn too_few_points(camera: &CameraViews, most: usize) -> CameraIntrinsics {
+    let target = camera.views.iter().find_map(|view| view.target.as_ref()).map(Target::design);
+    let instead = match target {
+        Some(Target::Tag(tag)) => format!(
+            "print a sheet of several, `resight print --kind tag --family {} --id 0-11 --size-m {} -o tags.pdf`, and give its file tags.toml as the target",
+            tag.family,
+            tag.size_m.min(LARGEST_OF_SHEET_M)
+        ),
+        _ => "take a board of many corners: `resight print --kind charuco --rows 8 --columns 5 --square-m 0.03 -o board.pdf`".to_owned(),
+    };
+    let kind = target.map_or("target", Target::kind).replace('_', " ");
+    let message = format!(
+        "a view of this {kind} has {most} points at most, {LEAST_POINTS} are needed to estimate a lens from; {instead}"
+    );
+    unsolved(camera, Status::Degenerate, message, Vec::new(), &[])
+}
+
+/// Twelve tags of this size fit a sheet of A4 with their margins, metres.
+const LARGEST_OF_SHEET_M: f64 = 0.035;
 
 pub(super) fn described(
     camera: &CameraViews,

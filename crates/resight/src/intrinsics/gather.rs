@@ -7,8 +7,8 @@ use crate::error::Error;
 use crate::formats::NamedCamera;
 use crate::rig::names::natural;
 use crate::rig::{
-    Collected, DetectionSource, Detections, LeftOut, OTHER_SIZE, RigRequest, camera_names,
-    collect_detections, collect_images, not_among,
+    Collected, DetectionSource, LeftOut, OTHER_SIZE, RigRequest, camera_names, collect_detections,
+    collect_images, not_among,
 };
 
 /// One target in one image.
@@ -61,9 +61,8 @@ pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
             collect_images(images, options, &mut collected)?;
             None
         }
-        IntrinsicsSource::Detections { files, sigma_px, size } => {
-            let detections = Detections { source: DetectionSource::Files(files), sigma_px: *sigma_px };
-            collect_detections(&detections, &mut collected)?;
+        IntrinsicsSource::Detections { detections, size } => {
+            collect_detections(detections, &mut collected)?;
             Some(*size)
         }
     };
@@ -78,15 +77,20 @@ pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
 
 /// Names of all cameras: stated, or those of the detections.
 fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
-    let IntrinsicsSource::Detections { files, .. } = &request.source else {
+    let IntrinsicsSource::Detections { detections, .. } = &request.source else {
         return Ok(match request.cameras.is_empty() {
             true => vec![NAMELESS.to_string()],
             false => request.cameras.clone(),
         });
     };
     let mut names: Vec<String> = Vec::new();
-    for file in files {
-        names.extend(camera_names(file)?);
+    match detections.source {
+        DetectionSource::Files(files) => {
+            for file in files {
+                names.extend(camera_names(file)?);
+            }
+        }
+        DetectionSource::Rows(rows) => names.extend(rows.iter().map(|row| row.camera.to_string())),
     }
     names.sort_by(|a, b| natural(a, b));
     names.dedup();

@@ -1,5 +1,6 @@
 //! A scene solved: every question with its answer or its reason, and a verdict on all of them.
 
+use super::again::Known;
 use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
@@ -45,12 +46,18 @@ pub(super) struct Refusal {
     pub reason: String,
 }
 
-/// Solves a scene.
-pub(super) fn solve(scene: &NamedScene) -> Result<Answers, Refusal> {
+/// Solves a scene; answers that the scene before has already are taken over.
+pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>) -> Result<Answers, Refusal> {
     let cameras = scene.network_cameras();
     let adjusted = adjust(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
     let status = adjusted.status();
-    let answers = scene.queries.iter().map(|query| answer(scene, &adjusted, status, query)).collect();
+    let known =
+        before.and_then(|(scene_before, answers)| Known::new(scene, &adjusted, scene_before, answers));
+    let answered = |query| match known.as_ref().and_then(|known| known.answer(query)) {
+        Some(known) => known,
+        None => answer(scene, &adjusted, status, query),
+    };
+    let answers = scene.queries.iter().map(answered).collect();
     let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
     Ok(Answers { adjusted, status, answers, verdict, remarks })
 }

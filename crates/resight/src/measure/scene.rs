@@ -3,12 +3,14 @@
 //! The keys are listed in docs/measuring.md. Unknown keys are refused, so that a slip is no silent default.
 
 mod file;
+mod saved;
 mod rig;
 mod build;
 
 use crate::FileError;
 use crate::core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, Plane, Query};
 use crate::core::{Camera, Point};
+use crate::input::Kind;
 use build::Builder;
 use file::SceneFile;
 use serde::Deserialize;
@@ -154,7 +156,8 @@ impl NamedScene {
 /// # Errors
 /// Unreadable or wrong files with their line, names that nothing has, numbers that cannot be right.
 pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
-    let text = crate::input::read_text(path, crate::input::Kind::Text)?;
+    let text = saved::without_session(&crate::input::read_text(path, Kind::Session)?);
+    Kind::Scene.must_hold(path, text.len())?;
     let file: SceneFile = toml::from_str(&text).map_err(|e| {
         let (line, reason) = crate::input::toml_reason(&text, &e);
         FileError { path: path.into(), line, reason }

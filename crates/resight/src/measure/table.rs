@@ -9,12 +9,12 @@ use crate::core::multiview::network::NetworkStatus;
 pub fn csv(answers: &Answers) -> String {
     let mut out = String::from("name,kind,axis,value,unit,sigma,low_95,high_95,remark,status\n");
     for answer in &answers.answers {
-        let (name, kind) = (quoted(&answer.query.name), answer.query.kind.name());
+        let (name, kind) = (cell(&answer.query.name), answer.query.kind.name());
         let unit = words::unit(answer.query.kind);
         let status = answer.status.name();
         let why = match answer.status {
             NetworkStatus::Ok => String::new(),
-            _ => quoted(&answers.verdict.join("; ")),
+            _ => cell(&answers.verdict.join("; ")),
         };
         match &answer.result {
             Ok(values) => {
@@ -26,15 +26,42 @@ pub fn csv(answers: &Answers) -> String {
                         &format!("{name},{kind},{axis},{v:.6},{unit},{s:.6},{l:.6},{h:.6},{why},{status}\n");
                 }
             }
-            Err(reason) => out += &format!("{name},{kind},,,{unit},,,,{},{status}\n", quoted(reason)),
+            Err(reason) => out += &format!("{name},{kind},,,{unit},,,,{},{status}\n", cell(reason)),
         }
     }
     out
 }
 
-fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n']) {
+/// A text as a cell of a table. Spreadsheets take what begins with =, +, −, @, a tab or a line's end for a formula, which may reach beyond the table:
+/// an apostrophe before it says that it is text.
+pub fn cell(text: &str) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '−', '@', '\t', '\r', '\n']);
+    let text = if is_formula { format!("'{text}") } else { text.to_owned() };
+    match is_formula || text.contains([',', ';', '"', '\n', '\r', '\t']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_string(),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::cell;
+
+    #[test]
+    fn a_text_is_no_formula() {
+        for (text, expected) in [
+            ("kerb", "kerb"),
+            ("kerb, left", "\"kerb, left\""),
+            ("the \"long\" one", "\"the \"\"long\"\" one\""),
+            ("=HYPERLINK(\"http://x\")", "\"'=HYPERLINK(\"\"http://x\"\")\""),
+            ("+1", "\"'+1\""),
+            ("-1", "\"'-1\""),
+            ("−1", "\"'−1\""),
+            ("@SUM(A1)", "\"'@SUM(A1)\""),
+            ("\t=1", "\"'\t=1\""),
+            ("a=1", "a=1"),
+        ] {
+            assert_eq!(cell(text), expected);
+        }
     }
 }

@@ -1,19 +1,48 @@
 //! Which side of a flat target a camera sees: a print has one face, so a view from behind is a mirrored print or a mirrored image.
 
 use super::verdict::{Status, Verdict};
-use crate::core::{Correspondence, Point, Pose, Target};
+use crate::core::correspondence::Detection;
+use crate::core::{Correspondence, Pixel, Point, Pose, Target};
+use nalgebra::Matrix2;
 
 /// Whether the camera stands behind the printed face; none of targets that have no face.
 pub fn is_from_behind(target: &Target, cam_from_target: &Pose, points: &[Correspondence]) -> Option<bool> {
-    // z runs into the surface, but for Kalibr's grid, whose z points to the viewer.
-    let sign = match target.design() {
-        Target::Chessboard(_) | Target::Charuco(_) | Target::Tag(_) | Target::LinePlusOne(_) => 1.0,
-        Target::AprilGrid(_) => -1.0,
-        _ => return None,
-    };
+    let sign = facing(target)?;
     let middle = points.iter().map(|c| c.x_in_target).sum::<Point>() / points.len().max(1) as f64;
     Some(sign * cam_from_target.rotation.column(2).dot(&(*cam_from_target * middle)) < 0.0)
 }
+
+/// 1 where z runs into the surface, −1 of Kalibr's grid, whose z points to the viewer; none of targets that have no face.
+fn facing(target: &Target) -> Option<f64> {
+    match target.design() {
+        Target::Chessboard(_) | Target::Charuco(_) | Target::Tag(_) | Target::LinePlusOne(_) => Some(1.0),
+        Target::AprilGrid(_) => Some(-1.0),
+        _ => None,
+    }
+}
+
+/// Whether points in an image run round the other way than on the printed face, by the affine map that fits them best: no lens changes that.
+/// None of targets that have no face, and of points on one line.
+pub fn is_mirrored(target: &Target, detections: &[Detection]) -> Option<bool> {
+    let sign = facing(target)?;
+    let known = detections.iter().filter_map(|d| Some((target.point(d.feature)?.position.xy(), d.pixel)));
+    let pairs: Vec<(Pixel, Pixel)> = known.collect();
+    let n = pairs.len().max(1) as f64;
+    let (x0, u0) =
+        pairs.iter().fold((Pixel::zeros(), Pixel::zeros()), |(x, u), p| (x + p.0 / n, u + p.1 / n));
+    let (mut by_plane, mut plane) = (Matrix2::zeros(), Matrix2::zeros());
+    for (x, u) in &pairs {
+        by_plane += (u - u0) * (x - x0).transpose();
+        plane += (x - x0) * (x - x0).transpose();
+    }
+    let map = by_plane * plane.try_inverse()?;
+    let determinant = map.determinant();
+    (determinant != 0.0 && determinant.is_finite()).then_some(sign * determinant < 0.0)
+}
+
+/// What is wrong with a mirrored view, and the way out.
+pub const MIRRORED: &str = "is seen mirrored; the image or the print is mirrored: switch off the mirror mode of the camera, or print the target again \
+    without mirroring (only of a board that is printed on both sides is it its back)";
 
 /// A pose behind the sheet is not to be relied on: the mirror image of the true one fits its pixels exactly as well.
 pub fn judged(

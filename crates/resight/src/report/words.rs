@@ -2,6 +2,7 @@
 //!
 //! Degrees and millimetres appear here and nowhere else in the library.
 
+use super::truth::point_covariance;
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::observability::{Axis, Observability};
 use crate::core::{Matrix6, Point, Pose};
@@ -34,6 +35,13 @@ pub fn position_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> Vector3<f64>
     let r = &cam_from_a.rotation;
     let translation: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into();
     (r.transpose() * translation * r).diagonal().map(|x| x.max(0.0).sqrt())
+}
+
+/// Standard deviation of each number of the translation of b_from_a, along the axes of frame b, metres: to first order a small motion
+/// (ω, ν) changes t by ω × t + ν, so a rotation of frame b is part of it. The third of [`sigmas`], beside it, is of ν alone.
+pub fn translation_sigma_m(b_from_a: &Pose, covariance: &Matrix6) -> [f64; 3] {
+    let of_translation = point_covariance(&b_from_a.translation, covariance);
+    [0, 1, 2].map(|i| of_translation[(i, i)].max(0.0).sqrt())
 }
 
 /// Yaw, pitch, roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
@@ -131,6 +139,42 @@ fn rotation_words(axis: &Axis) -> String {
 /// Two thirds of a right angle: from here an axis reads better by its direction in the image.
 const ACROSS_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
+/// A time to so many decimals of a second: `2026-05-28 20:26:40.25 UTC` where seconds since 1970 can be one of our days, else `12.35 s`.
+pub fn moment(t_s: f64, decimals: usize) -> String {
+    // 1990 to 2200.
+    if !(6.3e8..7.3e9).contains(&t_s) {
+        return format!("{t_s:.decimals$} s");
+    }
+    let part = 10_i64.pow(decimals.min(6) as u32);
+    let parts = (t_s * part as f64).round() as i64;
+    let (seconds, fraction) = (parts.div_euclid(part), parts.rem_euclid(part));
+    let (year, month, day) = date(seconds.div_euclid(86_400));
+    let of_day = seconds.rem_euclid(86_400);
+    let fraction =
+        if decimals == 0 { String::new() } else { format!(".{fraction:0width$}", width = decimals.min(6)) };
+    let (h, min, s) = (of_day / 3600, of_day / 60 % 60, of_day % 60);
+    format!("{year}-{month:02}-{day:02} {h:02}:{min:02}:{s:02}{fraction} UTC")
+}
+
+/// Year, month and day of a number of days since 1970, by the civil calendar's 400-year cycle.
+fn date(days: i64) -> (i64, i64, i64) {
+    let shifted = days + 719_468;
+    let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let m = (5 * of_year + 2) / 153;
+    let month = if m < 10 { m + 3 } else { m - 9 };
+    (year + era * 400 + i64::from(month <= 2), month, of_year - (153 * m + 2) / 5 + 1)
+}
+
+/// `1 view`, `2 views`: how many of what, by its singular.
+pub fn counted(n: usize, what: &str) -> String {
+    match n {
+        1 => format!("1 {what}"),
+        _ => format!("{n} {what}s"),
+    }
+}
+
 /// `27 %` of a probability; neither 0 nor 100 where it is not.
 pub fn percent(probability: f64) -> String {
     match 100.0 * probability {
@@ -149,6 +193,18 @@ pub fn decimals(sigma: f64) -> usize {
 mod tests {
     use super::*;
     use crate::core::Vector6;
+
+    #[test]
+    fn moments_are_dates_where_they_can_be() {
+        assert_eq!(moment(1_780_000_000.0, 0), "2026-05-28 20:26:40 UTC");
+        assert_eq!(moment(1_780_000_000.9996, 3), "2026-05-28 20:26:41.000 UTC");
+        assert_eq!(moment(951_782_400.25, 1), "2000-02-29 00:00:00.3 UTC");
+        assert_eq!(
+            [moment(12.3456, 3), moment(-1.0, 0), moment(1.78e12, 0)],
+            ["12.346 s", "-1 s", "1780000000000 s"]
+        );
+        assert_eq!([counted(1, "view"), counted(0, "view")], ["1 view", "0 views"]);
+    }
 
     #[test]
     fn lengths_read_well() {
@@ -205,6 +261,19 @@ mod tests {
         let pose = about(2, 0.3) * about(0, -0.4) * about(1, 0.5);
         let [yaw, pitch, roll] = yaw_pitch_roll_rad(&pose);
         assert!((yaw - 0.5).abs() + (pitch + 0.4).abs() + (roll - 0.3).abs() < 1e-12);
+    }
+
+    /// To first order: a motion of 1e-5 changes the translation by what its standard deviation says, to 1e-9.
+    #[test]
+    fn translation_sigma_is_that_of_small_motions() {
+        let pose = Pose::exp(&Vector6::new(0.7, 0.1, -0.4, 0.3, 0.2, 2.0));
+        for i in 0..6 {
+            let (mut xi, mut covariance) = (Vector6::zeros(), Matrix6::zeros());
+            (xi[i], covariance[(i, i)]) = (1e-5, 1e-10);
+            let change = ((Pose::exp(&xi) * pose).translation - pose.translation).abs();
+            let sigma = Vector3::from(translation_sigma_m(&pose, &covariance));
+            assert!((change - sigma).norm() < 1e-9, "{i}: {change} {sigma}");
+        }
     }
 
     /// σ of the camera's position and distance are those of the places that small motions of one σ lead to.

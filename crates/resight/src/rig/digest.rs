@@ -12,7 +12,7 @@ pub fn sha256(bytes: &[u8]) -> String {
 
 /// Of a file, hexadecimal, read piece by piece.
 pub fn sha256_of_file(path: &Path) -> Result<String, FileError> {
-    let failed = |e: std::io::Error| FileError::new(path, e.to_string());
+    let failed = |e: std::io::Error| FileError::of_system(path, &e);
     let mut file = std::fs::File::open(path).map_err(failed)?;
     let (mut digest, mut piece) = (Sha256::new(), vec![0; 1 << 16]);
     loop {

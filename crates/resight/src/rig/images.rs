@@ -9,12 +9,14 @@ use super::request::not_among;
 use crate::core::correspondence::{Detection, Skipped, correspond};
 use crate::core::target::Feature;
 use crate::core::{Camera, Correspondence, Target};
+use crate::detect::absent::not_found;
 use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::formats::check_image_size;
 use crate::image::GrayImage;
 use crate::parallel::{detect_in_order, report};
 use crate::video::{Video, is_video};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use views::ImageFile;
 
@@ -63,6 +65,9 @@ pub struct ImageOptions {
 /// Why a frame is left out whose size differs.
 pub(crate) const OTHER_SIZE: &str = "its size is not that of the camera's other frames";
 
+/// Why a frame takes no part that shows no target; of the first frame of a camera that saw none it is said what is there instead.
+pub(super) const NO_TARGET: &str = "no target in this image";
+
 /// A camera and its video file.
 type CameraVideo = (usize, PathBuf);
 
@@ -79,7 +84,27 @@ enum Pixels<'a> {
     Decoded(GrayImage),
 }
 
-/// The detections in one frame.
+impl Pixels<'_> {
+    /// The image, or why it cannot be read.
+    fn read(&self) -> Result<Cow<'_, GrayImage>, String> {
+        match self {
+            Pixels::Given(image) => Ok(Cow::Borrowed(image)),
+            Pixels::Decoded(image) => Ok(Cow::Borrowed(image)),
+            Pixels::File(path) => GrayImage::read(path).map(Cow::Owned).map_err(|e| e.to_string()),
+        }
+    }
+
+    /// The same for later: a file is read again.
+    fn kept(&self) -> Pixels<'static> {
+        match self {
+            Pixels::Given(image) => Pixels::Decoded((*image).clone()),
+            Pixels::Decoded(image) => Pixels::Decoded(image.clone()),
+            Pixels::File(path) => Pixels::File(path.clone()),
+        }
+    }
+}
+
+/// What was found in one frame.
 struct FrameResult {
     camera: usize,
     name: String,
@@ -92,6 +117,8 @@ struct FoundTargets {
     lens: Camera,
     targets: Vec<(usize, Vec<(String, Correspondence)>)>,
     skipped: Vec<(String, String)>,
+    /// Why targets could not be told, such as several copies in view.
+    failed: Vec<String>,
 }
 
 /// Looks for every target in every frame.
@@ -106,11 +133,14 @@ pub(crate) fn collect(
     let names: Vec<String> = collected.cameras.iter().map(|camera| camera.name.clone()).collect();
     options.times.as_ref().map_or(Ok(()), |times| times.check(&names))?;
     let (jobs, videos) = jobs(images, options, &names, collected)?;
-    let mut search = Search { options, lenses: vec![None; collected.cameras.len()], collected };
+    let n_cameras = collected.cameras.len();
+    let (lenses, without) = (vec![None; n_cameras], (0..n_cameras).map(|_| None).collect());
+    let mut search = Search { options, lenses, without, collected };
     search.frames(&jobs)?;
     for (camera, path) in videos {
         search.video(camera, &path)?;
     }
+    search.explain();
     let Search { lenses, .. } = search;
     for (camera, lens) in collected.cameras.iter_mut().zip(lenses) {
         camera.camera = lens.unwrap_or_else(|| camera.camera.clone());
@@ -186,6 +216,8 @@ struct Search<'a> {
     options: &'a ImageOptions,
     /// Each camera at the size of its images, once one was looked at.
     lenses: Vec<Option<Camera>>,
+    /// Of each camera the first frame that shows no target, and its place in `left_out`.
+    without: Vec<Option<(usize, Pixels<'static>)>>,
     collected: &'a mut Collected,
 }
 
@@ -222,14 +254,14 @@ impl Search<'_> {
         };
         let mut n_done = 0;
         detect_in_order(jobs, detectors, work, |result| {
-            self.take(result);
+            self.take(result, &jobs[n_done].image);
             n_done += 1;
             report(n_done, jobs.len())
         })
     }
 
     /// Files what a frame shows; all frames of a camera must have one size.
-    fn take(&mut self, result: FrameResult) {
+    fn take(&mut self, result: FrameResult, image: &Pixels) {
         let FrameResult { camera, name, found } = result;
         let found = match found {
             Ok(found) => found,
@@ -239,13 +271,33 @@ impl Search<'_> {
         if lens.size != found.lens.size {
             return self.leave_out(camera, name, "frame", OTHER_SIZE.into());
         }
+        if found.targets.is_empty() && !found.failed.is_empty() {
+            return self.leave_out(camera, name, "frame", found.failed.join("; "));
+        }
         for (what, reason) in found.skipped {
             self.leave_out(camera, name.clone(), &what, reason);
         }
         if found.targets.is_empty() {
-            return self.leave_out(camera, name, "frame", "no target in this image".into());
+            if self.without[camera].is_none() {
+                self.without[camera] = Some((self.collected.left_out.len(), image.kept()));
+            }
+            return self.leave_out(camera, name, "frame", NO_TARGET.into());
         }
         self.collected.frames.push(Frame { camera, name, t_s: None, targets: found.targets });
+    }
+
+    /// Says of the first frame of each camera that saw nothing at all what it shows instead: the same of every command that looks for targets.
+    fn explain(&mut self) {
+        let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
+        for (camera, without) in std::mem::take(&mut self.without).into_iter().enumerate() {
+            let saw_something = self.collected.frames.iter().any(|frame| frame.camera == camera);
+            let Some((place, pixels)) = without.filter(|_| !saw_something) else { continue };
+            let Ok(image) = pixels.read() else { continue };
+            let said: Vec<String> = targets.iter().map(|target| not_found(target, &image)).collect();
+            if let Some(left_out) = self.collected.left_out.get_mut(place) {
+                left_out.reason = said.join("; ");
+            }
+        }
     }
 
     fn leave_out(&mut self, camera: usize, view: String, what: &str, reason: String) {
@@ -266,17 +318,9 @@ fn find(
     (camera, knows_lens): (&Camera, bool),
     pixels: &Pixels,
 ) -> Result<FoundTargets, String> {
-    let read;
-    let image = match pixels {
-        Pixels::Given(image) => image,
-        Pixels::Decoded(image) => image,
-        Pixels::File(path) => {
-            read = GrayImage::read(path).map_err(|e| e.to_string())?;
-            &read
-        }
-    };
+    let image = &*pixels.read()?;
     let lens = check_image_size(camera, image.width_px, image.height_px)?;
-    let mut found = FoundTargets { lens, targets: Vec::new(), skipped: Vec::new() };
+    let mut found = FoundTargets { lens, targets: Vec::new(), skipped: Vec::new(), failed: Vec::new() };
     for (number, (detector, target)) in detectors.iter_mut().zip(targets).enumerate() {
         let detections = match knows_lens {
             true => detector.detect_with_camera(image, &found.lens),
@@ -284,7 +328,10 @@ fn find(
         };
         match detections {
             Ok(detections) => found.add(number, target, &detections),
-            Err(reason) => found.skipped.push((target.kind().to_string(), reason.to_string())),
+            Err(reason) => {
+                found.failed.push(reason.to_string());
+                found.skipped.push((target.kind().to_string(), reason.to_string()));
+            }
         }
     }
     Ok(found)

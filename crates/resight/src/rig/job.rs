@@ -12,6 +12,7 @@ use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::Error as MathError;
 use crate::core::multiview::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
 use crate::error::Error;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The rig of cameras from images or videos of targets that they see together.
@@ -86,6 +87,8 @@ pub struct ObservedRig {
     inputs: Vec<InputFile>,
     command: Option<String>,
     joint_covariance: bool,
+    /// Whether names say which frames were taken at one time; times do otherwise.
+    is_named: bool,
 }
 
 impl ObservedRig {
@@ -135,15 +138,20 @@ impl ObservedRig {
             inputs,
             command: request.command.clone(),
             joint_covariance: request.joint_covariance,
+            is_named: request.sync_tolerance_s.is_none(),
         })
     }
 
     /// Checks that shared views join the cameras, then solves.
     pub fn solve(self) -> RigAnswer {
-        let names = camera_names(&self.gathered.rig);
         let shared = shared_views(&self.gathered.rig.problem());
         if 1 < shared.groups.len() {
-            return RigAnswer::Unsolved(not_connected(&shared, &names));
+            return RigAnswer::Unsolved(not_connected(
+                &shared,
+                &self.gathered.rig,
+                self.is_named,
+                &self.left_out,
+            ));
         }
         match self.solved() {
             Ok(solved) => RigAnswer::Solved(Box::new(solved)),
@@ -249,20 +257,45 @@ fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> Strin
     }
 }
 
+/// That no view of one camera is one of a camera of another group by name, as where files or rows are named after their camera.
+fn views_apart(shared: &SharedViews, rig: &NamedRig) -> Option<String> {
+    let mut seeing = shared
+        .groups
+        .iter()
+        .filter_map(|group| group.iter().find(|camera| 0 < shared.counts[**camera][**camera]));
+    let (first, second) = (*seeing.next()?, *seeing.next()?);
+    let views = |camera: usize| -> BTreeSet<usize> {
+        rig.observations.iter().filter(|seen| seen.camera == camera).map(|seen| seen.view).collect()
+    };
+    let (of_first, of_second) = (views(first), views(second));
+    let [a, b] = [of_first.first()?, of_second.first()?].map(|view| &rig.views[*view]);
+    of_first.is_disjoint(&of_second).then(|| {
+        let [first, second] = [first, second].map(|camera| &rig.cameras[camera].name);
+        format!(
+            "; views are matched by their names, and {first} (first view `{a}`) and {second} (first view `{b}`) share none: name what was taken at one time alike"
+        )
+    })
+}
+
 /// Groups of cameras that no chain of shared views joins.
-fn not_connected(shared: &SharedViews, names: &[String]) -> Unsolved {
+fn not_connected(shared: &SharedViews, rig: &NamedRig, is_named: bool, left_out: &[LeftOut]) -> Unsolved {
+    let names = camera_names(rig);
     let of_group = |group: &Vec<usize>| group.iter().map(|camera| names[*camera].clone()).collect();
     let groups: Vec<Vec<String>> = shared.groups.iter().map(of_group).collect();
     let blind: Vec<&str> =
         (0..names.len()).filter(|i| shared.counts[*i][*i] == 0).map(|i| names[i].as_str()).collect();
     let listed: Vec<String> = groups.iter().map(|group| group.join(", ")).collect();
+    let blind_cameras = blind.clone();
     let blind = match &blind[..] {
         [] => String::new(),
         [only] => format!("; camera {only} saw nothing at all"),
         several => format!("; cameras {} saw nothing at all", several.join(", ")),
     };
+    let seen = blind_cameras.iter().find_map(|name| Collected::explanation(left_out, name));
+    let seen = seen.map(|seen| format!(" ({seen})")).unwrap_or_default();
+    let apart = is_named.then(|| views_apart(shared, rig)).flatten().unwrap_or_default();
     let message = format!(
-        "nothing connects the cameras {}{blind}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
+        "nothing connects the cameras {}{blind}{seen}{apart}; add views in which a camera of one group and a camera of another see the same target at the same time (a chain is enough), or, for targets that are mounted together, say --fixed-together",
         listed.iter().map(|group| format!("[{group}]")).collect::<Vec<_>>().join(" and ")
     );
     Unsolved { groups, ..Unsolved::new(Status::NotConnected, message) }

@@ -2,6 +2,7 @@
 
 use super::NamedTarget;
 use super::gather::NamedObservation;
+use super::images::NO_TARGET;
 use super::request::RigRequest;
 use crate::core::{Correspondence, Pixel};
 use crate::error::Error;
@@ -63,7 +64,13 @@ impl Collected {
         })
     }
 
-    /// Two points of one name in one frame, of which one is mislabelled and neither is used.
+    /// What the first frame of a camera shows instead of a target, where the camera saw none.
+    pub fn explanation(left_out: &[LeftOut], camera: &str) -> Option<String> {
+        let of_frame = left_out.iter().filter(|one| one.camera == camera && one.what == "frame");
+        of_frame.map(|one| &one.reason).find(|reason| *reason != NO_TARGET).cloned()
+    }
+
+    /// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
     pub fn check_duplicates(&self) -> Result<(), Error> {
         for frame in &self.frames {
             for (target, points) in &frame.targets {

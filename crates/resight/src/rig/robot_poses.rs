@@ -1,10 +1,13 @@
 //! Poses of the robot from a CSV file, poses of the target from `locate`'s JSON Lines, joined by the name of the view.
 
 use super::pairs::{isotropic, pose_from_numbers};
-use crate::FileError;
+use crate::answer::PoseAnswer;
+use crate::core::locate::PoseEstimate;
+use crate::core::locate::choose::Hypothesis;
 use crate::core::multiview::hand_eye::{Candidate, GripperNoise, HandEyeView};
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Matrix6, Pose};
+use crate::error::{Error, FileError};
 use crate::input::table::Table;
 use serde::Deserialize;
 use std::collections::BTreeSet;
@@ -19,6 +22,52 @@ pub struct RobotPose {
     pub base_from_gripper: Pose,
     /// 6×6 covariance of its small left motion, base frame; zero when exact; none: the views themselves show how exact the robot is.
     pub covariance: Option<Matrix6>,
+}
+
+impl RobotPose {
+    /// Poses of the gripper by the name of their view, all as inexact as `noise` says; without it the views themselves show how exact the
+    /// robot is.
+    ///
+    /// # Errors
+    /// A view that comes twice.
+    pub fn named(poses: Vec<(String, Pose)>, noise: Option<GripperNoise>) -> Result<Vec<Self>, Error> {
+        let covariance = noise.map(|noise| isotropic(noise.sigma_rad, noise.sigma_m));
+        let mut views = BTreeSet::new();
+        let of = |(view, base_from_gripper): (String, Pose)| match views.insert(view.clone()) {
+            true => Ok(RobotPose { view, base_from_gripper, covariance }),
+            false => Err(Error::request(format!("motions: view {view} is there twice; give each view once"))),
+        };
+        poses.into_iter().map(of).collect()
+    }
+}
+
+impl ViewPoses {
+    /// One pose of the target, with the 6×6 covariance of its small left motion, camera frame.
+    pub fn of_pose(view: String, cam_from_target: Pose, covariance: Matrix6) -> Self {
+        ViewPoses { view, candidates: vec![Candidate { cam_from_target, covariance, delta_chi2: 0.0 }] }
+    }
+
+    /// From a line of `locate` or `solve`.
+    ///
+    /// # Errors
+    /// Text that is no such object, a quaternion that is not unit.
+    pub fn of_line(line: &str) -> Result<Self, String> {
+        let pose: PoseLine = serde_json::from_str(line).map_err(|reason| reason.to_string())?;
+        let candidates = candidates(&pose)?;
+        Ok(ViewPoses { view: pose.view, candidates })
+    }
+
+    /// Every pose of an answer that fits its view; none where it has none.
+    pub fn of_answer(view: String, answer: &PoseAnswer) -> Self {
+        let fitting = answer.estimate.iter().flat_map(PoseEstimate::minima);
+        let fitting = fitting.filter(|h| h.is_alternative || h.delta_chi2 == 0.0);
+        let candidate = |h: Hypothesis| Candidate {
+            cam_from_target: h.minimum.cam_from_target,
+            covariance: h.minimum.covariance,
+            delta_chi2: h.delta_chi2.max(0.0),
+        };
+        ViewPoses { view, candidates: fitting.map(candidate).collect() }
+    }
 }
 
 /// The poses of the target that fit one view.
@@ -120,12 +169,11 @@ pub fn read_view_poses(path: &Path) -> Result<Vec<ViewPoses>, FileError> {
     let (mut poses, mut views) = (Vec::new(), BTreeSet::new());
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let wrong = |reason: String| FileError::at_line(path, n + 1, reason);
-        let pose: PoseLine = serde_json::from_str(line).map_err(|reason| wrong(reason.to_string()))?;
+        let pose = ViewPoses::of_line(line).map_err(wrong)?;
         if !views.insert(pose.view.clone()) {
             return Err(wrong(format!("view {} is there twice", pose.view)));
         }
-        let candidates = candidates(&pose).map_err(wrong)?;
-        poses.push(ViewPoses { view: pose.view, candidates });
+        poses.push(pose);
     }
     Ok(poses)
 }

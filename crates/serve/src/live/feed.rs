@@ -8,6 +8,7 @@ use super::pictures::{Message as Picture, Size};
 use super::routes::live;
 use crate::app::App;
 use crate::error::Problem;
+use crate::photograph::aside;
 use axum::Router;
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -148,7 +149,10 @@ async fn show(mut socket: WebSocket, live: Arc<Live>) {
                 Err(RecvError::Lagged(_)) => None,
                 Err(RecvError::Closed) => return,
             },
-            _ = tick.tick() => Some(Message::Text(live.view_text())),
+            _ = tick.tick() => {
+                let live = Arc::clone(&live);
+                aside(move || live.view_text()).await.ok().map(Message::Text)
+            }
             changed = news.changed(), if is_ready => match changed {
                 Ok(()) => picture(&mut looker, &mut is_ready),
                 Err(_) => return,

@@ -161,11 +161,12 @@ impl Pictures {
     fn read(&self, camera: usize, number: u64, image: &GrayImage) {
         let Some(one) = self.cameras.get(camera) else { return };
         let wants = [Size::Small, Size::Large].map(|s| 0 < one.lookers[s as usize].load(Ordering::Relaxed));
+        let wanted = std::mem::take(&mut one.kept().wanted);
+        for wanted in wanted {
+            let _ = wanted.send(image.clone()); // Who asked may have left.
+        }
         {
             let mut kept = one.kept();
-            for wanted in std::mem::take(&mut kept.wanted) {
-                let _ = wanted.send(image.clone()); // The requester may have left.
-            }
             let now = Instant::now();
             let is_early = kept.last.is_some_and(|last| now.duration_since(last) < APART);
             if is_early || wants == [false, false] {
@@ -191,14 +192,21 @@ impl Pictures {
     /// The session has looked at a frame for one target: after the last one its picture goes out with all that was found in it.
     pub fn observed(&self, camera: usize, target: usize, observation: &Observation) {
         let Some(one) = self.cameras.get(camera) else { return };
+        let size_px = {
+            let mut kept = one.kept();
+            while kept.waiting.front().is_some_and(|w| w.number < observation.number) {
+                kept.waiting.pop_front();
+            }
+            let waiting = kept.waiting.front().filter(|w| w.number == observation.number);
+            let Some(waiting) = waiting else { return };
+            waiting.size_px
+        };
+        let (outlines, residuals) = one.overlay(target, observation, size_px);
         let mut kept = one.kept();
-        while kept.waiting.front().is_some_and(|w| w.number < observation.number) {
-            kept.waiting.pop_front();
-        }
+        // Newer frames may have taken its place meanwhile.
         let Some(waiting) = kept.waiting.front_mut().filter(|w| w.number == observation.number) else {
             return;
         };
-        let (outlines, residuals) = one.overlay(target, observation, waiting.size_px);
         waiting.outlines.extend(outlines);
         waiting.residuals.extend(residuals);
         if target + 1 < one.targets.len() {

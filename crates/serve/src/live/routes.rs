@@ -4,11 +4,11 @@ use super::Live;
 use super::answers::{LiveView, LogLine, ReferenceView, StripView};
 use super::asked::Asked;
 use crate::app::App;
+use crate::body::receive;
 use crate::error::Problem;
 use crate::guard::must_be_json;
 use crate::photograph::aside;
-use axum::body::Bytes;
-use axum::extract::{Query, State};
+use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -23,7 +23,9 @@ use tokio::time::timeout;
 
 /// Events of a history sent at once.
 const MOST_EVENTS: usize = 5000;
-/// Length of a strip by default, a day, seconds.
+/// A body that names a camera, bytes.
+const NAMING_BYTES: usize = 64 << 10;
+/// A strip is of a day, if nobody says of how much; seconds.
 const DAY_S: f64 = 86_400.0;
 /// For the next frame of a camera; slow ones give one a minute.
 const FRAME_PATIENCE: Duration = Duration::from_secs(20);
@@ -52,6 +54,8 @@ pub struct HistoryEvent {
 pub fn routes() -> Router<App> {
     Router::new()
         .route("/api/live", get(view))
+        .route("/api/live/cameras", get(cameras))
+        .route("/api/live/example", post(example))
         .route("/api/live/acknowledge", post(acknowledge))
         .route("/api/live/reset", post(reset))
         .route("/api/live/reference", get(references).post(reference))
@@ -65,67 +69,96 @@ pub fn routes() -> Router<App> {
 
 pub(super) fn live(app: &App) -> Result<&Arc<Live>, Problem> {
     let none = "No cameras are watched; start with a session file: resight serve SESSION.toml.";
-    app.live.as_ref().ok_or_else(|| Problem::missing(none))
+    app.live().ok_or_else(|| Problem::missing(none))
 }
 
 pub(super) fn number(live: &Live, camera: &str) -> Result<usize, Problem> {
     live.number(camera).ok_or_else(|| Problem::missing("No camera of this session has that name."))
 }
 
-fn named(headers: &HeaderMap, body: &[u8]) -> Result<Named, Problem> {
-    must_be_json(headers)?;
-    serde_json::from_slice(body).map_err(|reason| Problem::input(format!("Name a camera: {reason}.")))
+/// The camera that a request names.
+async fn named(app: &App, request: Request) -> Result<(usize, Named), Problem> {
+    let live = live(app)?;
+    let asked: Named = receive(app, request, NAMING_BYTES).await?.json("Name a camera")?;
+    Ok((number(live, &asked.camera)?, asked))
+}
+
+/// What looks at the board or changes it waits for its turn on a thread of its own.
+async fn ask<T: Send + 'static>(
+    app: &App,
+    of: impl FnOnce(&Live) -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let live = Arc::clone(live(app)?);
+    aside(move || of(&live)).await
 }
 
 async fn view(State(app): State<App>) -> Result<Json<LiveView>, Problem> {
-    Ok(Json(live(&app)?.view()))
+    Ok(Json(ask(&app, Live::view).await?))
 }
 
-async fn acknowledge(
-    State(app): State<App>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Result<Json<LiveView>, Problem> {
-    let (live, asked) = (live(&app)?, named(&headers, &body)?);
-    live.acknowledge(number(live, &asked.camera)?);
-    Ok(Json(live.view()))
+/// Names of the cameras; none where none is watched.
+async fn cameras(State(app): State<App>) -> Json<Vec<String>> {
+    Json(app.live().map(|live| live.names().to_vec()).unwrap_or_default())
 }
 
-async fn reset(State(app): State<App>, headers: HeaderMap, body: Bytes) -> Result<Json<LiveView>, Problem> {
-    let (live, asked) = (live(&app)?, named(&headers, &body)?);
-    live.reset(number(live, &asked.camera)?);
-    Ok(Json(live.view()))
+/// Watches two cameras that the program draws.
+async fn example(State(app): State<App>, headers: HeaderMap) -> Result<Json<LiveView>, Problem> {
+    must_be_json(&headers)?;
+    let _turn = app.working.acquire().await.map_err(|_| Problem::failed())?;
+    let taken = || {
+        let message = "Cameras are watched already; start the program without them for the example.";
+        Problem::new(StatusCode::CONFLICT, "watching", message)
+    };
+    if app.live().is_some() {
+        return Err(taken());
+    }
+    let made = aside(super::example::start).await?.map_err(|_| Problem::failed())?;
+    if app.watch(made) { view(State(app.clone())).await } else { Err(taken()) }
+}
+
+async fn acknowledge(State(app): State<App>, request: Request) -> Result<Json<LiveView>, Problem> {
+    let (camera, _) = named(&app, request).await?;
+    let done = ask(&app, move |live| {
+        live.acknowledge(camera);
+        live.view()
+    });
+    Ok(Json(done.await?))
+}
+
+async fn reset(State(app): State<App>, request: Request) -> Result<Json<LiveView>, Problem> {
+    let (camera, _) = named(&app, request).await?;
+    let done = ask(&app, move |live| {
+        live.reset(camera);
+        live.view()
+    });
+    Ok(Json(done.await?))
 }
 
 async fn references(
     State(app): State<App>,
     Query(asked): Query<Asked>,
 ) -> Result<Json<Vec<ReferenceView>>, Problem> {
-    let live = live(&app)?;
-    Ok(Json(live.references(number(live, &asked.camera)?)))
+    let camera = number(live(&app)?, &asked.camera)?;
+    Ok(Json(ask(&app, move |live| live.references(camera)).await?))
 }
 
-async fn reference(
-    State(app): State<App>,
-    headers: HeaderMap,
-    body: Bytes,
-) -> Result<Json<LiveView>, Problem> {
-    let (live, asked) = (live(&app)?, named(&headers, &body)?);
-    let camera = number(live, &asked.camera)?;
+async fn reference(State(app): State<App>, request: Request) -> Result<Json<LiveView>, Problem> {
+    let (camera, asked) = named(&app, request).await?;
     if !asked.confirm {
         let message = "The camera learns where it is from its next frames, and is compared with that from then on: confirm it.";
         return Err(Problem::new(StatusCode::CONFLICT, "confirm", message));
     }
-    live.set_reference(camera).map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
-    Ok(Json(live.view()))
+    let done = ask(&app, move |live| live.set_reference(camera).map(|()| live.view()));
+    let view = done.await?.map_err(|reason| Problem::new(StatusCode::CONFLICT, "fixed", reason))?;
+    Ok(Json(view))
 }
 
 async fn scene(State(app): State<App>) -> Result<Json<Vec<AroundScene>>, Problem> {
-    Ok(Json(live(&app)?.scenes()))
+    Ok(Json(ask(&app, Live::scenes).await?))
 }
 
 async fn log(State(app): State<App>) -> Result<Json<Vec<LogLine>>, Problem> {
-    Ok(Json(LogLine::all(&live(&app)?.board())))
+    Ok(Json(ask(&app, |live| LogLine::all(&live.board())).await?))
 }
 
 /// The next frame as a PNG: the Photograph tab takes it.
@@ -157,10 +190,11 @@ async fn strip(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Jso
     asked.check()?;
     let none = || Problem::missing("Nothing has been seen of this camera yet.");
     let Some(path) = live.history.clone() else {
-        let (stretch, bins) = live.remembered(camera, &asked).ok_or_else(none)?;
+        let (stretch, bins) =
+            ask(&app, move |live| live.remembered(camera, &asked)).await?.ok_or_else(none)?;
         return Ok(Json(StripView::new(&stretch, bins, false)));
     };
-    let (last_s, references) = live.compared(camera);
+    let (last_s, references) = ask(&app, move |live| live.compared(camera)).await?;
     let last_s = asked.to_s.or(last_s).ok_or_else(none)?;
     let stretch = asked.stretch(last_s - DAY_S, last_s);
     let read = aside(move || History::open(&path)?.strip(&asked.camera, &stretch, &references));

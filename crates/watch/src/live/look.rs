@@ -5,6 +5,7 @@ mod expect;
 mod landmarks;
 mod view;
 mod pair;
+mod promises;
 mod staying;
 
 use super::state::{CameraRecord, unix_s};
@@ -108,6 +109,12 @@ impl CameraWatcher {
             self.last_image = hash.and_then(|hash| u64::from_str_radix(hash, 16).ok());
         }
         is_any
+    }
+
+    /// What can be promised now of targets where that has become another.
+    pub(super) fn promised(&mut self, t_s: f64) -> Vec<(usize, Promise)> {
+        let pairs = self.pairs.iter_mut().enumerate();
+        pairs.filter_map(|(target, pair)| Some((target, pair.promised(t_s)?))).collect()
     }
 
     /// Forgets what it compares with, and learns where the camera is from the next frame on.

@@ -100,7 +100,10 @@ impl<'a> Watcher<'a> {
         };
         drop(turn); // The receiver of the event may be slow.
         self.queue.give_back((arrived, frame));
-        self.teller.looked(t_s, looked) && self.compared(t_s, false) && self.dropped(false)
+        self.teller.looked(t_s, looked)
+            && self.compared(t_s, false)
+            && self.promised(t_s)
+            && self.dropped(false)
     }
 
     fn compared(&mut self, t_s: f64, is_end: bool) -> bool {
@@ -108,6 +111,13 @@ impl<'a> Watcher<'a> {
         compared.into_iter().all(|(target, deviation)| {
             let deviation = Box::new(deviation);
             self.teller.tell(Event::Compared { camera, target, t_s, deviation })
+        })
+    }
+
+    fn promised(&mut self, t_s: f64) -> bool {
+        let (camera, promised) = (self.teller.camera, self.look.promised(t_s));
+        promised.into_iter().all(|(target, promise)| {
+            self.teller.tell(Event::Promised { camera, target, t_s, promise: Box::new(promise) })
         })
     }
 

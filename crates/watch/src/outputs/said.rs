@@ -15,6 +15,7 @@ use resight::core::Vector6;
 use resight::core::temporal::monitor::attribute::MovedNode;
 use resight::core::temporal::monitor::{Deviation, Drift, Unrest, Unsettled};
 use resight::report::turned::{self, parts};
+use resight::report::words::moment;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -157,10 +158,19 @@ impl EventText {
                 format!("{}  {}", self.names.pair(*camera, *target), observed_words(observation))
             }
             Event::StateChanged { camera, target, t_s, state } => {
-                format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), state_words(state))
+                format!("{}  {}  {}", self.names.pair(*camera, *target), moment(*t_s, 3), state_words(state))
             }
             Event::Compared { camera, target, t_s, deviation } => {
-                format!("{}  {t_s:.3} s  {}", self.names.pair(*camera, *target), compared::words(deviation))
+                format!(
+                    "{}  {}  {}",
+                    self.names.pair(*camera, *target),
+                    moment(*t_s, 3),
+                    compared::words(deviation)
+                )
+            }
+            Event::Promised { camera, target, t_s, promise } => {
+                let (pair, promised) = (self.names.pair(*camera, *target), promised::words(promise));
+                format!("{pair}  {t_s:.3} s  the noise of its readings has changed{promised}")
             }
             Event::Learned { camera, target, reference, promise } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
@@ -183,7 +193,12 @@ impl EventText {
                 match moved.is_empty() {
                     true => said.words(&self.names),
                     false => {
-                        format!("{}, by {}, since {t_s:.1} s", said.words(&self.names), how.join(" and "))
+                        format!(
+                            "{}, by {}, since {}",
+                            said.words(&self.names),
+                            how.join(" and "),
+                            moment(*t_s, 1)
+                        )
                     }
                 }
             }
@@ -194,7 +209,7 @@ impl EventText {
                 format!("{}  {}", self.names.camera(*camera), left_out_words(*frames, reason))
             }
             Event::Clock { camera, t_s, step_s } => {
-                format!("{}  {t_s:.3} s  {}", self.names.camera(*camera), clock_words(*step_s))
+                format!("{}  {}  {}", self.names.camera(*camera), moment(*t_s, 3), clock_words(*step_s))
             }
             Event::Source { camera, connected: true, .. } => {
                 format!("{}  source gives frames", self.names.camera(*camera))
@@ -239,6 +254,19 @@ impl EventText {
                 message: Some(compared::words(deviation)),
                 ..none()
             },
+            Event::Promised { camera: c, target: t, t_s, promise } => {
+                let (noise, detectable) = promised::objects(promise);
+                EventObject {
+                    event: "promised",
+                    camera: camera(c),
+                    target: target(t),
+                    t_s: Some(*t_s),
+                    noise: Some(noise),
+                    detectable: Some(detectable),
+                    message: Some(self.words(event)),
+                    ..none()
+                }
+            }
             Event::Learned { camera: c, target: t, reference, promise } => {
                 let (noise, detectable) = promise.as_ref().map(|p| promised::objects(p)).unzip();
                 let cam_from_target = Some(TransformObject::from(reference.a_from_b));
@@ -382,13 +410,13 @@ fn unsettled_words(unsettled: &Unsettled) -> String {
         }
         None => format!("rotated and shifted {}", parts(&drift.old_from_new, |i| Some(sigma[i]))),
     };
-    let (began_s, began_sigma_s) = (drift.began_s, drift.began_sigma_s);
+    let (began, began_sigma_s) = (moment(drift.began_s, 1), drift.began_sigma_s);
     match unrest {
         Unrest::Step => format!(
-            "moved after reading {reading} while its reference was learned, at {began_s:.1} s ± {began_sigma_s:.1} s: {by}; learning again from there"
+            "moved after reading {reading} while its reference was learned, at {began} ± {began_sigma_s:.1} s: {by}; learning again from there"
         ),
         Unrest::Ramp => format!(
-            "moves while its reference is learned, since {began_s:.1} s ± {began_sigma_s:.1} s, so far {by}; it is not learned while it moves"
+            "moves while its reference is learned, since {began} ± {began_sigma_s:.1} s, so far {by}; it is not learned while it moves"
         ),
         Unrest::Wander => format!(
             "does not keep still while its reference is learned: from the first readings to the last {by}; learning continues with more readings. If that is an error of the readings, state it with --correlated-deg and --correlated-mm"

@@ -36,6 +36,61 @@ pub fn must_be_private(_flag: &str, _path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Words that a secret is called by in an address, in small letters; `accesstoken`, `user_password` and `api-key` end in one.
+const NAMES: [&str; 9] =
+    ["password", "passwd", "passphrase", "pwd", "pass", "token", "secret", "key", "signature"];
+
+/// Where the value of the first secret begins that an address names as `password=…`, `token=…` and the like: behind `?`, or in its path, as many
+/// cameras have it (`…/user=admin_password=…_channel=1`).
+pub fn named_in(address: &str) -> Option<usize> {
+    let begin = address.split_once("://").map_or(0, |(scheme, _)| scheme.len() + 3);
+    let equals = address.match_indices('=').map(|(at, _)| at).filter(|at| begin <= *at);
+    equals.into_iter().find_map(|at| {
+        let before = &address[begin..at];
+        let name =
+            before.rsplit(['/', '?', '&', ';', ',', '_', '-', '.', '=', '#']).next().unwrap_or_default();
+        let name = name.to_ascii_lowercase();
+        let has_value = address[at + 1..].chars().next().is_some_and(|c| !"/?&;".contains(c));
+        (has_value && NAMES.iter().any(|one| name.ends_with(one))).then_some(at + 1)
+    })
+}
+
+/// Whether an address holds a secret that no list of processes may show: `user:password@` before the host (a password may hold a slash that should
+/// have been written %2F), or one by its name.
+pub fn is_in(address: &str) -> bool {
+    let Some((_, rest)) = address.split_once("://") else { return false };
+    let is_port = |text: &str| text.chars().all(|c| c.is_ascii_digit());
+    let has_user = rest.rsplit_once('@').is_some_and(|(user, _)| {
+        let first = user.split(['/', '?']).next().unwrap_or_default();
+        // `cam:554/video@2x` has a port, `me:1234@cam` a password.
+        first.split_once(':').is_some_and(|(_, behind)| first.len() == user.len() || !is_port(behind))
+    });
+    has_user || named_in(address).is_some()
+}
+
+/// An address as it was given: itself, what the first line of a private file holds (`@FILE`), or what a variable does (`env:VARIABLE`). `flag` is
+/// what it was given for, `session` the file that it stands in, if it is no argument.
+///
+/// # Errors
+/// A secret in an argument, or in a session file that others can read, unshown; no such file or variable.
+pub fn address(flag: &str, given: &str, session: Option<&Path>) -> Result<String> {
+    if let Some(file) = given.strip_prefix('@') {
+        return read(&format!("{flag} @FILE"), Path::new(file));
+    }
+    if let Some(variable) = given.strip_prefix("env:") {
+        let found = std::env::var(variable).ok().filter(|address| !address.is_empty());
+        return found.with_context(|| format!("{flag} env:{variable}: there is no such variable"));
+    }
+    match (is_in(given), session) {
+        (true, Some(file)) => must_be_private(&format!("{flag}, which holds a secret:"), file)?,
+        (true, None) => bail!(
+            "{flag}: a password or token in an argument can be read by everybody on this machine; write the address into a session file or a file that only you can read and give @FILE instead of it, or into a variable and give env:VARIABLE"
+        ),
+        (false, _) => {}
+    }
+    Ok(given.to_string())
+}
+
 /// Whether two secrets are the same, in a time that does not tell where they differ.
 pub fn is_same(given: &[u8], known: &[u8]) -> bool {
     let differing = given.iter().zip(known).fold(0, |all, (a, b)| all | (a ^ b));
@@ -44,7 +99,38 @@ pub fn is_same(given: &[u8], known: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::is_same;
+    use super::{is_in, is_same, named_in};
+
+    #[test]
+    fn is_in_password_or_token_is_seen_however_it_is_written() {
+        for address in [
+            "rtsp://cam/x?password=7",
+            "rtsp://cam/x?a=1&PWD=7",
+            "rtsp://cam:554/user=admin_password=7_channel=1_stream=0.sdp",
+            "rtsp://cam/user=admin&password=7&channel=1",
+            "http://cam/video;accessToken=7",
+            "https://chat/hook?api-key=7",
+            "https://chat/hook?sig=1&X-Signature=7",
+            "rtsp://me:7@cam/x",
+            "rtsp://me:a/b@cam/x",
+        ] {
+            assert!(is_in(address), "{address}");
+        }
+        for address in [
+            "rtsp://cam:554/a@2x",
+            "rtsp://cam/user=admin_password=_channel=1".replace("=_", "=&").as_str(),
+            "http://cam/video?tokens=3&channel=1",
+            "https://ntfy.sh/my-cameras?tpl=1&t={{.camera}}",
+            "night/password=7/*.png",
+            "film.mp4",
+        ] {
+            assert!(!is_in(address), "{address}");
+        }
+        assert_eq!(
+            named_in("rtsp://c/user=a_password=xyz").map(|at| &"rtsp://c/user=a_password=xyz"[at..]),
+            Some("xyz")
+        );
+    }
 
     #[test]
     fn only_the_same_is_the_same() {

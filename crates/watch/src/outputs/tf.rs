@@ -79,6 +79,7 @@ impl Output for Tf {
             | Event::MovedWhileLearning { .. }
             | Event::Ended { .. }
             | Event::Compared { .. }
+            | Event::Promised { .. }
             | Event::Attributed { .. } => {}
         }
         Ok(())

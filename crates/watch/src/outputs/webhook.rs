@@ -7,10 +7,11 @@ use super::courier::Courier;
 use super::notice::{Notice, Notices};
 use super::outbox::Outbox;
 use super::retry::{Backoff, Standing};
-use super::{Common, Output};
+use super::{Common, Output, secret};
 use crate::live::Event;
 use anyhow::Result;
 use post::{Answer, Post};
+use std::path::PathBuf;
 use tokio::runtime::Runtime;
 
 /// Notices that may wait; alarms are kept longest.
@@ -19,8 +20,10 @@ const WAITING: usize = 1000;
 /// The webhook.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WebhookConfig {
-    /// The http or https address that notices are posted to.
+    /// The http or https address that notices are posted to, `@FILE`, or `env:VARIABLE`.
     pub url: String,
+    /// The session file that it stands in; none where it is an argument.
+    pub session: Option<PathBuf>,
     /// Headers, `Name: value`, or `@FILE` with one a line.
     pub headers: Vec<String>,
 }
@@ -30,7 +33,8 @@ pub struct WebhookConfig {
 /// # Errors
 /// An address or a header that is none.
 pub(super) fn open(config: &WebhookConfig, common: &mut Common<'_>) -> Result<Box<dyn Output>> {
-    let post = Post::new(&config.url, post::headers(&config.headers)?, common.ca.as_deref())?;
+    let url = secret::address("--webhook", &config.url, config.session.as_deref())?;
+    let post = Post::new(&url, post::headers(&config.headers)?, common.ca.as_deref())?;
     let receiver = post.receiver().to_string();
     let notices = Notices::new(common.names);
     let courier = Courier::start("webhook", &receiver, WAITING, common, move |outbox, standing, runtime| {

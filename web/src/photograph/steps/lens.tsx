@@ -1,11 +1,13 @@
 // Step 1: what is known of the lens.
-import { useSignal } from "@preact/signals";
+import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { Pick } from "../../parts/files";
 import { Note } from "../../parts/status";
 import { sentence } from "../../texts/common";
 import { photographTexts as texts } from "../../texts/photograph";
-import type { GivenLens } from "../../api/types";
-import { apply, view } from "../store";
+import type { GivenLens, LineDirection } from "../../api/types";
+import { transport } from "../../transport";
+import { apply, lensLines, lineOf, pending, tool, view } from "../store";
 import { number } from "../pairs";
 import { Step } from "./step";
 
@@ -35,6 +37,54 @@ export function LensStep() {
   );
 }
 
+/** Cameras of the list; asked for once. */
+const cameras = signal<string[]>([]);
+
+function Common({ set }: { set: (lens: GivenLens) => Promise<void> }) {
+  useEffect(() => {
+    if (!cameras.value.length) transport.get<{ name: string }[]>("/api/session/cameras").then((all) => (cameras.value = all.map(({ name }) => name)), () => {});
+  }, []);
+  return (
+    <div class="choice">
+      <select aria-label={t.common} value="" onChange={(event) => event.currentTarget.value && set({ by: "common", name: event.currentTarget.value })}>
+        <option value="">{t.common}</option>
+        {cameras.value.map((name) => <option key={name} value={name}>{name}</option>)}
+      </select>
+      <p class="small quiet">{t.commonHelp}</p>
+    </div>
+  );
+}
+
+const DIRECTIONS: LineDirection[] = ["up", "along", "across"];
+
+function Lines({ set }: { set: (lens: GivenLens) => Promise<void> }) {
+  const count = (direction: LineDirection) => lensLines.value.filter((line) => line.direction === direction).length;
+  const directions = DIRECTIONS.filter((direction) => 0 < count(direction)).length;
+  const active = lineOf(tool.value);
+  return (
+    <div class="choice">
+      <div class="row" role="group" aria-label={t.lines}>
+        {DIRECTIONS.map((direction) => (
+          <button key={direction} aria-pressed={active === direction} onClick={() => {
+            pending.value = [];
+            tool.value = active === direction ? "marks" : `line_${direction}`;
+          }}>{t.directions[direction]}{0 < count(direction) && ` · ${count(direction)}`}</button>
+        ))}
+      </div>
+      <p class="small quiet">{active ? t.lineHint[active] : t.linesHelp}</p>
+      {0 < lensLines.value.length && (
+        <div class="row">
+          <button class="main" disabled={lensLines.value.length < 3 || directions < 2} onClick={async () => {
+            tool.value = "marks";
+            await set({ by: "lines", lines: lensLines.value });
+          }}>{t.useLines(lensLines.value.length)}</button>
+          <button onClick={() => (lensLines.value = lensLines.value.slice(0, -1))}>{t.lastLine}</button>
+        </div>
+      )}
+    </div>
+  );
+}
+
 function Choices({ set }: { set: (lens: GivenLens) => Promise<void> }) {
   const degrees = useSignal("");
   const hfov_deg = number(degrees.value);
@@ -58,6 +108,8 @@ function Choices({ set }: { set: (lens: GivenLens) => Promise<void> }) {
         <label class="row tight"><span>{t.fov}</span><input class="short" inputMode="decimal" autocomplete="off" value={degrees.value} onInput={(event) => (degrees.value = event.currentTarget.value)} /><span class="quiet cut">{t.fovUnit}</span><button disabled={Number.isNaN(hfov_deg)}>{t.use}</button></label>
         <p class="small quiet">{t.fovHelp}</p>
       </form>
+      <Common set={set} />
+      <Lines set={set} />
       <div class="choice">
         <button onClick={() => set({ by: "unknown" })}>{t.unknown}</button>
         <p class="small quiet">{t.unknownHelp}</p>

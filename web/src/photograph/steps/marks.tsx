@@ -4,7 +4,7 @@ import type { PointView, Template } from "../../api/types";
 import { Pick } from "../../parts/files";
 import { Pictogram } from "../pictograms";
 import { photographTexts as texts } from "../../texts/photograph";
-import { addsMark, apply, failed, needsMarks, nextMark, sameHandle, selected, tool, view, viewport } from "../store";
+import { addsMark, apply, cancel, failed, needsMarks, nextMark, sameHandle, selected, tool, view, viewport } from "../store";
 import { DistanceInput, shortest } from "../chips";
 import { Field } from "../field";
 import { number, pairs } from "../pairs";
@@ -66,11 +66,13 @@ function Templates() {
 function FindTarget() {
   const size = useSignal("");
   const family = useSignal("any");
-  const looking = useSignal(false);
+  const looking = useSignal<number | null>(null);
   const find = async (target: Parameters<typeof apply>[0] & { kind: "find_target" }) => {
-    looking.value = true;
+    looking.value = 0;
+    const clock = setInterval(() => (looking.value = (looking.value ?? 0) + 1), 1000);
     await apply(target);
-    looking.value = false;
+    clearInterval(clock);
+    looking.value = null;
   };
   return (
     <div class="column">
@@ -90,8 +92,15 @@ function FindTarget() {
         <label class="grow small">{texts.target.size}
           <input inputMode="decimal" autocomplete="off" placeholder="0.10" value={size.value} onInput={(event) => (size.value = event.currentTarget.value)} />
         </label>
-        <button disabled={looking.value}>{looking.value ? texts.target.looking : texts.target.find}</button>
+        <button disabled={looking.value !== null}>{texts.target.find}</button>
       </form>
+      {looking.value !== null && (
+        <div class="row" role="status">
+          <progress aria-label={texts.target.looking(looking.value)} />
+          <span class="grow">{texts.target.looking(looking.value)}</span>
+          <button type="button" onClick={cancel}>{texts.target.cancel}</button>
+        </div>
+      )}
     </div>
   );
 }
@@ -177,7 +186,7 @@ function PointRow({ point }: { point: PointView }) {
         </th>
         <td class="number small">
           {point.residual_px != null && <>{t.residual} {point.residual_px.toFixed(2)} px</>}
-          {point.is_worst && <strong class="worst"> {t.worst}</strong>}
+          {point.is_suspect ? <strong class="worst"> {t.suspect}</strong> : point.is_worst && <span> {t.worst}</span>}
           {point.half_width_95_m && point.position_m && <Spatial point={point} />}
         </td>
         <td class="number"><button class="plain" aria-label={t.remove(point.name)} onClick={() => apply({ kind: "remove_point", name: point.name })}>✕</button></td>

@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import type { MeasuredKind, MeasurementView } from "../../api/types";
 import { download } from "../../parts/files";
 import { photographTexts as texts } from "../../texts/photograph";
-import { addMeasured, apply, failed, pending, photo, selected, session, showPhoto, tool, view } from "../store";
+import { addMeasured, apply, failed, isMeasured, pending, photo, selected, session, showPhoto, tool, view } from "../store";
 import { transport } from "../../transport";
 import { Step } from "./step";
 
@@ -14,7 +14,7 @@ type Column = "name" | "what" | "value";
 export function MeasureStep() {
   const now = view.value!;
   const can = !!now.answer && now.figures.length > 0;
-  const kind = tool.value === "marks" ? null : tool.value;
+  const kind = isMeasured(tool.value) ? tool.value : null;
   return (
     <Step n={4} name="measure" done={0 < now.measurements.length} summary={now.measurements.length || undefined}>
       <div class="row kinds" role="group" aria-label={t.choose}>

@@ -3,6 +3,7 @@
 use resight::answer::intrinsics::{
     CameraCheck, CameraIntrinsics, IntrinsicsAnswer, IntrinsicsCheckAnswer, IntrinsicsObject,
 };
+use resight::report::words::counted;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -58,10 +59,10 @@ fn parameters(text: &mut String, found: &IntrinsicsObject) {
 fn views(text: &mut String, found: &IntrinsicsObject) {
     let _ = writeln!(
         text,
-        "  residuals {:.3} px over {} corners of {} views; corners reach {:.0} % of the image",
+        "  residuals {:.3} px over {} of {}; corners reach {:.0} % of the image",
         found.rms_px,
-        found.n_corners,
-        found.views.len(),
+        counted(found.n_corners, "corner"),
+        counted(found.views.len(), "view"),
         100.0 * found.coverage.share
     );
     if let Some(px) = found.projection.rms_px {
@@ -109,7 +110,7 @@ fn check(camera: &CameraCheck) -> String {
         );
     }
     if let Some(p) = camera.p {
-        let _ = writeln!(text, "  {} views, p = {p:.1e}", camera.n_views);
+        let _ = writeln!(text, "  {}, p = {p:.1e}", counted(camera.n_views, "view"));
     }
     text
 }

@@ -9,7 +9,9 @@ use resight::report::rig::{
 };
 use resight::report::verdict::Status;
 use resight::report::verdict::figures;
-use resight::report::words::{coordinate, degrees, length, position_sigma_m, sigmas};
+use resight::report::words::{
+    coordinate, counted, degrees, distance_sigma_m, length, position_sigma_m, sigmas,
+};
 use resight::rig::gather::Gathered;
 use resight::rig::relative::between;
 use std::collections::BTreeMap;
@@ -29,8 +31,8 @@ pub fn shared_views(gathered: &Gathered) -> String {
         table.push(std::iter::once(name.to_string()).chain(cells).collect());
     }
     format!(
-        "shared views ({} views in all; on the diagonal those of each camera)\n{}",
-        gathered.rig.views.len(),
+        "shared views ({} in all; on the diagonal those of each camera)\n{}",
+        counted(gathered.rig.views.len(), "view"),
         columns(&table)
     )
 }
@@ -134,15 +136,15 @@ fn pairs(solved: &SolvedRig) -> String {
         vec![["pair", "shared views", "apart", "±", "rotation", "±"].map(str::to_string).to_vec()];
     for (a, b) in pairs.iter().take(MAX_PAIRS) {
         let Some(pose) = between(s, *a, *b) else { continue };
-        let (turn, shift) = sigmas(&pose.covariance);
-        let largest = |sigmas: [f64; 3]| sigmas.into_iter().fold(0.0, f64::max);
+        let turn = sigmas(&pose.covariance).0.into_iter().fold(0.0, f64::max);
+        let (distance_m, sigma_m) = distance_sigma_m(&pose.b_from_a, &pose.covariance);
         table.push(vec![
             format!("{} – {}", name(solved, *a), name(solved, *b)),
             of(s.verdict.used_views[*a][*b], s.shared.counts[*a][*b]),
-            format!("{:.1} mm", 1e3 * pose.b_from_a.translation.norm()),
-            length(largest(shift)),
+            format!("{:.1} mm", 1e3 * distance_m),
+            length(sigma_m),
             format!("{:.3}°", pose.b_from_a.angle_to_rad(&resight::core::Pose::identity()).to_degrees()),
-            degrees(largest(turn)),
+            degrees(turn),
         ]);
     }
     let more = pairs.len().saturating_sub(MAX_PAIRS);

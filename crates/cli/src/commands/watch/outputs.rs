@@ -14,7 +14,7 @@ use resight_watch::outputs::tf::TfConfig;
 use resight_watch::outputs::tui::TuiConfig;
 use resight_watch::outputs::webhook::WebhookConfig;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// The outputs.
@@ -60,6 +60,11 @@ impl OutputArgs {
             json: self.json,
             frames: self.frames,
         })
+    }
+
+    /// Says which session file the keys come from; secrets in it are no arguments.
+    pub fn come_from(&mut self, session: Option<&Path>) {
+        self.webhook.session = session.map(Path::to_path_buf);
     }
 
     /// What the session opens.
@@ -234,18 +239,22 @@ impl MetricsArgs {
 #[command(next_help_heading = "Webhook")]
 pub struct WebhookArgs {
     /// Posts a JSON object to this http or https address when a state changes, when it is known who moved, and when a source is lost
-    /// or back; tried again until it is acknowledged (status 2xx).
+    /// or back; tried again until it is acknowledged (status 2xx). An address with a token comes from @FILE or env:VARIABLE.
     #[arg(long, hide_short_help = true, value_name = "URL")]
     webhook: Option<String>,
     /// A header for --webhook, 'Name: value', or @FILE with one a line: secrets belong in a file. May be given again.
     #[arg(long, hide_short_help = true, value_name = "HEADER", requires = "webhook")]
     webhook_header: Vec<String>,
+    /// The session file that `webhook` comes from; none where it is an argument.
+    #[arg(skip)]
+    session: Option<PathBuf>,
 }
 
 impl WebhookArgs {
     fn config(&self) -> Option<WebhookConfig> {
         let headers = self.webhook_header.clone();
-        self.webhook.clone().map(|url| WebhookConfig { url, headers })
+        let session = self.session.clone();
+        self.webhook.clone().map(|url| WebhookConfig { url, session, headers })
     }
 }
 

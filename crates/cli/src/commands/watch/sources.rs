@@ -20,7 +20,7 @@ pub struct SourceArgs {
     /// Where frames come from: a folder, images, a video, a recording, a stream, a device, or - for stdin.
     ///
     /// A folder that fills up, images ('night/*.png'), a video file, a recording (run.mcap, or run.mcap#/topic where several topics show
-    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0), or - for detections as JSON Lines on
+    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0, or its number: 0), or - for detections as JSON Lines on
     /// stdin. NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
     /// read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, help_heading = None, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
@@ -53,41 +53,11 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
     let source = |(value, name): (Option<String>, &String)| {
         let value =
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
-        one(args, &address(&value, name, args.session.as_deref())?, name, names, once)
+        let address =
+            secret::address(&format!("--source of camera {name}"), &value, args.session.as_deref())?;
+        one(args, &address, name, names, once)
     };
     given.into_iter().zip(names).map(source).collect()
-}
-
-/// What is behind `@FILE` and `env:VARIABLE`; a password in an argument is refused, for the list of processes shows it to everybody, and
-/// one in a session file that others can read.
-fn address(value: &str, name: &str, session: Option<&Path>) -> Result<String> {
-    if let Some(file) = value.strip_prefix('@') {
-        return secret::read("--source @FILE", Path::new(file));
-    }
-    if let Some(variable) = value.strip_prefix("env:") {
-        let found = std::env::var(variable).ok().filter(|address| !address.is_empty());
-        return found.with_context(|| format!("--source {name}=env:{variable}: there is no such variable"));
-    }
-    if let (true, Some(file)) = (has_password(value), session) {
-        secret::must_be_private(&format!("source of camera {name}, which holds a password:"), file)?;
-    } else if has_password(value) {
-        bail!(
-            "--source of camera {name}: a password in an argument can be read by everybody on this machine; write the address \
-             into a session file or a file that only you can read and give --source {name}=@FILE, or into a variable and give --source \
-             {name}=env:VARIABLE"
-        );
-    }
-    Ok(value.to_string())
-}
-
-/// `user:password@` before the host of an address; a password may hold a slash that should have been written %2F.
-fn has_password(value: &str) -> bool {
-    let Some((_, rest)) = value.split_once("://") else { return false };
-    let Some((user, _)) = rest.rsplit_once('@') else { return false };
-    let first = user.split(['/', '?']).next().unwrap_or_default();
-    let is_port = |text: &str| text.chars().all(|c| c.is_ascii_digit());
-    // `cam:554/video@2x` has a port, `me:1234@cam` a password.
-    first.split_once(':').is_some_and(|(_, behind)| first.len() == user.len() || !is_port(behind))
 }
 
 fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool) -> Result<Box<dyn Source>> {
@@ -172,6 +142,10 @@ fn words(text: &str) -> Result<Vec<String>> {
 mod tests {
     use super::*;
 
+    fn address(value: &str, session: Option<&Path>) -> Result<String> {
+        secret::address("--source of camera gate", value, session)
+    }
+
     #[test]
     fn options_are_cut_into_words() {
         let cut = |text: &str| words(text).expect("words");
@@ -190,14 +164,17 @@ mod tests {
 
     #[test]
     fn passwords_are_not_arguments() {
-        for value in
-            ["rtsp://me:secret@cam/x", "rtsp://me:se/cret@cam/x", "http://a:b@cam?x", "rtsp://me:1234@cam"]
-        {
-            let reported = address(value, "gate", None).expect_err("refused").to_string();
+        for value in [
+            "rtsp://me:secret@cam/x",
+            "rtsp://me:se/cret@cam/x",
+            "http://a:b@cam?x",
+            "rtsp://me:1234@cam",
+            "rtsp://cam/x?password=secret",
+            "rtsp://cam/user=me_password=secret_channel=1",
+        ] {
+            let reported = address(value, None).expect_err("refused").to_string();
             assert!(
-                reported.contains("gate=@FILE")
-                    && reported.contains("env:VARIABLE")
-                    && !reported.contains("cret"),
+                reported.contains("@FILE") && reported.contains("env:VARIABLE") && !reported.contains("cret"),
                 "{reported}"
             );
         }
@@ -209,10 +186,10 @@ mod tests {
             "tcp://[::1]:5000",
             "film.mp4",
         ] {
-            assert_eq!(address(value, "gate", None).expect("an address"), value);
+            assert_eq!(address(value, None).expect("an address"), value);
         }
-        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", "gate", None).is_err());
-        assert!(address("@no/such/file", "gate", None).is_err());
+        assert!(address("env:RESIGHT_NO_SUCH_VARIABLE", None).is_err());
+        assert!(address("@no/such/file", None).is_err());
     }
 
     /// A session file is a place for a secret while nobody else can read it.
@@ -226,9 +203,9 @@ mod tests {
             |mode| std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).expect("a mode");
         let value = "rtsp://me:secret@cam/x";
         mode(0o644);
-        let refused = address(value, "gate", Some(&file)).expect_err("refused").to_string();
+        let refused = address(value, Some(&file)).expect_err("refused").to_string();
         mode(0o600);
-        let address = address(value, "gate", Some(&file)).expect("an address");
+        let address = address(value, Some(&file)).expect("an address");
         let _ = std::fs::remove_file(&file);
         assert!(refused.contains("others can read it") && !refused.contains("secret@"), "{refused}");
         assert_eq!(address, value);
@@ -250,7 +227,7 @@ mod tests {
             (
                 "gate=RTSP://me:secret@cam/x",
                 "",
-                "--source of camera gate: a password in an argument can be read",
+                "--source of camera gate: a password or token in an argument can be read",
             ),
             ("gate=rtsp://cam/x", "gate=-headers 'X: secret", "--ffmpeg-input-options gate=…: a ' is not"),
             ("gate=rtsp://cam/x", "-headers 'X: secret", "--ffmpeg-input-options …: a ' is not closed"),

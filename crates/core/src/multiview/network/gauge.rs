@@ -49,7 +49,7 @@ pub(super) fn layout(
         return (Layout::new(network, state, dropped, &held), Frame::ControlPoints([a, b, c]));
     }
     let mut layout = Layout::new(network, state, dropped, &held);
-    layout.pins = free_motions(network, state, &layout);
+    layout.pin(free_motions(network, state, &layout));
     let frame = if layout.pins.is_empty() { Frame::Given } else { Frame::Held };
     (layout, frame)
 }
@@ -124,14 +124,13 @@ fn free_motions(network: &NetworkProblem, state: &State, layout: &Layout) -> Vec
             if k < 3 { (unit / size, centre.cross(&unit) / size) } else { (Vector3::zeros(), unit) };
         generator(state, layout, &Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z))
     }));
-    let resisted = Matrix6::from_fn(|i, j| {
-        let along = &equations.information * generators.column(j);
-        generators.column(i).dot(&along)
-    });
+    let along: Vec<DVector<f64>> =
+        generators.column_iter().map(|column| equations.times(&column.into_owned())).collect();
+    let resisted = Matrix6::from_fn(|i, j| generators.column(i).dot(&along[j]));
     let exact_part = resistance_of_exact(state, &exact, &centre, size);
     let eigen = SymmetricEigen::new(resisted + exact_part * resisted.amax().max(1.0));
     let most = eigen.eigenvalues.amax();
-    let weight = equations.information.diagonal().sum() / layout.n.max(1) as f64;
+    let weight = equations.diagonal().iter().sum::<f64>() / layout.n.max(1) as f64;
     let is_free = |k: &usize| eigen.eigenvalues[*k] < FREE * most;
     let pin = |k: usize| {
         let direction = &generators * eigen.eigenvectors.column(k);

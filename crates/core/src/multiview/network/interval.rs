@@ -3,10 +3,10 @@
 
 use super::query::Query;
 use super::rows::equations;
-use super::state::State;
-use super::{Adjusted, Item};
+use super::state::{Layout, State};
+use super::{Adjusted, Constraint, Item};
 use crate::Error;
-use crate::least_squares::dense::minimize_on_level;
+use crate::least_squares::arrow::minimize_on_level;
 use nalgebra::DVector;
 
 /// A value with its uncertainty, in metres, radians or square metres.
@@ -31,8 +31,54 @@ const NEAR: f64 = 2e-3;
 /// Secant steps towards an end.
 const MOST_STEPS: usize = 12;
 
+/// The part of a network that an interval depends on.
+struct Part {
+    constraints: Vec<Constraint>,
+    layout: Layout,
+    /// Which unknown of the network each of its unknowns is.
+    unknowns: Vec<usize>,
+}
+
 impl Adjusted {
-    /// The answer to a query about positions, with its 95 % interval.
+    /// The network without the points that the question does not ask for and that nothing checks: wherever everything else goes, they follow at
+    /// no cost. docs/math/survey.md eq. (28).
+    fn part(&self, query: &Query) -> Part {
+        let (members, points) = (self.layout.members(), query.points());
+        let is_unchecked = self.unchecked_groups();
+        let is_left_out =
+            |group: usize| is_unchecked[group] && !members[group].iter().any(|p| points.contains(p));
+        let (layout, unknowns) = self.layout.without(is_left_out);
+        let constraints = self.used_constraints().into_iter().filter(|f| layout.has(f)).collect();
+        Part { constraints, layout, unknowns }
+    }
+
+    /// Which groups of points have no more residuals than unknowns.
+    fn unchecked_groups(&self) -> Vec<bool> {
+        let (members, unknowns) = (self.layout.members(), self.layout.arrow().groups());
+        let mut group_of = vec![None; self.layout.point.len()];
+        for (group, points) in members.iter().enumerate() {
+            points.iter().for_each(|p| group_of[*p] = Some(group));
+        }
+        let mut n_rows = vec![0; members.len()];
+        for constraint in self.used_constraints().iter().filter(|f| self.layout.has(f)) {
+            if let Some(group) = constraint.points()[0].and_then(|p| group_of[p]) {
+                n_rows[group] += constraint.n_rows();
+            }
+        }
+        n_rows.iter().zip(unknowns).map(|(n, unknowns)| *n == unknowns.len()).collect()
+    }
+
+    /// One a point: whether it has no more residuals than unknowns, so that nothing checks it and no other answer depends on it.
+    pub fn points_that_nothing_checks(&self) -> Vec<bool> {
+        let mut is = vec![false; self.layout.point.len()];
+        let of_groups = self.layout.members().iter().zip(self.unchecked_groups());
+        of_groups.filter(|(_, is_unchecked)| *is_unchecked).for_each(|(points, _)| {
+            points.iter().for_each(|p| is[*p] = true);
+        });
+        is
+    }
+
+    /// The answer to a question about places that were found, with its 95 % interval.
     ///
     /// # Errors
     /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the network.
@@ -44,7 +90,9 @@ impl Adjusted {
         if !(value.is_finite() && sigma.is_finite()) {
             return Err(Error::NotFinite { what: "the value asked for", index: 0 });
         }
-        let end = |side: f64| self.end(query, value, sigma, &by, side);
+        let part = self.part(query);
+        let by = DVector::from_iterator(part.layout.n, part.unknowns.iter().map(|i| by[*i]));
+        let end = |side: f64| self.end(query, &part, [value, sigma], &by, side);
         let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
         let is_profile = low.is_some() && high.is_some();
         let linear = |side: f64| value + side * NORMAL_95 * sigma;
@@ -88,23 +136,29 @@ impl Adjusted {
     }
 
     /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
-    fn end(&self, query: &Query, value: f64, sigma: f64, by: &DVector<f64>, side: f64) -> Option<f64> {
-        let constraints = self.used_constraints();
+    fn end(
+        &self,
+        query: &Query,
+        Part { constraints, layout, .. }: &Part,
+        [value, sigma]: [f64; 2],
+        by: &DVector<f64>,
+        side: f64,
+    ) -> Option<f64> {
         let mut state = self.state.clone();
         let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
         let mut reached = 0.0;
         for _ in 0..MOST_STEPS {
             // Along the line of minima to first order; the loop on the level does the rest.
-            state = state.moved(&self.layout, &(by * ((aim - at) / (sigma * sigma))))?;
+            state = state.moved(layout, &(by * ((aim - at) / (sigma * sigma))))?;
             let level = |s: &State| {
-                let (value, gradient) = query.value(s, &self.layout);
+                let (value, gradient) = query.value(s, layout);
                 Some((value - aim, gradient))
             };
             let found = minimize_on_level(
                 &state,
                 level,
-                |s| equations(&constraints, s, &self.layout),
-                |s, by| s.moved(&self.layout, by),
+                |s| equations(constraints, s, layout),
+                |s, by| s.moved(layout, by),
             )?;
             let root = ((found.equations.chi2 - self.chi2) / self.noise_scale).max(0.0).sqrt();
             if (root - NORMAL_95).abs() < NEAR {

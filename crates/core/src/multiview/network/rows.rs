@@ -2,7 +2,7 @@
 
 use super::Constraint;
 use super::state::{Layout, PlaneAt, State};
-use crate::least_squares::dense::DenseEquations;
+use crate::least_squares::arrow::ArrowEquations;
 use crate::locate::factor::{Factor, factors};
 use crate::locate::prior::Prior;
 use crate::multiview::triangulate::matrix_of;
@@ -169,8 +169,8 @@ pub(crate) fn equations(
     constraints: &[Constraint],
     state: &State,
     layout: &Layout,
-) -> Option<DenseEquations> {
-    let mut sum = DenseEquations::new(layout.n);
+) -> Option<ArrowEquations> {
+    let mut sum = ArrowEquations::new(layout.arrow());
     for constraint in constraints.iter().filter(|f| layout.has(f)) {
         for row in rows(constraint, state, layout)? {
             sum.add(row.residual, &row.entries);

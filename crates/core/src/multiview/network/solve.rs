@@ -5,7 +5,9 @@ use super::starts::{Draft, undetermined};
 use super::state::{Layout, LensAt, State};
 use super::trilaterate::{Places, lengths, plane_of};
 use super::{Adjusted, Constraint, Frame, Item, NetworkProblem, gauge, snoop};
-use crate::least_squares::dense::{DenseMinimum, MAX_STEPS, minimize_dense, minimize_dense_within};
+use crate::least_squares::Minimum;
+use crate::least_squares::arrow::ArrowEquations;
+use crate::least_squares::dense::{MAX_STEPS, minimize_dense, minimize_dense_within};
 use crate::locate::consistency::{is_unlikely, noise_scale};
 use crate::{Error, Point};
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
@@ -45,7 +47,7 @@ pub(super) fn settle(
             (state, faces) = (turned, true);
             continue;
         }
-        let lost = match inverse(&solved.equations.information) {
+        let lost = match inverse(&solved.equations) {
             Err(direction) => blamed(&direction, &layout),
             Ok(covariance) => match weakest(network, &solved, &layout, &covariance) {
                 None => return conclude(network, solved, layout, frame, covariance, dropped),
@@ -60,6 +62,8 @@ pub(super) fn settle(
     }
 }
 
+type NetworkMinimum = Minimum<State, ArrowEquations>;
+
 /// Evaluations after which a draft that is compared with a better one is looked at.
 const LOOK_STEPS: usize = 40;
 
@@ -69,7 +73,7 @@ fn lowest(
     state: &State,
     layout: &Layout,
     far_chi2: Option<f64>,
-) -> Option<DenseMinimum<State>> {
+) -> Option<NetworkMinimum> {
     let within = |max_steps| {
         minimize_dense_within(
             max_steps,
@@ -85,7 +89,7 @@ fn lowest(
 
 fn conclude(
     network: &NetworkProblem,
-    solved: DenseMinimum<State>,
+    solved: NetworkMinimum,
     layout: Layout,
     frame: Frame,
     covariance: DMatrix<f64>,
@@ -120,25 +124,25 @@ fn conclude(
     })
 }
 
-/// H⁻¹; where there is none, the undetermined direction, each unknown over its own scale.
-fn inverse(information: &DMatrix<f64>) -> Result<DMatrix<f64>, DVector<f64>> {
-    let n = information.nrows();
-    let scale: Vec<f64> = (0..n).map(|i| information[(i, i)].sqrt()).collect();
-    if let Some(none) = scale.iter().position(|s| !(0.0 < *s)) {
+/// H⁻¹; where there is none, the direction that nothing determines, each unknown over its own scale.
+fn inverse(equations: &ArrowEquations) -> Result<DMatrix<f64>, DVector<f64>> {
+    let unit: Vec<f64> = equations.diagonal().iter().map(|d| d.sqrt().recip()).collect();
+    let n = unit.len();
+    if let Some(none) = unit.iter().position(|u| !u.is_finite()) {
         return Err(DVector::from_fn(n, |i, _| f64::from(u8::from(i == none))));
     }
-    let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] / (scale[i] * scale[j]));
-    let factor = scaled.clone().cholesky().filter(|c| {
-        let pivots = c.l_dirty().diagonal();
-        LEAST_INFORMATION < pivots.min().powi(2)
-    });
+    let scaled = equations.scaled(&unit);
+    let factor = scaled.factor(0.0).filter(|factor| LEAST_INFORMATION < factor.least_pivot().powi(2));
     match factor {
         Some(factor) => {
-            let inverse = factor.inverse();
-            Ok(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] / (scale[i] * scale[j])))
+            let mut inverse = factor.inverse();
+            for (i, mut row) in inverse.row_iter_mut().enumerate() {
+                row.iter_mut().zip(&unit).for_each(|(entry, of_column)| *entry *= unit[i] * of_column);
+            }
+            Ok(inverse)
         }
         None => {
-            let eigen = SymmetricEigen::new(scaled);
+            let eigen = SymmetricEigen::new(scaled.dense());
             Err(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned())
         }
     }
@@ -158,7 +162,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
         .enumerate()
         .map(|(i, at)| (part(&[*at, at.map(|a| a + 1), layout.height[i]]), Item::Plane(i)));
     let (share, item) = points.chain(photos).chain(tilts).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "the constraints leave a direction of it free; image point it in another photograph, or add a distance or coordinates";
+    let reason = "the constraints leave a direction of it free; mark it in another photograph, or add a distance or coordinates";
     let why = match item {
         Item::Point(i) => undetermined("point", i, reason, 0.0, 1.0),
         Item::Photo(i) => undetermined("photo", i, reason, 0.0, 1.0),
@@ -170,7 +174,7 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
 /// The point known worst, if it is known too badly to have a place.
 fn weakest(
     network: &NetworkProblem,
-    solved: &DenseMinimum<State>,
+    solved: &NetworkMinimum,
     layout: &Layout,
     covariance: &DMatrix<f64>,
 ) -> Option<(Item, Error)> {
@@ -191,7 +195,7 @@ fn weakest(
     };
     let all = (0..network.n_points).filter(|p| layout.has_point(*p));
     let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let reason = "its standard deviation is too large a part of its distance from the camera; image point it in a photograph from farther aside";
+    let reason = "its standard deviation is too large a part of its distance from the camera; mark it in a photograph from farther aside";
     (LARGEST_SIGMA < worst)
         .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
 }
@@ -251,7 +255,7 @@ pub(super) fn check_distances(network: &NetworkProblem, control_points: &Places)
     if !is_unlikely(solved.equations.chi2, degrees_of_freedom) {
         return Ok(());
     }
-    let Ok(covariance) = inverse(&solved.equations.information) else { return Ok(()) };
+    let Ok(covariance) = inverse(&solved.equations) else { return Ok(()) };
     match snoop::suspects(&constraints, &solved.state, &layout, &covariance).first() {
         Some(worst) => Err(Error::InconsistentDistances {
             constraint: used[worst.constraint],

@@ -305,7 +305,7 @@ impl Building<'_> {
                 let reason = match (n, self.plane_of[point]) {
                     (0, _) => "no photograph that has a place shows it",
                     (_, None) => {
-                        "it was seen once and lies on no plane; image point it in a second photograph, or put it on a plane"
+                        "it was seen once and lies on no plane; mark it in a second photograph, or put it on a plane"
                     }
                     (_, Some(_)) => "its ray does not meet its plane in front of the camera",
                 };

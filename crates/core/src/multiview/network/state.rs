@@ -1,8 +1,11 @@
 //! The unknowns, and their indices in the joint vector.
 
 use super::{Constraint, Item, NetworkProblem, Plane};
+use crate::least_squares::arrow::Arrow;
 use crate::{Camera, Point, Pose};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3, Vector6};
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// All poses, positions and planes. Those that are undetermined are kept, unused.
 #[derive(Debug, Clone)]
@@ -46,8 +49,15 @@ pub(crate) struct Layout {
     pub(crate) n: usize,
     /// Directions that are undetermined and need not be determined: held by rows of residual 0.
     pub(crate) pins: Vec<DVector<f64>>,
-    dropped: Vec<Item>,
+    dropped: BTreeSet<Item>,
+    /// Points that no constraint joins to others are groups of their own.
+    arrow: Arc<Arrow>,
+    /// The points of each group.
+    members: Vec<Vec<usize>>,
 }
+
+/// Points joined by distances and uprights form one group where they are not more.
+const LARGEST_GROUP: usize = 4;
 
 /// Relative eigenvalues of the intrinsics' correlation below this are rounding.
 const LEAST_EIGENVALUE: f64 = 1e-12;
@@ -139,6 +149,27 @@ impl State {
     }
 }
 
+/// Points by what joins them; those that are held or joined to many others belong to no group.
+fn groups(network: &NetworkProblem, layout: &Layout) -> Vec<Vec<usize>> {
+    let mut group_of: Vec<usize> = (0..network.n_points).collect();
+    let mut members: Vec<Vec<usize>> = (0..network.n_points).map(|p| vec![p]).collect();
+    for constraint in network.constraints.iter().filter(|f| layout.has(f)) {
+        let [Some(a), Some(b)] = constraint.points() else { continue };
+        let (a, b) = (group_of[a], group_of[b]);
+        if a != b {
+            let joined = core::mem::take(&mut members[b]);
+            joined.iter().for_each(|p| group_of[*p] = a);
+            members[a].extend(joined);
+        }
+    }
+    let is_free = |p: &usize| layout.point[*p].iter().any(Option::is_some);
+    let is_group = |points: &Vec<usize>| {
+        !points.is_empty() && points.len() <= LARGEST_GROUP && points.iter().any(is_free)
+    };
+    members.retain(is_group);
+    members
+}
+
 impl Layout {
     /// All unknowns of a network but those of `dropped` items and of coordinates that are `held`.
     pub(crate) fn new(
@@ -147,7 +178,7 @@ impl Layout {
         dropped: &[Item],
         held: &[(usize, usize)],
     ) -> Self {
-        let mut layout = Layout { dropped: dropped.to_vec(), ..Layout::default() };
+        let mut layout = Layout { dropped: dropped.iter().copied().collect(), ..Layout::default() };
         let mut n = 0;
         let mut take = |many: usize| {
             n += many;
@@ -177,7 +208,58 @@ impl Layout {
             layout.lens.push(take(lens.z.len()));
         }
         layout.n = n;
+        layout.members = groups(network, &layout);
+        layout.arrange();
         layout
+    }
+
+    /// Holds directions in which nothing is known. Their rows join everything.
+    pub(crate) fn pin(&mut self, pins: Vec<DVector<f64>>) {
+        if !pins.is_empty() {
+            self.members.clear();
+            self.arrange();
+        }
+        self.pins = pins;
+    }
+
+    fn arrange(&mut self) {
+        let unknowns = |points: &Vec<usize>| points.iter().flat_map(|p| self.point[*p]).flatten().collect();
+        self.arrow = Arc::new(Arrow::new(self.n, self.members.iter().map(unknowns).collect()));
+    }
+
+    /// Which unknowns are joined to which.
+    pub(crate) fn arrow(&self) -> &Arc<Arrow> {
+        &self.arrow
+    }
+
+    /// The points of each group.
+    pub(crate) fn members(&self) -> &[Vec<usize>] {
+        &self.members
+    }
+
+    /// The same without some groups, and for each of its unknowns which it was.
+    pub(crate) fn without(&self, is_left_out: impl Fn(usize) -> bool) -> (Layout, Vec<usize>) {
+        let mut rest = self.clone();
+        let out: Vec<usize> = (0..self.members.len())
+            .filter(|g| is_left_out(*g))
+            .flat_map(|g| self.members[g].clone())
+            .collect();
+        let gone: BTreeSet<usize> = out.iter().flat_map(|p| self.point[*p]).flatten().collect();
+        let kept: Vec<usize> = (0..self.n).filter(|i| !gone.contains(i)).collect();
+        let mut now = vec![None; self.n];
+        kept.iter().enumerate().for_each(|(k, was)| now[*was] = Some(k));
+        let moved = |at: &mut Option<usize>| *at = at.and_then(|at| now[at]);
+        rest.photo.iter_mut().chain(&mut rest.tilt).chain(&mut rest.height).for_each(moved);
+        rest.point.iter_mut().flatten().for_each(moved);
+        // A lens without unknowns stands where the next one begins.
+        let first = |at: usize| kept.iter().position(|was| at <= *was).unwrap_or(kept.len());
+        rest.lens.iter_mut().for_each(|at| *at = first(*at));
+        rest.n = kept.len();
+        rest.dropped.extend(out.into_iter().map(Item::Point));
+        rest.members =
+            (0..self.members.len()).filter(|g| !is_left_out(*g)).map(|g| self.members[g].clone()).collect();
+        rest.arrange();
+        (rest, kept)
     }
 
     fn uses(&self, network: &NetworkProblem, is: impl Fn(&Constraint) -> bool) -> bool {

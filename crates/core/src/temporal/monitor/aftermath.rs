@@ -86,11 +86,6 @@ impl Aftermath {
         self.milestones.is_sound() && self.trace.is_sound()
     }
 
-    /// What is known of motions where one at most has been reported.
-    pub fn motions(&self, drift: &Option<Drift>) -> Motions {
-        Motions::of_one(drift, self.base, self.found)
-    }
-
     /// Whether errors have lately been found larger than the model.
     pub fn is_doubted(&self, t_s: f64) -> bool {
         let is_recent = |doubted_s| t_s < doubted_s + DOUBT_S || self.decisions < DOUBT_DECISIONS;

@@ -4,7 +4,7 @@
 //! it was before that. docs/math/monitor.md sections 4 and 10.
 
 use super::between;
-use super::drift::{Again, Drift};
+use super::drift::Again;
 use super::milestones::{Milestone, Milestones};
 use crate::temporal::snapshot::numbers;
 
@@ -63,13 +63,6 @@ impl Motions {
     /// Whether there is a place that it is compared with: numbers of a file may be any.
     pub fn is_sound(&self) -> bool {
         self.since.is_sound()
-    }
-
-    /// Of a version that knew of one motion only.
-    pub fn of_one(drift: &Option<Drift>, base: Milestone, found: Milestone) -> Self {
-        let mut motions = Motions::none(base);
-        drift.iter().for_each(|drift| motions.add(drift.began_s, base, found));
-        motions
     }
 }
 

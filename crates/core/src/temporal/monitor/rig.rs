@@ -23,7 +23,7 @@ use super::attribute::{Attribution, MovedNode};
 use super::axis::DAY_S;
 use super::priors::CHOSEN;
 use super::test::LEAST_EVIDENCE;
-use super::{Drift, MOSTLY, MonitorConfig, SHARE_OVER, Watch, check, is_likely};
+use super::{Drift, MonitorConfig, Watch, check, is_likely};
 use crate::locate::consistency::Consistency;
 use crate::statistics::chi_square::tail;
 use crate::{Error, Matrix6, Pose};
@@ -33,6 +33,11 @@ use held::{Held, ReadingSet};
 use nalgebra::DMatrix;
 use noises::Noises;
 use typical::Typical;
+
+/// A share of contradictory readings of a camera beyond which the monitor says so.
+const MOSTLY: f64 = 0.5;
+/// Readings over which that share is taken.
+const SHARE_OVER: f64 = 20.0;
 
 /// What the cameras are compared with.
 #[derive(Debug, Clone, PartialEq)]

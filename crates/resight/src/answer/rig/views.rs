@@ -3,7 +3,7 @@
 use super::{SolvedRig, camera_name, first_target};
 use crate::answer::TransformObject;
 use crate::core::multiview::rig::{BodyInView, ObservationResult};
-use crate::report::words::sigmas;
+use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -33,6 +33,8 @@ struct BodyObject {
     rig_from_target: TransformObject,
     sigma_rad: [f64; 3],
     sigma_m: [f64; 3],
+    /// Of the translation of `rig_from_target` itself, which a rotation changes too.
+    sigma_translation_m: [f64; 3],
     n_used: usize,
     rms_px: f64,
 }
@@ -103,6 +105,7 @@ fn body_object(solved: &SolvedRig, body: &BodyInView) -> BodyObject {
         rig_from_target: body.rig_from_body.into(),
         sigma_rad,
         sigma_m,
+        sigma_translation_m: translation_sigma_m(&body.rig_from_body, &body.covariance),
         n_used: body.n_used,
         rms_px: body.rms_px,
     }

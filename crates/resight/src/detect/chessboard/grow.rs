@@ -10,6 +10,7 @@ use super::super::joints::Joint;
 use super::super::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use super::lattice::{Extent, Lattice, Node};
 use super::place::Ends;
+use super::squares;
 use crate::GrayImage;
 use resight_core::Pixel;
 use std::collections::BTreeMap;
@@ -40,6 +41,12 @@ const MORE_KNOWN: usize = 3;
 const MOST_LOOKS: usize = 2000;
 /// A lattice of more nodes is not grown: each takes a tenth of a millisecond, and boards have hundreds.
 pub(super) const MOST_NODES: usize = 4000;
+/// A black square outside of the outermost corners is looked at within its outer edge and beyond it, squares from the corners,
+const INSIDE: f64 = 0.8;
+const BEYOND: f64 = 1.2;
+/// and is still black, and no longer, by these shares of the contrast.
+const STILL_BLACK: f64 = 0.15;
+const NO_LONGER_BLACK: f64 = 0.2;
 /// Fewest nodes that show the edge of the board on one side.
 const LEAST_AT_EDGE: usize = 2;
 
@@ -150,8 +157,39 @@ impl<'a> Pattern<'a> {
                 beyond.map(|node| self.look(lattice, node, Some(outside)).is_some()).collect();
             let seen = looks.iter().filter(|x| **x).count();
             LEAST_AT_EDGE <= seen && looks.len() <= 2 * seen
+                || self.squares_end(lattice, outside, is_outermost)
         };
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
+    }
+
+    /// Whether the black squares outside of an outermost line end a square further out, as those of a board with a narrow margin do: all along
+    /// the line, where the edge of something in front of the board would have to run by chance.
+    fn squares_end(&self, lattice: &Lattice, outside: Node, is_outermost: impl Fn(&Node) -> bool) -> bool {
+        let along = if outside.0 == 0 { (1, 0) } else { (0, 1) };
+        let (mut ends, mut n) = (0, 0);
+        for &node in lattice.nodes.keys().filter(|n| is_outermost(n)) {
+            let next = (node.0 + along.0, node.1 + along.1);
+            // The square between the two nodes, outside of the line.
+            let first = (node.0 + outside.0.min(0), node.1 + outside.1.min(0));
+            let is_black = (first.0 + first.1).rem_euclid(2) == self.dark;
+            let Some(map) = lattice.map_near(node).filter(|_| is_black && lattice.at(next).is_some()) else {
+                continue;
+            };
+            let gray = |out: f64| {
+                let place = PlanePoint::new(
+                    0.5 * along.0 as f64 + out * outside.0 as f64,
+                    0.5 * along.1 as f64 + out * outside.1 as f64,
+                );
+                squares::gray(self.image, map.at(&place))
+            };
+            // Inside of the line the square is white.
+            let seen = gray(-0.5).zip(gray(0.5)).zip(gray(INSIDE).zip(gray(BEYOND)));
+            let Some(((white, black), (inside, beyond))) = seen else { continue };
+            n += 1;
+            let share = |gray: f64| (gray - black) / (white - black).max(CONTRAST_GRAY);
+            ends += usize::from(share(inside) < STILL_BLACK && NO_LONGER_BLACK < share(beyond));
+        }
+        LEAST_AT_EDGE <= ends && 3 * n <= 4 * ends
     }
 
     /// The print around a node where it explains the image.

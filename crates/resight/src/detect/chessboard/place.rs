@@ -74,6 +74,7 @@ pub(super) struct Observed<'a> {
     steps: (Pixel, Pixel),
     /// 0 where squares whose first node has an even u + v are the dark ones, 1 where the others are; none where only one colour is seen.
     dark: Option<i32>,
+    size_px: Pixel,
 }
 
 /// At least this share of the corners must carry a label where nothing else vouches for a place,
@@ -90,7 +91,15 @@ impl<'a> Observed<'a> {
             steps.reduce(|a, b| a + b)
         };
         let steps = (sum(1, 0)?, sum(0, 1)?);
-        Some(Observed { lattice, board, extent: lattice.extent()?, steps, dark: dark(lattice, image) })
+        let size_px = Pixel::new(image.width_px as f64, image.height_px as f64);
+        Some(Observed {
+            lattice,
+            board,
+            extent: lattice.extent()?,
+            steps,
+            dark: dark(lattice, image),
+            size_px,
+        })
     }
 
     /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen.
@@ -106,9 +115,42 @@ impl<'a> Observed<'a> {
         let fits: Vec<Placement> = self
             .placements()
             .filter(|p| p.extent(self.board).holds(&seen) && agrees(p.extent(self.board)))
-            .filter(|p| self.is_possible(p))
+            .filter(|p| self.is_possible(p) && self.is_anchored(p, ends))
             .collect();
         self.most_upright(&fits)
+    }
+
+    /// Whether an edge of the board is seen along each direction in which whole lines of it are missing inside of the image: else nothing but the stated
+    /// size says that they are hidden, and a board with a line less looks the same.
+    fn is_anchored(&self, p: &Placement, ends: Ends) -> bool {
+        let (seen, window) = (self.extent, p.extent(self.board));
+        let sides = [
+            (window.u.0 < seen.u.0, (-1, 0), ends.u),
+            (seen.u.1 < window.u.1, (1, 0), ends.u),
+            (window.v.0 < seen.v.0, (0, -1), ends.v),
+            (seen.v.1 < window.v.1, (0, 1), ends.v),
+        ];
+        sides.iter().all(|(is_missing, outside, (first, last))| {
+            !is_missing || *first || *last || !self.is_inside_beyond(*outside)
+        })
+    }
+
+    /// Whether most of the line beyond the outermost one on a side would lie inside the image.
+    fn is_inside_beyond(&self, outside: Node) -> bool {
+        let (u, v) = (self.extent.u, self.extent.v);
+        let is_outermost = |n: &Node| match outside {
+            (-1, _) => n.0 == u.0,
+            (1, _) => n.0 == u.1,
+            (_, -1) => n.1 == v.0,
+            _ => n.1 == v.1,
+        };
+        let beyond = self.lattice.nodes.iter().filter(|(n, _)| is_outermost(n)).filter_map(|(n, joint)| {
+            let step = joint.pixel - self.lattice.at((n.0 - outside.0, n.1 - outside.1))?.pixel;
+            let (at, rim) = (joint.pixel + step, 0.5 * step.norm());
+            Some((0..2).all(|axis| rim <= at[axis] && at[axis] + rim < self.size_px[axis]))
+        });
+        let (inside, all) = beyond.fold((0, 0), |(n, all), is_inside| (n + usize::from(is_inside), all + 1));
+        all < 2 * inside
     }
 
     /// The place of a lattice that has nearly all of the board's corners. It may be larger than the board where the background continues
@@ -122,7 +164,7 @@ impl<'a> Observed<'a> {
             .placements()
             .filter(|p| self.extent.holds(&p.extent(self.board)) && self.is_possible(p))
             .map(|p| (self.n_labelled(&p, |_, _| true).0, p))
-            .filter(|(n, p)| needed <= *n as f64 && self.outer_lines_are_seen(p))
+            .filter(|(n, p)| needed <= *n as f64 && self.outer_lines_are_seen(p) && !self.continues_beyond(p))
             .collect();
         let most = fits.iter().map(|(n, _)| *n).max().unwrap_or(0);
         let best: Vec<Placement> = fits.iter().filter(|(n, _)| *n == most).map(|(_, p)| *p).collect();
@@ -177,6 +219,17 @@ impl<'a> Observed<'a> {
         on_line.fold((0, 0), |(seen, all), (c, r)| {
             (seen + self.lattice.at(p.node(c, r)).is_some() as usize, all + 1)
         })
+    }
+
+    /// Whether the pattern goes on beyond the board by a whole line: then it is a larger board, and this one could be several parts of it.
+    fn continues_beyond(&self, p: &Placement) -> bool {
+        let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
+        let is_line = |nodes: &mut dyn Iterator<Item = (i32, i32)>, length: i32| {
+            let labelled = nodes.filter(|(c, r)| self.lattice.at(p.node(*c, *r)).is_some()).count();
+            MIN_OUTER * f64::from(length) < labelled as f64
+        };
+        [-1, columns].into_iter().any(|c| is_line(&mut (0..rows).map(|r| (c, r)), rows))
+            || [-1, rows].into_iter().any(|r| is_line(&mut (0..columns).map(|c| (c, r)), columns))
     }
 
     /// Whether enough of the first and last row and column carry labels.

@@ -88,7 +88,7 @@ fn has_black_on_its_right(image: &GrayImage, a: Pixel, b: Pixel, least_gray: f64
 }
 
 /// Mean of 2 × 2 pixels around a place, weighed by their nearness; none outside.
-fn gray(image: &GrayImage, at: Pixel) -> Option<f64> {
+pub(super) fn gray(image: &GrayImage, at: Pixel) -> Option<f64> {
     let inside = |x: f64, n: u32| 0.0 <= x && x + 1.0 < n as f64;
     if !inside(at.x, image.width_px) || !inside(at.y, image.height_px) {
         return None;

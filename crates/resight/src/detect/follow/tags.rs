@@ -220,7 +220,11 @@ impl TagFollower {
     fn everywhere(&mut self, image: &GrayImage, elapsed_s: f64, found: &mut Vec<DecodedTag>) -> Extent {
         let is_due = self.absence.is_due();
         if is_due {
-            add_new(found, self.finder.search(image, self.quick_levels()));
+            // With all copies, so that the first image says of them what later ones do.
+            add_new(found, self.finder.search(image, &[FINE]));
+            if found.is_empty() {
+                add_new(found, self.finder.find_in_grid(image).iter().map(FoundTag::decoded).collect());
+            }
         }
         let strips = self.small_round.take(elapsed_s);
         if found.is_empty() {
@@ -245,11 +249,6 @@ impl TagFollower {
                 }
             }
         }
-    }
-
-    /// A large tag shows at a quarter of the size; of many some are small.
-    fn quick_levels(&self) -> &'static [f32] {
-        if self.finder.wanted() == 1 { &[COARSE, FINE] } else { &[FINE] }
     }
 }
 

@@ -72,7 +72,40 @@ impl Print {
         Some(Print { width, inset, values, is_known })
     }
 
-    /// Whether the family defines the print at a place.
+    /// Whether a black border is all around, with a margin of white around it and nothing printed there.
+    pub(super) fn has_plain_margin(&self) -> bool {
+        let last = self.width - 1;
+        let is_ring = |k: usize, ring: usize| {
+            let (x, y) = (k % self.width, k / self.width);
+            x.min(y).min(last - x).min(last - y) == ring
+        };
+        self.inset == 1
+            && (0..self.values.len())
+                .all(|k| !(is_ring(k, 0) && self.values[k] < 0.0) && !(is_ring(k, 1) && 0.0 < self.values[k]))
+    }
+
+    /// Whether a cell is white, counted from the edge of the whole print.
+    pub(super) fn is_white(&self, x: usize, y: usize) -> bool {
+        0.0 < self.values[y * self.width + x]
+    }
+
+    /// The same print within a margin of this brightness at its top, right, bottom and left.
+    pub(super) fn with_margin(&self, [top, right, bottom, left]: [f64; 4]) -> Self {
+        let mut print = self.clone();
+        let last = self.width - 1;
+        for (k, value) in print.values.iter_mut().enumerate() {
+            let (x, y) = (k % self.width, k / self.width);
+            let sides = [(y == 0, top), (x == last, right), (y == last, bottom), (x == 0, left)];
+            let here = sides.iter().filter(|(is_here, _)| *is_here).map(|(_, brightness)| *brightness);
+            let n = here.clone().count();
+            if 0 < n {
+                *value = here.sum::<f64>() / n as f64;
+            }
+        }
+        print
+    }
+
+    /// Whether the family says what is printed at a place.
     pub fn is_known(&self, [x, y]: [f64; 2]) -> bool {
         let cell = |x: f64| (0.0 <= x && x < self.width as f64).then_some(x as usize);
         cell(x).zip(cell(y)).is_some_and(|(x, y)| self.is_known[y * self.width + x])

@@ -79,9 +79,9 @@ pub fn rig_headline(run: &RigRun) -> String {
         None => String::new(),
     };
     format!(
-        "{} cameras, {} views, {} of {} points used, rms {} px{noise}{views}{lenses}",
-        s.cameras.len(),
-        run.rig.views.len(),
+        "{}, {}, {} of {} points used, rms {} px{noise}{views}{lenses}",
+        words::counted(s.cameras.len(), "camera"),
+        words::counted(run.rig.views.len(), "view"),
         s.n_used,
         s.n_seen,
         figures(s.rms_px)

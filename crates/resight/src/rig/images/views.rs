@@ -15,7 +15,8 @@ pub(super) struct ImageFile {
 }
 
 /// Each image's view, and what to say about it: the file's name without its ending where cameras share such names, else what
-/// the patterns' wildcards stand for. Where time stamps decide, names need only differ within a camera.
+/// the patterns' wildcards stand for, else the name without the part that stands for the camera. Where time stamps decide, names need
+/// only differ within a camera.
 pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String>, Option<String>), Error> {
     let stems: Vec<String> = images
         .iter()
@@ -26,13 +27,18 @@ pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String
         return Ok((stems, None));
     }
     let wild: Option<Vec<String>> = images.iter().map(|p| p.wild.clone()).collect();
-    if let Some(wild) =
-        wild.filter(|wild| self::duplicates(images, wild).is_none() && are_shared(images, wild))
-    {
-        let example = images.first().map(|p| p.path.display().to_string()).unwrap_or_default();
-        let remark =
-            format!("views are named by what the patterns' * stands for: {example} is view {}", wild[0]);
-        return Ok((wild, Some(remark)));
+    let others = [
+        (wild, "what the patterns' * stands for"),
+        (without_camera(images, &stems), "what the file names of all cameras share"),
+    ];
+    for (names, what) in others {
+        let fits =
+            |names: &Vec<String>| self::duplicates(images, names).is_none() && are_shared(images, names);
+        if let Some(names) = names.filter(fits) {
+            let example = images.first().map(|p| p.path.display().to_string()).unwrap_or_default();
+            let remark = format!("views are named by {what}: {example} is view {}", names[0]);
+            return Ok((names, Some(remark)));
+        }
     }
     match duplicates {
         Some((a, b)) => Err(Error::request(format!(
@@ -60,7 +66,47 @@ fn are_shared(images: &[ImageFile], names: &[String]) -> bool {
     cameras.values().any(|cameras| 1 < cameras.len())
 }
 
-/// The text that matches the wildcards of a pattern in a path, folder by folder from the end; none without wildcards.
+/// File names without the parts that stand for the camera: those that are the same in all images of a camera and differ between cameras,
+/// as `left` and `right` of `left01` and `right01`. None where the names are not made alike, or where a camera has a single image, whose
+/// number is the same in all of its images too.
+fn without_camera(images: &[ImageFile], stems: &[String]) -> Option<Vec<String>> {
+    let parts: Vec<Vec<&str>> = stems.iter().map(|stem| parts(stem)).collect();
+    let n_parts = parts.first()?.len();
+    let mut of_camera: BTreeMap<usize, Vec<&Vec<&str>>> = BTreeMap::new();
+    images
+        .iter()
+        .zip(&parts)
+        .for_each(|(image, parts)| of_camera.entry(image.camera).or_default().push(parts));
+    if of_camera.values().any(|names| names.len() < 2) || parts.iter().any(|parts| parts.len() != n_parts) {
+        return None;
+    }
+    let is_of_camera = |i: &usize| {
+        let is_constant = |names: &Vec<&Vec<&str>>| names.iter().all(|parts| parts[*i] == names[0][*i]);
+        parts.iter().any(|other| other[*i] != parts[0][*i]) && of_camera.values().all(is_constant)
+    };
+    let kept: Vec<usize> = (0..n_parts).filter(|i| !is_of_camera(i)).collect();
+    let name = |parts: &Vec<&str>| {
+        let text: String = kept.iter().map(|i| parts[*i]).collect();
+        text.trim_matches(|c: char| !c.is_alphanumeric()).to_string()
+    };
+    let names: Vec<String> = parts.iter().map(name).collect();
+    names.iter().all(|name| !name.is_empty()).then_some(names)
+}
+
+/// Runs of letters, of digits and of anything else.
+fn parts(name: &str) -> Vec<&str> {
+    let kind = |c: char| (c.is_ascii_digit(), c.is_alphabetic());
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while let Some(first) = rest.chars().next() {
+        let end = rest.find(|c| kind(c) != kind(first)).unwrap_or(rest.len());
+        parts.push(&rest[..end]);
+        rest = &rest[end..];
+    }
+    parts
+}
+
+/// What the wildcards of a pattern stand for in a path, folder by folder from the end; none without wildcards.
 pub(super) fn wild_part(pattern: &str, path: &Path) -> Option<String> {
     let mut parts = Vec::new();
     let folders = Path::new(pattern).components().rev().zip(path.components().rev());
@@ -136,6 +182,34 @@ mod tests {
         assert_eq!(names(&sided, true).unwrap().0, ["l1", "r1"]);
         let paths = images(&[(0, "l1.png", "l1.png"), (1, "r1.png", "r1.png")]);
         assert_eq!(names(&paths, false).unwrap().0, ["l1", "r1"]);
+    }
+
+    /// Names of lists of paths, one letter a camera.
+    fn of_lists(list: &[(usize, &str)]) -> (Vec<String>, Option<String>) {
+        let list: Vec<_> = list.iter().map(|(camera, path)| (*camera, *path, *path)).collect();
+        names(&images(&list), false).unwrap()
+    }
+
+    #[test]
+    fn the_part_that_stands_for_the_camera_is_left_out() {
+        let sided = of_lists(&[(0, "left01.jpg"), (0, "left12.jpg"), (1, "right12.jpg"), (1, "right03.jpg")]);
+        assert_eq!(sided.0, ["01", "12", "12", "03"]);
+        assert!(sided.1.is_some_and(|remark| remark.contains("left01.jpg is view 01")));
+        let numbered =
+            [(0, "a/cam0_2024-01-02_7.png"), (0, "a/cam0_2024-01-02_8.png"), (1, "a/cam1_2024-01-02_8.png")];
+        assert_eq!(of_lists(&numbered).0[2], "cam1_2024-01-02_8", "a camera of one image says nothing");
+        let numbered = [&numbered[..], &[(1, "a/cam1_2024-01-02_9.png")]].concat();
+        assert_eq!(of_lists(&numbered).0[2], "cam_2024-01-02_8");
+    }
+
+    /// Left01 and right04 are no view of both, however their names are cut.
+    #[test]
+    fn names_that_share_nothing_stay_as_they_are() {
+        for other in [["right04.jpg", "right05.jpg"], ["r_a.jpg", "r_b.jpg"], ["x.jpg", "y.jpg"]] {
+            let list = [(0, "left01.jpg"), (0, "left02.jpg"), (1, other[0]), (1, other[1])];
+            let (names, remark) = of_lists(&list);
+            assert_eq!((names[0].as_str(), remark), ("left01", None), "{other:?}");
+        }
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub(super) struct Expected<'a> {
     pub lens: &'a Camera,
     pub pose: Pose,
     pub information: Matrix6<f64>,
+    /// Variance of the pixels over the stated one.
+    pub noise: f64,
 }
 
 impl Disagreement {
@@ -67,7 +69,7 @@ impl Disagreement {
             self.end();
             return false;
         };
-        let by_motion: Option<f64> = seen.iter().map(|point| off(point, expected.lens, now)).sum();
+        let by_motion: Option<f64> = seen.iter().map(|point| off(point, expected, now)).sum();
         let of_view = weigh(&rows, &expected.information);
         let is_fault = of_view.is_fault(by_motion.unwrap_or(f64::INFINITY), is_persistent);
         self.add(seen, &rows);
@@ -121,7 +123,7 @@ impl Row {
         let mut by_motion = SMatrix::<f64, 3, 6>::zeros();
         by_motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&-x.cross_matrix());
         by_motion.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
-        let variance = own_variance(point, &by_x);
+        let variance = expected.noise * own_variance(point, &by_x);
         Some(Row { residual: point.pixel - pixel, variance, by_motion: by_x * by_motion })
     }
 }
@@ -236,9 +238,9 @@ fn own_variance(point: &Correspondence, by_x: &SMatrix<f64, 2, 3>) -> f64 {
 }
 
 /// χ² of a point against where a pose puts it.
-fn off(point: &Correspondence, lens: &Camera, pose: &Pose) -> Option<f64> {
-    let (pixel, by_x) = lens.project_with_jacobian(&(*pose * point.x_in_target))?;
-    Some((point.pixel - pixel).norm_squared() / own_variance(point, &by_x))
+fn off(point: &Correspondence, expected: &Expected, pose: &Pose) -> Option<f64> {
+    let (pixel, by_x) = expected.lens.project_with_jacobian(&(*pose * point.x_in_target))?;
+    Some((point.pixel - pixel).norm_squared() / (expected.noise * own_variance(point, &by_x)))
 }
 
 #[cfg(test)]
@@ -275,7 +277,7 @@ mod tests {
         let estimate = resight_core::locate::locate(seen, &camera(), &Default::default()).expect("a pose");
         let known = Vector6::new(1e-8, 1e-8, 1e-8, 1e-9, 1e-9, 1e-9).map(|variance| 1.0 / variance);
         let information = Matrix6::from_diagonal(&known);
-        let expected = Expected { lens: &camera(), pose: home(), information };
+        let expected = Expected { lens: &camera(), pose: home(), information, noise: 1.0 };
         Disagreement::default().is_in(seen, &expected, &estimate.cam_from_target)
     }
 

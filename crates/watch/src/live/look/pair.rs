@@ -2,6 +2,7 @@
 
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
+use super::promises::Promises;
 use super::staying::{Staying, View};
 use super::view::{candidates, reading, residuals};
 use super::{CameraWatcherError, FrameResult, micros, nothing};
@@ -12,7 +13,7 @@ use resight::GrayImage;
 use resight::detect::follow::Follower;
 use resight::locate::IntrinsicsCovariance;
 use resight_core::correspondence::Detection;
-use resight_core::locate::consistency::Consistency;
+use resight_core::locate::consistency::{Consistency, is_inconsistent};
 use resight_core::locate::{Config, PoseEstimate};
 use resight_core::multiview::tag_map::locate_target;
 use resight_core::temporal::monitor::learn::{LEAST_READINGS, learn, unsettled};
@@ -42,6 +43,7 @@ pub(super) struct Pair {
     /// Whether points of the last views contradicted each other.
     disagreement: Disagreement,
     staying: Staying,
+    promises: Promises,
     config: LiveConfig,
     /// Its target's name, and what a state that it can go on from must agree with.
     name: String,
@@ -118,6 +120,7 @@ impl Pair {
             config: config.clone(),
             name: watched.name.clone(),
             disagreement: Disagreement::default(),
+            promises: Promises::default(),
             staying: Staying::of(&watched.target),
             settings: settings(camera, watched, config),
         })
@@ -172,6 +175,16 @@ impl Pair {
         let deviation = self.monitor()?.deviation().filter(|_| self.compares_in.is_some_and(is_due))?;
         self.compares_in = None;
         Some(deviation)
+    }
+
+    /// What can be promised now, where that has become another.
+    pub fn promised(&mut self, t_s: f64) -> Option<Promise> {
+        let Stage::Watching(_) = &self.stage else { return None };
+        if !self.promises.is_due(t_s) {
+            return None;
+        }
+        let promise = self.promise(Vec::new())?;
+        self.promises.is_news(&promise, t_s).then_some(promise)
     }
 
     /// Discards the reference, if there is one, and learns a new one from the next reading on.
@@ -252,10 +265,6 @@ impl Pair {
             Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
             Stage::Learning(readings) => self.learning(readings, t_s),
             Stage::Watching(monitor) => match monitor.watch(t_s) {
-                // They come, and none can be used: that is no lack of readings.
-                Watch::Stale { .. } if t_s - monitor.last_s() <= self.config.monitor.stale_after_s => {
-                    State::Inconsistent
-                }
                 Watch::Stale { for_s } => self.stale(t_s, for_s),
                 watch => watch.into(),
             },
@@ -335,7 +344,7 @@ impl Pair {
         }
         let candidates = candidates(&estimate);
         observation.tracked = self.tracker.push(frame.capture_s, &candidates);
-        let is_consistent = self.is_consistent(&estimate, &detections, lens);
+        let is_consistent = self.is_consistent(&estimate, points.len(), &detections, lens);
         let reading = |tracked| reading(frame, is_consistent, &candidates, tracked);
         observation.reading = observation.tracked.as_ref().map(reading);
         if let (Some(reading), Stage::Watching(monitor)) = (&mut observation.reading, &self.stage) {
@@ -350,8 +359,24 @@ impl Pair {
     }
 
     /// By the verdict that uncertain intrinsics allow. The covariance of a reading stays that of the pixels: all readings have the lens in common.
-    fn is_consistent(&self, estimate: &PoseEstimate, detections: &[Detection], lens: &Camera) -> bool {
-        let is_consistent = |e: &PoseEstimate| matches!(e.consistency, Consistency::Consistent);
+    fn is_consistent(
+        &self,
+        estimate: &PoseEstimate,
+        n_points: usize,
+        detections: &[Detection],
+        lens: &Camera,
+    ) -> bool {
+        let noise = self.monitor().map_or(1.0, measured_variance);
+        let is_consistent = |e: &PoseEstimate| match e.consistency {
+            Consistency::Consistent => true,
+            Consistency::Inconsistent { chi2_per_degree_of_freedom, .. } => {
+                let degrees_of_freedom = (2 * n_points).saturating_sub(6);
+                !is_inconsistent(
+                    chi2_per_degree_of_freedom * degrees_of_freedom as f64 / noise,
+                    degrees_of_freedom,
+                )
+            }
+        };
         let uncertain = || {
             let covariance = self.intrinsics.as_ref()?.covariance(lens);
             let config = Config { intrinsics_covariance: Some(&covariance), ..Config::default() };
@@ -459,6 +484,11 @@ fn mostly_contradict(readings: &[Reading]) -> bool {
     LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
+/// Variance of the pixels over the stated one, where readings show more.
+fn measured_variance(monitor: &Monitor) -> f64 {
+    monitor.measured_noise().map_or(1.0, |noise| noise.sigma_ratio.powi(2).max(1.0))
+}
+
 /// Whether the points contradict each other about where the camera went since all was well.
 fn is_fault(
     disagreement: &mut Disagreement,
@@ -471,7 +501,8 @@ fn is_fault(
     let weigh = || {
         let motion = (pose * reading.a_from_b.inverse()).log();
         let factor = (covariance + reading.covariance).cholesky()?;
-        let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse() };
+        let noise = measured_variance(monitor);
+        let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse(), noise };
         Some((motion.dot(&factor.solve(&motion)), expected))
     };
     match weigh() {

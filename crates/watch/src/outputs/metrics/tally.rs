@@ -149,7 +149,7 @@ impl Tally {
             Event::StateChanged { camera, target, state, .. } => {
                 self.pair(*camera, *target, |pair| pair.change(state));
             }
-            Event::Compared { .. } => {}
+            Event::Compared { .. } | Event::Promised { .. } => {}
             Event::Learned { camera, target, reference, .. } => {
                 self.pair(*camera, *target, |pair| pair.reference = Some(**reference));
             }

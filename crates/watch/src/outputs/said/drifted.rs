@@ -5,6 +5,7 @@ use resight::answer::pose::rows;
 use resight::core::Vector6;
 use resight::core::temporal::monitor::{Alone, Drift, MotionKind, Rate};
 use resight::report::turned::parts;
+use resight::report::words::moment;
 
 const HOUR_S: f64 = 3600.0;
 /// As one speaks of cameras: rotations about x, y, z, shifts along them.
@@ -18,7 +19,7 @@ pub fn words(drift: &Drift) -> String {
         (MotionKind::Ramp, None) => "in a ramp".to_string(),
         (MotionKind::Ramp, Some(rate)) => format!("in a ramp{}", rate_words(&rate)),
     };
-    let since = format!("{how}, since {:.1} s ± {:.1} s", drift.began_s, drift.began_sigma_s);
+    let since = format!("{how}, since {} ± {:.1} s", moment(drift.began_s, 1), drift.began_sigma_s);
     let (all, back) = size(drift);
     match drift.again {
         Some(_) => {

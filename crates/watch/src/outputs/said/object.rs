@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct EventObject {
     /// The number of the JSON schema.
     pub schema: SchemaNumber,
-    /// `frame`, `state`, `compared`, `learned`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`.
+    /// `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`.
     pub event: &'static str,
     /// The camera's name.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,12 +1,19 @@
 //! The address of a stream, the options that ffmpeg needs for it, and the part of it that may be shown.
 
 use super::OPENING_S;
+use crate::outputs::secret;
 use resight::video::ffmpeg::Release;
 use std::path::Path;
 
-/// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`).
+/// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`, or its number).
 pub fn is_stream(source: &str) -> bool {
-    scheme(source).is_some() || is_device(source)
+    scheme(source).is_some() || is_device(source) || numbered(source).is_some()
+}
+
+/// The device of a camera's number, as OpenCV counts them: `0` is `/dev/video0`, unless there is a file or a folder of that name.
+fn numbered(source: &str) -> Option<String> {
+    let is_number = (1..=2).contains(&source.len()) && source.bytes().all(|c| c.is_ascii_digit());
+    (is_number && !Path::new(source).exists()).then(|| format!("/dev/video{source}"))
 }
 
 /// An address.
@@ -20,8 +27,9 @@ pub(super) struct Address {
 
 impl Address {
     pub fn new(given: &str) -> Self {
-        let input = given.strip_prefix("v4l2://").unwrap_or(given);
-        Address { input: input.to_string(), shown: without_secrets(input) }
+        let input =
+            numbered(given).unwrap_or_else(|| given.strip_prefix("v4l2://").unwrap_or(given).to_string());
+        Address { shown: without_secrets(&input), input }
     }
 
     /// ffmpeg's words without what is not shown.
@@ -29,13 +37,11 @@ impl Address {
         words.replace(&self.input, &self.shown)
     }
 
-    /// Whether it holds a secret: a user's password, or of a server's address what stands behind `?`, often a token.
+    /// Whether it holds what nobody else may see: a secret, or of a server's address what stands behind `?`, often a token.
     pub fn is_secret(&self) -> bool {
         let Some((scheme, rest)) = self.input.split_once("://") else { return false };
-        let is_token =
-            matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps") && rest.contains('?');
-        is_token
-            || rest.rsplit_once('@').is_some_and(|(user, _)| user.contains(':') && !user.starts_with('['))
+        let is_server = matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps");
+        (is_server && rest.contains('?')) || secret::is_in(&self.input)
     }
 
     /// Whether the connection is secured by a certificate.
@@ -188,9 +194,12 @@ fn is_device(_: &str) -> bool {
     false
 }
 
-/// Without `user:password@` and without what follows `?`.
+/// Without `user:password@`, without what follows `?`, and up to the first secret that its path names.
 fn without_secrets(input: &str) -> String {
     let Some((scheme, rest)) = input.split_once("://") else { return input.to_string() };
+    if let Some(at) = secret::named_in(input).filter(|at| !input[..*at].contains('?')) {
+        return format!("{}…", without_secrets(&input[..at]));
+    }
     let (path, query) = rest.split_once('?').map_or((rest, ""), |(path, _)| (path, "?…"));
     let (host, path) = path.find('/').map_or((path, ""), |slash| path.split_at(slash));
     let host = host.rsplit_once('@').map_or(host, |(_, host)| host);
@@ -206,6 +215,7 @@ mod tests {
         for (given, shown) in [
             ("rtsp://admin:p@ss@cam.local:554/h264?channel=1", "rtsp://cam.local:554/h264?…"),
             ("http://cam/video@2x", "http://cam/video@2x"),
+            ("rtsp://me:a@cam/user=admin_password=7_channel=1", "rtsp://cam/user=admin_password=…"),
             ("tcp://127.0.0.1:5000", "tcp://127.0.0.1:5000"),
             ("v4l2:///dev/video0", "/dev/video0"),
         ] {
@@ -230,12 +240,18 @@ mod tests {
 
     #[test]
     fn streams_are_reported_from_files() {
-        for stream in
-            ["rtsp://cam/x", "udp://@239.0.0.1:1234", "v4l2:///dev/video7", "/dev/video7", "/dev/null"]
-        {
+        for stream in [
+            "rtsp://cam/x",
+            "udp://@239.0.0.1:1234",
+            "v4l2:///dev/video7",
+            "/dev/video7",
+            "/dev/null",
+            "0",
+            "12",
+        ] {
             assert!(is_stream(stream), "{stream}");
         }
-        for other in ["night/*.png", "film.mp4", "-", "C://x", "/etc/hostname", "://"] {
+        for other in ["night/*.png", "film.mp4", "-", "C://x", "/etc/hostname", "://", "123", "", "0x"] {
             assert!(!is_stream(other), "{other}");
         }
     }
@@ -256,7 +272,8 @@ mod tests {
         let release = Release::read("ffmpeg version 5.1.9 Copyright");
         let patient = Address::new("udp://:1234").input_options(1e5, release).join(" ");
         assert!(patient.ends_with("-timeout 2147000000"), "{patient}");
-        assert!(options("/dev/video0").ends_with("-f v4l2"));
+        assert!(options("/dev/video0").ends_with("-f v4l2") && options("0").ends_with("-f v4l2"));
+        assert_eq!(Address::new("0"), Address::new("/dev/video0"));
         assert!(options("srt://cam:9000").ends_with("-analyzeduration 1000000"));
     }
 }

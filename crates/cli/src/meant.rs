@@ -1,0 +1,106 @@
+//! What somebody means who types the word of another program.
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use std::ffi::OsString;
+
+/// Words for jobs that other programs have, and the command that does the job here.
+const WORDS: [(&str, &str); 40] = [
+    ("calibrate", "intrinsics"),
+    ("calibration", "intrinsics"),
+    ("calibrate-camera", "intrinsics"),
+    ("camera", "intrinsics"),
+    ("intrinsic", "intrinsics"),
+    ("lens", "intrinsics"),
+    ("undistort", "intrinsics"),
+    ("extrinsic", "rig"),
+    ("extrinsics", "rig"),
+    ("calibrate-stereo", "rig"),
+    ("stereo", "rig"),
+    ("stereo-calibrate", "rig"),
+    ("multicam", "rig"),
+    ("bundle", "rig"),
+    ("pose", "locate"),
+    ("estimate", "locate"),
+    ("image", "locate"),
+    ("track", "watch"),
+    ("monitor", "watch"),
+    ("stream", "watch"),
+    ("alarm", "watch"),
+    ("pnp", "solve"),
+    ("solvepnp", "solve"),
+    ("solve-pnp", "solve"),
+    ("resection", "solve"),
+    ("handeye", "hand-eye"),
+    ("robot", "hand-eye"),
+    ("diff", "compare"),
+    ("info", "explain"),
+    ("show", "explain"),
+    ("view", "serve"),
+    ("web", "serve"),
+    ("gui", "serve"),
+    ("ui", "serve"),
+    ("generate", "print"),
+    ("board", "print"),
+    ("target", "print"),
+    ("marker", "print"),
+    ("find", "detect"),
+    ("export", "convert"),
+];
+
+/// `resight version` and `resight help [COMMAND]` as the flags that they mean.
+pub fn flags(words: &[OsString]) -> Vec<OsString> {
+    let text = |i: usize| words.get(i).and_then(|word| word.to_str());
+    match (text(1), words.len()) {
+        (Some("version"), 2) => vec![words[0].clone(), "--version".into()],
+        (Some("help"), 2) => vec![words[0].clone(), "--help".into()],
+        (Some("help"), 3) => vec![words[0].clone(), words[2].clone(), "--help".into()],
+        _ => words.to_vec(),
+    }
+}
+
+/// Names the command that is meant where the word is another program's.
+pub fn with_command(mut error: clap::Error) -> clap::Error {
+    let word = match (error.kind(), error.get(ContextKind::InvalidSubcommand)) {
+        (ErrorKind::InvalidSubcommand, Some(ContextValue::String(word))) => {
+            word.to_lowercase().replace('_', "-")
+        }
+        _ => return error,
+    };
+    if let Some((_, command)) = WORDS.iter().find(|(known, _)| *known == word) {
+        let command = ContextValue::Strings(vec![(*command).to_string()]);
+        error.insert(ContextKind::SuggestedSubcommand, command);
+    }
+    error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::Arguments;
+    use clap::CommandFactory;
+
+    fn said(words: &[&str]) -> String {
+        let words: Vec<OsString> =
+            std::iter::once("resight").chain(words.iter().copied()).map(OsString::from).collect();
+        Arguments::read(&words).expect_err("no command").to_string()
+    }
+
+    #[test]
+    fn every_word_leads_to_a_command_and_is_none() {
+        let command = Arguments::command();
+        for (word, meant) in WORDS {
+            assert!(
+                command.find_subcommand(meant).is_some() && command.find_subcommand(word).is_none(),
+                "{word}"
+            );
+            assert!(said(&[word]).contains(&format!("'{meant}'")), "{word}: {}", said(&[word]));
+        }
+        assert!(said(&["solve_pnp"]).contains("'solve'") && !said(&["zzzzz"]).contains("similar"));
+    }
+
+    #[test]
+    fn version_and_help_are_flags_too() {
+        assert!(said(&["version"]).starts_with("resight "));
+        assert!(said(&["help", "locate"]).contains("--camera") && said(&["help"]).contains("intrinsics"));
+    }
+}

@@ -1,0 +1,475 @@
+//! Normal equations of many small groups of unknowns that only a few shared ones join: points, each of which no constraint joins to another,
+//! beside the photographs that show them. The groups are eliminated one by one, so that work grows with their number, not with its cube.
+//!
+//! ```text
+//!   ⎡ S    C₁ᵀ  C₂ᵀ … ⎤      D_b = L_b L_bᵀ   W_b = L_b⁻¹ C_b   v_b = L_b⁻¹ g_b
+//!   ⎢ C₁   D₁         ⎥      (S − Σ W_bᵀW_b) x = g − Σ W_bᵀv_b
+//!   ⎣ C₂        D₂    ⎦      x_b = L_b⁻ᵀ (v_b − W_b x)                                 docs/math/survey.md eqs. (25)–(26)
+//! ```
+
+use super::dense::NormalEquations;
+use super::{Ending, Minimum};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::sync::Arc;
+
+/// Where an unknown stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum At {
+    Shared(usize),
+    Group(usize, usize),
+}
+
+/// Which unknowns are shared, and which form groups.
+#[derive(Debug, Clone, Default)]
+pub struct Arrow {
+    at: Vec<At>,
+    shared: Vec<usize>,
+    groups: Vec<Vec<usize>>,
+}
+
+impl Arrow {
+    /// `n` unknowns, of which each of the groups has its own; the rest are shared.
+    pub fn new(n: usize, groups: Vec<Vec<usize>>) -> Self {
+        let mut at = vec![At::Shared(0); n];
+        let mut is_shared = vec![true; n];
+        for (group, unknowns) in groups.iter().enumerate() {
+            for (within, unknown) in unknowns.iter().enumerate() {
+                at[*unknown] = At::Group(group, within);
+                is_shared[*unknown] = false;
+            }
+        }
+        let shared: Vec<usize> = (0..n).filter(|i| is_shared[*i]).collect();
+        shared.iter().enumerate().for_each(|(k, unknown)| at[*unknown] = At::Shared(k));
+        Arrow { at, shared, groups }
+    }
+
+    /// The unknowns of each group.
+    pub fn groups(&self) -> &[Vec<usize>] {
+        &self.groups
+    }
+}
+
+/// D, its gradient and C of one group; C column by column, for the shared unknowns that it knows.
+#[derive(Debug, Clone, Default)]
+struct Group {
+    information: Vec<f64>,
+    gradient: Vec<f64>,
+    columns: Vec<usize>,
+    coupling: Vec<f64>,
+}
+
+impl Group {
+    fn new(k: usize) -> Self {
+        let (information, gradient) = (vec![0.0; k * k], vec![0.0; k]);
+        Group { information, gradient, columns: Vec::new(), coupling: Vec::new() }
+    }
+
+    fn size(&self) -> usize {
+        self.gradient.len()
+    }
+
+    fn couple(&mut self, within: usize, shared: usize, by: f64) {
+        let known = self.columns.iter().position(|column| *column == shared);
+        let column = known.unwrap_or_else(|| {
+            self.columns.push(shared);
+            self.coupling.resize(self.columns.len() * self.size(), 0.0);
+            self.columns.len() - 1
+        });
+        let k = self.size();
+        self.coupling[column * k + within] += by;
+    }
+
+    /// Cholesky's factor, L row by row, and W column by column; the diagonal is `diagonal` of what it is.
+    fn factor(&self, diagonal: impl Fn(f64) -> f64) -> Option<GroupFactor> {
+        let k = self.size();
+        let mut lower = self.information.clone();
+        (0..k).for_each(|i| lower[i * k + i] = diagonal(lower[i * k + i]));
+        for j in 0..k {
+            let pivot = lower[j * k + j] - (0..j).map(|m| lower[j * k + m].powi(2)).sum::<f64>();
+            if !(0.0 < pivot) {
+                return None;
+            }
+            lower[j * k + j] = pivot.sqrt();
+            for i in j + 1..k {
+                let sum: f64 = (0..j).map(|m| lower[i * k + m] * lower[j * k + m]).sum();
+                lower[i * k + j] = (lower[i * k + j] - sum) / lower[j * k + j];
+            }
+        }
+        let mut w = self.coupling.clone();
+        w.chunks_exact_mut(k).for_each(|column| forward(&lower, column));
+        Some(GroupFactor { lower, w })
+    }
+}
+
+#[derive(Debug, Clone)]
+struct GroupFactor {
+    lower: Vec<f64>,
+    w: Vec<f64>,
+}
+
+/// L⁻¹ b.
+fn forward(lower: &[f64], b: &mut [f64]) {
+    let k = b.len();
+    for i in 0..k {
+        let sum: f64 = (0..i).map(|m| lower[i * k + m] * b[m]).sum();
+        b[i] = (b[i] - sum) / lower[i * k + i];
+    }
+}
+
+/// L⁻ᵀ b.
+fn backward(lower: &[f64], b: &mut [f64]) {
+    let k = b.len();
+    for i in (0..k).rev() {
+        let sum: f64 = (i + 1..k).map(|m| lower[m * k + i] * b[m]).sum();
+        b[i] = (b[i] - sum) / lower[i * k + i];
+    }
+}
+
+/// The equations.
+#[derive(Debug, Clone)]
+pub struct ArrowEquations {
+    arrow: Arc<Arrow>,
+    /// Sum of squared whitened residuals.
+    pub chi2: f64,
+    /// c of all unknowns, in their order.
+    pub gradient: DVector<f64>,
+    shared: DMatrix<f64>,
+    groups: Vec<Group>,
+}
+
+impl ArrowEquations {
+    /// No row yet.
+    pub fn new(arrow: &Arc<Arrow>) -> Self {
+        let m = arrow.shared.len();
+        ArrowEquations {
+            arrow: Arc::clone(arrow),
+            chi2: 0.0,
+            gradient: DVector::zeros(arrow.at.len()),
+            shared: DMatrix::zeros(m, m),
+            groups: arrow.groups.iter().map(|unknowns| Group::new(unknowns.len())).collect(),
+        }
+    }
+
+    /// Adds a whitened residual and the derivatives of what was predicted, by the unknowns they belong to (each once), of one group at most.
+    pub fn add(&mut self, residual: f64, entries: &[(usize, f64)]) {
+        self.chi2 += residual * residual;
+        for (i, by_i) in entries {
+            self.gradient[*i] += by_i * residual;
+            for (j, by_j) in entries {
+                match (self.arrow.at[*i], self.arrow.at[*j]) {
+                    (At::Shared(i), At::Shared(j)) => self.shared[(i, j)] += by_i * by_j,
+                    (At::Group(group, i), At::Shared(j)) => self.groups[group].couple(i, j, by_i * by_j),
+                    (At::Group(group, i), At::Group(other, j)) => {
+                        debug_assert_eq!(group, other, "a row joins two groups");
+                        let k = self.groups[group].size();
+                        self.groups[group].information[i * k + j] += by_i * by_j;
+                    }
+                    (At::Shared(_), At::Group(..)) => {}
+                }
+            }
+        }
+    }
+
+    /// H's diagonal, in the order of the unknowns.
+    pub fn diagonal(&self) -> Vec<f64> {
+        let of = |at: &At| match *at {
+            At::Shared(i) => self.shared[(i, i)],
+            At::Group(group, i) => self.groups[group].information[i * self.groups[group].size() + i],
+        };
+        self.arrow.at.iter().map(of).collect()
+    }
+
+    /// H x.
+    pub fn times(&self, x: &DVector<f64>) -> DVector<f64> {
+        let of_shared =
+            DVector::from_iterator(self.arrow.shared.len(), self.arrow.shared.iter().map(|i| x[*i]));
+        let mut by_shared = &self.shared * &of_shared;
+        let mut product = DVector::zeros(x.len());
+        for (group, unknowns) in self.groups.iter().zip(&self.arrow.groups) {
+            let k = group.size();
+            for (i, unknown) in unknowns.iter().enumerate() {
+                product[*unknown] = (0..k).map(|j| group.information[i * k + j] * x[unknowns[j]]).sum();
+            }
+            for (column, coupling) in group.columns.iter().zip(group.coupling.chunks_exact(k)) {
+                for (i, by) in coupling.iter().enumerate() {
+                    product[unknowns[i]] += by * of_shared[*column];
+                    by_shared[*column] += by * x[unknowns[i]];
+                }
+            }
+        }
+        self.arrow.shared.iter().enumerate().for_each(|(k, unknown)| product[*unknown] = by_shared[k]);
+        product
+    }
+
+    /// H as it stands, both triangles.
+    pub fn dense(&self) -> DMatrix<f64> {
+        let n = self.arrow.at.len();
+        let unit = |i: usize| DVector::from_fn(n, |k, _| f64::from(u8::from(k == i)));
+        DMatrix::from_columns(&(0..n).map(|i| self.times(&unit(i))).collect::<Vec<_>>())
+    }
+
+    /// The same with each unknown in units of its own.
+    pub fn scaled(&self, unit: &[f64]) -> Self {
+        let mut scaled = self.clone();
+        let of = |k: usize| unit[self.arrow.shared[k]];
+        for i in 0..self.shared.nrows() {
+            for j in 0..self.shared.ncols() {
+                scaled.shared[(i, j)] *= of(i) * of(j);
+            }
+        }
+        for (group, unknowns) in scaled.groups.iter_mut().zip(&self.arrow.groups) {
+            let k = group.size();
+            for i in 0..k {
+                for j in 0..k {
+                    group.information[i * k + j] *= unit[unknowns[i]] * unit[unknowns[j]];
+                }
+                for (column, shared) in group.columns.iter().enumerate() {
+                    group.coupling[column * k + i] *= unit[unknowns[i]] * of(*shared);
+                }
+            }
+        }
+        scaled
+    }
+
+    /// The factor of H, its diagonal raised by `damping`; an unknown that nothing depends on stays where it is.
+    pub fn factor(&self, damping: f64) -> Option<ArrowFactor<'_>> {
+        let diagonal = |x: f64| if x == 0.0 { 1.0 } else { x * (1.0 + damping) };
+        let groups: Vec<GroupFactor> =
+            self.groups.iter().map(|group| group.factor(diagonal)).collect::<Option<_>>()?;
+        let mut shared = self.shared.clone();
+        (0..shared.nrows()).for_each(|i| shared[(i, i)] = diagonal(shared[(i, i)]));
+        for (group, factor) in self.groups.iter().zip(&groups) {
+            let k = group.size();
+            for (a, i) in factor.w.chunks_exact(k).zip(&group.columns) {
+                for (b, j) in factor.w.chunks_exact(k).zip(&group.columns) {
+                    shared[(*i, *j)] -= a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+                }
+            }
+        }
+        Some(ArrowFactor { equations: self, groups, shared: shared.cholesky()? })
+    }
+}
+
+impl NormalEquations for ArrowEquations {
+    fn chi2(&self) -> f64 {
+        self.chi2
+    }
+
+    fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
+        let step = self.factor(damping)?.solve(&self.gradient);
+        let promised = step.dot(&self.gradient);
+        promised.is_finite().then_some((step, promised))
+    }
+}
+
+/// The factor of H.
+#[derive(Debug)]
+pub struct ArrowFactor<'a> {
+    equations: &'a ArrowEquations,
+    groups: Vec<GroupFactor>,
+    shared: Cholesky<f64, Dyn>,
+}
+
+impl ArrowFactor<'_> {
+    fn parts(&self) -> impl Iterator<Item = (&Group, &GroupFactor, &Vec<usize>)> {
+        let equations = self.equations;
+        equations.groups.iter().zip(&self.groups).zip(&equations.arrow.groups).map(|((g, f), u)| (g, f, u))
+    }
+
+    /// The least pivot.
+    pub fn least_pivot(&self) -> f64 {
+        let of_groups = self.parts().flat_map(|(group, factor, _)| {
+            let k = group.size();
+            (0..k).map(move |i| factor.lower[i * k + i])
+        });
+        let shared = self.shared.l_dirty();
+        of_groups.chain((0..shared.nrows()).map(|i| shared[(i, i)])).fold(f64::INFINITY, f64::min)
+    }
+
+    /// H⁻¹ b.
+    pub fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
+        let shared = &self.equations.arrow.shared;
+        let mut right = DVector::from_iterator(shared.len(), shared.iter().map(|i| b[*i]));
+        let mut of_groups: Vec<Vec<f64>> = Vec::with_capacity(self.groups.len());
+        for (group, factor, unknowns) in self.parts() {
+            let mut v: Vec<f64> = unknowns.iter().map(|i| b[*i]).collect();
+            forward(&factor.lower, &mut v);
+            for (w, column) in factor.w.chunks_exact(v.len()).zip(&group.columns) {
+                right[*column] -= w.iter().zip(&v).map(|(x, y)| x * y).sum::<f64>();
+            }
+            of_groups.push(v);
+        }
+        self.shared.solve_mut(&mut right);
+        let mut x = DVector::zeros(b.len());
+        shared.iter().enumerate().for_each(|(k, unknown)| x[*unknown] = right[k]);
+        for ((group, factor, unknowns), mut v) in self.parts().zip(of_groups) {
+            for (w, column) in factor.w.chunks_exact(v.len()).zip(&group.columns) {
+                v.iter_mut().zip(w).for_each(|(v, w)| *v -= w * right[*column]);
+            }
+            backward(&factor.lower, &mut v);
+            unknowns.iter().zip(&v).for_each(|(unknown, v)| x[*unknown] = *v);
+        }
+        x
+    }
+
+    /// H⁻¹, both triangles: docs/math/survey.md eq. (27).
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let arrow = &*self.equations.arrow;
+        let (n, m) = (arrow.at.len(), arrow.shared.len());
+        let of_shared = self.shared.inverse();
+        let mut inverse = DMatrix::zeros(n, n);
+        for i in 0..m {
+            (0..m).for_each(|j| inverse[(arrow.shared[i], arrow.shared[j])] = of_shared[(i, j)]);
+        }
+        // Y_b = D_b⁻¹ C_b, column by column, and −Y_b times the rows of the shared inverse.
+        let ys: Vec<Vec<f64>> = self
+            .parts()
+            .map(|(group, factor, _)| {
+                let mut y = factor.w.clone();
+                y.chunks_exact_mut(group.size()).for_each(|column| backward(&factor.lower, column));
+                y
+            })
+            .collect();
+        for (b, ((group, factor, unknowns), y)) in self.parts().zip(&ys).enumerate() {
+            let k = group.size();
+            let mut to_shared = DMatrix::zeros(k, m);
+            for (column, y) in group.columns.iter().zip(y.chunks_exact(k)) {
+                for j in 0..m {
+                    (0..k).for_each(|i| to_shared[(i, j)] -= y[i] * of_shared[(*column, j)]);
+                }
+            }
+            for i in 0..k {
+                for j in 0..m {
+                    inverse[(unknowns[i], arrow.shared[j])] = to_shared[(i, j)];
+                    inverse[(arrow.shared[j], unknowns[i])] = to_shared[(i, j)];
+                }
+            }
+            for (other, others) in arrow.groups.iter().enumerate().take(b + 1) {
+                let size = others.len();
+                for (column, y) in
+                    self.equations.groups[other].columns.iter().zip(ys[other].chunks_exact(size))
+                {
+                    for i in 0..k {
+                        (0..size).for_each(|j| {
+                            inverse[(unknowns[i], others[j])] -= to_shared[(i, *column)] * y[j]
+                        });
+                    }
+                }
+            }
+            for j in 0..k {
+                let mut unit: Vec<f64> = (0..k).map(|i| f64::from(u8::from(i == j))).collect();
+                forward(&factor.lower, &mut unit);
+                backward(&factor.lower, &mut unit);
+                (0..k).for_each(|i| inverse[(unknowns[i], unknowns[j])] += unit[i]);
+            }
+            for others in arrow.groups.iter().take(b) {
+                for (i, j) in unknowns.iter().flat_map(|i| others.iter().map(move |j| (*i, *j))) {
+                    inverse[(j, i)] = inverse[(i, j)];
+                }
+            }
+        }
+        inverse
+    }
+}
+
+/// Steps on a level: near a minimum each squares the error.
+const LEVEL_STEPS: usize = 30;
+/// A step on a level that moves less than this squared number of standard deviations is the last.
+const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
+
+/// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
+/// steps do not settle.
+pub(crate) fn minimize_on_level<S: Clone>(
+    start: &S,
+    level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
+    evaluate: impl Fn(&S) -> Option<ArrowEquations>,
+    moved: impl Fn(&S, &DVector<f64>) -> Option<S>,
+) -> Option<Minimum<S, ArrowEquations>> {
+    let mut state = start.clone();
+    let mut before = f64::INFINITY;
+    let mut shortened = 1.0;
+    for steps in 1..=LEVEL_STEPS {
+        let (equations, (above, gradient)) = (evaluate(&state)?, level(&state)?);
+        let factor = equations.factor(0.0)?;
+        let (down, along) = (factor.solve(&equations.gradient), factor.solve(&gradient));
+        let multiplier = (-above - gradient.dot(&down)) / gradient.dot(&along);
+        let step = down + along * multiplier;
+        let length2 = step.dot(&equations.times(&step));
+        if !length2.is_finite() {
+            return None;
+        }
+        if length2 <= LEVEL_TOLERANCE_CHI2 {
+            return Some(Minimum { state, equations, steps, ending: Ending::Converged });
+        }
+        // Steps that do not shrink circle around: half of each settles them.
+        shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };
+        before = length2;
+        state = moved(&state, &(step * f64::max(shortened, 0.1)))?;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::least_squares::dense::DenseEquations;
+
+    /// Seven shared unknowns, among them every other one of the first, and groups of one to six, which see different shared ones.
+    fn made() -> (ArrowEquations, DenseEquations) {
+        let groups: Vec<Vec<usize>> =
+            vec![vec![1], vec![3, 5, 7], vec![9, 10, 11, 12, 13, 14], vec![15, 16, 17]];
+        let arrow = Arc::new(Arrow::new(20, groups.clone()));
+        let (mut sparse, mut dense) = (ArrowEquations::new(&arrow), DenseEquations::new(20));
+        let mut seed = 7u64;
+        let mut draw = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        for group in groups.iter().map(Vec::as_slice).chain([[].as_slice()]) {
+            for row in 0..3 * group.len() + 8 {
+                let shared = arrow.shared.iter().filter(|i| (**i + row) % 3 != 0);
+                let entries: Vec<(usize, f64)> = group.iter().chain(shared).map(|i| (*i, draw())).collect();
+                let residual = draw();
+                sparse.add(residual, &entries);
+                dense.add(residual, &entries);
+            }
+        }
+        (sparse, dense)
+    }
+
+    /// Whatever is asked of it, the answer is that of the whole matrix, to rounding times its condition (below 1e4 here).
+    #[test]
+    fn groups_give_what_the_whole_matrix_gives() {
+        let (sparse, dense) = made();
+        assert!((sparse.dense() - &dense.information).amax() < 1e-13);
+        assert_eq!(sparse.chi2, dense.chi2);
+        for damping in [0.0, 0.3] {
+            let (step, promised) = sparse.step(damping).expect("a step");
+            let (expected, expected_promise) = NormalEquations::step(&dense, damping).expect("a step");
+            assert!((step - expected).amax() < 1e-11 && (promised - expected_promise).abs() < 1e-11);
+        }
+        let expected = dense.information.clone().try_inverse().expect("an inverse");
+        let factor = sparse.factor(0.0).expect("a factor");
+        assert!((factor.inverse() - &expected).amax() < 1e-11);
+        let unit: Vec<f64> = sparse.diagonal().iter().map(|d| d.sqrt().recip()).collect();
+        let scaled = sparse.scaled(&unit);
+        assert!(scaled.diagonal().iter().all(|d| (d - 1.0).abs() < 1e-14));
+        assert!(
+            (scaled.dense() - DMatrix::from_fn(20, 20, |i, j| dense.information[(i, j)] * unit[i] * unit[j]))
+                .amax()
+                < 1e-14
+        );
+        assert!(
+            scaled
+                .factor(0.0)
+                .is_some_and(|factor| 1e-3 < factor.least_pivot() && factor.least_pivot() <= 1.0)
+        );
+    }
+
+    #[test]
+    fn what_nothing_determines_has_no_factor() {
+        let (mut sparse, _) = made();
+        sparse.groups[1].information[0] = -1.0;
+        assert!(sparse.factor(0.0).is_none() && sparse.step(0.0).is_none());
+    }
+}

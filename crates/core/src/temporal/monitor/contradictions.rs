@@ -1,0 +1,81 @@
+//! Do the readings contradict their stated noise? Said at the promised rate: single faults, and faults that come in runs, are no news.
+//!
+//! ```text
+//!   q      chance that a reading contradicts, after one that did and after one that did not: learned from the readings so far
+//!   ln L   ln (¾/q) of a reading that contradicts, ln (¼/(1 − q)) of one that does not     (100)
+//!   R      (R + 1) L; said at R = A of the promised rate                                   (101)
+//! ```
+//! Derivation: docs/math/monitor.md section 14.
+
+use super::log_sum::LogSum;
+use crate::temporal::snapshot::numbers;
+
+/// Of readings that are mostly wrong, the share that contradicts at least.
+const MOSTLY: f64 = 0.75;
+/// The share again where all is well, and ln of the odds at which it is.
+const SELDOM: f64 = 0.1;
+const WELL: f64 = 6.9;
+/// What is expected beforehand, and for how many readings that counts: after a reading that agrees and after one that contradicts.
+const EXPECTED: [(f64, f64); 2] = [(0.01, 50.0), (0.3, 10.0)];
+/// Faults come in runs; longer ones than this share makes are news.
+const LONGEST: f64 = 0.6;
+/// Readings over which the share is learned.
+const LEARNED_OVER: f64 = 1000.0;
+
+/// Whether they do, and what is known of single ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Contradictions {
+    /// Chance and weight of it, after a reading that agrees and after one that contradicts.
+    chance: [(f64, f64); 2],
+    /// Whether the last one did.
+    is_after: bool,
+    /// ln R.
+    log_r: f64,
+    is_reported: bool,
+    /// ln of the odds that all is well again.
+    log_well: f64,
+}
+
+impl Contradictions {
+    pub fn none() -> Self {
+        Contradictions {
+            chance: EXPECTED,
+            is_after: false,
+            log_r: f64::MIN,
+            is_reported: false,
+            log_well: 0.0,
+        }
+    }
+
+    /// Whether the readings contradict their stated noise.
+    pub fn are_reported(&self) -> bool {
+        self.is_reported
+    }
+
+    pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
+        let ratio =
+            |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
+        let (chance, weight) = &mut self.chance[usize::from(self.is_after)];
+        if self.is_reported {
+            self.log_well = (self.log_well + ratio(SELDOM, MOSTLY).ln()).max(0.0);
+            if WELL <= self.log_well {
+                *self = Contradictions { chance: self.chance, ..Contradictions::none() };
+            }
+            return;
+        }
+        self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio(MOSTLY, *chance).ln();
+        if log_threshold <= self.log_r {
+            (self.is_reported, self.log_well) = (true, 0.0);
+            return;
+        }
+        *weight = (*weight + 1.0).min(LEARNED_OVER);
+        *chance = (*chance + (f64::from(u8::from(contradicts)) - *chance) / *weight).clamp(1e-3, LONGEST);
+        self.is_after = contradicts;
+    }
+
+    pub fn is_sound(&self) -> bool {
+        self.chance.iter().all(|(chance, weight)| 0.0 < *chance && *chance < 1.0 && 1.0 <= *weight)
+    }
+}
+
+numbers!(Contradictions { chance, is_after, log_r, is_reported, log_well });

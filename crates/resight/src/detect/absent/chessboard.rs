@@ -1,0 +1,61 @@
+//! A chessboard that is not there as stated: a grid of another size, or a board whose squares bear tags.
+
+use super::shows;
+use super::tags::named;
+use crate::GrayImage;
+use crate::detect::chessboard::{ChessboardFinder, Outcome};
+use crate::detect::every_tag::EveryTagFinder;
+use crate::detect::joints::CornerWindow;
+use resight_core::Target;
+use resight_core::target::Chessboard;
+
+/// What an image shows instead of a board.
+pub(super) fn instead(board: &Chessboard, image: &GrayImage) -> Option<String> {
+    tags_on_board(image).or_else(|| other_grid(board, image))
+}
+
+/// A chessboard of another size.
+fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
+    let finder = ChessboardFinder::new(board, CornerWindow::Clear).ok()?;
+    let (places, rows, columns) = match finder.look(image) {
+        Outcome::Part { columns, rows, places } => (places, rows.min(columns), rows.max(columns)),
+        _ => {
+            let (rows, columns) = finder.largest_grid(image)?;
+            (0, rows as u32, columns as u32)
+        }
+    };
+    let wanted = (board.rows.min(board.columns), board.rows.max(board.columns));
+    let seen = format!("a grid of {rows} × {columns} inner corners is there");
+    // A part of the board shows no edges on some sides; it is no board of its own.
+    let is_whole = places == 0
+        && (rows, columns) != wanted
+        && shows(&Target::Chessboard(Chessboard { rows, columns, ..*board }), image);
+    let hint = if is_whole && wanted == (rows + 1, columns + 1) {
+        "rows and columns count inner corners, one less than squares".to_owned() // Squares were counted.
+    } else if is_whole {
+        format!("rows and columns count inner corners: correct them to {rows} and {columns}")
+    } else if 0 < places {
+        format!(
+            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)",
+            wanted.0, wanted.1
+        )
+    } else {
+        "where the board ends does not show; show all of it with its white margin, sharp and evenly lit"
+            .to_owned()
+    };
+    Some(format!("{seen}; {hint}"))
+}
+
+/// Fewer tags are no board.
+const LEAST_TAGS: usize = 3;
+
+/// Tags in the squares of what should be a plain chessboard.
+fn tags_on_board(image: &GrayImage) -> Option<String> {
+    let found = EveryTagFinder::new("any").ok()?.find(image);
+    let most = found.first().filter(|most| LEAST_TAGS <= most.tags.len())?;
+    Some(format!(
+        "tags of {} are there: {}; a board with tags in its squares is of kind `charuco`, tags beside each other one of kind `aprilgrid`",
+        most.family,
+        named(most)
+    ))
+}

@@ -1,0 +1,181 @@
+//! An AprilGrid that is not there as stated: its tags say how they are laid out.
+
+use super::tags::{self, Wanted, named};
+use super::{INVERTED, MIRRORED, inverted, last_id, mirrored, shows};
+use crate::GrayImage;
+use crate::detect::every_tag::{EveryTagFinder, FamilyTags};
+use crate::detect::homography::{Homography, PlanePoint};
+use crate::detect::tags::FoundTag;
+use resight_core::Target;
+use resight_core::target::AprilGrid;
+
+/// The same codes in OpenCV's dictionaries are turned by half against those of AprilTag.
+const TURNED: [(&str, &str); 3] = [
+    ("tag36h11", "DICT_APRILTAG_36h11"),
+    ("tag25h9", "DICT_APRILTAG_25h9"),
+    ("tag16h5", "DICT_APRILTAG_16h5"),
+];
+
+/// What an image shows instead of a grid.
+pub(super) fn instead(grid: &AprilGrid, image: &GrayImage) -> Option<String> {
+    let count = grid.rows * grid.columns;
+    let wanted = Wanted {
+        family: &grid.family,
+        ids: (grid.first_id..=last_id(grid.first_id, count)).collect(),
+        named: format!("ids {} to {}", grid.first_id, last_id(grid.first_id, count)),
+        way_out: "correct `family`",
+    };
+    let whole = Target::AprilGrid(grid.clone());
+    let mut finder = EveryTagFinder::new(&grid.family).ok()?;
+    if let Some(own) = finder.find(image).first() {
+        return Some(of_family(grid, &wanted, own, image));
+    }
+    if shows(&whole, &mirrored(image)) {
+        return Some(MIRRORED.to_owned());
+    }
+    if shows(&whole, &inverted(image)) {
+        return Some(INVERTED.to_owned());
+    }
+    let found = EveryTagFinder::new("any").ok()?.find(image);
+    let other = found.iter().find(|other| {
+        let family = other.family.clone();
+        shows(&Target::AprilGrid(AprilGrid { family, ..grid.clone() }), image)
+    });
+    match other {
+        Some(other) => Some(format!(
+            "no tag of {} is there, but tags of {} are: {}, laid out as stated; correct `family`",
+            grid.family,
+            other.family,
+            named(other)
+        )),
+        None => tags::instead(&wanted, image),
+    }
+}
+
+/// Tags of the family are there: other ids, or another layout.
+fn of_family(grid: &AprilGrid, wanted: &Wanted, own: &FamilyTags, image: &GrayImage) -> String {
+    let has_wanted = own.tags.iter().any(|tag| wanted.ids.contains(&tag.id));
+    let steps = Steps::of(&own.tags, 1.0 + grid.tag_spacing_ratio);
+    for (other, what) in candidates(grid, own, steps) {
+        if other != *grid && shows(&Target::AprilGrid(other), image) {
+            let seen = if has_wanted {
+                "its tags are there in another layout".to_owned()
+            } else {
+                none_of(wanted, own)
+            };
+            return format!("{seen}; {what}");
+        }
+    }
+    if !has_wanted {
+        return none_of(wanted, own);
+    }
+    match steps {
+        Some(Steps { right: 1, up }) if up < -1 => format!(
+            "its tags are there, but numbered from the top row down ({} tags a row); a grid's ids run from the bottom row up, so give the tags as \
+             kind `tag_map`, or print the grid with `resight print`",
+            -up
+        ),
+        Some(Steps { right, up }) => format!(
+            "its tags are there in another layout: the id grows by {right} to the right of a tag and by {up} above it, where 1 and {} are stated",
+            grid.columns
+        ),
+        None => {
+            format!("tags {} of it are there, too few or too unclear to tell where the grid is", named(own))
+        }
+    }
+}
+
+fn none_of(wanted: &Wanted, own: &FamilyTags) -> String {
+    format!("tags of {} are there, but none with {}: {}", wanted.family, wanted.named, named(own))
+}
+
+/// Grids that these tags may be, each with the change of the file that it takes.
+fn candidates(grid: &AprilGrid, own: &FamilyTags, steps: Option<Steps>) -> Vec<(AprilGrid, String)> {
+    let ids = || own.tags.iter().map(|tag| tag.id);
+    let lowest = ids().min().unwrap_or(0);
+    let first_id = if grid.first_id <= lowest && lowest < grid.first_id + grid.rows * grid.columns {
+        grid.first_id
+    } else {
+        lowest
+    };
+    let first = move |other: AprilGrid| AprilGrid { first_id, ..other };
+    let shift = if first_id == grid.first_id { String::new() } else { format!("`first_id` {first_id}, ") };
+    let swapped = AprilGrid { rows: grid.columns, columns: grid.rows, ..grid.clone() };
+    let mut all = vec![
+        (first(grid.clone()), format!("correct `first_id` to {first_id}")),
+        (
+            first(swapped),
+            format!(
+                "rows and columns are exchanged: {shift}`rows` {} and `columns` {}",
+                grid.columns, grid.rows
+            ),
+        ),
+    ];
+    if let Some(family) = other_convention(&grid.family) {
+        let what = format!(
+            "each tag is turned by half, as {} prints them: correct `family` to {shift}{family}",
+            if family.starts_with("DICT") { "OpenCV" } else { "AprilTag" }
+        );
+        all.push((first(AprilGrid { family: family.to_owned(), ..grid.clone() }), what));
+    }
+    if let Some(Steps { right: 1, up }) = steps.filter(|steps| 1 < steps.up) {
+        let (columns, last) = (up as u32, ids().max().unwrap_or(0));
+        let rows = (last - first_id) / columns + 1;
+        let what = format!(
+            "it has {columns} tags a row: correct {shift}`rows` to {rows} and `columns` to {columns}"
+        );
+        all.push((first(AprilGrid { rows, columns, ..grid.clone() }), what));
+    }
+    all
+}
+
+fn other_convention(family: &str) -> Option<&'static str> {
+    let of = |(a, b): &(&'static str, &'static str)| match family {
+        name if name == *a => Some(*b),
+        name if name == *b => Some(*a),
+        _ => None,
+    };
+    TURNED.iter().find_map(of)
+}
+
+/// How ids grow from a tag to the one on its right and the one above it, by the tag's own upright.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Steps {
+    right: i64,
+    up: i64,
+}
+
+impl Steps {
+    /// The commonest steps; none where too few tags have neighbours. `pitch` is in tag edges.
+    fn of(tags: &[FoundTag], pitch: f64) -> Option<Self> {
+        let (mut right, mut up) = (Vec::new(), Vec::new());
+        for tag in tags {
+            let square = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)];
+            let pairs: Vec<_> = square
+                .iter()
+                .zip(tag.corners)
+                .map(|((x, y), u)| (PlanePoint::new(x - 0.5, y - 0.5), u))
+                .collect();
+            let Some(inverse) = Homography::fit(&pairs).and_then(|map| map.inverse()) else { continue };
+            for other in tags {
+                let centre = other.corners.iter().sum::<resight_core::Pixel>() / 4.0;
+                let at = inverse.at(&centre) / pitch;
+                let step = i64::from(other.id) - i64::from(tag.id);
+                if (at - PlanePoint::new(1.0, 0.0)).norm() < NEXT {
+                    right.push(step);
+                } else if (at - PlanePoint::new(0.0, 1.0)).norm() < NEXT {
+                    up.push(step);
+                }
+            }
+        }
+        Some(Steps { right: commonest(right)?, up: commonest(up)? })
+    }
+}
+
+/// A neighbour is this near to where it is expected, pitches; what the grid's spacing is stated wrongly by counts too.
+const NEXT: f64 = 0.35;
+
+fn commonest(mut steps: Vec<i64>) -> Option<i64> {
+    steps.sort_unstable();
+    steps.chunk_by(|a, b| a == b).max_by_key(|same| same.len()).map(|same| same[0])
+}

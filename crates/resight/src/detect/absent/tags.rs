@@ -1,0 +1,89 @@
+//! Single tags and maps of tags that are not there.
+
+use super::{INVERTED, MIRRORED, inverted, mirrored};
+use crate::GrayImage;
+use crate::detect::every_tag::{EveryTagFinder, FamilyTags};
+use resight_core::target::{Tag, TagMap};
+
+/// Ids named in a sentence.
+const MOST_NAMED: usize = 8;
+
+/// Which tags are looked for, and what their file calls them.
+pub(super) struct Wanted<'a> {
+    pub family: &'a str,
+    pub ids: Vec<u32>,
+    /// What the ids are called: `id 7`.
+    pub named: String,
+    /// How another family is stated.
+    pub way_out: &'static str,
+}
+
+impl<'a> Wanted<'a> {
+    pub fn of_tag(tag: &'a Tag) -> Self {
+        let named = format!("id {}", tag.id);
+        Wanted { family: &tag.family, ids: vec![tag.id], named, way_out: "correct `family`" }
+    }
+
+    pub fn of_map(map: &'a TagMap) -> Self {
+        Wanted {
+            family: &map.family,
+            ids: map.tags.iter().map(|tag| tag.id).collect(),
+            named: "an id of the map".to_owned(),
+            way_out: "state the family in the map, or with --tag-family",
+        }
+    }
+}
+
+/// Tags of the family with other ids, the wanted ones mirrored or inverted, or else tags of another family.
+pub(super) fn instead(wanted: &Wanted, image: &GrayImage) -> Option<String> {
+    let family = wanted.family;
+    let mut finder = EveryTagFinder::new(family).ok()?;
+    if let Some(own) = finder.find(image).first() {
+        return Some(format!("tags of {family} are there, but none with {}: {}", wanted.named, named(own)));
+    }
+    of_whole_image(wanted, &mut finder, image).or_else(|| other_family(wanted, image))
+}
+
+/// Whether tags of the family show in the mirrored or inverted image.
+pub(super) fn of_whole_image(
+    wanted: &Wanted,
+    finder: &mut EveryTagFinder,
+    image: &GrayImage,
+) -> Option<String> {
+    for (changed, what) in [(mirrored(image), MIRRORED), (inverted(image), INVERTED)] {
+        let Some(own) = finder.find(&changed).into_iter().next() else { continue };
+        let is_wanted = own.tags.iter().any(|tag| wanted.ids.contains(&tag.id));
+        return Some(match is_wanted {
+            true => what.to_owned(),
+            false => format!("tags of {} are there, but {}: {}", own.family, reversed(what), named(&own)),
+        });
+    }
+    None
+}
+
+fn reversed(what: &str) -> &'static str {
+    if what == MIRRORED { "mirrored, and with other ids" } else { "inverted, and with other ids" }
+}
+
+/// Tags of another family, and whether they are the ids that are wanted.
+fn other_family(wanted: &Wanted, image: &GrayImage) -> Option<String> {
+    let found = EveryTagFinder::new("any").ok()?.find(image);
+    let other = found.first()?;
+    Some(format!(
+        "no tag of {} is there, but tags of {} are: {}; {}",
+        wanted.family,
+        other.family,
+        named(other),
+        wanted.way_out
+    ))
+}
+
+/// A few ids.
+pub(super) fn named(family: &FamilyTags) -> String {
+    let mut ids: Vec<u32> = family.tags.iter().map(|tag| tag.id).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let named: Vec<String> = ids.iter().take(MOST_NAMED).map(u32::to_string).collect();
+    let more = if MOST_NAMED < ids.len() { ", …" } else { "" };
+    format!("{}{more}", named.join(", "))
+}

@@ -1,0 +1,114 @@
+//! How much a search looks at, counted in tests: a budget that does not depend on how loaded a machine is.
+
+use std::cell::Cell;
+
+thread_local! {
+    static PIXELS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts pixels that a search of this thread looks at.
+pub(super) fn count(pixels: usize) {
+    PIXELS.set(PIXELS.get() + pixels as u64);
+}
+
+/// The pixels that a job looks at.
+pub(super) fn of(job: impl FnOnce()) -> u64 {
+    PIXELS.set(0);
+    job();
+    PIXELS.get()
+}
+
+mod tests {
+    use super::*;
+    use crate::GrayImage;
+    use crate::detect::Detector;
+    use crate::render::clutter;
+    use crate::render::{Finish, Placed, Scene, Style, render};
+    use resight_core::camera::{ImageSize, Pinhole};
+    use resight_core::target::{AprilGrid, Charuco, Chessboard, Tag};
+    use resight_core::{Camera, CameraMatrix, Lens, Point, Pose, Target};
+
+    const SIZE: [u32; 2] = [1280, 960];
+
+    fn camera() -> Camera {
+        let matrix = CameraMatrix { fx_px: 1000.0, fy_px: 1000.0, cx_px: 639.5, cy_px: 479.5 };
+        let size = Some(ImageSize { width_px: SIZE[0], height_px: SIZE[1] });
+        Camera { lens: Lens::Pinhole(Pinhole { matrix }), size }
+    }
+
+    fn targets() -> Vec<Target> {
+        let (family, dictionary) = ("tag36h11".to_owned(), "DICT_4X4_50".to_owned());
+        vec![
+            Target::Tag(Tag { family: family.clone(), id: 7, size_m: 0.1 }),
+            Target::AprilGrid(AprilGrid {
+                rows: 4,
+                columns: 4,
+                tag_size_m: 0.06,
+                tag_spacing_ratio: 0.3,
+                first_id: 0,
+                family,
+            }),
+            Target::Charuco(Charuco {
+                rows: 5,
+                columns: 7,
+                square_m: 0.04,
+                marker_m: 0.03,
+                dictionary,
+                legacy_pattern: false,
+            }),
+            Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m: 0.04 }),
+        ]
+    }
+
+    /// A wall, bare or with spots and words on it, with the target or without.
+    fn image(target: Option<&Target>, has_clutter: bool) -> GrayImage {
+        let placed = target.map(|target| {
+            let points: Vec<Point> =
+                target.features().iter().filter_map(|f| target.point(*f)).map(|p| p.position).collect();
+            let middle = points.iter().sum::<Point>() / points.len() as f64;
+            let flip = if matches!(target, Target::AprilGrid(_)) { -1.0 } else { 1.0 };
+            let facing = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, flip, flip));
+            let rotation = Pose::exp(&[0.2, -0.2, 0.1, 0.0, 0.0, 0.0].into()).rotation * facing;
+            let cam_from_target = Pose::new(rotation, Point::new(0.0, 0.0, 0.8) - rotation * middle);
+            Placed { target: target.clone(), cam_from_target, style: Style::default() }
+        });
+        let mut scene =
+            Scene { placed: placed.into_iter().collect(), background: 120.0, clutter: Vec::new() };
+        if has_clutter {
+            scene.clutter.extend(clutter::dots(150, SIZE, [4.0, 30.0], 60.0, 1));
+            scene.clutter.extend(clutter::words(120, SIZE, 14.0, 30.0, 2));
+        }
+        render(&scene, &camera(), &Finish::default()).unwrap()
+    }
+
+    /// An image without its target costs a stated number of its pixels whatever it shows, and of a board at most half as much again as one with it. A
+    /// single tag is found at half the size, in a quarter of the pixels, which leaves all of them for the smallest.
+    #[test]
+    fn nothing_there_costs_no_more_than_something() {
+        for (target, most) in targets().iter().zip([2.0, 3.0, 2.0, 4.0]) {
+            let mut detector = Detector::new(target).unwrap();
+            for has_clutter in [false, true] {
+                let mut pixels = |target: Option<&Target>| {
+                    let image = image(target, has_clutter);
+                    of(|| {
+                        let found = detector.detect(&image).unwrap();
+                        assert_eq!(found.is_empty(), target.is_none());
+                    }) as f64
+                };
+                let (found, nothing) = (pixels(Some(target)), pixels(None));
+                let share = nothing / f64::from(SIZE[0] * SIZE[1]);
+                println!(
+                    "{} {has_clutter}: {nothing} / {found} = {:.2}; {share:.2} of the image",
+                    target.kind(),
+                    nothing / found
+                );
+                assert!(
+                    nothing <= 1.5 * found,
+                    "{}, clutter {has_clutter}: {nothing} and {found}",
+                    target.kind()
+                );
+                assert!(share <= most, "{}, clutter {has_clutter}: {share} of the image", target.kind());
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Points as rows of numbers, as arrays hold them. A row without a pixel is a point that was not seen.
+
+use super::{NamedPoint, PointsOptions, locate_points};
+use crate::answer::PoseAnswer;
+use resight_core::locate::consistency::Consistency;
+use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+
+/// Points in the target frame and their pixels, one row each.
+#[derive(Debug, Clone, Copy)]
+pub struct PointRows<'a> {
+    /// Places in the target frame, metres.
+    pub points_m: &'a [[f64; 3]],
+    /// Pixels; NaN in both coordinates where the point was not seen.
+    pub pixels: &'a [[f64; 2]],
+    /// Standard deviation of each pixel coordinate.
+    pub sigma_px: &'a [f64],
+    /// Standard deviation of each coordinate of the place, metres; 0 where it is exact.
+    pub sigma_m: &'a [f64],
+    /// What points are called; their row's number where none is given.
+    pub names: Option<&'a [String]>,
+}
+
+/// Why rows are no points: the kind where the mathematics refuses one, and a sentence that names the row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RowFault {
+    /// The refusal.
+    pub kind: Option<MathError>,
+    /// Which row, what is wrong with it, and the way out.
+    pub message: String,
+}
+
+/// The points that were seen, and the rows they stand in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeenRows {
+    points: Vec<NamedPoint>,
+    rows: Vec<usize>,
+    names: Vec<String>,
+}
+
+/// Whether a point was not seen: both coordinates of its pixel are NaN, which is how arrays and tables mark what is missing.
+pub fn is_missing(pixel: &[f64; 2]) -> bool {
+    pixel.iter().all(|x| x.is_nan())
+}
+
+impl PointRows<'_> {
+    /// The rows that were seen.
+    ///
+    /// # Errors
+    /// Columns of several lengths, half a pixel, a seen point without a place, a pixel that the lens does not have.
+    pub fn seen(&self, camera: &Camera) -> Result<SeenRows, RowFault> {
+        let n = self.points_m.len();
+        let lengths = [self.pixels.len(), self.sigma_px.len(), self.sigma_m.len()];
+        let names =
+            self.names.map(<[String]>::to_vec).unwrap_or_else(|| (0..n).map(|i| i.to_string()).collect());
+        if let Some(other) = lengths.into_iter().chain([names.len()]).find(|length| *length != n) {
+            let message =
+                format!("{n} points and a column of {other} rows; one of each is needed for each point");
+            return Err(RowFault { kind: None, message });
+        }
+        let rows: Vec<usize> = (0..n).filter(|row| !is_missing(&self.pixels[*row])).collect();
+        let point = |row: &usize| {
+            Ok(NamedPoint { name: names[*row].clone(), line: None, seen: self.correspondence(*row, camera)? })
+        };
+        Ok(SeenRows { points: rows.iter().map(point).collect::<Result<_, _>>()?, rows, names })
+    }
+
+    fn correspondence(&self, row: usize, camera: &Camera) -> Result<Correspondence, RowFault> {
+        let ([x, y, z], [u, v]) = (self.points_m[row], self.pixels[row]);
+        let fault = |kind, reason: String| RowFault { kind, message: format!("point {row}: {reason}") };
+        if u.is_nan() || v.is_nan() {
+            return Err(fault(
+                None,
+                format!(
+                    "its pixel ({u}, {v}) is half missing; give both numbers, or NaN twice where it was not seen"
+                ),
+            ));
+        }
+        if [x, y, z].iter().any(|x| x.is_nan()) {
+            let reason = format!(
+                "it was seen, but its place ({x}, {y}, {z}) is missing; leave the row out, or make its pixel NaN too"
+            );
+            return Err(fault(None, reason));
+        }
+        let seen = Correspondence::new(camera, Point::new(x, y, z), Pixel::new(u, v), self.sigma_px[row]);
+        let seen = seen.map_err(|reason| fault(Some(reason.clone()), reason.to_string()))?;
+        Ok(Correspondence { sigma_m: self.sigma_m[row], ..seen })
+    }
+}
+
+impl SeenRows {
+    /// How many points were seen.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether none was.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// The pose from the points that were seen; rows in the answer are those given.
+    pub fn locate(&self, view: &str, camera: &Camera, options: &PointsOptions) -> PoseAnswer {
+        let mut answer = locate_points(view, &self.points, camera, options);
+        let n_missing = self.names.len() - self.rows.len();
+        if n_missing == 0 {
+            return answer;
+        }
+        if let Some(agreement) = &mut answer.agreement {
+            agreement.place_in_rows(&self.rows, self.names.len());
+        }
+        if let Some(estimate) = &mut answer.estimate
+            && let Consistency::Inconsistent { worst_point, .. } = &mut estimate.consistency
+        {
+            *worst_point = self.rows[*worst_point];
+        }
+        answer.names = self.names.clone();
+        let were = if n_missing == 1 { "was" } else { "were" };
+        answer.remarks.push(format!(
+            "{n_missing} of {} points {were} not seen (the pixel is NaN) and {were} left out",
+            self.names.len()
+        ));
+        answer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resight_core::{CameraMatrix, Lens, Pose, Vector6, camera::Pinhole};
+
+    const NAN: f64 = f64::NAN;
+
+    fn camera() -> Camera {
+        let matrix = CameraMatrix { fx_px: 500.0, fy_px: 500.0, cx_px: 320.0, cy_px: 240.0 };
+        Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None }
+    }
+
+    fn points() -> (Vec<[f64; 3]>, Vec<[f64; 2]>) {
+        let pose = Pose::exp(&Vector6::new(0.2, -0.4, 0.1, 0.02, 0.03, 1.2));
+        let points: Vec<[f64; 3]> = (0..12)
+            .map(|i| [0.1 * f64::from(i % 4), 0.1 * f64::from(i / 4), 0.02 * f64::from(i % 3)])
+            .collect();
+        let pixel = |x: &[f64; 3]| camera().project(&(pose * Point::from(*x))).expect("in front").into();
+        let pixels = points.iter().map(pixel).collect();
+        (points, pixels)
+    }
+
+    fn seen(points_m: &[[f64; 3]], pixels: &[[f64; 2]]) -> Result<SeenRows, RowFault> {
+        let (ones, zeros) = (vec![0.5; points_m.len()], vec![0.0; points_m.len()]);
+        PointRows { points_m, pixels, sigma_px: &ones, sigma_m: &zeros, names: None }.seen(&camera())
+    }
+
+    /// What was not seen changes nothing but the count; a point without a place that was not seen is none either.
+    #[test]
+    fn rows_without_a_pixel_are_left_out() {
+        let (mut points, mut pixels) = points();
+        let (mut fewer, mut of_fewer) = (points.clone(), pixels.clone());
+        (fewer.remove(3), of_fewer.remove(3));
+        (points[3], pixels[3]) = ([NAN, 0.0, 0.0], [NAN, NAN]);
+        let options = PointsOptions::default();
+        let with = seen(&points, &pixels).unwrap().locate("v", &camera(), &options);
+        let without = seen(&fewer, &of_fewer).unwrap().locate("v", &camera(), &options);
+        assert_eq!(with.estimate, without.estimate);
+        assert_eq!((with.n_points, with.remarks.len(), without.remarks.len()), (11, 1, 0));
+        assert!(with.remarks[0].starts_with("1 of 12 points was not seen"), "{:?}", with.remarks);
+    }
+
+    #[test]
+    fn inliers_and_the_worst_point_are_rows_as_given() {
+        let (points, mut pixels) = points();
+        pixels[1] = [NAN, NAN];
+        pixels[5][0] += 60.0;
+        let robust = PointsOptions { robust_threshold_px: Some(4.0), ..PointsOptions::default() };
+        let answer = seen(&points, &pixels).unwrap().locate("v", &camera(), &robust);
+        let inliers = &answer.agreement.as_ref().unwrap().inliers;
+        assert_eq!(*inliers, [0, 2, 3, 4, 6, 7, 8, 9, 10, 11]);
+        let answer = seen(&points, &pixels).unwrap().locate("v", &camera(), &PointsOptions::default());
+        let worst = serde_json::to_value(&answer).unwrap()["worst_point"].clone();
+        assert_eq!((worst["index"].as_u64(), worst["name"].as_str()), (Some(5), Some("5")));
+    }
+
+    #[test]
+    fn half_a_point_is_named() {
+        let (mut points, mut pixels) = points();
+        pixels[2][1] = NAN;
+        assert!(seen(&points, &pixels).unwrap_err().message.contains("point 2: its pixel"));
+        pixels[2][1] = 0.0;
+        points[4][0] = NAN;
+        assert!(seen(&points, &pixels).unwrap_err().message.contains("point 4: it was seen"));
+        assert!(seen(&points, &pixels[1..]).is_err());
+        let none = vec![[NAN, NAN]; points.len()];
+        let answer = seen(&points, &none).unwrap().locate("v", &camera(), &PointsOptions::default());
+        assert!(answer.estimate.is_none() && answer.remarks[0].starts_with("12 of 12 points were"));
+    }
+}

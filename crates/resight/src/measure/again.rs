@@ -1,0 +1,98 @@
+//! Answers that are known already: where scenes differ only in points that an answer does not depend on.
+
+use super::Answers;
+use super::answers::QueryAnswer;
+use super::scene::{NamedQuery, NamedScene};
+use crate::core::multiview::network::{Adjusted, Constraint, NetworkStatus};
+use std::collections::HashMap;
+
+/// What is known about one point, in a scene's order.
+type About<'a> = Vec<&'a Constraint>;
+
+/// A scene whose answers are known, as far as a new one is the same.
+pub(super) struct Known<'a> {
+    now: Parts<'a>,
+    before: Parts<'a>,
+    answers: &'a Answers,
+}
+
+/// A scene by what its answers depend on.
+struct Parts<'a> {
+    scene: &'a NamedScene,
+    /// Which points nothing checks: whatever asks for other points does not depend on them.
+    is_free: Vec<bool>,
+    /// What is known of each of them.
+    about: Vec<About<'a>>,
+}
+
+impl<'a> Parts<'a> {
+    fn new(scene: &'a NamedScene, adjusted: &Adjusted) -> Self {
+        let is_free = adjusted.points_that_nothing_checks();
+        let mut about: Vec<About> = vec![Vec::new(); scene.points.len()];
+        for constraint in &scene.constraints {
+            for point in constraint.points().into_iter().flatten() {
+                about[point].push(constraint);
+            }
+        }
+        Parts { scene, is_free, about }
+    }
+
+    /// What everything depends on.
+    fn base(&self) -> impl Iterator<Item = &'a Constraint> + '_ {
+        let is_base = |f: &&Constraint| !f.points().into_iter().flatten().any(|p| self.is_free[p]);
+        self.scene.constraints.iter().filter(is_base)
+    }
+}
+
+impl<'a> Known<'a> {
+    /// None where the scenes differ in what all answers depend on, or either says that something is wrong.
+    pub(super) fn new(
+        scene: &'a NamedScene,
+        adjusted: &Adjusted,
+        before: &'a NamedScene,
+        answers: &'a Answers,
+    ) -> Option<Self> {
+        let is_plain = |a: &Adjusted| a.status() == NetworkStatus::Ok && a.undetermined.is_empty();
+        if !(is_plain(adjusted) && is_plain(&answers.adjusted)) {
+            return None;
+        }
+        let is_same = scene.cameras == before.cameras
+            && scene.camera_of_photo == before.camera_of_photo
+            && scene.planes == before.planes
+            && scene.origin_m == before.origin_m;
+        let (now, before) = (Parts::new(scene, adjusted), Parts::new(before, &answers.adjusted));
+        // Points have numbers, which differ where others came or went.
+        let numbers: HashMap<&str, usize> =
+            before.scene.points.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+        let moved = |f: &Constraint| {
+            let mut moved = *f;
+            moved.renumber(|p| numbers.get(scene.points[p].as_str()).copied()).then_some(moved)
+        };
+        let is_base_same = is_same && now.base().map(moved).eq(before.base().map(|f| Some(*f)));
+        is_base_same.then_some(Known { now, before, answers })
+    }
+
+    /// The answer to a question, where it is known.
+    pub(super) fn answer(&self, query: &NamedQuery) -> Option<QueryAnswer> {
+        let at = self.before.scene.queries.iter().position(|q| q.name == query.name)?;
+        let (asked, known) = (&self.before.scene.queries[at], self.answers.answers.get(at)?);
+        let is_alike = asked.kind == query.kind && asked.points.len() == query.points.len();
+        let is_same = |(now, before): (&usize, &usize)| {
+            let to_before = |p: usize| (p == *now).then_some(*before);
+            let moved = |f: &&Constraint| {
+                let mut moved = **f;
+                moved.renumber(to_before).then_some(moved)
+            };
+            let is_free = self.now.is_free[*now];
+            is_free == self.before.is_free[*before]
+                && self.now.scene.points[*now] == self.before.scene.points[*before]
+                && (!is_free
+                    || self.now.about[*now]
+                        .iter()
+                        .map(moved)
+                        .eq(self.before.about[*before].iter().map(|f| Some(**f))))
+        };
+        let is_known = is_alike && query.points.iter().zip(&asked.points).all(is_same);
+        is_known.then(|| QueryAnswer { query: query.clone(), ..known.clone() })
+    }
+}

@@ -1,0 +1,104 @@
+//! The poses of the photographs: each is solved again where its points, its lens, their places or the choice among poses changed, and only there.
+
+use crate::command::GivenLens;
+use crate::lens::{self, KnownLens};
+use crate::photograph::Photograph;
+use crate::places::Places;
+use crate::pose::{Attempt, Given, Solved, named_points, solve};
+use crate::state::{PhotoState, State};
+use std::sync::Arc;
+
+/// What was stated of a lens, and what it is for that photograph: camera files are parsed once.
+#[derive(Debug, Clone)]
+pub struct StatedLens {
+    given: GivenLens,
+    photograph: Arc<Photograph>,
+    pub known: Result<Arc<KnownLens>, String>,
+}
+
+/// One photograph: what was tried last, and with what.
+#[derive(Debug, Clone, Default)]
+struct OnePhoto {
+    lens: Option<StatedLens>,
+    tried: Option<(Given, Arc<Attempt>)>,
+}
+
+/// All photographs.
+#[derive(Debug, Clone, Default)]
+pub struct Solving {
+    photos: Vec<OnePhoto>,
+    /// The last good answer of each photograph.
+    pub good: Vec<Option<Arc<Solved>>>,
+    /// How often a pose was solved.
+    pub n_solved: u64,
+}
+
+impl Solving {
+    /// Solves what is not solved yet as it is now; the last good answers are kept.
+    pub fn solve(&mut self, state: &State, places: &Places) {
+        self.photos.resize_with(state.photos.len(), OnePhoto::default);
+        self.good.resize(state.photos.len(), None);
+        for (i, photo) in state.photos.iter().enumerate() {
+            let one = &mut self.photos[i];
+            one.state_lens(photo);
+            let known = one.lens.as_ref().and_then(|lens| lens.known.as_ref().ok());
+            let given = known.map(|lens| Given {
+                name: photo.photograph.name.clone(),
+                points: named_points(state, photo, lens, places),
+                lens: Arc::clone(lens),
+                chosen: photo.chosen,
+            });
+            let is_known = match (&one.tried, &given) {
+                (Some((tried, _)), Some(given)) => tried == given,
+                (None, None) => true,
+                _ => false,
+            };
+            if !is_known {
+                self.n_solved += u64::from(given.is_some());
+                one.tried = given.map(|given| {
+                    let attempt = Arc::new(solve(&given));
+                    (given, attempt)
+                });
+            }
+            if let Some((_, attempt)) = &one.tried
+                && let Attempt::Solved(solved) = &**attempt
+            {
+                self.good[i] = Some(Arc::clone(solved));
+            }
+            if photo.points.len() < 3 || photo.lens.is_none() {
+                self.good[i] = None;
+            }
+        }
+    }
+
+    /// What became of a photograph's points; none where no lens is known.
+    pub fn attempt(&self, photo: usize) -> Option<&Attempt> {
+        self.photos.get(photo)?.tried.as_ref().map(|(_, attempt)| &**attempt)
+    }
+
+    /// Whether a photograph has a pose by what is so now.
+    pub fn is_solved(&self, photo: usize) -> bool {
+        matches!(self.attempt(photo), Some(Attempt::Solved(_)))
+    }
+
+    /// The lens that was stated of a photograph.
+    pub fn lens(&self, photo: usize) -> Option<&StatedLens> {
+        self.photos.get(photo)?.lens.as_ref()
+    }
+}
+
+impl OnePhoto {
+    fn state_lens(&mut self, photo: &PhotoState) {
+        let Some(given) = &photo.lens else {
+            self.lens = None;
+            return;
+        };
+        let is_known =
+            |lens: &StatedLens| lens.given == *given && Arc::ptr_eq(&lens.photograph, &photo.photograph);
+        if !self.lens.as_ref().is_some_and(is_known) {
+            let known = lens::known(given, &photo.photograph).map(Arc::new);
+            self.lens =
+                Some(StatedLens { given: given.clone(), photograph: Arc::clone(&photo.photograph), known });
+        }
+    }
+}

@@ -1,0 +1,224 @@
+// Real work on real screens: phones, zoomed pages, restarts, two windows, replaced photographs, an alarm without cameras.
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { after, before, test } from "node:test";
+import type { Browser, BrowserContextOptions, Page } from "playwright-core";
+import { click, demo, distance, fourClicks, pixel, shown } from "./scene.js";
+import { PHONE, type Server, another, browser, faultsOf, file, open, serve } from "./server.js";
+
+let chromium: Browser;
+let server: Server;
+before(async () => {
+  [chromium, server] = await Promise.all([browser(), serve()]);
+});
+after(async () => {
+  await chromium.close();
+  await server.stop();
+});
+
+/** Places in the demo's photograph, in pitches: three on a line, one off it. */
+const PLACES = { A: [0, 0], B: [2, 0], C: [4, 0], D: [1, 2] } as const;
+
+async function tap(page: Page, at: [number, number]) {
+  const [x, y] = (await shown(page)).at(at);
+  await page.touchscreen.tap(x, y);
+}
+
+const okIn = (page: Page) => page.locator("[data-step=answer] [data-status=ok], [data-step=answer] [data-status=ambiguous]").first();
+
+/** Neither the distances that are drawn nor any other label takes a tap that means the photograph. */
+for (const [name, options] of [["390", PHONE], ["768", { viewport: { width: 768, height: 1024 }, hasTouch: true, isMobile: true }]] as [string, BrowserContextOptions][]) {
+  test(`four taps give a pose on a screen of ${name} px`, async () => {
+    const page = await open(chromium, server, "photograph", options);
+    await demo(page);
+    for (const [name, [x, y]] of Object.entries(PLACES)) {
+      await tap(page, pixel(x, y));
+      await page.waitForFunction((n) => document.querySelectorAll(".mark-table tbody tr").length === n, Object.keys(PLACES).indexOf(name) + 1);
+    }
+    const apart = (a: keyof typeof PLACES, b: keyof typeof PLACES) => Math.hypot(PLACES[a][0] - PLACES[b][0], PLACES[a][1] - PLACES[b][1]);
+    for (const [a, b] of [["A", "B"], ["B", "C"], ["D", "A"], ["D", "C"]] as const) await distance(page, a, b, apart(a, b));
+    await okIn(page).waitFor();
+    assert.deepEqual(faultsOf(page), []);
+    await page.context().close();
+  });
+}
+
+/** Four marks so near each other that chips would lie over all of them. */
+test("marks that lie closely are placed by taps", async () => {
+  const page = await open(chromium, server, "photograph", PHONE);
+  await demo(page);
+  const places = [[2, 1], [2.3, 1], [2.6, 1], [2.3, 1.4]] as const;
+  for (const [i, [x, y]] of places.entries()) {
+    await tap(page, pixel(x, y));
+    await page.waitForFunction((n) => document.querySelectorAll(".mark-table tbody tr").length === n, i + 1);
+  }
+  await page.context().close();
+});
+
+/** What a zoom of the browser does to a page: fewer of its own pixels, each larger. */
+const zoomed = (width: number, height: number, percent: number): BrowserContextOptions => ({
+  viewport: { width: Math.round((100 * width) / percent), height: Math.round((100 * height) / percent) },
+  deviceScaleFactor: percent / 100,
+});
+
+for (const [width, height] of [[390, 844], [768, 1024], [1280, 800], [2560, 1440]] as const) {
+  for (const percent of width < 1000 ? [100] : [100, 200, 300, 400]) {
+    test(`the photograph keeps its place at ${width} × ${height}, ${percent} %`, async () => {
+      const page = await open(chromium, server, "photograph", zoomed(width, height, percent));
+      await page.getByRole("button", { name: "Try the example" }).click();
+      await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+      const box = (await page.locator(".views > .viewport").boundingBox())!;
+      const { w, h, wide } = await page.evaluate(() => ({ w: innerWidth, h: innerHeight, wide: document.documentElement.scrollWidth }));
+      assert(Math.min(160, 0.4 * h) <= box.height && 0.4 * w <= box.width, `${box.width} × ${box.height} of ${w} × ${h}`);
+      assert(wide <= w + 1, `the page is ${wide} px wide on a screen of ${w}`);
+      // Everything can be reached: the last step comes into sight.
+      await page.locator("[data-step=measure] button").first().scrollIntoViewIfNeeded();
+      assert.deepEqual(faultsOf(page), []);
+      await page.context().close();
+    });
+  }
+}
+
+/** The program is started again while the page is open: the next thing that is done finds everything there. */
+test("work survives a restart of the program", async () => {
+  const own = await serve();
+  const port = new URL(own.address).port;
+  const page = await open(chromium, own);
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+  const measured = await page.locator("[data-measurement]").textContent();
+  await page.waitForTimeout(2500);
+  await own.stop();
+  await page.waitForTimeout(500);
+  const again = await serve("--listen", `127.0.0.1:${port}`);
+  await page.getByText("Opening").waitFor({ state: "detached" });
+  await page.waitForFunction(async () => {
+    const kept = JSON.parse(sessionStorage.getItem("resight session") ?? "{}");
+    return (await fetch(`/api/session/view?session=${kept.session}`)).ok;
+  }, undefined, { timeout: 20_000, polling: 300 });
+  assert.equal(await page.locator("[data-measurement]").textContent(), measured);
+  await page.getByRole("button", { name: "Undo" }).isDisabled();
+  // A window that is opened anew offers it too.
+  const other = await another(page, again, "photograph");
+  await other.getByRole("button", { name: "Go on with it" }).click();
+  await other.locator("[data-step=answer] [data-status=ok]").waitFor();
+  await page.context().close();
+  await again.stop();
+});
+
+test("two windows of one session follow each other", async () => {
+  const page = await open(chromium, server);
+  await fourClicks(page);
+  const other = await another(page, server, "photograph");
+  const kept = await page.evaluate(() => sessionStorage.getItem("resight session"));
+  await other.evaluate((text) => sessionStorage.setItem("resight session", text!), kept);
+  await other.reload();
+  await okIn(other).waitFor();
+  await page.locator("[data-step=measure]").getByRole("button", { name: "Length", exact: true }).click();
+  await click(page, pixel(0.5, 0.5));
+  await click(page, pixel(3, 0.5));
+  await other.locator("[data-measurement]").waitFor();
+  await other.getByText("Changed in another window").waitFor();
+  assert.equal(await other.locator("[data-measurement] strong").textContent(), await page.locator("[data-measurement] strong").textContent());
+  await page.context().close();
+});
+
+/** The picture under the marks is the one that the program has, whatever its name and size. */
+test("a replaced photograph is shown", async () => {
+  const page = await open(chromium, server);
+  const grey = async (shade: number) => Buffer.from(await page.evaluate(async (shade) => {
+    const canvas = new OffscreenCanvas(640, 480);
+    const pen = canvas.getContext("2d")!;
+    pen.fillStyle = `rgb(${shade} ${shade} ${shade})`;
+    pen.fillRect(0, 0, 640, 480);
+    const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());
+    return Array.from(bytes);
+  }, shade));
+  const input = "input[type=file][accept='image/png,image/jpeg']";
+  const middle = () => page.evaluate(() => {
+    const canvas = document.querySelector<HTMLCanvasElement>(".views > .viewport canvas")!;
+    return canvas.getContext("2d")!.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data[0];
+  });
+  for (const shade of [40, 220]) {
+    await page.locator(input).first().setInputFiles({ name: "same.png", mimeType: "image/png", buffer: await grey(shade) });
+    await page.waitForFunction((shade) => {
+      const canvas = document.querySelector<HTMLCanvasElement>(".views > .viewport canvas");
+      return canvas && canvas.getContext("2d")!.getImageData(canvas.width / 2, canvas.height / 2, 1, 1).data[0] === shade;
+    }, shade);
+    assert.equal(await middle(), shade);
+  }
+  await page.context().close();
+});
+
+/** Labels of many measurements hide neither each other nor the marks. */
+test("labels do not hide each other", async () => {
+  const page = await open(chromium, server);
+  await fourClicks(page);
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+  for (let i = 0; i < 30; i++) {
+    const [x, y] = [0.2 + 0.7 * (i % 6), 0.2 + 0.5 * Math.floor(i / 6)];
+    const command = { kind: "add_measurement", name: `length ${i}`, what: "length", points: [pixel(x, y), pixel(x + 0.4, y + 0.2)] };
+    await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command } });
+  }
+  await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 30);
+  const boxes = await page.evaluate(() => (window as unknown as { resightLabels: () => { x: number; y: number; width: number; height: number }[] }).resightLabels());
+  assert(8 <= boxes.length, `${boxes.length} labels`);
+  for (const [i, a] of boxes.entries()) {
+    for (const b of boxes.slice(i + 1)) {
+      assert(!(a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height), JSON.stringify([a, b]));
+    }
+  }
+  await page.context().close();
+});
+
+/** A length shorter than a fingertip is a length. */
+test("a short length is measured", async () => {
+  const page = await open(chromium, server);
+  await fourClicks(page);
+  await page.locator("[data-step=measure]").getByRole("button", { name: "Length", exact: true }).click();
+  const { scale } = await shown(page);
+  const [u, v] = pixel(3, 1);
+  await click(page, [u, v]);
+  await click(page, [u + 9 / scale, v]);
+  await page.locator("[data-measurement] strong").waitFor();
+  await page.context().close();
+});
+
+test("nothing is missing when the page is loaded", async () => {
+  const page = await open(chromium, server);
+  const missing: string[] = [];
+  page.on("response", (response) => response.status() === 404 && missing.push(response.url()));
+  for (const tab of ["photograph", "live", "rig", "whisker"]) {
+    await page.goto(`${server.address}/#${tab}`);
+    await page.reload();
+    await page.waitForTimeout(400);
+  }
+  assert.deepEqual(missing, []);
+  await page.context().close();
+});
+
+/** The example of the tab Live runs without a camera: one is moved, and its alarm waits for a person. */
+test("the live example raises an alarm that is acknowledged", async () => {
+  const own = await serve();
+  const page = await open(chromium, own, "live", { viewport: { width: 2560, height: 1200 } });
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator("[data-camera=gate][data-live=true]").waitFor({ timeout: 30_000 });
+  const widths = await page.locator(".tile").evaluateAll((tiles) => tiles.map((tile) => tile.getBoundingClientRect().width));
+  assert(widths.length === 2 && 2200 < widths.reduce((sum, width) => sum + width, 0), `${widths}`);
+  await page.getByRole("button", { name: "Acknowledge the alarm of gate" }).click({ timeout: 60_000 });
+  await page.locator("[data-camera=gate][data-alarm=false]").waitFor();
+  await page.locator("[data-camera=yard][data-alarm=false]").waitFor();
+  await page.locator("[data-camera=gate] .shot").click();
+  await page.locator(".triple").first().getByText(/^x /).waitFor();
+  await page.context().close();
+  await own.stop();
+});
+
+/** Files that are torn are named by the program itself. */
+test("a torn photograph is refused", async () => {
+  const page = await open(chromium, server);
+  const whole = readFileSync(file("examples/photo/left03.jpg"));
+  await page.locator("input[type=file][accept='image/png,image/jpeg']").first().setInputFiles({ name: "torn.jpg", mimeType: "image/jpeg", buffer: whole.subarray(0, whole.length / 2) });
+  await page.getByText(/is torn/).waitFor();
+  await page.context().close();
+});
