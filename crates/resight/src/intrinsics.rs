@@ -117,7 +117,8 @@ pub fn intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsAnswer, Error
 }
 
 fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraIntrinsics, Error> {
-    let Some(size) = camera.size else {
+    let is_of_images = matches!(request.source, IntrinsicsSource::Images { .. });
+    let Some(size) = camera.size.filter(|_| !(is_of_images && camera.views.is_empty())) else {
         return Ok(describe::not_found(camera));
     };
     let most = camera.views.iter().map(|view| view.points.len()).max().unwrap_or(LEAST_POINTS);

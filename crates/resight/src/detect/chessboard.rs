@@ -373,7 +373,7 @@ impl Search<'_> {
         let n = lattice.nodes.len();
         let outcome = match Observed::new(&lattice, board, self.image) {
             Some(seen) if LEAST_NODES.min((board.rows * board.columns) as usize) <= n => {
-                seen.place(pattern.ends(&lattice))
+                seen.place(pattern.ends(&lattice), pattern.likely_ends(&lattice))
             }
             _ => Place::Nowhere,
         };

@@ -53,8 +53,8 @@ struct Sought {
     in_grids: Option<GridTagFinder>,
 }
 
-/// Of a family whose codes chance gives this share of the print has to show: of the tag of another family half of the cells do.
-const SHOWN_OF_WEAK: f64 = 0.85;
+/// Of a family whose codes chance gives the print has to explain this share of the variance: of another print it explains half.
+const EXPLAINED_OF_WEAK: f64 = 0.85;
 
 impl EveryTagFinder {
     /// All tags of a family (AprilTag name or OpenCV dictionary), or of any family where `family` is `any`.
@@ -177,7 +177,7 @@ impl Sought {
             finder.find(image)
         };
         // A lone tag of a grid has other print around it, and rests on its clear reading.
-        tags.retain(|tag| !is_free || !self.is_weak || SHOWN_OF_WEAK <= tag.shown);
+        tags.retain(|tag| !is_free || !self.is_weak || EXPLAINED_OF_WEAK <= tag.explained);
         Some(FamilyTags { family: self.name.clone(), tags })
     }
 }

@@ -27,8 +27,10 @@ pub(super) struct LaidTag {
     pub sigmas_px: [f64; 4],
     /// The share of its pixels that look like the print.
     pub shown: f64,
-    /// The share of the variance of these that the print explains.
+    /// The share of the variance of these that the print explains,
     explained: f64,
+    /// and of the variance of all, whatever they look like: of a code that another print happens to bear it is small.
+    pub explained_of_all: f64,
     /// What the next image begins with.
     fit: Fit,
 }
@@ -421,6 +423,7 @@ fn conclude(
     let rows = solved.corners_by_sums();
     let by_noise_px2 = solved.by_noise_px2(&rows);
     let (mut total, mut left) = (0.0, 0.0);
+    let explained_of_all = explained_of_all(lines, x, noise_gray2);
     for (line, weight) in lines.iter().zip(weights).filter(|(_, weight)| 0.0 < **weight) {
         let residual = line.residual(x);
         total += weight * (line.gray() - mean).powi(2);
@@ -465,8 +468,19 @@ fn conclude(
         blur_px2: state.blur_px2,
         x: *x,
     };
-    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, explained, fit };
+    let laid = LaidTag { corners, sigmas_px, shown: shown / expected, explained, explained_of_all, fit };
     sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
+}
+
+/// The share of the variance of all lines that the print explains, besides that of the noise.
+fn explained_of_all(lines: &[Line], x: &Row, noise_gray2: f64) -> f64 {
+    let weight: f64 = lines.iter().map(|line| line.weight).sum();
+    let mean = lines.iter().map(|line| line.weight * line.gray()).sum::<f64>() / weight;
+    let (total, left) = lines.iter().fold((0.0, 0.0), |(total, left), line| {
+        let (from_mean, residual) = (line.gray() - mean, line.residual(x));
+        (total + line.weight * from_mean * from_mean, left + line.weight * residual * residual)
+    });
+    1.0 - (left - weight * noise_gray2).max(0.0) / (total - weight * noise_gray2).max(1e-9)
 }
 
 /// How a pixel's residual moves the eight coordinates of the corners.

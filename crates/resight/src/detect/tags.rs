@@ -28,8 +28,8 @@ pub struct FoundTag {
     pub lens_sigma_px: f64,
     /// The distance of its bits from the black/white threshold, grey levels.
     pub margin_gray: f64,
-    /// The share of its print that shows; 0 where the print could not be compared.
-    pub shown: f64,
+    /// The share of the variance there that its print explains; 0 where the print could not be compared.
+    pub explained: f64,
 }
 
 /// Finds every tag of a family, copies of an id included.
@@ -276,7 +276,7 @@ impl FoundTag {
             corners: laid.corners,
             sigmas_px: laid.sigmas_px,
             lens_sigma_px: sigma::tag_lens_px(&laid.corners),
-            shown: laid.shown,
+            explained: laid.explained_of_all,
             ..by_edges
         })
     }
@@ -289,7 +289,7 @@ impl FoundTag {
             sigmas_px: [sigma::tag_px(tag); 4],
             lens_sigma_px: sigma::LENS_PX,
             margin_gray: tag.margin_gray,
-            shown: 0.0,
+            explained: 0.0,
         }
     }
 

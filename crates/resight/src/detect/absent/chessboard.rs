@@ -36,7 +36,7 @@ fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
         format!("rows and columns count inner corners: correct them to {rows} and {columns}")
     } else if 0 < places {
         format!(
-            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it (rows and columns count inner corners)",
+            "it could be any of {places} parts of the {} × {} board; show the white margin on enough of its sides, or all of it; if this is all of it, correct rows and columns, which count inner corners, to {rows} and {columns}",
             wanted.0, wanted.1
         )
     } else {

@@ -21,9 +21,10 @@ pub(super) enum Layout {
     Otherwise,
 }
 
-/// A tag lies where another one says to this share of the distance between the two, in tag edges: a misread id and another layout are off by
-/// more than one.
+/// A tag lies where another one says to this share of the distance between the two, in tag edges,
 const AGREES: f64 = 0.35;
+/// and to so many edges: a misread id and another layout are off by a pitch, more than one.
+const AGREES_EDGES: f64 = 0.6;
 /// A tag says nothing of those further away than this, in tag edges: their corners would have to be known better.
 const REACH_EDGES: f64 = 4.5;
 /// A second group of so many tags is another grid; one alone is a tag of its own, or misread.
@@ -115,7 +116,9 @@ fn agrees(map: Option<&Homography>, from: &DecodedTag, to: &DecodedTag, print: &
     let apart = (place(from.id, print) - place(to.id, print)).norm();
     let Some(map) = map.filter(|_| apart <= REACH_EDGES) else { return false };
     let edge_px = sigma::shortest_edge_px(&to.corners);
-    pairs(to, print).iter().all(|(x, pixel)| (map.at(x) - pixel).norm() < AGREES * apart * edge_px)
+    pairs(to, print)
+        .iter()
+        .all(|(x, pixel)| (map.at(x) - pixel).norm() < (AGREES * apart).min(AGREES_EDGES) * edge_px)
 }
 
 /// Whether the nearest tags of a grid put another one where it is, to half a pitch.
@@ -129,6 +132,8 @@ fn is_predicted(tags: &[DecodedTag], grid: &[usize], other: usize, print: &GridP
         near.into_iter().take(4).flat_map(|tag| pairs(tag, print)).collect();
     let edge_px = sigma::shortest_edge_px(&tags[other].corners);
     Homography::fit(&known).is_some_and(|map| {
-        pairs(&tags[other], print).iter().all(|(x, pixel)| (map.at(x) - pixel).norm() < 0.6 * edge_px)
+        pairs(&tags[other], print)
+            .iter()
+            .all(|(x, pixel)| (map.at(x) - pixel).norm() < AGREES_EDGES * edge_px)
     })
 }

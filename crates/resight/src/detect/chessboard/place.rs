@@ -1,5 +1,6 @@
 //! The position and orientation in the board of a piece of its pattern.
 
+use super::grow::is_outermost;
 use super::lattice::{Extent, Lattice, Node};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -77,6 +78,9 @@ pub(super) struct Observed<'a> {
     size_px: Pixel,
 }
 
+/// What could be more of the board, or a board with a line less, is in one of so many places at least.
+const LEAST_PLACES: usize = 2;
+
 /// At least this share of the corners must carry a label where nothing else vouches for a place,
 pub(super) const MIN_LABELLED: f64 = 0.9;
 /// and this share of each outer row and column: a few wrong labels there would shift the board.
@@ -102,22 +106,34 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen.
-    pub fn place(&self, ends: Ends) -> Place {
-        let seen = self.extent;
-        let side = |is_end: bool, seen: i32, window: i32| !is_end || seen == window;
-        let agrees = |window: Extent| {
-            side(ends.u.0, seen.u.0, window.u.0)
-                && side(ends.u.1, seen.u.1, window.u.1)
-                && side(ends.v.0, seen.v.0, window.v.0)
-                && side(ends.v.1, seen.v.1, window.v.1)
-        };
+    /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen (`ends`); nowhere
+    /// where it would go on where it hardly does (`likely`).
+    pub fn place(&self, ends: Ends, likely: Ends) -> Place {
         let fits: Vec<Placement> = self
             .placements()
-            .filter(|p| p.extent(self.board).holds(&seen) && agrees(p.extent(self.board)))
-            .filter(|p| self.is_possible(p) && self.is_anchored(p, ends))
+            .filter(|p| p.extent(self.board).holds(&self.extent) && self.ends_at(p, ends))
+            .filter(|p| self.is_possible(p))
             .collect();
-        self.most_upright(&fits)
+        let place = self.most_upright(&fits);
+        if let Place::Known(p) = place {
+            if !self.ends_at(&p, likely) {
+                return Place::Nowhere;
+            }
+            if !self.is_anchored(&p, ends) {
+                return Place::OneOf(LEAST_PLACES);
+            }
+        }
+        place
+    }
+
+    /// Whether a placement has no line of the board beyond the sides on which it ends.
+    fn ends_at(&self, p: &Placement, ends: Ends) -> bool {
+        let (seen, window) = (self.extent, p.extent(self.board));
+        let side = |is_end: bool, seen: i32, window: i32| !is_end || seen == window;
+        side(ends.u.0, seen.u.0, window.u.0)
+            && side(ends.u.1, seen.u.1, window.u.1)
+            && side(ends.v.0, seen.v.0, window.v.0)
+            && side(ends.v.1, seen.v.1, window.v.1)
     }
 
     /// Whether an edge of the board is seen along each direction in which whole lines of it are missing inside of the image: else nothing but the stated
@@ -138,12 +154,7 @@ impl<'a> Observed<'a> {
     /// Whether most of the line beyond the outermost one on a side would lie inside the image.
     fn is_inside_beyond(&self, outside: Node) -> bool {
         let (u, v) = (self.extent.u, self.extent.v);
-        let is_outermost = |n: &Node| match outside {
-            (-1, _) => n.0 == u.0,
-            (1, _) => n.0 == u.1,
-            (_, -1) => n.1 == v.0,
-            _ => n.1 == v.1,
-        };
+        let is_outermost = |n: &Node| is_outermost(n, outside, u, v);
         let beyond = self.lattice.nodes.iter().filter(|(n, _)| is_outermost(n)).filter_map(|(n, joint)| {
             let step = joint.pixel - self.lattice.at((n.0 - outside.0, n.1 - outside.1))?.pixel;
             let (at, rim) = (joint.pixel + step, 0.5 * step.norm());
