@@ -308,7 +308,7 @@ fn poses_join_lenses_by_name() {
     refused(&[paths[0].clone(), paths[0].clone()], "camera `left` is in an earlier file too");
     refused(&[paths[2].clone()], "poses only, no intrinsics");
     refused(&[folder.join("left.yaml#right")], "no camera `right`; there are left");
-    refused(&[folder.join("absent")], "No such file");
+    refused(&[folder.join("absent")], "no such file");
     std::fs::remove_dir_all(&folder).unwrap();
 }
 

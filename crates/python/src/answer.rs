@@ -50,6 +50,15 @@ pub struct PoseFigures {
     pub minima: Vec<(core::Pose, bool)>,
 }
 
+/// An answer as a row of a table.
+pub struct Row<'a> {
+    pub view: String,
+    pub status: &'a str,
+    pub message: &'a str,
+    pub n_points: usize,
+    pub pose: Option<&'a PoseFigures>,
+}
+
 impl From<resight::PoseAnswer> for PoseAnswer {
     fn from(answer: resight::PoseAnswer) -> Self {
         PoseAnswer { state: State::Solved(Box::new(answer)), figures: OnceLock::new() }

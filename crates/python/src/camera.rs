@@ -2,7 +2,7 @@
 
 use crate::arrays::{Numbers, array};
 use crate::error;
-use crate::image::Pixels;
+use crate::pixels::Pixels;
 use crate::run::here;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;

@@ -6,6 +6,7 @@
 mod error;
 mod arrays;
 mod run;
+mod pixels;
 mod camera;
 mod target;
 mod pose;

@@ -1,13 +1,12 @@
 //! Many views at once, on the vector kernel of `core::batch` where there are three or four points.
 
-use crate::answer::{PoseFigures, largest};
+use crate::answer::{PoseFigures, Row, largest};
 use crate::arrays::{Numbers, array, words};
 use crate::camera::Camera;
 use crate::error;
 use crate::points::MANY_POINTS;
 use crate::pose::rigid;
 use crate::run::{Heard, here, run};
-use crate::table::Row;
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};

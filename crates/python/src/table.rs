@@ -1,6 +1,6 @@
 //! Answers as a table of columns for pandas, Polars and Arrow: the Arrow PyCapsule interface, without a copy on their side.
 
-use crate::answer::{PoseAnswer, PoseFigures};
+use crate::answer::{PoseAnswer, PoseFigures, Row};
 use crate::error;
 use crate::many::Poses;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
@@ -93,15 +93,6 @@ impl Table {
     fn __repr__(&self) -> String {
         format!("Table({} answers: {})", self.batch.num_rows(), self.column_names().join(", "))
     }
-}
-
-/// What a row is made of.
-pub struct Row<'a> {
-    pub view: String,
-    pub status: &'a str,
-    pub message: &'a str,
-    pub n_points: usize,
-    pub pose: Option<&'a PoseFigures>,
 }
 
 /// The table of answers: a list of them, or the poses of `solve_many`.

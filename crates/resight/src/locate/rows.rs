@@ -46,7 +46,7 @@ impl PointRows<'_> {
     /// The rows that were seen.
     ///
     /// # Errors
-    /// Columns of several lengths, half a pixel, a seen point without a place, a pixel that the lens does not have.
+    /// Columns of several lengths, half a pixel, a pixel that the lens does not have.
     pub fn seen(&self, camera: &Camera) -> Result<SeenRows, RowFault> {
         let n = self.points_m.len();
         let lengths = [self.pixels.len(), self.sigma_px.len(), self.sigma_m.len()];
@@ -74,12 +74,6 @@ impl PointRows<'_> {
                     "its pixel ({u}, {v}) is half missing; give both numbers, or NaN twice where it was not seen"
                 ),
             ));
-        }
-        if [x, y, z].iter().any(|x| x.is_nan()) {
-            let reason = format!(
-                "it was seen, but its place ({x}, {y}, {z}) is missing; leave the row out, or make its pixel NaN too"
-            );
-            return Err(fault(None, reason));
         }
         let seen = Correspondence::new(camera, Point::new(x, y, z), Pixel::new(u, v), self.sigma_px[row]);
         let seen = seen.map_err(|reason| fault(Some(reason.clone()), reason.to_string()))?;
@@ -181,12 +175,9 @@ mod tests {
 
     #[test]
     fn half_a_point_is_named() {
-        let (mut points, mut pixels) = points();
+        let (points, mut pixels) = points();
         pixels[2][1] = NAN;
         assert!(seen(&points, &pixels).unwrap_err().message.contains("point 2: its pixel"));
-        pixels[2][1] = 0.0;
-        points[4][0] = NAN;
-        assert!(seen(&points, &pixels).unwrap_err().message.contains("point 4: it was seen"));
         assert!(seen(&points, &pixels[1..]).is_err());
         let none = vec![[NAN, NAN]; points.len()];
         let answer = seen(&points, &none).unwrap().locate("v", &camera(), &PointsOptions::default());
