@@ -14,6 +14,7 @@
 
 mod error;
 mod guard;
+mod aside;
 mod memory;
 mod app;
 mod body;

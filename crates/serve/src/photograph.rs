@@ -1,6 +1,7 @@
 //! The routes of photographs and four clicks. Whatever computes runs on a thread where a failure loses one request.
 
 use crate::app::App;
+use crate::aside::aside;
 use crate::body::{Received, receive};
 use crate::error::Problem;
 use crate::guard::must_be_json;
@@ -17,7 +18,6 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
 use tokio::sync::{Semaphore, SemaphorePermit};
-use tokio::task::spawn_blocking;
 
 /// Largest photograph, bytes.
 const PHOTOGRAPH_BYTES: usize = resight_session::FILES_BYTES;
@@ -93,11 +93,6 @@ pub fn routes() -> Router<App> {
         .route("/api/session/save", get(save))
         .route("/api/session/export", get(export))
         .route("/api/session/birdseye", get(birdseye))
-}
-
-/// Runs on a thread of its own.
-pub async fn aside<T: Send + 'static>(job: impl FnOnce() -> T + Send + 'static) -> Result<T, Problem> {
-    spawn_blocking(job).await.map_err(|_| Problem::failed())
 }
 
 fn known(app: &App, id: &str) -> Result<Arc<Shared>, Problem> {

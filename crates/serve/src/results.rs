@@ -3,9 +3,9 @@
 //! Names of files serve messages; nothing is read from a disk.
 
 use crate::app::App;
+use crate::aside::aside;
 use crate::body::receive;
 use crate::error::Problem;
-use crate::photograph::aside;
 use axum::extract::{Request, State};
 use axum::routing::post;
 use axum::{Json, Router};

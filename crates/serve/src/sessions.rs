@@ -3,19 +3,23 @@
 //! A session is never locked while something is computed: readers take it as it is now, a change is made to a copy of it (photographs and answers are
 //! shared) and takes its place when it is done. Changes of one session come one after the other, in the order in which they were asked for.
 
+use crate::aside::aside;
 use crate::error::Problem;
 use crate::memory::{Memory, Taken, full};
-use crate::photograph::aside;
 use axum::http::StatusCode;
 use resight_session::{Measured, Session};
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, watch};
 
 /// Sessions kept.
 const MOST: usize = 32;
+
+/// Between two measurements of a session that changes all the time.
+const REST: Duration = Duration::from_millis(40);
 
 /// A session that several requests may want at once.
 pub struct Shared {
@@ -94,8 +98,7 @@ impl Shared {
         if !self.fits(&after) {
             return Err(full());
         }
-        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
-        self.news.send_replace(true);
+        self.set(after);
         Ok(())
     }
 
@@ -114,6 +117,8 @@ impl Shared {
             while let Some(task) = shared.now().measuring() {
                 let Ok(measured) = aside(move || task.run()).await else { break };
                 shared.take(measured).await;
+                // Poses of what is under a hand go first.
+                tokio::time::sleep(REST).await;
             }
             shared.is_measuring.store(false, Ordering::Release);
             // Something may have come in between.
@@ -127,7 +132,15 @@ impl Shared {
         let Ok(_turn) = self.turn.acquire().await else { return };
         let mut after = (*self.now()).clone();
         after.take(measured);
+<<<<<<< HEAD
         self.replace(after);
+=======
+        self.set(after);
+    }
+
+    fn set(&self, after: Session) {
+        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
+>>>>>>> 786a0ee4
         self.news.send_replace(true);
     }
 

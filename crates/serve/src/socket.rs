@@ -4,8 +4,9 @@
 //! with the number 0. A page that is slow gets the newest of these, not all.
 
 use crate::app::App;
+use crate::aside::aside;
 use crate::error::Problem;
-use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, applied, aside};
+use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, applied};
 use crate::sessions::Shared;
 use axum::Router;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};

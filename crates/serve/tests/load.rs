@@ -29,23 +29,24 @@ fn put(place: SocketAddr, id: &str, name: &str, kind: &str, bytes: &[u8]) -> Ans
     )
 }
 
-/// The longest of some requests for `/healthz`, while `busy` says that there is work.
-fn slowest(place: SocketAddr, mut busy: impl FnMut() -> bool) -> (usize, Duration) {
-    let (mut n, mut slowest) = (0, Duration::ZERO);
+/// How many requests for `/healthz` were answered while `busy` said that there is work, and within what time 99 of 100 of them and all were.
+fn answered(place: SocketAddr, mut busy: impl FnMut() -> bool) -> (usize, [Duration; 2]) {
+    let mut all = Vec::new();
     while busy() {
         let began = Instant::now();
         assert_eq!(get(place, "/healthz").status, 200);
-        slowest = slowest.max(began.elapsed());
-        n += 1;
+        all.push(began.elapsed());
     }
-    (n, slowest)
+    all.sort();
+    let last = all.len().saturating_sub(1);
+    (all.len(), [all[last * 99 / 100], all[last]])
 }
 
 /// Searches of several sessions, and requests for their photographs meanwhile: nothing waits for them but what needs them.
 #[test]
 fn a_search_keeps_nobody_waiting() {
     let place = server(None);
-    let png = blocks(2000, 1500);
+    let png = blocks(1000, 750);
     let search = json!({ "seq": 1, "command": { "kind": "find_target", "target": { "by": "family", "family": "any", "size_m": 0.1 } } });
     let busy: Vec<_> = (0..3)
         .map(|_| {
@@ -62,10 +63,10 @@ fn a_search_keeps_nobody_waiting() {
             photographs.push(std::thread::spawn(move || (Instant::now(), get(place, &path), Instant::now())));
         }
     }
-    let (n, slowest) = slowest(place, || busy.iter().any(|(_, thread)| !thread.is_finished()));
-    println!("/healthz while targets are searched: {n} times, the slowest {slowest:?}");
-    // A machine that does other things besides needs longer than the bench allows; a lock takes seconds.
-    assert!(slowest < Duration::from_millis(500), "{slowest:?}");
+    let (n, [most, all]) = answered(place, || busy.iter().any(|(_, thread)| !thread.is_finished()));
+    println!("/healthz while targets are searched: {n} times, 99 of 100 within {most:?}, all within {all:?}");
+    // A machine that does other things besides needs longer than the bench allows; a lock takes as long as a search.
+    assert!(most < Duration::from_millis(200) && all < Duration::from_secs(2), "{most:?} {all:?}");
     for photograph in photographs {
         let (began, answer, ended) = photograph.join().expect("an answer");
         assert_eq!(answer.status, 200);

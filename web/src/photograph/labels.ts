@@ -2,7 +2,7 @@
 // from a label that lies farther away. Where there is no room at this zoom a label is left out: the table has it, and zooming in makes room.
 import { computed } from "@preact/signals";
 import { type Point, toScreen } from "../parts/transform";
-import { marks, measured, picture, sameHandle, selected, view, viewport } from "./store";
+import { marks, measured, moved, picture, sameHandle, selected, view, viewport } from "./store";
 
 export const FONT = '600 14px system-ui, "DejaVu Sans", sans-serif';
 /** Height of a label, and how far it stays from what it must not hide, px. */
@@ -89,9 +89,21 @@ function* spots(points: Point[], from: Point, width: number): Generator<Point> {
 
 const boxOf = ([x, y]: Point, width: number): Box => ({ x: x - width / 2, y: y - HEIGHT / 2, width, height: HEIGHT });
 
+/** Where labels were before something was taken into the hand: while it is held they stay there, and their words follow. */
+let before: Label[] = [];
+
 /** Labels as they are drawn. */
 export const labels = computed((): Label[] => {
   if (!picture.value || !view.value) return [];
+  if (moved.value?.handle.kind === "mark" && before.length) {
+    const words = new Map(measured.value.map((m) => [m.name, m.error ? "–" : m.words] as const));
+    return before.map((label) => ({ ...label, text: words.get(label.name) || label.text }));
+  }
+  before = placed();
+  return before;
+});
+
+function placed(): Label[] {
   const t = viewport.transform.value;
   const { width: wide, height: high } = viewport.size.value;
   const taken: Box[] = marks.value.length <= 24 ? marks.value.map((mark) => {
@@ -105,7 +117,7 @@ export const labels = computed((): Label[] => {
   const isSelected = (name: string) => selected.value?.kind === "measurement" && sameHandle(selected.value, { ...selected.value, name });
   // What is selected has its place first.
   all.sort((a, b) => Number(isSelected(b.m.name)) - Number(isSelected(a.m.name)));
-  const placed: Label[] = [];
+  const result: Label[] = [];
   for (const { m, points } of all) {
     const text = m.error ? "–" : m.words || "…";
     const width = widthOf(text) + 2 * PAD;
@@ -122,12 +134,12 @@ export const labels = computed((): Label[] => {
       const box = boxOf(at, width);
       if (!isFree(box)) continue;
       taken.push(box);
-      placed.push({ name: m.name, text, at, width, leads: tried <= 2 ? null : from });
+      result.push({ name: m.name, text, at, width, leads: tried <= 2 ? null : from });
       break;
     }
   }
-  return placed;
-});
+  return result;
+}
 
 export function boxes(): Box[] {
   return labels.value.map(({ at, width }) => boxOf(at, width));

@@ -5,6 +5,7 @@
 //!   ⎡ S    C₁ᵀ  C₂ᵀ … ⎤      D_b = L_b L_bᵀ   W_b = L_b⁻¹ C_b   v_b = L_b⁻¹ g_b
 //!   ⎢ C₁   D₁         ⎥      (S − Σ W_bᵀW_b) x = g − Σ W_bᵀv_b
 //!   ⎣ C₂        D₂    ⎦      x_b = L_b⁻ᵀ (v_b − W_b x)                                 docs/math/survey.md eqs. (25)–(26)
+//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a                  eq. (12)
 //! ```
 
 use super::dense::NormalEquations;

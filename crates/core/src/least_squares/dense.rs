@@ -1,11 +1,14 @@
-//! The one loop on a state of any kind with few hundred unknowns, and the same on a level surface of a function of it.
+//! The one loop on a state of any kind with few hundred unknowns.
 //!
 //! ```text
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
-//!   g(x) = q  the level, a = ∇g:  δ = y + z (q − g − aᵀy)/(aᵀz),  H y = c,  H z = a         docs/math/survey.md eq. (12)
 //! ```
 
+<<<<<<< HEAD
 use super::{Ending, LeastSquares, Minimum, Tolerance, minimize};
+=======
+use super::{LeastSquares, Minimum, Tolerance, minimize};
+>>>>>>> 786a0ee4
 use core::marker::PhantomData;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

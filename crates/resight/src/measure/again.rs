@@ -1,7 +1,5 @@
 //! Answers that are known already: where scenes differ only in points that an answer does not depend on.
 
-use super::Answers;
-use super::answers::QueryAnswer;
 use super::scene::{NamedQuery, NamedScene};
 use crate::core::multiview::network::{Adjusted, Constraint, NetworkStatus};
 use std::collections::HashMap;
@@ -13,7 +11,6 @@ type About<'a> = Vec<&'a Constraint>;
 pub(super) struct Known<'a> {
     now: Parts<'a>,
     before: Parts<'a>,
-    answers: &'a Answers,
 }
 
 /// A scene by what its answers depend on.
@@ -50,17 +47,17 @@ impl<'a> Known<'a> {
         scene: &'a NamedScene,
         adjusted: &Adjusted,
         before: &'a NamedScene,
-        answers: &'a Answers,
+        before_adjusted: &Adjusted,
     ) -> Option<Self> {
         let is_plain = |a: &Adjusted| a.status() == NetworkStatus::Ok && a.undetermined.is_empty();
-        if !(is_plain(adjusted) && is_plain(&answers.adjusted)) {
+        if !(is_plain(adjusted) && is_plain(before_adjusted)) {
             return None;
         }
         let is_same = scene.cameras == before.cameras
             && scene.camera_of_photo == before.camera_of_photo
             && scene.planes == before.planes
             && scene.origin_m == before.origin_m;
-        let (now, before) = (Parts::new(scene, adjusted), Parts::new(before, &answers.adjusted));
+        let (now, before) = (Parts::new(scene, adjusted), Parts::new(before, before_adjusted));
         // Points have numbers, which differ where others came or went.
         let numbers: HashMap<&str, usize> =
             before.scene.points.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
@@ -69,13 +66,13 @@ impl<'a> Known<'a> {
             moved.renumber(|p| numbers.get(scene.points[p].as_str()).copied()).then_some(moved)
         };
         let is_base_same = is_same && now.base().map(moved).eq(before.base().map(|f| Some(*f)));
-        is_base_same.then_some(Known { now, before, answers })
+        is_base_same.then_some(Known { now, before })
     }
 
-    /// The answer to a question, where it is known.
-    pub(super) fn answer(&self, query: &NamedQuery) -> Option<QueryAnswer> {
+    /// The number of the question of before that has the same answer, where there is one.
+    pub(super) fn question(&self, query: &NamedQuery) -> Option<usize> {
         let at = self.before.scene.queries.iter().position(|q| q.name == query.name)?;
-        let (asked, known) = (&self.before.scene.queries[at], self.answers.answers.get(at)?);
+        let asked = &self.before.scene.queries[at];
         let is_alike = asked.kind == query.kind && asked.points.len() == query.points.len();
         let is_same = |(now, before): (&usize, &usize)| {
             let to_before = |p: usize| (p == *now).then_some(*before);
@@ -93,6 +90,6 @@ impl<'a> Known<'a> {
                         .eq(self.before.about[*before].iter().map(|f| Some(**f))))
         };
         let is_known = is_alike && query.points.iter().zip(&asked.points).all(is_same);
-        is_known.then(|| QueryAnswer { query: query.clone(), ..known.clone() })
+        is_known.then_some(at)
     }
 }

@@ -51,12 +51,14 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
     let cameras = scene.network_cameras();
     let adjusted = adjust(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
     let status = adjusted.status();
-    let known =
-        before.and_then(|(scene_before, answers)| Known::new(scene, &adjusted, scene_before, answers));
-    let answered = |query| match known.as_ref().and_then(|known| known.answer(query)) {
-        Some(known) => known,
-        None => answer(scene, &adjusted, status, query),
-    };
+    let known = before.and_then(|(scene_before, answers)| {
+        Some((Known::new(scene, &adjusted, scene_before, &answers.adjusted)?, &answers.answers))
+    });
+    let answered =
+        |query: &NamedQuery| match known.as_ref().and_then(|(known, all)| all.get(known.question(query)?)) {
+            Some(known) => QueryAnswer { query: query.clone(), ..known.clone() },
+            None => answer(scene, &adjusted, status, query),
+        };
     let answers = scene.queries.iter().map(answered).collect();
     let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
     Ok(Answers { adjusted, status, answers, verdict, remarks })
