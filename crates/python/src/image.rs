@@ -16,12 +16,7 @@ use resight::detect::absent::Explainer;
 use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{self, detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
-<<<<<<< HEAD
-use resight::image::Channels;
 use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method, explain};
-=======
-use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method};
->>>>>>> d32c3f4c
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 

@@ -98,7 +98,8 @@ impl Shared {
         if !self.fits(&after) {
             return Err(full());
         }
-        self.set(after);
+        self.replace(after);
+        self.news.send_replace(true);
         Ok(())
     }
 
@@ -132,15 +133,7 @@ impl Shared {
         let Ok(_turn) = self.turn.acquire().await else { return };
         let mut after = (*self.now()).clone();
         after.take(measured);
-<<<<<<< HEAD
         self.replace(after);
-=======
-        self.set(after);
-    }
-
-    fn set(&self, after: Session) {
-        *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
->>>>>>> 786a0ee4
         self.news.send_replace(true);
     }
 

@@ -84,11 +84,7 @@ fn the_pose_comes_first_and_measurements_follow() {
     let before = session.view(0);
     assert!(!before.is_measuring && before.measurements.iter().all(|m| m.value.is_some()));
     let mut slowest_ms: f64 = 0.0;
-<<<<<<< HEAD
     for i in 1..=40 {
-=======
-    for i in 1..40 {
->>>>>>> 786a0ee4
         let began = Instant::now();
         let [u, v] = at(-2.0, 9.0);
         let view = put(&mut session, "D", [u + 0.5 * f64::from(i), v], true);

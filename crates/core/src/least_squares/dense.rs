@@ -4,11 +4,7 @@
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
 //! ```
 
-<<<<<<< HEAD
-use super::{Ending, LeastSquares, Minimum, Tolerance, minimize};
-=======
 use super::{LeastSquares, Minimum, Tolerance, minimize};
->>>>>>> 786a0ee4
 use core::marker::PhantomData;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
