@@ -194,8 +194,8 @@ fn dots_are_found_without_a_lens() {
     let dots = crate::support::demo("dots.toml");
     let run = resight(&["intrinsics", &testdata_image(), "--target", &dots, "--json"]);
     let answer = json_lines(&run).pop().unwrap();
-    let reason = answer["cameras"][0]["left_out"][0]["reason"].as_str().unwrap_or_default();
-    assert!(reason.contains("4 points given, 6 needed"), "{answer}");
+    let reason = answer["cameras"][0]["message"].as_str().unwrap_or_default();
+    assert!(reason.contains("has 4 points at most, 6 are needed"), "{answer}");
 }
 
 fn testdata_image() -> String {

@@ -145,7 +145,7 @@ fn median_errors(points: &[Point], n_views: usize, sigma_px: f64, n_rigs: u64) -
     (angle, errors[errors.len() / 2].1)
 }
 
-/// 50 views at 0.5 px: with the paper's own four points stereo calibration elsewhere is 13° and 1 m off (docs/math/rig.md section 8).
+/// 50 views at 0.5 px: with the paper's own four points stereo calibration elsewhere is 13° and 1 m off.
 #[test]
 fn two_cameras_and_fifty_views() {
     let (angle, place) = median_errors(&rooms::line_plus_one(), 50, 0.5, 20);

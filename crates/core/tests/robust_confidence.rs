@@ -57,7 +57,7 @@ fn labels_of_chance(rng: &mut Rng, n: usize) -> Vec<Correspondence> {
 }
 
 /// No success in 1,000 sets of 1,000 random labels at 4 px, and in 3,300 smaller sets, where fewer points have to agree; the full
-/// number of samples was tried once, docs/math/robust.md table 3.
+/// number of samples: docs/math/robust.md table 2.
 #[test]
 fn random_labels_get_no_answer() {
     let mut rng = Rng::new(8);

@@ -1155,17 +1155,17 @@ export type ReasonObject = {
   /** How much worse its BIC is. */
   delta_bic: number | null;
   kind: "two_hypotheses";
-  /** The excess that is needed. */
+  /** How much worse it would have to be. */
   needed: number;
   /** The second one. */
   rival: string;
 } | {
   /** The better hypothesis. */
   best: string;
-  /** The excess with that ratio. */
+  /** How much worse that ratio explains the contacts. */
   delta_chi2: number | null;
   kind: "ratio_open";
-  /** The excess that is needed. */
+  /** How much worse it would have to. */
   needed: number;
   /** The ratio that is not excluded, or its inverse. */
   ratio: number;

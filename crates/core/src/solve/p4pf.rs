@@ -148,7 +148,7 @@ impl Frame {
     }
 }
 
-/// T with λ = T ξ, eq. (4): its first column is λ*, the others vanish with h.
+/// T with λ = T ξ of docs/math/focal.md, after eq. (5): its first column is λ*, the others vanish with h.
 fn depth_basis(k: &Vector4<f64>, u: &[Pixel; 4], h: f64) -> Option<Matrix4<f64>> {
     let u = u.map(|u| u.push(1.0));
     let triple = |a: usize, b: usize, c: usize| u[a].dot(&u[b].cross(&u[c]));

@@ -139,6 +139,17 @@ impl<T: Numbers> Numbers for Option<T> {
     }
 }
 
+/// What a struct would make too large for a stack.
+impl<T: Numbers> Numbers for Box<T> {
+    fn put(&self, numbers: &mut Vec<f64>) {
+        (**self).put(numbers);
+    }
+
+    fn take(rest: &mut Rest) -> Option<Self> {
+        T::take(rest).map(Box::new)
+    }
+}
+
 impl<T: Numbers, const N: usize> Numbers for [T; N] {
     fn put(&self, numbers: &mut Vec<f64>) {
         self.iter().for_each(|item| item.put(numbers));

@@ -127,7 +127,7 @@ fn mounted(
     solve_hand_eye(&views, config)
 }
 
-/// What the uncertain intrinsics of each camera add, docs/math/hand_eye.md eq. (27): the rig and its mounting are found again through other
+/// What the uncertain intrinsics of each camera add, docs/math/hand_eye.md eq. (28): the rig and its mounting are found again through other
 /// lenses of it.
 fn lens_share(
     found: &HandEye,

@@ -1,7 +1,7 @@
 //! The verdict on a rig by the rule of `consistency`: counts the losses, and finds the likely cause.
 //!
 //! Noise stated and seen · observations and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
-//! targets against each other (`scale`). docs/math/rig.md section 5.
+//! targets against each other (`scale`). docs/math/rig.md section 10.
 
 use super::adjust::Adjusted;
 use super::layout::Layout;

@@ -30,7 +30,7 @@ const STANDING: usize = MODELS_AT + AXES * MODELS;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Measured {
-    banks: [AxisBank; AXES],
+    banks: Box<[AxisBank; AXES]>,
     /// Unit of the time constants, seconds.
     unit_s: f64,
     /// ln L̂ of each coordinate.
@@ -49,7 +49,7 @@ pub(super) struct Measured {
 impl Measured {
     pub fn new(noise: &[AxisNoise; AXES], typical: &Vector6<f64>, unit_s: f64) -> Self {
         Measured {
-            banks: std::array::from_fn(|axis| AxisBank::new(&noise[axis], typical[axis])),
+            banks: Box::new(std::array::from_fn(|axis| AxisBank::new(&noise[axis], typical[axis]))),
             unit_s,
             own: [0.0; AXES],
             grown: [0.0; GROWN.len()],

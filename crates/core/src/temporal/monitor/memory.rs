@@ -1,7 +1,7 @@
 //! Noise that comes and goes: which models of a coordinate's errors its readings have needed in the last days.
 //!
 //! Nights, rain and infrared filters have errors of their own, and by day the record excludes them. A model that was needed stays possible for
-//! some days: an error that comes back has nothing to make up for. Derivation: docs/math/monitor.md section 9, eq. (104).
+//! some days: an error that comes back has nothing to make up for. Derivation: docs/math/monitor.md section 14, eq. (104).
 
 use super::axis::DAY_S;
 use super::models::{EXCLUDED, MODELS, WHITE};

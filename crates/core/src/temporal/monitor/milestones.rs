@@ -21,12 +21,12 @@ pub(super) struct Milestone {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Milestones {
-    kept: ArrayVec<Milestone, { KEPT + 1 }>,
+    kept: Box<ArrayVec<Milestone, { KEPT + 1 }>>,
 }
 
 impl Milestones {
     pub fn from(start: Milestone) -> Self {
-        let mut kept = ArrayVec::new();
+        let mut kept: Box<ArrayVec<_, _>> = Box::default();
         kept.push(start);
         Milestones { kept }
     }

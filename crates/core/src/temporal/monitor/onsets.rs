@@ -179,14 +179,14 @@ pub(super) struct Change {
 /// All onsets and the statistic.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Onsets {
-    onsets: ArrayVec<Onset, { ONSETS + 1 }>,
+    onsets: Box<ArrayVec<Onset, { ONSETS + 1 }>>,
     directions: Directions,
 }
 
 impl Onsets {
     /// Columns of `directions`: unit changes of the motion's coordinates in whitened coordinates, of length one.
     pub fn new(directions: Matrix6<f64>) -> Self {
-        Onsets { onsets: ArrayVec::new(), directions: Directions::new(directions.transpose()) }
+        Onsets { onsets: Box::default(), directions: Directions::new(directions.transpose()) }
     }
 
     pub fn predict(&mut self, transitions: &[Transition; AXES]) {
@@ -210,7 +210,7 @@ impl Onsets {
             self.merge_two();
         }
         self.onsets.push(Onset::new(t_s, log_weight, then));
-        for onset in &mut self.onsets {
+        for onset in self.onsets.iter_mut() {
             for gathered in &mut onset.gathered {
                 gathered.iter_mut().zip(innovations).for_each(|(g, innovation)| g.add(innovation));
             }

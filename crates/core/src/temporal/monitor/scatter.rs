@@ -66,7 +66,7 @@ struct Octave {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Scatter {
-    octaves: ArrayVec<Octave, OCTAVES>,
+    octaves: Box<ArrayVec<Octave, OCTAVES>>,
 }
 
 /// By how much the errors exceed the model.
@@ -82,7 +82,7 @@ pub(super) struct Excess {
 
 impl Scatter {
     pub fn new() -> Self {
-        Scatter { octaves: ArrayVec::new() }
+        Scatter { octaves: Box::default() }
     }
 
     pub fn push(&mut self, t_s: f64, reading: &Whitened, noise: &[AxisNoise; AXES]) {

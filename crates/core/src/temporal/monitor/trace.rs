@@ -35,7 +35,7 @@ struct Block {
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Trace {
-    blocks: ArrayVec<Block, { BLOCKS + 1 }>,
+    blocks: Box<ArrayVec<Block, { BLOCKS + 1 }>>,
 }
 
 /// What explains the blocks, and by how much better than the other course.
@@ -53,7 +53,7 @@ pub(super) struct Fitted {
 
 impl Trace {
     pub fn new() -> Self {
-        Trace { blocks: ArrayVec::new() }
+        Trace { blocks: Box::default() }
     }
 
     /// `onset_s`: a change that must not be lost within a block.

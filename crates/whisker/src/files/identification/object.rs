@@ -126,7 +126,7 @@ enum ReasonObject {
         ratio: f64,
         /// How much worse that ratio explains the contacts.
         delta_chi2: Option<f64>,
-        /// How much worse it would have to.
+        /// How much worse it would have to be.
         needed: f64,
     },
     /// Fewer sides of the object were touched than a polygon needs to be closed.
