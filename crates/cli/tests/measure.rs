@@ -460,3 +460,24 @@ fn views_of_a_rig_are_triangulated() {
     let expected = by_pixels.hypot(by_turn);
     assert!((sigma_z / expected - 1.0).abs() < 0.1, "{sigma_z} {expected}");
 }
+
+/// A file of image points that is joined with itself, and tapes that are listed twice, change no number.
+#[test]
+fn equal_image_points_and_distances_count_once() {
+    let folder = folder("measure_repeated");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let once = json_lines(&run(&scene, &["--json"]));
+    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("read");
+    let (header, rows) = clicks.split_once('\n').expect("a header");
+    std::fs::write(folder.join("clicks.csv"), format!("{header}\n{rows}{rows}{rows}")).expect("written");
+    let text = std::fs::read_to_string(&scene).expect("read");
+    let first = text.find("[[known_distance]]").expect("a tape");
+    let second = first + 1 + text[first + 1..].find("[[known_distance]]").expect("another");
+    std::fs::write(&scene, format!("{}{}{}", &text[..first], &text[first..second], &text[first..]))
+        .expect("written");
+    let copied = json_lines(&run(&scene, &["--json"]));
+    let (network, others) = copied.split_last().expect("a network");
+    assert_eq!(once[..queries().len()], *others);
+    let remarks = network["remarks"].to_string();
+    assert!(remarks.contains("45 of 72 rows repeat another"), "{remarks}");
+}

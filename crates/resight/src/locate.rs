@@ -25,6 +25,7 @@ pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
+use once::Once;
 pub use resight_core::locate::Method;
 pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
@@ -33,6 +34,7 @@ mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod once;
 mod rows;
 mod symmetric;
 
@@ -273,7 +275,7 @@ impl Default for PointsOptions {
     }
 }
 
-/// Returns the pose of a camera from known points; `view` is their name in the answer.
+/// Returns the pose of a camera from known points; `view` is their name in the answer. Equal points at equal pixels are one observation.
 pub fn locate_points(
     view: &str,
     points: &[NamedPoint],
@@ -281,6 +283,9 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    if let Some(once) = Once::of(&seen) {
+        return once.answered(points, |points| locate_points(view, points, camera, options));
+    }
     if let Some(lens) = &options.estimate_focal {
         return located_with_unknown_focal(view, points, &seen, lens);
     }

@@ -3,7 +3,7 @@
 mod read;
 mod solve;
 
-pub use read::{RigPointsView, read_rig_points};
+pub use read::{RigPointsView, read_rig_points, unit_remark};
 pub use solve::RigPoseRequest;
 
 use crate::answer::rig_pose::RigPoseAnswer;
@@ -68,7 +68,10 @@ pub fn rig_poses(
     views: &[RigPointsView],
     request: &RigPoseRequest,
 ) -> Vec<RigPoseAnswer> {
-    let remarks: Vec<String> = read::unit_remark(views).into_iter().collect();
-    let solved = |view| RigPoseAnswer { remarks: remarks.clone(), ..solve::solved(rig, view, request) };
+    let remarks: Vec<String> = unit_remark(views).into_iter().collect();
+    let solved = |view| {
+        let answer = solve::solved(rig, view, request);
+        RigPoseAnswer { remarks: remarks.iter().chain(&answer.remarks).cloned().collect(), ..answer }
+    };
     views.iter().map(solved).collect()
 }

@@ -86,9 +86,12 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     resight::parallel::in_order(
         &views,
         |view| locator.locate(view),
-        |answer: PoseAnswer| {
-            let answer = PoseAnswer { remarks: remarks.clone(), ..answer };
-            printer.result(&answer, &crate::text::describe(&answer), answer.status())
+        |answer| {
+            let mut answer: PoseAnswer = answer;
+            let mut words = crate::text::describe(&answer);
+            answer.remarks.iter().for_each(|remark| crate::text::line(&mut words, "remark", remark));
+            answer.remarks.extend(remarks.iter().cloned());
+            printer.result(&answer, &words, answer.status())
         },
     )?;
     printer.finish()

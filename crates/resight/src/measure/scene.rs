@@ -171,5 +171,5 @@ pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
     builder.queries(&file.query)?;
     builder.limits(file.birdseye)?;
     builder.moved_near_zero();
-    Ok(builder.scene)
+    Ok(builder.finished())
 }

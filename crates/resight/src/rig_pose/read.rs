@@ -84,7 +84,7 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
 }
 
 /// What is suspicious about the unit of the points.
-pub(super) fn unit_remark(views: &[RigPointsView]) -> Option<String> {
+pub fn unit_remark(views: &[RigPointsView]) -> Option<String> {
     let points: Vec<Point> =
         views.iter().flat_map(|view| &view.rows).map(|row| Point::from(row.x_in_target)).collect();
     crate::formats::plausible::of_points(&points)
