@@ -481,3 +481,35 @@ fn equal_image_points_and_distances_count_once() {
     let remarks = network["remarks"].to_string();
     assert!(remarks.contains("45 of 72 rows repeat another"), "{remarks}");
 }
+
+/// Tapes in centimetres: everything agrees, a hundred times too large, and no tape is that long. Who means it says so.
+#[test]
+fn tapes_in_centimetres_are_implausible() {
+    let folder = folder("measure_units");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let metres = std::fs::read_to_string(&scene).expect("read");
+    let hundredfold = |line: &str| match line.split_once(" = ") {
+        Some((key @ ("distance_m" | "sigma_m"), number)) => {
+            format!("{key} = {}", 100.0 * number.parse::<f64>().expect("a number"))
+        }
+        _ => line.to_string(),
+    };
+    let centimetres: Vec<String> = metres.lines().map(hundredfold).collect();
+    let centimetres = centimetres.join("\n");
+    std::fs::write(&scene, &centimetres).expect("written");
+    let said = run(&scene, &["-q"]);
+    assert!(
+        said.code == 1 && said.stdout.starts_with("implausible: the shortest distance"),
+        "{}",
+        said.stdout
+    );
+    assert!(said.stdout.contains("centimetres?") && said.stdout.contains("IMPLAUSIBLE"), "{}", said.stdout);
+    let lines = json_lines(&run(&scene, &["--json"]));
+    assert!(lines.iter().all(|line| line["status"] == "implausible"), "{lines:?}");
+    let meant = format!("lengths_are_metres = true\n{centimetres}");
+    for (text, code) in [(&meant, 0), (&metres, 0)] {
+        std::fs::write(&scene, text).expect("written");
+        let said = run(&scene, &[]);
+        assert!(said.code == code && !said.stdout.contains("mplausible"), "{}", said.stdout);
+    }
+}

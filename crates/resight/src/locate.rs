@@ -6,6 +6,7 @@ use crate::answer::{Agreement, PoseAnswer, Status};
 use crate::detect::absent::{self, Explainer};
 use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
+use crate::formats::plausible;
 use crate::nominal::lens_of_unknown_focal;
 use crate::overlay::{self, Tone};
 use crate::report::face;
@@ -88,6 +89,8 @@ pub struct ImageLocator<'a> {
     target: &'a Target,
     options: &'a LocateOptions,
     detector: Detector,
+    /// Remarks about sizes of the target that hardly exist.
+    sizes: Vec<String>,
 }
 
 /// The points found in one image, and the answer.
@@ -106,7 +109,7 @@ impl<'a> ImageLocator<'a> {
     /// As of [`locate_image`].
     pub fn new(camera: &'a Camera, target: &'a Target, options: &'a LocateOptions) -> Result<Self, Error> {
         let detector = Detector::with_corner_window(target, options.corner_window)?;
-        Ok(ImageLocator { camera, target, options, detector })
+        Ok(ImageLocator { camera, target, options, detector, sizes: plausible::of_target(target) })
     }
 
     /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer. Of an image without the target it
@@ -150,6 +153,7 @@ impl<'a> ImageLocator<'a> {
         let name_of = |i: usize| features.get(i).map_or_else(String::new, |f| feature_name(*f, self.target));
         let (answer, camera) = focal::with_unknown_focal(&view, &seen, &lens, self.scale_sigma(), name_of);
         let answer = PoseAnswer {
+            verdict: answer.verdict.with_sizes(&self.sizes),
             printed_scale: self.target.printed_scale().map(Into::into),
             skipped: skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             remarks,
@@ -183,6 +187,7 @@ impl<'a> ImageLocator<'a> {
         if let Ok(estimate) = &found.estimate {
             verdict = face::judged(verdict, self.target, &estimate.cam_from_target, &found.seen);
         }
+        verdict = verdict.with_sizes(&self.sizes);
         let scaled_from_px = self.scaled_from_px(camera);
         if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
             verdict.message += &format!(
@@ -237,7 +242,7 @@ impl Located {
             verdict: &status.name().replace('_', " "),
             tone: match status {
                 Status::Ok => Tone::Good,
-                Status::Ambiguous => Tone::Doubtful,
+                Status::Ambiguous | Status::Implausible => Tone::Doubtful,
                 _ => Tone::Bad,
             },
         };

@@ -10,6 +10,7 @@ use crate::answer::rig_pose::RigPoseAnswer;
 use crate::core::{Camera, Matrix6, Pose};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera};
+use crate::report::verdict::Verdict;
 use crate::rig::places::placed;
 use std::path::Path;
 
@@ -70,7 +71,9 @@ pub fn rig_poses(
 ) -> Vec<RigPoseAnswer> {
     let remarks: Vec<String> = unit_remark(views).into_iter().collect();
     let solved = |view| {
-        let answer = solve::solved(rig, view, request);
+        let mut answer = solve::solved(rig, view, request);
+        let verdict = Verdict { status: answer.status, message: std::mem::take(&mut answer.message) };
+        Verdict { status: answer.status, message: answer.message } = verdict.with_sizes(&remarks);
         RigPoseAnswer { remarks: remarks.iter().chain(&answer.remarks).cloned().collect(), ..answer }
     };
     views.iter().map(solved).collect()

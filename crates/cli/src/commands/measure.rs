@@ -6,12 +6,12 @@ use clap::Args;
 use resight::GrayImage;
 use resight::answer::MeasureAnswer;
 use resight::answer::measure::NetworkAnswer;
-use resight::core::multiview::network::NetworkStatus;
 use resight::formats::cells;
 use resight::image::exif;
 use resight::input::{self, Kind};
 use resight::measure::words::{frame_words, values_in_words};
 use resight::measure::{Answers, NamedScene, birdseye, measure, plan, read_scene, rig_scene, table};
+use resight::report::verdict::Status;
 use resight::report::words::counted;
 use std::path::{Path, PathBuf};
 
@@ -114,8 +114,9 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         if let Some(other) = &a.other {
             said += &format!("   or   {}", values_in_words(a.query.kind, other));
         }
-        if a.result.is_ok() && a.status != NetworkStatus::Ok {
-            said += &format!("   {}", a.status.name().to_uppercase());
+        let status = answers.word(a.status);
+        if a.result.is_ok() && status != Status::Ok {
+            said += &format!("   {}", status.name().to_uppercase());
         }
         let (name, kind) = (&a.query.name, a.query.kind.name());
         out += &format!("{}  {}  {said}\n", cells::left(name, name_width), cells::left(kind, kind_width));

@@ -80,6 +80,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     let mut remarks = unit_remarks(&views);
+    let locator = locator.with_sizes(&remarks);
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     of_camera.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     remarks.extend(of_camera);

@@ -31,7 +31,7 @@ pub enum NetworkAnswer {
 impl MeasureAnswer {
     pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
         MeasureAnswer {
-            answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
+            answers: answers.answers.iter().map(|answer| answer_object(scene, &answers, answer)).collect(),
             network: NetworkAnswer::Solved(Box::new(network_object(scene, &answers))),
             solved: Some(answers),
         }
@@ -50,9 +50,9 @@ impl MeasureAnswer {
     /// Whether the network and every answer may be relied on.
     pub fn is_ok(&self) -> bool {
         let is_ok = |status: NetworkStatus| status == NetworkStatus::Ok;
-        self.solved
-            .as_ref()
-            .is_some_and(|solved| is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status)))
+        self.solved.as_ref().is_some_and(|solved| {
+            solved.sizes.is_empty() && is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status))
+        })
     }
 }
 
@@ -114,7 +114,7 @@ pub struct NetworkObject {
     remarks: Vec<String>,
 }
 
-fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
+fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) -> QueryObject {
     let suffix = match answer.query.kind {
         QueryKind::Angle => "rad",
         QueryKind::Area => "m2",
@@ -128,7 +128,8 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
                 message += &format!(" or {}", values_in_words(answer.query.kind, other));
                 entries.insert("other".to_string(), self::entries(other, suffix).into());
             }
-            QueryObject { values: entries, ..base(scene, &answer.query, answer.status, &message) }
+            let status = answers.word(answer.status);
+            QueryObject { values: entries, status, ..base(scene, &answer.query, answer.status, &message) }
         }
         Err(reason) => base(scene, &answer.query, answer.status, reason),
     }
@@ -182,7 +183,7 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
     NetworkObject {
         schema: SchemaNumber,
         kind: "network",
-        status: answers.status.into(),
+        status: answers.word(answers.status),
         message: answers.verdict.join("; "),
         frame: frame_words(scene, adjusted.frame),
         chi2: adjusted.chi2,

@@ -8,6 +8,7 @@ use crate::core::multiview::network::{
     ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, NetworkStatus, adjust,
 };
 use crate::formats::plausible;
+use crate::report::verdict::Status;
 
 /// One question answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,8 +34,20 @@ pub struct Answers {
     pub answers: Vec<QueryAnswer>,
     /// The faults, to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
+    /// Stated lengths that are hardly metres, in sentences: where there is one, an answer that is `ok` otherwise is `implausible`.
+    pub sizes: Vec<String>,
     /// Remarks: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
+}
+
+impl Answers {
+    /// Returns the status word of the network or of one of its answers: `implausible` where it is `ok` and a length is hardly one in metres.
+    pub fn word(&self, status: NetworkStatus) -> Status {
+        match Status::from(status) {
+            Status::Ok if !self.sizes.is_empty() => Status::Implausible,
+            status => status,
+        }
+    }
 }
 
 /// Why a scene has no answer at all.
@@ -60,8 +73,10 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
             None => answer(scene, &adjusted, status, query),
         };
     let answers = scene.queries.iter().map(answered).collect();
-    let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
-    Ok(Answers { adjusted, status, answers, verdict, remarks })
+    let (mut verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    let sizes = units(scene);
+    verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
+    Ok(Answers { adjusted, status, answers, verdict, sizes, remarks })
 }
 
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
@@ -159,23 +174,27 @@ fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     verdict
 }
 
-/// What is stated in numbers that are hardly metres.
+/// Stated lengths that are hardly metres, in sentences.
 fn units(scene: &NamedScene) -> Vec<String> {
+    if scene.lengths_are_metres {
+        return Vec::new();
+    }
     let distances = scene.constraints.iter().filter_map(|constraint| match constraint {
         Constraint::Distance { distance_m, .. } => Some(*distance_m),
         _ => None,
     });
     let control_points = scene.constraints.iter().filter_map(|constraint| match constraint {
-        Constraint::Place { x_in_world, .. } => Some(x_in_world + scene.origin_m),
+        Constraint::Place { x_in_world, sigma_m, .. } => Some((x_in_world + scene.origin_m, sigma_m.min())),
         _ => None,
     });
-    let of_control_points = plausible::of_points(&control_points.collect::<Vec<_>>());
-    of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>())).collect()
+    let of_control_points = plausible::of_uncertain_points(control_points);
+    let remarks =
+        of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>()));
+    remarks.map(|text| format!("{text} (where they are metres, state lengths_are_metres = true)")).collect()
 }
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = scene.remarks.clone();
-    remarks.extend(units(scene));
     if adjusted.degrees_of_freedom == 0 {
         remarks.push(
             "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),

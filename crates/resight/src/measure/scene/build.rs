@@ -57,6 +57,7 @@ impl Builder {
             pixel_limit_m: 0.05,
             error_limit_m: 0.10,
             is_camera_frame: false,
+            lengths_are_metres: false,
             remarks: Vec::new(),
         };
         let builder = Builder { path: path.into(), folder, scene, measured: HashSet::new(), n_measured: 0 };
