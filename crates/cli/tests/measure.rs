@@ -513,3 +513,27 @@ fn tapes_in_centimetres_are_implausible() {
         assert!(said.code == code && !said.stdout.contains("mplausible"), "{}", said.stdout);
     }
 }
+
+/// The labels B and C of one photograph exchanged: they are named, the numbers are those of the right labels, and the answer is not `ok`.
+#[test]
+fn exchanged_labels_are_named() {
+    let folder = folder("measure_exchanged");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let right = json_lines(&run(&scene, &["--json"]));
+    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("read");
+    let exchanged =
+        clicks.replace("east,B,", "east,x,").replace("east,C,", "east,B,").replace("east,x,", "east,C,");
+    std::fs::write(folder.join("clicks.csv"), exchanged).expect("written");
+    let said = run(&scene, &[]);
+    assert_eq!(said.code, 1);
+    assert!(said.stdout.starts_with("inconsistent: B and C in east look exchanged"), "{}", said.stdout);
+    let found = json_lines(&run(&scene, &["--json"]));
+    for (right, found) in right.iter().zip(&found).take(queries().len()) {
+        assert_eq!((right["status"].as_str(), found["status"].as_str()), (Some("ok"), Some("inconsistent")));
+        for key in ["value_m", "value_m2", "value_rad"] {
+            if let (Some(a), Some(b)) = (right[key].as_f64(), found[key].as_f64()) {
+                assert!((a - b).abs() < 1e-4 * a.abs(), "{key}: {a} {b}");
+            }
+        }
+    }
+}

@@ -22,6 +22,7 @@ use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
+pub use causes::PointsCause;
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
@@ -30,6 +31,7 @@ use once::Once;
 pub use resight_core::locate::Method;
 pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
+mod causes;
 mod focal;
 mod intrinsics;
 mod lines;
@@ -306,13 +308,19 @@ pub fn locate_points(
         None => locate(&seen, camera, &config).map(|e| (e, None)),
         Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
     };
-    let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
-        Ok((e, agreement)) => {
-            let label = |i: usize| format!("point {}", points[i].label());
-            (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement)
-        }
+    let label = |i: usize| format!("point {}", points[i].label());
+    let causes = match options.robust_threshold_px {
+        None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, label),
+        Some(_) => Vec::new(),
+    };
+    let (mut verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved
+    {
+        Ok((e, agreement)) => (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement),
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
+    if let Some(sentence) = causes::sentence(&causes) {
+        verdict.message = format!("{sentence}; {}", verdict.message);
+    }
     let intrinsics_cost = intrinsics
         .zip(estimate.as_ref())
         .and_then(|(known, estimate)| known.cost(estimate, &seen, camera, [0.0; 2]));
@@ -328,6 +336,7 @@ pub fn locate_points(
         intrinsics_cost,
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
+        causes,
         ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
 }

@@ -135,6 +135,13 @@ const TIED: f64 = 0.01;
 
 /// The contradictions.
 fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
+    if let Some(exchange) = &adjusted.exchanged {
+        let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
+        let photo = &scene.photos[exchange.photo].name;
+        return Some(format!(
+            "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels and measure again; the numbers below are with the labels exchanged"
+        ));
+    }
     let Some((first, rest)) = adjusted.suspects.split_first() else {
         let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
         return adjusted.is_inconsistent.then(|| format!(
