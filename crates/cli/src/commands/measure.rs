@@ -9,7 +9,7 @@ use resight::answer::measure::NetworkAnswer;
 use resight::formats::cells;
 use resight::image::exif;
 use resight::input::{self, Kind};
-use resight::measure::words::{frame_words, values_in_words};
+use resight::measure::words::{self, frame_words, values_in_words};
 use resight::measure::{Answers, NamedScene, birdseye, measure, plan, read_scene, rig_scene, table};
 use resight::report::verdict::Status;
 use resight::report::words::counted;
@@ -113,6 +113,9 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         };
         if let Some(other) = &a.other {
             said += &format!("   or   {}", values_in_words(a.query.kind, other));
+        }
+        if let Some(text) = words::reliability(scene, a) {
+            said += &format!("   ({text})");
         }
         let status = answers.word(a.status);
         if a.result.is_ok() && status != Status::Ok {

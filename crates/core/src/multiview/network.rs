@@ -22,6 +22,7 @@ mod verdict;
 mod interval;
 mod ground;
 mod exchange;
+mod reliability;
 
 use crate::correspondence::PixelCovariance;
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
@@ -31,6 +32,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 pub use exchange::Exchange;
 pub use interval::Measured;
 pub use query::Query;
+pub use reliability::{ErrorSource, NetworkReliability, QueryReliability};
 pub use snoop::{DecimalSlip, Suspect};
 pub use spread::OnLine;
 pub use verdict::NetworkStatus;

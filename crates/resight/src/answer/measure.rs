@@ -1,7 +1,7 @@
 //! The answer of the job that measures in photographs: one object a question, then one of the whole network.
 
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::multiview::network::{Measured, NetworkStatus};
+use crate::core::multiview::network::{Constraint, ErrorSource, Measured, NetworkStatus};
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;
@@ -66,7 +66,32 @@ pub struct QueryObject {
     status: Status,
     #[serde(flatten)]
     values: serde_json::Map<String, serde_json::Value>,
+    /// How well the answer is checked; null where there is none.
+    reliability: Option<QueryReliabilityObject>,
     message: String,
+}
+
+/// What a single wrong measurement may do to an answer unnoticed.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct QueryReliabilityObject {
+    /// The largest error that a single wrong measurement or lens puts into the answer without being noticed in four of five cases, in `unit`; null
+    /// where nothing checks something that the answer depends on. Of a position the largest of the three.
+    largest_unnoticed_error: Option<f64>,
+    /// `m`, `m2` or `rad`.
+    unit: &'static str,
+    /// The measurements and lenses that the answer depends on and that nothing checks.
+    unchecked: Vec<String>,
+}
+
+/// A measurement or a lens, and which error of it would be noticed.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct SourceReliabilityObject {
+    /// Its name.
+    of: String,
+    /// The smallest error that would be noticed in four of five cases, in `unit`; null where nothing checks it.
+    smallest_noticed_error: Option<f64>,
+    /// `px`, `m`, `rad`, `sigma` (of a known pose) or `relative` (of a focal length).
+    unit: &'static str,
 }
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -111,7 +136,32 @@ pub struct NetworkObject {
     photos: Vec<PhotoObject>,
     points: Vec<PointObject>,
     suspects: Vec<String>,
+    /// Every measurement and lens that took part.
+    reliability: Vec<SourceReliabilityObject>,
     remarks: Vec<String>,
+}
+
+fn reliability_object(
+    scene: &NamedScene,
+    answer: &QueryAnswer,
+    unit: &'static str,
+) -> QueryReliabilityObject {
+    let (largest_unnoticed_error, unchecked) =
+        (words::largest_unnoticed_error(answer), words::unchecked(scene, answer));
+    QueryReliabilityObject { largest_unnoticed_error, unit, unchecked }
+}
+
+fn source_object(scene: &NamedScene, source: ErrorSource, error: Option<f64>) -> SourceReliabilityObject {
+    let unit = match source {
+        ErrorSource::Focal(_) => "relative",
+        ErrorSource::Constraint(i) => match scene.constraints[i] {
+            Constraint::ImagePoint { .. } => "px",
+            Constraint::Upright { .. } | Constraint::Gravity { .. } => "rad",
+            Constraint::Pose { .. } => "sigma",
+            Constraint::Place { .. } | Constraint::Distance { .. } | Constraint::OnPlane { .. } => "m",
+        },
+    };
+    SourceReliabilityObject { of: words::source(scene, source), smallest_noticed_error: error, unit }
 }
 
 fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) -> QueryObject {
@@ -128,8 +178,12 @@ fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) ->
                 message += &format!(" or {}", values_in_words(answer.query.kind, other));
                 entries.insert("other".to_string(), self::entries(other, suffix).into());
             }
+            message +=
+                &words::reliability(scene, answer).map_or_else(String::new, |text| format!("; {text}"));
             let status = answers.word(answer.status);
-            QueryObject { values: entries, status, ..base(scene, &answer.query, answer.status, &message) }
+            let reliability = Some(reliability_object(scene, answer, suffix));
+            let base = base(scene, &answer.query, answer.status, &message);
+            QueryObject { values: entries, status, reliability, ..base }
         }
         Err(reason) => base(scene, &answer.query, answer.status, reason),
     }
@@ -144,6 +198,7 @@ fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: 
         points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
         status: status.into(),
         values: serde_json::Map::new(),
+        reliability: None,
         message: message.to_string(),
     }
 }
@@ -192,6 +247,11 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
         alternative_delta_chi2: adjusted.alternative_delta_chi2,
         photos: scene.photos.iter().enumerate().map(photo).collect(),
         points: scene.points.iter().enumerate().map(point).collect(),
+        reliability: answers
+            .smallest_noticed_errors
+            .iter()
+            .map(|(source, error)| source_object(scene, *source, *error))
+            .collect(),
         suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
         remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
     }

@@ -5,7 +5,8 @@ use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
 use crate::core::multiview::network::{
-    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, NetworkStatus, adjust,
+    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, ErrorSource, Frame, Measured, NetworkReliability,
+    NetworkStatus, QueryReliability, adjust,
 };
 use crate::formats::plausible;
 use crate::report::verdict::Status;
@@ -21,6 +22,8 @@ pub struct QueryAnswer {
     pub result: Result<Vec<Measured>, String>,
     /// The answer of the second solution, where it is ambiguous.
     pub other: Option<Vec<Measured>>,
+    /// How well each value is checked; empty where there is none.
+    pub reliability: Vec<QueryReliability>,
 }
 
 /// A scene solved.
@@ -38,6 +41,8 @@ pub struct Answers {
     pub sizes: Vec<String>,
     /// Remarks: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
+    /// Each constraint and lens with the smallest error of it that would be noticed, in its own unit; none where nothing checks it.
+    pub smallest_noticed_errors: Vec<(ErrorSource, Option<f64>)>,
 }
 
 impl Answers {
@@ -72,11 +77,17 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
             Some(known) => QueryAnswer { query: query.clone(), ..known.clone() },
             None => answer(scene, &adjusted, status, query),
         };
-    let answers = scene.queries.iter().map(answered).collect();
-    let (mut verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    let reliability = adjusted.reliability();
+    let checked = |query: &NamedQuery| with_reliability(scene, &reliability, answered(query));
+    let answers: Vec<QueryAnswer> = scene.queries.iter().map(checked).collect();
+    let (mut verdict, mut remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    remarks.extend(words::unchecked_answers(&answers));
+    remarks.extend(words::hardly_checked_lenses(scene, &reliability));
+    let sources = reliability.sources().into_iter();
+    let smallest_noticed_errors = sources.map(|of| (of, reliability.smallest_noticed_error(of))).collect();
     let sizes = units(scene);
     verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
-    Ok(Answers { adjusted, status, answers, verdict, sizes, remarks })
+    Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
 }
 
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
@@ -92,7 +103,8 @@ fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
 }
 
 fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
-    let base = QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None };
+    let (result, reliability) = (Ok(Vec::new()), Vec::new());
+    let base = QueryAnswer { query: query.clone(), status, result, other: None, reliability };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
@@ -109,6 +121,17 @@ fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query:
         status => status,
     };
     QueryAnswer { status, result: Ok(values), other, ..base }
+}
+
+fn with_reliability(scene: &NamedScene, of: &NetworkReliability<'_>, mut answer: QueryAnswer) -> QueryAnswer {
+    answer.reliability = match answer.result {
+        Ok(_) => {
+            let queries = scene.core_queries(&answer.query).into_iter();
+            queries.filter_map(|query| of.of_query(&query).ok()).collect()
+        }
+        Err(_) => Vec::new(),
+    };
+    answer
 }
 
 /// Two solutions give one answer where they differ by less than this part of a standard deviation.
