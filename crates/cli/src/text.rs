@@ -66,6 +66,7 @@ fn headline(answer: &PoseAnswer) -> &'static str {
         Status::Inconsistent => "INCONSISTENT: do not trust this pose yet",
         Status::NotFound => "NOT FOUND: no target in this image",
         Status::NotConnected => "NOT CONNECTED: no chain of observations joins all cameras",
+        Status::Implausible => "IMPLAUSIBLE: a size or unit that hardly exists",
         Status::Undecided => "UNDECIDED: the data do not say which",
         Status::Error => "ERROR",
     }

@@ -460,3 +460,80 @@ fn views_of_a_rig_are_triangulated() {
     let expected = by_pixels.hypot(by_turn);
     assert!((sigma_z / expected - 1.0).abs() < 0.1, "{sigma_z} {expected}");
 }
+
+/// A file of image points that is joined with itself, and tapes that are listed twice, change no number.
+#[test]
+fn equal_image_points_and_distances_count_once() {
+    let folder = folder("measure_repeated");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let once = json_lines(&run(&scene, &["--json"]));
+    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("read");
+    let (header, rows) = clicks.split_once('\n').expect("a header");
+    std::fs::write(folder.join("clicks.csv"), format!("{header}\n{rows}{rows}{rows}")).expect("written");
+    let text = std::fs::read_to_string(&scene).expect("read");
+    let first = text.find("[[known_distance]]").expect("a tape");
+    let second = first + 1 + text[first + 1..].find("[[known_distance]]").expect("another");
+    std::fs::write(&scene, format!("{}{}{}", &text[..first], &text[first..second], &text[first..]))
+        .expect("written");
+    let copied = json_lines(&run(&scene, &["--json"]));
+    let (network, others) = copied.split_last().expect("a network");
+    assert_eq!(once[..queries().len()], *others);
+    let remarks = network["remarks"].to_string();
+    assert!(remarks.contains("45 of 72 rows repeat another"), "{remarks}");
+}
+
+/// Tapes in centimetres: everything agrees, a hundred times too large, and no tape is that long. Who means it says so.
+#[test]
+fn tapes_in_centimetres_are_implausible() {
+    let folder = folder("measure_units");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let metres = std::fs::read_to_string(&scene).expect("read");
+    let hundredfold = |line: &str| match line.split_once(" = ") {
+        Some((key @ ("distance_m" | "sigma_m"), number)) => {
+            format!("{key} = {}", 100.0 * number.parse::<f64>().expect("a number"))
+        }
+        _ => line.to_string(),
+    };
+    let centimetres: Vec<String> = metres.lines().map(hundredfold).collect();
+    let centimetres = centimetres.join("\n");
+    std::fs::write(&scene, &centimetres).expect("written");
+    let said = run(&scene, &["-q"]);
+    assert!(
+        said.code == 1 && said.stdout.starts_with("implausible: the shortest distance"),
+        "{}",
+        said.stdout
+    );
+    assert!(said.stdout.contains("centimetres?") && said.stdout.contains("IMPLAUSIBLE"), "{}", said.stdout);
+    let lines = json_lines(&run(&scene, &["--json"]));
+    assert!(lines.iter().all(|line| line["status"] == "implausible"), "{lines:?}");
+    let meant = format!("lengths_are_metres = true\n{centimetres}");
+    for (text, code) in [(&meant, 0), (&metres, 0)] {
+        std::fs::write(&scene, text).expect("written");
+        let said = run(&scene, &[]);
+        assert!(said.code == code && !said.stdout.contains("mplausible"), "{}", said.stdout);
+    }
+}
+
+/// The labels B and C of one photograph exchanged: they are named, the numbers are those of the right labels, and the answer is not `ok`.
+#[test]
+fn exchanged_labels_are_named() {
+    let folder = folder("measure_exchanged");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let right = json_lines(&run(&scene, &["--json"]));
+    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("read");
+    let exchanged =
+        clicks.replace("east,B,", "east,x,").replace("east,C,", "east,B,").replace("east,x,", "east,C,");
+    std::fs::write(folder.join("clicks.csv"), exchanged).expect("written");
+    let said = run(&scene, &[]);
+    assert_eq!(said.code, 1);
+    assert!(said.stdout.starts_with("inconsistent: B and C in east look exchanged"), "{}", said.stdout);
+    let found = json_lines(&run(&scene, &["--json"]));
+    for (right, found) in right.iter().zip(&found).take(queries().len()) {
+        assert_eq!((right["status"].as_str(), found["status"].as_str()), (Some("ok"), Some("inconsistent")));
+        for key in ["value_m", "value_m2", "value_rad"] {
+            if let (Some(a), Some(b)) = (right[key].as_f64(), found[key].as_f64()) {
+                assert!((a - b).abs() < 1e-4 * a.abs(), "{key}: {a} {b}");
+            }
+        }
+    }
+}

@@ -112,6 +112,19 @@ fn a_rig_is_located_within_its_error_bar() {
     assert!((exact.iter().map(|s| s * s).sum::<f64>().sqrt() / sigma - 1.0).abs() < 0.02, "{wide}");
 }
 
+/// Equal rows are one observation; rows of another camera are others.
+#[test]
+fn equal_rows_count_once() {
+    let text = rows(|_| false, 1.0, ALL);
+    let (header, body) = text.split_once('\n').unwrap();
+    let once = answer(&run("once", &rig_file(""), &text, &[]));
+    let copied = run("copied", &rig_file(""), &format!("{header}\n{body}{body}"), &[]);
+    let twice = answer(&copied);
+    assert_eq!((copied.code, &once["covariance"]), (0, &twice["covariance"]), "{twice}");
+    assert_eq!(once["target_from_rig"], twice["target_from_rig"]);
+    assert!(twice["remarks"][0].as_str().unwrap().starts_with("36 of 72 rows repeat"), "{twice}");
+}
+
 #[test]
 fn wrong_correspondences_are_found_or_not_ok() {
     let third = |i: usize| i.is_multiple_of(3);

@@ -136,3 +136,26 @@ fn slips_of_unit_are_remarked_on() {
     let metres = resight(&["solve", &path("metres.csv"), "--camera", &data("camera.toml"), "--json"]);
     assert!(json_lines(&metres)[0].get("remarks").is_none());
 }
+
+/// A target a thousand times too large answers in a frame a thousand times too large: `implausible`, with the likely meaning in the message.
+#[test]
+fn a_target_of_no_size_is_implausible() {
+    let folder = folder("implausible");
+    let demo = |file: &str| format!("{}/../../testdata/demo/{file}", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(demo("grid.toml")).unwrap();
+    let line = text.lines().find(|line| line.starts_with("tag_size_m")).unwrap();
+    let size_m: f64 = line.split_once(" = ").unwrap().1.trim().parse().unwrap();
+    let large = folder.join("large.toml").display().to_string();
+    std::fs::write(&large, text.replace(line, &format!("tag_size_m = {}", 1e3 * size_m))).unwrap();
+    let (image, camera) = (demo("left.png"), demo("left.toml"));
+    let located =
+        |target: &str| resight(&["locate", &image, "--camera", &camera, "--target", target, "--json", "-q"]);
+    let (right, wrong) = (located(&demo("grid.toml")), located(&large));
+    let [a, b] = [&right, &wrong].map(|run| json_lines(run)[0].clone());
+    assert_eq!((right.code, a["status"].as_str()), (0, Some("ok")), "{a}");
+    assert_eq!((wrong.code, b["status"].as_str()), (1, Some("implausible")), "{b}");
+    assert!(b["message"].as_str().unwrap().contains(&format!("did you mean {size_m}?")), "{b}");
+    assert!(b["cam_from_target"].is_object() && b["covariance"].is_array(), "the pose is given");
+    let words = resight(&["locate", &image, "--camera", &camera, "--target", &large, "-q"]);
+    assert!(words.stdout.contains("IMPLAUSIBLE"), "{}", words.stdout);
+}

@@ -5,6 +5,8 @@ use crate::target::{Feature, Target};
 use crate::{Bearing, Camera, Error, Pixel, Point};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
+#[cfg(feature = "std")]
+use std::collections::HashMap;
 
 /// A named feature found in an image.
 #[cfg(feature = "std")]
@@ -97,6 +99,42 @@ impl Correspondence {
     pub(crate) fn is_plain(&self) -> bool {
         self.sigma_m == 0.0 && self.covariance_px2.is_none()
     }
+}
+
+/// Finds observations that repeat an earlier one: the same point at the same pixel, both to the last digit.
+#[cfg(feature = "std")]
+#[derive(Debug, Clone, Default)]
+pub struct Observations {
+    first: HashMap<[u64; 6], usize>,
+}
+
+#[cfg(feature = "std")]
+impl Observations {
+    /// Returns the index of the first observation of this point (metres) at this pixel: `index` where this is the first. Observations with
+    /// different `view` (a frame, camera or target) are never equal.
+    pub fn first(&mut self, view: usize, x_in_target: &Point, pixel: &Pixel, index: usize) -> usize {
+        let bits = |x: f64| (x + 0.0).to_bits(); // −0 and 0 are one number.
+        let (x, p) = (x_in_target, pixel);
+        let key = [view as u64, bits(x.x), bits(x.y), bits(x.z), bits(p.x), bits(p.y)];
+        *self.first.entry(key).or_insert(index)
+    }
+}
+
+/// Returns, for each observation of one view, the index of the first one that is equal to it: its own index where it repeats none. Equal
+/// observations count once: each further copy would narrow the covariance, though nothing more was measured.
+#[cfg(feature = "std")]
+pub fn first_of_equals(seen: &[Correspondence]) -> Vec<usize> {
+    let mut known = Observations::default();
+    seen.iter().enumerate().map(|(i, c)| known.first(0, &c.x_in_target, &c.pixel, i)).collect()
+}
+
+/// Returns the observations of one view without those that repeat an earlier one.
+#[cfg(feature = "std")]
+pub fn without_equals(mut seen: Vec<Correspondence>) -> Vec<Correspondence> {
+    let first = first_of_equals(&seen);
+    let mut index = 0..;
+    seen.retain(|_| index.next().is_some_and(|i| first[i] == i));
+    seen
 }
 
 /// A detection that took no part, and why.

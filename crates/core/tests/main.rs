@@ -87,6 +87,7 @@ mod solver_properties;
 mod statistics;
 mod survey;
 mod survey_coverage;
+mod survey_reliability;
 mod survey_verdicts;
 mod tag_map;
 mod tidy;

@@ -7,6 +7,7 @@ use crate::run::Done;
 use crate::words::utc;
 use resight::answer::{SchemaNumber, TransformObject};
 use resight::core::{Matrix6, Vector6};
+use resight::formats::cells;
 use resight::report::verdict::Status;
 use resight::report::words::sigmas;
 use schemars::JsonSchema;
@@ -172,10 +173,10 @@ impl ColumnsObject {
     pub fn in_words(&self) -> String {
         let rows = self.rows.map_or(String::new(), |rows| format!(", {rows} rows"));
         let mut text = format!("{}{rows}\n", self.file);
-        let width = self.columns.iter().map(|column| column.name.len()).max().unwrap_or(0);
+        let width = cells::width(self.columns.iter().map(|column| column.name.as_str()));
         for ColumnObject { name, kind, used_as } in &self.columns {
             let used = used_as.as_deref().unwrap_or("not used");
-            text += &format!("  {name:width$}  {kind:24}  {used}\n");
+            text += &format!("  {}  {kind:24}  {used}\n", cells::left(name, width));
         }
         for missing in &self.missing {
             text += &format!("  missing: {missing}\n");

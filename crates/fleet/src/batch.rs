@@ -119,8 +119,14 @@ pub fn number_names() -> Vec<String> {
 }
 
 /// Words of column `status`, by key.
-const STATUSES: [Status; 5] =
-    [Status::Ok, Status::Ambiguous, Status::Degenerate, Status::Inconsistent, Status::NotFound];
+const STATUSES: [Status; 6] = [
+    Status::Ok,
+    Status::Ambiguous,
+    Status::Degenerate,
+    Status::Inconsistent,
+    Status::NotFound,
+    Status::Implausible,
+];
 
 /// The columns of answers; `view` only where the views have names.
 pub fn schema(has_view: bool) -> SchemaRef {

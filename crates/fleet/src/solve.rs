@@ -6,6 +6,7 @@
 use crate::answers::{Answers, Fault};
 use crate::cameras::{Cameras, UNKNOWN};
 use resight::core::batch::{Given, Views, locate_each_of_three_with, locate_each_with};
+use resight::core::correspondence::without_equals;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 use std::array::from_fn;
@@ -101,6 +102,7 @@ impl Solver {
                 Ok(n_points) => {
                     answers.n_points[row] = n_points as u32;
                     let kind = match n_points {
+                        _ if self.repeats(views, row, n_points) => 2,
                         4 => 0,
                         3 => 1,
                         _ => 2,
@@ -194,6 +196,16 @@ impl Solver {
         }
     }
 
+    /// Whether a view of three or four points has two equal rows: one point at one pixel twice.
+    fn repeats(&self, views: &ViewColumns, row: usize, n_points: usize) -> bool {
+        let is_one = |i: usize, k: usize| {
+            let pixel =
+                |axis: usize| views.pixels.at(row, 2 * i + axis) == views.pixels.at(row, 2 * k + axis);
+            pixel(0) && pixel(1) && self.point(views, row, i) == self.point(views, row, k)
+        };
+        n_points <= 4 && (1..n_points).any(|i| (0..i).any(|k| is_one(i, k)))
+    }
+
     fn solve_alone(&self, views: &ViewColumns, row: usize) -> Result<PoseEstimate, MathError> {
         let camera = &self.cameras.cameras()[views.camera[row] as usize];
         let sigma_px = self.sigma_px(views, row);
@@ -203,7 +215,7 @@ impl Solver {
         };
         let seen: Vec<Correspondence> =
             (0..views.pixels.width(row) / 2).map(one).collect::<Result<_, _>>()?;
-        locate(&seen, camera, &Config::default())
+        locate(&without_equals(seen), camera, &Config::default())
     }
 }
 

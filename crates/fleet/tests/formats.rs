@@ -1,6 +1,7 @@
 //! One view, whatever file and layout it comes in, has one answer.
 
 use crate::support::{day, folder, solved, solver};
+use resight_fleet::answer::ColumnsObject;
 use resight_fleet::source::{expand, explain_file};
 use std::fmt::Write;
 
@@ -48,6 +49,13 @@ fn explain_names_what_is_missing() {
     let (columns, _) = explain_file(&file).expect("a table");
     let all = columns.missing.join("\n");
     assert!(all.contains("no column `camera`") && all.contains("no column `v2_px`"), "{all}");
+    let long = folder.join("long.jsonl");
+    let name = "x".repeat(70_000);
+    let row = format!(r#"{{"camera":"a","time_s":1,"u0_px":1,"v0_px":1,"{name}":2}}"#);
+    std::fs::write(&long, row).expect("written");
+    let (columns, rows) = explain_file(&long).expect("a table");
+    let words = ColumnsObject::of(&long, columns, rows).in_words();
+    assert!(words.contains("xxx…xxx") && words.lines().all(|line| line.len() < 1000), "a name of any length");
     let nothing = expand(&[folder.join("none*").display().to_string()]);
     assert!(nothing.is_err_and(|reason| reason.to_string().contains("no file of views")));
 }

@@ -44,6 +44,40 @@ fn every_row_answers_as_locate_does() {
     }
 }
 
+/// A row whose four points come twice answers as the four points do, and one that holds a point twice as the three points do.
+#[test]
+fn equal_points_of_a_row_count_once() {
+    let solver = solver(&day(12, 24.0, 60.0, 4));
+    let (camera, values) = views(&solver, 12);
+    let points: Vec<f64> = camera
+        .iter()
+        .flat_map(|c| solver.cameras.points(*c).expect("points"))
+        .flat_map(|p| [p.x, p.y, p.z])
+        .collect();
+    let chosen = |columns: &[usize]| {
+        let pick = |values: &[f64], width: usize| -> Vec<f64> {
+            let rows = values.chunks(4 * width);
+            rows.flat_map(|row| columns.iter().flat_map(|k| row[k * width..(k + 1) * width].to_vec()))
+                .collect()
+        };
+        let (pixels, points) = (pick(&values, 2), pick(&points, 3));
+        let of = |values, each| Numbers::Rows { values, width: each * columns.len() };
+        let points_m = Some(of(&points[..], 3));
+        solver.solve(&ViewColumns { camera: &camera, pixels: of(&pixels[..], 2), points_m, sigma_px: None })
+    };
+    for (once, repeated) in [(&[0, 1, 2, 3][..], &[0, 1, 2, 3, 0, 1, 2, 3][..]), (&[0, 1, 2], &[0, 1, 2, 1])]
+    {
+        let (a, b) = (chosen(once), chosen(repeated));
+        for row in 0..camera.len() {
+            assert_eq!(a.status[row], b.status[row], "row {row}");
+            let (Some((pose, covariance)), Some((other, its))) = (a.pose(row), b.pose(row)) else { continue };
+            let off = (pose * other.inverse()).log();
+            assert!(off.norm() < 1e-6, "row {row} is off by {off}");
+            assert!((covariance - its).amax() < 1e-3 * covariance.amax(), "row {row}");
+        }
+    }
+}
+
 /// Poison of every kind has its status and reason; all other rows keep every bit.
 #[test]
 fn poison_leaves_its_neighbours_alone() {

@@ -50,6 +50,7 @@ pub use resight_core as core;
 
 mod error;
 pub mod input;
+pub mod cells;
 mod format;
 mod file;
 mod tree;

@@ -25,8 +25,14 @@ const ROUND_EXTENT_M: f64 = 150.0;
 const LARGEST_EXTENT_M: f64 = 1e5;
 /// Fewer coordinates other than zero may be round by chance.
 const LEAST_COORDINATES: usize = 6;
+/// Coordinates in metres that are round to 0.1 m have this standard deviation at least: 0.1 m / √12.
+const ROUND_SIGMA_M: f64 = 0.028;
 /// Taped distances beyond this, all round, are millimetres.
 const LONGEST_TAPE_M: f64 = 100.0;
+/// Where the shortest taped distance of a scene is longer than this, round or not, all are centimetres or millimetres.
+const SHORTEST_TAPE_M: f64 = 150.0;
+/// Where all are shorter than this, they are centimetres rather than millimetres.
+const LONGEST_CENTIMETRES: f64 = 3000.0;
 /// What people print and hang up: where the likely meaning of a wrong number should lie.
 const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
 
@@ -160,9 +166,27 @@ pub fn of_points(points: &[Point]) -> Option<String> {
     })
 }
 
-/// Distances taped or stepped: a remark where all are round numbers of hundreds or thousands.
+/// Points with their standard deviations, metres: a remark where their coordinates are hardly metres. Round coordinates whose stated standard
+/// deviation is that of rounding to 0.1 m are metres.
+pub fn of_uncertain_points(points: impl IntoIterator<Item = (Point, f64)>) -> Option<String> {
+    let (points, sigmas): (Vec<Point>, Vec<f64>) = points.into_iter().unzip();
+    let is_stated = sigmas.iter().all(|sigma_m| ROUND_SIGMA_M <= *sigma_m);
+    of_points(&points).filter(|_| !is_stated || LARGEST_EXTENT_M < extent_m(&points)).map(|remark| {
+        format!("{remark}; of points in metres that are known to 0.1 m only state the standard deviation (sigma_m)")
+    })
+}
+
+/// Distances taped or stepped: a remark where the shortest is longer than any tape, and where all are round numbers of hundreds or thousands.
 pub fn of_distances(distances_m: &[f64]) -> Option<String> {
     let shortest = distances_m.iter().copied().fold(f64::INFINITY, f64::min);
+    let longest = distances_m.iter().copied().fold(0.0, f64::max);
+    if shortest.is_finite() && SHORTEST_TAPE_M < shortest && longest < LONGEST_CENTIMETRES {
+        return Some(format!(
+            "the shortest distance stated is {} m, and no tape is that long: are they in centimetres? Did you mean {}?",
+            short(shortest),
+            short(shortest / 1e2)
+        ));
+    }
     let is_suspect = !distances_m.is_empty()
         && distances_m.iter().all(|x| x.is_finite() && is_round(*x))
         && LONGEST_TAPE_M < shortest;
@@ -235,7 +259,7 @@ fn spread(map: &TagMap) -> Option<String> {
 }
 
 fn of_named(points: &[NamedPoint]) -> Option<String> {
-    of_points(&points.iter().map(|p| p.position).collect::<Vec<_>>())
+    of_uncertain_points(points.iter().map(|p| (p.position, p.sigma_m)))
 }
 
 /// An edge that can be printed.
@@ -374,6 +398,17 @@ mod tests {
         assert!(points(&[]).is_none() && points(&[[f64::NAN, 0.0, 0.0]]).is_none());
     }
 
+    /// A landscape by a map: known to 0.1 m, and stated so.
+    #[test]
+    fn round_points_that_are_stated_to_be_coarse_are_metres() {
+        let peaks = [[0.0, 0.0, 1412.0], [3500.0, 120.0, 1873.5], [4200.0, 12000.0, 2044.0]].map(Point::from);
+        let of = |sigma_m: f64| of_uncertain_points(peaks.map(|x| (x, sigma_m)));
+        assert!(of(0.0).is_some_and(|remark| remark.contains("(sigma_m)")) && of(0.01).is_some());
+        assert_eq!(of(0.1), None);
+        let far = of_uncertain_points(peaks.map(|x| (x * 100.0, 0.1)));
+        assert!(far.is_some(), "no target is seen over 1200 km");
+    }
+
     #[test]
     fn tapes_in_millimetres_are_seen() {
         assert!(
@@ -382,5 +417,11 @@ mod tests {
         );
         assert!(of_distances(&[3.5, 120.0]).is_none() && of_distances(&[]).is_none());
         assert!(of_distances(&[123.45]).is_none());
+        // Tapes of 6.98 and 12.31 m in centimetres, and in millimetres.
+        let centimetres = of_distances(&[698.4, 1231.2]).expect("a remark");
+        assert!(centimetres.contains("centimetres? Did you mean 6.984?"), "{centimetres}");
+        let millimetres = of_distances(&[6984.0, 12_312.0]).expect("a remark");
+        assert!(millimetres.contains("millimetres? Did you mean 6.984?"), "{millimetres}");
+        assert!(of_distances(&[2.2, 698.4]).is_none(), "a short tape beside a long one");
     }
 }

@@ -1,7 +1,7 @@
 //! Where the cameras of a rig stand and look, in numbers and as a small sketch of letters.
 
 use super::frames::Frames;
-use super::{CameraFile, WriteError};
+use super::{CameraFile, WriteError, cells};
 use crate::core::Pose;
 use nalgebra::Vector3;
 
@@ -54,21 +54,20 @@ impl Scene {
     pub fn text(&self) -> String {
         let axes = if self.reference_is_camera { " (x right, y down, z forward)" } else { "" };
         let mut out = format!("Cameras in frame `{}`{axes}, metres:\n", self.reference);
-        let width = self.scene_cameras.iter().map(|s| s.name.chars().count()).max().unwrap_or(0).max(6);
+        let width = cells::width(self.scene_cameras.iter().map(|s| s.name.as_str())).max(6);
         for (i, station) in self.scene_cameras.iter().enumerate() {
-            let (mark, name) = (mark(i), &station.name);
-            let gap = " ".repeat(width - name.chars().count());
+            let (mark, name) = (mark(i), cells::left(&station.name, width));
             match &station.reference_from_cam {
                 Some(pose) => {
                     let axis: Vector3<f64> = pose.rotation.column(2).into();
                     out += &format!(
-                        "  {mark} {name}{gap}  at {}   looks along {}, {}\n",
+                        "  {mark} {name}  at {}   looks along {}, {}\n",
                         xyz(&pose.translation),
                         xyz(&axis),
                         towards(&axis)
                     );
                 }
-                None => out += &format!("  {mark} {name}{gap}  no pose joins it to `{}`\n", self.reference),
+                None => out += &format!("  {mark} {name}  no pose joins it to `{}`\n", self.reference),
             }
         }
         out + &self.sketch()

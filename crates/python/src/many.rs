@@ -10,6 +10,7 @@ use crate::run::{Heard, here, run};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use resight::core::batch::{Given, Views, locate_each, locate_each_of_three};
+use resight::core::correspondence::without_equals;
 use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::locate::{Config, PoseEstimate, locate};
@@ -413,5 +414,5 @@ fn alone(
     };
     let seen = points.iter().zip(pixels).filter(|(_, pixel)| !is_missing(pixel));
     let seen: Vec<Correspondence> = seen.map(one).collect::<Result<_, _>>()?;
-    locate(&seen, lens, &Config::default())
+    locate(&without_equals(seen), lens, &Config::default())
 }

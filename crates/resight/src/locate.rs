@@ -6,6 +6,7 @@ use crate::answer::{Agreement, PoseAnswer, Status};
 use crate::detect::absent::{self, Explainer};
 use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
+use crate::formats::plausible;
 use crate::nominal::lens_of_unknown_focal;
 use crate::overlay::{self, Tone};
 use crate::report::face;
@@ -21,18 +22,22 @@ use resight_core::multiview::tag_map::locate_target;
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
+pub use causes::PointsCause;
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
+use once::Once;
 pub use resight_core::locate::Method;
 pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
+mod causes;
 mod focal;
 mod intrinsics;
 mod lines;
 mod method;
 mod named_point;
+mod once;
 mod rows;
 mod symmetric;
 
@@ -86,6 +91,8 @@ pub struct ImageLocator<'a> {
     target: &'a Target,
     options: &'a LocateOptions,
     detector: Detector,
+    /// Remarks about sizes of the target that hardly exist.
+    sizes: Vec<String>,
 }
 
 /// The points found in one image, and the answer.
@@ -104,7 +111,7 @@ impl<'a> ImageLocator<'a> {
     /// As of [`locate_image`].
     pub fn new(camera: &'a Camera, target: &'a Target, options: &'a LocateOptions) -> Result<Self, Error> {
         let detector = Detector::with_corner_window(target, options.corner_window)?;
-        Ok(ImageLocator { camera, target, options, detector })
+        Ok(ImageLocator { camera, target, options, detector, sizes: plausible::of_target(target) })
     }
 
     /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer. Of an image without the target it
@@ -148,6 +155,7 @@ impl<'a> ImageLocator<'a> {
         let name_of = |i: usize| features.get(i).map_or_else(String::new, |f| feature_name(*f, self.target));
         let (answer, camera) = focal::with_unknown_focal(&view, &seen, &lens, self.scale_sigma(), name_of);
         let answer = PoseAnswer {
+            verdict: answer.verdict.with_sizes(&self.sizes),
             printed_scale: self.target.printed_scale().map(Into::into),
             skipped: skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             remarks,
@@ -181,6 +189,7 @@ impl<'a> ImageLocator<'a> {
         if let Ok(estimate) = &found.estimate {
             verdict = face::judged(verdict, self.target, &estimate.cam_from_target, &found.seen);
         }
+        verdict = verdict.with_sizes(&self.sizes);
         let scaled_from_px = self.scaled_from_px(camera);
         if let (Some([w, h]), Status::Inconsistent) = (scaled_from_px, verdict.status) {
             verdict.message += &format!(
@@ -235,7 +244,7 @@ impl Located {
             verdict: &status.name().replace('_', " "),
             tone: match status {
                 Status::Ok => Tone::Good,
-                Status::Ambiguous => Tone::Doubtful,
+                Status::Ambiguous | Status::Implausible => Tone::Doubtful,
                 _ => Tone::Bad,
             },
         };
@@ -273,7 +282,7 @@ impl Default for PointsOptions {
     }
 }
 
-/// Returns the pose of a camera from known points; `view` is their name in the answer.
+/// Returns the pose of a camera from known points; `view` is their name in the answer. Equal points at equal pixels are one observation.
 pub fn locate_points(
     view: &str,
     points: &[NamedPoint],
@@ -281,6 +290,9 @@ pub fn locate_points(
     options: &PointsOptions,
 ) -> PoseAnswer {
     let seen: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    if let Some(once) = Once::of(&seen) {
+        return once.answered(points, |points| locate_points(view, points, camera, options));
+    }
     if let Some(lens) = &options.estimate_focal {
         return located_with_unknown_focal(view, points, &seen, lens);
     }
@@ -296,13 +308,19 @@ pub fn locate_points(
         None => locate(&seen, camera, &config).map(|e| (e, None)),
         Some(limit) => locate_most(points, &seen, camera, limit, config).map(|(e, a)| (e, Some(a))),
     };
-    let (verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved {
-        Ok((e, agreement)) => {
-            let label = |i: usize| format!("point {}", points[i].label());
-            (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement)
-        }
+    let label = |i: usize| format!("point {}", points[i].label());
+    let causes = match options.robust_threshold_px {
+        None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, label),
+        Some(_) => Vec::new(),
+    };
+    let (mut verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved
+    {
+        Ok((e, agreement)) => (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement),
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
+    if let Some(sentence) = causes::sentence(&causes) {
+        verdict.message = format!("{sentence}; {}", verdict.message);
+    }
     let intrinsics_cost = intrinsics
         .zip(estimate.as_ref())
         .and_then(|(known, estimate)| known.cost(estimate, &seen, camera, [0.0; 2]));
@@ -318,6 +336,7 @@ pub fn locate_points(
         intrinsics_cost,
         names: points.iter().map(|point| point.name.clone()).collect(),
         agreement,
+        causes,
         ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
     }
 }

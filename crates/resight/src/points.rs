@@ -24,6 +24,8 @@ pub struct TableLocator {
     /// Standard deviation of rows that state none, and whether the caller stated it.
     sigma: (f64, bool),
     options: PointsOptions,
+    /// Remarks about coordinates of the table that are hardly metres.
+    sizes: Vec<String>,
 }
 
 /// The poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5 px),
@@ -37,9 +39,14 @@ pub fn locate_table(
     options: &PointsOptions,
 ) -> Result<Vec<PoseAnswer>, Error> {
     let views = read_views(file.as_ref(), false)?;
-    let locator = TableLocator::new(Some(camera.clone()), None, options.clone());
     let remarks = unit_remarks(&views);
-    Ok(views.iter().map(|view| PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) }).collect())
+    let locator = TableLocator::new(Some(camera.clone()), None, options.clone()).with_sizes(&remarks);
+    let located = |view| {
+        let mut answer = locator.locate(view);
+        answer.remarks.extend(remarks.iter().cloned());
+        answer
+    };
+    Ok(views.iter().map(located).collect())
 }
 
 impl TableLocator {
@@ -51,7 +58,13 @@ impl TableLocator {
             Some(_) => ("px", 0.5),
         };
         let options = PointsOptions { image_unit, ..options };
-        TableLocator { camera, sigma: (sigma.unwrap_or(assumed), sigma.is_some()), options }
+        let sigma = (sigma.unwrap_or(assumed), sigma.is_some());
+        TableLocator { camera, sigma, options, sizes: Vec::new() }
+    }
+
+    /// Takes the remarks of [`unit_remarks`]: where there is one, an answer that is `ok` otherwise is `implausible`.
+    pub fn with_sizes(self, remarks: &[String]) -> Self {
+        TableLocator { sizes: remarks.to_vec(), ..self }
     }
 
     /// The pose of one view.
@@ -73,6 +86,7 @@ impl TableLocator {
                  directions and --gravity-sigma-deg before using this pose"
                     .into();
         }
+        answer.verdict = answer.verdict.with_sizes(&self.sizes);
         let is_assumed = !self.sigma.1 && view.rows.iter().any(|row| row.sigma.is_none());
         if is_assumed && answer.estimate.is_some() {
             let flag = if self.camera.is_none() { "--sigma-normalized" } else { "--sigma-px" };
@@ -308,6 +322,64 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
 /// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
 pub fn unit_remarks(views: &[PointsView]) -> Vec<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
-    let points: Vec<Point> = rows.map(|row| Point::from(row.x_in_target)).collect();
-    crate::formats::plausible::of_points(&points).into_iter().collect()
+    let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));
+    crate::formats::plausible::of_uncertain_points(points).into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::{CameraMatrix, Pose, Vector6, camera::Pinhole};
+
+    /// Eight points of a room, in round millimetres.
+    const ROOM_MM: [[f64; 3]; 8] = [
+        [0.0, 0.0, 0.0],
+        [3500.0, 0.0, 0.0],
+        [3500.0, 2400.0, 0.0],
+        [0.0, 2400.0, 0.0],
+        [700.0, 300.0, 900.0],
+        [2800.0, 1900.0, 1200.0],
+        [1700.0, 1200.0, 400.0],
+        [400.0, 2100.0, 600.0],
+    ];
+
+    fn camera() -> Camera {
+        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 640.0, cy_px: 480.0 };
+        Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None }
+    }
+
+    /// The room in a unit of so many metres, seen by the camera.
+    fn view(unit_m: f64, sigma_m: Option<f64>) -> PointsView {
+        let pose = Pose::exp(&Vector6::new(0.2, -0.3, 0.1, -1.2, -1.0, 6.0));
+        let row = |(i, mm): (usize, &[f64; 3])| {
+            let x_m = Point::from(*mm) * 1e-3;
+            let pixel = camera().project(&(pose * x_m)).expect("in front");
+            Row {
+                line: i as u64 + 2,
+                name: i.to_string(),
+                x_in_target: (x_m / unit_m).into(),
+                image: [pixel.x, pixel.y],
+                sigma: Some(0.3),
+                sigma_m,
+                line_end: None,
+            }
+        };
+        PointsView { name: "room".into(), rows: ROOM_MM.iter().enumerate().map(row).collect() }
+    }
+
+    fn located(view: &PointsView) -> PoseAnswer {
+        let remarks = unit_remarks(std::slice::from_ref(view));
+        TableLocator::new(Some(camera()), None, PointsOptions::default()).with_sizes(&remarks).locate(view)
+    }
+
+    #[test]
+    fn points_in_millimetres_are_implausible_and_points_in_metres_are_not() {
+        assert_eq!(located(&view(1.0, None)).status(), Status::Ok);
+        let answer = located(&view(1e-3, None));
+        assert_eq!(answer.status(), Status::Implausible);
+        assert!(answer.verdict.message.contains("are they in millimetres?"), "{}", answer.verdict.message);
+        assert!(answer.estimate.is_some_and(|e| 1000.0 < e.cam_from_target.origin().norm()));
+        // Who states that the points are known to 0.1 m only means metres.
+        assert_eq!(located(&view(1e-3, Some(0.1))).status(), Status::Ok);
+    }
 }

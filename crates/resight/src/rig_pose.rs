@@ -3,13 +3,14 @@
 mod read;
 mod solve;
 
-pub use read::{RigPointsView, read_rig_points};
+pub use read::{RigPointsView, read_rig_points, unit_remark};
 pub use solve::RigPoseRequest;
 
 use crate::answer::rig_pose::RigPoseAnswer;
 use crate::core::{Camera, Matrix6, Pose};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera};
+use crate::report::verdict::Verdict;
 use crate::rig::places::placed;
 use std::path::Path;
 
@@ -68,7 +69,12 @@ pub fn rig_poses(
     views: &[RigPointsView],
     request: &RigPoseRequest,
 ) -> Vec<RigPoseAnswer> {
-    let remarks: Vec<String> = read::unit_remark(views).into_iter().collect();
-    let solved = |view| RigPoseAnswer { remarks: remarks.clone(), ..solve::solved(rig, view, request) };
+    let remarks: Vec<String> = unit_remark(views).into_iter().collect();
+    let solved = |view| {
+        let mut answer = solve::solved(rig, view, request);
+        let verdict = Verdict { status: answer.status, message: std::mem::take(&mut answer.message) };
+        Verdict { status: answer.status, message: answer.message } = verdict.with_sizes(&remarks);
+        RigPoseAnswer { remarks: remarks.iter().chain(&answer.remarks).cloned().collect(), ..answer }
+    };
     views.iter().map(solved).collect()
 }

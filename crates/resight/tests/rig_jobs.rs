@@ -87,6 +87,18 @@ fn rows_and_files_give_the_same_rig() {
     assert_eq!(answer["joint_covariance"]["matrix"].as_array().unwrap().len(), 12);
 }
 
+/// Rows that are equal to the last digit are one observation, and the answer says so.
+#[test]
+fn equal_detections_count_once() {
+    let (cells, doubled) = (cells(), [cells(), cells()].concat());
+    let [once, twice] = [&cells, &doubled].map(|cells| {
+        json(&resight::rig_from_detections(&Detections::rows(&rows(cells)), &two_cameras()).unwrap())
+    });
+    assert_eq!((&once["status"], &once["cameras"]), (&"ok".into(), &twice["cameras"]));
+    let (n, remarks) = (cells.len(), twice["remarks"].to_string());
+    assert!(remarks.contains(&format!("{n} of {} rows repeat another", 2 * n)), "{remarks}");
+}
+
 /// The simulated right camera is where the file's truth says, within four of the answer's own standard deviations.
 #[test]
 fn the_shipped_rig_is_found() {

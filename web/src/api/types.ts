@@ -1349,7 +1349,7 @@ export type StageView = {
 };
 
 /** Whether an answer may be relied on, and if not, why. Every answer has one. */
-export type Status = "ok" | "ambiguous" | "degenerate" | "inconsistent" | "not_found" | "undecided" | "not_connected" | "error";
+export type Status = "ok" | "ambiguous" | "degenerate" | "inconsistent" | "not_found" | "undecided" | "not_connected" | "implausible" | "error";
 
 /** A sentence and the step it belongs to. */
 export type StepText = {

@@ -8,6 +8,7 @@ const KINDS: Record<string, { tone: Tone; symbol: string }> = {
   ambiguous: { tone: "warn", symbol: "⇄" },
   inconsistent: { tone: "bad", symbol: "!" },
   degenerate: { tone: "grey", symbol: "∅" },
+  implausible: { tone: "warn", symbol: "!" },
   not_found: { tone: "grey", symbol: "∅" },
   steady: { tone: "good", symbol: "✓" },
   tracking: { tone: "good", symbol: "✓" },

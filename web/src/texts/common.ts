@@ -13,6 +13,7 @@ export const statusWords: Record<string, string> = {
   ambiguous: "ambiguous",
   inconsistent: "inconsistent",
   degenerate: "degenerate",
+  implausible: "implausible",
   not_found: "not found",
   steady: "steady",
   tracking: "tracking",

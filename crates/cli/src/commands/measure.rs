@@ -6,13 +6,12 @@ use clap::Args;
 use resight::GrayImage;
 use resight::answer::MeasureAnswer;
 use resight::answer::measure::NetworkAnswer;
-use resight::core::multiview::network::NetworkStatus;
+use resight::formats::cells;
 use resight::image::exif;
 use resight::input::{self, Kind};
-use resight::measure::words::{frame_words, values_in_words};
-use resight::measure::{
-    Answers, NamedScene, QueryAnswer, birdseye, measure, plan, read_scene, rig_scene, table,
-};
+use resight::measure::words::{self, frame_words, values_in_words};
+use resight::measure::{Answers, NamedScene, birdseye, measure, plan, read_scene, rig_scene, table};
+use resight::report::verdict::Status;
 use resight::report::words::counted;
 use std::path::{Path, PathBuf};
 
@@ -101,11 +100,8 @@ fn scene(args: &Measure) -> Result<(NamedScene, String)> {
 
 /// A table: name, kind, value ± half of its 95 % interval; then how well everything fits.
 fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
-    let width = |text: fn(&QueryAnswer) -> String| {
-        answers.answers.iter().map(|a| text(a).chars().count()).max().unwrap_or(0)
-    };
-    let name_width = width(|a| a.query.name.clone());
-    let kind_width = width(|a| a.query.kind.name().to_string());
+    let name_width = cells::width(answers.answers.iter().map(|a| a.query.name.as_str()));
+    let kind_width = cells::width(answers.answers.iter().map(|a| a.query.kind.name()));
     let mut out: String = answers.verdict.iter().map(|line| format!("{line}\n")).collect();
     if !out.is_empty() {
         out += "\n";
@@ -118,10 +114,15 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         if let Some(other) = &a.other {
             said += &format!("   or   {}", values_in_words(a.query.kind, other));
         }
-        if a.result.is_ok() && a.status != NetworkStatus::Ok {
-            said += &format!("   {}", a.status.name().to_uppercase());
+        if let Some(text) = words::reliability(scene, a) {
+            said += &format!("   ({text})");
         }
-        out += &format!("{:name_width$}  {:kind_width$}  {said}\n", a.query.name, a.query.kind.name());
+        let status = answers.word(a.status);
+        if a.result.is_ok() && status != Status::Ok {
+            said += &format!("   {}", status.name().to_uppercase());
+        }
+        let (name, kind) = (&a.query.name, a.query.kind.name());
+        out += &format!("{}  {}  {said}\n", cells::left(name, name_width), cells::left(kind, kind_width));
     }
     let adjusted = &answers.adjusted;
     out += &format!(

@@ -51,12 +51,9 @@ pub fn run(args: &RigPose) -> Result<Outcome> {
     let request = RigPoseRequest { sigma_px: args.sigma_px, robust_threshold_px: args.robust.threshold_px() };
     let answers = rig_poses(&rig, &views, &request);
     let mut printer = Printer::new(&args.output, answers.len());
-    if let Some(first) = answers.first() {
-        first
-            .remarks
-            .iter()
-            .for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
-    }
+    unit_remark(&views)
+        .iter()
+        .for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     for answer in &answers {
         printer.result(answer, &words(answer), answer.status)?;
     }
@@ -101,6 +98,7 @@ fn words(answer: &RigPoseAnswer) -> String {
         line(&mut out, "agreement", &text);
     }
     line(&mut out, "verdict", &answer.message);
+    answer.remarks.iter().for_each(|remark| line(&mut out, "remark", remark));
     out
 }
 

@@ -80,15 +80,19 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     let mut remarks = unit_remarks(&views);
+    let locator = locator.with_sizes(&remarks);
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     of_camera.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     remarks.extend(of_camera);
     resight::parallel::in_order(
         &views,
         |view| locator.locate(view),
-        |answer: PoseAnswer| {
-            let answer = PoseAnswer { remarks: remarks.clone(), ..answer };
-            printer.result(&answer, &crate::text::describe(&answer), answer.status())
+        |answer| {
+            let mut answer: PoseAnswer = answer;
+            let mut words = crate::text::describe(&answer);
+            answer.remarks.iter().for_each(|remark| crate::text::line(&mut words, "remark", remark));
+            answer.remarks.extend(remarks.iter().cloned());
+            printer.result(&answer, &words, answer.status())
         },
     )?;
     printer.finish()

@@ -21,14 +21,18 @@ mod blunder;
 mod verdict;
 mod interval;
 mod ground;
+mod exchange;
+mod reliability;
 
 use crate::correspondence::PixelCovariance;
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
 use arrange::Depth;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
+pub use exchange::Exchange;
 pub use interval::Measured;
 pub use query::Query;
+pub use reliability::{ErrorSource, NetworkReliability, QueryReliability};
 pub use snoop::{DecimalSlip, Suspect};
 pub use spread::OnLine;
 pub use verdict::NetworkStatus;
@@ -193,6 +197,8 @@ pub struct Adjusted {
     pub suspects: Vec<Suspect>,
     /// The constraint that took no part because it alone contradicts the rest; the places are those of the rest.
     pub left_out: Vec<usize>,
+    /// The two labels of a photograph whose exchange removes a contradiction; the places are those with the labels put right.
+    pub exchanged: Option<Exchange>,
     /// The line that contains all control points, if there is one.
     pub on_line: Option<OnLine>,
     /// Whether a control point that a photograph shows has no place, so that what is known of it took no part.
@@ -230,7 +236,9 @@ pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
     })?;
     let has_lost_control_points = adjusted.lost_control_points(network).next().is_some();
     adjusted.has_lost_control_points = has_lost_control_points;
-    adjusted.on_line = spread::of_adjusted(network, &adjusted);
+    // Places from contradictory constraints do not show where the control points are.
+    let is_consistent = !adjusted.is_inconsistent && adjusted.suspects.is_empty();
+    adjusted.on_line = is_consistent.then(|| spread::of_adjusted(network, &adjusted)).flatten();
     Ok(adjusted)
 }
 

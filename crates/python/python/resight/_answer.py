@@ -45,7 +45,7 @@ class Answer:
         """
         if self._file == "":
             raise Error("a file of cameras needs the size of their images; give it with each camera", "write")
-        if self.status not in ("ok", "ambiguous", "inconsistent"):
+        if self.status not in ("ok", "ambiguous", "inconsistent", "implausible"):
             raise Error(f"this answer is {self.status}: {self._keys.get('message')}; nothing is written", "request")
         write_atomically(path, self._file if self._file is not None else self._json + "\n")
 

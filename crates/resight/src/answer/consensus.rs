@@ -58,6 +58,14 @@ impl Agreement {
         self.n_rows = n_rows;
     }
 
+    /// Counts in rows of which some repeat others: `first` holds for each row the first row that is equal to it, `kept` the rows that took
+    /// part. A row that repeats an inlier is an inlier.
+    pub(crate) fn repeat_in_rows(&mut self, first: &[usize], kept: &[usize]) {
+        let agrees: Vec<usize> = self.inliers.iter().filter_map(|i| kept.get(*i).copied()).collect();
+        self.inliers = (0..first.len()).filter(|row| agrees.binary_search(&first[*row]).is_ok()).collect();
+        self.n_rows = first.len();
+    }
+
     /// One sentence: how many agree, and the first few that do not.
     pub fn sentence(&self, names: &[String], unit: &str) -> String {
         let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();

@@ -1,7 +1,7 @@
 //! The answer of the job that measures in photographs: one object a question, then one of the whole network.
 
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::multiview::network::{Measured, NetworkStatus};
+use crate::core::multiview::network::{Constraint, ErrorSource, Measured, NetworkStatus};
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;
@@ -31,7 +31,7 @@ pub enum NetworkAnswer {
 impl MeasureAnswer {
     pub(crate) fn solved(scene: &NamedScene, answers: Answers) -> Self {
         MeasureAnswer {
-            answers: answers.answers.iter().map(|answer| answer_object(scene, answer)).collect(),
+            answers: answers.answers.iter().map(|answer| answer_object(scene, &answers, answer)).collect(),
             network: NetworkAnswer::Solved(Box::new(network_object(scene, &answers))),
             solved: Some(answers),
         }
@@ -50,9 +50,9 @@ impl MeasureAnswer {
     /// Whether the network and every answer may be relied on.
     pub fn is_ok(&self) -> bool {
         let is_ok = |status: NetworkStatus| status == NetworkStatus::Ok;
-        self.solved
-            .as_ref()
-            .is_some_and(|solved| is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status)))
+        self.solved.as_ref().is_some_and(|solved| {
+            solved.sizes.is_empty() && is_ok(solved.status) && solved.answers.iter().all(|a| is_ok(a.status))
+        })
     }
 }
 
@@ -66,7 +66,32 @@ pub struct QueryObject {
     status: Status,
     #[serde(flatten)]
     values: serde_json::Map<String, serde_json::Value>,
+    /// How well the answer is checked; null where there is none.
+    reliability: Option<QueryReliabilityObject>,
     message: String,
+}
+
+/// What a single wrong measurement may do to an answer unnoticed.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct QueryReliabilityObject {
+    /// The largest error that a single wrong measurement or lens puts into the answer without being noticed in four of five cases, in `unit`; null
+    /// where nothing checks something that the answer depends on. Of a position the largest of the three.
+    largest_unnoticed_error: Option<f64>,
+    /// `m`, `m2` or `rad`.
+    unit: &'static str,
+    /// The measurements and lenses that the answer depends on and that nothing checks.
+    unchecked: Vec<String>,
+}
+
+/// A measurement or a lens, and which error of it would be noticed.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+struct SourceReliabilityObject {
+    /// Its name.
+    of: String,
+    /// The smallest error that would be noticed in four of five cases, in `unit`; null where nothing checks it.
+    smallest_noticed_error: Option<f64>,
+    /// `px`, `m`, `rad`, `sigma` (of a known pose) or `relative` (of a focal length).
+    unit: &'static str,
 }
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -111,10 +136,35 @@ pub struct NetworkObject {
     photos: Vec<PhotoObject>,
     points: Vec<PointObject>,
     suspects: Vec<String>,
+    /// Every measurement and lens that took part.
+    reliability: Vec<SourceReliabilityObject>,
     remarks: Vec<String>,
 }
 
-fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
+fn reliability_object(
+    scene: &NamedScene,
+    answer: &QueryAnswer,
+    unit: &'static str,
+) -> QueryReliabilityObject {
+    let (largest_unnoticed_error, unchecked) =
+        (words::largest_unnoticed_error(answer), words::unchecked(scene, answer));
+    QueryReliabilityObject { largest_unnoticed_error, unit, unchecked }
+}
+
+fn source_object(scene: &NamedScene, source: ErrorSource, error: Option<f64>) -> SourceReliabilityObject {
+    let unit = match source {
+        ErrorSource::Focal(_) => "relative",
+        ErrorSource::Constraint(i) => match scene.constraints[i] {
+            Constraint::ImagePoint { .. } => "px",
+            Constraint::Upright { .. } | Constraint::Gravity { .. } => "rad",
+            Constraint::Pose { .. } => "sigma",
+            Constraint::Place { .. } | Constraint::Distance { .. } | Constraint::OnPlane { .. } => "m",
+        },
+    };
+    SourceReliabilityObject { of: words::source(scene, source), smallest_noticed_error: error, unit }
+}
+
+fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) -> QueryObject {
     let suffix = match answer.query.kind {
         QueryKind::Angle => "rad",
         QueryKind::Area => "m2",
@@ -128,7 +178,12 @@ fn answer_object(scene: &NamedScene, answer: &QueryAnswer) -> QueryObject {
                 message += &format!(" or {}", values_in_words(answer.query.kind, other));
                 entries.insert("other".to_string(), self::entries(other, suffix).into());
             }
-            QueryObject { values: entries, ..base(scene, &answer.query, answer.status, &message) }
+            message +=
+                &words::reliability(scene, answer).map_or_else(String::new, |text| format!("; {text}"));
+            let status = answers.word(answer.status);
+            let reliability = Some(reliability_object(scene, answer, suffix));
+            let base = base(scene, &answer.query, answer.status, &message);
+            QueryObject { values: entries, status, reliability, ..base }
         }
         Err(reason) => base(scene, &answer.query, answer.status, reason),
     }
@@ -143,6 +198,7 @@ fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: 
         points: query.points.iter().map(|p| scene.points[*p].clone()).collect(),
         status: status.into(),
         values: serde_json::Map::new(),
+        reliability: None,
         message: message.to_string(),
     }
 }
@@ -182,7 +238,7 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
     NetworkObject {
         schema: SchemaNumber,
         kind: "network",
-        status: answers.status.into(),
+        status: answers.word(answers.status),
         message: answers.verdict.join("; "),
         frame: frame_words(scene, adjusted.frame),
         chi2: adjusted.chi2,
@@ -191,6 +247,11 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
         alternative_delta_chi2: adjusted.alternative_delta_chi2,
         photos: scene.photos.iter().enumerate().map(photo).collect(),
         points: scene.points.iter().enumerate().map(point).collect(),
+        reliability: answers
+            .smallest_noticed_errors
+            .iter()
+            .map(|(source, error)| source_object(scene, *source, *error))
+            .collect(),
         suspects: adjusted.suspects.iter().map(|s| words::suspect(scene, s)).collect(),
         remarks: answers.verdict.iter().chain(&answers.remarks).cloned().collect(),
     }

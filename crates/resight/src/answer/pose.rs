@@ -10,7 +10,7 @@ use crate::core::multiview::tag_map::DisplacedTag;
 use crate::core::solve::configuration::{Configuration, Geometry, Measure};
 use crate::core::solve::line_plus_one::Weakness;
 use crate::core::{Matrix6, Pose};
-use crate::locate::IntrinsicsCost;
+use crate::locate::{IntrinsicsCost, PointsCause};
 use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
@@ -55,6 +55,8 @@ pub struct PoseAnswer {
     pub skipped: Vec<String>,
     /// Which rows agree, where wrong ones were looked for.
     pub agreement: Option<Agreement>,
+    /// Likely causes where the points contradict each other, the best first.
+    pub causes: Vec<PointsCause>,
     /// Tags of a map that are not where it says.
     pub left_out: Vec<DisplacedTag>,
     /// Tags of a map that contradict each other.
@@ -218,6 +220,9 @@ pub struct PoseObject {
     inliers: Option<Vec<usize>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     consensus: Option<Agreement>,
+    /// Likely causes where the points contradict each other, the best first: the points agree once one of them is corrected.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    causes: Vec<PointsCause>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     left_out_tags: Vec<LeftOutTag>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -308,6 +313,7 @@ impl PoseAnswer {
             scaled_from_px: None,
             skipped: Vec::new(),
             agreement: None,
+            causes: Vec::new(),
             left_out: Vec::new(),
             contradicting: Vec::new(),
             remarks: Vec::new(),
@@ -354,6 +360,7 @@ impl PoseAnswer {
             n_inliers: self.agreement.as_ref().map(|a| a.inliers.len()),
             inliers: self.agreement.as_ref().map(|a| a.inliers.clone()),
             consensus: self.agreement.clone(),
+            causes: self.causes.clone(),
             left_out_tags: self.left_out.iter().map(LeftOutTag::from).collect(),
             contradicting_tags: self.contradicting.clone(),
             remarks: self.remarks.clone(),

@@ -1,5 +1,6 @@
 //! Lines, and points where there are any, to a pose: the answer about one view.
 
+use super::once::Once;
 use super::{NamedPoint, PointsOptions, PoseAnswer, mean_square_root, point_sigma_m};
 use crate::answer::Status;
 use crate::report::verdict::{self, Verdict};
@@ -34,10 +35,12 @@ pub fn locate_lines_and_points(
     camera: &Camera,
     options: &PointsOptions,
 ) -> PoseAnswer {
-    let seen = Seen {
-        points: points.iter().map(|point| point.seen).collect(),
-        lines: lines.iter().map(|line| line.seen).collect(),
-    };
+    let of_points: Vec<Correspondence> = points.iter().map(|point| point.seen).collect();
+    if let Some(once) = Once::of(&of_points) {
+        let answer = |points: &[NamedPoint]| locate_lines_and_points(view, points, lines, camera, options);
+        return once.answered(points, answer);
+    }
+    let seen = Seen { points: of_points, lines: lines.iter().map(|line| line.seen).collect() };
     let label = |i: usize| match points.get(i) {
         Some(point) => format!("point {}", point.label()),
         None => lines.get(i - points.len()).map_or_else(String::new, |l| format!("line {}", l.label())),

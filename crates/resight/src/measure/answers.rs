@@ -5,9 +5,11 @@ use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
 use crate::core::multiview::network::{
-    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, Frame, Measured, NetworkStatus, adjust,
+    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, ErrorSource, Frame, Measured, NetworkReliability,
+    NetworkStatus, QueryReliability, adjust,
 };
 use crate::formats::plausible;
+use crate::report::verdict::Status;
 
 /// One question answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +22,8 @@ pub struct QueryAnswer {
     pub result: Result<Vec<Measured>, String>,
     /// The answer of the second solution, where it is ambiguous.
     pub other: Option<Vec<Measured>>,
+    /// How well each value is checked; empty where there is none.
+    pub reliability: Vec<QueryReliability>,
 }
 
 /// A scene solved.
@@ -33,8 +37,22 @@ pub struct Answers {
     pub answers: Vec<QueryAnswer>,
     /// The faults, to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
+    /// Stated lengths that are hardly metres, in sentences: where there is one, an answer that is `ok` otherwise is `implausible`.
+    pub sizes: Vec<String>,
     /// Remarks: what was left out, what cannot be checked.
     pub remarks: Vec<String>,
+    /// Each constraint and lens with the smallest error of it that would be noticed, in its own unit; none where nothing checks it.
+    pub smallest_noticed_errors: Vec<(ErrorSource, Option<f64>)>,
+}
+
+impl Answers {
+    /// Returns the status word of the network or of one of its answers: `implausible` where it is `ok` and a length is hardly one in metres.
+    pub fn word(&self, status: NetworkStatus) -> Status {
+        match Status::from(status) {
+            Status::Ok if !self.sizes.is_empty() => Status::Implausible,
+            status => status,
+        }
+    }
 }
 
 /// Why a scene has no answer at all.
@@ -59,9 +77,17 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
             Some(known) => QueryAnswer { query: query.clone(), ..known.clone() },
             None => answer(scene, &adjusted, status, query),
         };
-    let answers = scene.queries.iter().map(answered).collect();
-    let (verdict, remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
-    Ok(Answers { adjusted, status, answers, verdict, remarks })
+    let reliability = adjusted.reliability();
+    let checked = |query: &NamedQuery| with_reliability(scene, &reliability, answered(query));
+    let answers: Vec<QueryAnswer> = scene.queries.iter().map(checked).collect();
+    let (mut verdict, mut remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    remarks.extend(words::unchecked_answers(&answers));
+    remarks.extend(words::hardly_checked_lenses(scene, &reliability));
+    let sources = reliability.sources().into_iter();
+    let smallest_noticed_errors = sources.map(|of| (of, reliability.smallest_noticed_error(of))).collect();
+    let sizes = units(scene);
+    verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
+    Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
 }
 
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
@@ -77,7 +103,8 @@ fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
 }
 
 fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
-    let base = QueryAnswer { query: query.clone(), status, result: Ok(Vec::new()), other: None };
+    let (result, reliability) = (Ok(Vec::new()), Vec::new());
+    let base = QueryAnswer { query: query.clone(), status, result, other: None, reliability };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
@@ -94,6 +121,17 @@ fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query:
         status => status,
     };
     QueryAnswer { status, result: Ok(values), other, ..base }
+}
+
+fn with_reliability(scene: &NamedScene, of: &NetworkReliability<'_>, mut answer: QueryAnswer) -> QueryAnswer {
+    answer.reliability = match answer.result {
+        Ok(_) => {
+            let queries = scene.core_queries(&answer.query).into_iter();
+            queries.filter_map(|query| of.of_query(&query).ok()).collect()
+        }
+        Err(_) => Vec::new(),
+    };
+    answer
 }
 
 /// Two solutions give one answer where they differ by less than this part of a standard deviation.
@@ -120,6 +158,13 @@ const TIED: f64 = 0.01;
 
 /// The contradictions.
 fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
+    if let Some(exchange) = &adjusted.exchanged {
+        let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
+        let photo = &scene.photos[exchange.photo].name;
+        return Some(format!(
+            "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels and measure again; the numbers below are with the labels exchanged"
+        ));
+    }
     let Some((first, rest)) = adjusted.suspects.split_first() else {
         let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
         return adjusted.is_inconsistent.then(|| format!(
@@ -159,23 +204,27 @@ fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     verdict
 }
 
-/// What is stated in numbers that are hardly metres.
+/// Stated lengths that are hardly metres, in sentences.
 fn units(scene: &NamedScene) -> Vec<String> {
+    if scene.lengths_are_metres {
+        return Vec::new();
+    }
     let distances = scene.constraints.iter().filter_map(|constraint| match constraint {
         Constraint::Distance { distance_m, .. } => Some(*distance_m),
         _ => None,
     });
     let control_points = scene.constraints.iter().filter_map(|constraint| match constraint {
-        Constraint::Place { x_in_world, .. } => Some(x_in_world + scene.origin_m),
+        Constraint::Place { x_in_world, sigma_m, .. } => Some((x_in_world + scene.origin_m, sigma_m.min())),
         _ => None,
     });
-    let of_control_points = plausible::of_points(&control_points.collect::<Vec<_>>());
-    of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>())).collect()
+    let of_control_points = plausible::of_uncertain_points(control_points);
+    let remarks =
+        of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>()));
+    remarks.map(|text| format!("{text} (where they are metres, state lengths_are_metres = true)")).collect()
 }
 
 fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut remarks = scene.remarks.clone();
-    remarks.extend(units(scene));
     if adjusted.degrees_of_freedom == 0 {
         remarks.push(
             "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),

@@ -112,6 +112,8 @@ pub struct NamedScene {
     pub error_limit_m: f64,
     /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
     pub is_camera_frame: bool,
+    /// Whether the file says that its lengths are metres, however large they are.
+    pub lengths_are_metres: bool,
     /// Remarks on the files of the cameras, in sentences.
     pub remarks: Vec<String>,
 }
@@ -171,5 +173,6 @@ pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
     builder.queries(&file.query)?;
     builder.limits(file.birdseye)?;
     builder.moved_near_zero();
-    Ok(builder.scene)
+    builder.scene.lengths_are_metres = file.lengths_are_metres;
+    Ok(builder.finished())
 }

@@ -2,7 +2,7 @@
 
 use super::answers::Answers;
 use super::words;
-use crate::core::multiview::network::NetworkStatus;
+use crate::report::verdict::Status;
 
 /// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark, status; one line a value. The remark of an answer that is not
 /// `ok` says why.
@@ -11,11 +11,12 @@ pub fn csv(answers: &Answers) -> String {
     for answer in &answers.answers {
         let (name, kind) = (cell(&answer.query.name), answer.query.kind.name());
         let unit = words::unit(answer.query.kind);
-        let status = answer.status.name();
-        let why = match answer.status {
-            NetworkStatus::Ok => String::new(),
+        let status = answers.word(answer.status);
+        let why = match status {
+            Status::Ok => String::new(),
             _ => cell(&answers.verdict.join("; ")),
         };
+        let status = status.name();
         match &answer.result {
             Ok(values) => {
                 for (axis, m) in values.iter().enumerate() {

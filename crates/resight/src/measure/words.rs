@@ -1,8 +1,11 @@
 //! What the solver says by index, said with the names of the scene; numbers with the digits that their intervals warrant.
 
+use super::answers::QueryAnswer;
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
-use crate::core::multiview::network::{Constraint, Frame, Item, Measured, OnLine, Suspect};
+use crate::core::multiview::network::{
+    Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, Suspect,
+};
 
 /// `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -57,6 +60,85 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
         _ => format!("{:.3} m", suspect.off.abs()),
     };
     format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
+}
+
+/// `the image point of P in north`, `the focal length of north, south`.
+pub fn source(scene: &NamedScene, source: ErrorSource) -> String {
+    match source {
+        ErrorSource::Constraint(i) => constraint(scene, &scene.constraints[i]),
+        ErrorSource::Focal(camera) => {
+            let photos = scene.photos.iter().zip(&scene.camera_of_photo).filter(|(_, of)| **of == camera);
+            let names: Vec<&str> = photos.map(|(photo, _)| photo.name.as_str()).collect();
+            format!("the focal length of {}", names.join(", "))
+        }
+    }
+}
+
+/// Returns the names of what an answer depends on and nothing checks.
+pub fn unchecked(scene: &NamedScene, answer: &QueryAnswer) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for of in answer.reliability.iter().flat_map(|r| &r.unchecked) {
+        let name = source(scene, *of);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
+}
+
+/// Returns the largest error that stays unnoticed in an answer, in its own unit; none where something is not checked. Of a position the largest
+/// of the three.
+pub fn largest_unnoticed_error(answer: &QueryAnswer) -> Option<f64> {
+    answer.reliability.iter().map(|r| r.largest_unnoticed_error).reduce(|a, b| Some(a?.max(b?))).flatten()
+}
+
+/// The names that the text of one answer lists.
+const MOST_NAMED: usize = 3;
+
+/// `a single error may go unnoticed up to 0.12 m`, or what nothing checks; none of an answer without values.
+pub fn reliability(scene: &NamedScene, answer: &QueryAnswer) -> Option<String> {
+    let names = unchecked(scene, answer);
+    if !names.is_empty() {
+        let more = names.len().saturating_sub(MOST_NAMED);
+        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
+        return Some(format!("nothing checks {}{more}", names[..names.len().min(MOST_NAMED)].join(", ")));
+    }
+    let largest = largest_unnoticed_error(answer).filter(|x| x.is_finite())?;
+    let value = if answer.query.kind == QueryKind::Angle { largest.to_degrees() } else { largest };
+    let (places, unit) = (decimals(value), unit(answer.query.kind));
+    let gap = if answer.query.kind == QueryKind::Angle { "" } else { " " };
+    Some(format!("a single error may go unnoticed up to {value:.places$}{gap}{unit}"))
+}
+
+/// The remark about answers that depend on something that nothing checks; each answer names what.
+pub(super) fn unchecked_answers(answers: &[QueryAnswer]) -> Option<String> {
+    let is_unchecked = |answer: &&QueryAnswer| answer.reliability.iter().any(|r| !r.unchecked.is_empty());
+    let names: Vec<&str> =
+        answers.iter().filter(is_unchecked).map(|answer| answer.query.name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "not checked: {}; no other measurement checks what these depend on, so an error of any size in it goes unnoticed; another photograph, distance or control point of the same point checks it",
+            names.join(", ")
+        )
+    })
+}
+
+/// A focal length is hardly checked where an error of more than this part of it goes unnoticed.
+const HARDLY_CHECKED: f64 = 0.05;
+
+/// The remarks about focal lengths that nothing checks, or hardly anything.
+pub(super) fn hardly_checked_lenses(scene: &NamedScene, reliability: &NetworkReliability<'_>) -> Vec<String> {
+    let is_lens = |of: &ErrorSource| matches!(of, ErrorSource::Focal(_));
+    let remark = |of: ErrorSource| match reliability.smallest_noticed_error(of) {
+        None => Some(format!("nothing checks {}: a wrong one goes unnoticed", source(scene, of))),
+        Some(error) if HARDLY_CHECKED < error => Some(format!(
+            "{} is hardly checked: an error of up to {:.0} % goes unnoticed",
+            source(scene, of),
+            100.0 * error
+        )),
+        Some(_) => None,
+    };
+    reliability.sources().into_iter().filter(is_lens).filter_map(remark).collect()
 }
 
 /// The meaning of control points on one line.

@@ -29,6 +29,8 @@ pub enum Status {
     Undecided,
     /// No chain of observations joins all cameras.
     NotConnected,
+    /// The numbers agree, but a stated size or unit hardly exists, such as squares of 25 m.
+    Implausible,
     /// Anything else that kept the answer back.
     Error,
 }
@@ -44,13 +46,14 @@ impl Status {
             Status::NotFound => "not_found",
             Status::Undecided => "undecided",
             Status::NotConnected => "not_connected",
+            Status::Implausible => "implausible",
             Status::Error => "error",
         }
     }
 
     /// Whether a pose comes with it.
     pub fn has_pose(self) -> bool {
-        matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent)
+        matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent | Status::Implausible)
     }
 }
 
@@ -72,6 +75,18 @@ pub struct Verdict {
     pub status: Status,
     /// The sentence: what is so, the number seen, the number needed, what to do.
     pub message: String,
+}
+
+impl Verdict {
+    /// Turns `ok` into `implausible` where there is a remark about stated sizes; the message then begins with the first one.
+    pub fn with_sizes(self, remarks: &[String]) -> Self {
+        match (self.status, remarks.first()) {
+            (Status::Ok, Some(remark)) => {
+                Verdict { status: Status::Implausible, message: format!("{remark}; {}", self.message) }
+            }
+            _ => self,
+        }
+    }
 }
 
 /// Judges an estimate. `name_of` names the point of an index; `unit` is that of the residual, e.g. `px`.

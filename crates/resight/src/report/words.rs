@@ -44,6 +44,17 @@ pub fn translation_sigma_m(b_from_a: &Pose, covariance: &Matrix6) -> [f64; 3] {
     [0, 1, 2].map(|i| of_translation[(i, i)].max(0.0).sqrt())
 }
 
+/// The remark about observations that repeat others to the last digit; none where none does.
+pub fn repeated(n_repeated: usize, n: usize) -> Option<String> {
+    let (rows, they) =
+        if n_repeated == 1 { ("row repeats", "it counts") } else { ("rows repeat", "they count") };
+    (0 < n_repeated).then(|| {
+        format!(
+            "{n_repeated} of {n} {rows} another to the last digit: equal rows are one observation, and {they} once"
+        )
+    })
+}
+
 /// Yaw, pitch, roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
 ///
 /// Yaw turns about the target's y, roll about the optical axis; pitch = ±90° leaves yaw and roll undetermined.

@@ -5,9 +5,11 @@ pub(crate) mod table;
 use super::NamedTarget;
 use super::observed::{Collected, Frame, LeftOut};
 use super::request::{join, not_among};
+use crate::core::correspondence::Observations;
 use crate::core::target::{Feature, KnownPoint};
 use crate::core::{Correspondence, Pixel, Point, Target};
 use crate::error::Error;
+use crate::report::words;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -100,6 +102,10 @@ struct Reader<'a> {
     frames: HashMap<(usize, String), usize>,
     sigma_px: f64,
     assumes_sigma: bool,
+    /// The observations so far of each target in each frame.
+    observed: HashMap<(usize, usize), Observations>,
+    n_rows: usize,
+    n_repeated: usize,
 }
 
 /// Turns detections into frames, and the targets that they name into `collected.targets`.
@@ -123,8 +129,9 @@ pub(crate) fn collect(detections: &Detections, collected: &mut Collected) -> Res
     }
     if reader.assumes_sigma && detections.sigma_px.is_none() {
         let text = format!("σ {ASSUMED_SIGMA_PX} px is assumed for every point; state yours with --sigma-px");
-        collected.remarks.push(text);
+        reader.collected.remarks.push(text);
     }
+    reader.collected.remarks.extend(words::repeated(reader.n_repeated, reader.n_rows));
     Ok(())
 }
 
@@ -133,7 +140,19 @@ impl<'a> Reader<'a> {
         let cameras = collected.cameras.iter().map(|camera| camera.name.clone()).zip(0..).collect();
         let targets = collected.targets.iter().map(|target| target.name.clone()).zip(0..).collect();
         let (bodies, frames) = (HashMap::new(), HashMap::new());
-        Reader { collected, cameras, targets, bodies, frames, sigma_px, assumes_sigma: false }
+        let observed = HashMap::new();
+        Reader {
+            collected,
+            cameras,
+            targets,
+            bodies,
+            frames,
+            sigma_px,
+            assumes_sigma: false,
+            observed,
+            n_rows: 0,
+            n_repeated: 0,
+        }
     }
 
     fn row(&mut self, row: &DetectionRow) -> Result<(), RowFault> {
@@ -144,6 +163,12 @@ impl<'a> Reader<'a> {
         let known = self.known(row, target, &name)?;
         let pixel = Pixel::new(checked(row.image_px[0], "u_px")?, checked(row.image_px[1], "v_px")?);
         let sigma_px = self.sigma_px(row)?;
+        let (number, of_frame) = (self.n_rows, self.observed.entry((frame, target)).or_default());
+        self.n_rows += 1;
+        if of_frame.first(0, &known.position, &pixel, number) != number {
+            self.n_repeated += 1;
+            return Ok(());
+        }
         let lens = &self.collected.cameras[camera].camera;
         match Correspondence::new(lens, known.position, pixel, sigma_px) {
             Ok(seen) => {

@@ -83,9 +83,9 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
     Ok(views)
 }
 
-/// What is suspicious about the unit of the points.
-pub(super) fn unit_remark(views: &[RigPointsView]) -> Option<String> {
-    let points: Vec<Point> =
-        views.iter().flat_map(|view| &view.rows).map(|row| Point::from(row.x_in_target)).collect();
-    crate::formats::plausible::of_points(&points)
+/// Returns a remark where the coordinates of the points are hardly metres.
+pub fn unit_remark(views: &[RigPointsView]) -> Option<String> {
+    let rows = views.iter().flat_map(|view| &view.rows);
+    let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));
+    crate::formats::plausible::of_uncertain_points(points)
 }

@@ -4,12 +4,13 @@ use super::KnownCamera;
 use super::read::{RigPoint, RigPointsView};
 use crate::answer::Status;
 use crate::answer::rig_pose::{RigAgreement, RigCameraFit, RigPoseAnswer};
+use crate::core::correspondence::Observations;
 use crate::core::multiview::rig_pose::{
     RigAmbiguity, RigConsistency, RigPoseEstimate, RigView, locate_rig, rig_consensus,
 };
 use crate::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 use crate::report::verdict::{self, figures};
-use crate::report::words::sigmas;
+use crate::report::words::{self, sigmas};
 
 /// Squares of larger numbers, and their products, leave the range of numbers.
 const LARGEST: f64 = 1e60;
@@ -35,6 +36,8 @@ impl Default for RigPoseRequest {
 struct Seen {
     points: Vec<Vec<Correspondence>>,
     rows: Vec<Vec<usize>>,
+    /// How many rows repeat an earlier one.
+    n_repeated: usize,
 }
 
 pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPoseRequest) -> RigPoseAnswer {
@@ -81,6 +84,7 @@ pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPos
         .filter(|c| !seen.points[*c].is_empty())
         .map(|c| fit(&rig[c], &seen.points[c], &kept[c], &estimate))
         .collect();
+    answer.remarks.extend(words::repeated(seen.n_repeated, view.rows.len()));
     (answer.status, answer.message) = judged(&estimate, &answer, &seen, view, rig);
     answer.with_estimate(&estimate, exact)
 }
@@ -102,8 +106,15 @@ fn rig_views<'a>(
 }
 
 fn seen(rig: &[KnownCamera], view: &RigPointsView, request: &RigPoseRequest) -> Result<Seen, String> {
-    let mut seen = Seen { points: vec![Vec::new(); rig.len()], rows: vec![Vec::new(); rig.len()] };
+    let mut seen =
+        Seen { points: vec![Vec::new(); rig.len()], rows: vec![Vec::new(); rig.len()], n_repeated: 0 };
+    let mut known = Observations::default();
     for (i, row) in view.rows.iter().enumerate() {
+        let (x, pixel) = (Point::from(row.x_in_target), Pixel::from(row.image));
+        if known.first(row.camera, &x, &pixel, i) != i {
+            seen.n_repeated += 1;
+            continue;
+        }
         seen.points[row.camera].push(correspondence(row, rig[row.camera].camera(), request)?);
         seen.rows[row.camera].push(i);
     }

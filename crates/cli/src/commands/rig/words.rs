@@ -3,6 +3,7 @@
 use crate::text::line;
 use resight::answer::SolvedRig;
 use resight::core::multiview::rig::shared_views as shared;
+use resight::formats::cells;
 use resight::report::rig::{
     camera_status, rejection_sentence, rig_camera_sentence, rig_headline, rig_verdict_sentence,
     scale_sentences, weakest_link_sentence,
@@ -40,14 +41,13 @@ pub fn shared_views(gathered: &Gathered) -> String {
 /// Rows of cells, the first column to the left, the others to the right.
 fn columns(table: &[Vec<String>]) -> String {
     let n = table.iter().map(Vec::len).max().unwrap_or(0);
-    let width =
-        |i: usize| table.iter().filter_map(|row| row.get(i)).map(|c| c.chars().count()).max().unwrap_or(0);
+    let width = |i: usize| cells::width(table.iter().filter_map(|row| row.get(i)).map(String::as_str));
     let widths: Vec<usize> = (0..n).map(width).collect();
     let mut out = String::new();
     for row in table {
         let cells = row.iter().zip(&widths).enumerate().map(|(i, (cell, width))| match i {
-            0 => format!("  {cell:<width$}"),
-            _ => format!("   {cell:>width$}"),
+            0 => format!("  {}", cells::left(cell, *width)),
+            _ => format!("   {}", cells::right(cell, *width)),
         });
         out.push_str(cells.collect::<String>().trim_end());
         out.push('\n');

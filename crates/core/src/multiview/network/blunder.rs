@@ -6,7 +6,9 @@
 use super::arrange::{Depth, best_of};
 use super::solve::settle;
 use super::starts::{Draft, control_points};
-use super::{Adjusted, Constraint, DecimalSlip, Frame, Item, NetworkProblem, Suspect, snoop, spread};
+use super::{
+    Adjusted, Constraint, DecimalSlip, Frame, Item, NetworkProblem, Suspect, exchange, snoop, spread,
+};
 use crate::Error;
 
 /// The misplaced decimal points that are tried: by one digit first, then two or three.
@@ -40,6 +42,14 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
         return whole;
     }
     let slips = SLIPS.iter().map(|powers| slips(network, &whole, powers)).find(|found| !found.is_empty());
+    let agreed = |with: &NetworkProblem| {
+        attempt(with, Depth::Single).ok().filter(|found| explains(with, &whole, found))
+    };
+    if slips.is_none()
+        && let Some(exchanged) = exchange::exchanged(network, agreed)
+    {
+        return Ok(exchanged);
+    }
     let mut found = slips.unwrap_or_else(|| removals(network, &whole));
     found.sort_by(|a, b| a.without.chi2.total_cmp(&b.without.chi2));
     let mut found = found.into_iter();

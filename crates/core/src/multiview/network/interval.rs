@@ -105,7 +105,7 @@ impl Adjusted {
         })
     }
 
-    fn check(&self, query: &Query) -> Result<(), Error> {
+    pub(super) fn check(&self, query: &Query) -> Result<(), Error> {
         let points = query.points();
         if points.len() < query.least_points() {
             let needed = "a polyline needs two points and an area three";

@@ -32,7 +32,7 @@ pub struct DecimalSlip {
 /// Chance that any of the constraints of a good network is called a suspect.
 const FALSE_ALARM: f64 = 1e-3;
 /// Redundancy below which the others do not check a constraint.
-const LEAST_REDUNDANCY: f64 = 1e-3;
+pub(super) const LEAST_REDUNDANCY: f64 = 1e-3;
 
 /// Statistic and estimated error of one constraint; none where nothing checks it.
 fn test(
@@ -70,8 +70,14 @@ fn test(
     (0 < n_checked).then(|| (statistic, error.norm() * unit(constraint)))
 }
 
+/// Returns the statistic above which one of so many constraints is a suspect: χ² of one or two degrees of freedom exceeds 2 ln(1/p) with a chance
+/// of at most p.
+pub(super) fn suspect_above(n_tested: usize) -> f64 {
+    2.0 * (n_tested.max(1) as f64 / FALSE_ALARM).ln()
+}
+
 /// One standard deviation in the constraint's own unit.
-fn unit(constraint: &Constraint) -> f64 {
+pub(super) fn unit(constraint: &Constraint) -> f64 {
     match constraint {
         Constraint::ImagePoint { covariance_px2, .. } => covariance_px2.sigma_px(),
         Constraint::Place { sigma_m, .. } => sigma_m.max(),
@@ -119,8 +125,7 @@ pub(super) fn suspects(
         .filter(|(_, f)| layout.has(f))
         .filter_map(|(i, f)| test(f, state, layout, covariance).map(|(t, off)| (i, t, off)))
         .collect();
-    // χ² of one or two degrees of freedom exceeds 2 ln(1/p) with a chance of at most p.
-    let limit = 2.0 * (tested.len().max(1) as f64 / FALSE_ALARM).ln();
+    let limit = suspect_above(tested.len());
     let mut found: Vec<Suspect> = tested
         .into_iter()
         .filter(|(_, t, _)| limit < *t)

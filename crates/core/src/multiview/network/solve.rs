@@ -108,6 +108,7 @@ fn conclude(
         layout,
         constraints: network.constraints.to_vec(),
         left_out: Vec::new(),
+        exchanged: None,
         on_line: None,
         has_lost_control_points: false,
         covariance: covariance * scale,

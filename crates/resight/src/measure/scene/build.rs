@@ -9,8 +9,9 @@ use crate::core::{Matrix6, Pixel, Point, Pose};
 use crate::formats::{self, NamedCamera};
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
+use crate::report::words;
 use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// Standard deviation of an image point where the scene states none, px: a careful person on a full-size display.
@@ -30,7 +31,13 @@ pub(super) struct Builder {
     path: PathBuf,
     folder: PathBuf,
     pub(super) scene: NamedScene,
+    /// The image points and distances so far, to the last digit.
+    measured: HashSet<Measurement>,
+    n_measured: usize,
 }
+
+/// The kind of a measurement, the indices of what it is between, and its numbers to the last bit.
+type Measurement = (u8, [usize; 2], [u64; 2]);
 
 impl Builder {
     pub(super) fn new(path: &Path, folder: PathBuf, sigma_px: Option<f64>) -> Result<Self, FileError> {
@@ -50,9 +57,10 @@ impl Builder {
             pixel_limit_m: 0.05,
             error_limit_m: 0.10,
             is_camera_frame: false,
+            lengths_are_metres: false,
             remarks: Vec::new(),
         };
-        let builder = Builder { path: path.into(), folder, scene };
+        let builder = Builder { path: path.into(), folder, scene, measured: HashSet::new(), n_measured: 0 };
         builder.positive("sigma_px", sigma_px)?;
         Ok(builder)
     }
@@ -197,12 +205,7 @@ impl Builder {
             let (a, b) = (self.point(&d.a), self.point(&d.b));
             self.scene.is_control_point[a] = true;
             self.scene.is_control_point[b] = true;
-            self.scene.constraints.push(Constraint::Distance {
-                a,
-                b,
-                distance_m: d.distance_m,
-                sigma_m: d.sigma_m,
-            });
+            self.once(Constraint::Distance { a, b, distance_m: d.distance_m, sigma_m: d.sigma_m });
         }
         Ok(())
     }
@@ -308,13 +311,32 @@ impl Builder {
             )));
         }
         let point = self.point(&image_point.point);
-        self.scene.constraints.push(Constraint::ImagePoint {
-            photo,
-            point,
-            pixel,
-            covariance_px2: isotropic(sigma_px),
-        });
+        let given = Constraint::ImagePoint { photo, point, pixel, covariance_px2: isotropic(sigma_px) };
+        self.once(given);
         Ok(())
+    }
+
+    /// Adds an image point or a distance, unless it repeats an earlier one to the last digit: equal rows are one observation.
+    fn once(&mut self, given: Constraint) {
+        let bits = |x: f64| (x + 0.0).to_bits();
+        let measurement = match given {
+            Constraint::ImagePoint { photo, point, pixel, .. } => {
+                (0, [photo, point], [pixel.x, pixel.y].map(bits))
+            }
+            Constraint::Distance { a, b, distance_m, .. } => (1, [a.min(b), a.max(b)], [bits(distance_m), 0]),
+            _ => return self.scene.constraints.push(given),
+        };
+        self.n_measured += 1;
+        if self.measured.insert(measurement) {
+            self.scene.constraints.push(given);
+        }
+    }
+
+    /// Returns the scene, with a remark about equal rows.
+    pub(super) fn finished(mut self) -> NamedScene {
+        let n_repeated = self.n_measured - self.measured.len();
+        self.scene.remarks.extend(words::repeated(n_repeated, self.n_measured));
+        self.scene
     }
 
     pub(super) fn queries(&mut self, queries: &[QueryEntry]) -> Result<(), FileError> {

@@ -12,6 +12,8 @@ pub(super) struct SceneFile {
     pub(super) image_points: Option<PathBuf>,
     pub(super) sigma_px: Option<f64>,
     #[serde(default)]
+    pub(super) lengths_are_metres: bool,
+    #[serde(default)]
     pub(super) photo: Vec<PhotoEntry>,
     #[serde(default, alias = "mark")]
     pub(super) control_point: Vec<ControlPointEntry>,

@@ -37,7 +37,7 @@ pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Resu
         builder.image_point(image_point)?;
     }
     builder.scene.queries = all_positions(&builder.scene.points);
-    Ok(builder.scene)
+    Ok(builder.finished())
 }
 
 /// A camera of the rig as a photograph whose place is known.

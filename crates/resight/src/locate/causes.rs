@@ -1,0 +1,238 @@
+//! The likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels.
+//!
+//! Asked only where the answer cannot be relied on. Each cause is put right and solved as a whole, and named only where noise explains the residual
+//! that is left.
+
+use resight_core::locate::consistency::{Consistency, is_unlikely};
+use resight_core::locate::{Config, PoseEstimate, locate};
+use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// A likely fault of the points of a view.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct PointsCause {
+    /// `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed` or `labels_exchanged`.
+    cause: &'static str,
+    /// χ² per degree of freedom once the fault is corrected.
+    chi2_per_degree_of_freedom: f64,
+    /// The correction that makes the points agree.
+    message: String,
+}
+
+/// Points of which pairs of labels are tried: the worst ones.
+const MOST_LABELS: usize = 12;
+/// Of more points two exchanged labels are found by `--robust`.
+const MOST_POINTS: usize = 200;
+/// χ² must fall to this part of itself: a correction that fits a little better by chance is no cause.
+const MOST_PART: f64 = 0.1;
+/// Causes that the sentence names.
+const MOST_NAMED: usize = 3;
+
+/// Returns the causes that explain a contradiction, the best first; none where the points agree, or where what is known besides them is at fault.
+pub(super) fn causes(
+    solved: Result<&PoseEstimate, &MathError>,
+    seen: &[Correspondence],
+    camera: &Camera,
+    config: &Config,
+    label: impl Fn(usize) -> String,
+) -> Vec<PointsCause> {
+    let pose = match solved {
+        Ok(e) if matches!(e.consistency, Consistency::Inconsistent { worst_prior: None, .. }) => Some(e),
+        Err(MathError::NoSolution { .. } | MathError::NotConverged { .. }) => None,
+        _ => return Vec::new(),
+    };
+    let contradiction = Contradiction { seen, camera, config, pose };
+    let mut causes = contradiction.columns();
+    if causes.is_empty() {
+        causes = contradiction.labels(label);
+    }
+    causes.sort_by(|a, b| a.chi2_per_degree_of_freedom.total_cmp(&b.chi2_per_degree_of_freedom));
+    causes
+}
+
+/// A view whose points contradict each other.
+struct Contradiction<'a> {
+    seen: &'a [Correspondence],
+    camera: &'a Camera,
+    config: &'a Config<'a>,
+    /// The pose that fits best; none where no pose was found at all.
+    pose: Option<&'a PoseEstimate>,
+}
+
+impl Contradiction<'_> {
+    /// Returns χ² per degree of freedom of changed points, where noise explains it.
+    fn explained(&self, changed: impl Fn(usize, &Correspondence) -> Option<(Point, Pixel)>) -> Option<f64> {
+        let change = |(i, c): (usize, &Correspondence)| {
+            let (x_in_target, pixel) = changed(i, c)?;
+            Some(Correspondence { x_in_target, pixel, bearing: self.camera.bearing(&pixel).ok()?, ..*c })
+        };
+        let changed: Option<Vec<Correspondence>> = self.seen.iter().enumerate().map(change).collect();
+        let e = locate(&changed?, self.camera, self.config).ok()?;
+        let is_noise = 0 < e.degrees_of_freedom && !is_unlikely(e.chi2, e.degrees_of_freedom);
+        let is_much_better = self.pose.is_none_or(|found| e.chi2 < MOST_PART * found.chi2);
+        (is_noise && is_much_better).then_some(e.chi2 / e.degrees_of_freedom as f64)
+    }
+
+    fn columns(&self) -> Vec<PointsCause> {
+        let last_row = self.camera.size.map(|size| f64::from(size.height_px) - 1.0);
+        type Changed<'f> = &'f dyn Fn(&Correspondence) -> Option<(Point, Pixel)>;
+        let tried: [(&'static str, &str, Changed); 4] = [
+            (
+                "uv_exchanged",
+                "with u and v exchanged (u_px counts columns from the left, v_px rows from the top)",
+                &|c| Some((c.x_in_target, Pixel::new(c.pixel.y, c.pixel.x))),
+            ),
+            (
+                "v_upwards",
+                "with v counted from the bottom of the image (v_px counts rows from the top: height − 1 − v)",
+                &|c| Some((c.x_in_target, Pixel::new(c.pixel.x, last_row? - c.pixel.y))),
+            ),
+            ("xy_exchanged", "with x and y exchanged (northing and easting?)", &|c| {
+                Some((Point::new(c.x_in_target.y, c.x_in_target.x, c.x_in_target.z), c.pixel))
+            }),
+            (
+                "axis_reversed",
+                "with the sign of one axis changed (left-handed coordinates, as of Unity and Unreal?)",
+                &|c| Some((Point::new(c.x_in_target.x, -c.x_in_target.y, c.x_in_target.z), c.pixel)),
+            ),
+        ];
+        let cause = |(cause, message, changed): (&'static str, &str, Changed)| {
+            let chi2_per_degree_of_freedom = self.explained(|_, c| changed(c))?;
+            Some(PointsCause { cause, chi2_per_degree_of_freedom, message: message.to_string() })
+        };
+        tried.into_iter().filter_map(cause).collect()
+    }
+
+    /// Two points whose pixels are exchanged.
+    fn labels(&self, label: impl Fn(usize) -> String) -> Vec<PointsCause> {
+        if MOST_POINTS < self.seen.len() {
+            return Vec::new();
+        }
+        let worst = self.worst();
+        let pairs = worst.iter().enumerate().flat_map(|(n, i)| worst[n + 1..].iter().map(move |k| (*i, *k)));
+        let cause = |(i, k): (usize, usize)| {
+            let pixel_of = |n: usize| match n {
+                _ if n == i => k,
+                _ if n == k => i,
+                _ => n,
+            };
+            let chi2_per_degree_of_freedom =
+                self.explained(|n, c| Some((c.x_in_target, self.seen[pixel_of(n)].pixel)))?;
+            let message = format!("with the pixels of {} and {} exchanged", label(i.min(k)), label(i.max(k)));
+            Some(PointsCause { cause: "labels_exchanged", chi2_per_degree_of_freedom, message })
+        };
+        pairs.filter_map(cause).collect()
+    }
+
+    /// Indices of the points with the largest residuals.
+    fn worst(&self) -> Vec<usize> {
+        let residual = |c: &Correspondence| {
+            let predicted = self.pose.and_then(|e| self.camera.project(&(e.cam_from_target * c.x_in_target)));
+            predicted.map_or(f64::INFINITY, |predicted| (c.pixel - predicted).norm() / c.sigma_px)
+        };
+        let mut worst: Vec<(usize, f64)> = self.seen.iter().map(residual).enumerate().collect();
+        worst.sort_by(|a, b| b.1.total_cmp(&a.1));
+        worst.into_iter().take(MOST_LABELS).map(|(i, _)| i).collect()
+    }
+}
+
+/// Returns the sentence about the causes; none where there is none.
+pub(super) fn sentence(causes: &[PointsCause]) -> Option<String> {
+    let named: Vec<&str> = causes.iter().take(MOST_NAMED).map(|cause| cause.message.as_str()).collect();
+    let which = match &named[..] {
+        [] => return None,
+        [one] => one.to_string(),
+        [first @ .., last] => format!("{}, or {last}, which fits as well", first.join(", ")),
+    };
+    Some(format!("the points agree {which}: correct them and solve again"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{NamedPoint, PointsOptions, locate_points};
+    use crate::answer::{PoseAnswer, Status};
+    use resight_core::camera::{ImageSize, Pinhole};
+    use resight_core::{Camera, CameraMatrix, Correspondence, Pixel, Point, Pose, Vector6};
+
+    /// The principal point is off the middle, so that a mirrored image differs from mirrored points.
+    fn camera(f_px: f64) -> Camera {
+        let matrix = CameraMatrix { fx_px: f_px, fy_px: f_px, cx_px: 655.0, cy_px: 441.0 };
+        let size = ImageSize { width_px: 1280, height_px: 960 };
+        Camera::new(Pinhole { matrix }, Some(size)).expect("a camera")
+    }
+
+    /// Ten points in space with errors of a third of a pixel.
+    fn points() -> Vec<(Point, Pixel)> {
+        let pose = Pose::exp(&Vector6::new(0.2, -0.3, 0.1, -0.4, -0.3, 4.0));
+        let point = |i: u32| {
+            let angle = 2.399 * f64::from(i);
+            let x =
+                Point::new(angle.cos(), 0.7 * angle.sin(), 0.6 * (1.7 * angle).sin()) + Point::repeat(0.3);
+            let error = Pixel::new((12.9 * f64::from(i)).sin(), (78.2 * f64::from(i)).cos()) * 0.3;
+            (x, camera(900.0).project(&(pose * x)).expect("in front") + error)
+        };
+        (0..10).map(point).collect()
+    }
+
+    fn solved(points: &[(Point, Pixel)], camera: &Camera) -> PoseAnswer {
+        let named = |(i, (x, pixel)): (usize, &(Point, Pixel))| {
+            let seen = Correspondence::new(camera, *x, *pixel, 0.3).expect("in the field");
+            NamedPoint { name: i.to_string(), line: None, seen }
+        };
+        let points: Vec<NamedPoint> = points.iter().enumerate().map(named).collect();
+        locate_points("view", &points, camera, &PointsOptions::default())
+    }
+
+    fn causes(points: &[(Point, Pixel)]) -> (Vec<&'static str>, String) {
+        let answer = solved(points, &camera(900.0));
+        assert_ne!(answer.status(), Status::Ok, "{}", answer.verdict.message);
+        (answer.causes.iter().map(|cause| cause.cause).collect(), answer.verdict.message)
+    }
+
+    fn changed(change: impl Fn(Point, Pixel) -> (Point, Pixel)) -> Vec<(Point, Pixel)> {
+        points().into_iter().map(|(x, p)| change(x, p)).collect()
+    }
+
+    #[test]
+    fn exchanged_columns_and_axes_are_named() {
+        let (found, message) = causes(&changed(|x, p| (x, Pixel::new(p.y, p.x))));
+        assert_eq!(found, ["uv_exchanged"], "{message}");
+        assert!(message.starts_with("the points agree with u and v exchanged"), "{message}");
+        let (found, message) = causes(&changed(|x, p| (x, Pixel::new(p.x, 959.0 - p.y))));
+        assert_eq!(found, ["v_upwards"], "{message}");
+        // Exchanged axes and a reversed one differ by a rotation, which no image shows: both are named.
+        for points in
+            [changed(|x, p| (Point::new(x.y, x.x, x.z), p)), changed(|x, p| (Point::new(x.x, x.y, -x.z), p))]
+        {
+            let (mut found, message) = causes(&points);
+            found.sort_unstable();
+            assert_eq!(found, ["axis_reversed", "xy_exchanged"], "{message}");
+            assert!(message.contains("which fits as well"), "{message}");
+        }
+    }
+
+    #[test]
+    fn two_exchanged_labels_are_named() {
+        let mut exchanged = points();
+        (exchanged[2].1, exchanged[7].1) = (exchanged[7].1, exchanged[2].1);
+        let (found, message) = causes(&exchanged);
+        assert_eq!(found, ["labels_exchanged"]);
+        assert!(message.contains("the pixels of point 2 and point 7 exchanged"), "{message}");
+    }
+
+    /// Right points have no cause, and neither have other faults: a wrong lens, a wrong point, a mirrored image and a wrong point.
+    #[test]
+    fn other_faults_have_none_of_these_causes() {
+        let answer = solved(&points(), &camera(900.0));
+        assert_eq!((answer.status(), answer.causes.len()), (Status::Ok, 0));
+        let lens = solved(&points(), &camera(1300.0));
+        assert_eq!((lens.status(), lens.causes.len()), (Status::Inconsistent, 0), "{}", lens.verdict.message);
+        let mut wrong = points();
+        wrong[4].1.x += 60.0;
+        assert_eq!(causes(&wrong).0.len(), 0);
+        let mut both = changed(|x, p| (x, Pixel::new(p.y, p.x)));
+        both[4].1.x += 60.0;
+        assert_eq!(causes(&both).0.len(), 0);
+    }
+}
