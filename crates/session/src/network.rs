@@ -77,6 +77,7 @@ fn empty(sigma_px: f64, up: f64) -> Scene {
         pixel_limit_m: 0.05,
         error_limit_m: 0.10,
         is_camera_frame: false,
+        lengths_are_metres: false,
         remarks: Vec::new(),
     }
 }

@@ -9,7 +9,7 @@ use clap::Args;
 use resight::answer::RigPoseAnswer;
 use resight::report::verdict::figures;
 use resight::report::words::{coordinate, degrees, length};
-use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses};
+use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses, unit_remark};
 use std::path::PathBuf;
 
 /// Computes where a known rig is, from points seen by any of its cameras.

@@ -49,9 +49,11 @@ impl Once {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PointsOptions, locate_lines_and_points, locate_points};
+    use super::super::{NamedLine, PointsOptions, locate_lines_and_points, locate_points};
     use super::*;
+    use nalgebra::Unit;
     use resight_core::camera::Pinhole;
+    use resight_core::line::{ImageLine, LineCorrespondence};
     use resight_core::{Camera, CameraMatrix, Lens, Pixel, Point, Pose, Vector6};
 
     fn camera() -> Camera {
@@ -94,18 +96,18 @@ mod tests {
     /// The same point at another pixel is another observation.
     #[test]
     fn other_pixels_of_a_point_count_in_full() {
-        let once = points();
+        // Fewer than twelve: neighbours with equal errors count as shared ones from there on.
+        let once = points()[..5].to_vec();
         let mut twice = once.clone();
         for mut point in once.clone() {
             point.seen.pixel.x += 1e-6;
             twice.push(point);
         }
         let (a, b) = (solved(&once, None), solved(&twice, None));
-        assert_eq!((b.n_points, b.remarks.len()), (24, 0));
+        assert_eq!((b.n_points, b.remarks.len()), (10, 0));
         let variance = |answer: &PoseAnswer| answer.estimate.expect("a pose").covariance[(5, 5)];
-        let scale = |answer: &PoseAnswer| answer.estimate.expect("a pose").noise_scale.max(1.0);
-        let ratio = (variance(&a) / scale(&a)) / (variance(&b) / scale(&b));
-        assert!((ratio - 2.0).abs() < 0.05, "{ratio}");
+        let ratio = variance(&a) / variance(&b);
+        assert!((ratio - 2.0).abs() < 0.2, "{ratio}");
     }
 
     #[test]
@@ -135,11 +137,20 @@ mod tests {
     fn points_beside_lines_count_once_too() {
         let once = points();
         let copies: Vec<NamedPoint> = (0..3).flat_map(|_| once.clone()).collect();
+        let line = |i: usize, k: usize| {
+            let (from, to) = (&once[i].seen, &once[k].seen);
+            let seen = ImageLine::new(&camera(), [from.pixel, to.pixel], 0.3).expect("two pixels");
+            let direction_in_target = Unit::new_normalize(to.x_in_target - from.x_in_target);
+            let seen =
+                LineCorrespondence { point_in_target: Some(from.x_in_target), direction_in_target, seen };
+            NamedLine { name: format!("{i}-{k}"), line: None, seen }
+        };
+        let lines = [line(0, 5), line(3, 10)];
         let solved = |points: &[NamedPoint]| {
-            locate_lines_and_points("view", points, &[], &camera(), &PointsOptions::default())
+            locate_lines_and_points("view", points, &lines, &camera(), &PointsOptions::default())
         };
         let (a, b) = (solved(&once), solved(&copies));
-        assert!(a.estimate.is_some() && a.estimate == b.estimate);
-        assert_eq!((b.names.len(), b.remarks.len()), (36, 1));
+        assert!(a.estimate.is_some() && a.estimate == b.estimate, "{}", a.verdict.message);
+        assert_eq!((a.names.len(), b.names.len(), b.remarks.len()), (14, 38, 1));
     }
 }

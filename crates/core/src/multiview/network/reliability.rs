@@ -99,7 +99,7 @@ impl Adjusted {
 
     /// A focal length that is off by a part of itself moves all image points of its camera together: docs/math/survey.md eq. (32).
     fn of_focal(&self, camera: usize, used: &[usize]) -> Option<PossibleError> {
-        let (mut squared, mut pull) = (0.0, DVector::zeros(self.layout.n));
+        let (mut squared, mut pull) = (0.0, DVector::<f64>::zeros(self.layout.n));
         for index in used {
             let Constraint::ImagePoint { photo, .. } = &self.constraints[*index] else { continue };
             if self.state.camera_of_photo[*photo] != camera {
