@@ -8,7 +8,6 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AxisFilter, AxisNoise, DAY_S, Innovation, Transition};
-use super::memory::{FURTHEST_BEHIND, Memory};
 use super::models::{
     DAYS, DIRECTIONS, DIURNAL_SHARES, EXCLUDED, GRID, GRID_MODELS, MODELS, Model, STATED, WHITE, best,
     between,
@@ -27,6 +26,8 @@ pub struct CorrelatedError {
     pub time_s: f64,
 }
 
+/// Largest distance by which a model may fall behind, so that errors that come back are recognised within minutes.
+pub(super) const FURTHEST_BEHIND: f64 = 60.0;
 /// Another model is used when it is ahead by this much.
 const AHEAD: f64 = 2.0;
 /// Correlated errors are presumed up to this share while there is no reading; ln of how improbable larger ones are.
@@ -60,7 +61,6 @@ pub(super) struct AxisBank {
     /// The model whose filter is used.
     pub used: usize,
     readings: f64,
-    memory: Memory,
 }
 
 fn largest(of: &[f64; MODELS]) -> f64 {
@@ -137,7 +137,6 @@ impl AxisBank {
             record: [0.0; MODELS],
             used: WHITE,
             readings: 0.0,
-            memory: Memory::none(),
         };
         bank.begin(noise);
         bank
@@ -161,7 +160,6 @@ impl AxisBank {
     }
 
     pub fn predict(&mut self, passed: &Passed, stated: &Transition) {
-        self.memory.pass(passed.elapsed_s);
         let ([_, b], [_, mb, bb]) = (&mut self.mean, &mut self.covariance);
         for i in 0..GRID {
             let kept = passed.decays[i];
@@ -268,15 +266,12 @@ impl AxisBank {
             self.record[STATED] = self.record[WHITE];
             self.scale[STATED] = self.scale[WHITE];
         }
-        self.memory.note(&self.log_likelihood, largest(&self.log_likelihood));
         self.choose();
     }
 
     fn choose(&mut self) {
         let most = largest(&self.log_likelihood);
-        for (model, of) in self.log_likelihood.iter_mut().enumerate() {
-            *of = of.max(most - self.memory.furthest_behind(model));
-        }
+        self.log_likelihood.iter_mut().for_each(|of| *of = of.max(most - FURTHEST_BEHIND));
         let most = largest(&self.record);
         self.record.iter_mut().for_each(|of| *of = (*of - most).max(-FURTHEST_BEHIND));
         if self.record[self.used] < -AHEAD {
@@ -288,12 +283,6 @@ impl AxisBank {
         self.log_likelihood.copy_from_slice(all);
         self.record.copy_from_slice(all);
         self.choose();
-    }
-
-    /// The readings of a motion say nothing of noise: the models are worth what they were before it.
-    pub fn set_aside(&mut self, then: &[f64]) {
-        self.set_log_likelihoods(then);
-        self.memory.set_aside();
     }
 
     pub fn forget_likelihoods(&mut self) {
@@ -429,5 +418,4 @@ numbers!(AxisBank {
     record,
     used,
     readings,
-    memory,
 });

@@ -27,8 +27,8 @@ const LEARNED_OVER: f64 = 1000.0;
 pub(super) struct Contradictions {
     /// Chance and weight of it, after a reading that agrees and after one that contradicts.
     chance: [(f64, f64); 2],
-    /// Whether the last one did.
-    is_after: bool,
+    /// How many of the last readings did, without one between them that agrees.
+    run: f64,
     /// ln R.
     log_r: f64,
     is_reported: bool,
@@ -38,13 +38,7 @@ pub(super) struct Contradictions {
 
 impl Contradictions {
     pub fn none() -> Self {
-        Contradictions {
-            chance: EXPECTED,
-            is_after: false,
-            log_r: f64::MIN,
-            is_reported: false,
-            log_well: 0.0,
-        }
+        Contradictions { chance: EXPECTED, run: 0.0, log_r: f64::MIN, is_reported: false, log_well: 0.0 }
     }
 
     /// Whether the readings contradict their stated noise.
@@ -55,7 +49,6 @@ impl Contradictions {
     pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
         let ratio =
             |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
-        let (chance, weight) = &mut self.chance[usize::from(self.is_after)];
         if self.is_reported {
             self.log_well = (self.log_well + ratio(SELDOM, MOSTLY).ln()).max(0.0);
             if WELL <= self.log_well {
@@ -63,19 +56,36 @@ impl Contradictions {
             }
             return;
         }
-        self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio(MOSTLY, *chance).ln();
+        let (chance, _) = self.chance[usize::from(0.0 < self.run)];
+        self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio(MOSTLY, chance).ln();
         if log_threshold <= self.log_r {
             (self.is_reported, self.log_well) = (true, 0.0);
             return;
         }
-        *weight = (*weight + 1.0).min(LEARNED_OVER);
-        *chance = (*chance + (f64::from(u8::from(contradicts)) - *chance) / *weight).clamp(1e-3, LONGEST);
-        self.is_after = contradicts;
+        self.learn(contradicts);
+    }
+
+    /// A run of contradictions counts once it has ended: while it lasts it may be the news.
+    fn learn(&mut self, contradicts: bool) {
+        match (contradicts, 0.0 < self.run) {
+            (false, true) => self.count(1, self.run - 1.0, self.run),
+            (_, true) => (),
+            (_, false) => self.count(0, f64::from(u8::from(contradicts)), 1.0),
+        }
+        self.run = if contradicts { self.run + 1.0 } else { 0.0 };
+    }
+
+    /// Learns that of so many readings, each after one that agrees (0) or that contradicts (1), some contradicted.
+    fn count(&mut self, after: usize, contradicted: f64, of: f64) {
+        let (chance, weight) = &mut self.chance[after];
+        *weight = (*weight + of).min(LEARNED_OVER);
+        *chance = (*chance + (contradicted - of * *chance) / *weight).clamp(1e-3, LONGEST);
     }
 
     pub fn is_sound(&self) -> bool {
         self.chance.iter().all(|(chance, weight)| 0.0 < *chance && *chance < 1.0 && 1.0 <= *weight)
+            && 0.0 <= self.run
     }
 }
 
-numbers!(Contradictions { chance, is_after, log_r, is_reported, log_well });
+numbers!(Contradictions { chance, run, log_r, is_reported, log_well });

@@ -9,8 +9,7 @@
 //! Derivation: docs/math/monitor.md section 9.
 
 use super::axis::{AXES, AxisNoise, Innovation, Transition, Whitened};
-use super::bank::{AxisBank, Passed};
-use super::memory::FURTHEST_BEHIND;
+use super::bank::{AxisBank, FURTHEST_BEHIND, Passed};
 use super::models::{self, EXCLUDED, MODELS};
 use super::priors::{BETWEEN, GROWN, most_grown, read_grown};
 use super::promise::{self, Detectable, MeasuredNoise, Promise};
@@ -189,7 +188,7 @@ impl Measured {
                 .zip(&bank.log_likelihood)
                 .zip(then)
                 .for_each(|((aside, now), then)| *aside += now - then);
-            bank.set_aside(then);
+            bank.set_log_likelihoods(then);
         }
     }
 
