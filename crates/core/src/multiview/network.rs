@@ -17,11 +17,11 @@ mod starts;
 mod snoop;
 mod solve;
 mod arrange;
+mod exchange;
 mod blunder;
 mod verdict;
 mod interval;
 mod ground;
-mod exchange;
 mod reliability;
 
 use crate::correspondence::PixelCovariance;
