@@ -307,8 +307,11 @@ fn line_end(columns: &[usize; 5], cells: &TableRow<'_>) -> Result<Option<LineEnd
 pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     for view in views {
         let mut seen = std::collections::HashMap::new();
-        let duplicates =
-            view.rows.iter().find_map(|row| seen.insert(&row.name, row.line).map(|line| (row, line)));
+        let is_other = |a: &Row, b: &Row| (a.x_in_target, a.image) != (b.x_in_target, b.image);
+        let duplicates = view.rows.iter().find_map(|row| {
+            let before = seen.insert(&row.name, row).filter(|before| is_other(before, row))?;
+            Some((row, before.line))
+        });
         if let Some((row, line)) = duplicates {
             let (view, name, second) = (&view.name, &row.name, row.line);
             return Some(format!(

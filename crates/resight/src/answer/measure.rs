@@ -81,6 +81,8 @@ struct QueryReliabilityObject {
     unit: &'static str,
     /// The measurements and lenses that the answer depends on and that nothing checks.
     unchecked: Vec<String>,
+    /// The measurements that the answer depends on and that are checked in some directions only, as an image point is by one other photograph.
+    partly_checked: Vec<String>,
 }
 
 /// A measurement or a lens, and which error of it would be noticed.
@@ -146,9 +148,12 @@ fn reliability_object(
     answer: &QueryAnswer,
     unit: &'static str,
 ) -> QueryReliabilityObject {
-    let (largest_unnoticed_error, unchecked) =
-        (words::largest_unnoticed_error(answer), words::unchecked(scene, answer));
-    QueryReliabilityObject { largest_unnoticed_error, unit, unchecked }
+    QueryReliabilityObject {
+        largest_unnoticed_error: words::largest_unnoticed_error(answer),
+        unit,
+        unchecked: words::unchecked(scene, answer),
+        partly_checked: words::partly_checked(scene, answer),
+    }
 }
 
 fn source_object(scene: &NamedScene, source: ErrorSource, error: Option<f64>) -> SourceReliabilityObject {

@@ -76,9 +76,17 @@ pub fn source(scene: &NamedScene, source: ErrorSource) -> String {
 
 /// Returns the names of what an answer depends on and nothing checks.
 pub fn unchecked(scene: &NamedScene, answer: &QueryAnswer) -> Vec<String> {
+    named(scene, answer.reliability.iter().flat_map(|r| &r.unchecked))
+}
+
+/// Returns the names of what an answer depends on and is checked in some directions only.
+pub fn partly_checked(scene: &NamedScene, answer: &QueryAnswer) -> Vec<String> {
+    named(scene, answer.reliability.iter().flat_map(|r| &r.partly_checked))
+}
+
+fn named<'a>(scene: &NamedScene, sources: impl Iterator<Item = &'a ErrorSource>) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for of in answer.reliability.iter().flat_map(|r| &r.unchecked) {
-        let name = source(scene, *of);
+    for name in sources.map(|of| source(scene, *of)) {
         if !names.contains(&name) {
             names.push(name);
         }
@@ -97,11 +105,17 @@ const MOST_NAMED: usize = 3;
 
 /// `a single error may go unnoticed up to 0.12 m`, or what nothing checks; none of an answer without values.
 pub fn reliability(scene: &NamedScene, answer: &QueryAnswer) -> Option<String> {
-    let names = unchecked(scene, answer);
-    if !names.is_empty() {
+    let listed = |names: &[String]| {
         let more = names.len().saturating_sub(MOST_NAMED);
         let more = if more == 0 { String::new() } else { format!(" and {more} more") };
-        return Some(format!("nothing checks {}{more}", names[..names.len().min(MOST_NAMED)].join(", ")));
+        format!("{}{more}", names[..names.len().min(MOST_NAMED)].join(", "))
+    };
+    match (unchecked(scene, answer), partly_checked(scene, answer)) {
+        (names, _) if !names.is_empty() => return Some(format!("nothing checks {}", listed(&names))),
+        (_, names) if !names.is_empty() => {
+            return Some(format!("checked in one direction only: {}", listed(&names)));
+        }
+        _ => {}
     }
     let largest = largest_unnoticed_error(answer).filter(|x| x.is_finite())?;
     let value = if answer.query.kind == QueryKind::Angle { largest.to_degrees() } else { largest };
@@ -112,12 +126,14 @@ pub fn reliability(scene: &NamedScene, answer: &QueryAnswer) -> Option<String> {
 
 /// The remark about answers that depend on something that nothing checks; each answer names what.
 pub(super) fn unchecked_answers(answers: &[QueryAnswer]) -> Option<String> {
-    let is_unchecked = |answer: &&QueryAnswer| answer.reliability.iter().any(|r| !r.unchecked.is_empty());
+    let is_unchecked = |answer: &&QueryAnswer| {
+        answer.reliability.iter().any(|r| !(r.unchecked.is_empty() && r.partly_checked.is_empty()))
+    };
     let names: Vec<&str> =
         answers.iter().filter(is_unchecked).map(|answer| answer.query.name.as_str()).collect();
     (!names.is_empty()).then(|| {
         format!(
-            "not checked: {}; no other measurement checks what these depend on, so an error of any size in it goes unnoticed; another photograph, distance or control point of the same point checks it",
+            "not checked: {}; no other measurement checks what these depend on, or only in one direction, so an error of any size in it may go unnoticed; another photograph, distance or control point of the same point checks it",
             names.join(", ")
         )
     })

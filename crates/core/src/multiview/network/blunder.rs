@@ -42,15 +42,11 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
         return whole;
     }
     let slips = SLIPS.iter().map(|powers| slips(network, &whole, powers)).find(|found| !found.is_empty());
-    let agreed = |with: &NetworkProblem| {
-        attempt(with, Depth::Single).ok().filter(|found| explains(with, &whole, found))
-    };
-    if slips.is_none()
-        && let Some(exchanged) = exchange::exchanged(network, agreed)
-    {
+    let is_slip = slips.is_some();
+    let mut found = slips.unwrap_or_else(|| removals(network, &whole));
+    if !is_slip && let Some(exchanged) = exchanged(network, &whole, &found) {
         return Ok(exchanged);
     }
-    let mut found = slips.unwrap_or_else(|| removals(network, &whole));
     found.sort_by(|a, b| a.without.chi2.total_cmp(&b.without.chi2));
     let mut found = found.into_iter();
     let Some(first) = found.next() else { return whole };
@@ -68,6 +64,23 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     best.suspects = [vec![first.suspect], tied].concat();
     best.constraints = network.constraints.to_vec();
     Ok(best)
+}
+
+/// The network with two labels exchanged that explains everything.
+fn exchanged(
+    network: &NetworkProblem,
+    whole: &Result<Adjusted, Error>,
+    found: &[Explanation],
+) -> Option<Adjusted> {
+    let of_whole =
+        || whole.as_ref().map_or(Vec::new(), |w| w.suspects.iter().map(|s| s.constraint).collect());
+    let (suspected, is_explained) = match found {
+        [] => (of_whole(), false),
+        found => (found.iter().map(|e| e.suspect.constraint).collect(), true),
+    };
+    exchange::exchanged(network, &suspected, is_explained, |with| {
+        attempt(with, Depth::Single).ok().filter(|agreed| explains(with, whole, agreed))
+    })
 }
 
 /// Whether something is wrong: constraints that contradict each other, or a control point that was clicked but left out, and what is known of it with it.

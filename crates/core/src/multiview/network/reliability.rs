@@ -32,12 +32,14 @@ pub enum ErrorSource {
 #[derive(Debug, Clone, PartialEq)]
 pub struct QueryReliability {
     /// The largest error that a single wrong constraint or lens puts into the answer without being noticed in four of five cases, in the unit of
-    /// the answer; none where the answer depends on something that nothing checks.
+    /// the answer; none where the answer depends on something that nothing checks in some direction.
     pub largest_unnoticed_error: Option<f64>,
     /// The constraint or lens behind it.
     pub weakest: Option<ErrorSource>,
     /// Constraints and lenses that the answer depends on and that nothing checks.
     pub unchecked: Vec<ErrorSource>,
+    /// Constraints that the answer depends on and that are checked in some directions only, as an image point is by one other photograph.
+    pub partly_checked: Vec<ErrorSource>,
 }
 
 /// A possible error of one source: one standard deviation along a direction of its rows.
@@ -72,6 +74,9 @@ impl Adjusted {
     fn of_constraint(&self, index: usize) -> Vec<PossibleError> {
         let constraint = &self.constraints[index];
         let rows = rows(constraint, &self.state, &self.layout).unwrap_or_default();
+        if rows.is_empty() {
+            return Vec::new(); // Exact, such as a known pose without a covariance.
+        }
         let identity = |i: usize, k: usize| f64::from(u8::from(i == k));
         let redundancy = DMatrix::from_fn(rows.len(), rows.len(), |i, k| {
             identity(i, k) - self.scatter(&rows[i].entries, &rows[k].entries)
@@ -143,6 +148,10 @@ impl NetworkReliability<'_> {
         is_checked.then(|| self.kappa * least.unit / least.redundancy.sqrt())
     }
 
+    fn is_checked_in_some_direction(&self, source: ErrorSource) -> bool {
+        self.all.iter().any(|error| error.source == source && LEAST_REDUNDANCY < error.redundancy)
+    }
+
     /// Returns every constraint and lens that took part.
     pub fn sources(&self) -> Vec<ErrorSource> {
         let mut sources: Vec<ErrorSource> = self.all.iter().map(|error| error.source).collect();
@@ -160,14 +169,14 @@ impl NetworkReliability<'_> {
         let gradient: Vec<(usize, f64)> =
             gradient.iter().copied().enumerate().filter(|(_, x)| *x != 0.0).collect();
         let variance = self.adjusted.scatter(&gradient, &gradient);
-        let (mut largest, mut weakest, mut unchecked) = (0.0, None, Vec::new());
+        let (mut largest, mut weakest, mut open) = (0.0, None, Vec::new());
         for error in &self.all {
             let influence = self.adjusted.scatter(&gradient, &error.pull);
             if !(LEAST_SHARE * variance <= influence * influence) {
                 continue;
             }
             if !(LEAST_REDUNDANCY < error.redundancy) {
-                unchecked.push(error.source);
+                open.push(error.source);
                 continue;
             }
             let unnoticed = self.kappa * influence.abs() / error.redundancy.sqrt();
@@ -175,12 +184,15 @@ impl NetworkReliability<'_> {
                 (largest, weakest) = (unnoticed, Some(error.source));
             }
         }
-        unchecked.dedup();
-        let is_checked = unchecked.is_empty();
+        open.dedup();
+        let is_checked = open.is_empty();
+        let (partly_checked, unchecked): (Vec<_>, Vec<_>) =
+            open.into_iter().partition(|source| self.is_checked_in_some_direction(*source));
         Ok(QueryReliability {
             largest_unnoticed_error: is_checked.then_some(largest),
             weakest: weakest.filter(|_| is_checked),
             unchecked,
+            partly_checked,
         })
     }
 }
