@@ -95,7 +95,8 @@ fn equal_detections_count_once() {
         json(&resight::rig_from_detections(&Detections::rows(&rows(cells)), &two_cameras()).unwrap())
     });
     assert_eq!((&once["status"], &once["cameras"]), (&"ok".into(), &twice["cameras"]));
-    let (n, remarks) = (cells.len(), twice["remarks"].to_string());
+    let observed = ObservedRig::from_detections(&Detections::rows(&rows(&doubled)), &two_cameras()).unwrap();
+    let (n, remarks) = (cells.len(), observed.remarks.join("; "));
     assert!(remarks.contains(&format!("{n} of {} rows repeat another", 2 * n)), "{remarks}");
 }
 
