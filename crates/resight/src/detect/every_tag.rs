@@ -97,6 +97,9 @@ impl EveryTagFinder {
     /// The families that an image shows, the one with most tags first. A square that two families read is that of the one that shows
     /// more tags.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FamilyTags> {
+        if super::is_blank(image) {
+            return Vec::new();
+        }
         let quiet = Quietened::new(image);
         let (free, in_grids) = (self.shown(&quiet), self.shown_in_grids(image, &quiet));
         let mut found = self.measured(image, free);
