@@ -19,6 +19,7 @@ mod homography;
 mod joints;
 mod light;
 mod noise;
+mod outlines;
 mod print;
 mod region;
 pub mod sigma;
@@ -172,6 +173,20 @@ fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
     }
 }
 
+/// Grey levels of the faintest target differ by more than this.
+const LEAST_RANGE_GRAY: u8 = 5;
+
+/// Whether an image shows nothing at all, such as one from a covered lens: none is searched, whatever its size.
+fn is_blank(image: &GrayImage) -> bool {
+    let (mut low, mut high) = (u8::MAX, 0);
+    // By rows: most images show something in the first ones.
+    image.data.chunks(image.width_px.max(1) as usize).all(|row| {
+        low = row.iter().fold(low, |low, gray| low.min(*gray));
+        high = row.iter().fold(high, |high, gray| high.max(*gray));
+        high <= low.saturating_add(LEAST_RANGE_GRAY)
+    })
+}
+
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
@@ -283,6 +298,9 @@ impl Detector {
     fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {
         check_buffer(image)?;
         self.copies.clear();
+        if is_blank(image) {
+            return Ok(Vec::new());
+        }
         match &mut self.finder {
             Finder::Tag(finder) => Ok(tags::single_or_unique(&finder.find(image), false)?.0),
             Finder::TagMap(finder) => {

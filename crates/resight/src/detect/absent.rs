@@ -83,6 +83,9 @@ fn last_id(first: u32, count: u32) -> u32 {
 
 /// What an image shows instead of a target, with a remedy; none where nothing similar is seen.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
+    if super::is_blank(image) {
+        return None;
+    }
     match target.design() {
         Target::Tag(tag) => tags::instead(&tags::Wanted::of_tag(tag), image),
         Target::TagMap(map) => tags::instead(&tags::Wanted::of_map(map), image),

@@ -15,6 +15,7 @@ use super::families::{Family, MarkerPattern, marker_pattern};
 use super::homography::{Homography, PlanePoint};
 use super::joints::CornerWindow;
 use super::noise::Quietened;
+use super::outlines::{self, Ink};
 use super::region::{Region, joined, longer_side_px};
 use super::tiles::{self, CameraWatcher};
 use crate::GrayImage;
@@ -35,6 +36,8 @@ pub(super) struct CharucoFinder {
     /// Half of a marker's edge, and a marker's cells, in squares.
     half_marker: f64,
     cells_a_square: f64,
+    /// Cells along a marker's border.
+    border_cells: i32,
     /// Whether the markers found last are printed white on black.
     is_inverted: bool,
 }
@@ -59,6 +62,7 @@ impl CharucoFinder {
         let squares = marker_squares(board);
         let ids: Vec<u32> = (0..squares.len() as u32).collect();
         let family = Family::named(&board.dictionary)?.only(&board.dictionary, &ids)?;
+        let border_cells = family.border_width;
         let mirrored = family.clone().mirrored();
         let families = [family.clone(), family.inverted(), mirrored.clone(), mirrored.inverted()];
         let decoder = QuadDecoder::new(&families).ok_or(DetectError::OutOfMemory)?;
@@ -78,6 +82,7 @@ impl CharucoFinder {
             prints,
             half_marker,
             cells_a_square,
+            border_cells,
             is_inverted: false,
         })
     }
@@ -103,7 +108,10 @@ impl CharucoFinder {
                 false => (image, quiet.least_contrast_unsmoothed(LEAST_CONTRAST)),
             };
             self.decoder.set_least_contrast(contrast);
-            let seen = self.look(searched, decimate as f32);
+            let seen = match decimate {
+                1.0 => self.look_at_outlines(searched, contrast),
+                _ => self.look(searched, decimate as f32),
+            };
             let copies = self.copies(&seen);
             if 1 < copies {
                 return Err(DetectError::BoardCopies { kind: "ChArUco board", count: copies });
@@ -147,6 +155,30 @@ impl CharucoFinder {
             .filter(|m| MIRRORED[m.family])
             .for_each(|m| m.corners = [1, 0, 3, 2].map(|k: usize| m.corners[k]));
         seen
+    }
+
+    /// The markers that show at full size only, read where the image has outlines with four sides.
+    fn look_at_outlines(&mut self, image: &GrayImage, contrast: u8) -> Vec<DecodedTag> {
+        let Some(quads) = outlines::of(image, contrast, &[Ink::Dark, Ink::Light], self.border_cells) else {
+            return self.look(image, 1.0);
+        };
+        let size_px = [image.width_px, image.height_px];
+        let regions: Vec<Region> =
+            quads.iter().filter_map(|quad| Region::around(quad, 16.0, size_px)).collect();
+        if outlines::is_texture(&regions, image) {
+            return self.look(image, 1.0);
+        }
+        let mut part = GrayImage::filled(0, 0, 0);
+        let mut all = Vec::new();
+        for region in joined(regions) {
+            if region.cut(image, &mut part).is_none() {
+                continue;
+            }
+            let mut seen = self.look(&part, 1.0);
+            seen.iter_mut().flat_map(|m| &mut m.corners).for_each(|corner| *corner += region.origin());
+            all.extend(seen);
+        }
+        all
     }
 
     /// With the markers that show at full size where these say they are, and those that these say in turn.

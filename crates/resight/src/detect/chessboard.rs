@@ -12,9 +12,10 @@
 
 mod grow;
 mod lattice;
+mod margin;
 mod outline;
 mod place;
-mod squares;
+pub(super) mod squares;
 
 use super::homography::{Homography, PlanePoint, floor};
 use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
@@ -65,6 +66,8 @@ const SAME_CORNER_PX: f64 = 3.0;
 const LEAST_NODES: usize = 6;
 /// Corners beside a board that are at least this share of one are looked through for a second one.
 const SHARE_OF_COPY: f64 = 0.5;
+/// A line of a grid carries at least this share of its nodes.
+const LEAST_OF_LINE: f64 = 0.5;
 /// Fewest nodes of a part that is told of.
 const LEAST_OF_PART: usize = 12;
 
@@ -95,12 +98,13 @@ impl ChessboardFinder {
     pub fn largest_grid(&self, image: &GrayImage) -> Option<(usize, usize)> {
         let corners = corners(image, &self.config);
         let lattices = self.detectors.iter().flat_map(|detector| detector.detect_all(&corners));
-        let size = |lattice: &Lattice| {
+        let size = |lattice: Lattice| {
+            let lattice = lattice.without_sparse_lines(LEAST_OF_LINE);
             let (columns, rows) = lattice.extent()?.size();
             let is_full = MIN_LABELLED * f64::from(columns * rows) <= lattice.nodes.len() as f64;
             is_full.then_some((columns.min(rows) as usize, columns.max(rows) as usize))
         };
-        let sizes = lattices.filter_map(|found| size(&Lattice::labelled(&found)));
+        let sizes = lattices.filter_map(|found| size(Lattice::labelled(&found)));
         sizes.filter(|(rows, _)| 3 <= *rows).max_by_key(|(rows, columns)| rows * columns)
     }
 
@@ -115,7 +119,7 @@ impl ChessboardFinder {
             match whole.len() {
                 0 => {}
                 1 => {
-                    let found = whole.into_iter().map(|(lattice, p)| search.whole(lattice, &p)).next();
+                    let found = whole.into_iter().map(|(l, p)| search.whole(l, &p, &corners)).next();
                     return search.alone(found.unwrap_or(Outcome::Nothing), &corners);
                 }
                 count => return Outcome::Copies(count),
@@ -281,7 +285,8 @@ impl Search<'_> {
             let large = |piece: &&Lattice| SHARE_OF_COPY * needed <= piece.nodes.len() as f64;
             for piece in others.iter().filter(large).filter(|piece| piece.nodes.len() <= MOST_NODES).take(1) {
                 let Some(dark) = place::dark(piece, self.image) else { continue };
-                if matches!(self.grown(piece.clone(), dark, &mut Vec::new()), Outcome::Board(_)) {
+                let joints = strongest_first(&rest, 1.0);
+                if matches!(self.grown(piece.clone(), dark, &joints, &mut Vec::new()), Outcome::Board(_)) {
                     return Outcome::Copies(2);
                 }
             }
@@ -290,13 +295,14 @@ impl Search<'_> {
     }
 
     /// A board that the library found, with the corners that it missed where their print shows them.
-    fn whole(&self, lattice: Lattice, p: &Placement) -> Outcome {
+    fn whole(&self, lattice: Lattice, p: &Placement, corners: &[ChessCorner]) -> Outcome {
         let board = &self.finder.board;
         let mut found = self.finder.refined(&lattice, p, self.image, false);
         let is_whole = found.len() == (board.rows * board.columns) as usize;
         let dark =
             place::dark(&lattice, self.image).filter(|_| !is_whole && lattice.nodes.len() <= MOST_NODES);
-        let grown = dark.map(|dark| self.grown(lattice, dark, &mut Vec::new()));
+        let grown =
+            dark.map(|dark| self.grown(lattice, dark, &strongest_first(corners, 1.0), &mut Vec::new()));
         if let Some(Outcome::Board(more)) = grown {
             let known = found.clone();
             let same = |d: &Detection| known.iter().find(|k| k.feature == d.feature);
@@ -334,19 +340,17 @@ impl Search<'_> {
         pieces.sort_by_key(|piece| std::cmp::Reverse(piece.nodes.len()));
         pieces.retain(|piece| piece.nodes.len() <= MOST_NODES);
         pieces.truncate(1);
+        let joints = strongest_first(corners, scale);
         let mut best = Outcome::Nothing;
         let mut grown: Vec<Lattice> = Vec::new();
         for piece in pieces {
             if let Some(dark) = place::dark(&piece, self.image) {
-                best = better(best, self.grown(piece, dark, &mut grown));
+                best = better(best, self.grown(piece, dark, &joints, &mut grown));
             }
         }
         if self.is_enough(&best) {
             return best;
         }
-        let mut strongest: Vec<&ChessCorner> = corners.iter().collect();
-        strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
-        let joints: Vec<Joint> = strongest.into_iter().map(|c| enlarged(Joint::new(c), scale)).collect();
         let squares = squares::black_squares(&joints, self.image, self.noise_gray);
         for square in squares {
             if MOST_SEEDS <= grown.len() || self.is_enough(&best) {
@@ -357,15 +361,15 @@ impl Search<'_> {
                 continue;
             }
             let nodes = [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().zip(corners);
-            best = better(best, self.grown(Lattice { nodes: nodes.collect() }, 0, &mut grown));
+            best = better(best, self.grown(Lattice { nodes: nodes.collect() }, 0, &joints, &mut grown));
         }
         best
     }
 
     /// A piece after growing, and its place in the board.
-    fn grown(&self, mut lattice: Lattice, dark: i32, all: &mut Vec<Lattice>) -> Outcome {
+    fn grown(&self, mut lattice: Lattice, dark: i32, joints: &[Joint], all: &mut Vec<Lattice>) -> Outcome {
         let board = &self.finder.board;
-        let mut pattern = Pattern::new(self.image, self.noise_gray, dark, &lattice);
+        let mut pattern = Pattern::new(self.image, joints, self.noise_gray, dark, &lattice);
         pattern.keep_vouched(&mut lattice);
         // One more than the board has: a larger one is another board.
         let most = board.rows.max(board.columns) as i32 + 1;
@@ -392,6 +396,13 @@ impl Search<'_> {
         all.push(lattice);
         outcome
     }
+}
+
+/// Saddle points of an image that is reduced by `scale`, in the whole one.
+fn strongest_first(corners: &[ChessCorner], scale: f64) -> Vec<Joint> {
+    let mut strongest: Vec<&ChessCorner> = corners.iter().collect();
+    strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    strongest.into_iter().map(|c| enlarged(Joint::new(c), scale)).collect()
 }
 
 /// Whether a joint is a node of a lattice already.

@@ -56,6 +56,9 @@ struct Sought {
 /// Of a family whose codes chance gives the print has to explain this share of the variance: of another print it explains half.
 const EXPLAINED_OF_WEAK: f64 = 0.85;
 
+/// A grid of such a family shows at least so many tags: among a dozen tags of another one, chance gives one code now and then.
+const LEAST_OF_WEAK_GRID: usize = 3;
+
 impl EveryTagFinder {
     /// All tags of a family (AprilTag name or OpenCV dictionary), or of any family where `family` is `any`.
     ///
@@ -94,6 +97,9 @@ impl EveryTagFinder {
     /// The families that an image shows, the one with most tags first. A square that two families read is that of the one that shows
     /// more tags.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FamilyTags> {
+        if super::is_blank(image) {
+            return Vec::new();
+        }
         let quiet = Quietened::new(image);
         let (free, in_grids) = (self.shown(&quiet), self.shown_in_grids(image, &quiet));
         let mut found = self.measured(image, free);
@@ -176,8 +182,11 @@ impl Sought {
             };
             finder.find(image)
         };
-        // A lone tag of a grid has other print around it, and rests on its clear reading.
+        // A tag of a grid has other print around it, and rests on its clear reading; where chance gives that, on the tags beside it.
         tags.retain(|tag| !is_free || !self.is_weak || EXPLAINED_OF_WEAK <= tag.explained);
+        if !is_free && self.is_weak && tags.len() < LEAST_OF_WEAK_GRID {
+            tags.clear();
+        }
         Some(FamilyTags { family: self.name.clone(), tags })
     }
 }

@@ -6,7 +6,6 @@
 //! from 32 px on; of tags without a white margin, of 20 px, 33 %, and stretched 97 %.
 
 use crate::GrayImage;
-use resight_core::Pixel;
 
 /// The darkest and the brightest are taken of windows of so many pixels: a cell or two of a tag, less than most shadows' edges are wide.
 const WINDOW_PX: usize = 9;
@@ -30,8 +29,8 @@ pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> 
         return None;
     }
     let width = image.width_px as usize;
-    let low = smoothed(extreme(&image.data, width, u8::min), width);
-    let high = smoothed(extreme(&image.data, width, u8::max), width);
+    let low = smoothed(extreme(&image.data, width, |a, b| a.min(b)), width);
+    let high = smoothed(extreme(&image.data, width, |a, b| a.max(b)), width);
     // The windows begin at their first pixel: their middle is this much further.
     let shift = (WINDOW_PX / 2 + SMOOTH_PX / 4) * (width + 1);
     let mut data = vec![FLAT; image.data.len()];
@@ -49,16 +48,33 @@ pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> 
 /// What shows nothing.
 const FLAT: u8 = 127;
 
-/// Two opposite corners of the part of a stretched image that shows something; none of one that shows nothing.
-pub(super) fn structured(image: &GrayImage) -> Option<[Pixel; 2]> {
+/// Edge of the blocks in which an image is looked through for anything that is no noise, pixels.
+const BLOCK_PX: usize = 8;
+
+/// Whether grey levels differ by `least_gray` in two blocks beside each other: a tag that can be read covers two, and noise hardly spreads so far in
+/// both.
+pub(super) fn has_structure(image: &GrayImage, least_gray: u8) -> bool {
     let width = image.width_px.max(1) as usize;
-    let rows = image.data.chunks(width);
-    let shows = |row: &[u8]| row.iter().any(|gray| *gray != FLAT);
-    let (top, bottom) = (rows.clone().position(shows)?, rows.clone().rposition(shows)?);
-    let inside = || rows.clone().skip(top).take(bottom + 1 - top);
-    let left = inside().filter_map(|row| row.iter().position(|gray| *gray != FLAT)).min()?;
-    let right = inside().filter_map(|row| row.iter().rposition(|gray| *gray != FLAT)).max()?;
-    Some([Pixel::new(left as f64, top as f64), Pixel::new(right as f64, bottom as f64)])
+    let (mut low, mut high) = (vec![0u8; width], vec![0u8; width]);
+    let mut above = vec![false; width.div_ceil(BLOCK_PX)];
+    for rows in image.data.chunks(BLOCK_PX * width) {
+        low.fill(255);
+        high.fill(0);
+        for row in rows.chunks(width) {
+            low.iter_mut().zip(row).for_each(|(a, b)| *a = (*a).min(*b));
+            high.iter_mut().zip(row).for_each(|(a, b)| *a = (*a).max(*b));
+        }
+        let mut is_left = false;
+        for ((above, low), high) in above.iter_mut().zip(low.chunks(BLOCK_PX)).zip(high.chunks(BLOCK_PX)) {
+            let (low, high) = (low.iter().min().copied(), high.iter().max().copied());
+            let is_structured = least_gray <= high.unwrap_or(0).saturating_sub(low.unwrap_or(255));
+            if is_structured && (is_left || *above) {
+                return true;
+            }
+            (*above, is_left) = (is_structured, is_structured);
+        }
+    }
+    false
 }
 
 /// The logarithm of each pixel: a shadow takes the same away from black and from white. None of an image too large.
@@ -75,33 +91,35 @@ pub(super) fn logarithm(image: &GrayImage) -> Option<GrayImage> {
 }
 
 /// The least or the most of each window that begins at a pixel, by windows of two, four and eight; rows run into the next.
-fn extreme(data: &[u8], width: usize, of: fn(u8, u8) -> u8) -> Vec<u8> {
-    let mut out = data.to_vec();
+fn extreme(data: &[u8], width: usize, of: impl Fn(u8, u8) -> u8 + Copy) -> Vec<u8> {
+    let (mut out, mut spare) = (data.to_vec(), Vec::new());
     for step in [1, width] {
-        let mut one = out.clone();
+        let single = out.clone();
         for reach in [1, 2, 4] {
-            joined(&mut out, reach * step, of);
+            join(&mut out, &mut spare, reach * step, of);
         }
-        // The ninth pixel.
-        one.drain(..(8 * step).min(one.len()));
-        out.iter_mut().zip(&one).for_each(|(a, b)| *a = of(*a, *b));
+        let ninth = single.get(8 * step..).unwrap_or_default();
+        out.iter_mut().zip(ninth).for_each(|(a, b)| *a = of(*a, *b));
     }
     out
 }
 
 /// Means of squares of [`SMOOTH_PX`] that begin at a pixel.
 fn smoothed(mut data: Vec<u8>, width: usize) -> Vec<u8> {
+    let mut spare = Vec::new();
     for step in [1, 2, width, 2 * width] {
-        joined(&mut data, step, |a, b| ((u16::from(a) + u16::from(b)) / 2) as u8);
+        join(&mut data, &mut spare, step, |a, b| ((u16::from(a) + u16::from(b)) / 2) as u8);
     }
     data
 }
 
-/// Joins each value with the one `reach` further on.
-fn joined(data: &mut [u8], reach: usize, of: impl Fn(u8, u8) -> u8) {
-    for k in 0..data.len().saturating_sub(reach) {
-        data[k] = of(data[k], data[k + reach]);
-    }
+/// Joins each value with the one `reach` further on. From one memory into another, so that many are joined at once.
+fn join(data: &mut Vec<u8>, spare: &mut Vec<u8>, reach: usize, of: impl Fn(u8, u8) -> u8) {
+    let n = data.len().saturating_sub(reach);
+    spare.clear();
+    spare.extend(data.iter().zip(data.get(reach..).unwrap_or_default()).map(|(a, b)| of(*a, *b)));
+    spare.extend_from_slice(&data[n..]);
+    std::mem::swap(data, spare);
 }
 
 #[cfg(test)]
@@ -139,11 +157,11 @@ mod tests {
         let data = (0..160 * 120).map(|_| (90.0 + 1.5 * pcg.normal()).round() as u8).collect();
         let image = GrayImage { width_px: 160, height_px: 120, data };
         let wall = stretched(&image, 15).unwrap();
-        assert!(wall.data.iter().all(|gray| *gray == FLAT) && structured(&wall).is_none());
+        assert!(wall.data.iter().all(|gray| *gray == FLAT) && !has_structure(&image, 15));
         let mut spotted = image;
         (40..60).for_each(|u| spotted.data[70 * 160 + u] = 200);
-        let [first, last] = structured(&stretched(&spotted, 15).unwrap()).unwrap();
-        assert!((25.0..40.0).contains(&first.x) && (60.0..80.0).contains(&last.y), "{first} {last}");
+        assert!(has_structure(&spotted, 15) && !has_structure(&spotted, 150));
+        assert!(!has_structure(&GrayImage::filled(0, 0, 0), 1));
         assert!(stretched(&GrayImage::filled(20, 200, 9), 15).is_none());
     }
 

@@ -110,7 +110,7 @@ impl<'a> Quietened<'a> {
 }
 
 /// The next whole grey level above what noise of this standard deviation spreads over a tile, rounding to whole levels included.
-fn spread_of_tiles(noise_gray: f64, least: u8) -> u8 {
+pub(super) fn spread_of_tiles(noise_gray: f64, least: u8) -> u8 {
     (SPREAD_OF_TILES * noise_gray.hypot(ROUNDING_GRAY)).ceil().clamp(least as f64, MOST_GRAY) as u8
 }
 

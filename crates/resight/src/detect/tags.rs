@@ -2,11 +2,13 @@
 
 use super::aprilgrid::GridTagFinder;
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
+use super::chessboard::squares::{Square, black_squares};
 use super::families::Family;
 use super::joints::{halved, joints};
 use super::light;
-use super::noise::Quietened;
-use super::region::{Region, longer_side_px};
+use super::noise::{Quietened, noise_gray, spread_of_tiles};
+use super::outlines::{self, Ink};
+use super::region::{Region, joined, longer_side_px};
 use super::tag_print::{self, LaidTag, Print};
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
@@ -92,15 +94,44 @@ impl TagFinder {
 
     /// The tags that are part of an AprilGrid, where the image may show one.
     pub(super) fn find_in_grid(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        // Half the size tells in a quarter of the time whether there are joints of squares at all.
-        if joints(&halved(image)).len() < LEAST_JOINTS {
+        if !light::has_structure(image, self.least_gray(image)) {
+            return Vec::new();
+        }
+        // Half the size tells in a quarter of the time whether there are black squares with joints at their corners, and where.
+        let half = halved(image);
+        let joints = joints(&half);
+        if joints.len() < LEAST_JOINTS {
+            return Vec::new();
+        }
+        let size_px = [image.width_px, image.height_px];
+        let around = |square: Square| {
+            let corners = square.map(|k| 2.0 * joints[k].pixel + Pixel::new(0.5, 0.5));
+            Region::around(&corners, 16.0 + AROUND_SQUARE * longer_side_px(&corners), size_px)
+        };
+        let squares = black_squares(&joints, &half, noise_gray(&half));
+        let regions: Vec<Region> = squares.into_iter().filter_map(around).collect();
+        if regions.is_empty() {
             return Vec::new();
         }
         let finder = match self.in_grid.take().or_else(|| GridTagFinder::of(&self.family)) {
             Some(finder) => self.in_grid.insert(finder),
             None => return Vec::new(),
         };
-        finder.find(image)
+        if outlines::is_texture(&regions, image) {
+            return finder.find(image);
+        }
+        let mut part = GrayImage::filled(0, 0, 0);
+        let mut all: Vec<FoundTag> = Vec::new();
+        for region in joined(regions) {
+            let found = region.cut(image, &mut part).map(|()| finder.find(&part)).unwrap_or_default();
+            for mut tag in found {
+                tag.corners.iter_mut().for_each(|corner| *corner += region.origin());
+                if !all.iter().any(|known| same_place(&known.decoded(), &tag.decoded())) {
+                    all.push(tag);
+                }
+            }
+        }
+        sorted(all)
     }
 
     /// Each tag measured by its print, by id, then from the left.
@@ -137,7 +168,9 @@ impl TagFinder {
         }
         if all.len() < self.wanted {
             self.decoder.set_least_contrast(quiet.least_contrast_unsmoothed(least));
-            if all.is_empty() || image.data.len() <= FINEST_PIXELS {
+            if all.is_empty() {
+                self.at_outlines(image, true, &mut all);
+            } else if image.data.len() <= FINEST_PIXELS {
                 self.add_at(image, FINEST, &mut all);
             }
             self.decoder.set_least_contrast(least);
@@ -152,14 +185,13 @@ impl TagFinder {
             if level == FINEST && !all.is_empty() && FINEST_PIXELS < image.data.len() {
                 break;
             }
-            match self.in_other_light(image, level, all.is_empty()) {
-                Some(other) => add_new(&mut all, self.find_where_structured(&other, level)),
-                None => self.add_at(image, level, &mut all),
+            if level == FINEST && all.is_empty() {
+                self.at_outlines(image, false, &mut all);
+            } else {
+                self.add_at(image, level, &mut all);
             }
             if all.is_empty() && level == FINE {
-                // A shadow with hard edges: its logarithm shows what the image does not.
-                let log = light::logarithm(image).filter(|_| !self.family.is_weak());
-                log.iter().for_each(|log| self.add_at(log, level, &mut all));
+                self.in_shadow(image, &mut all);
             }
             if self.wanted <= all.len() {
                 break;
@@ -168,20 +200,72 @@ impl TagFinder {
         all
     }
 
-    /// Tags in the part of an image in another light that shows anything.
-    fn find_where_structured(&mut self, image: &GrayImage, level: f32) -> Vec<DecodedTag> {
-        let region = light::structured(image)
-            .and_then(|ends| Region::around(&ends, 16.0, [image.width_px, image.height_px]));
-        region.map_or(Vec::new(), |region| self.find_in(image, &region, level))
+    /// Adds the tags that show at full size only, in a soft shadow or without a white margin: they are read where the image, stretched to black and white, has
+    /// outlines with four sides. Codes that chance gives, and those in noise, are read in the image as it came, whose contrast tells.
+    fn at_outlines(&mut self, image: &GrayImage, is_noisy: bool, all: &mut Vec<DecodedTag>) {
+        let least = self.least_gray(image);
+        if !light::has_structure(image, least) {
+            return;
+        }
+        let mut tile = GrayImage::filled(0, 0, 0);
+        for part in tiles::parts([image.width_px, image.height_px]) {
+            if part.cut(image, &mut tile).is_none() {
+                continue;
+            }
+            let Some(stretched) = light::stretched(&tile, least) else {
+                self.add_at(image, FINEST, all);
+                return;
+            };
+            let outlines = outlines::quads(&stretched, self.ink(), self.family.border_width);
+            let is_read_as_it_came = is_noisy || self.family.is_weak();
+            let searched = if is_read_as_it_came { &tile } else { &stretched };
+            let mut found = self.find_around(searched, &outlines, FINEST);
+            found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += part.origin());
+            add_new(all, found);
+        }
     }
 
-    /// The image in which small tags are sought where none was found at half the size: those in a shadow or without a white margin show too. Codes that
-    /// chance gives are sought in the image as it came, whose contrast tells.
-    fn in_other_light(&self, image: &GrayImage, level: f32, is_none: bool) -> Option<GrayImage> {
-        if level != FINEST || !is_none || self.family.is_weak() {
-            return None;
+    /// Adds the tags under a shadow with hard edges: the logarithm of the image shows what the image does not. Outlines are looked for at half the
+    /// size.
+    fn in_shadow(&mut self, image: &GrayImage, all: &mut Vec<DecodedTag>) {
+        if self.family.is_weak() || !light::has_structure(image, self.least_gray(image)) {
+            return;
         }
-        light::stretched(image, Quietened::new(image).least_contrast_unsmoothed(self.min_margin_gray as u8))
+        let half = halved(image);
+        let least = self.least_gray(&half);
+        let Some(log) = light::logarithm(&half) else { return };
+        let Some(stretched) = light::stretched(&log, least.saturating_mul(2)) else { return };
+        let enlarged = |quad: outlines::Quad| quad.map(|p| 2.0 * p + Pixel::new(0.5, 0.5));
+        let outlines: Vec<outlines::Quad> = outlines::quads(&stretched, self.ink(), self.family.border_width)
+            .into_iter()
+            .map(enlarged)
+            .collect();
+        if outlines.is_empty() {
+            return;
+        }
+        let found = light::logarithm(image).map(|log| self.find_around(&log, &outlines, FINE));
+        add_new(all, found.unwrap_or_default());
+    }
+
+    /// The difference of grey levels that noise hardly gives in an image as it came.
+    fn least_gray(&self, image: &GrayImage) -> u8 {
+        spread_of_tiles(noise_gray(image), self.min_margin_gray as u8)
+    }
+
+    /// The colour of the border inside of the corners.
+    fn ink(&self) -> Ink {
+        if self.family.reversed_border { Ink::Light } else { Ink::Dark }
+    }
+
+    /// Tags in the parts of an image around outlines.
+    fn find_around(&mut self, image: &GrayImage, outlines: &[outlines::Quad], level: f32) -> Vec<DecodedTag> {
+        let size_px = [image.width_px, image.height_px];
+        let regions: Vec<Region> =
+            outlines.iter().filter_map(|quad| self.region(quad, 0.0, size_px)).collect();
+        if outlines::is_texture(&regions, image) {
+            return self.find_at(image, level, &[]);
+        }
+        joined(regions).iter().flat_map(|region| self.find_in(image, region, level)).collect()
     }
 
     /// Tags in a part of an image, corners in the pixels of the whole.
@@ -192,6 +276,16 @@ impl TagFinder {
             None => Vec::new(),
         };
         self.part = part;
+        found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
+        found
+    }
+
+    /// The same of tags that show at full size only, in a shadow or without a white margin.
+    pub(super) fn find_small_in(&mut self, image: &GrayImage, region: &Region) -> Vec<DecodedTag> {
+        let (mut part, mut found) = (GrayImage::filled(0, 0, 0), Vec::new());
+        if region.cut(image, &mut part).is_some() {
+            self.at_outlines(&part, false, &mut found);
+        }
         found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
         found
     }
@@ -233,6 +327,8 @@ impl TagFinder {
 
 /// Joints of the squares around a tag of a grid: fewer show none.
 const LEAST_JOINTS: usize = 8;
+/// A tag of a grid is sought this far around its square, in its longer sides: with the joints at its corners.
+const AROUND_SQUARE: f64 = 0.5;
 
 /// By id, then from the left.
 pub(super) fn sorted(mut found: Vec<FoundTag>) -> Vec<FoundTag> {

@@ -60,6 +60,13 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraW
     all
 }
 
+/// The parts of an image that are searched at once at full size, with what they take of their neighbours.
+pub(super) fn parts(size_px: [u32; 2]) -> Vec<Region> {
+    let counts = tile_counts(size_px, 1.0);
+    let tiles = (0..counts[1]).flat_map(|row| (0..counts[0]).map(move |column| [column, row]));
+    tiles.map(|tile| Region::tile(tile, counts, OVERLAP as u32, size_px)).collect()
+}
+
 /// The number of columns and rows of tiles of an image at this reduction.
 fn tile_counts(size_px: [u32; 2], decimate: f64) -> [u32; 2] {
     let reduced = size_px.map(|edge| edge as f64 / decimate);

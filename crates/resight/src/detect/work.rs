@@ -21,7 +21,7 @@ pub(super) fn of(job: impl FnOnce()) -> u64 {
 mod tests {
     use super::*;
     use crate::GrayImage;
-    use crate::detect::Detector;
+    use crate::detect::{Detector, absent};
     use crate::render::clutter;
     use crate::render::{Finish, Placed, Scene, Style, render};
     use resight_core::camera::{ImageSize, Pinhole};
@@ -81,11 +81,22 @@ mod tests {
         render(&scene, &camera(), &Finish::default()).unwrap()
     }
 
-    /// An image without its target costs a stated number of its pixels whatever it shows, and of a board at most half as much again as one with it. A
-    /// single tag is found at half the size, in a quarter of the pixels, which leaves all of them for the smallest.
+    /// How often what an image with its target costs one without it may cost. Half as much again; where an image has clutter and no tag or marker,
+    /// outlines of the smallest and of shadowed ones are looked for at full size too, while one that is there is found at half, in a quarter of the pixels:
+    /// 4.2 times and 2.8 times.
+    fn most_times(target: &Target, has_clutter: bool) -> f64 {
+        match target {
+            Target::Tag(_) if has_clutter => 4.3,
+            Target::Charuco(_) if has_clutter => 2.8,
+            _ => 1.5,
+        }
+    }
+
+    /// An image without its target costs a stated number of its pixels whatever it shows, and hardly more than one with it.
     #[test]
     fn nothing_there_costs_no_more_than_something() {
-        for (target, most) in targets().iter().zip([2.0, 3.0, 2.0, 4.0]) {
+        let mut too_much = Vec::new();
+        for (target, most) in targets().iter().zip([1.1, 2.0, 1.1, 1.4]) {
             let mut detector = Detector::new(target).unwrap();
             for has_clutter in [false, true] {
                 let mut pixels = |target: Option<&Target>| {
@@ -97,19 +108,37 @@ mod tests {
                 };
                 let (found, nothing) = (pixels(Some(target)), pixels(None));
                 let share = nothing / f64::from(SIZE[0] * SIZE[1]);
-                println!(
-                    "{} {has_clutter}: {nothing} / {found} = {:.2}; {share:.2} of the image",
-                    target.kind(),
-                    nothing / found
-                );
-                let is_tag = matches!(target, Target::Tag(_));
-                assert!(
-                    is_tag || nothing <= 1.5 * found,
-                    "{}, {has_clutter}: {nothing}, {found}",
-                    target.kind()
-                );
-                assert!(share <= most, "{}, clutter {has_clutter}: {share} of the image", target.kind());
+                let name = format!("{}, clutter {has_clutter}", target.kind());
+                println!("{name}: {nothing} / {found} = {:.2}; {share:.2} of the image", nothing / found);
+                if most_times(target, has_clutter) * found < nothing || most < share {
+                    too_much.push(name);
+                }
             }
         }
+        assert!(too_much.is_empty(), "{too_much:?}");
+    }
+
+    /// A covered lens, or a black film: even where the image is as large as a file may be.
+    #[test]
+    fn a_blank_image_is_not_searched_whatever_its_size() {
+        let blank = GrayImage::filled(65_535, 900, 128);
+        let mut shaded = blank.clone();
+        shaded.data.iter_mut().step_by(7).for_each(|gray| *gray += 3);
+        for target in targets() {
+            let mut detector = Detector::new(&target).unwrap();
+            for image in [&blank, &shaded] {
+                assert_eq!(of(|| assert!(detector.detect(image).unwrap().is_empty())), 0);
+                assert_eq!(
+                    of(|| assert!(absent::not_found(&target, image).contains("check that all of it"))),
+                    0
+                );
+            }
+        }
+        // Of what shows anything the same is not true.
+        let image = image(None, true);
+        assert_ne!(
+            of(|| assert!(Detector::new(&targets()[0]).unwrap().detect(&image).unwrap().is_empty())),
+            0
+        );
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! `bench_detect draw FOLDER COUNT [TARGET [CONDITION]]` draws `COUNT` images of each target and condition, or of those whose names start so,
 //! and writes `truth.json` beside them;
-//! `bench_detect find FOLDER ROUNDS [TARGET]` prints what is found, and the mean time of each image, as JSON.
+//! `bench_detect find FOLDER ROUNDS [TARGET]` prints what is found, and the mean time of each image, as JSON;
+//! `bench_detect absent ROUNDS [TARGET]` prints how long images of each cell take with their target and without it.
 
 mod sweep;
 
@@ -41,10 +42,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["draw", folder, count, target, condition] => {
             draw(Path::new(folder), count.parse()?, target, condition)
         }
+        ["absent", rounds] => absent(rounds.parse()?, ""),
+        ["absent", rounds, target] => absent(rounds.parse()?, target),
         ["find", folder, rounds] => find(Path::new(folder), rounds.parse()?, None),
         ["find", folder, rounds, target] => find(Path::new(folder), rounds.parse()?, Some(target)),
         _ => {
-            Err("usage: bench_detect draw FOLDER COUNT [TARGET [CONDITION]] | find FOLDER ROUNDS [TARGET]"
+            Err("usage: bench_detect draw FOLDER COUNT [TARGET [CONDITION]] | find FOLDER ROUNDS [TARGET] | \
+                  absent ROUNDS [TARGET]"
                 .into())
         }
     }
@@ -84,6 +88,37 @@ fn find(folder: &Path, rounds: usize, only: Option<&str>) -> Result<(), Box<dyn 
         }
     }
     println!("{}", serde_json::to_string(&all)?);
+    Ok(())
+}
+
+/// Three images of each cell: the mean times of those in which the target is found, and of the same without it.
+fn absent(rounds: usize, only: &str) -> Result<(), Box<dyn Error>> {
+    println!(
+        "{:10} {:14} {:>5} {:>9} {:>9} {:>6}",
+        "target", "cell", "found", "found ms", "absent ms", "ratio"
+    );
+    for (name, target, size_m) in sweep::targets().into_iter().filter(|t| t.0.starts_with(only)) {
+        let mut detector = Detector::new(&target)?;
+        for condition in sweep::conditions() {
+            let (mut n, mut found_ms, mut absent_ms) = (0, 0.0, 0.0);
+            for index in 0..3 {
+                let with = sweep::draw(&target, size_m, &condition, index)?.image;
+                let without = sweep::draw_absent(&target, size_m, &condition, index)?;
+                let found = timed(&mut detector, &with, "", rounds)?;
+                absent_ms += timed(&mut detector, &without, "", rounds)?.milliseconds / 3.0;
+                if !found.found.is_empty() {
+                    n += 1;
+                    found_ms += found.milliseconds;
+                }
+            }
+            let mean_ms = found_ms / f64::from(n);
+            println!(
+                "{name:10} {:14} {n:>3}/3 {mean_ms:9.1} {absent_ms:9.1} {:6.2}",
+                condition.name,
+                absent_ms / mean_ms
+            );
+        }
+    }
     Ok(())
 }
 

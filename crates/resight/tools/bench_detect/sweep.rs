@@ -145,6 +145,26 @@ const RIM_PX: f64 = 8.0;
 
 /// Image `index` of a cell; its pose and its noise are drawn from index and cell.
 pub fn draw(target: &Target, size_m: f64, c: &Condition, index: u64) -> Result<Picture, Box<dyn Error>> {
+    draw_with(target, size_m, c, index, true)
+}
+
+/// The same image without its target, what hides it included.
+pub fn draw_absent(
+    target: &Target,
+    size_m: f64,
+    c: &Condition,
+    index: u64,
+) -> Result<GrayImage, Box<dyn Error>> {
+    Ok(draw_with(target, size_m, c, index, false)?.image)
+}
+
+fn draw_with(
+    target: &Target,
+    size_m: f64,
+    c: &Condition,
+    index: u64,
+    is_there: bool,
+) -> Result<Picture, Box<dyn Error>> {
     let seed = 1000 * index + c.name.bytes().fold(7, |sum, byte| (sum * 31 + byte as u64) % 997);
     let mut pcg = Pcg::new(seed);
     let camera = camera(c)?;
@@ -162,7 +182,8 @@ pub fn draw(target: &Target, size_m: f64, c: &Condition, index: u64) -> Result<P
     };
     let truth =
         true_pixels(&placed, &camera).into_iter().filter(|(feature, p)| is_counted(feature, p)).collect();
-    let mut scene = Scene { placed: vec![placed], background: 120.0, clutter: Vec::new() };
+    let placed = if is_there { vec![placed] } else { Vec::new() };
+    let mut scene = Scene { placed, background: 120.0, clutter: Vec::new() };
     scene.placed.extend(occluder);
     if c.has_clutter {
         let size = [size.width_px, size.height_px];

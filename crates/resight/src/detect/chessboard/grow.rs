@@ -6,9 +6,10 @@
 //! margin on the other), which shows where the board ends. Derived in docs/math/print.md, section 3.
 
 use super::super::homography::{PlanePoint, floor};
-use super::super::joints::Joint;
+use super::super::joints::{Joint, nearest};
 use super::super::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use super::lattice::{Extent, Lattice, Node};
+use super::margin;
 use super::place::Ends;
 use super::squares;
 use crate::GrayImage;
@@ -27,6 +28,10 @@ const SEARCH_PX: (f64, f64) = (2.0, 4.0);
 const PRINT_SQUARES: f64 = 0.45;
 /// within these bounds, pixels.
 const PRINT_PX: (f64, f64) = (4.0, 8.0);
+/// A lens may bend the rows of a board by this much from square to square, in squares: a saddle point so near to a prediction is tried first.
+const JOINT_SQUARES: f64 = 0.3;
+/// The print lies within this of its saddle point, pixels.
+const JOINT_PX: f64 = 2.0;
 /// Squares with a shorter edge show no print.
 const LEAST_SQUARE_PX: f64 = 4.0;
 /// A joint further than this from where its print lies is another, pixels.
@@ -53,6 +58,8 @@ const LEAST_AT_EDGE: usize = 2;
 /// A checker pattern in an image.
 pub(super) struct Pattern<'a> {
     pub image: &'a GrayImage,
+    /// The saddle points of the image.
+    joints: &'a [Joint],
     pub noise_gray: f64,
     /// 0 where squares whose first node has an even u + v are black, 1 where the others are.
     pub dark: i32,
@@ -66,16 +73,22 @@ type Outside = Option<Node>;
 
 impl<'a> Pattern<'a> {
     /// The pattern that explains most of a lattice's nodes best.
-    pub fn new(image: &'a GrayImage, noise_gray: f64, dark: i32, lattice: &Lattice) -> Self {
+    pub fn new(
+        image: &'a GrayImage,
+        joints: &'a [Joint],
+        noise_gray: f64,
+        dark: i32,
+        lattice: &Lattice,
+    ) -> Self {
         let every = (lattice.nodes.len() / BLUR_NODES).max(1);
         let explained = |blur_px: f64| -> f64 {
-            let pattern = Pattern { image, noise_gray, dark, blur_px, board: None };
+            let pattern = Pattern { image, joints, noise_gray, dark, blur_px, board: None };
             let some = lattice.nodes.keys().skip(every / 2).step_by(every).take(BLUR_NODES);
             some.filter_map(|node| pattern.look(lattice, *node, None)).map(|fit| fit.explained).sum()
         };
         let shares = BLURS_PX.map(explained);
         let best = (0..BLURS_PX.len()).max_by(|&a, &b| shares[a].total_cmp(&shares[b]).then(b.cmp(&a)));
-        Pattern { image, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
+        Pattern { image, joints, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
     }
 
     /// Removes nodes whose print does not show, and moves the others to their print.
@@ -157,11 +170,14 @@ impl<'a> Pattern<'a> {
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
-    /// On which sides the board hardly goes on: its outer squares end there, though no white margin shows. Something in front of the board may look so
-    /// by chance, so this says where a board does not continue, and not where it is.
+    /// On which sides the board hardly goes on: its outer squares end there, before a white margin or at their full length. Something in front of the
+    /// board may look so by chance, so this says where a board does not continue, and not where it is.
     pub fn likely_ends(&self, lattice: &Lattice) -> Ends {
         let Some(Extent { u, v }) = lattice.extent() else { return Ends::default() };
-        let is_end = |outside: Node| self.squares_end(lattice, outside, |n| is_outermost(n, outside, u, v));
+        let is_end = |outside: Node| {
+            self.squares_end(lattice, outside, |n| is_outermost(n, outside, u, v))
+                || margin::shows(self.image, lattice, self.dark, outside)
+        };
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
@@ -209,20 +225,32 @@ impl<'a> Pattern<'a> {
         let reach_px = (SEARCH_SQUARES * square_px).clamp(SEARCH_PX.0, SEARCH_PX.1);
         let half_px = (PRINT_SQUARES * square_px).clamp(PRINT_PX.0, PRINT_PX.1) as usize;
         let ink = |x: PlanePoint| self.ink(node, x, outside);
-        let lay = |start: Pixel, blur_px: f64| {
+        let lay = |start: Pixel, middle: Pixel, within_px: f64, blur_px: f64| {
             let window = Window { half_px, blur_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
-            let fit = template::fit(self.image, ink, &map, &zero, start, reach_px, window)?;
-            ((fit.pixel - at).norm() <= reach_px).then_some(fit)
+            let fit = template::fit(self.image, ink, &map, &zero, start, within_px, window)?;
+            ((fit.pixel - middle).norm() <= within_px).then_some(fit)
         };
+        let shows = |fit: &Fit| EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray;
+        // The edge of a board has no saddle points.
+        let joint = if outside.is_some() { None } else { self.joint_of(lattice, node, at, square_px) };
+        let at_joint = joint.and_then(|joint| lay(joint, joint, JOINT_PX, self.blur_px)).filter(shows);
+        if at_joint.is_some() {
+            return at_joint;
+        }
         // A blurred print draws a corner in from further away.
         let far_px = self.blur_px.max(0.4 * reach_px);
         let window = Window { half_px, blur_px: far_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
         let printed = Printed { ink, image_from_plane: &map, place: &zero };
         let far = template::lie(self.image, &printed, at, reach_px, window);
         let far = far.filter(|far| (far.pixel - at).norm() <= reach_px);
-        let near = lay(far.map_or(at, |far| far.pixel), self.blur_px);
-        let fit = near.or_else(|| far.and_then(|_| lay(at, far_px)))?;
-        (EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray).then_some(fit)
+        let near = lay(far.map_or(at, |far| far.pixel), at, reach_px, self.blur_px);
+        near.or_else(|| far.and_then(|_| lay(at, at, reach_px, far_px))).filter(shows)
+    }
+
+    /// The saddle point of a node: that of a known one, or the nearest one to where it should be.
+    fn joint_of(&self, lattice: &Lattice, node: Node, at: Pixel, square_px: f64) -> Option<Pixel> {
+        let known = lattice.at(node).map(|joint| joint.pixel);
+        known.or_else(|| nearest(self.joints, &at, JOINT_SQUARES * square_px).map(|joint| joint.pixel))
     }
 
     /// −1 where the board is black and 1 where it is white, in squares from a node.

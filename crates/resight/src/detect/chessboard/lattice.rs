@@ -42,6 +42,21 @@ impl Lattice {
         Some(Extent { u: (u.clone().min()?, u.max()?), v: (v.clone().min()?, v.max()?) })
     }
 
+    /// Without outer lines of which less than this share carries nodes: what the background adds by chance.
+    pub fn without_sparse_lines(mut self, least: f64) -> Self {
+        while let Some(Extent { u, v }) = self.extent() {
+            let lines: [(&dyn Fn(&Node) -> bool, (i32, i32)); 4] =
+                [(&|n| n.0 == u.0, v), (&|n| n.0 == u.1, v), (&|n| n.1 == v.0, u), (&|n| n.1 == v.1, u)];
+            let share = |(is_on, span): &(&dyn Fn(&Node) -> bool, (i32, i32))| {
+                self.nodes.keys().filter(|n| is_on(n)).count() as f64 / f64::from(span.1 - span.0 + 1)
+            };
+            let sparsest = lines.iter().min_by(|a, b| share(a).total_cmp(&share(b)));
+            let Some((is_on, _)) = sparsest.filter(|line| share(line) < least) else { break };
+            self.nodes.retain(|n, _| !is_on(n));
+        }
+        self
+    }
+
     /// The homography from lattice places, relative to `around`, to the image near there; none where the nodes do not determine it.
     pub fn map_near(&self, around: Node) -> Option<Homography> {
         let squares = |n: &Node| (n.0 - around.0).pow(2) + (n.1 - around.1).pow(2);

@@ -9,7 +9,7 @@ use crate::GrayImage;
 use resight_core::Pixel;
 
 /// Corners of a black square, clockwise in the image.
-pub(super) type Square = [usize; 4];
+pub(in super::super) type Square = [usize; 4];
 
 /// Saddle points that are looked at, the strongest: a board has hundreds, noise and foliage have thousands.
 const MOST_JOINTS: usize = 1500;
@@ -28,7 +28,7 @@ const LEAST_SHARE: f64 = 0.3;
 const PARTS: [f64; 5] = [0.2, 0.35, 0.5, 0.65, 0.8];
 
 /// Black squares among saddle points, `joints` in order of their strength, those that share corners with most others first.
-pub(super) fn black_squares(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Square> {
+pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Square> {
     let joints = &joints[..joints.len().min(MOST_JOINTS)];
     let edges = edges(joints, image, noise_gray);
     let mut squares = Vec::new();

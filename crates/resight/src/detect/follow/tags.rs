@@ -231,7 +231,7 @@ impl TagFollower {
             let size_px = [image.width_px, image.height_px];
             for strip in strips {
                 let part = Region::strip(strip, STRIPS, SMALL_OVERLAP_PX, size_px);
-                add_new(found, self.finder.find_in(image, &part, FINEST));
+                add_new(found, self.finder.find_small_in(image, &part));
             }
         }
         if is_due { Extent::Whole } else { Extent::Share }
