@@ -110,6 +110,28 @@ fn a_part_that_could_lie_anywhere_gets_no_ids_and_a_reason() {
     assert!(instead_of(&target, &GrayImage::filled(WIDTH, HEIGHT, 120)).is_none());
 }
 
+/// The outer squares of many boards are cut, and their white margin is narrow: a line more is no part of them that something hides, and a line less is
+/// another board.
+#[test]
+fn cut_outer_squares_end_a_board() {
+    let view = view(6, 9, Pixel::new(320.0, 240.0), 40.0, 12.0, 30.0);
+    for width in [0.5, 0.9] {
+        let ink = |x: f64, y: f64| {
+            let is_paper = (-0.2..10.2).contains(&x) && (0.8 - width..7.2).contains(&y);
+            let is_print = (0.0..10.0).contains(&x) && (1.0 - width..7.0).contains(&y);
+            let is_black = (x.floor() as i32 + y.floor() as i32).rem_euclid(2) == 0;
+            is_paper.then_some(if is_print && is_black { 20.0 } else { 230.0 })
+        };
+        let image = photograph(WIDTH, HEIGHT, &view, ink);
+        let seen = found(&chessboard(6, 9), &image);
+        assert_eq!(seen.len(), 54, "{width}");
+        assert!(worst_px(&seen, 9, &view) < 1.0, "{width}: {}", worst_px(&seen, 9, &view));
+        for (rows, columns) in [(7, 9), (5, 9), (6, 10), (6, 8)] {
+            assert!(found(&chessboard(rows, columns), &image).is_empty(), "{width}: {rows} × {columns}");
+        }
+    }
+}
+
 #[test]
 fn a_strongly_tilted_board_is_found_whole() {
     for (roll_deg, tilt_deg) in [(20.0, 70.0), (40.0, 74.0), (110.0, 72.0)] {
