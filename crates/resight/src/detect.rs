@@ -15,6 +15,7 @@ pub mod every_tag;
 mod family;
 pub mod families;
 pub mod follow;
+mod found_tag;
 mod homography;
 mod joints;
 mod light;

@@ -114,7 +114,7 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         if let Some(other) = &a.other {
             said += &format!("   or   {}", values_in_words(a.query.kind, other));
         }
-        if let Some(text) = words::reliability(scene, a) {
+        if let Some(text) = words::reliability(scene, a.query.kind, &a.reliability) {
             said += &format!("   ({text})");
         }
         let status = answers.word(a.status);

@@ -149,10 +149,10 @@ fn reliability_object(
     unit: &'static str,
 ) -> QueryReliabilityObject {
     QueryReliabilityObject {
-        largest_unnoticed_error: words::largest_unnoticed_error(answer),
+        largest_unnoticed_error: words::largest_unnoticed_error(&answer.reliability),
         unit,
-        unchecked: words::unchecked(scene, answer),
-        partly_checked: words::partly_checked(scene, answer),
+        unchecked: words::unchecked(scene, &answer.reliability),
+        partly_checked: words::partly_checked(scene, &answer.reliability),
     }
 }
 
@@ -183,8 +183,8 @@ fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) ->
                 message += &format!(" or {}", values_in_words(answer.query.kind, other));
                 entries.insert("other".to_string(), self::entries(other, suffix).into());
             }
-            message +=
-                &words::reliability(scene, answer).map_or_else(String::new, |text| format!("; {text}"));
+            message += &words::reliability(scene, answer.query.kind, &answer.reliability)
+                .map_or_else(String::new, |text| format!("; {text}"));
             let status = answers.word(answer.status);
             let reliability = Some(reliability_object(scene, answer, suffix));
             let base = base(scene, &answer.query, answer.status, &message);

@@ -10,12 +10,12 @@ mod print;
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::families::Family;
+use super::found_tag::{FoundTag, sorted};
 use super::homography::{Homography, PlanePoint};
 use super::joints::{Joint, joints, nearest};
 use super::noise::Quietened;
 use super::print::Common;
 use super::region::{Region, joined, longer_side_px};
-use super::tags::{FoundTag, sorted};
 use super::template::REDRAWN_PX;
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};

@@ -6,10 +6,11 @@
 use super::aprilgrid::{GridTagFinder, grid_tags};
 use super::apriltag::{Edges, QuadDecoder};
 use super::families::{APRILTAG_FAMILIES, Family};
+use super::found_tag::{FoundTag, by_place_and_id};
 use super::joints::joints;
 use super::light;
 use super::noise::Quietened;
-use super::tags::{FINE, FINEST, FoundTag, TagFinder, by_place_and_id};
+use super::tags::{FINE, FINEST, TagFinder};
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;

@@ -4,6 +4,7 @@ use super::aprilgrid::GridTagFinder;
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::chessboard::squares::{Square, black_squares};
 use super::families::Family;
+use super::found_tag::sorted;
 use super::joints::{halved, joints};
 use super::light;
 use super::noise::{Quietened, noise_gray, spread_of_tiles};
@@ -15,24 +16,8 @@ use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
-use resight_core::target::Feature;
 
-/// A tag seen in an image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FoundTag {
-    /// Its id.
-    pub id: u32,
-    /// Corners 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag, pixels.
-    pub corners: [Pixel; 4],
-    /// Standard deviation of each coordinate of each corner by the image, pixels.
-    pub sigmas_px: [f64; 4],
-    /// Standard deviation of each coordinate by what the lens model and a print that is not flat leave, pixels.
-    pub lens_sigma_px: f64,
-    /// The distance of its bits from the black/white threshold, grey levels.
-    pub margin_gray: f64,
-    /// The share of the variance there that its print explains; 0 where the print could not be compared.
-    pub explained: f64,
-}
+pub use super::found_tag::FoundTag;
 
 /// Finds every tag of a family, copies of an id included.
 pub struct TagFinder {
@@ -330,17 +315,6 @@ const LEAST_JOINTS: usize = 8;
 /// A tag of a grid is sought this far around its square, in its longer sides: with the joints at its corners.
 const AROUND_SQUARE: f64 = 0.5;
 
-/// By id, then from the left.
-pub(super) fn sorted(mut found: Vec<FoundTag>) -> Vec<FoundTag> {
-    found.sort_by(by_place_and_id);
-    found
-}
-
-/// The order of tags: by id, then from the left.
-pub(super) fn by_place_and_id(a: &FoundTag, b: &FoundTag) -> std::cmp::Ordering {
-    a.id.cmp(&b.id).then(a.corners[0].x.total_cmp(&b.corners[0].x))
-}
-
 /// Adds the tags that are not there yet.
 pub(super) fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
     for tag in found {
@@ -362,49 +336,6 @@ const FINEST_PIXELS: usize = 1_000_000;
 pub(super) fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
     let centre = |tag: &DecodedTag| tag.corners.iter().sum::<Pixel>() / 4.0;
     a.id == b.id && (centre(a) - centre(b)).norm() < 0.5 * sigma::shortest_edge_px(&a.corners)
-}
-
-impl FoundTag {
-    /// As its print has it, or the library where that does not show.
-    pub(super) fn new(tag: &DecodedTag, laid: Option<&LaidTag>) -> Self {
-        let by_edges = FoundTag::by_edges(tag);
-        laid.map_or(by_edges, |laid| FoundTag {
-            corners: laid.corners,
-            sigmas_px: laid.sigmas_px,
-            lens_sigma_px: sigma::tag_lens_px(&laid.corners),
-            explained: laid.explained_of_all,
-            ..by_edges
-        })
-    }
-
-    /// As the library has it.
-    pub(super) fn by_edges(tag: &DecodedTag) -> Self {
-        FoundTag {
-            id: tag.id,
-            corners: tag.corners,
-            sigmas_px: [sigma::tag_px(tag); 4],
-            lens_sigma_px: sigma::LENS_PX,
-            margin_gray: tag.margin_gray,
-            explained: 0.0,
-        }
-    }
-
-    /// As the library would have read it.
-    pub(super) fn decoded(&self) -> DecodedTag {
-        DecodedTag { family: 0, id: self.id, margin_gray: self.margin_gray, corners: self.corners }
-    }
-
-    /// Its four corners as detections.
-    pub fn detections(&self) -> impl Iterator<Item = Detection> + '_ {
-        let corners = self.corners.iter().zip(self.sigmas_px).zip(0..);
-        corners.map(|((&pixel, sigma_px), corner)| Detection {
-            feature: Feature { id: self.id, corner },
-            pixel,
-            sigma_px,
-            lens_sigma_px: self.lens_sigma_px,
-            covariance_px2: None,
-        })
-    }
 }
 
 /// Ids seen more often than once, with how often.

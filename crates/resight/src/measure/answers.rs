@@ -81,13 +81,28 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
     let checked = |query: &NamedQuery| with_reliability(scene, &reliability, answered(query));
     let answers: Vec<QueryAnswer> = scene.queries.iter().map(checked).collect();
     let (mut verdict, mut remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
-    remarks.extend(words::unchecked_answers(&answers));
+    remarks.extend(unchecked_answers(&answers));
     remarks.extend(words::hardly_checked_lenses(scene, &reliability));
     let sources = reliability.sources().into_iter();
     let smallest_noticed_errors = sources.map(|of| (of, reliability.smallest_noticed_error(of))).collect();
     let sizes = units(scene);
     verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
     Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
+}
+
+/// The remark about answers that depend on something that nothing checks; each answer names what.
+fn unchecked_answers(answers: &[QueryAnswer]) -> Option<String> {
+    let is_unchecked = |answer: &&QueryAnswer| {
+        answer.reliability.iter().any(|r| !(r.unchecked.is_empty() && r.partly_checked.is_empty()))
+    };
+    let names: Vec<&str> =
+        answers.iter().filter(is_unchecked).map(|answer| answer.query.name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "not checked: {}; no other measurement checks what these depend on, or only in one direction, so an error of any size in it may go unnoticed; another photograph, distance or control point of the same point checks it",
+            names.join(", ")
+        )
+    })
 }
 
 fn refusal(scene: &NamedScene, error: &Error) -> Refusal {

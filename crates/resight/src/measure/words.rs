@@ -1,10 +1,9 @@
 //! What the solver says by index, said with the names of the scene; numbers with the digits that their intervals warrant.
 
-use super::answers::QueryAnswer;
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
 use crate::core::multiview::network::{
-    Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, Suspect,
+    Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, QueryReliability, Suspect,
 };
 
 /// `point P`, `photo north`, `the plane`.
@@ -75,13 +74,13 @@ pub fn source(scene: &NamedScene, source: ErrorSource) -> String {
 }
 
 /// Returns the names of what an answer depends on and nothing checks.
-pub fn unchecked(scene: &NamedScene, answer: &QueryAnswer) -> Vec<String> {
-    named(scene, answer.reliability.iter().flat_map(|r| &r.unchecked))
+pub fn unchecked(scene: &NamedScene, reliability: &[QueryReliability]) -> Vec<String> {
+    named(scene, reliability.iter().flat_map(|r| &r.unchecked))
 }
 
 /// Returns the names of what an answer depends on and is checked in some directions only.
-pub fn partly_checked(scene: &NamedScene, answer: &QueryAnswer) -> Vec<String> {
-    named(scene, answer.reliability.iter().flat_map(|r| &r.partly_checked))
+pub fn partly_checked(scene: &NamedScene, reliability: &[QueryReliability]) -> Vec<String> {
+    named(scene, reliability.iter().flat_map(|r| &r.partly_checked))
 }
 
 fn named<'a>(scene: &NamedScene, sources: impl Iterator<Item = &'a ErrorSource>) -> Vec<String> {
@@ -96,47 +95,32 @@ fn named<'a>(scene: &NamedScene, sources: impl Iterator<Item = &'a ErrorSource>)
 
 /// Returns the largest error that stays unnoticed in an answer, in its own unit; none where something is not checked. Of a position the largest
 /// of the three.
-pub fn largest_unnoticed_error(answer: &QueryAnswer) -> Option<f64> {
-    answer.reliability.iter().map(|r| r.largest_unnoticed_error).reduce(|a, b| Some(a?.max(b?))).flatten()
+pub fn largest_unnoticed_error(reliability: &[QueryReliability]) -> Option<f64> {
+    reliability.iter().map(|r| r.largest_unnoticed_error).reduce(|a, b| Some(a?.max(b?))).flatten()
 }
 
 /// The names that the text of one answer lists.
 const MOST_NAMED: usize = 3;
 
 /// `a single error may go unnoticed up to 0.12 m`, or what nothing checks; none of an answer without values.
-pub fn reliability(scene: &NamedScene, answer: &QueryAnswer) -> Option<String> {
+pub fn reliability(scene: &NamedScene, kind: QueryKind, reliability: &[QueryReliability]) -> Option<String> {
     let listed = |names: &[String]| {
         let more = names.len().saturating_sub(MOST_NAMED);
         let more = if more == 0 { String::new() } else { format!(" and {more} more") };
         format!("{}{more}", names[..names.len().min(MOST_NAMED)].join(", "))
     };
-    match (unchecked(scene, answer), partly_checked(scene, answer)) {
+    match (unchecked(scene, reliability), partly_checked(scene, reliability)) {
         (names, _) if !names.is_empty() => return Some(format!("nothing checks {}", listed(&names))),
         (_, names) if !names.is_empty() => {
             return Some(format!("checked in one direction only: {}", listed(&names)));
         }
         _ => {}
     }
-    let largest = largest_unnoticed_error(answer).filter(|x| x.is_finite())?;
-    let value = if answer.query.kind == QueryKind::Angle { largest.to_degrees() } else { largest };
-    let (places, unit) = (decimals(value), unit(answer.query.kind));
-    let gap = if answer.query.kind == QueryKind::Angle { "" } else { " " };
+    let largest = largest_unnoticed_error(reliability).filter(|x| x.is_finite())?;
+    let value = if kind == QueryKind::Angle { largest.to_degrees() } else { largest };
+    let (places, unit) = (decimals(value), unit(kind));
+    let gap = if kind == QueryKind::Angle { "" } else { " " };
     Some(format!("a single error may go unnoticed up to {value:.places$}{gap}{unit}"))
-}
-
-/// The remark about answers that depend on something that nothing checks; each answer names what.
-pub(super) fn unchecked_answers(answers: &[QueryAnswer]) -> Option<String> {
-    let is_unchecked = |answer: &&QueryAnswer| {
-        answer.reliability.iter().any(|r| !(r.unchecked.is_empty() && r.partly_checked.is_empty()))
-    };
-    let names: Vec<&str> =
-        answers.iter().filter(is_unchecked).map(|answer| answer.query.name.as_str()).collect();
-    (!names.is_empty()).then(|| {
-        format!(
-            "not checked: {}; no other measurement checks what these depend on, or only in one direction, so an error of any size in it may go unnoticed; another photograph, distance or control point of the same point checks it",
-            names.join(", ")
-        )
-    })
 }
 
 /// A focal length is hardly checked where an error of more than this part of it goes unnoticed.

@@ -4,7 +4,7 @@ mod times;
 mod views;
 
 use super::names::natural;
-use super::observed::{Collected, Frame, LeftOut};
+use super::observed::{Collected, Frame, LeftOut, NO_TARGET};
 use super::request::not_among;
 use crate::core::correspondence::{Detection, Skipped, correspond};
 use crate::core::target::Feature;
@@ -64,9 +64,6 @@ pub struct ImageOptions {
 
 /// Why a frame is left out whose size differs.
 pub(crate) const OTHER_SIZE: &str = "its size is not that of the camera's other frames";
-
-/// Why a frame takes no part that shows no target; of the first frame of a camera that saw none it is said what is there instead.
-pub(super) const NO_TARGET: &str = "no target in this image";
 
 /// A camera and its video file.
 type CameraVideo = (usize, PathBuf);

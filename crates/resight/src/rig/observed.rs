@@ -2,13 +2,15 @@
 
 use super::NamedTarget;
 use super::gather::NamedObservation;
-use super::images::NO_TARGET;
 use super::request::RigRequest;
 use crate::core::{Correspondence, Pixel};
 use crate::error::Error;
 use crate::formats::NamedCamera;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+/// Why a frame takes no part that shows no target; of the first frame of a camera that saw none it is said what is there instead.
+pub(super) const NO_TARGET: &str = "no target in this image";
 
 /// The observations of one frame.
 #[derive(Debug, Clone)]

@@ -156,9 +156,9 @@ impl<'a> Pattern<'a> {
 
     /// On which sides the print of the board's outer edge is seen.
     pub fn ends(&self, lattice: &Lattice) -> Ends {
-        let Some(Extent { u, v }) = lattice.extent() else { return Ends::default() };
+        let Some(extent) = lattice.extent() else { return Ends::default() };
         let is_end = |outside: Node| {
-            let is_outermost = |n: &Node| is_outermost(n, outside, u, v);
+            let is_outermost = |n: &Node| extent.is_outermost(n, outside);
             let beyond = lattice.nodes.keys().filter(|n| is_outermost(n));
             let beyond = beyond.map(|n| (n.0 + outside.0, n.1 + outside.1));
             let looks: Vec<bool> =
@@ -173,9 +173,9 @@ impl<'a> Pattern<'a> {
     /// On which sides the board hardly goes on: its outer squares end there, before a white margin or at their full length. Something in front of the
     /// board may look so by chance, so this says where a board does not continue, and not where it is.
     pub fn likely_ends(&self, lattice: &Lattice) -> Ends {
-        let Some(Extent { u, v }) = lattice.extent() else { return Ends::default() };
+        let Some(extent) = lattice.extent() else { return Ends::default() };
         let is_end = |outside: Node| {
-            self.squares_end(lattice, outside, |n| is_outermost(n, outside, u, v))
+            self.squares_end(lattice, outside, |n| extent.is_outermost(n, outside))
                 || margin::shows(self.image, lattice, self.dark, outside)
         };
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
@@ -267,16 +267,6 @@ impl<'a> Pattern<'a> {
         }
         let square = floor(x.x) + floor(x.y) + node.0 + node.1;
         if square.rem_euclid(2) == self.dark { -1.0 } else { 1.0 }
-    }
-}
-
-/// Whether a node lies on the outermost line of a side.
-pub(super) fn is_outermost(n: &Node, outside: Node, u: (i32, i32), v: (i32, i32)) -> bool {
-    match outside {
-        (-1, _) => n.0 == u.0,
-        (1, _) => n.0 == u.1,
-        (_, -1) => n.1 == v.0,
-        _ => n.1 == v.1,
     }
 }
 

@@ -92,6 +92,16 @@ impl Extent {
         within(self.u, other.u) && within(self.v, other.v)
     }
 
+    /// Whether a node lies on the outermost line of the side that the step `outside` leads out of.
+    pub fn is_outermost(&self, node: &Node, outside: Node) -> bool {
+        match outside {
+            (-1, _) => node.0 == self.u.0,
+            (1, _) => node.0 == self.u.1,
+            (_, -1) => node.1 == self.v.0,
+            _ => node.1 == self.v.1,
+        }
+    }
+
     /// Columns and rows.
     pub fn size(&self) -> (i32, i32) {
         (self.u.1 - self.u.0 + 1, self.v.1 - self.v.0 + 1)

@@ -4,8 +4,7 @@
 //! something in front of a board white squares end with the black ones, unless that is as white as the paper.
 
 use super::super::homography::{Homography, PlanePoint};
-use super::grow::is_outermost;
-use super::lattice::{Extent, Lattice, Node};
+use super::lattice::{Lattice, Node};
 use super::squares;
 use crate::GrayImage;
 
@@ -31,10 +30,10 @@ const LEAST: usize = 2;
 /// Whether the margin shows all along the side of a board that the step `outside` leads out of. Black are the squares whose first node has an even
 /// u + v (`dark` 0), or the others (1).
 pub(super) fn shows(image: &GrayImage, lattice: &Lattice, dark: i32, outside: Node) -> bool {
-    let Some(Extent { u, v }) = lattice.extent() else { return false };
+    let Some(extent) = lattice.extent() else { return false };
     let along = if outside.0 == 0 { (1, 0) } else { (0, 1) };
     let (mut black, mut white) = (Vec::new(), Vec::new());
-    for &node in lattice.nodes.keys().filter(|n| is_outermost(n, outside, u, v)) {
+    for &node in lattice.nodes.keys().filter(|n| extent.is_outermost(n, outside)) {
         let next = (node.0 + along.0, node.1 + along.1);
         let Some(map) = lattice.map_near(node).filter(|_| lattice.at(next).is_some()) else { continue };
         // The square between the two nodes, outside of the line.

@@ -1,6 +1,5 @@
 //! The position and orientation in the board of a piece of its pattern.
 
-use super::grow::is_outermost;
 use super::lattice::{Extent, Lattice, Node};
 use crate::GrayImage;
 use resight_core::Pixel;
@@ -153,8 +152,7 @@ impl<'a> Observed<'a> {
 
     /// Whether most of the line beyond the outermost one on a side would lie inside the image.
     fn is_inside_beyond(&self, outside: Node) -> bool {
-        let (u, v) = (self.extent.u, self.extent.v);
-        let is_outermost = |n: &Node| is_outermost(n, outside, u, v);
+        let is_outermost = |n: &Node| self.extent.is_outermost(n, outside);
         let beyond = self.lattice.nodes.iter().filter(|(n, _)| is_outermost(n)).filter_map(|(n, joint)| {
             let step = joint.pixel - self.lattice.at((n.0 - outside.0, n.1 - outside.1))?.pixel;
             let (at, rim) = (joint.pixel + step, 0.5 * step.norm());

@@ -7,12 +7,11 @@ use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
 use crate::detect::DetectError;
 use crate::detect::apriltag::DecodedTag;
+use crate::detect::found_tag::sorted;
 use crate::detect::noise::noise_gray;
 use crate::detect::region::{Region, joined, longer_side_px};
 use crate::detect::tag_print::LaidTag;
-use crate::detect::tags::{
-    COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, same_place, single_or_unique, sorted,
-};
+use crate::detect::tags::{COARSE, FINE, FINEST, FoundTag, TagFinder, add_new, same_place, single_or_unique};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
