@@ -1051,10 +1051,22 @@ export type PointView = {
   v_px: number;
 };
 
+/** A likely fault of the points of a view. */
+export type PointsCause = {
+  /** `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed` or `labels_exchanged`. */
+  cause: string;
+  /** χ² per degree of freedom once the fault is corrected. */
+  chi2_per_degree_of_freedom: number;
+  /** The correction that makes the points agree. */
+  message: string;
+};
+
 /** The JSON object; keys without a value are null. */
 export type PoseObject = {
   ambiguity: AmbiguityObject | null;
   cam_from_target: TransformObject | null;
+  /** Likely causes where the points contradict each other, the best first: the points agree once one of them is corrected. */
+  causes?: PointsCause[];
   chi2: number | null;
   consensus?: Agreement | null;
   contradicting_tags?: number[];
@@ -1155,17 +1167,17 @@ export type ReasonObject = {
   /** How much worse its BIC is. */
   delta_bic: number | null;
   kind: "two_hypotheses";
-  /** The excess that is needed. */
+  /** How much worse it would have to be. */
   needed: number;
   /** The second one. */
   rival: string;
 } | {
   /** The better hypothesis. */
   best: string;
-  /** The excess with that ratio. */
+  /** How much worse that ratio explains the contacts. */
   delta_chi2: number | null;
   kind: "ratio_open";
-  /** The excess that is needed. */
+  /** How much worse it would have to. */
   needed: number;
   /** The ratio that is not excluded, or its inverse. */
   ratio: number;
