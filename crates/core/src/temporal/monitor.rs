@@ -146,8 +146,6 @@ pub struct Monitor {
     test: DriftTest,
     gate: Gate,
     drift: Option<Drift>,
-    /// Whether it has been more than chance gives, and is reported.
-    is_distinct: bool,
     /// Time until which a drift is not reported, because it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
@@ -184,7 +182,6 @@ impl Monitor {
             gate: Gate::new(config.decision_period_s),
             test,
             drift: None,
-            is_distinct: false,
             held_until_s: None,
             transients: Transients::default(),
             aftermath: Aftermath::new(start),
@@ -213,8 +210,6 @@ impl Monitor {
             let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
             self.outliers += dropped;
             self.decide(&passed);
-            let is_distinct = |drift: Drift| self.is_distinct || self.refined(&drift).is_distinct();
-            self.is_distinct = self.drift.is_some_and(is_distinct);
         }
         self.watch(reading.t_s)
     }
@@ -228,7 +223,7 @@ impl Monitor {
             _ if self.contradictions.are_reported() => Watch::Inconsistent,
             // They come, and none could be used of late.
             _ if self.config.stale_after_s < for_s => Watch::Checking,
-            Some(_) if self.is_held(t_s) || !self.is_distinct => Watch::Checking,
+            Some(_) if self.is_held(t_s) => Watch::Checking,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Checking,
             None if self.aftermath.is_doubted(t_s) => Watch::CorrelatedErrors,
@@ -240,8 +235,7 @@ impl Monitor {
 
     /// Returns the drift decided last, also without readings.
     pub fn drift(&self) -> Option<Drift> {
-        let is_reported = self.is_distinct && !self.is_held(self.last_s);
-        self.drift.filter(|_| is_reported).map(|drift| self.refined(&drift))
+        self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
     }
 
     fn is_held(&self, t_s: f64) -> bool {
@@ -441,7 +435,6 @@ numbers!(Monitor {
     test,
     gate,
     drift,
-    is_distinct,
     held_until_s,
     transients,
     aftermath,

@@ -61,9 +61,6 @@ pub struct Rate {
     pub covariance: Matrix6,
 }
 
-/// A motion is reported where chance gives one as large so seldom.
-const DISTINCT_PROBABILITY: f64 = 0.01;
-
 impl Drift {
     /// The last motion alone: what has been reported before it is left out.
     pub fn last(&self) -> Drift {
@@ -73,14 +70,6 @@ impl Drift {
             }
             None => *self,
         }
-    }
-
-    /// Whether it is more than errors of its size are by chance (one in a hundred): what cannot be distinguished from zero is not reported.
-    pub fn is_distinct(&self) -> bool {
-        let chi2 = |factor: nalgebra::Cholesky<f64, nalgebra::U6>| {
-            self.old_from_new.dot(&factor.solve(&self.old_from_new))
-        };
-        self.covariance.cholesky().is_some_and(|factor| tail(6, chi2(factor)) < DISTINCT_PROBABILITY)
     }
 
     /// When the first of its motions began, seconds.
