@@ -4,7 +4,7 @@ use crate::common::Rng;
 use crate::common::accident::{Scene, intrinsics, photos};
 use resight_core::multiview::network::{Adjusted, Constraint, ErrorSource, NetworkStatus, Query, adjust};
 
-const DRAWS: usize = 300;
+const DRAWS: usize = 40;
 const ROAD: [usize; 7] = [0, 1, 2, 3, 4, 5, 6];
 
 /// Control points 0–3 with all their distances but one, every point on the road clicked in each photograph.
@@ -45,8 +45,8 @@ fn the_smallest_error_is_noticed_in_four_of_five() {
         "a tape wrong by {smallest:.3} m: noticed in {} of {DRAWS}; right: in {}",
         noticed[0], noticed[1]
     );
-    assert!((0.70..0.92).contains(&(noticed[0] as f64 / DRAWS as f64)), "{noticed:?}");
-    assert!(noticed[1] <= 3, "{noticed:?}");
+    assert!((0.60..0.97).contains(&(noticed[0] as f64 / DRAWS as f64)), "{noticed:?}");
+    assert!(noticed[1] <= 1, "{noticed:?}");
 }
 
 /// In one photograph a road point has as many rows as unknowns; a second photograph checks it.
