@@ -45,9 +45,10 @@ impl Lattice {
     /// Without outer lines of which less than this share carries nodes: what the background adds by chance.
     pub fn without_sparse_lines(mut self, least: f64) -> Self {
         while let Some(Extent { u, v }) = self.extent() {
-            let lines: [(&dyn Fn(&Node) -> bool, (i32, i32)); 4] =
+            type Line<'a> = (&'a dyn Fn(&Node) -> bool, (i32, i32));
+            let lines: [Line; 4] =
                 [(&|n| n.0 == u.0, v), (&|n| n.0 == u.1, v), (&|n| n.1 == v.0, u), (&|n| n.1 == v.1, u)];
-            let share = |(is_on, span): &(&dyn Fn(&Node) -> bool, (i32, i32))| {
+            let share = |(is_on, span): &Line| {
                 self.nodes.keys().filter(|n| is_on(n)).count() as f64 / f64::from(span.1 - span.0 + 1)
             };
             let sparsest = lines.iter().min_by(|a, b| share(a).total_cmp(&share(b)));

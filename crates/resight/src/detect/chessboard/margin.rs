@@ -79,7 +79,7 @@ impl Square {
     fn end(&self) -> Option<f64> {
         let end = self.0.iter().position(|share| HALF < *share)?;
         let margin = self.0[end..].iter().take(1 + MARGIN_STEPS);
-        (WHITE <= margin.copied().fold(0.0, f64::max)).then(|| FIRST + STEP * end as f64)
+        (WHITE <= margin.copied().fold(0.0, f64::max)).then_some(FIRST + STEP * end as f64)
     }
 
     /// Whether it has its own colour as far as that.

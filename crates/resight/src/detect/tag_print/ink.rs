@@ -81,7 +81,7 @@ impl Print {
         };
         self.inset == 1
             && (0..self.values.len())
-                .all(|k| !(is_ring(k, 0) && self.values[k] < 0.0) && !(is_ring(k, 1) && 0.0 < self.values[k]))
+                .all(|k| !(is_ring(k, 0) && self.values[k] < 0.0 || is_ring(k, 1) && 0.0 < self.values[k]))
     }
 
     /// Whether a cell is white, counted from the edge of the whole print.
