@@ -79,7 +79,7 @@ impl Page {
                     if !is_kept {
                         return;
                     }
-                    match self.new().await {
+                    match self.news().await {
                         Some(text) => text,
                         None => continue,
                     }
@@ -118,7 +118,7 @@ impl Page {
     }
 
     /// What is new: none where the page has it already.
-    async fn new(&mut self) -> Option<String> {
+    async fn news(&mut self) -> Option<String> {
         let now = self.session.now();
         let state = (now.version(), now.n_measured());
         if self.shown.is_some_and(|shown| state <= shown) {

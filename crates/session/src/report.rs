@@ -70,7 +70,7 @@ impl Session {
             &["name", "what", "value ± half of the 95 % interval", "95 % interval", "status"],
             view.measurements.iter().map(measured).collect(),
         );
-        let _ = write!(page, "<p>{}</p></html>\n", escaped(texts::REPORT));
+        let _ = writeln!(page, "<p>{}</p></html>", escaped(texts::REPORT));
         page
     }
 

@@ -351,7 +351,7 @@ mod tests {
     /// Components that join late, as the arms of a U do, and whose places in memory are used again.
     #[test]
     fn many_components_at_once_are_kept_apart() {
-        let comb = |u: f64, v: f64| v < 20.0 && u as u32 % 3 == 0 || (18.0..20.0).contains(&v);
+        let comb = |u: f64, v: f64| v < 20.0 && (u as u32).is_multiple_of(3) || (18.0..20.0).contains(&v);
         let square = ring([60.0, 60.0], 20.0, 0.0);
         let found = quads(&image(|u, v| comb(u, v) || square(u, v)), Ink::Dark, 8);
         assert_eq!(found.len(), 1);

@@ -149,7 +149,8 @@ mod tests {
     fn rows_without_a_pixel_are_left_out() {
         let (mut points, mut pixels) = points();
         let (mut fewer, mut of_fewer) = (points.clone(), pixels.clone());
-        (fewer.remove(3), of_fewer.remove(3));
+        fewer.remove(3);
+        of_fewer.remove(3);
         (points[3], pixels[3]) = ([NAN, 0.0, 0.0], [NAN, NAN]);
         let options = PointsOptions::default();
         let with = seen(&points, &pixels).unwrap().locate("v", &camera(), &options);

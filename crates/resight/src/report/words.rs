@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn moments_are_dates_where_they_can_be() {
         assert_eq!(moment(1_780_000_000.0, 0), "2026-05-28 20:26:40 UTC");
-        assert_eq!(moment(1_780_000_000.9996, 3), "2026-05-28 20:26:41.000 UTC");
+        assert_eq!(moment(1_780_000_000.999_6, 3), "2026-05-28 20:26:41.000 UTC");
         assert_eq!(moment(951_782_400.25, 1), "2000-02-29 00:00:00.3 UTC");
         assert_eq!(
             [moment(12.3456, 3), moment(-1.0, 0), moment(1.78e12, 0)],
