@@ -92,7 +92,7 @@ def unmasked(name: str, value: Any) -> np.ndarray:
         return np.asarray(value)
     if value.dtype.kind not in "fiu":
         raise Error(f"{name}: numbers of dtype {value.dtype} are no real numbers; give float64")
-    return np.asarray(value.astype(np.float64).filled(np.nan))
+    return np.where(value.mask, np.nan, np.asarray(value.data, dtype=np.float64))
 
 
 def _numbers(name: str, value: Any) -> np.ndarray:
