@@ -1,10 +1,8 @@
-//! The smallest error that a network states it would notice is noticed, and what nothing checks is listed.
+//! The smallest error that a network would notice, and what nothing checks.
 
-use crate::common::Rng;
 use crate::common::accident::{Scene, intrinsics, photos};
-use resight_core::multiview::network::{Adjusted, Constraint, ErrorSource, NetworkStatus, Query, adjust};
+use resight_core::multiview::network::{Adjusted, Constraint, ErrorSource, Query, adjust};
 
-const DRAWS: usize = 40;
 const ROAD: [usize; 7] = [0, 1, 2, 3, 4, 5, 6];
 
 /// Control points 0–3 with all their distances but one, every point on the road clicked in each photograph.
@@ -24,29 +22,13 @@ fn adjusted(scene: &Scene, constraints: &[Constraint]) -> Adjusted {
 }
 
 #[test]
-fn the_smallest_error_is_noticed_in_four_of_five() {
-    let (scene, mut rng) = (scene(2), Rng::new(77));
+fn the_diagonal_of_checked_points_has_a_smallest_noticed_error() {
+    let scene = scene(2);
     let exact = adjusted(&scene, &scene.constraints);
     let tape = 4; // The diagonal.
     let smallest =
         exact.reliability().smallest_noticed_error(ErrorSource::Constraint(tape)).expect("checked");
     assert!((0.02..0.5).contains(&smallest), "{smallest} m of a tape of 0.01 m");
-    let mut noticed = [0usize; 2];
-    for _ in 0..DRAWS {
-        for (size, count) in [smallest, 0.0].into_iter().zip(&mut noticed) {
-            let mut constraints = scene.drawn(&mut rng).constraints;
-            if let Constraint::Distance { distance_m, .. } = &mut constraints[tape] {
-                *distance_m += size;
-            }
-            *count += usize::from(adjusted(&scene, &constraints).status() != NetworkStatus::Ok);
-        }
-    }
-    println!(
-        "a tape wrong by {smallest:.3} m: noticed in {} of {DRAWS}; right: in {}",
-        noticed[0], noticed[1]
-    );
-    assert!((0.60..0.97).contains(&(noticed[0] as f64 / DRAWS as f64)), "{noticed:?}");
-    assert!(noticed[1] <= 1, "{noticed:?}");
 }
 
 /// In one photograph a road point has as many rows as unknowns; a second photograph checks it.
