@@ -406,3 +406,20 @@ fn lines_that_leave_the_pose_open_are_refused() {
     assert!(vanishing_point(&[lines[0].seen, lines[0].seen]).is_err());
     assert!(vanishing_point(&[lines[0].seen]).is_err());
 }
+
+/// Rows of a file often begin along an edge: three points on a line give no start, and those behind them do.
+#[test]
+fn points_that_begin_on_a_line_give_a_start() {
+    let (mut rng, pose) = (Rng::new(17), Pose::exp(&Vector6::new(0.2, -0.4, 0.1, 0.02, 0.03, 1.2)));
+    let at = |i: u32| Point::new(0.1 * f64::from(i % 4), 0.1 * f64::from(i / 4), 0.0);
+    let seen: Vec<Correspondence> = (0..8)
+        .map(|i| Correspondence::new(&views::camera(), at(i), views::pixel_of(&(pose * at(i))), SIGMA_PX))
+        .collect::<Result<_, _>>()
+        .expect("in the field");
+    let lines: Vec<LineCorrespondence> = [[at(0), at(5)], [at(3), at(6)]]
+        .into_iter()
+        .filter_map(|ends| line(&mut rng, &pose, ends, 0.0))
+        .collect();
+    let found = solve(&lines, &seen).expect("a pose").cam_from_target;
+    assert!((found.inverse() * pose).log().norm() < 1e-9);
+}

@@ -30,7 +30,7 @@ impl Watched {
     }
 }
 
-/// One in a hundred, one in five, and runs of four in every thirty: none is said of 20,000 readings each.
+/// One in a hundred, one in five, and runs of four in every thirty: none is reported in 20,000 readings each.
 #[test]
 fn single_faults_and_short_runs_are_not_reported() {
     let mut rng = Rng::new(3);

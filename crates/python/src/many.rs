@@ -268,7 +268,7 @@ fn check_offsets(py: Python<'_>, offsets: &[usize], points: usize, pixels: usize
     Ok(())
 }
 
-/// Views solved at once at most, and at first: between two blocks Ctrl-C is heard and progress reported.
+/// Views solved at once at most, and at first: between two blocks Ctrl-C takes effect and progress is reported.
 const BLOCK: Range<usize> = 1..10_000;
 /// How long a block should take: shorter ones grow, longer ones shrink.
 const BLOCK_TAKES: Duration = Duration::from_millis(20);

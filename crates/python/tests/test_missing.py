@@ -15,7 +15,7 @@ def seen(camera, truth):
 
 
 def hidden(pixels, *rows):
-    """The same with rows that were not seen: NaN, and masked with a wrong number behind the mask."""
+    """Returns the pixels twice, some rows of which were not seen: as NaN, and masked with a wrong number behind the mask."""
     nan, wrong, mask = pixels.copy(), pixels.copy(), np.zeros(pixels.shape, bool)
     nan[list(rows)], wrong[list(rows)], mask[list(rows)] = np.nan, wrong[list(rows)] + 80, True
     return nan, np.ma.masked_array(wrong, mask)

@@ -119,7 +119,7 @@ fn detect_has_a_verdict_of_mirrored_boards() {
     );
 }
 
-/// What is there instead is said of the first image of a session, and of no other.
+/// A session explains what its first image shows instead, and no other image.
 #[test]
 fn a_session_explains_one_image() {
     let (stated, image) = (tag("tag36h11", 3), photograph(&tag("tag36h11", 4), 5));

@@ -171,7 +171,7 @@ async fn photograph(
     Ok(page::file(&request, &tag, photograph.media_type(), &photograph.bytes))
 }
 
-/// Applies a command: the view of what is so now, in which what is measured may be of before.
+/// Applies a command and returns the present view; its measurements may still be the earlier ones.
 /// With it comes how often the session had been measured then.
 pub async fn applied(
     app: &App,

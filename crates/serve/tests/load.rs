@@ -173,7 +173,7 @@ fn a_torn_jpeg_is_refused() {
     assert_eq!(put(place, &id, "whole.jpg", "image/jpeg", &whole).status, 200);
 }
 
-/// What is shown under a name is what was sent last; a browser that has the one before is told so.
+/// A name stands for the photograph sent last; a browser that holds the earlier one learns that it has changed.
 #[test]
 fn a_replaced_photograph_has_another_tag() {
     let place = server(None);

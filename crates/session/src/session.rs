@@ -1,4 +1,4 @@
-//! The session: commands applied, steps undone, and the view of what is so now.
+//! The session: commands applied, steps undone, and the present view.
 //!
 //! A change solves again what it touches: the poses of the photographs whose points, lens or places it changed. What is measured depends on
 //! all of them and takes longer: it is a task of its own ([`Measuring`]), and until it is done the view has the values of before.
@@ -33,7 +33,7 @@ pub struct Session {
     pub(crate) places: Arc<Places>,
     /// What was measured last.
     measured: Option<Arc<Measured>>,
-    /// The scene of what is so now, where it is another than that.
+    /// The present scene, where it differs from that one.
     unmeasured: Option<Arc<Scene>>,
     version: u64,
     /// Counts what was measured.
@@ -115,7 +115,7 @@ impl Session {
         self.n_measured
     }
 
-    /// Applies a command to a photograph, measures, and says what is so now.
+    /// Applies a command to a photograph, measures, and returns the present view.
     pub fn apply(&mut self, photo: usize, command: Command) -> View {
         let answered = self.change(photo, command);
         if !answered.is_measuring {
@@ -125,7 +125,7 @@ impl Session {
         View { snap: answered.snap, error: answered.error, ..self.view(photo) }
     }
 
-    /// Applies a command to a photograph and says what is so now; what is measured is that of before, where [`View::is_measuring`].
+    /// Applies a command to a photograph and returns the present view; its measurements are the earlier ones where [`View::is_measuring`].
     pub fn change(&mut self, photo: usize, command: Command) -> View {
         let (mut error, mut snapped) = (None, None);
         match command {

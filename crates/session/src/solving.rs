@@ -76,7 +76,7 @@ impl Solving {
         self.photos.get(photo)?.tried.as_ref().map(|(_, attempt)| &**attempt)
     }
 
-    /// Whether a photograph has a pose by what is so now.
+    /// Whether a photograph has a pose at present.
     pub fn is_solved(&self, photo: usize) -> bool {
         matches!(self.attempt(photo), Some(Attempt::Solved(_)))
     }

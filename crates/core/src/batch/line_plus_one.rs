@@ -67,7 +67,7 @@ impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
     }
 }
 
-/// A placeholder for a lens that the lanes do not know; no answer uses it.
+/// The camera matrix of a view whose lens the lanes do not have; that view is solved singly.
 const UNIT: CameraMatrix = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
 
 /// The views of a group, and the target they show.

@@ -209,7 +209,7 @@ impl ArrowEquations {
         DMatrix::from_columns(&(0..n).map(|i| self.times(&unit(i))).collect::<Vec<_>>())
     }
 
-    /// The same with each unknown in units of its own.
+    /// Returns the equations with each unknown in a unit of its own.
     pub fn scaled(&self, unit: &[f64]) -> Self {
         let mut scaled = self.clone();
         let of = |k: usize| unit[self.arrow.shared[k]];

@@ -15,7 +15,7 @@ use crate::locate::refine::{log_determinant, normal_equations, residual_sums};
 use crate::locate::reweight::minimize_reweighted;
 use crate::solve::line_rotation::line_rotation;
 use crate::solve::p3p::p3p;
-use crate::{Error, Matrix6, Point, Pose};
+use crate::{Correspondence, Error, Matrix6, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Unit, Vector3};
 #[cfg(not(feature = "std"))]
@@ -197,8 +197,8 @@ fn starts(lines: &[LineCorrespondence], problem: &Problem) -> (ArrayVec<Pose, MA
         _ => None,
     });
     found.extend(prior);
-    if let [a, b, c, ..] = problem.seen {
-        found.extend(p3p(&[a, b, c].map(|c| c.bearing), &[a, b, c].map(|c| c.x_in_target)));
+    if let Some(three) = three_off_a_line(problem.seen) {
+        found.extend(p3p(&three.map(|c| c.bearing), &three.map(|c| c.x_in_target)));
     }
     let known = known(problem);
     for triple in triples(lines) {
@@ -215,6 +215,20 @@ fn starts(lines: &[LineCorrespondence], problem: &Problem) -> (ArrayVec<Pose, MA
         }
     }
     (found, refusal)
+}
+
+/// Three points that give a start: the first one, the one farthest from it, and the one farthest from the line through both. None where all lie on a
+/// line.
+fn three_off_a_line(seen: &[Correspondence]) -> Option<[&Correspondence; 3]> {
+    let first = seen.first()?;
+    let from_first = |c: &Correspondence| c.x_in_target - first.x_in_target;
+    let farthest = |distance2: &dyn Fn(&Correspondence) -> f64| {
+        seen.iter().max_by(|a, b| distance2(a).total_cmp(&distance2(b)))
+    };
+    let second = farthest(&|c| from_first(c).norm_squared())?;
+    let off_line2 = |c: &Correspondence| from_first(second).cross(&from_first(c)).norm_squared();
+    let third = farthest(&off_line2)?;
+    (0.0 < off_line2(third)).then_some([first, second, third])
 }
 
 /// What the priors say about the place.

@@ -68,7 +68,7 @@ const LEAST_NODES: usize = 6;
 const SHARE_OF_COPY: f64 = 0.5;
 /// A line of a grid carries at least this share of its nodes.
 const LEAST_OF_LINE: f64 = 0.5;
-/// Fewest nodes of a part that is told of.
+/// Fewest nodes of a part that is reported.
 const LEAST_OF_PART: usize = 12;
 
 impl ChessboardFinder {

@@ -265,7 +265,7 @@ impl TagFinder {
         found
     }
 
-    /// The same of tags that show at full size only, in a shadow or without a white margin.
+    /// Finds tags that show at full size only, in a shadow or without a white margin.
     pub(super) fn find_small_in(&mut self, image: &GrayImage, region: &Region) -> Vec<DecodedTag> {
         let (mut part, mut found) = (GrayImage::filled(0, 0, 0), Vec::new());
         if region.cut(image, &mut part).is_some() {

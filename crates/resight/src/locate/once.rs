@@ -49,9 +49,11 @@ impl Once {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PointsOptions, locate_points};
+    use super::super::{NamedLine, PointsOptions, locate_lines_and_points, locate_points};
     use super::*;
+    use nalgebra::Unit;
     use resight_core::camera::Pinhole;
+    use resight_core::line::{ImageLine, LineCorrespondence};
     use resight_core::{Camera, CameraMatrix, Lens, Pixel, Point, Pose, Vector6};
 
     fn camera() -> Camera {
@@ -129,5 +131,26 @@ mod tests {
         );
         assert_eq!((answer.names.len(), answer.names[10].as_str()), (15, "p7"));
         assert!(answer.verdict.message.contains("p7"), "{}", answer.verdict.message);
+    }
+
+    #[test]
+    fn points_beside_lines_count_once_too() {
+        let once = points();
+        let copies: Vec<NamedPoint> = (0..3).flat_map(|_| once.clone()).collect();
+        let line = |i: usize, k: usize| {
+            let (from, to) = (&once[i].seen, &once[k].seen);
+            let seen = ImageLine::new(&camera(), [from.pixel, to.pixel], 0.3).expect("two pixels");
+            let direction_in_target = Unit::new_normalize(to.x_in_target - from.x_in_target);
+            let seen =
+                LineCorrespondence { point_in_target: Some(from.x_in_target), direction_in_target, seen };
+            NamedLine { name: format!("{i}-{k}"), line: None, seen }
+        };
+        let lines = [line(0, 5), line(3, 10)];
+        let solved = |points: &[NamedPoint]| {
+            locate_lines_and_points("view", points, &lines, &camera(), &PointsOptions::default())
+        };
+        let (a, b) = (solved(&once), solved(&copies));
+        assert!(a.estimate.is_some() && a.estimate == b.estimate, "{}", a.verdict.message);
+        assert_eq!((a.names.len(), b.names.len(), b.remarks.len()), (14, 38, 1));
     }
 }

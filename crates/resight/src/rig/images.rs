@@ -114,7 +114,7 @@ struct FoundTargets {
     lens: Camera,
     targets: Vec<(usize, Vec<(String, Correspondence)>)>,
     skipped: Vec<(String, String)>,
-    /// Why targets could not be told, such as several copies in view.
+    /// Why targets could not be distinguished, such as several copies in view.
     failed: Vec<String>,
 }
 
@@ -283,7 +283,7 @@ impl Search<'_> {
         self.collected.frames.push(Frame { camera, name, t_s: None, targets: found.targets });
     }
 
-    /// Says of the first frame of each camera that saw nothing at all what it shows instead: the same of every command that looks for targets.
+    /// Explains, for each camera that saw nothing at all, what its first frame shows instead, in the words of every command that looks for targets.
     fn explain(&mut self) {
         let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
         for (camera, without) in std::mem::take(&mut self.without).into_iter().enumerate() {

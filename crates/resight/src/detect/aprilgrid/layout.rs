@@ -25,7 +25,7 @@ pub(super) enum Layout {
 const AGREES: f64 = 0.35;
 /// and to so many edges: a misread id and another layout are off by a pitch, more than one.
 const AGREES_EDGES: f64 = 0.6;
-/// A tag says nothing of those further away than this, in tag edges: their corners would have to be known better.
+/// A tag does not predict tags farther away than this, in tag edges: its corners are not known well enough.
 const REACH_EDGES: f64 = 4.5;
 /// A second group of so many tags is another grid; one alone is a tag of its own, or misread.
 const LEAST_OF_COPY: usize = 2;

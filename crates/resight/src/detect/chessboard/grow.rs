@@ -170,7 +170,7 @@ impl<'a> Pattern<'a> {
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
-    /// On which sides the board hardly goes on: its outer squares end there, before a white margin or at their full length. Something in front of the
+    /// On which sides the board probably ends: its outer squares end there, before a white margin or at their full length. Something in front of the
     /// board may look so by chance, so this says where a board does not continue, and not where it is.
     pub fn likely_ends(&self, lattice: &Lattice) -> Ends {
         let Some(extent) = lattice.extent() else { return Ends::default() };

@@ -1,4 +1,4 @@
-//! The white margin of a board: where its outer squares end, whole ones or cut ones, the paper goes on white.
+//! The white margin of a board: where its outer squares end, whole or cut, the paper beyond is white.
 //!
 //! It says where a board does not continue: beyond the squares of a larger board black ones turn white and white ones turn black, and behind
 //! something in front of a board white squares end with the black ones, unless that is as white as the paper.

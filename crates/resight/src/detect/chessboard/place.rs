@@ -106,7 +106,7 @@ impl<'a> Observed<'a> {
     }
 
     /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen (`ends`); nowhere
-    /// where it would go on where it hardly does (`likely`).
+    /// where it would continue beyond a side on which it probably ends (`likely`).
     pub fn place(&self, ends: Ends, likely: Ends) -> Place {
         let fits: Vec<Placement> = self
             .placements()
@@ -230,7 +230,7 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// Whether the pattern goes on beyond the board by a whole line: then it is a larger board, and this one could be several parts of it.
+    /// Whether the pattern continues beyond the board by a whole line: then it is a larger board, and this one could be several parts of it.
     fn continues_beyond(&self, p: &Placement) -> bool {
         let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
         let is_line = |nodes: &mut dyn Iterator<Item = (i32, i32)>, length: i32| {
