@@ -69,15 +69,16 @@ impl Group {
         self.gradient.len()
     }
 
-    fn couple(&mut self, within: usize, shared: usize, by: f64) {
+    /// Where C's column of a shared unknown begins.
+    fn column(&mut self, shared: usize) -> usize {
+        let k = self.size();
         let known = self.columns.iter().position(|column| *column == shared);
         let column = known.unwrap_or_else(|| {
             self.columns.push(shared);
-            self.coupling.resize(self.columns.len() * self.size(), 0.0);
+            self.coupling.resize(self.columns.len() * k, 0.0);
             self.columns.len() - 1
         });
-        let k = self.size();
-        self.coupling[column * k + within] += by;
+        column * k
     }
 
     /// Cholesky's factor, L row by row, and W column by column; the diagonal is `diagonal` of what it is.
@@ -154,18 +155,33 @@ impl ArrowEquations {
     /// Adds a whitened residual and the derivatives of what was predicted, by the unknowns they belong to (each once), of one group at most.
     pub fn add(&mut self, residual: f64, entries: &[(usize, f64)]) {
         self.chi2 += residual * residual;
-        for (i, by_i) in entries {
-            self.gradient[*i] += by_i * residual;
-            for (j, by_j) in entries {
-                match (self.arrow.at[*i], self.arrow.at[*j]) {
-                    (At::Shared(i), At::Shared(j)) => self.shared[(i, j)] += by_i * by_j,
-                    (At::Group(group, i), At::Shared(j)) => self.groups[group].couple(i, j, by_i * by_j),
-                    (At::Group(group, i), At::Group(other, j)) => {
-                        debug_assert_eq!(group, other, "a row joins two groups");
-                        let k = self.groups[group].size();
-                        self.groups[group].information[i * k + j] += by_i * by_j;
+        let (at, m) = (&self.arrow.at, self.arrow.shared.len());
+        for (unknown, by_j) in entries {
+            self.gradient[*unknown] += by_j * residual;
+            match at[*unknown] {
+                At::Shared(j) => {
+                    let column = &mut self.shared.as_mut_slice()[j * m..][..m];
+                    let mut begin: Option<usize> = None;
+                    for (other, by_i) in entries {
+                        match at[*other] {
+                            At::Shared(i) => column[i] += by_i * by_j,
+                            At::Group(group, i) => {
+                                let group = &mut self.groups[group];
+                                let begin = *begin.get_or_insert_with(|| group.column(j));
+                                group.coupling[begin + i] += by_i * by_j;
+                            }
+                        }
                     }
-                    (At::Shared(_), At::Group(..)) => {}
+                }
+                At::Group(group, j) => {
+                    let k = self.groups[group].size();
+                    let row = &mut self.groups[group].information[j * k..][..k];
+                    for (other, by_i) in entries {
+                        if let At::Group(of_other, i) = at[*other] {
+                            debug_assert_eq!(group, of_other, "a row joins two groups");
+                            row[i] += by_i * by_j;
+                        }
+                    }
                 }
             }
         }

@@ -44,13 +44,13 @@ const QUANTILE: f64 = 3.719;
 const FAR_ABOVE: f64 = 4.0;
 
 /// χ² that good data exceed once in ten thousand, docs/math/refine.md eq. (17).
-fn limit(degrees_of_freedom: usize) -> f64 {
+pub(crate) fn unlikely_above(degrees_of_freedom: usize) -> f64 {
     quick_quantile(degrees_of_freedom as f64, QUANTILE)
 }
 
 /// Whether data as good as stated would hardly give such a χ²: once in ten thousand.
 pub fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
-    0 < degrees_of_freedom && limit(degrees_of_freedom) < chi2
+    0 < degrees_of_freedom && unlikely_above(degrees_of_freedom) < chi2
 }
 
 /// The rule by which the residual of any job (a pose, a rig, a pose graph, a hand–eye calibration, a network, a touch) is inconsistent: data as
@@ -76,7 +76,7 @@ pub fn loses_too_many(n_lost: usize, n_seen: usize) -> bool {
 /// The χ² above which [`is_inconsistent`] says so.
 #[cfg(feature = "std")]
 pub(crate) fn inconsistent_above(degrees_of_freedom: usize) -> f64 {
-    limit(degrees_of_freedom).max(FAR_ABOVE * degrees_of_freedom as f64)
+    unlikely_above(degrees_of_freedom).max(FAR_ABOVE * degrees_of_freedom as f64)
 }
 
 /// The factor by which variances exceed the stated ones: 1 unless the residual proves it.

@@ -21,27 +21,25 @@ pub(crate) fn residual(measured: &Pose, predicted: &Pose) -> (Vector6, Matrix6) 
     (r, inverse_right_jacobian(&r))
 }
 
-/// Jᵣ⁻¹(ξ): Log(Exp(ξ) Exp(δ)) = ξ + Jᵣ⁻¹ δ + …, docs/math/pose_graph.md eq. (3).
+/// Jᵣ⁻¹(ξ): Log(Exp(ξ) Exp(δ)) = ξ + Jᵣ⁻¹ δ + …, docs/math/pose_graph.md eq. (3). Powers of ad = [ [ω]× 0 ; [ν]× [ω]× ] are
+/// [ A 0 ; B A ] too, so that A and B are all there is to multiply.
 fn inverse_right_jacobian(xi: &Vector6) -> Matrix6 {
-    let ad = small_adjoint(xi);
-    let square = ad * ad;
-    let mut power = Matrix6::identity();
-    let mut sum = Matrix6::identity() + ad * 0.5;
+    let turn = Vector3::new(xi[0], xi[1], xi[2]).cross_matrix();
+    let shift = Vector3::new(xi[3], xi[4], xi[5]).cross_matrix();
+    let times =
+        |(a, b): (Matrix3<f64>, Matrix3<f64>), (c, d): (Matrix3<f64>, Matrix3<f64>)| (a * c, b * c + a * d);
+    let square = times((turn, shift), (turn, shift));
+    let mut power = (Matrix3::identity(), Matrix3::zeros());
+    let mut sum = (Matrix3::identity() + turn * 0.5, shift * 0.5);
     for coefficient in SERIES {
-        power *= square;
-        sum += power * coefficient;
+        power = times(power, square);
+        sum = (sum.0 + power.0 * coefficient, sum.1 + power.1 * coefficient);
     }
-    sum
-}
-
-/// ad: the derivative of `Pose::adjoint` at the identity, [ [ω]× 0 ; [ν]× [ω]× ].
-fn small_adjoint(xi: &Vector6) -> Matrix6 {
-    let turn: Matrix3<f64> = Vector3::new(xi[0], xi[1], xi[2]).cross_matrix();
-    let mut ad = Matrix6::zeros();
-    ad.fixed_view_mut::<3, 3>(0, 0).copy_from(&turn);
-    ad.fixed_view_mut::<3, 3>(3, 3).copy_from(&turn);
-    ad.fixed_view_mut::<3, 3>(3, 0).copy_from(&Vector3::new(xi[3], xi[4], xi[5]).cross_matrix());
-    ad
+    let mut jacobian = Matrix6::zeros();
+    jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&sum.0);
+    jacobian.fixed_view_mut::<3, 3>(3, 3).copy_from(&sum.0);
+    jacobian.fixed_view_mut::<3, 3>(3, 0).copy_from(&sum.1);
+    jacobian
 }
 
 /// One standard deviation for every turn and one for every shift, squared.

@@ -156,14 +156,20 @@ fn equations(
 /// Eq. (13): Ad(X H) takes a motion of Z to one of T.
 fn add(equations: &mut DenseEquations, share: &Share, by_holder: &Matrix6) {
     equations.chi2 += share.chi2;
-    let sides = [(0, Matrix6::identity()), (6, *by_holder)];
-    for (row, left) in &sides {
-        let mut gradient = equations.gradient.fixed_rows_mut::<6>(*row);
-        gradient += left.transpose() * share.gradient;
-        for (column, right) in &sides {
-            let mut block = equations.information.fixed_view_mut::<6, 6>(*row, *column);
-            block += left.transpose() * share.information * right;
-        }
+    let across = share.information * by_holder;
+    let blocks = [
+        ((0, 0), share.information),
+        ((0, 6), across),
+        ((6, 0), across.transpose()),
+        ((6, 6), by_holder.tr_mul(&across)),
+    ];
+    for (at, addend) in blocks {
+        let mut block = equations.information.fixed_view_mut::<6, 6>(at.0, at.1);
+        block += addend;
+    }
+    for (row, addend) in [(0, share.gradient), (6, by_holder.tr_mul(&share.gradient))] {
+        let mut gradient = equations.gradient.fixed_rows_mut::<6>(row);
+        gradient += addend;
     }
 }
 

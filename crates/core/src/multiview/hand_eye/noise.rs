@@ -246,12 +246,13 @@ fn slope(rows: &[Row], at: &At) -> Slope {
         let wd = w * row.design;
         let by_effects = wd * at.phi * wd.transpose();
         let wv = parts.map(|part| w * part);
+        let shared = wv.map(|wv| wv * by_effects);
         for k in 0..KINDS {
             slope.score[k] += 0.5 * (we.dot(&(parts[k] * we)) - wv[k].trace());
             slope.m[k] += wd.tr_mul(&(parts[k] * wd));
             for l in 0..KINDS {
-                let shared = (parts[k] * wv[l] * by_effects).trace();
-                slope.information[(k, l)] += 0.5 * (wv[k] * wv[l]).trace() - shared;
+                // tr_dot is the trace of a product.
+                slope.information[(k, l)] += 0.5 * wv[k].tr_dot(&wv[l]) - parts[k].tr_dot(&shared[l]);
             }
         }
     }
@@ -259,7 +260,7 @@ fn slope(rows: &[Row], at: &At) -> Slope {
     for k in 0..KINDS {
         slope.score[k] += 0.5 * phi_m[k].trace();
         for l in 0..KINDS {
-            slope.information[(k, l)] += 0.5 * (phi_m[k] * phi_m[l]).trace();
+            slope.information[(k, l)] += 0.5 * phi_m[k].tr_dot(&phi_m[l]);
         }
     }
     slope

@@ -3,8 +3,8 @@
 use super::solve::{check_distances, settle};
 use super::starts::{draft, undetermined};
 use super::trilaterate::Places;
-use super::{Adjusted, NetworkProblem};
-use crate::locate::consistency::is_unlikely;
+use super::{Adjusted, Constraint, NetworkProblem};
+use crate::locate::consistency::{is_unlikely, unlikely_above};
 use crate::{Error, Pose};
 
 /// Other poses of photographs tried.
@@ -24,7 +24,7 @@ const FAR_CHI2: f64 = 100.0;
 /// How thoroughly to look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Depth {
-    /// Other poses of one photograph at a time.
+    /// Other poses of one photograph at a time, and only arrangements whose constraints may agree: those of a hypothesis.
     Single,
     /// Where that fits badly, other poses of several photographs together.
     Together,
@@ -38,6 +38,8 @@ struct Search<'a> {
     found: Vec<Adjusted>,
     refusal: Option<Error>,
     drafts: usize,
+    /// χ² above which an arrangement is of no use.
+    useless_above: Option<f64>,
 }
 
 /// χ², and the penalty of leaving points or photographs without a pose.
@@ -51,7 +53,9 @@ pub(super) fn best_of(
     arrangements: &[Places],
     depth: Depth,
 ) -> Result<Adjusted, Error> {
-    let mut search = Search { network, found: Vec::new(), refusal: None, drafts: 0 };
+    let n_rows = network.constraints.iter().map(Constraint::n_rows).sum();
+    let useless_above = (depth == Depth::Single).then(|| unlikely_above(n_rows));
+    let mut search = Search { network, found: Vec::new(), refusal: None, drafts: 0, useless_above };
     let mut open: Vec<(usize, Forced)> = (0..arrangements.len()).map(|k| (k, Vec::new())).collect();
     for control_points in arrangements {
         // Where photographs join in, the whole network says better which distance is wrong.
@@ -90,10 +94,10 @@ impl Search<'_> {
         next
     }
 
-    /// χ² above which an arrangement is no alternative to one that was found and places everything.
+    /// χ² above which an arrangement is of no use, or no alternative to one that was found and places everything.
     fn far_chi2(&self) -> Option<f64> {
         let whole = self.found.iter().filter(|a| a.undetermined.is_empty());
-        whole.map(|a| a.chi2 + FAR_CHI2 * a.noise_scale).reduce(f64::min)
+        whole.map(|a| a.chi2 + FAR_CHI2 * a.noise_scale).chain(self.useless_above).reduce(f64::min)
     }
 
     fn fits(&self) -> bool {

@@ -64,10 +64,10 @@ pub(super) fn settle(
 
 type NetworkMinimum = Minimum<State, ArrowEquations>;
 
-/// Evaluations after which a draft that is compared with a better one is looked at.
-const LOOK_STEPS: usize = 40;
+/// After so many evaluations a draft that is still above so many times the limit is given up.
+const LOOKS: [(usize, f64); 2] = [(12, 100.0), (40, 1.0)];
 
-/// The minimum from a state; one that is not converged where it is still above the limit when it is looked at.
+/// The minimum from a state; one that is not converged where it is far above the limit when it is looked at.
 fn lowest(
     network: &NetworkProblem,
     state: &State,
@@ -82,9 +82,14 @@ fn lowest(
             |s, by| s.moved(layout, by),
         )
     };
-    let Some(far_chi2) = far_chi2 else { return within(MAX_STEPS) };
-    let first = within(LOOK_STEPS)?;
-    if first.is_minimum() || far_chi2 < first.equations.chi2 { Some(first) } else { within(MAX_STEPS) }
+    for (steps, times) in LOOKS {
+        let Some(far_chi2) = far_chi2 else { break };
+        let found = within(steps)?;
+        if found.is_minimum() || times * far_chi2 < found.equations.chi2 {
+            return Some(found);
+        }
+    }
+    within(MAX_STEPS)
 }
 
 fn conclude(
