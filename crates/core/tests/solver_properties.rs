@@ -176,7 +176,7 @@ fn p3p_finds_every_far_pose() {
 }
 
 /// The few that miss 1e-6 reproject to rounding: their two poses are so close that the rounding of the bearings themselves moves
-/// them by more (docs/math/p3p.md, section 5).
+/// them by more (docs/math/p3p.md, section 6).
 #[test]
 fn p3p_loses_nothing_when_the_triple_is_nearly_straight() {
     let tally = tally(3, thin_triple);

@@ -5,7 +5,7 @@
 //! turns w₁, w₂ the ridge runs as ξ(s) = s₁d₁ + s₂d₂ + s₁²b₁ + s₂²b₂ + s₁s₂b₁₂, s in standard deviations; for normal s
 //!   Σ' = Σ + 3b₁b₁ᵀ + 3b₂b₂ᵀ + b₁b₂ᵀ + b₂b₁ᵀ + b₁₂b₁₂ᵀ + Σₖ (4/Δχ²ₖ − 1) dₖdₖᵀ,
 //! Δχ²ₖ the rise of χ² along the ridge at two standard deviations (4 where it is straight).
-//! Derivation and measurements: docs/math/refine.md eqs. (10)–(14).
+//! Derivation: docs/math/refine.md eqs. (10)–(14).
 
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::locate::choose::Minimum;

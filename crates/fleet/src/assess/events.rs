@@ -206,7 +206,7 @@ const FEW: usize = 3;
 /// Readings on either side that the size of a motion rests on, so that slow errors are those of its time.
 const NEAR: usize = 48;
 
-/// From the pose before to the pose after, by generalised least squares amid the error of each whitened coordinate, eq. (17).
+/// From the pose before to the pose after, by generalised least squares amid the error of each whitened coordinate, eq. (16).
 fn size(
     record: &Record,
     readings: &[Reading],

@@ -95,7 +95,7 @@ impl<'a> Record<'a> {
         is_certain.then(|| self.best(promising))
     }
 
-    /// ln of the mean over the directions of e, eq. (11): what a set of steps says against `nothing`, ln p of no step along each direction.
+    /// ln of the mean over the directions of e, eqs. (10), (12): what a set of steps says against `nothing`, ln p of no step along each direction.
     fn log_evidence(&self, steps: &[usize], nothing: &[f64]) -> f64 {
         let prior = log_prior(steps.len(), self.len());
         let e = |(series, nothing): (&Series, &f64)| {
