@@ -20,7 +20,7 @@ type Vector9 = SVector<f64, 9>;
 /// Poses closer than this (chordal) are one.
 const SAME_ROTATION: f64 = 1e-6;
 /// Smallest second eigenvalue, relative to the trace, of points that determine a homography. Four points, three on a line, give rounding;
-/// bent by a thousandth of the line's length already 1e-8 (docs/math/planar.md).
+/// bent by a thousandth of the line's length already 1e-8.
 const MIN_SECOND_EIGENVALUE: f64 = 1e-11;
 
 /// Smallest triangle of four points, twice its area in units of the largest coordinate squared: about the same bound.

@@ -249,7 +249,7 @@ impl Measured {
 }
 
 /// ln of the density of Student's t of five degrees of freedom in six coordinates of variance one, over that of the normal one at its
-/// centre, at a sum of squares: eq. (40).
+/// centre, at a sum of squares: eq. (41).
 fn log_student(squares: f64) -> f64 {
     /// ln Γ(11/2)/Γ(5/2) − 3 ln (5/2) − 3 ln (3/5).
     const AT_CENTRE: f64 = 2.456_735_8;
