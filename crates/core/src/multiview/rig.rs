@@ -19,6 +19,7 @@ mod lens_doubt;
 mod uncertain_lens;
 mod verdict;
 mod answer;
+mod exchanged;
 
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
@@ -265,6 +266,10 @@ pub struct TargetScale {
 /// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,
 /// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
+    Ok(exchanged::examined(problem, config, solve_as_stated(problem, config)?, solve_as_stated))
+}
+
+fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
     uncertain_lens::check(config.intrinsics, problem.cameras)?;
     let layout = layout::Layout::new(problem, config)?;
     let located_views = sighted::poses_of_observations(&layout);

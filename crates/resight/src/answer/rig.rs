@@ -270,6 +270,7 @@ fn object(solved: &SolvedRig) -> RigObject {
 fn cause_word(cause: Cause) -> &'static str {
     match cause {
         Cause::Intrinsics => "intrinsics",
+        Cause::ExchangedIntrinsics { .. } => "exchanged_intrinsics",
         Cause::Contradiction => "contradiction",
         Cause::Target => "target",
         Cause::Size => "size",

@@ -57,6 +57,11 @@ pub struct Losses {
 pub enum Cause {
     /// The camera's intrinsics: focal length, principal point, distortion or image size.
     Intrinsics,
+    /// Its intrinsics, or its images, are exchanged with those of another camera: with each other's lens, everything agrees.
+    ExchangedIntrinsics {
+        /// The other camera.
+        with: usize,
+    },
     /// Its observations fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
     /// target that moved.
     Contradiction,

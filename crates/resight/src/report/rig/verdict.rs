@@ -43,6 +43,12 @@ pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
                 lost(name, losses)
             )
         }
+        Cause::ExchangedIntrinsics { with } => {
+            let other = &run.rig.cameras[with].name;
+            format!(
+                "the camera files (or the images) of {name} and {other} look exchanged: with each other's lens the views agree; exchange the two and run again"
+            )
+        }
         Cause::Contradiction => format!(
             "{} of {} observations of {name} contradict the other cameras although most of them fit by themselves; views labelled wrongly, cameras that are not synchronised or are exchanged, or a target that moved are the likely cause",
             losses.n_lost, losses.n_observations
