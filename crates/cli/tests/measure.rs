@@ -367,7 +367,7 @@ fn mistakes_in_the_scene_are_named() {
     with("fx_px = 4.0", "fy = 4.0");
     refused(&scene, "has no `fy`");
     with("clicks.csv", "camera.toml");
-    refused(&scene, "no column photo, point, u_px, v_px");
+    refused(&scene, "no column `photo`");
     let start = good.find("[[known_distance]]").expect("distances");
     let end = good.find("[plane]").expect("a plane");
     std::fs::write(&scene, format!("{}{}", &good[..start], &good[end..])).expect("written");

@@ -46,8 +46,17 @@ const ROWS: &str = "x_m,y_m,z_m,u_px,v_px\n0,0,0,665.1,429.9\n0.5,0,0,871.2,443.
 fn tables_from_other_programs() {
     let windows = solve("windows.csv", &format!("\u{feff}{}", ROWS.replace('\n', "\r\n")));
     assert_eq!((windows.code, json_lines(&windows)[0]["status"].as_str()), (0, Some("ok")));
-    refused(&solve("semicolons.csv", &ROWS.replace(',', ";")), "separated by semicolons; write commas");
-    refused(&solve("tabs.csv", &ROWS.replace(',', "\t")), "separated by tabs; write commas");
+    for (name, text, remark) in [
+        ("semicolons.csv", ROWS.replace(',', ";"), "separated by semicolons"),
+        ("decimal_commas.csv", ROWS.replace(',', ";").replace('.', ","), "read as its decimal point"),
+        ("tabs.csv", ROWS.replace(',', "\t"), "separated by tabs"),
+    ] {
+        let other = solve(name, &text);
+        let [ours, theirs] = [&windows, &other].map(|run| json_lines(run)[0]["cam_from_target"].clone());
+        assert_eq!((other.code, theirs), (0, ours), "{}", other.stderr);
+        assert!(other.stderr.contains(remark), "{}", other.stderr);
+        assert!(json_lines(&other)[0]["remarks"][0].as_str().is_some_and(|said| said.contains(remark)));
+    }
     refused(&solve("empty.csv", ""), "the file is empty; a header line");
 
     let huge = solve("huge.csv", &ROWS.replace("0.8", "1e300"));

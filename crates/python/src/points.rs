@@ -11,7 +11,7 @@ use resight::core::locate::prior::Prior;
 use resight::core::locate::unknown_focal::LensPrior;
 use resight::locate::{METHODS, Method, PointRows, PointsOptions};
 use resight::nominal::lens_of_unknown_focal;
-use resight::points::{TableLocator, read_views, unit_remarks};
+use resight::points::{TableLocator, read_views};
 use std::path::PathBuf;
 
 /// The solver of this name.
@@ -141,12 +141,15 @@ pub fn solve_table(
         PointsOptions { method, intrinsics, robust_threshold_px, estimate_focal, ..PointsOptions::default() };
     let locator = TableLocator::new(Some(lens), sigma_px, options);
     let views = read_views(&file, false).map_err(|reason| error::file(py, &reason))?;
-    let mut remarks = unit_remarks(&views);
+    let locator = locator.for_table(&file, &views);
+    let mut remarks: Vec<String> = locator.remarks().collect();
     remarks.extend(camera.and_then(|camera| camera.remark.clone()));
     let answers = run(py, progress, move |reporter| {
         let mut answers = Vec::with_capacity(views.len());
         for view in &views {
-            answers.push(resight::PoseAnswer { remarks: remarks.clone(), ..locator.locate(view) });
+            let mut answer = locator.locate(view);
+            answer.remarks.extend(remarks.iter().cloned());
+            answers.push(answer);
             if !reporter.done(answers.len(), views.len()) {
                 break; // Nobody waits for the rest.
             }

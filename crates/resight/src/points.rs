@@ -3,7 +3,7 @@
 use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
-use crate::input::table::{Table, TableRow};
+use crate::input::table::{Table, TableRow, how_read};
 use crate::locate::{
     NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points, locate_points,
 };
@@ -26,6 +26,8 @@ pub struct TableLocator {
     options: PointsOptions,
     /// Remarks about coordinates of the table that are hardly metres.
     sizes: Vec<String>,
+    /// The remark about a table whose cells are not separated by commas.
+    how_read: Option<&'static str>,
 }
 
 /// The poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5 px),
@@ -39,11 +41,11 @@ pub fn locate_table(
     options: &PointsOptions,
 ) -> Result<Vec<PoseAnswer>, Error> {
     let views = read_views(file.as_ref(), false)?;
-    let remarks = unit_remarks(&views);
-    let locator = TableLocator::new(Some(camera.clone()), None, options.clone()).with_sizes(&remarks);
+    let locator =
+        TableLocator::new(Some(camera.clone()), None, options.clone()).for_table(file.as_ref(), &views);
     let located = |view| {
         let mut answer = locator.locate(view);
-        answer.remarks.extend(remarks.iter().cloned());
+        answer.remarks.extend(locator.remarks());
         answer
     };
     Ok(views.iter().map(located).collect())
@@ -59,12 +61,17 @@ impl TableLocator {
         };
         let options = PointsOptions { image_unit, ..options };
         let sigma = (sigma.unwrap_or(assumed), sigma.is_some());
-        TableLocator { camera, sigma, options, sizes: Vec::new() }
+        TableLocator { camera, sigma, options, sizes: Vec::new(), how_read: None }
     }
 
-    /// Takes the remarks of [`unit_remarks`]: where there is one, an answer that is `ok` otherwise is `implausible`.
-    pub fn with_sizes(self, remarks: &[String]) -> Self {
-        TableLocator { sizes: remarks.to_vec(), ..self }
+    /// Takes what the table as a whole says: where sizes are hardly metres, an answer that is `ok` otherwise is `implausible`.
+    pub fn for_table(self, path: &Path, views: &[PointsView]) -> Self {
+        TableLocator { sizes: unit_remarks(views), how_read: how_read(path), ..self }
+    }
+
+    /// The remarks about the table as a whole, which belong to every answer.
+    pub fn remarks(&self) -> impl Iterator<Item = String> {
+        self.sizes.iter().cloned().chain(self.how_read.map(str::to_string))
     }
 
     /// The pose of one view.
@@ -323,7 +330,7 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
 }
 
 /// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
-pub fn unit_remarks(views: &[PointsView]) -> Vec<String> {
+fn unit_remarks(views: &[PointsView]) -> Vec<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
     let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));
     crate::formats::plausible::of_uncertain_points(points).into_iter().collect()
@@ -371,8 +378,8 @@ mod tests {
     }
 
     fn located(view: &PointsView) -> PoseAnswer {
-        let remarks = unit_remarks(std::slice::from_ref(view));
-        TableLocator::new(Some(camera()), None, PointsOptions::default()).with_sizes(&remarks).locate(view)
+        let locator = TableLocator::new(Some(camera()), None, PointsOptions::default());
+        locator.for_table("room.csv".as_ref(), std::slice::from_ref(view)).locate(view)
     }
 
     #[test]

@@ -86,6 +86,9 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
     }
     crate::files::must_exist(&args.motions)?;
     let robot = read_robot_poses(&args.motions, args.robot_noise())?;
+    resight::input::table::how_file_is_read(&args.motions)
+        .iter()
+        .for_each(|text| crate::output::remark(&format!("warning: {text}")));
     let views = match &args.poses {
         Some(poses) => {
             crate::files::must_exist(poses)?;

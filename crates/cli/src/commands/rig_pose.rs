@@ -51,8 +51,10 @@ pub fn run(args: &RigPose) -> Result<Outcome> {
     let request = RigPoseRequest { sigma_px: args.sigma_px, robust_threshold_px: args.robust.threshold_px() };
     let answers = rig_poses(&rig, &views, &request);
     let mut printer = Printer::new(&args.output, answers.len());
+    let how_read = resight::input::table::how_read(&args.points).map(str::to_string);
     unit_remark(&views)
         .iter()
+        .chain(&how_read)
         .for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     for answer in &answers {
         printer.result(answer, &words(answer), answer.status)?;

@@ -13,7 +13,7 @@ use resight::core::locate::unknown_focal::LensPrior;
 use resight::locate::{Method, PointsOptions};
 use resight::marked_lines::{SceneLens, is_marked_lines, scene_views};
 use resight::nominal::lens_of_unknown_focal;
-use resight::points::{TableLocator, read_views, repeated_names, unit_remarks};
+use resight::points::{TableLocator, read_views, repeated_names};
 use std::path::PathBuf;
 
 /// Computes the camera's pose from known points and their pixels in a CSV file.
@@ -79,8 +79,8 @@ pub fn run(args: &Solve) -> Result<Outcome> {
     let views = read_views(&args.points, args.normalized)?;
     let mut printer = Printer::new(&args.output, views.len());
     repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
-    let mut remarks = unit_remarks(&views);
-    let locator = locator.with_sizes(&remarks);
+    let locator = locator.for_table(&args.points, &views);
+    let mut remarks: Vec<String> = locator.remarks().collect();
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     of_camera.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     remarks.extend(of_camera);

@@ -13,6 +13,49 @@ pub struct Table {
     path: PathBuf,
     header: Vec<String>,
     reader: csv::Reader<Rows>,
+    mark: Mark,
+}
+
+/// What separates the cells. Spreadsheets of countries that write decimal commas separate cells by semicolons or tabs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    Comma,
+    Semicolon,
+    Tab,
+}
+
+impl Mark {
+    const fn byte(self) -> u8 {
+        match self {
+            Mark::Comma => b',',
+            Mark::Semicolon => b';',
+            Mark::Tab => b'\t',
+        }
+    }
+
+    /// What a file is read as, where that is not what documents say; none of commas.
+    const fn remark(self) -> Option<&'static str> {
+        match self {
+            Mark::Comma => None,
+            Mark::Semicolon => Some(
+                "cells are separated by semicolons, and a comma in a number is read as its decimal point",
+            ),
+            Mark::Tab => {
+                Some("cells are separated by tabs, and a comma in a number is read as its decimal point")
+            }
+        }
+    }
+}
+
+/// The remark about a table whose cells are not separated by commas; none of others, and of what cannot be opened twice.
+pub fn how_read(path: &Path) -> Option<&'static str> {
+    let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
+    is_file.then(|| Table::open(path, "").ok())??.mark.remark()
+}
+
+/// The same with the file's name, for jobs with several.
+pub fn how_file_is_read(path: &Path) -> Option<String> {
+    how_read(path).map(|remark| format!("{}: {remark}", path.display()))
 }
 
 /// One row below the header.
@@ -23,42 +66,44 @@ pub struct TableRow<'a> {
     path: &'a Path,
     header: &'a [String],
     record: &'a csv::StringRecord,
+    mark: Mark,
 }
 
 impl Table {
-    /// Opens a file; `wanted` is the beginning of a header, for the complaint about an empty file.
+    /// Opens a file, its cells separated by commas, semicolons or tabs; `wanted` is the beginning of a header, for the complaint about an empty file.
     ///
     /// # Errors
-    /// A file that cannot be read, is empty, separates cells by other marks than commas, or names a column twice.
+    /// A file that cannot be read, is empty, or names a column twice.
     pub fn open(path: &Path, wanted: &str) -> Result<Self, FileError> {
+        let table = Self::separated_by(Mark::Comma, path, wanted)?;
+        let other = [Mark::Semicolon, Mark::Tab].into_iter().find(|mark| match &table.header[..] {
+            [only] => only.as_bytes().contains(&mark.byte()),
+            _ => false,
+        });
+        let table = match other {
+            Some(mark) => Self::separated_by(mark, path, wanted)?,
+            None => table,
+        };
+        let is_duplicate =
+            |(i, name): &(usize, &String)| !name.is_empty() && table.header[..*i].contains(name);
+        match table.header.iter().enumerate().find(is_duplicate) {
+            Some((_, name)) => Err(table.complaint(format!("column `{name}` appears twice"))),
+            None => Ok(table),
+        }
+    }
+
+    fn separated_by(mark: Mark, path: &Path, wanted: &str) -> Result<Self, FileError> {
         let file = open_table(path)?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+        let mut builder = csv::ReaderBuilder::new();
+        builder.delimiter(mark.byte()).trim(csv::Trim::All).comment(Some(b'#'));
+        let mut reader = builder.from_reader(file);
         let header = reader.headers().map_err(|e| complaint(path, 1, &e))?;
         if header.is_empty() {
             let reason = format!("the file is empty; a header line {wanted},… is needed");
             return Err(FileError::new(path, reason));
         }
         let header = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_string()).collect();
-        let table = Table { path: path.to_path_buf(), header, reader };
-        table.check_header(wanted)?;
-        Ok(table)
-    }
-
-    fn check_header(&self, wanted: &str) -> Result<(), FileError> {
-        if let [only] = &self.header[..]
-            && let Some(mark) = [';', '\t'].into_iter().find(|mark| only.contains(*mark))
-        {
-            let mark = if mark == ';' { "semicolons" } else { "tabs" };
-            return Err(self.complaint(format!(
-                "the cells are separated by {mark}; write commas between cells and points in numbers ({wanted},… and 0.5)"
-            )));
-        }
-        let is_duplicate =
-            |(i, name): &(usize, &String)| !name.is_empty() && self.header[..*i].contains(name);
-        match self.header.iter().enumerate().find(is_duplicate) {
-            Some((_, name)) => Err(self.complaint(format!("column `{name}` appears twice"))),
-            None => Ok(()),
-        }
+        Ok(Table { path: path.to_path_buf(), header, reader, mark })
     }
 
     /// What is wrong with the header.
@@ -119,7 +164,9 @@ impl Table {
             let is_row = is_row.map_err(|reason| complaint(path, line, &reason));
             let row = match is_row {
                 Ok(false) => break,
-                Ok(true) => Ok(TableRow { line, path, header: &self.header, record: &record }),
+                Ok(true) => {
+                    Ok(TableRow { line, path, header: &self.header, record: &record, mark: self.mark })
+                }
                 Err(reason) if is_read => Err(reason),
                 Err(reason) => return Err(reason.into()),
             };
@@ -149,7 +196,10 @@ impl TableRow<'_> {
     pub fn number(&self, column: usize) -> Result<f64, FileError> {
         let text = self.record.get(column).unwrap_or("");
         let shown: String = text.chars().take(40).collect();
-        text.parse().map_err(|_| match text {
+        // "1.234,5" stays no number: which of its marks is the decimal one, other countries read otherwise.
+        let is_decimal_comma = self.mark != Mark::Comma && !text.contains('.');
+        let number = if is_decimal_comma { text.replacen(',', ".", 1).parse() } else { text.parse() };
+        number.map_err(|_| match text {
             "" => self.complaint(column, "is empty; a number is needed"),
             _ => self.complaint(column, &format!("is `{shown}`, which is not a number")),
         })
@@ -231,6 +281,29 @@ mod tests {
         std::fs::write(&path, "a,b\r\n1,2\r\n3\r\n").expect("written");
         let torn = Table::open(&path, "a,b").and_then(|table| table.each(|_| Ok::<(), FileError>(())));
         assert!(torn.is_err_and(|reason| reason.to_string().contains(".csv:3: 1 cells")));
+        std::fs::remove_file(&path).expect("removed");
+    }
+
+    /// Semicolons or tabs with decimal commas are read; a number with both marks is none.
+    #[test]
+    fn tables_of_other_countries_are_read_and_said_to_be() {
+        let path = std::env::temp_dir().join(format!("resight-table-country-{}.csv", std::process::id()));
+        for (mark, named) in [(";", "semicolons"), ("\t", "tabs")] {
+            let lines = ["\u{feff}id|x_m|y_m", "a|1,5|-0,25", "b|2.5|3e-1", "c|1.234,5|0"];
+            std::fs::write(&path, lines.join("\r\n").replace('|', mark)).expect("written");
+            let mut seen = Vec::new();
+            let table = Table::open(&path, "x_m,y_m").expect("a table");
+            let columns = [table.need("x_m", None).expect("x"), table.need("y_m", None).expect("y")];
+            let done = table.each(|row| {
+                seen.push([row.number(columns[0])?, row.number(columns[1])?]);
+                Ok::<(), FileError>(())
+            });
+            assert_eq!(seen, [[1.5, -0.25], [2.5, 0.3]]);
+            assert!(done.expect_err("both marks").to_string().contains(":4: column `x_m` is `1.234,5`"));
+            assert!(how_read(&path).expect("a remark").contains(named));
+        }
+        std::fs::write(&path, "x_m,y_m\n1,2\n").expect("written");
+        assert_eq!(how_read(&path), None);
         std::fs::remove_file(&path).expect("removed");
     }
 

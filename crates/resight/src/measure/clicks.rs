@@ -1,8 +1,7 @@
 //! Image points from a CSV file: `photo, point, u_px, v_px` and optionally `sigma_px`, columns by name in any order.
-//!
-//! Cells may be quoted as spreadsheets do; lines that begin with # are remarks. Every complaint has its line.
 
 use crate::FileError;
+use crate::input::table::Table;
 use std::path::Path;
 
 /// One row.
@@ -22,66 +21,32 @@ pub struct ImagePoint {
 
 /// Rows accepted in one file: a person image points, no program does.
 const MAX_ROWS: usize = 20_000;
-const NEEDED: [&str; 4] = ["photo", "point", "u_px", "v_px"];
 
 /// Reads a file of image points.
 ///
 /// # Errors
 /// Unreadable files, missing columns, cells that are no numbers, each with its line.
 pub fn read_image_points(path: &Path) -> Result<Vec<ImagePoint>, FileError> {
-    let text = crate::input::read_text(path, crate::input::Kind::Literal)?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    let is_row = |(_, line): &(usize, &str)| !line.trim().is_empty() && !line.trim_start().starts_with('#');
-    let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(is_row);
-    let (number, header) = lines
-        .next()
-        .ok_or_else(|| FileError::new(path, "is empty; a header line photo,point,u_px,v_px is needed"))?;
-    let header = cells(header);
-    let column = |name: &str| header.iter().position(|cell| cell == name);
-    let missing: Vec<&str> = NEEDED.into_iter().filter(|name| column(name).is_none()).collect();
-    if !missing.is_empty() {
-        let reason = format!("no column {}; the header has {}", missing.join(", "), header.join(", "));
-        return Err(FileError::at_line(path, number, reason));
-    }
-    let sigma = column("sigma_px");
-    let at = NEEDED.map(|name| column(name).unwrap_or_default());
-    let row = |(line, text): (usize, &str)| {
-        let cells = cells(text);
-        let cell = |column: usize| cells.get(column).map_or("", String::as_str);
-        let number = |column: usize| match cell(column).parse::<f64>() {
-            Ok(x) if x.is_finite() => Ok(x),
-            _ => {
-                let reason = format!("`{}` in column {} is no number", cell(column), header[column]);
-                Err(FileError::at_line(path, line, reason))
-            }
+    let table = Table::open(path, "photo,point,u_px,v_px")?;
+    let need = |name: &str| table.need(name, None);
+    let (photo, point, u, v) = (need("photo")?, need("point")?, need("u_px")?, need("v_px")?);
+    let sigma = table.find("sigma_px");
+    let mut image_points = Vec::new();
+    table.each(|row| {
+        let (Some(photo), Some(point)) = (row.text(photo), row.text(point)) else {
+            return Err(row.complaint_of("photo and point must have names"));
         };
-        let sigma_px = sigma.filter(|column| !cell(*column).is_empty()).map(number).transpose()?;
-        let (photo, point) = (cell(at[0]).to_string(), cell(at[1]).to_string());
-        if photo.is_empty() || point.is_empty() {
-            return Err(FileError::at_line(path, line, "photo and point must have names"));
+        let finite = |column: usize| match row.number(column)? {
+            x if x.is_finite() => Ok(x),
+            x => Err(row.complaint(column, &format!("is {x}; it must be a finite number"))),
+        };
+        if MAX_ROWS <= image_points.len() {
+            return Err(FileError::new(path, format!("more than {MAX_ROWS} rows; that is the limit")));
         }
-        Ok(ImagePoint { photo, point, u_px: number(at[2])?, v_px: number(at[3])?, sigma_px })
-    };
-    let image_points = lines.map(row).collect::<Result<Vec<_>, _>>()?;
-    if MAX_ROWS < image_points.len() {
-        return Err(FileError::new(
-            path,
-            format!("holds {} rows; the limit is {MAX_ROWS}", image_points.len()),
-        ));
-    }
+        let sigma_px = sigma.filter(|column| row.text(*column).is_some()).map(finite).transpose()?;
+        let (photo, point) = (photo.to_string(), point.to_string());
+        image_points.push(ImagePoint { photo, point, u_px: finite(u)?, v_px: finite(v)?, sigma_px });
+        Ok(())
+    })?;
     Ok(image_points)
-}
-
-/// Cells of a line, trimmed; commas inside quotes do not part.
-fn cells(line: &str) -> Vec<String> {
-    let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
-    for letter in line.chars() {
-        match letter {
-            '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(std::mem::take(&mut cell)),
-            other => cell.push(other),
-        }
-    }
-    cells.push(cell);
-    cells.iter().map(|cell| cell.trim().to_string()).collect()
 }

@@ -9,6 +9,7 @@ use crate::core::correspondence::Observations;
 use crate::core::target::{Feature, KnownPoint};
 use crate::core::{Correspondence, Pixel, Point, Target};
 use crate::error::Error;
+use crate::input::table::how_file_is_read;
 use crate::report::words;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -117,7 +118,10 @@ pub(crate) fn collect(detections: &Detections, collected: &mut Collected) -> Res
     }
     let mut reader = Reader::new(collected, detections.sigma_px.unwrap_or(ASSUMED_SIGMA_PX));
     match detections.source {
-        DetectionSource::Files(paths) => paths.iter().try_for_each(|path| table::read(path, &mut reader))?,
+        DetectionSource::Files(paths) => {
+            paths.iter().try_for_each(|path| table::read(path, &mut reader))?;
+            reader.collected.remarks.extend(paths.iter().filter_map(|path| how_file_is_read(path)));
+        }
         DetectionSource::Rows(rows) => {
             for (row, number) in rows.iter().zip(1..) {
                 let row = DetectionRow { line: row.line.or(Some(number)), ..*row };

@@ -7,6 +7,7 @@ use crate::core::multiview::network::{Constraint, Plane};
 use crate::core::multiview::triangulate::isotropic;
 use crate::core::{Matrix6, Pixel, Point, Pose};
 use crate::formats::{self, NamedCamera};
+use crate::input::table::how_file_is_read;
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
 use crate::report::words;
@@ -284,9 +285,11 @@ impl Builder {
             }
         }
         if let Some(path) = &file.image_points {
-            for image_point in read_image_points(&self.folder.join(path))? {
+            let path = self.folder.join(path);
+            for image_point in read_image_points(&path)? {
                 self.image_point(&image_point)?;
             }
+            self.scene.remarks.extend(how_file_is_read(&path));
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ use crate::FileError;
 use crate::core::Pose;
 use crate::core::multiview::network::Constraint;
 use crate::formats;
+use crate::input::table::how_file_is_read;
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::read_image_points;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Resu
     check_one_frame(rig, &file.cameras)?;
     file.cameras.iter().for_each(|named| add_camera(&mut builder, named));
     let read = read_image_points(image_points)?;
+    builder.scene.remarks.extend(how_file_is_read(image_points));
     for image_point in &read {
         let known: Vec<&str> = builder.scene.photos.iter().map(|p| p.name.as_str()).collect();
         if !known.contains(&image_point.photo.as_str()) {
