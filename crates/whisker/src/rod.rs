@@ -52,6 +52,8 @@ pub(crate) const THICKEST_SHARE: f64 = 0.2;
 const EI_N_M2: [f64; 2] = [1e-20, 1e8];
 /// Softest over stiffest part: a tip of a thousandth of the diameter at the clamp.
 const LEAST_EI_RATIO: f64 = 1e-12;
+/// Diameter of the tip over that of the base: whiskers grow thinner, rods keep their width; a tip far thicker is a base and a tip exchanged.
+const THICKEST_TIP: f64 = 2.0;
 /// Most of a rotation that an unloaded whisker is curled up by, radians: two whole turns.
 const MOST_TURN_RAD: f64 = 4.0 * std::f64::consts::PI;
 
@@ -93,6 +95,10 @@ impl Rod {
         within("the whisker's EI, N·m²", softest, EI_N_M2)?;
         within("the whisker's EI, N·m²", stiffest, EI_N_M2)?;
         within("the whisker's smallest EI over its largest", softest / stiffest, [LEAST_EI_RATIO, 1.0])?;
+        if let Stiffness::Taper { taper, .. } = self.stiffness {
+            let what = "the tip's diameter over the base's (are the two exchanged?)";
+            within(what, 1.0 - taper, [0.0, THICKEST_TIP])?;
+        }
         let curvature = match &self.intrinsic_curvature {
             IntrinsicCurvature::Constant { per_m } => per_m.abs(),
             IntrinsicCurvature::Profile { per_m, .. } => per_m.iter().fold(0.0, |most, k| k.abs().max(most)),

@@ -265,5 +265,7 @@ fn rods_that_are_none_are_refused() {
     assert!(matches!(Rod { diameters_m: [f64::NAN, 0.0], ..rod(0.0) }.check(), Err(Error::Negative { .. })));
     assert!(rod(f64::INFINITY).check().is_err());
     let taper = |taper| Rod { stiffness: Stiffness::Taper { ei_base_n_m2: 1.0, taper }, ..rod(0.0) }.check();
-    assert!(taper(1.0).is_err() && taper(f64::NAN).is_err() && taper(0.9).is_ok());
+    assert!(taper(1.0).is_err() && taper(f64::NAN).is_err() && taper(0.9).is_ok() && taper(-0.5).is_ok());
+    let exchanged = taper(1.0 - 0.8 / 0.034).expect_err("a tip 24 times as thick as the base");
+    assert!(exchanged.to_string().contains("are the two exchanged?"), "{exchanged}");
 }
