@@ -94,6 +94,7 @@ impl TableLocator {
                     .into();
         }
         answer.verdict = answer.verdict.with_sizes(&self.sizes);
+        answer.remarks.extend(below_the_points(view, &answer));
         let is_assumed = !self.sigma.1 && view.rows.iter().any(|row| row.sigma.is_none());
         if is_assumed && answer.estimate.is_some() {
             let flag = if self.camera.is_none() { "--sigma-normalized" } else { "--sigma-px" };
@@ -329,6 +330,21 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     None
 }
 
+/// Points of one level cannot show that their coordinates or the image are mirrored: the camera is then on the other side and fits as well.
+fn below_the_points(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
+    let estimate = answer.estimate.as_ref().filter(|_| answer.status() == Status::Ok)?;
+    let level_m = view.rows.first()?.x_in_target[2];
+    let is_level = view.rows.iter().all(|row| row.line_end.is_none() && row.x_in_target[2] == level_m);
+    let below_m = level_m - estimate.cam_from_target.origin().z;
+    (is_level && 0.0 < below_m).then(|| {
+        format!(
+            "the camera is {below_m:.2} m below the points, on the side of smaller z_m: right for a board whose z axis points away from the camera, wrong for ground \
+             seen from above; points of one level cannot tell: with x_m and y_m exchanged, or v_px counted from the other edge of the image, the camera is as far \
+             above them and fits as well"
+        )
+    })
+}
+
 /// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
 fn unit_remarks(views: &[PointsView]) -> Vec<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
@@ -380,6 +396,28 @@ mod tests {
     fn located(view: &PointsView) -> PoseAnswer {
         let locator = TableLocator::new(Some(camera()), None, PointsOptions::default());
         locator.for_table("room.csv".as_ref(), std::slice::from_ref(view)).locate(view)
+    }
+
+    /// Six points of a floor, seen from four metres above it; with x and y exchanged the camera is as far below.
+    #[test]
+    fn a_camera_below_points_of_one_level_is_remarked_on() {
+        let below_from_above = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0));
+        let pose = Pose { rotation: below_from_above, translation: Point::new(0.1, 0.2, 4.0) };
+        let floor = [[0.0, 0.0], [1.5, 0.1], [1.4, 1.2], [-0.3, 0.9], [0.6, 0.5], [0.9, -0.4]];
+        let seen = |exchanged: bool| {
+            let row = |(i, [x, y]): (usize, &[f64; 2])| {
+                let pixel = camera().project(&(pose * Point::new(*x, *y, 0.0))).expect("in front");
+                let x_in_target = if exchanged { [*y, *x, 0.0] } else { [*x, *y, 0.0] };
+                let (line, name, image) = (i as u64 + 2, i.to_string(), [pixel.x, pixel.y]);
+                Row { line, name, x_in_target, image, sigma: Some(0.3), sigma_m: None, line_end: None }
+            };
+            let rows = floor.iter().enumerate().map(row).collect();
+            located(&PointsView { name: "floor".into(), rows })
+        };
+        assert_eq!((seen(false).status(), seen(false).remarks.len()), (Status::Ok, 0));
+        let below = seen(true);
+        assert_eq!(below.status(), Status::Ok);
+        assert!(below.remarks[0].contains("4.00 m below the points"), "{:?}", below.remarks);
     }
 
     #[test]
