@@ -55,7 +55,7 @@ fn tables_from_other_programs() {
         let [ours, theirs] = [&windows, &other].map(|run| json_lines(run)[0]["cam_from_target"].clone());
         assert_eq!((other.code, theirs), (0, ours), "{}", other.stderr);
         assert!(other.stderr.contains(remark), "{}", other.stderr);
-        assert!(json_lines(&other)[0]["remarks"][0].as_str().is_some_and(|said| said.contains(remark)));
+        assert!(json_lines(&other)[0]["remarks"].to_string().contains(remark));
     }
     refused(&solve("empty.csv", ""), "the file is empty; a header line");
 

@@ -338,9 +338,8 @@ fn below_the_points(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
     let below_m = level_m - estimate.cam_from_target.origin().z;
     (is_level && 0.0 < below_m).then(|| {
         format!(
-            "the camera is {below_m:.2} m below the points, on the side of smaller z_m: right for a board whose z axis points away from the camera, wrong for ground \
-             seen from above; points of one level cannot tell: with x_m and y_m exchanged, or v_px counted from the other edge of the image, the camera is as far \
-             above them and fits as well"
+            "the camera is {below_m:.2} m below the points (smaller z_m); points of one level cannot show whether x_m and y_m are exchanged or v_px is counted \
+             upwards, which would put it above them"
         )
     })
 }
