@@ -106,6 +106,36 @@ fn rational_model_at_its_edge_gives_true_bearings_or_errors() {
     }
 }
 
+/// Numerator and denominator fall to 4·10⁻⁴ together at r = 0.2925 and leave a map whose slope is 0.990 to 1.000 everywhere: the whole image has
+/// bearings. Where k1 is a little different the numerator does not fall there, the slope grows beyond use, and the field ends before.
+#[test]
+fn rational_lens_whose_factors_nearly_cancel_is_judged_by_its_slope() {
+    let coefficients = [-11.964486, -129.853044, 0.0, 0.0, 1556.123897, -11.864486, -132.189493, 1569.774107];
+    let matrix = square(1850.0, 639.5, 479.5);
+    let lens = |k1: f64| {
+        let mut c = coefficients;
+        c[0] = k1;
+        BrownConrady::new(matrix, &c).unwrap()
+    };
+    let model = lens(coefficients[0]);
+    assert!(1.0 < model.radius_max(), "{}", model.radius_max());
+    let camera = Camera { lens: model.into(), size: None };
+    for (u, v) in (0..1280).step_by(20).flat_map(|u| (0..960).step_by(20).map(move |v| (u, v))) {
+        let pixel = Vector2::new(f64::from(u), f64::from(v));
+        let bearing = camera.bearing(&pixel).unwrap_or_else(|e| panic!("{pixel}: {e}"));
+        let back = camera.project(&bearing).expect("in the field");
+        // Rounding of the denominator, 1e-16/4e-4, at 540 px from the centre.
+        assert!((back - pixel).norm() <= 5e-9, "{pixel}: {:e}", (back - pixel).norm());
+        let distorted = Vector2::new(pixel.x - 639.5, pixel.y - 479.5) / 1850.0;
+        let gain = distorted.norm() / (bearing.xy() / bearing.z).norm();
+        assert!((0.99..=1.0).contains(&gain), "{pixel}: {gain}");
+    }
+    for k1 in [-11.9, -12.0] {
+        let limit = lens(k1).radius_max();
+        assert!(0.25 < limit && limit < 0.2925, "{k1}: {limit}");
+    }
+}
+
 /// The disc of the valid field is one-to-one also with strong tangential and prism terms: (F(a) − F(b))·(a − b) > 0 there.
 #[test]
 fn asymmetric_distortion_is_monotone_on_its_field() {

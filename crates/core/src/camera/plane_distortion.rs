@@ -12,8 +12,11 @@ use nalgebra::{Matrix2, Vector2};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The field ends before the pole of g, where its denominator has fallen to this.
-const LEAST_DENOMINATOR: f64 = 1e-3;
+/// The field ends before a pole of g: where the derivative grows beyond `GREATEST_SLOPE`. A denominator may all but vanish with its numerator and
+/// leave a harmless map; below this nothing but rounding is left of it.
+const LEAST_DENOMINATOR: f64 = 1e-6;
+/// Rounding of numerator and denominator, in units of their terms.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// Coefficients and the field they are valid in.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,6 +122,18 @@ impl PlaneDistortion {
         (g, (dn - g * dd) * d)
     }
 
+    /// What rounding leaves of the distorted radius at r: much where the denominator nearly cancels.
+    fn rounding(&self, r: f64) -> f64 {
+        if self.is_polynomial {
+            return 0.0;
+        }
+        let s = r * r;
+        let [k4, k5, k6] = self.denominator;
+        let terms = 1.0 + s * (k4.abs() + s * (k5.abs() + s * k6.abs()));
+        let denominator = 1.0 + s * (k4 + s * (k5 + s * k6));
+        ROUNDING * terms * r / denominator.abs()
+    }
+
     /// r g and its derivative by r.
     fn radial(&self, r: f64) -> (f64, f64) {
         let r2 = r * r;
@@ -183,8 +198,10 @@ impl PlaneDistortion {
         let radius = self.radius_max * INSIDE;
         if self.is_radial {
             let r = invert_monotone(|r| self.radial(r), distorted, radius);
+            let tolerance = tolerance.max(self.rounding(r));
             return ((self.radial(r).0 - distorted).abs() <= tolerance).then(|| target * (r / distorted));
         }
+        let tolerance = tolerance.max(self.rounding(distorted.min(radius)));
         let from = |start| invert_plane(|q| self.apply_with_jacobian(q), target, start, radius, tolerance);
         // A rough start is enough almost everywhere, the radial solution next to a fold.
         let (gain, _) = self.gain(distorted.min(radius).powi(2));
