@@ -7,7 +7,7 @@ use super::consistency::{Consistency, consistency, noise_scale};
 use super::method::Method;
 use super::minima::Found;
 use super::multi_start::weakness_of_alternatives;
-use super::posterior::{lead_with_the_most_probable, weights};
+use super::posterior::{lead_with_the_most_probable, merge, weights};
 use super::problem::Problem;
 use super::refine::OVERFLOW;
 use super::sandwich::evidence;
@@ -30,6 +30,7 @@ pub(crate) fn conclude(view: &View, found: &mut Found) -> Result<PoseEstimate, E
     allow_for_common(minima, problem, &common)?;
     let degrees_of_freedom = problem.degrees_of_freedom();
     let noise_scale = minima.first().map_or(1.0, |m| noise_of(m, problem));
+    merge(minima, bends, noise_scale);
     let lowest = *minima.first().ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     let mut weights = weights(minima, noise_scale);
     lead_with_the_most_probable(minima, &mut weights, bends, noise_scale);

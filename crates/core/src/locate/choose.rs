@@ -176,9 +176,14 @@ pub(crate) fn count_alternatives(minima: &Minima, noise_scale: f64) -> usize {
     minima.iter().take(4).take_while(|m| is_within_gate(m, lowest, noise_scale)).count()
 }
 
-/// Rotations closer than a fraction of their own standard deviation (‖R − R′‖ = √2 θ for small angles).
 fn are_duplicates(a: &Minimum, b: &Minimum) -> bool {
+    are_within(a, b, 1.0)
+}
+
+/// Returns whether two rotations are closer than a fraction of their own standard deviation (‖R − R′‖ = √2 θ for small angles), the variances
+/// being `noise_scale` times the stated ones.
+pub(crate) fn are_within(a: &Minimum, b: &Minimum, noise_scale: f64) -> bool {
     let variance = |m: &Minimum| (0..3).map(|i| m.covariance[(i, i)]).sum::<f64>();
     let angle_squared = 0.5 * (a.cam_from_target.rotation - b.cam_from_target.rotation).norm_squared();
-    angle_squared < DUPLICATE_SIGMAS * DUPLICATE_SIGMAS * variance(a).min(variance(b))
+    angle_squared < DUPLICATE_SIGMAS * DUPLICATE_SIGMAS * noise_scale * variance(a).min(variance(b))
 }

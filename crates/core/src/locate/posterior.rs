@@ -7,7 +7,7 @@
 //! The prior is flat over poses: rotations alike, places alike. Derivation, and where it fails: docs/math/posterior.md eqs. (1)–(6).
 
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
-use crate::locate::choose::{Minima, Minimum, count_alternatives};
+use crate::locate::choose::{Minima, Minimum, are_within, count_alternatives};
 use crate::locate::curvature::Bends;
 use arrayvec::ArrayVec;
 use nalgebra::Matrix3;
@@ -39,6 +39,26 @@ pub(crate) fn weights(minima: &Minima, noise_scale: f64) -> Weights {
     let total: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|w| *w /= total);
     weights
+}
+
+/// Removes minima that are one with a lower minimum where the residuals exceed the stated noise: the valley is then flatter by as much, and two
+/// descents may end in it at places that the stated noise would tell apart.
+pub(crate) fn merge(minima: &mut Minima, bends: &mut Bends, noise_scale: f64) {
+    if noise_scale <= 1.0 {
+        return;
+    }
+    let mut i = 1;
+    while i < minima.len() {
+        if !minima[..i].iter().any(|m| are_within(m, &minima[i], noise_scale)) {
+            i += 1;
+            continue;
+        }
+        minima.remove(i);
+        if i < bends.len() {
+            bends[i..].rotate_left(1);
+            bends[bends.len() - 1] = None;
+        }
+    }
 }
 
 /// A minimum whose rotation is known worse than this leads no sharper one: there the quadratic form that its mass is taken from reaches around
