@@ -13,7 +13,7 @@ pub mod marked_lines;
 use lens::LensCovariance;
 pub use lens::LensPrior;
 
-use crate::locate::choose::{Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
 use crate::locate::common::Common;
 use crate::locate::consistency::{Consistency, consistency_of, noise_scale};
 use crate::locate::method::Method;
@@ -198,8 +198,10 @@ impl FocalView<'_> {
         let lowest = minima.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
         let degrees_of_freedom = (2 * self.problem.seen.len()).saturating_sub(7);
         let noise_scale = noise_scale(lowest.descent.chi2, degrees_of_freedom);
-        let fitting: Vec<&FocalMinimum> =
-            minima.iter().filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale)).collect();
+        let fitting: Vec<&FocalMinimum> = minima
+            .iter()
+            .filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale, AMBIGUITY_GATE_CHI2))
+            .collect();
         let probabilities = probabilities(&fitting, noise_scale);
         let fitting = fitting.into_iter().zip(probabilities);
         let fitting: Vec<Fitting> = fitting
@@ -298,8 +300,14 @@ impl FocalView<'_> {
         let lens: LensCovariance = m.covariance.fixed_view::<5, 5>(6, 6).into_owned();
         let intrinsics = self.problem.lens.parameter_covariance(&m.descent.state.lens, &lens);
         let common = Common { intrinsics: Some(intrinsics.as_slice()), scale_sigma: self.target_scale_sigma };
-        let doubts =
-            Doubts { problem: view, common, noise_scale, lowest: lowest.minimum, shared_errors: false };
+        let doubts = Doubts {
+            problem: view,
+            common,
+            noise_scale,
+            lowest: lowest.minimum,
+            shared_errors: false,
+            gate: AMBIGUITY_GATE_CHI2,
+        };
         // What the bend of the pose and a printed target's scale add to what is in `whole` already.
         let pose = doubts.covariance(&m.minimum, None)?.covariance
             - m.covariance.fixed_view::<6, 6>(0, 0) * noise_scale;
