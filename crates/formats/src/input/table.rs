@@ -53,7 +53,7 @@ pub fn how_read(path: &Path) -> Option<&'static str> {
     is_file.then(|| Table::open(path, "").ok())??.mark.remark()
 }
 
-/// The same with the file's name, for jobs with several.
+/// The remark of [`how_read`] behind the file's name, for jobs with several files.
 pub fn how_file_is_read(path: &Path) -> Option<String> {
     how_read(path).map(|remark| format!("{}: {remark}", path.display()))
 }
