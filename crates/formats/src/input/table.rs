@@ -2,6 +2,7 @@
 
 use super::{Rows, nearest, open_table};
 use crate::FileError;
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 /// Rows accepted in one file; more is a job for a batch tool.
@@ -14,6 +15,7 @@ pub struct Table {
     header: Vec<String>,
     reader: csv::Reader<Rows>,
     mark: Mark,
+    decimal: Cell<Option<char>>,
 }
 
 /// What separates the cells. Spreadsheets of countries that write decimal commas separate cells by semicolons or tabs.
@@ -67,6 +69,8 @@ pub struct TableRow<'a> {
     header: &'a [String],
     record: &'a csv::StringRecord,
     mark: Mark,
+    /// The decimal mark of the numbers so far.
+    decimal: &'a Cell<Option<char>>,
 }
 
 impl Table {
@@ -103,7 +107,7 @@ impl Table {
             return Err(FileError::new(path, reason));
         }
         let header = header.iter().map(|name| name.trim_start_matches('\u{feff}').to_string()).collect();
-        Ok(Table { path: path.to_path_buf(), header, reader, mark })
+        Ok(Table { path: path.to_path_buf(), header, reader, mark, decimal: Cell::new(None) })
     }
 
     /// What is wrong with the header.
@@ -165,7 +169,8 @@ impl Table {
             let row = match is_row {
                 Ok(false) => break,
                 Ok(true) => {
-                    Ok(TableRow { line, path, header: &self.header, record: &record, mark: self.mark })
+                    let (header, record, decimal) = (&self.header, &record, &self.decimal);
+                    Ok(TableRow { line, path, header, record, mark: self.mark, decimal })
                 }
                 Err(reason) if is_read => Err(reason),
                 Err(reason) => return Err(reason.into()),
@@ -196,9 +201,21 @@ impl TableRow<'_> {
     pub fn number(&self, column: usize) -> Result<f64, FileError> {
         let text = self.record.get(column).unwrap_or("");
         let shown: String = text.chars().take(40).collect();
-        // "1.234,5" stays no number: which of its marks is the decimal one, other countries read otherwise.
-        let is_decimal_comma = self.mark != Mark::Comma && !text.contains('.');
-        let number = if is_decimal_comma { text.replacen(',', ".", 1).parse() } else { text.parse() };
+        let mark = text.chars().find(|letter| matches!(letter, '.' | ','));
+        let other = self.decimal.get().zip(mark).filter(|(known, mark)| known != mark);
+        if self.mark != Mark::Comma
+            && let Some((known, mark)) = other
+        {
+            // "1,234" beside "0.5" is a little more than one, or than a thousand.
+            return Err(self.complaint(column, &format!(
+                "is `{shown}`, with `{mark}`, though numbers above have `{known}` as their decimal point; write one of the two throughout, and no marks between thousands"
+            )));
+        }
+        self.decimal.set(self.decimal.get().or(mark));
+        let number = match self.mark {
+            Mark::Comma => text.parse(),
+            _ => text.replacen(',', ".", 1).parse(),
+        };
         number.map_err(|_| match text {
             "" => self.complaint(column, "is empty; a number is needed"),
             _ => self.complaint(column, &format!("is `{shown}`, which is not a number")),
@@ -289,7 +306,7 @@ mod tests {
     fn tables_of_other_countries_are_read_and_said_to_be() {
         let path = std::env::temp_dir().join(format!("resight-table-country-{}.csv", std::process::id()));
         for (mark, named) in [(";", "semicolons"), ("\t", "tabs")] {
-            let lines = ["\u{feff}id|x_m|y_m", "a|1,5|-0,25", "b|2.5|3e-1", "c|1.234,5|0"];
+            let lines = ["\u{feff}id|x_m|y_m", "a|1,5|-0,25", "b|2|3e-1", "c|1.234,5|0"];
             std::fs::write(&path, lines.join("\r\n").replace('|', mark)).expect("written");
             let mut seen = Vec::new();
             let table = Table::open(&path, "x_m,y_m").expect("a table");
@@ -298,8 +315,9 @@ mod tests {
                 seen.push([row.number(columns[0])?, row.number(columns[1])?]);
                 Ok::<(), FileError>(())
             });
-            assert_eq!(seen, [[1.5, -0.25], [2.5, 0.3]]);
-            assert!(done.expect_err("both marks").to_string().contains(":4: column `x_m` is `1.234,5`"));
+            assert_eq!(seen, [[1.5, -0.25], [2.0, 0.3]]);
+            let said = done.expect_err("both marks").to_string();
+            assert!(said.contains(":4: column `x_m` is `1.234,5`, with `.`"), "{said}");
             assert!(how_read(&path).expect("a remark").contains(named));
         }
         std::fs::write(&path, "x_m,y_m\n1,2\n").expect("written");
