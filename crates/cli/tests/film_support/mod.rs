@@ -8,13 +8,14 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 pub const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 320\nheight_px = 240\nfx_px = 300.0\nfy_px = 300.0\ncx_px = 159.5\ncy_px = 119.5\n";
 pub const TARGET: &str = "kind = \"tag\"\nfamily = \"tag36h11\"\nid = 3\nsize_m = 0.2\n";
 /// Longest wait for anything that must happen.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Whether there is an ffmpeg; says so where there is none.
 pub fn has_ffmpeg() -> bool {
@@ -93,10 +94,13 @@ impl Drop for Running {
     }
 }
 
-/// A port that nobody listens on just now.
+/// A port that nobody listens on just now, below those that the system gives to others in the meantime.
 pub fn free_port() -> u16 {
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-    listener.local_addr().expect("an address").port()
+    static TAKEN: AtomicU16 = AtomicU16::new(0);
+    let of_this_process = (std::process::id() % 97) as u16 * 100;
+    let ports = || Some(20_000 + of_this_process + TAKEN.fetch_add(1, Ordering::Relaxed) % 100);
+    let is_free = |port: &u16| std::net::TcpListener::bind(("127.0.0.1", *port)).is_ok();
+    std::iter::from_fn(ports).take(100).find(is_free).expect("a port")
 }
 
 /// Serves a file at its own speed to the one who connects.

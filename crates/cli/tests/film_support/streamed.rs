@@ -1,6 +1,6 @@
 //! Streams of a film that does not end during a test, and what must hold of a session that watches one.
 
-use super::{H264, Watching, encode, frames, runs};
+use super::{H264, PATIENCE, Watching, encode, frames, runs};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -48,7 +48,7 @@ pub fn nothing_stays_behind(watching: Watching, of: &str) {
 /// Until somebody listens on a port, without connecting to it: the server takes one visitor only.
 pub fn wait_for_listener(port: u16) {
     let listening = format!(":{port:04X} 00000000:0000 0A");
-    let end = Instant::now() + Duration::from_secs(30);
+    let end = Instant::now() + PATIENCE;
     while Instant::now() < end {
         match std::fs::read_to_string("/proc/net/tcp") {
             Ok(table) if table.contains(&listening) => return,
@@ -57,4 +57,5 @@ pub fn wait_for_listener(port: u16) {
             Err(_) => return std::thread::sleep(Duration::from_secs(5)),
         }
     }
+    panic!("nobody listens on port {port} within {PATIENCE:?}")
 }
