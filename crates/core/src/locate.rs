@@ -144,6 +144,13 @@ impl PoseEstimate {
         core::iter::once(first).chain(self.others.iter().flatten().copied())
     }
 
+    /// Returns how far above the lowest minimum, in χ², another must be to be excluded: 9, or 16 where points or intrinsics are uncertain or
+    /// all points are near one line.
+    pub fn gate_chi2(&self) -> f64 {
+        let is_exact = self.minima().all(|h| h.minimum.log_determinant == 0.0);
+        if is_exact { choose::gate_of_layout(self.geometry.as_ref()) } else { choose::UNCERTAIN_GATE_CHI2 }
+    }
+
     /// How many minima lie within the gate, this pose included: 1 where it is unique.
     pub fn n_alternatives(&self) -> usize {
         self.minima().filter(|h| h.is_alternative).count()

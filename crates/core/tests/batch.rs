@@ -333,6 +333,37 @@ fn a_lens_with_distortion_takes_the_single_path() {
     }
 }
 
+/// The fourth point 5 cm off a line of 2 m, the third 5 cm off one of 1.8 m: the search starts from more poses there than the lanes have.
+#[test]
+fn targets_near_a_line_take_the_single_path() {
+    let (camera, n) = (camera(), 200);
+    let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.3, 0.05]].map(|[x, y]| Point::new(x, y, 0.0));
+    let pixels_of_four = pixels(11, n, (2.0, 6.0), 0.3, &points);
+    let views = Views {
+        camera: Given::Shared(&camera),
+        points_in_target: Given::Shared(&points),
+        pixels: &pixels_of_four,
+        sigma_px: Given::Shared(&[0.3; 4]),
+    };
+    let mut answers = Vec::new();
+    assert_eq!(locate_each(&views, &mut answers).expect("as many of each"), n);
+    for (answer, pixels) in answers.iter().zip(&pixels_of_four) {
+        assert_eq!(*answer, alone(&camera, &points, pixels, &[0.3; 4]));
+    }
+    let points = [[0.0, 0.0], [1.8, 0.0], [0.4, 0.05]].map(|[x, y]| Point::new(x, y, 0.0));
+    let pixels_of_three = pixels(12, n, (2.0, 6.0), 0.3, &points);
+    let views = Views {
+        camera: Given::Shared(&camera),
+        points_in_target: Given::Shared(&points),
+        pixels: &pixels_of_three,
+        sigma_px: Given::Shared(&[0.3; 3]),
+    };
+    assert_eq!(locate_each_of_three(&views, &mut answers).expect("as many of each"), n);
+    for (answer, pixels) in answers.iter().zip(&pixels_of_three) {
+        assert_eq!(*answer, alone(&camera, &points, pixels, &[0.3; 3]));
+    }
+}
+
 #[test]
 fn as_many_targets_and_sigmas_as_views() {
     let (camera, points, sigma) = (camera(), points(), [0.3; 4]);
@@ -370,8 +401,9 @@ fn assert_same_set(one: &Answer, other: &Answer) -> bool {
         let off =
             |g: &Hypothesis| (g.minimum.cam_from_target.rotation - h.minimum.cam_from_target.rotation).norm();
         let nearest = b.minima().min_by(|g, f| off(g).total_cmp(&off(f))).expect("at least one");
-        // P3P is the same code, so that its poses are; the bend's share of a covariance is a difference of probes, measured up to 4e-6.
-        assert_same_minimum(&h.minimum, &nearest.minimum, 1e-12, 1e-5);
+        // P3P is the same code, so that its poses are; the bend's share of a covariance is a difference of probes, measured up to 4e-6, and where
+        // the walk along a ridge passes a saddle, which one of 40,000 views does, up to 7e-5.
+        assert_same_minimum(&h.minimum, &nearest.minimum, 1e-12, 1e-4);
         assert_same_weight(h.probability, nearest.probability, condition(b));
         assert!(h.delta_chi2 < 1e-9 && h.is_alternative && nearest.is_alternative);
     }

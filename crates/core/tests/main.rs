@@ -54,6 +54,7 @@ mod monitor_lens;
 mod monitor_noise;
 mod monitor_rig;
 mod n_points;
+mod near_line;
 mod monitor_noise_kinds;
 mod monitor_noise_rig;
 mod monitor_onset;

@@ -241,6 +241,40 @@ fn points_in_the_wrong_order_give_no_answer() {
     }
 }
 
+/// Clicks eight times as far off as stated contradict the statement; that they would leave the focal length open, were it right, is not what is
+/// wrong with them.
+#[test]
+fn clicks_worse_than_stated_are_a_contradiction_and_no_lack_of_points() {
+    let mut rng = Rng::new(13);
+    let (mut n, mut inconsistent, mut open) = (0, 0, 0);
+    while n < 150 {
+        let points = if n % 2 == 0 { board(3, 2, 0.35) } else { in_space(&mut rng, 6) };
+        let Some(exact) = view(&mut rng, &points, deg([30.0, 60.0]), [0.3, 0.6], 0.0) else { continue };
+        let with = |sigma_px: f64, rng: &mut Rng| -> Vec<_> {
+            let noise = |rng: &mut Rng| Pixel::new(rng.normal(), rng.normal()) * sigma_px;
+            exact.seen.iter().map(|c| correspondence(c.x_in_target, c.pixel + noise(rng), 0.5)).collect()
+        };
+        if estimate_focal(&with(0.5, &mut rng), &prior()).is_err() {
+            continue;
+        }
+        n += 1;
+        match estimate_focal(&with(4.0, &mut rng), &prior()) {
+            Ok(found) => {
+                inconsistent += usize::from(found.estimate.consistency != Consistency::Consistent);
+                let variances = found.covariance.diagonal();
+                assert!(variances.iter().all(|v| v.is_finite() && 0.0 < *v), "{variances}");
+            }
+            Err(Error::UndeterminedFocal { .. }) => open += 1,
+            Err(_) => {}
+        }
+    }
+    println!("{inconsistent} inconsistent, {open} open of {n}");
+    assert!(
+        0.9 * n as f64 <= inconsistent as f64 && (open as f64) < 0.02 * n as f64,
+        "{inconsistent} {open}"
+    );
+}
+
 #[test]
 fn what_cannot_be_is_refused_by_name() {
     let mut rng = Rng::new(11);

@@ -123,6 +123,32 @@ axis = vectors[:, 2]
 d = S[:, 0:3] * axis / sqrt((axis.T * S[0:3, 0:3] * axis)[0])
 assert norm((S - d * d.T)[0:3, 0:3] * axis) < TINY
 
+# (14a): two turns in a row are their sum and half their bracket, to second order: Exp(log) agrees up to h^3.
+exp_2 = lambda u: sp.eye(3) + skew(u) + skew(u) ** 2 / 2
+both = exp_2(h * w) * exp_2(h * v)
+as_one = exp_2(h * w + h * v + h**2 / 2 * w.cross(v))
+assert sp.expand((both - as_one).diff(h, 2).subs(h, 0)) == sp.zeros(3, 3)
+assert sp.expand((both - exp_2(h * w + h * v)).diff(h, 2).subs(h, 0)) != sp.zeros(3, 3)
+
+# (14b): with principal variances; what is left out is the square of the third over the others.
+v1, v2, v3 = sp.symbols("v1:4", positive=True)
+minors = v1 * v2 + v1 * v3 + v2 * v3
+assert sp.simplify(minors**2 / (v1 * v2 * v3) - v1 * v2 / v3 * (1 + v3 / v1 + v3 / v2) ** 2) == 0
+
+for _ in range(5):
+    J, g, E, tau, xi = rand(12, 6), rand(6, 1), rand(6, 2), rand(2, 1), rand(6, 1)
+    cov = inverse(J.T * J)
+    # (14c): both turns change by tau, and the gradient along what leaves them is spent.
+    held = inverse(E.T * cov * E)
+    step = cov * E * held * tau + cov * g - cov * E * held * (E.T * cov * g)
+    assert norm(E.T * step - tau) < TINY
+    assert norm(inverse(cov) * step - g - E * (held * (tau - E.T * cov * g))) < TINY
+    # (14d): widened by that much, xi is as far as allowed.
+    squared = (xi.T * inverse(cov) * xi)[0]
+    allowed = squared / 3
+    widened = cov + xi * xi.T * (1 / allowed - 1 / squared)
+    assert abs((xi.T * inverse(widened) * xi)[0] - allowed) < TINY * 10**5
+
 # (16): the chance that the wrong pose wins by more than the gate is largest at D = sqrt(gate), Phi(-sqrt(gate)).
 D_, gate = sp.symbols("D g", positive=True)
 critical = sp.solve(sp.diff((D_**2 + gate) / (2 * D_), D_), D_)

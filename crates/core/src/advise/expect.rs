@@ -1,8 +1,8 @@
 //! One view of known points from an assumed pose: the accuracy to expect. docs/math/advise.md eqs. (1)–(6).
 
-use crate::locate::choose::{AMBIGUITY_GATE_CHI2, DUPLICATE_SIGMAS, Minimum, UNCERTAIN_GATE_CHI2};
+use crate::locate::choose::{DUPLICATE_SIGMAS, Minimum, UNCERTAIN_GATE_CHI2};
 use crate::locate::common::{Common, Dependence};
-use crate::locate::curvature::with_curvature;
+use crate::locate::curvature::{along_the_ridge, is_bent, with_curvature};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, refine};
 use crate::locate::{Config, locate};
@@ -170,7 +170,10 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
     let others = estimate.minima().map(|h| h.minimum).filter(is_other);
     let nearest = others.min_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let problem = Problem::new(&seen, view.camera);
-    let by_pixels = with_curvature(&minimum, &problem);
+    let [near, by_pixels] = match is_bent(&minimum, &problem) {
+        true => along_the_ridge(&minimum, &problem),
+        false => [with_curvature(&minimum, &problem); 2],
+    };
     let bend_ratio = greatest_ratio(&by_pixels, &minimum.covariance);
     if !bend_ratio.is_finite() {
         return Err(OVERFLOW);
@@ -180,11 +183,11 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
     Ok(Expectation {
         covariance: symmetric(&(minimum.covariance + lens.share(&minimum.covariance))),
         exact_intrinsics_covariance: minimum.covariance,
-        stated_covariance: symmetric(&(by_pixels + lens.share(&by_pixels))),
+        stated_covariance: symmetric(&(by_pixels + lens.share(&near))),
         bend_ratio,
         separation_sigma: nearest.map_or(f64::INFINITY, |m| m.chi2.max(0.0).sqrt()),
         gate_chi2: match view.intrinsics_covariance {
-            None => AMBIGUITY_GATE_CHI2,
+            None => estimate.gate_chi2(),
             Some(_) => UNCERTAIN_GATE_CHI2,
         },
         weakness: estimate.weakness,

@@ -2,7 +2,7 @@
 
 use super::lanes::{Lanes, Mask, Matrix, Vector};
 use super::refine::{Minimum, ObservedPoints, Place};
-use crate::locate::curvature::{PROBE, STRAIGHT};
+use crate::locate::curvature::{PROBE, STRAIGHT, STRAIGHT_COMMUTATOR};
 use pulp::Simd;
 
 /// Squared angle up to which the series below are exact to rounding: the next term is (0.25)⁷/15! of the first.
@@ -12,7 +12,7 @@ const SERIES_ANGLE_SQUARED: f64 = 0.25;
 #[inline(always)]
 pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &ObservedPoints<S, N>) -> Mask<S> {
     let (w, v) = weakest_turn(m);
-    let mut straight = w.x.is_finite();
+    let mut straight = w.x.is_finite() & is_surely_straight(m);
     for side in [PROBE, -PROBE] {
         let (probe, is_near) = turned(&m.place, w * w.x.like(side), v * w.x.like(side));
         let rise = seen.residual_sums(&probe).0 - m.chi2;
@@ -20,6 +20,16 @@ pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &Observ
             straight & is_near & rise.below(PROBE * PROBE * STRAIGHT) & rise.above(PROBE * PROBE / STRAIGHT);
     }
     straight
+}
+
+/// As `curvature::is_surely_straight`; elsewhere `curvature::is_bent` tries more places.
+#[inline(always)]
+fn is_surely_straight<S: Simd>(m: &Minimum<S>) -> Mask<S> {
+    let [xx, xy, xz, yy, yz, zz] = m.covariance.rotation.0;
+    let (of_x, of_y, of_z) = (yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy);
+    let determinant = xx * of_x - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    let minors = of_x + of_y + of_z;
+    (minors * minors).less(determinant * (STRAIGHT_COMMUTATOR * STRAIGHT_COMMUTATOR))
 }
 
 /// One standard deviation of the weakest rotation, as `curvature::Turn::weakest`: rotation and translation.

@@ -115,6 +115,7 @@ impl<'a> Case<'a> {
         let (starts, n_left_over) = (&self.starts, usize::from(self.known.left_over.is_some()));
         self.follow(&starts[..n_left_over], &ends[..n_left_over], problem, minima);
         let is_known = minima.first().map(|m| m.chi2) == Some(self.lowest_chi2());
+        let straight_chi2 = minima.first().map(|m| m.chi2);
         let is_bent = !(is_known && self.known.is_straight)
             && minima.first().is_some_and(|m| curvature::is_bent(m, problem));
         let is_between_layouts = self.known.geometry.is_between_layouts();
@@ -131,7 +132,8 @@ impl<'a> Case<'a> {
             allowed: Allowed::default(),
         };
         found.weakness = self.weakness;
-        found.bends[0] = Some(is_bent);
+        // Another minimum may have taken the first place.
+        found.bends[0] = Some(is_bent).filter(|_| found.minima.first().map(|m| m.chi2) == straight_chi2);
         conclude(&view, &mut found)
     }
 

@@ -115,7 +115,8 @@ impl Sights {
         self.points[lane] = Some(*points);
         self.geometry[lane] = match beside {
             Some(other) => self.geometry[other],
-            None => geometry_of(points).ok(),
+            // Near one line `search` starts from more poses than the lanes do.
+            None => geometry_of(points).ok().filter(|g| !g.is_narrow()),
         };
         match self.geometry[lane].map(|g| g.configuration) {
             Some(Configuration::LinePlusOne { order }) => {

@@ -56,8 +56,9 @@ impl Target {
     fn geometry(&mut self, points: &Given<[Point; 3]>, view: usize) -> Option<Geometry> {
         let points = *points.of(view)?;
         if self.points != Some(points) {
-            let is_triangle = |g: &Geometry| g.configuration == Configuration::Three;
-            (self.points, self.geometry) = (Some(points), geometry_of(&points).ok().filter(is_triangle));
+            // Near one line `search` starts from more poses than P3P's.
+            let is_wide = |g: &Geometry| g.configuration == Configuration::Three && !g.is_narrow();
+            (self.points, self.geometry) = (Some(points), geometry_of(&points).ok().filter(is_wide));
         }
         self.geometry
     }

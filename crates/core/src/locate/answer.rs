@@ -33,9 +33,10 @@ pub(crate) fn conclude(view: &View, found: &mut Found) -> Result<PoseEstimate, E
     merge(minima, bends, noise_scale);
     let lowest = *minima.first().ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
     let mut weights = weights(minima, noise_scale);
-    lead_with_the_most_probable(minima, &mut weights, bends, noise_scale);
-    let choice = of_minima(minima, problem.seen.len(), noise_scale)?;
-    let doubts = Doubts { problem, common, noise_scale, lowest, shared_errors };
+    let gate = view.gate_chi2();
+    lead_with_the_most_probable(minima, &mut weights, bends, noise_scale, gate);
+    let choice = of_minima(minima, problem.seen.len(), noise_scale, gate)?;
+    let doubts = Doubts { problem, common, noise_scale, lowest, shared_errors, gate };
     let others = doubts.others(minima, &weights, bends)?;
     let best = choice.best;
     let Whole { covariance, shared_error_px } = doubts.covariance(best, bends[0])?;

@@ -1,6 +1,7 @@
 //! The first line of `locate`: what the points allow, and the method for it.
 
 use super::Config;
+use super::choose::gate_of_layout;
 use super::common::Common;
 use super::method::{Method, resolve};
 use super::prior_start::may_hold;
@@ -22,6 +23,11 @@ impl View<'_> {
     /// Any layout where the points have none.
     pub(crate) fn configuration(&self) -> Configuration {
         self.geometry.map_or(Configuration::General, |g| g.configuration)
+    }
+
+    /// The gate of exact points and intrinsics.
+    pub(crate) fn gate_chi2(&self) -> f64 {
+        gate_of_layout(self.geometry.as_ref())
     }
 }
 

@@ -5,8 +5,10 @@
 //! turns w₁, w₂ the ridge runs as ξ(s) = s₁d₁ + s₂d₂ + s₁²b₁ + s₂²b₂ + s₁s₂b₁₂, s in standard deviations; for normal s
 //!   Σ' = Σ + 3b₁b₁ᵀ + 3b₂b₂ᵀ + b₁b₂ᵀ + b₂b₁ᵀ + b₁₂b₁₂ᵀ + Σₖ (4/Δχ²ₖ − 1) dₖdₖᵀ,
 //! Δχ²ₖ the rise of χ² along the ridge at two standard deviations (4 where it is straight).
-//! Derivation: docs/math/refine.md eqs. (10)–(14).
+//! Where the ridge turns faster than that, Σ' is widened until no point of the ridge is much farther from the minimum by Σ' than by χ².
+//! Derivation: docs/math/refine.md eqs. (10)–(14d).
 
+use crate::covariance::is_covariance;
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::locate::choose::Minimum;
 use crate::locate::problem::Problem;
@@ -25,6 +27,23 @@ pub(crate) const PROBE: f64 = 2.0;
 pub(crate) const STRAIGHT: f64 = 1.25;
 /// The smallest rise taken at its word: a flatter ridge widens the covariance tenfold and no more.
 const LEAST_RISE: f64 = 0.4;
+
+/// Directions in the plane of both weak rotations in which the likelihood is tried.
+const DIRECTIONS: usize = 8;
+/// Largest σ₁σ₂/σ₃ of the rotation at which the order of two rotations does not matter: docs/math/refine.md eq. (14b).
+pub(crate) const STRAIGHT_COMMUTATOR: f64 = 0.05;
+/// A step along the ridge, standard deviations.
+const STEP: f64 = 1.5;
+/// Most steps in one direction.
+const STEPS: usize = 8;
+/// Rise of χ² up to which the covariance holds every point of the ridge.
+const MOST_RISE_HELD: f64 = 16.0;
+/// A smaller rise counts as this.
+const LEAST_RISE_HELD: f64 = 4.0;
+/// Squared distance allowed half-way from `MOST_RISE_HELD` to twice of it, where a place no longer counts.
+const STEEP: f64 = 480.0;
+/// Squared distance, in standard deviations, allowed for each unit of χ².
+const SLACK: f64 = 1.35;
 
 /// What is needed of a cost to walk along its ridge: that of one camera, or of a rig.
 pub(crate) trait Cost {
@@ -50,26 +69,83 @@ impl Cost for Problem<'_> {
     }
 }
 
-/// Whether χ² rises otherwise than quadratically along the weakest rotation, so that the covariance needs the bend's share and
+/// Whether χ² rises otherwise than quadratically along the weakest rotations, so that the covariance needs the bend's share and
 /// another minimum may lie along the ridge.
+#[inline]
 pub(crate) fn is_bent(m: &Minimum, cost: &impl Cost) -> bool {
-    let first = Turn::weakest(&m.covariance, &rotation_block(&m.covariance));
-    let straight = |side: f64| {
-        let probe = Pose::exp(&(first.motion * side)) * m.cam_from_target;
+    let rotation = rotation_block(&m.covariance);
+    let first = Turn::weakest(&m.covariance, &rotation);
+    let straight = |motion: Vector6| {
+        let probe = Pose::exp(&motion) * m.cam_from_target;
         let rise = cost.chi2(&probe) - m.chi2;
         rise < PROBE * PROBE * STRAIGHT && PROBE * PROBE / STRAIGHT < rise
     };
-    !(straight(PROBE) && straight(-PROBE))
+    if !(straight(first.motion * PROBE) && straight(first.motion * -PROBE)) {
+        return true;
+    }
+    !is_surely_straight(&rotation) && is_bent_between(m, first, &rotation, straight)
+}
+
+/// Returns whether the two weak rotations are so small beside the third that their order does not matter: docs/math/refine.md eq. (14b).
+#[inline]
+fn is_surely_straight(rotation: &Matrix3<f64>) -> bool {
+    let minor =
+        |i: usize, j: usize| rotation[(i, i)] * rotation[(j, j)] - rotation[(i, j)] * rotation[(j, i)];
+    let minors = minor(0, 1) + minor(0, 2) + minor(1, 2);
+    minors * minors < STRAIGHT_COMMUTATOR * STRAIGHT_COMMUTATOR * rotation.determinant()
+}
+
+/// As `is_bent`, along the second weak rotation and between the two.
+#[cold]
+fn is_bent_between(
+    m: &Minimum,
+    first: Turn,
+    rotation: &Matrix3<f64>,
+    straight: impl Fn(Vector6) -> bool,
+) -> bool {
+    let second = first.next(&m.covariance, rotation);
+    !(0..DIRECTIONS).map(direction).all(|[c, s]| straight((first.motion * c + second.motion * s) * PROBE))
+}
+
+/// Cosine and sine of one of the directions about the minimum.
+fn direction(k: usize) -> [f64; 2] {
+    let angle = core::f64::consts::TAU * k as f64 / DIRECTIONS as f64;
+    [angle.cos(), angle.sin()]
+}
+
+/// Gauss–Newton steps from the end of a descent to the bottom: a walk along the ridge multiplies what is left.
+const POLISH: usize = 2;
+
+/// One Gauss–Newton step on; none where it does not descend.
+fn polished(m: &Minimum, cost: &impl Cost) -> Option<Minimum> {
+    let pivot = cost.pivot();
+    let place = PivotedPose::new(&m.cam_from_target, &pivot);
+    let normal = cost.normal_equations(&place, &pivot)?;
+    let step =
+        normal.covariance_at_camera(&place.pivot_in_cam)? * normal.gradient_at_camera(&place.pivot_in_cam);
+    let cam_from_target = Pose::exp(&step) * m.cam_from_target;
+    let chi2 = cost.chi2(&cam_from_target);
+    (chi2 <= m.chi2 + 1e-6).then_some(Minimum { cam_from_target, chi2, ..*m })
 }
 
 /// The covariance of a minimum, with the share of the bend added.
 pub(crate) fn with_curvature(m: &Minimum, cost: &impl Cost) -> Matrix6 {
-    let rotation = rotation_block(&m.covariance);
-    let first = Turn::weakest(&m.covariance, &rotation);
-    let across_first = Matrix3::identity() - first.axis * first.axis.transpose();
-    let second = Turn::weakest(&m.covariance, &(across_first * rotation * across_first));
-    let ridge = Ridge { m, turns: [first, second], pivot: cost.pivot(), cost };
-    ridge.share().map_or(m.covariance, |share| m.covariance + share)
+    Ridge::of(m, cost).with_share()
+}
+
+/// The covariances of a minimum that is bent: with the share of the bend added, and widened besides where the ridge leaves it.
+pub(crate) fn along_the_ridge(m: &Minimum, cost: &impl Cost) -> [Matrix6; 2] {
+    // Where points are uncertain the minimum is not one of χ² alone.
+    let steps = if m.log_determinant == 0.0 { POLISH } else { 0 };
+    let m = &(0..steps).try_fold(*m, |m, _| polished(&m, cost)).unwrap_or(*m);
+    let ridge = Ridge::of(m, cost);
+    let with_share = ridge.with_share();
+    let mut covariance = with_share;
+    for k in 0..DIRECTIONS {
+        ridge.walk(direction(k), &mut covariance);
+    }
+    // Where lengths differ by many orders of magnitude the sum may be rounding alone.
+    [with_share, if is_covariance(&covariance) { covariance } else { with_share }]
 }
 
 fn rotation_block(covariance: &Matrix6) -> Matrix3<f64> {
@@ -94,6 +170,12 @@ impl Turn {
         Turn { axis, motion: covariance.fixed_view::<6, 3>(0, 0) * axis / sigma }
     }
 
+    /// The weakest rotation across this one.
+    fn next(&self, covariance: &Matrix6, rotation: &Matrix3<f64>) -> Self {
+        let across = Matrix3::identity() - self.axis * self.axis.transpose();
+        Turn::weakest(covariance, &(across * rotation * across))
+    }
+
     fn component(&self, motion: &Vector6) -> f64 {
         self.axis.x * motion[0] + self.axis.y * motion[1] + self.axis.z * motion[2]
     }
@@ -106,7 +188,57 @@ struct Ridge<'a, C: Cost> {
     cost: &'a C,
 }
 
-impl<C: Cost> Ridge<'_, C> {
+/// The cost at a point near the ridge.
+struct OnRidge {
+    /// Back onto the ridge, both turns held; a left motion.
+    shift: Vector6,
+    /// χ² there, above the minimum's.
+    rise: f64,
+    /// Motions along the ridge that change one turn by a radian and leave the other.
+    along: [Vector6; 2],
+}
+
+impl<'a, C: Cost> Ridge<'a, C> {
+    fn of(m: &'a Minimum, cost: &'a C) -> Self {
+        let rotation = rotation_block(&m.covariance);
+        let first = Turn::weakest(&m.covariance, &rotation);
+        let second = first.next(&m.covariance, &rotation);
+        Ridge { m, turns: [first, second], pivot: cost.pivot(), cost }
+    }
+
+    fn with_share(&self) -> Matrix6 {
+        self.share().map_or(self.m.covariance, |share| self.m.covariance + share)
+    }
+
+    /// Widens a covariance until no point of the ridge in one direction is much farther from the minimum by it than by χ²: docs/math/refine.md
+    /// eq. (14d). Ends where χ² is far above the minimum's, or the ridge cannot be followed.
+    fn walk(&self, [c, s]: [f64; 2], covariance: &mut Matrix6) -> Option<()> {
+        let [t1, t2] = &self.turns;
+        let (first, second) = (t1.motion * (STEP * c), t2.motion * (STEP * s));
+        let turns = [t1.component(&first), t2.component(&second)];
+        let target_from_cam = self.m.cam_from_target.inverse();
+        let mut pose = Pose::exp(&(first + second)) * self.m.cam_from_target;
+        let mut highest = 0.0;
+        for _ in 0..STEPS {
+            let OnRidge { shift, rise, along } = self.near(&pose)?;
+            let off = (Pose::exp(&shift) * pose * target_from_cam).log();
+            let squared = off.dot(&covariance.cholesky()?.solve(&off));
+            // A place beyond the last rise that counts widens less and less, and not at all from twice that rise on.
+            let beyond = (rise / MOST_RISE_HELD - 1.0).max(0.0);
+            // Beyond a saddle begins another minimum, which answers for itself.
+            if 1.0 <= beyond || rise < highest {
+                break;
+            }
+            highest = rise;
+            let allowed = SLACK * rise.max(LEAST_RISE_HELD) + STEEP * beyond / (1.0 - beyond);
+            if squared.is_finite() && allowed < squared {
+                *covariance += off * off.transpose() * (1.0 / allowed - 1.0 / squared);
+            }
+            pose = Pose::exp(&(shift + along[0] * turns[0] + along[1] * turns[1])) * pose;
+        }
+        Some(())
+    }
+
     fn share(&self) -> Option<Matrix6> {
         let [d1, d2] = [self.turns[0].motion, self.turns[1].motion];
         let q = PROBE / 2f64.sqrt();
@@ -127,12 +259,18 @@ impl<C: Cost> Ridge<'_, C> {
         Some(bend + square(&b12, &b12) + length)
     }
 
-    /// From the tangent point s₁d₁ + s₂d₂ back onto the ridge: one Gauss–Newton step with both turns held. Returns the
-    /// step, in left motions, and the rise of χ² on the ridge.
+    /// From the tangent point s₁d₁ + s₂d₂ back onto the ridge: the step, in left motions, and the rise of χ² on the ridge.
     fn shift(&self, s1: f64, s2: f64) -> Option<(Vector6, f64)> {
         let [t1, t2] = &self.turns;
         let probe = Pose::exp(&(t1.motion * s1 + t2.motion * s2)) * self.m.cam_from_target;
-        let place = PivotedPose::new(&probe, &self.pivot);
+        let OnRidge { shift, rise, .. } = self.near(&probe)?;
+        Some((shift, rise))
+    }
+
+    /// One Gauss–Newton step with both turns held, and the tangents of the ridge.
+    fn near(&self, probe: &Pose) -> Option<OnRidge> {
+        let [t1, t2] = &self.turns;
+        let place = PivotedPose::new(probe, &self.pivot);
         let normal = self.cost.normal_equations(&place, &self.pivot)?;
         let covariance = normal.covariance_at_camera(&place.pivot_in_cam)?;
         let gradient = normal.gradient_at_camera(&place.pivot_in_cam);
@@ -142,9 +280,11 @@ impl<C: Cost> Ridge<'_, C> {
         let (m11, m12, m22) = (t1.component(&c1), t1.component(&c2), t2.component(&c2));
         let (r1, r2) = (t1.component(&step), t2.component(&step));
         let det = m11 * m22 - m12 * m12;
-        let shift = step - c1 * ((m22 * r1 - m12 * r2) / det) - c2 * ((m11 * r2 - m12 * r1) / det);
+        let along = [(c1 * m22 - c2 * m12) / det, (c2 * m11 - c1 * m12) / det];
+        let shift = step - along[0] * r1 - along[1] * r2;
         let rise = normal.chi2 - gradient.dot(&shift) - self.m.chi2;
-        (shift.iter().all(|x| x.is_finite()) && rise.is_finite()).then_some((shift, rise))
+        let is_finite = (shift + along[0] + along[1]).iter().all(|x| x.is_finite()) && rise.is_finite();
+        is_finite.then_some(OnRidge { shift, rise, along })
     }
 }
 
@@ -173,16 +313,8 @@ mod tests {
             })
             .collect();
         let m = refine(&truth, &seen, &camera).unwrap();
-        let rotation = m.covariance.fixed_view::<3, 3>(0, 0).into_owned();
-        let first = Turn::weakest(&m.covariance, &rotation);
-        let across = Matrix3::identity() - first.axis * first.axis.transpose();
-        let second = Turn::weakest(&m.covariance, &(across * rotation * across));
-        let ridge = Ridge {
-            m: &m,
-            turns: [first, second],
-            pivot: centroid(&seen),
-            cost: &Problem::new(&seen, &camera),
-        };
+        let problem = Problem::new(&seen, &camera);
+        let ridge = Ridge::of(&m, &problem);
         let nodes = [(-(3f64.sqrt()), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3f64.sqrt(), 1.0 / 6.0)];
         let mut moment = Matrix6::zeros();
         for (s1, w1) in nodes {

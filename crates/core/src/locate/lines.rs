@@ -7,7 +7,7 @@
 
 use crate::least_squares::{NormalEquations, PivotedPose, minimize_pose};
 use crate::line::LineCorrespondence;
-use crate::locate::choose::{Ambiguity, Minima, Minimum, choose, insert};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Minima, Minimum, choose, insert};
 use crate::locate::known_rotation::{Known, KnownRotation, position_with_rotation};
 use crate::locate::prior::Prior;
 use crate::locate::problem::Problem;
@@ -69,7 +69,7 @@ pub fn locate_lines(lines: &[LineCorrespondence], problem: &Problem) -> Result<L
     if minima.is_empty() {
         return Err(refusal);
     }
-    let choice = choose(&minima, n_seen, 1.0)?;
+    let choice = choose(&minima, n_seen, 1.0, AMBIGUITY_GATE_CHI2)?;
     let ambiguity = match (choice.alternative, choice.ratio) {
         (Some(alternative), Some(ratio)) => Ambiguity::Ambiguous { ratio, other: *alternative },
         (_, ratio) => Ambiguity::Unique { ratio },

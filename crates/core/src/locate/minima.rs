@@ -37,8 +37,7 @@ pub(crate) fn refine(view: &View, start: &Start) -> Found {
             found.weakness = *weakness;
             start_from_priors(problem, &mut found.minima);
             if let Some(geometry) = &view.geometry {
-                found.bends[0] =
-                    Some(search(poses, weakness.is_some(), geometry, problem, &mut found.minima));
+                found.bends[0] = search(poses, weakness.is_some(), geometry, problem, &mut found.minima);
             }
         }
     }

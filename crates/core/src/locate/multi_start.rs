@@ -1,31 +1,32 @@
 //! The minima of the reprojection error: the closed form's candidates and their mirror poses, each refined; more starts where
 //! those leave a doubt. How many starts are enough was measured: docs/math/line_plus_one.md.
 
-use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, insert};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, NARROW_GATE_CHI2, insert};
 use crate::locate::consistency::is_unlikely;
 use crate::locate::curvature::is_bent;
 use crate::locate::method::Method;
 use crate::locate::problem::Problem;
-use crate::locate::refine::{centroid, refine_against, residual_sums};
+use crate::locate::refine::{centroid, refine_against, refine_to_the_end, residual_sums};
 use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, are_four_places};
 use crate::solve::line_plus_one::Weakness;
 use crate::solve::{line_plus_one, p3p, planar, sqpnp};
-use crate::{Bearing, Camera, Correspondence, Point, Pose};
+use crate::{Bearing, Camera, Correspondence, Point, Pose, Vector6};
+use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// A second start farther off than this fits nothing near: it is not refined once a first minimum is known.
 pub(crate) const HOPELESS_CHI2: f64 = 1e4;
 
 /// Adds the minima reached from the closed form's candidates, and from more starts where those leave a doubt. Returns whether the
-/// likelihood is bent at the lowest minimum that the candidates lead to.
+/// likelihood is bent at the lowest minimum; none where that is not known yet.
 pub(crate) fn search(
     candidates: &Candidates,
     is_weak: bool,
     geometry: &Geometry,
     problem: &Problem,
     minima: &mut Minima,
-) -> bool {
+) -> Option<bool> {
     let configuration = &geometry.configuration;
     let seen = problem.seen;
     let flat = matches!(configuration, Configuration::Planar | Configuration::LinePlusOne { .. });
@@ -35,16 +36,49 @@ pub(crate) fn search(
     } else {
         refine_each(candidates, problem, minima);
     }
-    let is_bent = minima.first().is_some_and(|m| is_bent(m, &problem.held_at(&m.cam_from_target)));
+    let known_chi2 = minima.first().map(|m| m.chi2);
+    let is_bent = minima.first().map(|m| is_bent(m, &problem.held_at(&m.cam_from_target)));
     if minima.first().is_none_or(|m| is_unlikely(m.chi2, problem.degrees_of_freedom())) {
         refine_each(&sqpnp::sqpnp(seen), problem, minima);
         refine_each(&three_of(seen), problem, minima);
-    } else if (geometry.is_between_layouts() || is_weak || is_bent || is_in_doubt(minima))
+    } else if (geometry.is_between_layouts() || is_weak || is_bent == Some(true) || is_in_doubt(minima))
         && are_four_places(seen)
     {
         refine_each(&three_of(seen), problem, minima);
     }
-    is_bent
+    if geometry.is_narrow() {
+        around_the_line(problem, minima);
+    }
+    // Another minimum may have taken the first place.
+    is_bent.filter(|_| minima.first().map(|m| m.chi2) == known_chi2)
+}
+
+/// Sixths of a turn about the line that all points are near.
+const SIXTHS: usize = 6;
+/// Minima that are turned about it.
+const LOWEST: usize = 2;
+
+/// Adds the minima along the rotation about the line that all points are near, which their pixels hardly show. Where a descent does not come to an
+/// end the place it came to counts if it fits: such a pose is not known, but it cannot be excluded.
+#[cold]
+#[inline(never)]
+fn around_the_line(problem: &Problem, minima: &mut Minima) {
+    let seen = problem.seen;
+    let [i, j, _] = wide_triangle(seen);
+    let (centre, along) = (centroid(seen), (seen[j].x_in_target - seen[i].x_in_target).normalize());
+    let lowest: ArrayVec<Pose, LOWEST> = minima.iter().take(LOWEST).map(|m| m.cam_from_target).collect();
+    for (pose, k) in lowest.iter().flat_map(|pose| (1..SIXTHS).map(move |k| (pose, k))) {
+        let turn = pose.rotation * along * (core::f64::consts::TAU * k as f64 / SIXTHS as f64);
+        let turned = Pose::exp(&Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0)).rotation;
+        let rotation = turned * pose.rotation;
+        let start = Pose::new(rotation, *pose * centre - rotation * centre);
+        let lowest_chi2 = minima.first().map(|m| m.chi2);
+        if let Ok(end) = refine_to_the_end(&start, lowest_chi2, problem)
+            && lowest_chi2.is_none_or(|lowest| end.chi2 - lowest < NARROW_GATE_CHI2)
+        {
+            insert(minima, end);
+        }
+    }
 }
 
 /// The two minima of a flat target: from the first, better candidate, then from its mirror pose or the other candidate, whichever

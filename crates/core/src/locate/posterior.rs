@@ -73,8 +73,9 @@ pub(crate) fn lead_with_the_most_probable(
     weights: &mut Weights,
     bends: &mut Bends,
     noise_scale: f64,
+    gate: f64,
 ) {
-    for i in 1..count_alternatives(minima, noise_scale) {
+    for i in 1..count_alternatives(minima, noise_scale, gate) {
         let mut place = i;
         while 0 < place && weights[place - 1] < weights[place] && !is_flat(&minima[place]) {
             minima.swap(place - 1, place);

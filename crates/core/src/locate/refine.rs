@@ -55,10 +55,30 @@ pub fn refine_problem(start: &Pose, problem: &Problem) -> Result<Minimum, Error>
 
 /// As `refine_problem`, for a minimum that will be compared with a second solution of known χ²: it may end early
 /// where it stays far above the second solution.
+#[inline]
 pub(crate) fn refine_against(
     start: &Pose,
     alternative_chi2: Option<f64>,
     problem: &Problem,
+) -> Result<Minimum, Error> {
+    refined(start, alternative_chi2, problem, false)
+}
+
+/// As `refine_against`; where no minimum is reached, the lowest place that was.
+#[cold]
+pub(crate) fn refine_to_the_end(
+    start: &Pose,
+    alternative_chi2: Option<f64>,
+    problem: &Problem,
+) -> Result<Minimum, Error> {
+    checked(refined(start, alternative_chi2, problem, true)?)
+}
+
+fn refined(
+    start: &Pose,
+    alternative_chi2: Option<f64>,
+    problem: &Problem,
+    any_end: bool,
 ) -> Result<Minimum, Error> {
     let pivot = centroid(problem.seen);
     let start = PivotedPose::new(start, &pivot);
@@ -72,7 +92,8 @@ pub(crate) fn refine_against(
         _ => &minimize_any(start, alternative_chi2, &pivot, problem),
     };
     match found {
-        Some(solution) => minimum_of(solution, &pivot, problem),
+        Some(solution) if any_end || solution.is_minimum() => minimum_of(solution, &pivot, problem),
+        Some(solution) => Err(Error::NotConverged { steps: solution.steps }),
         None => Err(Error::NoSolution { n_points: problem.seen.len() }),
     }
 }
@@ -80,9 +101,6 @@ pub(crate) fn refine_against(
 /// The minimum where the loop ended, with its covariance. By reference: a solution is 400 bytes, and the loop ends here often.
 #[inline(always)]
 fn minimum_of(solution: &PoseMinimum, pivot: &Point, problem: &Problem) -> Result<Minimum, Error> {
-    if !solution.is_minimum() {
-        return Err(Error::NotConverged { steps: solution.steps });
-    }
     let covariance = match problem.loss {
         Loss::Squared => solution.equations.covariance_at_camera(&solution.state.pivot_in_cam),
         _ => sandwich(&solution.state, pivot, &solution.equations, problem),

@@ -3,7 +3,7 @@
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
 use crate::locate::common::{Common, Dependence};
-use crate::locate::curvature::{self, Bends, with_curvature};
+use crate::locate::curvature::{self, Bends, along_the_ridge};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{refine_against, residual_sums};
 use crate::locate::shared_error::SharedError;
@@ -73,6 +73,8 @@ pub(crate) struct Doubts<'a> {
     pub(crate) lowest: Minimum,
     /// Whether errors that all points share are looked for.
     pub(crate) shared_errors: bool,
+    /// The gate of exact points.
+    pub(crate) gate: f64,
 }
 
 /// The full covariance.
@@ -92,10 +94,11 @@ impl Doubts<'_> {
         let m = &Minimum { chi2, ..*m };
         let cost = &problem.held_at(&m.cam_from_target);
         let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, cost));
-        let covariance = if is_bent { with_curvature(m, cost) } else { m.covariance };
+        // What the pose answers to a common parameter is that of the neighbourhood, not of what the ridge reaches.
+        let [near, covariance] = if is_bent { along_the_ridge(m, cost) } else { [m.covariance; 2] };
         let share = match is_exact {
             true => Matrix6::zeros(),
-            false => Dependence::at(m, problem, &self.common)?.share(&covariance),
+            false => Dependence::at(m, problem, &self.common)?.share(&near),
         };
         let independent = symmetric(&((covariance + share) * self.noise_scale));
         Ok(match self.shared_errors.then(|| SharedError::at(m, problem)).flatten() {
@@ -114,7 +117,7 @@ impl Doubts<'_> {
         let known = weights[1..].iter().zip(&bends[1..]);
         for (i, ((place, m), (probability, is_bent))) in others.iter_mut().zip(rest).zip(known).enumerate() {
             let delta_chi2 = m.cost_above(&self.lowest, self.noise_scale);
-            let is_alternative = is_within_gate(m, &self.lowest, self.noise_scale);
+            let is_alternative = is_within_gate(m, &self.lowest, self.noise_scale, self.gate);
             let covariance = if is_alternative {
                 self.covariance(m, *is_bent)?.covariance
             } else {

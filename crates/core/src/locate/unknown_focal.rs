@@ -13,9 +13,9 @@ pub mod marked_lines;
 use lens::LensCovariance;
 pub use lens::LensPrior;
 
-use crate::locate::choose::{Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Ambiguity, Hypothesis, Minimum, Others, is_within_gate};
 use crate::locate::common::Common;
-use crate::locate::consistency::{Consistency, consistency_of, noise_scale};
+use crate::locate::consistency::{Consistency, consistency_of, is_inconsistent, noise_scale};
 use crate::locate::method::Method;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{log_determinant, residual_sums};
@@ -113,6 +113,8 @@ fn minima(problem: &FocalProblem, geometry: &Geometry) -> Result<Vec<FocalMinimu
     }
     found.sort_by(|a, b| a.minimum.cost().total_cmp(&b.minimum.cost()));
     match (found.first(), open) {
+        // Points that contradict every focal length show nothing by where they fit least badly.
+        (Some(_), Some(valley)) if is_inconsistent(valley.chi2, degrees_of_freedom(problem)) => Ok(found),
         // A valley without an end that is as low as any minimum: focal length and distance grow together.
         (best, Some(valley)) if best.is_none_or(|best| valley.chi2 < best.descent.chi2) => {
             let remedy = layout::remedy(problem, &valley.state, geometry, |c| is_determined(c, 1.0));
@@ -125,6 +127,10 @@ fn minima(problem: &FocalProblem, geometry: &Geometry) -> Result<Vec<FocalMinimu
         (None, _) => Err(Error::NoSolution { n_points: problem.seen.len() }),
         _ => Ok(found),
     }
+}
+
+fn degrees_of_freedom(problem: &FocalProblem) -> usize {
+    (2 * problem.seen.len()).saturating_sub(7)
 }
 
 fn is_determined(covariance: &JointCovariance, noise_scale: f64) -> bool {
@@ -196,16 +202,18 @@ struct FocalView<'a> {
 impl FocalView<'_> {
     fn answer(&self, minima: &[FocalMinimum]) -> Result<FocalEstimate, Error> {
         let lowest = minima.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
-        let degrees_of_freedom = (2 * self.problem.seen.len()).saturating_sub(7);
+        let degrees_of_freedom = degrees_of_freedom(&self.problem);
         let noise_scale = noise_scale(lowest.descent.chi2, degrees_of_freedom);
-        let fitting: Vec<&FocalMinimum> =
-            minima.iter().filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale)).collect();
+        let fitting: Vec<&FocalMinimum> = minima
+            .iter()
+            .filter(|m| is_within_gate(&m.minimum, &lowest.minimum, noise_scale, AMBIGUITY_GATE_CHI2))
+            .collect();
         let probabilities = probabilities(&fitting, noise_scale);
         let fitting = fitting.into_iter().zip(probabilities);
         let fitting: Vec<Fitting> = fitting
             .map(|(m, probability)| self.whole(m, probability, lowest, noise_scale))
             .collect::<Result<_, _>>()?;
-        self.check(&fitting, noise_scale)?;
+        self.check(&fitting, noise_scale, is_inconsistent(lowest.descent.chi2, degrees_of_freedom))?;
         let mut ordered = fitting;
         ordered.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let leading = ordered.first().ok_or(Error::NoSolution { n_points: self.problem.seen.len() })?;
@@ -264,10 +272,12 @@ impl FocalView<'_> {
         }
     }
 
-    /// The refusals: a focal length that the points do not determine, or that no lens has.
-    fn check(&self, fitting: &[Fitting], noise_scale: f64) -> Result<(), Error> {
+    /// The refusals: a focal length that the points do not determine, or that no lens has. Where the points contradict the stated noise the noise
+    /// that they show says nothing of what they determine: the stated noise decides, and the answer is `inconsistent`.
+    fn check(&self, fitting: &[Fitting], noise_scale: f64, is_contradicted: bool) -> Result<(), Error> {
         for Fitting { m, whole, .. } in fitting {
-            if !is_determined(whole, 1.0) {
+            let is_shown = is_determined(whole, 1.0) || is_contradicted && is_determined(&m.covariance, 1.0);
+            if !is_shown {
                 let state = &m.descent.state;
                 let enough = |c: &JointCovariance| is_determined(c, noise_scale);
                 let remedy = layout::remedy(&self.problem, state, &self.geometry, enough);
@@ -298,8 +308,14 @@ impl FocalView<'_> {
         let lens: LensCovariance = m.covariance.fixed_view::<5, 5>(6, 6).into_owned();
         let intrinsics = self.problem.lens.parameter_covariance(&m.descent.state.lens, &lens);
         let common = Common { intrinsics: Some(intrinsics.as_slice()), scale_sigma: self.target_scale_sigma };
-        let doubts =
-            Doubts { problem: view, common, noise_scale, lowest: lowest.minimum, shared_errors: false };
+        let doubts = Doubts {
+            problem: view,
+            common,
+            noise_scale,
+            lowest: lowest.minimum,
+            shared_errors: false,
+            gate: AMBIGUITY_GATE_CHI2,
+        };
         // What the bend of the pose and a printed target's scale add to what is in `whole` already.
         let pose = doubts.covariance(&m.minimum, None)?.covariance
             - m.covariance.fixed_view::<6, 6>(0, 0) * noise_scale;

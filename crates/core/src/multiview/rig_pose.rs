@@ -12,9 +12,9 @@ mod check;
 mod consensus;
 
 use crate::covariance::is_covariance;
-use crate::locate::choose::{Choice, Minima, Minimum, choose, insert};
+use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, Minimum, choose, insert};
 use crate::locate::consistency::{is_inconsistent, is_unlikely, noise_scale};
-use crate::locate::curvature::{Cost, is_bent, with_curvature};
+use crate::locate::curvature::{Cost, along_the_ridge, is_bent};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, whitened_residual};
 use crate::locate::uncertainty::check_known;
@@ -150,7 +150,8 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let minima = minima(cost, &extents)?;
     let degrees_of_freedom = 2 * cost.n_points() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
-    let Choice { best, ratio, alternative } = choose(&minima, cost.n_points(), noise_scale)?;
+    let Choice { best, ratio, alternative } =
+        choose(&minima, cost.n_points(), noise_scale, AMBIGUITY_GATE_CHI2)?;
     let ambiguity = match (alternative, ratio) {
         (Some(alternative), Some(ratio)) => {
             RigAmbiguity::Ambiguous { ratio, other: widened(alternative, noise_scale, cost)? }
@@ -232,7 +233,7 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
 /// With the covariance as wide as the bend of the likelihood and the residual make it.
 fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
     let cost = &cost.held_at(&m.cam_from_target);
-    let covariance = if is_bent(m, cost) { with_curvature(m, cost) } else { m.covariance };
+    let covariance = if is_bent(m, cost) { along_the_ridge(m, cost)[1] } else { m.covariance };
     let widened = Minimum { covariance: covariance * noise_scale, ..*m };
     if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }
 }

@@ -50,6 +50,11 @@ const NARROW: f64 = 0.1;
 const THICK: f64 = 0.01;
 
 impl Geometry {
+    /// Returns whether all points are near one line: narrower than a tenth of their length.
+    pub fn is_narrow(&self) -> bool {
+        self.width.ratio < NARROW
+    }
+
     /// Of four points: whether they are so nearly on one line or in one plane, or three of them nearly but not quite on one line, that
     /// the closed form of the layout may lead to a wrong minimum only.
     pub(crate) fn is_between_layouts(&self) -> bool {
@@ -58,7 +63,7 @@ impl Geometry {
             self.thickness.is_some_and(|measure| THICK < measure.ratio && measure.ratio <= measure.threshold);
         match self.configuration {
             Configuration::LinePlusOne { .. } => STRAIGHT < height,
-            _ => height < NARROW || self.width.ratio < NARROW || is_bulging,
+            _ => height < NARROW || self.is_narrow() || is_bulging,
         }
     }
 }
