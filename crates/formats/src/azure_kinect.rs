@@ -25,7 +25,7 @@ pub(super) const FORMAT: CameraFormat = CameraFormat {
     write: None,
     traps: &[
         "The intrinsics belong to the whole sensor (SensorWidth × SensorHeight). Colour images of 16:9 are scaled to their width and cut by an \
-            eighth of the 4:3 height above and below; NFOV depth is cut too. Pictures of those modes need their own intrinsics.",
+            eighth of the 4:3 height above and below; NFOV depth is cut too. Images of those modes need their own intrinsics.",
         "The last two parameters are p2, then p1.",
         "Rt maps points of the depth camera into this one (x_cam = R x_depth + t).",
     ],

@@ -5,8 +5,9 @@
 //! p1, fx = f + B1, and B2 is a skew. The centre of the first pixel is (0.5, 0.5) there and (0, 0) here. A `fisheye` has x = X θ / ρ and
 //! y = Y θ / ρ with ρ² = X² + Y² in the same polynomial: OpenCV's fisheye where P1 and P2 are zero.
 //!
-//! `<transform>` of a camera is chunk_from_cam, axes x right, y down, z forward. `<transform>` of the chunk turns, scales and moves it into
-//! its reference system; of these the scale alone is applied, so that lengths are metres where the chunk is scaled.
+//! `<transform>` of a camera is chunk_from_cam, axes x right, y down, z forward. `<transform>` of the chunk rotates, scales and moves it into
+//! its reference system, or that of a component; of these the scale alone is applied, so that lengths are metres where there is one. B2,
+//! and K4 of a frame camera, have no counterpart here and are refused where they are not zero.
 
 use super::document::{Document, Fault, Syntax};
 use super::entry::Entry;
@@ -70,15 +71,17 @@ fn read(document: &Document) -> Result<Contents, Fault> {
                 .push(format!("sensor {name} was never calibrated (no <calibration>); it is left out"));
         }
     }
-    let scale = scale(chunk)?;
+    let components = components(chunk)?;
     let all = only(chunk, "cameras")?.map_or(Ok(Vec::new()), |all| cameras(&all))?;
     let mut shots = Vec::new();
+    let mut unscaled = false;
     for entry in &all {
-        if let Some(at) = only(entry, "transform")? {
-            shots.push(shot(entry, &at, scale.unwrap_or(1.0))?);
-        }
+        let Some(at) = only(entry, "transform")? else { continue };
+        let component = components.of(entry)?;
+        unscaled |= component.scale.is_none();
+        shots.push(shot(entry, &at, component)?);
     }
-    if scale.is_none() && !shots.is_empty() {
+    if unscaled {
         contents.warnings.push("the chunk has no scale: lengths are in a unit of its own, not metres".into());
     }
     shots::add(&mut contents, lenses, shots);
@@ -215,8 +218,48 @@ fn refuse(at: &Entry<'_>, name: &str, value: f64) -> Result<(), Fault> {
     }
 }
 
-fn scale(chunk: &Entry<'_>) -> Result<Option<f64>, Fault> {
-    let Some(transform) = only(chunk, "transform")? else { return Ok(None) };
+/// Cameras that were aligned together, and metres to one of their units.
+struct Component {
+    id: String,
+    frame: String,
+    scale: Option<f64>,
+}
+
+struct Components(Vec<Component>);
+
+/// Version 2 states a transform for each component; before, one for the chunk.
+fn components(chunk: &Entry<'_>) -> Result<Components, Fault> {
+    let all = only(chunk, "components")?.map_or(Ok(Vec::new()), |all| below(&all, "component"))?;
+    let of_chunk = scale(chunk)?;
+    let mut components = Vec::new();
+    for entry in &all {
+        let id = text(entry, "@id")?.to_owned();
+        let frame = if all.len() == 1 { CHUNK.to_owned() } else { format!("component_{id}") };
+        components.push(Component { id, frame, scale: scale(entry)?.or(of_chunk) });
+    }
+    if components.is_empty() {
+        components.push(Component { id: String::new(), frame: CHUNK.to_owned(), scale: of_chunk });
+    }
+    Ok(Components(components))
+}
+
+impl Components {
+    /// Where the camera stands; a file of one component need not say so.
+    fn of(&self, camera: &Entry<'_>) -> Result<&Component, Fault> {
+        let id = camera.get("@component_id").map(|id| id.text()).transpose()?;
+        match (self.0.as_slice(), id) {
+            ([only], _) => Ok(only),
+            (many, Some(id)) => many
+                .iter()
+                .find(|component| component.id == id)
+                .ok_or_else(|| camera.fault(format!("component_id {id} is no component of the file"))),
+            (many, None) => Err(camera.fault(format!("states none of {} components", many.len()))),
+        }
+    }
+}
+
+fn scale(at: &Entry<'_>) -> Result<Option<f64>, Fault> {
+    let Some(transform) = only(at, "transform")? else { return Ok(None) };
     match number(&transform, "scale")? {
         Some(scale) if scale <= 0.0 => {
             Err(transform.fault(format!("has scale {scale}; a positive number is needed")))
@@ -225,11 +268,12 @@ fn scale(chunk: &Entry<'_>) -> Result<Option<f64>, Fault> {
     }
 }
 
-fn shot(entry: &Entry<'_>, at: &Entry<'_>, scale: f64) -> Result<Shot, Fault> {
+fn shot(entry: &Entry<'_>, at: &Entry<'_>, component: &Component) -> Result<Shot, Fault> {
     let m = DMatrix::from_row_slice(4, 4, &numbers(at, 16)?);
     let r = checks::rotation(at, &Matrix3::from_fn(|i, j| m[(i, j)]))?;
+    let scale = component.scale.unwrap_or(1.0);
     let b_from_a = Pose::new(r, scale * Vector3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)]));
     let name = text(entry, "@label")?.to_owned();
-    let placement = Placement { b: CHUNK.into(), a: name.clone(), b_from_a, covariance: None };
+    let placement = Placement { b: component.frame.clone(), a: name.clone(), b_from_a, covariance: None };
     Ok(Shot { lens: text(entry, "@sensor_id")?.to_owned(), name, placement })
 }

@@ -95,6 +95,17 @@ fn lens_numbers(root: &Entry<'_>, warnings: &mut Vec<String>) -> Result<LensNumb
         ));
         word = "rational_polynomial";
     }
+    // What librealsense calls its models stands in recordings of its own recorder.
+    let realsense = word.to_ascii_lowercase().replace(' ', "_");
+    if matches!(realsense.as_str(), "brown_conrady" | "inverse_brown_conrady" | "modified_brown_conrady") {
+        if realsense != "brown_conrady" && (2..4).any(|i| numbers.get(i).is_some_and(|p| *p != 0.0)) {
+            warnings.push(format!(
+                "{}: `{word}` is read as plumb_bob, from which its tangential terms differ by some 0.01 px",
+                model.path
+            ));
+        }
+        word = "plumb_bob";
+    }
     // realsense2_camera writes five whatever the model.
     if matches!(word, "equidistant" | "fisheye") && numbers.len() == 5 && numbers[4] == 0.0 {
         numbers.truncate(4);

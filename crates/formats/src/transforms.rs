@@ -79,7 +79,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     }
     if root.has("applied_transform") || root.has("applied_scale") {
         contents.notes.push(
-            "nerfstudio turned and scaled the world of the reconstruction (applied_transform, applied_scale); poses are those of the file."
+            "nerfstudio rotated and scaled the world of the reconstruction (applied_transform, applied_scale); poses are those of the file."
                 .into(),
         );
     }

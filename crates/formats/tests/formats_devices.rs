@@ -86,6 +86,27 @@ fn metashape_cameras_stand_in_their_chunk() {
     assert_pixel(&alone.cameras[0].camera, [0.0, 0.0, 1.0], (2736.0 - 13.0, 1824.0 + 19.75));
 }
 
+/// Version 2: a transform for each component, to which a camera belongs by its number.
+#[test]
+fn metashape_components_have_scales_of_their_own() {
+    let own = text("metashape.xml")
+        .replace("<transform>\n      <rotation>", "<unused>\n      <rotation>")
+        .replace("</scale>\n    </transform>", "</scale>\n    </unused>")
+        .replace(
+            "<cameras ",
+            "<components><component id=\"0\"><transform><scale>2</scale></transform></component><component id=\"1\"/></components><cameras ",
+        )
+        .replace("sensor_id=\"1\"", "sensor_id=\"1\" component_id=\"1\"")
+        .replace("id=\"1\" sensor_id=\"0\"", "id=\"1\" component_id=\"0\" sensor_id=\"0\"");
+    let file = read_cameras_from_bytes(Path::new("m.xml"), own.clone().into_bytes()).unwrap();
+    assert_maps(&file, "component_0", "DJI_0001", [0.0, 0.0, 0.0], [2.0, 4.0, 6.0]);
+    assert_maps(&file, "component_1", "GOPR0001", [0.0, 0.0, 0.0], [0.0, 0.25, 0.0]);
+    assert!(file.warnings.iter().any(|w| w.contains("no scale")), "{:?}", file.warnings);
+    let unknown = own.replace("component_id=\"1\"", "component_id=\"7\"");
+    let refused = read_cameras_from_bytes(Path::new("m.xml"), unknown.into_bytes()).unwrap_err().to_string();
+    assert!(refused.contains("component_id 7 is no component"), "{refused}");
+}
+
 #[test]
 fn metashape_files_that_cannot_be_read_say_why() {
     let name = "metashape.xml";

@@ -135,7 +135,7 @@ fn transforms_that_cannot_be_read_say_why() {
 
 /// The nearest formats with what they lack, and the keys as they are: with the points in them, and long ones whole.
 #[test]
-fn an_unknown_file_is_told_what_it_lacks() {
+fn an_unknown_file_is_refused_with_what_it_lacks() {
     let refused = |text: &str| {
         read_cameras_from_bytes(Path::new("a.yaml"), text.as_bytes().to_vec()).unwrap_err().to_string()
     };
@@ -202,6 +202,12 @@ fn camera_info_as_drivers_write_it() {
         "{:?}",
         same.warnings
     );
+    // The names of librealsense, as its own recorder writes them.
+    let recorded = text.replace("plumb_bob", "\"Inverse Brown Conrady\"");
+    let recorded = read_cameras_from_bytes(Path::new("a.yaml"), recorded.into_bytes()).unwrap();
+    let plain = read_cameras_from_bytes(Path::new("a.yaml"), text.clone().into_bytes()).unwrap();
+    assert_eq!(recorded.cameras[0].camera, plain.cameras[0].camera);
+    assert!(recorded.warnings.iter().any(|w| w.contains("0.01 px")), "{:?}", recorded.warnings);
     let five = text.replace("plumb_bob", "equidistant");
     let fisheye = read_cameras_from_bytes(Path::new("a.yaml"), five.into_bytes()).unwrap();
     assert_eq!(fisheye.cameras[0].camera.model_name(), "kannala_brandt");
