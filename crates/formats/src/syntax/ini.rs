@@ -65,9 +65,12 @@ pub(crate) fn is_zed(text: &str) -> bool {
     text.lines().map(str::trim).any(|line| begins(line, "[LEFT_CAM_") || begins(line, "[RIGHT_CAM_"))
 }
 
+/// Name, line and entries.
+type Section = (String, usize, Vec<(String, Node)>);
+
 /// Sections of `key = value`: a table of tables. Numbers are numbers, everything else is text.
 pub(crate) fn parse_sections(text: &str) -> Result<Node, Fault> {
-    let mut sections: Vec<(String, usize, Vec<(String, Node)>)> = Vec::new();
+    let mut sections: Vec<Section> = Vec::new();
     for (i, line) in text.lines().enumerate() {
         let (at, line) = (i + 1, line.trim());
         if line.is_empty() || line.starts_with(['#', ';']) {
