@@ -81,6 +81,16 @@ pub(super) fn pose4x4(at: &Entry<'_>) -> Result<Pose, Fault> {
     Ok(Pose::new(rotation(at, &r)?, Vector3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)])))
 }
 
+/// Pose as 4×4, or as 3×4 without the last row.
+pub(super) fn pose3x4_or_4x4(at: &Entry<'_>) -> Result<Pose, Fault> {
+    if at.numbers()?.len() != 12 {
+        return pose4x4(at);
+    }
+    let m = at.matrix(3, 4)?;
+    let r = Matrix3::from_fn(|i, j| m[(i, j)]);
+    Ok(Pose::new(rotation(at, &r)?, Vector3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)])))
+}
+
 /// Pose from a quaternion already in the order w, x, y, z.
 pub(super) fn quaternion_pose(
     at: &Entry<'_>,
@@ -98,7 +108,11 @@ pub(super) fn quaternion_pose(
 
 /// fx, fy, cx, cy of a 3×3 camera matrix without a skew that would move a pixel.
 pub(super) fn camera_matrix(at: &Entry<'_>) -> Result<CameraMatrix, Fault> {
-    let k = at.matrix(3, 3)?;
+    without_skew(at, &matrix3(&at.matrix(3, 3)?))
+}
+
+/// As `camera_matrix`, of numbers that the file states otherwise.
+pub(super) fn without_skew(at: &Entry<'_>, k: &Matrix3<f64>) -> Result<CameraMatrix, Fault> {
     if k.iter().all(|x| *x == 0.0) {
         return Err(at.fault("holds zeros: this camera was never calibrated; calibrate it (resight intrinsics) and give that file"));
     }

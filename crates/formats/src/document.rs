@@ -14,7 +14,7 @@ pub(super) enum Syntax {
     Json,
     Python,
     Xml,
-    /// ROS's INI of a camera: names on lines of their own, numbers below.
+    /// ROS's INI of a camera (names on lines of their own, numbers below), or sections of `key = value`.
     Ini,
     Lines,
     /// A launch file or script that runs `static_transform_publisher`.

@@ -158,11 +158,9 @@ impl<'a> Entry<'a> {
         };
         if data.len() as u64 != rows as u64 * cols as u64 {
             let seen = data.len();
-            let meaning = match (data.len() as u64) < rows as u64 * cols as u64 {
-                true => "a truncated file?",
-                false => "rows and cols are wrong, or the numbers are those of something else",
-            };
-            return Err(self.fault(format!("says {rows}×{cols} but holds {seen} numbers ({meaning})")));
+            return Err(
+                self.fault(format!("says {rows}×{cols} but holds {seen} numbers; one of the two is wrong"))
+            );
         }
         Ok(data)
     }

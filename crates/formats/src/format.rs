@@ -62,10 +62,26 @@ pub enum Format {
     OrbSlam,
     /// camodocal's YAML, as VINS has it; read only.
     Camodocal,
-    /// `transforms.json` of nerfstudio and instant-ngp; read only.
+    /// `transforms.json` of nerfstudio and instant-ngp.
     NerfTransforms,
-    /// OpenSfM's `camera_models.json`; read only.
+    /// OpenSfM's `camera_models.json` and `reconstruction.json`; read only.
     OpenSfm,
+    /// Luxonis OAK calibration, as DepthAI stores it; read only.
+    DepthAi,
+    /// Azure Kinect factory calibration; read only.
+    AzureKinect,
+    /// librealsense's intrinsics as JSON; read only.
+    RealSense,
+    /// Stereolabs ZED factory calibration; read only.
+    Zed,
+    /// KWIVER's `.krtd`; read only.
+    Krtd,
+    /// Autoware's sensor calibration, poses only; read only.
+    Autoware,
+    /// Matrices under keys `b_from_a`, poses only; read only.
+    PoseMatrices,
+    /// Agisoft Metashape's exported cameras or calibration (XML); read only.
+    Metashape,
     /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
     NuScenes,
     /// OpenCV FileStorage as XML; recognised as `OpenCv`.
@@ -114,7 +130,15 @@ impl Format {
             Format::OrbSlam => "ORB-SLAM settings",
             Format::Camodocal => "camodocal (VINS) camera",
             Format::NerfTransforms => "transforms.json (nerfstudio, instant-ngp)",
-            Format::OpenSfm => "OpenSfM camera models",
+            Format::OpenSfm => "OpenSfM cameras",
+            Format::DepthAi => "DepthAI (OAK) calibration",
+            Format::AzureKinect => "Azure Kinect calibration",
+            Format::RealSense => "RealSense intrinsics",
+            Format::Zed => "ZED calibration",
+            Format::Krtd => "KWIVER camera (.krtd)",
+            Format::Autoware => "Autoware sensor calibration",
+            Format::PoseMatrices => "matrices named b_from_a",
+            Format::Metashape => "Metashape cameras (XML)",
             Format::NuScenes => "nuScenes calibrated_sensor",
             Format::OpenCvXml => "OpenCV FileStorage (XML)",
             Format::OwnTarget => "Resight target file (TOML)",

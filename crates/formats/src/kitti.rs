@@ -104,8 +104,7 @@ fn relation(b: &str, a: &str, b_from_a: Pose) -> Placement {
 
 /// Numbers of a line, separated by blanks.
 fn row(at: &Entry<'_>, n: usize) -> Result<Vec<f64>, Fault> {
-    let text =
-        at.text().map_err(|_| at.fault(format!("holds one number; {n} are needed (a truncated file?)")))?;
+    let text = at.text().map_err(|_| at.fault(format!("holds one number; {n} are needed")))?;
     let mut numbers = Vec::new();
     for word in text.split_whitespace() {
         match word.parse::<f64>() {
@@ -117,7 +116,7 @@ fn row(at: &Entry<'_>, n: usize) -> Result<Vec<f64>, Fault> {
         }
     }
     if numbers.len() != n {
-        return Err(at.fault(format!("holds {} numbers; {n} are needed (a truncated file?)", numbers.len())));
+        return Err(at.fault(format!("holds {} numbers; {n} are needed", numbers.len())));
     }
     Ok(numbers)
 }

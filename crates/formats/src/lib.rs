@@ -36,6 +36,11 @@
 //! | PhotonVision, Limelight | `photonvision.rs` | OpenCV 4, 5, 8, 12; fisheye | none | both shapes |
 //! | Basalt | `basalt.rs` | pinhole, pinhole-radtan8, kb4, ds, eucm, ucm, fov | imu_from_cam | yes |
 //! | Caliscope, aniposelib | `caliscope.rs` | Brown–Conrady, fisheye | cam_from_world | both dialects |
+//! | nerfstudio, instant-ngp | `transforms.rs` | Brown–Conrady of 5, fisheye | world_from_cam | yes |
+//! | ORB-SLAM, camodocal (VINS), single keys | `orb_slam.rs`, `camodocal.rs`, `scalar_keys.rs` | Brown–Conrady, fisheye, omni | first_from_second, imu_from_cam | no |
+//! | OpenSfM, Metashape | `open_sfm.rs`, `metashape.rs`, `shots.rs` | Brown–Conrady, fisheye | cam_from_world, chunk_from_cam | no |
+//! | DepthAI, Azure Kinect, RealSense, ZED | `depthai.rs`, `azure_kinect.rs`, `realsense.rs`, `zed.rs` | Brown–Conrady, fisheye, fov | to_from_this, cam_from_depth, right_from_left | no |
+//! | KWIVER, Autoware, named matrices | `krtd.rs`, `autoware.rs`, `pose_matrix.rs` | Brown–Conrady | cam_from_world, parent_from_child, b_from_a | no |
 //! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
 //! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
 //! | easy_handeye | `handeye.rs` | none | robot_from_cam | yes |
@@ -75,6 +80,19 @@ mod opencv_write;
 mod opencv;
 mod ros;
 mod scalar_keys;
+mod shots;
+mod orb_slam;
+mod camodocal;
+mod transforms;
+mod open_sfm;
+mod metashape;
+mod depthai;
+mod azure_kinect;
+mod realsense;
+mod zed;
+mod krtd;
+mod autoware;
+mod pose_matrix;
 mod kalibr;
 mod kalibr_report;
 mod kalibr_target;
@@ -101,6 +119,7 @@ mod open;
 mod wpilib;
 mod tag_options;
 mod table;
+mod nearest_format;
 mod read;
 mod write;
 mod rig_files;

@@ -2,7 +2,7 @@
 
 use super::document::{Document, Syntax};
 use super::tree::{Fault, Node, Value};
-use super::{colmap, kalibr_report, syntax, tf_launch};
+use super::{colmap, kalibr_report, krtd, pose_matrix, syntax, tf_launch};
 use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
@@ -52,6 +52,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
         Syntax::Json => syntax::literal::parse_json(&text)?,
         Syntax::Python => syntax::literal::parse_python(&text)?,
         Syntax::Xml => syntax::xml::parse(&text)?,
+        Syntax::Ini if syntax::ini::is_zed(&text) => syntax::ini::parse_sections(&text)?,
         Syntax::Ini => syntax::ini::parse(&text)?,
         Syntax::Lines | Syntax::Launch => Node { line: 1, value: Value::Null },
         #[cfg(feature = "recordings")]
@@ -62,7 +63,11 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
 
 /// By content: the first line that is neither blank nor a comment decides.
 fn syntax_of(text: &str) -> Syntax {
-    if colmap::is_points_table(text) || kalibr_report::is_report(text) {
+    if colmap::is_points_table(text)
+        || kalibr_report::is_report(text)
+        || krtd::is_krtd(text)
+        || pose_matrix::is_bare_text(text)
+    {
         return Syntax::Lines;
     }
     let significant = |line: &&str| !line.is_empty() && !line.starts_with('#');
@@ -71,10 +76,10 @@ fn syntax_of(text: &str) -> Syntax {
         Some('<') => Syntax::Xml,
         Some('{') => of_braces(text),
         Some('%') => Syntax::Yaml,
-        // A table of TOML, or a list of JSON objects.
-        Some('[') if text.trim_start()[1..].trim_start().starts_with('{') => Syntax::Json,
+        // A table of TOML, or a list of JSON objects, or of rows of numbers.
+        Some('[') if is_json_list(text) => Syntax::Json,
         _ if tf_launch::runs_publishers(text) => Syntax::Launch,
-        Some('[') if syntax::ini::is_camera(text) => Syntax::Ini,
+        Some('[') if syntax::ini::is_camera(text) || syntax::ini::is_zed(text) => Syntax::Ini,
         Some('[') => Syntax::Toml,
         _ if colmap::is_table_line(first) => Syntax::Lines,
         _ => match (first.find('='), first.find(':')) {
@@ -83,6 +88,12 @@ fn syntax_of(text: &str) -> Syntax {
             _ => Syntax::Yaml,
         },
     }
+}
+
+fn is_json_list(text: &str) -> bool {
+    let rest = text.trim_start()[1..].trim_start();
+    let is_row = |row: &str| row.trim_start().starts_with(|c: char| c.is_ascii_digit() || c == '-');
+    rest.starts_with('{') || rest.strip_prefix('[').is_some_and(is_row)
 }
 
 /// mrcal writes comments above and single quotes; JSON knows neither.

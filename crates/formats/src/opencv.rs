@@ -92,7 +92,7 @@ fn is_matrix(entry: &Entry<'_>) -> bool {
 }
 
 fn is_stereo(root: &Entry<'_>) -> bool {
-    root.has("R") && (root.has("T") || root.has("t"))
+    root.has("R") && (root.has("T") || root.has("t")) || root.has("rvec") && root.has("tvec")
 }
 
 fn read(document: &Document) -> Result<Contents, Fault> {
@@ -238,8 +238,28 @@ pub(super) fn is_fisheye(root: &Entry<'_>) -> Result<bool, Fault> {
     }
 }
 
+/// rvec, tvec of `solvePnP` beside one camera (or alone): x_camera = R x_object + t, in the unit of the object.
+fn place_object(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
+    let (Some(r), Some(t)) = (root.get("rvec"), root.get("tvec")) else { return Ok(()) };
+    let b_from_a = Pose::new(checks::rotation_matrix_or_vector(&r)?, checks::vector3(&t)?);
+    contents.warnings.extend(checks::unit_warning(&t.path, b_from_a.translation.norm()));
+    let placement = |b: &str| Placement { b: b.into(), a: "object".into(), b_from_a, covariance: None };
+    match contents.cameras.as_mut_slice() {
+        [] => contents.relations.push(placement("camera")),
+        [camera] => camera.placement = Some(placement(&camera.name)),
+        many => return Err(r.fault(format!("rvec and tvec are of one camera; the file has {}", many.len()))),
+    }
+    contents.notes.push(
+        "rvec and tvec map the object (the target) into the camera, as solvePnP gives them; the camera's position is -Rᵀ tvec.".into(),
+    );
+    Ok(())
+}
+
 /// R, T beside two cameras (or alone) place the second in the first's frame.
 fn place(root: &Entry<'_>, contents: &mut Contents) -> Result<(), Fault> {
+    if !root.has("R") {
+        return place_object(root, contents);
+    }
     let (Some(r), Some(t)) = (root.get("R"), root.first_of(&["T", "t"])) else { return Ok(()) };
     let b_from_a = Pose::new(checks::rotation_matrix_or_vector(&r)?, checks::vector3(&t)?);
     let names: Vec<&str> = contents.cameras.iter().map(|c| c.name.as_str()).collect();

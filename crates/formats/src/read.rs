@@ -1,6 +1,7 @@
 //! Camera and target files, read: the format by its content, then cameras by name.
 
 use super::document::{Document, Fault};
+use super::nearest_format::nearest;
 use super::table::{CAMERA_FORMATS, camera_format, target_format};
 use super::{
     CameraFile, Contents, NamedCamera, Reads, TagOptions, TargetFile, checks, open, plausible, tag_options,
@@ -73,12 +74,19 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             "this is a target ({}), not a camera; give it with --target",
             target.format.name()
         )),
-        None => Fault::new(format!(
-            "not a camera file that Resight knows ({:?} syntax, {}); the formats are {}",
-            document.syntax,
-            keys_seen(document),
-            camera_format_names()
-        )),
+        None => Fault::new(match nearest(document) {
+            Some(near) => format!(
+                "not a camera file that Resight knows ({:?} syntax, {}); the nearest: {near}; docs/files.md lists all formats",
+                document.syntax,
+                keys_seen(document)
+            ),
+            None => format!(
+                "not a camera file that Resight knows ({:?} syntax, {}); the formats are {}",
+                document.syntax,
+                keys_seen(document),
+                camera_format_names()
+            ),
+        }),
     }
 }
 
@@ -87,15 +95,17 @@ fn camera_format_names() -> String {
     readable.map(|f| f.format.name()).collect::<Vec<_>>().join(", ")
 }
 
+/// Keys listed at most, and of one key at most so many characters: a message is read by people.
+const MOST_KEYS: usize = 12;
+const LONGEST_KEY: usize = 100;
+
 fn keys_seen(document: &Document) -> String {
-    let keys: Vec<String> = document
-        .entry()
-        .entries()
-        .unwrap_or_default()
-        .iter()
-        .take(6)
-        .map(|e| e.name().chars().take(60).collect())
-        .collect();
+    let entries = document.entry().entries().unwrap_or_default();
+    let mut keys: Vec<String> =
+        entries.iter().take(MOST_KEYS).map(|e| e.name().chars().take(LONGEST_KEY).collect()).collect();
+    if MOST_KEYS < entries.len() {
+        keys.push(format!("… {} in all", entries.len()));
+    }
     if keys.is_empty() { "no keys".into() } else { format!("keys {}", keys.join(", ")) }
 }
 

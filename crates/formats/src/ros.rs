@@ -51,6 +51,11 @@ fn read(document: &Document) -> Result<Contents, Fault> {
 /// Adds the camera of a message, a saved or a recorded one.
 pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) -> Result<(), Fault> {
     refuse_crops(root)?;
+    let k = root
+        .first_of(&["camera_matrix", "k", "K"])
+        .ok_or_else(|| root.fault("the key `camera_matrix` is missing"))?;
+    // Before the size: a driver without a calibration sends zeros for both.
+    let matrix = checks::camera_matrix(&k)?;
     let width = root
         .first_of(&["image_width", "width"])
         .ok_or_else(|| root.fault("the key `image_width` is missing"))?;
@@ -58,11 +63,7 @@ pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) ->
         .first_of(&["image_height", "height"])
         .ok_or_else(|| root.fault("the key `image_height` is missing"))?;
     let size = ImageSize { width_px: width.count(1)?, height_px: height.count(1)? };
-    let k = root
-        .first_of(&["camera_matrix", "k", "K"])
-        .ok_or_else(|| root.fault("the key `camera_matrix` is missing"))?;
-    let matrix = checks::camera_matrix(&k)?;
-    let lens = lens_numbers(root)?;
+    let lens = lens_numbers(root, &mut contents.warnings)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
     contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
     let (notes, warnings) = rectified(root)?;
@@ -71,7 +72,7 @@ pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) ->
     Ok(())
 }
 
-fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {
+fn lens_numbers(root: &Entry<'_>, warnings: &mut Vec<String>) -> Result<LensNumbers, Fault> {
     let model = root
         .first_of(&["distortion_model", "camera_model"])
         .ok_or_else(|| root.fault("the key `distortion_model` is missing"))?;
@@ -79,11 +80,36 @@ fn lens_numbers(root: &Entry<'_>) -> Result<LensNumbers, Fault> {
         .first_of(&["distortion_coefficients", "d", "D"])
         .ok_or_else(|| root.fault("the key `distortion_coefficients` is missing"))?;
     // Drivers write five columns whatever the model; a row's numbers say themselves how many there are.
-    let numbers = match d.get("data").filter(|_| d.get("rows").is_some_and(|rows| rows.number() == Ok(1.0))) {
-        Some(data) => data.numbers()?,
-        None => d.numbers()?,
-    };
-    let word = model.text()?;
+    let mut numbers =
+        match d.get("data").filter(|_| d.get("rows").is_some_and(|rows| rows.number() == Ok(1.0))) {
+            Some(data) => data.numbers()?,
+            None => d.numbers()?,
+        };
+    let mut word = model.text()?;
+    // Drivers do not always mean the name: nodes hand the numbers to OpenCV, which goes by their count.
+    if word == "plumb_bob" && 8 <= numbers.len() {
+        warnings.push(format!(
+            "{}: {} coefficients under plumb_bob are read as rational_polynomial, as image_geometry and OpenCV read them",
+            d.path,
+            numbers.len()
+        ));
+        word = "rational_polynomial";
+    }
+    // What librealsense calls its models stands in recordings of its own recorder.
+    let realsense = word.to_ascii_lowercase().replace(' ', "_");
+    if matches!(realsense.as_str(), "brown_conrady" | "inverse_brown_conrady" | "modified_brown_conrady") {
+        if realsense != "brown_conrady" && (2..4).any(|i| numbers.get(i).is_some_and(|p| *p != 0.0)) {
+            warnings.push(format!(
+                "{}: `{word}` is read as plumb_bob, from which its tangential terms differ by some 0.01 px",
+                model.path
+            ));
+        }
+        word = "plumb_bob";
+    }
+    // realsense2_camera writes five whatever the model.
+    if matches!(word, "equidistant" | "fisheye") && numbers.len() == 5 && numbers[4] == 0.0 {
+        numbers.truncate(4);
+    }
     let (lens, counts): (_, &[usize]) =
         match word {
             "plumb_bob" => (opencv::brown_conrady(&d, numbers.clone()), &[0, 4, 5]),

@@ -4,9 +4,11 @@
 
 use super::document::Document;
 use super::{
-    CameraFormat, Format, Reads, TargetFormat, Writer, basalt, blender, caliscope, caliscope_target, colmap,
-    euroc, fspy, gltf, handeye, kalibr, kalibr_report, kalibr_target, kitti, mccalib, mrcal, multical,
-    nuscenes, opencv, own_camera, own_target, photonvision, ros, scalar_keys, tf, urdf, wpilib,
+    CameraFormat, Format, Reads, TargetFormat, Writer, autoware, azure_kinect, basalt, blender, caliscope,
+    caliscope_target, camodocal, colmap, depthai, euroc, fspy, gltf, handeye, kalibr, kalibr_report,
+    kalibr_target, kitti, krtd, mccalib, metashape, mrcal, multical, nuscenes, open_sfm, opencv, orb_slam,
+    own_camera, own_target, photonvision, pose_matrix, realsense, ros, scalar_keys, tf, transforms, urdf,
+    wpilib, zed,
 };
 
 /// In the order they are tried: the most particular keys first, OpenCV's many spellings last.
@@ -30,14 +32,22 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     kitti::ODOMETRY,
     nuscenes::FORMAT,
     ros::FORMAT,
-    scalar_keys::ORB_SLAM,
-    scalar_keys::CAMODOCAL,
-    scalar_keys::OPEN_SFM,
-    scalar_keys::TRANSFORMS,
-    scalar_keys::PLAIN,
+    orb_slam::FORMAT,
+    camodocal::FORMAT,
+    open_sfm::FORMAT,
+    metashape::FORMAT,
+    depthai::FORMAT,
+    azure_kinect::FORMAT,
+    zed::FORMAT,
+    krtd::FORMAT,
+    realsense::FORMAT,
+    autoware::FORMAT,
+    transforms::FORMAT,
+    scalar_keys::FORMAT,
     #[cfg(feature = "recordings")]
     super::mcap::FORMAT,
     opencv::FORMAT,
+    pose_matrix::FORMAT,
     opencv::XML,
     photonvision::OLD_FORMAT,
     handeye::ON_BASE,

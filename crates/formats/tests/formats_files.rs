@@ -46,7 +46,7 @@ fn assert_golden(folder: &str, files: &[OutFile]) {
 
 /// `b_from_a` along any chain of poses: written here anew, so that it does not share the library's mistakes.
 #[track_caller]
-fn between(rig: &CameraFile, b: &str, a: &str) -> Pose {
+pub fn between(rig: &CameraFile, b: &str, a: &str) -> Pose {
     let all: Vec<&Placement> =
         rig.cameras.iter().filter_map(|c| c.placement.as_ref()).chain(&rig.relations).collect();
     let mut known = vec![(a.to_owned(), Pose::identity())];
@@ -132,6 +132,7 @@ fn formats_with_lenses_round_trip() {
         ("kitti_object.txt", Format::KittiOdometry, "kitti_odometry"),
         ("nuscenes", Format::NuScenes, "nuscenes"),
         ("placed_rig.toml", Format::Own, "own"),
+        ("kalibr_imucam.yaml", Format::NerfTransforms, "transforms"),
     ] {
         let rig = rig_of(&[source]);
         assert_golden(folder, &write_rig(&rig, format).unwrap());
@@ -400,6 +401,8 @@ fn what_a_format_cannot_hold_is_refused_by_name() {
     refused("placed_rig.toml", Format::NuScenes, &["left: has distortion", "undistort"]);
     refused("placed_rig.toml", Format::Kalibr, &["left: Kalibr's radtan has k1, k2, p1, p2 only"]);
     refused("placed_rig.toml", Format::OpenCvXml, &["one or two cameras, not 3"]);
+    refused("basalt.json", Format::NerfTransforms, &["transforms.json has no", "write resight"]);
+    refused("camodocal_mei.yaml", Format::NerfTransforms, &["transforms.json has no omni model"]);
     refused("kalibr_camchain.yaml", Format::Urdf, &["no pose joins camera `cam2` to `cam0`"]);
     refused("kalibr_camchain.yaml", Format::Basalt, &["no pose joins"]);
     refused("kalibr_imucam.yaml", Format::Basalt, &["one clock offset for all cameras", "[1.0, 0.0] ms"]);

@@ -79,6 +79,7 @@ fn convert_all(rig: &CameraFile) {
         Format::StaticTransformsYaml,
         Format::Urdf,
         Format::OpenCvXml,
+        Format::NerfTransforms,
     ] {
         if let Err(reason) = convert(rig, format, None) {
             let reason = reason.to_string();

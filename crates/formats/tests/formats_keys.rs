@@ -101,6 +101,54 @@ fn transforms_have_corners_for_pixels_and_opengl_for_axes() {
     let by_angle = br#"{"camera_angle_x": 1.5707963267948966, "w": 800, "h": 600, "frames": []}"#.to_vec();
     let file = read_cameras_from_bytes(Path::new("t.json"), by_angle).unwrap();
     assert_parameters(&file.cameras[0].camera, "pinhole", (800, 600), &[400.0, 400.0, 399.5, 299.5]);
+    let in_degrees = br#"{"x_fov": 90, "w": 800, "h": 600, "frames": []}"#.to_vec();
+    let same = read_cameras_from_bytes(Path::new("t.json"), in_degrees).unwrap();
+    let (same, by_angle) = (same.cameras[0].camera.parameters(), file.cameras[0].camera.parameters());
+    assert!(same.iter().zip(&by_angle).all(|((_, a), (_, b))| (a - b).abs() < 1e-12), "{same:?}");
+}
+
+/// Each frame has its own lens, or the file's; k4 is of r⁸ there and none of OpenCV's.
+#[test]
+fn transforms_that_cannot_be_read_say_why() {
+    let text = std::fs::read_to_string(example("transforms.json")).unwrap();
+    for (from, to, reason) in [
+        ("\"w\": 1280, \"h\": 720,", "", "`w` and `h`, the size of the images in pixels, are needed"),
+        ("\"k2\": 0.01,", "\"k2\": 0.01, \"k4\": 0.001,", "k4 is 0.001, the coefficient of r⁸"),
+        ("\"OPENCV\"", "\"EQUIRECTANGULAR\"", "camera_model `EQUIRECTANGULAR` is not supported"),
+        ("[[1, 0, 0, 2]", "[[2, 0, 0, 2]", "transform_matrix: is not a rotation"),
+        ("transform_matrix", "transform_matrix_start", "moves while it is exposed"),
+        ("\"file_path\"", "\"file\"", "frames[0]: the key `file_path` is missing"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let changed = text.replacen(from, to, 1).into_bytes();
+        let refused = read_cameras_from_bytes(Path::new("t.json"), changed).unwrap_err().to_string();
+        assert!(refused.contains(reason), "{refused}");
+    }
+    let own = text.replace(
+        "\"transform_matrix\"",
+        "\"fl_x\": 450.0, \"w\": 640, \"h\": 360, \"cx\": 320.0, \"cy\": 180.0, \"transform_matrix\"",
+    );
+    let file = read_cameras_from_bytes(Path::new("t.json"), own.into_bytes()).unwrap();
+    assert_eq!((file.cameras.len(), file.cameras[0].name.as_str()), (1, "images/0001.jpg"));
+    assert_eq!(file.cameras[0].camera.size.map(|size| size.width_px), Some(640));
+}
+
+/// The nearest formats with what they lack, and the keys as they are: with the points in them, and long ones whole.
+#[test]
+fn an_unknown_file_is_refused_with_what_it_lacks() {
+    let refused = |text: &str| {
+        read_cameras_from_bytes(Path::new("a.yaml"), text.as_bytes().to_vec()).unwrap_err().to_string()
+    };
+    let half = refused("fx: 600\nfy: 600\nk1: -0.2\n\"phone 4032 3024 brown 0.75\": 1\n");
+    assert!(half.contains("keys fx, fy, k1, phone 4032 3024 brown 0.75"), "{half}");
+    assert!(
+        half.contains("the nearest: camera with a key for each number, which needs cx, cy too"),
+        "{half}"
+    );
+    assert!(!half.contains("truncated"), "{half}");
+    let orb = refused("Camera.fy: 600\nCamera.cx: 320\nCamera.cy: 240\n");
+    assert!(orb.contains("ORB-SLAM settings, which needs Camera.fx too"), "{orb}");
+    assert!(refused("colour: red\n").contains("the formats are Resight camera file"));
 }
 
 #[test]
@@ -143,8 +191,34 @@ fn camera_info_as_drivers_write_it() {
     );
     let file = read_cameras_from_bytes(Path::new("a.yaml"), eight.into_bytes()).unwrap();
     assert_eq!(file.cameras[0].camera.parameters().len(), 12);
+    let named_plumb_bob = text.replace(
+        "[-0.3375, 0.1115, -0.0007, -0.0001, 0]",
+        "[0.61, 0.11, -0.0002, 0.0001, 0.004, 0.98, 0.27, 0.02]",
+    );
+    let same = read_cameras_from_bytes(Path::new("a.yaml"), named_plumb_bob.into_bytes()).unwrap();
+    assert_eq!(same.cameras[0].camera, file.cameras[0].camera);
+    assert!(
+        same.warnings.iter().any(|w| w.contains("8 coefficients under plumb_bob")),
+        "{:?}",
+        same.warnings
+    );
+    // The names of librealsense, as its own recorder writes them.
+    let recorded = text.replace("plumb_bob", "\"Inverse Brown Conrady\"");
+    let recorded = read_cameras_from_bytes(Path::new("a.yaml"), recorded.into_bytes()).unwrap();
+    let plain = read_cameras_from_bytes(Path::new("a.yaml"), text.clone().into_bytes()).unwrap();
+    assert_eq!(recorded.cameras[0].camera, plain.cameras[0].camera);
+    assert!(recorded.warnings.iter().any(|w| w.contains("0.01 px")), "{:?}", recorded.warnings);
+    let five = text.replace("plumb_bob", "equidistant");
+    let fisheye = read_cameras_from_bytes(Path::new("a.yaml"), five.into_bytes()).unwrap();
+    assert_eq!(fisheye.cameras[0].camera.model_name(), "kannala_brandt");
     let zeros = text.replace("[430.5, 0, 306.9, 0, 430.4, 227.2, 0, 0, 1]", "[0, 0, 0, 0, 0, 0, 0, 0, 0]");
     let refused = read_cameras_from_bytes(Path::new("a.yaml"), zeros.into_bytes()).unwrap_err().to_string();
+    assert!(refused.contains("never calibrated"), "{refused}");
+    let nothing = text
+        .replace("[430.5, 0, 306.9, 0, 430.4, 227.2, 0, 0, 1]", "[0, 0, 0, 0, 0, 0, 0, 0, 0]")
+        .replace("image_width: 640", "image_width: 0")
+        .replace("plumb_bob", "\"\"");
+    let refused = read_cameras_from_bytes(Path::new("a.yaml"), nothing.into_bytes()).unwrap_err().to_string();
     assert!(refused.contains("never calibrated"), "{refused}");
 }
 

@@ -132,7 +132,12 @@ fn ros_files_that_cannot_be_right() {
         "rational_polynomial",
         &[":9: distortion_coefficients", "5 coefficients", "8"],
     );
-    assert_camera_refused(file, "plumb_bob", "equidistant", &["5 coefficients; equidistant takes 4"]);
+    assert_camera_refused(
+        file,
+        "plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.3375, 0.1115, -0.0007, -0.0001, 0]",
+        "equidistant\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.3375, 0.1115, -0.0007, -0.0001, 0.5]",
+        &["5 coefficients; equidistant takes 4"],
+    );
     assert_camera_refused(file, "image_width: 640\n", "", &["`image_width` is missing"]);
     assert_camera_refused(
         "ros_topic_echo.yaml",

@@ -6,6 +6,7 @@ mod rigs_support;
 
 mod formats_colmap;
 mod formats_convert;
+mod formats_devices;
 mod formats_explain;
 mod formats_files;
 mod formats_fuzz;

@@ -32,10 +32,7 @@ pub(super) fn camera_line(
 ) -> Result<NamedCamera, Fault> {
     let [id, model, width, height, parameters @ ..] = words else {
         let seen = words.len();
-        return Err(Fault::at(
-            line,
-            format!("{seen} words; CAMERA_ID MODEL WIDTH HEIGHT PARAMS are needed (a truncated file?)"),
-        ));
+        return Err(Fault::at(line, format!("{seen} words; CAMERA_ID MODEL WIDTH HEIGHT PARAMS are needed")));
     };
     let node = Node { line, value: Value::Null };
     let at = Entry::called(format!("camera {id}"), &node);

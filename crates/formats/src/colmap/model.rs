@@ -294,10 +294,7 @@ fn rig_line(line: usize, words: &[&str]) -> Result<Vec<Sensor>, Fault> {
     }
     if !rest.is_empty() || found.len() != count {
         let seen = found.len();
-        return Err(Fault::at(
-            line,
-            format!("rig {id}: {count} sensors are announced, {seen} follow (a truncated line?)"),
-        ));
+        return Err(Fault::at(line, format!("rig {id}: {count} sensors are announced, {seen} follow")));
     }
     Ok(found)
 }

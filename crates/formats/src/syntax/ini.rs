@@ -1,8 +1,8 @@
 //! The INI of ROS 1's `camera_calibration_parsers`: a camera's name in brackets, names of fields on lines of their own, numbers below.
 //!
-//! Becomes the tree of the YAML that the same program writes, so that `ros` reads both.
+//! Becomes the tree of the YAML that the same program writes, so that `ros` reads both. Also the INI of ZED cameras, as a table of its sections.
 
-use crate::tree::{Fault, Node, Value};
+use crate::tree::{Fault, Node, Value, map_of};
 
 /// What follows each name, and how many numbers; the distortion may have any number of them.
 const FIELDS: [(&str, &str, usize); 6] = [
@@ -56,6 +56,47 @@ pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     let model = if n <= 5 { "plumb_bob" } else { "rational_polynomial" };
     entries.push(("distortion_model".into(), node(1, Value::Text(model.into()))));
     Ok(node(1, Value::Map(entries)))
+}
+
+/// Whether a text is a calibration of a ZED: sections of a side and a resolution.
+pub(crate) fn is_zed(text: &str) -> bool {
+    let begins =
+        |line: &str, prefix: &str| line.get(..prefix.len()).is_some_and(|l| l.eq_ignore_ascii_case(prefix));
+    text.lines().map(str::trim).any(|line| begins(line, "[LEFT_CAM_") || begins(line, "[RIGHT_CAM_"))
+}
+
+/// Name, line and entries.
+type Section = (String, usize, Vec<(String, Node)>);
+
+/// Sections of `key = value`: a table of tables. Numbers are numbers, everything else is text.
+pub(crate) fn parse_sections(text: &str) -> Result<Node, Fault> {
+    let mut sections: Vec<Section> = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        let (at, line) = (i + 1, line.trim());
+        if line.is_empty() || line.starts_with(['#', ';']) {
+            continue;
+        }
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+            sections.push((name.trim().to_owned(), at, Vec::new()));
+            continue;
+        }
+        match (sections.last_mut(), line.split_once('=')) {
+            (Some((.., entries)), Some((key, value))) => {
+                let value = value.trim();
+                let value = value.parse().map_or_else(|_| Value::Text(value.to_owned()), Value::Number);
+                entries.push((key.trim().to_owned(), node(at, value)));
+            }
+            _ => {
+                let short: String = line.chars().take(40).collect();
+                return Err(Fault::at(
+                    at,
+                    format!("`{short}` is neither a [section] nor `key = value` in one"),
+                ));
+            }
+        }
+    }
+    let table = |(name, at, entries)| Ok((name, map_of(at, entries)?));
+    map_of(1, sections.into_iter().map(table).collect::<Result<Vec<_>, Fault>>()?)
 }
 
 fn close(

@@ -1,9 +1,9 @@
-//! XML, through `roxmltree` (no DTD, so no entity bombs): OpenCV's FileStorage, URDF and ROS launch files.
+//! XML, through `roxmltree` (no DTD, so no entity bombs): OpenCV's FileStorage, URDF, ROS launch files and Metashape's cameras.
 
 use crate::tree::{Fault, MAX_DEPTH, Node, Value, map_of};
 
-/// The tree below `<opencv_storage>` as OpenCV means it; of `<robot>` and `<launch>` each element is a table of
-/// `element` (its name), `@NAME` (attributes) and `children` (a list).
+/// The tree below `<opencv_storage>` as OpenCV means it; of the others each element is a table of `element`
+/// (its name), `@NAME` (attributes), `text` where it holds some, and `children` (a list).
 pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     let options = roxmltree::ParsingOptions { allow_dtd: false, nodes_limit: 1 << 16, ..Default::default() };
     let document = roxmltree::Document::parse_with_options(text, options)
@@ -11,11 +11,12 @@ pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     let root = document.root_element();
     match root.tag_name().name() {
         "opencv_storage" => node_of(&document, root, MAX_DEPTH),
-        "robot" | "launch" => element(&document, root, MAX_DEPTH),
+        "robot" | "launch" | "document" | "calibration" => element(&document, root, MAX_DEPTH),
         name => Err(Fault::at(
             1,
             format!(
-                "XML of `{name}`; of XML OpenCV's `opencv_storage`, URDF's `robot` and ROS's `launch` are read"
+                "XML of `{name}`; of XML OpenCV's `opencv_storage`, URDF's `robot`, ROS's `launch` and Metashape's `document` and \
+                    `calibration` are read"
             ),
         )),
     }
@@ -36,6 +37,9 @@ fn element(
         let at = document.text_pos_at(attribute.range().start).row as usize;
         let value = Value::Text(attribute.value().to_owned());
         entries.push((format!("@{}", attribute.name()), Node { line: at, value }));
+    }
+    if let Some(text) = element_node.text().map(str::trim).filter(|text| !text.is_empty()) {
+        entries.push(("text".to_owned(), Node { line, value: Value::Text(text.to_owned()) }));
     }
     let children = element_node.children().filter(roxmltree::Node::is_element);
     let children = children.map(|c| element(document, c, depth - 1)).collect::<Result<Vec<_>, Fault>>()?;
