@@ -1,30 +1,30 @@
-//! The white margin of a board: where its outer squares end, whole or cut, the paper beyond is white.
+//! The white margin of a board: beyond the end of the outer squares, whole or cut, the paper is white.
 //!
-//! It says where a board does not continue: beyond the squares of a larger board black ones turn white and white ones turn black, and behind
-//! something in front of a board white squares end with the black ones, unless that is as white as the paper.
+//! The margin shows where a board does not continue: beyond the squares of a larger board black turns into white and white into black, and at an
+//! object in front of a board white squares end together with the black ones, unless the object is as white as the paper.
 
 use super::super::homography::{Homography, PlanePoint};
 use super::lattice::{Lattice, Node};
 use super::squares;
 use crate::GrayImage;
 
-/// A square outside of the outermost corners is looked at from here on, in squares from the corners,
+/// A square outside the outermost corners is sampled from here on, in squares from the corners,
 const FIRST: f64 = 0.25;
 /// in these steps,
 const STEP: f64 = 0.05;
-/// so many times: a third of a square beyond a whole one.
+/// this many times: to a third of a square beyond a whole one.
 const STEPS: usize = 23;
-/// The squares of one side end within this of each other, in squares.
+/// Largest difference between the ends of the squares of one side, in squares.
 const ALIKE: f64 = 0.12;
-/// The margin begins within so many steps of the end of a black square; the narrowest ones are a tenth of a square.
+/// The margin begins within this many steps of the end of a black square; the narrowest margins are a tenth of a square.
 const MARGIN_STEPS: usize = 4;
-/// Between black (0) and white (1) a square ends here,
+/// Level between black (0) and white (1) at which a square ends,
 const HALF: f64 = 0.5;
-/// and this is white.
+/// and from which it is white.
 const WHITE: f64 = 0.6;
 /// Least difference of black and white, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
-/// Fewest black squares that show the end of a board on one side.
+/// Smallest number of black squares that show the end of a board on one side.
 const LEAST: usize = 2;
 
 /// Whether the margin shows all along the side of a board that the step `outside` leads out of. Black are the squares whose first node has an even
