@@ -50,7 +50,7 @@ fn of_known(views: &[HandEyeView], known: &[Known], config: &HandEyeConfig) -> O
     best.filter(|(noise, _)| *noise < f64::min(1.0, MAX_PART * given)).map(|(_, cause)| cause)
 }
 
-/// Returns the settled views with the size that fits them, starting from a proven error; unchanged where that fails.
+/// Returns the size with which the views agree; the proven error itself where none is found.
 pub(super) fn resized(
     views: &[HandEyeView],
     found: &Settled,
