@@ -278,8 +278,8 @@ impl Detector {
         }
     }
 
-    /// Measures the corners of a whole board that `picked` selects, each by the print around its position in `places`. A corner is found within a
-    /// pixel or two, or not at all. Also returns the blur.
+    /// Measures the corners of a whole board that `picked` selects, each by the print around its position in `places`. A corner is found
+    /// within a pixel or two, or not at all. Also returns the blur.
     fn measured_near(
         &self,
         image: &GrayImage,
