@@ -1,4 +1,4 @@
-//! The book's examples: what a page tells the reader to write works, and what it shows is what the program says.
+//! The book's examples: the commands on a page work, and their output is that shown on the page.
 
 use crate::book_support::{self, Command, Piece};
 use crate::support::{folder, json_lines, resight, same, table_two};

@@ -1,4 +1,4 @@
-//! `watch` on video files: every frame at its own time, drift found, damaged files and a missing ffmpeg told.
+//! `watch` on video files: every frame has its own time, drift is found, and damaged files and a missing ffmpeg are reported.
 
 use crate::film_support::{H264, encode, frames, has_ffmpeg, states, studio, watch_once};
 use serde_json::Value;

@@ -267,7 +267,7 @@ fn limit(session: &Session, bytes: u64) {
     assert!(limited.expect("prlimit").success());
 }
 
-/// The log is on the full disk too: nobody can be reported, and all continues.
+/// The log is on the full disk too: nothing can be reported, and the session continues.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_log_that_cannot_be_written_stops_nothing() {

@@ -84,7 +84,7 @@ fn detections_give_a_camera_that_the_check_accepts() {
     assert!(message.contains("the focal length is off by +2.0") && message.contains("%"), "{message}");
 }
 
-/// Several cameras of one file; one of them alone by its name; a name that nobody has.
+/// Several cameras of one file; one of them selected by its name; a name that does not exist.
 #[test]
 fn several_cameras_are_calibrated_at_once() {
     let folder = folder("intrinsics_cameras");

@@ -482,7 +482,7 @@ fn equal_image_points_and_distances_count_once() {
     assert!(remarks.contains("45 of 72 rows repeat another"), "{remarks}");
 }
 
-/// Tapes in centimetres: everything agrees, a hundred times too large, and no tape is that long. Who means it says so.
+/// Tapes in centimetres: everything agrees, but is a hundred times too large, and no tape is that long. The file can declare such lengths.
 #[test]
 fn tapes_in_centimetres_are_implausible() {
     let folder = folder("measure_units");

@@ -169,7 +169,7 @@ fn a_chain_is_enough_and_its_weakest_link_is_named() {
     assert!(words.contains("an error of 1 % in it is an error of 1 % in every distance"), "{text}");
 }
 
-/// Frames named by nobody, with clocks a few milliseconds apart; one camera misses a moment.
+/// Frames without names, with clocks a few milliseconds apart; one camera misses a frame.
 #[test]
 fn times_join_frames() {
     let folder = folder("rig_times");

@@ -27,7 +27,7 @@ fn private_address(studio: &Path, address: &str) -> String {
     format!("@{}", file.display())
 }
 
-/// The server is killed and started again: the source is lost and is back, each told once, and nothing else changes.
+/// The server is killed and restarted: the loss of the source and its return are reported once each, and nothing else changes.
 #[test]
 fn a_stream_that_breaks_is_lost_and_comes_back() {
     if !has_ffmpeg() {
@@ -170,7 +170,7 @@ fn rtsp_is_watched() {
     capture_times_are_those_of_the_camera(&watching.seen);
 }
 
-/// An address where nobody listens, and a camera that is not there.
+/// An address without a server, and a camera that does not exist.
 #[test]
 fn what_is_not_there_is_reported_with_ffmpegs_words() {
     if !has_ffmpeg() {

@@ -32,7 +32,7 @@ fn nothing_else_was_reported(watching: &Watching) {
     capture_times_are_those_of_the_camera(&watching.seen);
 }
 
-/// Nobody says that a stream over UDP is over: silence is a loss, and the sender's return is noticed.
+/// A stream over UDP has no end marker: silence is a loss, and the sender's return is noticed.
 #[test]
 fn a_udp_sender_that_falls_silent_is_lost_and_comes_back() {
     if !speaks("udp") {

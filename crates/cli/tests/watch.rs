@@ -195,7 +195,7 @@ fn a_camera_that_sees_nothing_does_not_learn() {
     );
 }
 
-/// Knocked in the last second: nobody can say yet what it is, so it is not "all is well".
+/// A sudden motion in the last second cannot be identified yet, so the state is not "all is well".
 #[test]
 fn a_camera_that_settles_at_the_end_is_not_answered() {
     let knocked = |second: usize| if second < 100 { Vector6::zeros() } else { pan(1.0) };

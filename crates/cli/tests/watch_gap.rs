@@ -1,4 +1,4 @@
-//! `watch` after a gap, and after an alarm: what the camera did meanwhile is told, and only what is where it was is steady.
+//! `watch` after a gap, and after an alarm: the motions in between are reported, and only a camera at its reference is steady.
 //!
 //! A tag of 0.16 m at 1.2 m in 1280 × 960 pixels, 0.2 px, a reading a second.
 

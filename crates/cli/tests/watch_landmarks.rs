@@ -21,7 +21,7 @@ fn write(path: PathBuf, bytes: &[u8]) -> String {
     path.display().to_string()
 }
 
-/// A folder with the camera's file, the reference image and `night/`, one image a second turned as told.
+/// A folder with the camera's file, the reference image and `night/`, one image a second, rotated as specified.
 struct Night {
     folder: PathBuf,
     camera: String,

@@ -45,7 +45,7 @@ fn pan(degrees: f64) -> Vector6<f64> {
     Vector6::new(0.0, f64::to_radians(degrees), 0.0, 0.0, 0.0, 0.0)
 }
 
-/// Half a degree after 25 of the 50 readings: told with its size and time, learned again from there, and a later sudden motion is found.
+/// Half a degree after 25 of the 50 readings: reported with size and time, learned again from there, and a later sudden motion is found.
 #[test]
 fn a_camera_that_is_knocked_while_it_is_learned_is_reported_and_learned_again() {
     let history = folder("watch-learn").join("gate.sqlite");

@@ -1,4 +1,4 @@
-//! `watch --webhook`, `--mqtt`: who is told what, and that whoever is slow or away delays nothing.
+//! `watch --webhook`, `--mqtt`: the receivers of each event; a slow or absent receiver delays nothing.
 
 use crate::receivers::broker::{Broker, Deed};
 use crate::receivers::web::{Asked, Web, metrics_place, page};
@@ -279,7 +279,7 @@ fn several_cameras_and_targets_have_topics_and_metrics_of_their_own() {
     });
 }
 
-/// Nobody reads what it prints, the disk of its log is full: the session ends, but not before it is reported elsewhere.
+/// Its output is not read and the disk of its log is full: the session ends, but not before that is reported elsewhere.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_broken_output_keeps_nothing_from_the_others() {

@@ -208,7 +208,7 @@ fn standing_arguments(folder: &Path, cameras: usize, boards: usize) -> Vec<Strin
     arguments
 }
 
-/// Whatever is said about who moved, it is `node`, or not decided.
+/// If a motion is attributed, it is attributed to `node`, or not decided.
 fn only_right_names(run: &Run, node: &str) {
     assert_eq!(run.code, 3, "{node}: {}", run.stderr);
     let reported = run.moved();

@@ -139,7 +139,7 @@ fn nothing_is_said_of_cameras_that_stay() {
     }
 }
 
-/// Frames of the turned camera from the rotation to its name; nobody else may be named.
+/// Frames of the rotated camera between the rotation and its attribution; no other camera may be named.
 fn delay(recording: &Recording, arguments: &[&str], turn: Turn) -> Option<usize> {
     let (_, events) =
         recording.watch(&[&["--source", "-"], arguments].concat(), &recording.lines(Some(turn)));

@@ -1,7 +1,7 @@
 //! Planning before an image is taken: the uncertainty of its pose, and the further point, target or view that would reduce it.
 //!
-//! All of it follows from the information matrix at an assumed pose. Where that first-order
-//! figure cannot be trusted (the likelihood is bent, or a second pose fits nearly as well) the answer says so by a [`FirstOrderLimit`].
+//! Everything follows from the information matrix at an assumed pose. Where that first-order figure cannot be trusted (the likelihood is bent,
+//! or a second pose fits nearly as well) the answer has a [`FirstOrderLimit`].
 //!
 //! | question | file |
 //! | --- | --- |

@@ -1,10 +1,10 @@
-//! Many views of three or four points at once: the answers of `locate`, several views in the lanes of one vector.
+//! Solves many views of three or four points at once: the answers of `locate`, several views in the lanes of one vector.
 //!
-//! Four points, three of them on a line, seen by a pinhole camera: the lanes find both minima of the closed form's candidates. Where
-//! nothing is doubtful then (a strong view, two minima far apart, a straight likelihood, a residual that fits) that is the answer.
-//! Where something is, `doubtful` continues as `search` does, the starts of many views side by side, and `locate::answer::conclude` decides.
-//! Three points: P3P view by view, the poses of many views refined side by side. Every other view, whatever is wrong with it, goes to
-//! `locate` itself, so that there is one place for each decision; the lanes only prove that it need not be taken.
+//! Four points, three of them on a line, seen by a pinhole camera: the lanes compute both minima of the closed form's candidates. Where all
+//! tests are then clear (a strong view, two minima far apart, a straight likelihood, a residual that fits) these are the answer. Otherwise
+//! `doubtful` continues as `search` does, with the starts of many views side by side, and `locate::answer::conclude` decides. Three points: P3P
+//! view by view, with the poses of many views refined side by side. Every other view, including invalid ones, is solved by `locate` itself, so
+//! that each decision has one implementation; the lanes only prove that it is not needed.
 //!
 //! | proven | by (tests/batch.rs, unless another is named) |
 //! | --- | --- |
@@ -15,8 +15,8 @@
 //! | an answer does not depend on how many views there are | `every_length_gives_the_same_answers` |
 //! | every width of vector gives the same | `every_width_gives_the_same_answers` in batch/line_plus_one.rs |
 //!
-//! The vectors are those of the machine it runs on (AVX-512, AVX2, NEON; single numbers elsewhere). No thread is started: callers
-//! with several cores split the views.
+//! The vectors are those of the machine (AVX-512, AVX2, NEON; single numbers elsewhere). No thread is started: callers with several cores divide
+//! the views.
 
 mod lanes;
 mod refine;
@@ -40,18 +40,18 @@ use nalgebra::{Unit, Vector3};
 pub enum Given<'a, T> {
     /// All views share it.
     Shared(&'a T),
-    /// One for each view, in their order.
+    /// One value for each view, in their order.
     Each(&'a [T]),
-    /// One of several, by its number for each view.
+    /// One of several values, by an index for each view.
     Numbered {
-        /// All that there are.
+        /// All values.
         values: &'a [T],
-        /// Which of them each view has.
+        /// The index of the value for each view.
         numbers: &'a [u32],
     },
 }
 
-// Derived, these would ask the same of T, of which only a reference is held.
+// A derived implementation would require T to be `Clone` as well, although only a reference is held.
 impl<T> Clone for Given<'_, T> {
     fn clone(&self) -> Self {
         *self
@@ -61,7 +61,7 @@ impl<T> Clone for Given<'_, T> {
 impl<T> Copy for Given<'_, T> {}
 
 impl<'a, T> Given<'a, T> {
-    /// That of a view; none beyond the end.
+    /// Returns the value for a view; `None` beyond the end.
     fn of(&self, view: usize) -> Option<&'a T> {
         match self {
             Given::Shared(value) => Some(value),
@@ -88,9 +88,9 @@ impl<'a, T> Given<'a, T> {
 pub struct Views<'a, const N: usize = 4> {
     /// The camera.
     pub camera: Given<'a, Camera>,
-    /// Places of the points in the target frame, metres.
+    /// Positions of the points in the target frame, metres.
     pub points_in_target: Given<'a, [Point; N]>,
-    /// Where each view shows them, pixels.
+    /// The points' positions in each view, pixels.
     pub pixels: &'a [[Pixel; N]],
     /// Standard deviation of each pixel coordinate, by point.
     pub sigma_px: Given<'a, [f64; N]>,
@@ -99,22 +99,22 @@ pub struct Views<'a, const N: usize = 4> {
 /// The answer of a view.
 type Answer = Result<PoseEstimate, Error>;
 
-/// The answer of `locate` with the default configuration for every view, in their order; `answers` is cleared first. Returns how
-/// many views went to the single path, which takes five to fifteen times as long.
+/// Solves every view as `locate` does with the default configuration, in their order; `answers` is cleared first. Returns the number of views
+/// that took the single path, which is five to fifteen times as slow.
 ///
-/// An answer is that of the single path to rounding, and so is an error: a view that has none leaves the others alone.
+/// Answers and errors equal those of the single path except for rounding: a view with an error does not affect the others.
 ///
 /// # Errors
-/// `CountMismatch` when cameras, targets or sigmas are given for each view, but not for as many as there are.
+/// `CountMismatch` when cameras, targets or sigmas are given for each view, but in another number.
 pub fn locate_each(views: &Views, answers: &mut Vec<Result<PoseEstimate, Error>>) -> Result<usize, Error> {
     hold_open(views.pixels.len(), answers);
     locate_each_with(views, |view, answer| answers[view] = answer).inspect_err(|_| answers.clear())
 }
 
-/// The same, each answer handed to `take` with the number of its view as soon as it is found, in any order: an answer is 2 kB.
+/// Solves every view, and passes each answer to `take` with the index of its view as soon as it is found, in any order: an answer has 2 kB.
 ///
 /// # Errors
-/// As `locate_each`, before any answer.
+/// The errors of `locate_each`, before any answer.
 pub fn locate_each_with(
     views: &Views,
     mut take: impl FnMut(usize, Result<PoseEstimate, Error>),
@@ -123,11 +123,11 @@ pub fn locate_each_with(
     Ok(line_plus_one::locate_each(views, &mut take))
 }
 
-/// As `locate_each` for views of three points. The up to four poses that fit exactly come in the order of their rounding, which need
-/// not be that of `locate`: as sets, with their weights, they agree.
+/// Solves views of three points, as `locate_each`. The up to four poses that fit exactly are sorted by their rounding errors, possibly not as in
+/// `locate`: as sets, with their weights, they agree.
 ///
 /// # Errors
-/// As `locate_each`.
+/// The errors of `locate_each`.
 pub fn locate_each_of_three(
     views: &Views<3>,
     answers: &mut Vec<Result<PoseEstimate, Error>>,
@@ -136,10 +136,10 @@ pub fn locate_each_of_three(
     locate_each_of_three_with(views, |view, answer| answers[view] = answer).inspect_err(|_| answers.clear())
 }
 
-/// As `locate_each_with` for views of three points.
+/// Solves views of three points, as `locate_each_with`.
 ///
 /// # Errors
-/// As `locate_each`, before any answer.
+/// The errors of `locate_each`, before any answer.
 pub fn locate_each_of_three_with(
     views: &Views<3>,
     mut take: impl FnMut(usize, Result<PoseEstimate, Error>),
@@ -160,7 +160,7 @@ impl<'a, const N: usize> Views<'a, N> {
         self.sigma_px.check("sigma_px", self.pixels.len())
     }
 
-    /// The camera of a view, where its lens is one that the lanes know.
+    /// Returns the camera of a view if the lanes support its lens model.
     fn pinhole(&self, view: usize) -> Option<(&'a Camera, &'a CameraMatrix)> {
         let camera = self.camera.of(view)?;
         match &camera.lens {
@@ -170,7 +170,7 @@ impl<'a, const N: usize> Views<'a, N> {
     }
 }
 
-/// A view on the single path.
+/// Solves a view on the single path.
 #[cold]
 fn alone<const N: usize>(views: &Views<N>, view: usize) -> Result<PoseEstimate, Error> {
     let (seen, camera) = correspondences(views, view)?;
@@ -192,7 +192,7 @@ fn correspondences<'a, const N: usize>(
     Ok((seen.into_inner().map_err(|_| too_few)?, camera))
 }
 
-/// The verdict of `locate` on the target, independent of a view.
+/// Returns the verdict of `locate` on the target, which does not depend on a view.
 fn geometry_of<const N: usize>(points: &[Point; N]) -> Result<Geometry, Error> {
     let bearing = Bearing::from(Unit::new_unchecked(Vector3::z()));
     describe_geometry(&core::array::from_fn::<_, N, _>(|k| Correspondence {

@@ -1,8 +1,8 @@
-//! Camera models: from a point in the camera frame to a pixel, back to a bearing, and the derivative.
+//! Camera models: from a point in the camera frame to a pixel and its derivative, and back to a bearing.
 //!
-//! Each lens model is one file; `Lens` lists them. A model is built by its `new`, which refuses parameters that cannot be right
-//! and finds the valid field, the part of space (or image) where the model is one-to-one: outside it `project` has no pixel and
-//! `bearing` is an error, never a folded-back number. Derivations: docs/math/camera.md.
+//! Each lens model is one file; `Lens` lists them. The constructor `new` of a model refuses invalid parameters and computes the valid field, the
+//! part of space (or image) in which the model is one-to-one. Outside it `project` returns no pixel and `bearing` an error, never the result of
+//! a folded model. Derivations: docs/math/camera.md.
 //!
 //! | model | file | Kalibr | OpenCV |
 //! | --- | --- | --- | --- |
@@ -14,9 +14,9 @@
 //! | `eucm`, `double_sphere` | `eucm.rs`, `double_sphere.rs` | eucm-none, ds-none | |
 //! | `photogrammetric` | `photogrammetric.rs` | | |
 //!
-//! Other pairs of Kalibr's (omni-equidistant, ds-radtan, …) are not models here.
+//! Kalibr's other combinations (omni-equidistant, ds-radtan, …) are not implemented.
 
-// `!(a < b)` is meant: it also refuses NaN, which `b <= a` lets through.
+// `!(a < b)` is intended: unlike `b <= a` it is also true for NaN, which is refused.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod field;
@@ -55,7 +55,7 @@ pub(crate) const MAX_PARAMETERS: usize = 18;
 /// Names (as in camera.toml) and values of the intrinsic parameters.
 pub type Parameters = ArrayVec<(&'static str, f64), MAX_PARAMETERS>;
 
-/// Derivative of the pixel by each intrinsic parameter, px per unit of the parameter.
+/// Derivative of the pixel with respect to each intrinsic parameter, px per unit of the parameter.
 pub type IntrinsicsJacobian = ArrayVec<Vector2<f64>, MAX_PARAMETERS>;
 
 /// A camera with known intrinsics.
@@ -63,7 +63,7 @@ pub type IntrinsicsJacobian = ArrayVec<Vector2<f64>, MAX_PARAMETERS>;
 pub struct Camera {
     /// The lens model with its parameters.
     pub lens: Lens,
-    /// Size of the images it takes; none for normalised or photogrammetric coordinates.
+    /// Size of its images; `None` for normalised or photogrammetric coordinates.
     pub size: Option<ImageSize>,
 }
 
@@ -78,19 +78,19 @@ pub enum Lens {
     BrownConrady(BrownConrady),
     /// OpenCV's fisheye; Kalibr's `equidistant`.
     KannalaBrandt(KannalaBrandt),
-    /// Devernay–Faugeras field of view.
+    /// Field of view of Devernay and Faugeras.
     Fov(Fov),
     /// Unified sphere (Mei), with or without `radtan`.
     Omni(Omni),
-    /// Enhanced unified.
+    /// Enhanced unified model.
     Eucm(Eucm),
     /// Double sphere.
     DoubleSphere(DoubleSphere),
-    /// The paper of Wang (2004)'s own, eq. (1).
+    /// The model of Wang (2004), eq. (1).
     Photogrammetric(Photogrammetric),
 }
 
-/// The same expression for whichever model it is; a new model is one line here.
+/// Applies an expression to any of the models; a new model is one line here.
 macro_rules! each_lens {
     ($lens:expr, $model:ident => $body:expr) => {
         match $lens {
@@ -118,7 +118,7 @@ macro_rules! lens_from {
 lens_from!(Pinhole, BrownConrady, KannalaBrandt, Fov, Omni, Eucm, DoubleSphere, Photogrammetric);
 
 impl Lens {
-    /// The model's name, as in camera.toml.
+    /// Returns the model's name, as in camera.toml.
     pub fn model_name(&self) -> &'static str {
         match self {
             Lens::Pinhole(_) => Pinhole::NAME,
@@ -134,33 +134,34 @@ impl Lens {
 }
 
 impl Camera {
-    /// The camera of undistorted coordinates on the plane z = 1: f = 1, principal point 0.
+    /// Returns the camera of undistorted coordinates on the plane z = 1: f = 1, principal point 0.
     pub fn normalized() -> Self {
         let matrix = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
         Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None }
     }
 
-    /// Pixel of a point given in the camera frame; none when it is not in the valid field (behind, beyond the fold).
+    /// Returns the pixel of a point in the camera frame; `None` outside the valid field (behind the camera, beyond the fold).
     #[inline]
     pub fn project(&self, x_in_cam: &Point) -> Option<Pixel> {
         each_lens!(&self.lens, model => model.project(x_in_cam))
     }
 
-    /// Pixel and its derivative by the point (2×3, px/m).
+    /// Returns the pixel and its derivative with respect to the point (2×3, px/m).
     #[inline]
     pub fn project_with_jacobian(&self, x_in_cam: &Point) -> Option<(Pixel, Matrix2x3<f64>)> {
         each_lens!(&self.lens, model => model.project_with_jacobian(x_in_cam))
     }
 
-    /// Unit vector towards the point seen at a pixel.
+    /// Returns the unit vector towards the point at a pixel.
     ///
     /// # Errors
-    /// `OutsideField` for a pixel (or NaN) that no point of the valid field projects to within 1e-9 px.
+    /// `OutsideField` for a pixel (or NaN) to which no point of the valid field projects within 1e-9 px.
     pub fn bearing(&self, pixel: &Pixel) -> Result<Bearing, Error> {
         each_lens!(&self.lens, model => model.bearing(pixel))
     }
 
-    /// Derivative of the pixel by each intrinsic parameter, in the order of `parameters`; none outside the valid field.
+    /// Returns the derivative of the pixel with respect to each intrinsic parameter, in the order of `parameters`; `None` outside the valid
+    /// field.
     pub fn intrinsics_jacobian(&self, x_in_cam: &Point) -> Option<IntrinsicsJacobian> {
         each_lens!(&self.lens, model => model.intrinsics_jacobian(x_in_cam))
     }
@@ -170,8 +171,8 @@ impl Camera {
         each_lens!(&self.lens, model => model.parameters())
     }
 
-    /// Coefficients of the distortion alone, in the order of OpenCV and of the key `distortion` of camera.toml: none of a pinhole. `None` for
-    /// models that have no such list (photogrammetric, fov, eucm, double sphere).
+    /// Returns the coefficients of the distortion alone, in the order of OpenCV and of the key `distortion` of camera.toml; empty for a pinhole.
+    /// `None` for models without such a list (photogrammetric, fov, eucm, double sphere).
     pub fn distortion(&self) -> Option<ArrayVec<f64, 14>> {
         let own = match self.lens {
             Lens::Pinhole(_) | Lens::BrownConrady(_) | Lens::KannalaBrandt(_) => 4,
@@ -181,10 +182,10 @@ impl Camera {
         Some(self.parameters().iter().skip(own).map(|(_, value)| *value).collect())
     }
 
-    /// The same model and image size with other parameter values, in the order of `parameters`.
+    /// Returns the same model and image size with other parameter values, in the order of `parameters`.
     ///
     /// # Errors
-    /// `CoefficientCount` when `values` has another length than `parameters`, and those of the model's `new`.
+    /// `CoefficientCount` when `values` has another length than `parameters`, and the errors of the model's `new`.
     pub fn with_parameters(&self, values: &[f64]) -> Result<Camera, Error> {
         let needed = "as many values as `parameters` lists, not only";
         if values.len() != self.parameters().len() {
@@ -194,12 +195,12 @@ impl Camera {
         Ok(Camera { lens, size: self.size })
     }
 
-    /// The lens model's name, as in camera.toml.
+    /// Returns the lens model's name, as in camera.toml.
     pub fn model_name(&self) -> &'static str {
         self.lens.model_name()
     }
 
-    /// Focal lengths and principal point; none for the photogrammetric model, which has its own unit.
+    /// Returns focal lengths and principal point; `None` for the photogrammetric model, which has its own unit.
     pub fn matrix(&self) -> Option<CameraMatrix> {
         match &self.lens {
             Lens::Pinhole(model) => Some(model.matrix),

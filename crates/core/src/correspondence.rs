@@ -1,4 +1,4 @@
-//! Detection × target × camera → correspondences: what every solver takes.
+//! Detection × target × camera → correspondences, the input of every solver.
 
 #[cfg(feature = "std")]
 use crate::target::{Feature, Target};
@@ -12,27 +12,27 @@ use std::collections::HashMap;
 #[cfg(feature = "std")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Detection {
-    /// Which point of the target it is.
+    /// The point of the target.
     pub feature: Feature,
-    /// Where it was seen, pixels.
+    /// Its position in the image, pixels.
     pub pixel: Pixel,
-    /// Standard deviation of each pixel coordinate by the image alone: noise, blur, what the detector adds.
+    /// Standard deviation of each pixel coordinate due to the image alone: noise, blur, and errors of the detector.
     pub sigma_px: f64,
-    /// Standard deviation of each pixel coordinate by what the lens model leaves; 0 where `sigma_px` holds that too. [`correspond`] adds it, once.
+    /// Standard deviation of each pixel coordinate due to the lens model; 0 where `sigma_px` includes it. [`correspond`] adds it, once.
     pub lens_sigma_px: f64,
-    /// Covariance of the pixel, where it is not the same in all directions; replaces `sigma_px`.
+    /// Covariance of the pixel, where it differs between directions; replaces `sigma_px`.
     pub covariance_px2: Option<PixelCovariance>,
 }
 
 #[cfg(feature = "std")]
 impl Detection {
-    /// With what the lens model leaves: standard deviation of each pixel coordinate against the camera model.
+    /// Returns the standard deviation of each pixel coordinate against the camera model, including the error of the lens model.
     pub fn total_sigma_px(&self) -> f64 {
         self.sigma_px.hypot(self.lens_sigma_px)
     }
 }
 
-/// Covariance of a pixel, such as that of the centre of an ellipse: long across a blurred or slanted dot, short along it.
+/// Covariance of a pixel, such as that of the centre of an ellipse: large across a blurred or slanted dot, small along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PixelCovariance {
     /// Variance of u, px².
@@ -44,29 +44,29 @@ pub struct PixelCovariance {
 }
 
 impl PixelCovariance {
-    /// Root mean square of the two standard deviations, px: what isotropic noise as large would have.
+    /// Returns the root mean square of the two standard deviations, px: that of isotropic noise with the same total variance.
     pub fn sigma_px(&self) -> f64 {
         (0.5 * (self.uu_px2 + self.vv_px2)).sqrt()
     }
 
-    /// The smaller eigenvalue, px²: positive where this is a covariance.
+    /// Returns the smaller eigenvalue, px²; positive for a valid covariance.
     pub(crate) fn least_variance_px2(&self) -> f64 {
         let (mean, half) = (0.5 * (self.uu_px2 + self.vv_px2), 0.5 * (self.uu_px2 - self.vv_px2));
-        // det / largest: exact where mean − hypot would cancel.
+        // det / largest is exact where mean − hypot would cancel.
         (self.uu_px2 * self.vv_px2 - self.uv_px2 * self.uv_px2) / (mean + half.hypot(self.uv_px2))
     }
 }
 
-/// A known point and where it was seen.
+/// A known point and its observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correspondence {
-    /// Place in the target frame, metres.
+    /// Position in the target frame, metres.
     pub x_in_target: Point,
-    /// Place in the image, pixels (or the camera's own unit).
+    /// Position in the image, pixels (or the camera's own unit).
     pub pixel: Pixel,
-    /// Unit vector towards it, camera frame; derived from `pixel` by the camera.
+    /// Unit vector towards it, camera frame; computed from `pixel` by the camera.
     pub bearing: Bearing,
-    /// Standard deviation of each pixel coordinate. Where `covariance_px2` is given it only weighs the starts of the search.
+    /// Standard deviation of each pixel coordinate. Where `covariance_px2` is given, it only weights the starts of the search.
     pub sigma_px: f64,
     /// Covariance of the pixel, where it is not `sigma_px`² in every direction.
     pub covariance_px2: Option<PixelCovariance>,
@@ -75,18 +75,18 @@ pub struct Correspondence {
 }
 
 impl Correspondence {
-    /// A point known exactly, seen at a pixel. Fails outside the camera's valid field.
+    /// Creates a correspondence of an exactly known point and a pixel. Fails outside the camera's valid field.
     pub fn new(camera: &Camera, x_in_target: Point, pixel: Pixel, sigma_px: f64) -> Result<Self, Error> {
         let bearing = camera.bearing(&pixel)?;
         Ok(Correspondence { x_in_target, pixel, bearing, sigma_px, covariance_px2: None, sigma_m: 0.0 })
     }
 
-    /// The same with a covariance of its pixel instead of one standard deviation.
+    /// Replaces the standard deviation of the pixel by a covariance.
     pub fn with_covariance(self, covariance_px2: PixelCovariance) -> Self {
         Correspondence { covariance_px2: Some(covariance_px2), sigma_px: covariance_px2.sigma_px(), ..self }
     }
 
-    /// uu, uv, vv of the pixel's covariance, px².
+    /// Returns uu, uv, vv of the pixel's covariance, px².
     pub(crate) fn pixel_covariance(&self) -> [f64; 3] {
         match self.covariance_px2 {
             Some(c) => [c.uu_px2, c.uv_px2, c.vv_px2],
@@ -94,7 +94,7 @@ impl Correspondence {
         }
     }
 
-    /// Known exactly and as sharp in u as in v: its residual is whitened by one division.
+    /// Returns whether the point is exact and its noise isotropic, so that its residual is whitened by one division.
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.sigma_m == 0.0 && self.covariance_px2.is_none()
@@ -121,7 +121,7 @@ impl Observations {
 }
 
 /// Returns, for each observation of one view, the index of the first one that is equal to it: its own index where it repeats none. Equal
-/// observations count once: each further copy would narrow the covariance, though nothing more was measured.
+/// observations count once: each further copy would reduce the covariance, although nothing more was measured.
 #[cfg(feature = "std")]
 pub fn first_of_equals(seen: &[Correspondence]) -> Vec<usize> {
     let mut known = Observations::default();
@@ -137,13 +137,13 @@ pub fn without_equals(mut seen: Vec<Correspondence>) -> Vec<Correspondence> {
     seen
 }
 
-/// A detection that took no part, and why.
+/// A detection that took no part, with the reason.
 #[cfg(feature = "std")]
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skipped {
-    /// Which feature.
+    /// The feature.
     pub feature: Feature,
-    /// The reason: outside the valid field; none when the target has no such feature.
+    /// The reason: outside the valid field, or `None` when the target has no such feature.
     pub reason: Option<Error>,
 }
 

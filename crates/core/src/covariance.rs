@@ -1,16 +1,16 @@
-//! Is a matrix a covariance? The only place that answers.
+//! The test whether a matrix is a covariance.
 
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, Matrix, Storage};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// Rounding allowed, in correlations: of a matrix that was written with nine digits.
+/// Allowed rounding of correlations: that of a matrix written with nine digits.
 const ROUNDING: f64 = 1e-8;
 
-/// Whether a square matrix is finite, symmetric and, up to rounding, without a direction of negative variance. Directions of no variance
-/// are allowed (what is known exactly): where the inverse is needed, that is asked besides. Each row is judged in its own unit, so that
-/// radians beside metres and kilometres beside micrometres are judged alike.
+/// Returns whether a square matrix is finite, symmetric and, except for rounding, without a direction of negative variance. Directions of zero
+/// variance are allowed (exact values): where the inverse is needed, that is tested separately. Each row is judged in its own unit, so that
+/// radians beside metres, and kilometres beside micrometres, are treated alike.
 pub fn is_covariance<D: Dim, S: Storage<f64, D, D>>(matrix: &Matrix<f64, D, D, S>) -> bool
 where
     DefaultAllocator: Allocator<D, D>,
@@ -24,7 +24,7 @@ where
     for i in 0..n {
         for j in 0..n {
             let scale = matrix[(i, i)].sqrt() * matrix[(j, j)].sqrt();
-            // A direction without variance varies with no other.
+            // A direction without variance is not correlated with any other.
             let entry = if scale == 0.0 && matrix[(i, j)] == 0.0 { 0.0 } else { matrix[(i, j)] / scale };
             if !entry.is_finite() {
                 return false;
@@ -36,13 +36,13 @@ where
     is_symmetric && has_no_negative_direction(rest)
 }
 
-/// Elimination in the given order, without roots: nearly every covariance passes, and most of them pass through here.
+/// Eliminates in the given order, without square roots: nearly every covariance passes this fast test.
 #[inline]
 fn has_positive_pivots<D: Dim, S: nalgebra::StorageMut<f64, D, D>>(mut rest: Matrix<f64, D, D, S>) -> bool {
     let n = rest.nrows();
     for done in 0..n {
         let pivot = rest[(done, done)];
-        // Not `pivot <= 0.0`: what is no number is not positive.
+        // The negated comparison is also true for NaN, which is not positive.
         if !(0.0 < pivot) {
             return false;
         }
@@ -57,12 +57,12 @@ fn has_positive_pivots<D: Dim, S: nalgebra::StorageMut<f64, D, D>>(mut rest: Mat
     true
 }
 
-/// Elimination with the largest pivot first: what is left is never negative where the matrix is positive semidefinite.
+/// Eliminates with the largest pivot first: the remainder is never negative where the matrix is positive semidefinite.
 fn has_no_negative_direction<D: Dim, S: nalgebra::StorageMut<f64, D, D>>(
     mut rest: Matrix<f64, D, D, S>,
 ) -> bool {
     let n = rest.nrows();
-    // Cross terms of what is zero up to rounding are below the root of its product.
+    // Cross terms of rows that are zero except for rounding are below the square root of the product.
     let cross = ROUNDING.sqrt();
     for done in 0..n {
         let largest =
@@ -96,7 +96,7 @@ mod tests {
         let units = Matrix6::from_diagonal(&Vector6::new(1e-6, 1e-5, 1e-6, 1e3, 1e4, 1e-9));
         let covariance = units * factor * factor.transpose() * units;
         assert!(is_covariance(&covariance) && is_covariance(&Matrix6::zeros()));
-        // Rank one, as of one uncertain parameter.
+        // A matrix of rank one, as for one uncertain parameter.
         let direction = Vector6::new(1.0, -2.0, 0.0, 1e-3, 5.0, 1e4);
         assert!(is_covariance(&(direction * direction.transpose())));
         let mut skew = covariance;
@@ -113,7 +113,7 @@ mod tests {
         assert!(!is_covariance(&Matrix2::new(0.0, 1e-9, 1e-9, 1.0)));
     }
 
-    /// No correlation is above 1, and still a direction has a negative variance.
+    /// No correlation exceeds 1, but one direction has a negative variance.
     #[test]
     fn an_indefinite_matrix_of_small_correlations_is_no_covariance() {
         let r = 0.6;

@@ -1,4 +1,4 @@
-//! One error type: what is wrong, the number seen, the number needed, the way out.
+//! The error type: what is wrong, the number seen, the number needed, the way out.
 
 mod focal;
 
@@ -13,25 +13,25 @@ pub enum Error {
     /// A coordinate, sigma or parameter is NaN or infinite.
     #[error("{what} of point {index} is not a finite number; remove the row or correct it")]
     NotFinite {
-        /// Which quantity.
+        /// The quantity.
         what: &'static str,
-        /// Which point, counted from 0.
+        /// Index of the point, counted from 0.
         index: usize,
     },
     /// A standard deviation that is not positive.
     #[error("sigma of point {index} is {seen}; it must be positive")]
     NotPositive {
-        /// Which point, counted from 0.
+        /// Index of the point, counted from 0.
         index: usize,
         /// The value given.
         seen: f64,
     },
-    /// A matrix that is no covariance of a pixel.
+    /// A matrix that is not a covariance of a pixel.
     #[error(
         "the pixel covariance of point {index} is not positive definite (least eigenvalue {seen:.1e} px²); correct it or give sigma_px alone"
     )]
     CovarianceNotPositive {
-        /// Which point, counted from 0.
+        /// Index of the point, counted from 0.
         index: usize,
         /// Its least eigenvalue, px².
         seen: f64,
@@ -39,17 +39,17 @@ pub enum Error {
     /// Too few points for any method.
     #[error("{seen} points given, {needed} needed; add points whose position in the target is known")]
     TooFewPoints {
-        /// How many came in.
+        /// Number of points given.
         seen: usize,
         /// How many the method needs.
         needed: usize,
     },
-    /// A method that takes an exact number of points, or a layout, got another one.
+    /// A layout, or a number of points, that the method does not accept.
     #[error("{method} does not fit these points: {reason}; use method auto")]
     WrongLayout {
-        /// The method asked for.
+        /// The method.
         method: &'static str,
-        /// What it found.
+        /// What is wrong with the layout.
         reason: &'static str,
     },
     /// Two correspondences share a target point (or a pixel).
@@ -72,17 +72,17 @@ pub enum Error {
         /// The smallest ratio accepted.
         needed: f64,
     },
-    /// A list that should have one entry for each view has another number.
+    /// A list with another number of entries than views.
     #[error("{seen} {what} given for {needed} views; give one for each view, or one for all")]
     CountMismatch {
-        /// Which list.
+        /// The list.
         what: &'static str,
         /// Its length.
         seen: usize,
         /// The number of views.
         needed: usize,
     },
-    /// The points' images do not determine a pose although the target would.
+    /// The images of the points do not determine a pose, although the target would.
     #[error("degenerate view: {reason} (metric {metric:.1e}, need {needed:.0e})")]
     DegenerateView {
         /// The configuration, in words, with the way out.
@@ -141,11 +141,11 @@ pub enum Error {
     /// A prior with an impossible value.
     #[error("{parameter} of prior {prior} is wrong ({seen}): {needed}")]
     InvalidPrior {
-        /// Which prior, counted from 0.
+        /// Index of the prior, counted from 0.
         prior: usize,
         /// Its field.
         parameter: &'static str,
-        /// The value seen, or what measures its fault.
+        /// The value seen, or a measure of its fault.
         seen: f64,
         /// What it must be.
         needed: &'static str,
@@ -162,25 +162,25 @@ pub enum Error {
     /// A camera of a rig with an impossible pose.
     #[error("camera {camera} of the rig: {what} is {seen}; {needed}")]
     InvalidRig {
-        /// Which view, counted from 0.
+        /// Index of the camera, counted from 0.
         camera: usize,
-        /// What of it.
+        /// The quantity.
         what: &'static str,
         /// The value seen.
         seen: f64,
         /// What it must be.
         needed: &'static str,
     },
-    /// A point observed by a camera of a rig with an impossible number.
+    /// A point observed by a camera of a rig, with an impossible number.
     #[error(
         "{what} of point {point} seen by camera {camera} of the rig {needed}; remove the row or correct it"
     )]
     InvalidRigPoint {
-        /// Which view, counted from 0.
+        /// Index of the camera, counted from 0.
         camera: usize,
-        /// Which point of it, counted from 0.
+        /// Index of its point, counted from 0.
         point: usize,
-        /// Which quantity.
+        /// The quantity.
         what: &'static str,
         /// What it must be.
         needed: &'static str,
@@ -190,7 +190,7 @@ pub enum Error {
         "no pose puts all {n_points} points in front of the camera; check that target points and pixels belong together"
     )]
     NoSolution {
-        /// How many points took part.
+        /// Number of points that took part.
         n_points: usize,
     },
     /// The refinement did not reach a minimum.
@@ -204,15 +204,15 @@ pub enum Error {
     /// Too few frames with a pose.
     #[error("{seen} frames have a pose, {needed} needed; add frames in which the target is seen well")]
     TooFewFrames {
-        /// How many had a pose.
+        /// Number of frames with a pose.
         seen: usize,
-        /// How many are needed.
+        /// Number of frames needed.
         needed: usize,
     },
-    /// Points of one view that leave focal length and distance open: each fits with the other.
+    /// Points of one view that do not determine focal length and distance separately.
     #[error("{}", undetermined_focal(*relative_sigma, *needed, remedy))]
     UndeterminedFocal {
-        /// Standard deviation of the focal length over the focal length; infinite where nothing is known of it.
+        /// Standard deviation of the focal length divided by the focal length; infinite where it is not determined at all.
         relative_sigma: f64,
         /// The largest accepted.
         needed: f64,
@@ -226,7 +226,7 @@ pub enum Error {
     ImpossibleFocal {
         /// The focal length.
         focal_px: f64,
-        /// What it means.
+        /// The horizontal field of view that it corresponds to.
         field_of_view_rad: f64,
     },
     /// An intrinsic parameter that the frames hardly determine.
@@ -246,9 +246,9 @@ pub enum Error {
     InvalidPose {
         /// `view` or `pair`.
         item: &'static str,
-        /// Which one, counted from 0.
+        /// Index of the item, counted from 0.
         index: usize,
-        /// What of it.
+        /// The quantity.
         what: &'static str,
         /// The value seen.
         seen: f64,
@@ -260,75 +260,75 @@ pub enum Error {
         "{seen} views have both a known motion and a pose of the target, {needed} needed; add views between which the hand turns about different axes"
     )]
     TooFewMotions {
-        /// How many there were.
+        /// Number of such views.
         seen: usize,
-        /// How many are needed.
+        /// Number of views needed.
         needed: usize,
     },
-    /// Views of a target and motions of a gripper that no pose of the camera brings into agreement.
+    /// Views of a target and motions of a gripper that agree with no pose of the camera.
     #[error("the views and the poses of the hand agree in no way: {likely}")]
     ViewsDisagree {
         /// The likely cause.
         likely: &'static str,
     },
-    /// Motions that leave a part of the answer open.
+    /// Motions that do not determine a part of the answer.
     #[error("{reason} (metric {metric:.1e} rad, need {needed:.0e} rad); {way_out}")]
     DegenerateMotion {
         /// What the motions have in common.
         reason: &'static str,
-        /// Root mean square rotation about the weakest of the axes that are needed.
+        /// Root mean square rotation about the weakest of the required axes.
         metric: f64,
-        /// The least accepted.
+        /// The least rotation accepted.
         needed: f64,
-        /// What to do.
+        /// The way out.
         way_out: &'static str,
     },
-    /// Cameras that no chain of pairs joins.
+    /// Cameras that no chain of pairs connects.
     #[error(
         "the pairs leave {groups} groups: nothing joins camera {a} to camera {b}; add a pair between the groups, or solve each alone"
     )]
     Disconnected {
-        /// How many groups.
+        /// Number of groups.
         groups: usize,
         /// A camera of the first group.
         a: usize,
         /// A camera of another.
         b: usize,
     },
-    /// Too few correspondences agree with any one pose to rule out chance.
+    /// Too few correspondences agree with any single pose to exclude chance.
     #[error(
         "no pose agrees with enough of the {n} {what}: {best} at best, {needed} needed to rule out chance ({samples} samples tried); check that labels and camera belong to this view, keep the threshold at three to five standard deviations of the noise, or add {what}"
     )]
     NoConsensus {
-        /// The most that agreed with one pose; those that a pose meets by construction when none did better.
+        /// The largest number that agreed with one pose; the number that a pose fits by construction if none was better.
         best: usize,
-        /// How many there were.
+        /// Number of correspondences or groups.
         n: usize,
-        /// How many must agree.
+        /// Number that must agree.
         needed: usize,
         /// `points`, or `groups`.
         what: &'static str,
-        /// Samples tried.
+        /// Number of samples tried.
         samples: usize,
     },
-    /// Rays to a point that cannot be distinguished from parallel ones: it may be infinitely far.
+    /// Rays to a point that cannot be distinguished from parallel rays: the point may be infinitely distant.
     #[error(
         "the rays to the point are too nearly parallel: the angle between them is {parallax_rad:.1e} rad ± {sigma_rad:.1e}, and {needed} times its standard deviation is needed; add a photograph from farther aside"
     )]
     ParallaxTooSmall {
-        /// Angle between the rays, towards the point positive; negative where they diverge.
+        /// Angle between the rays, positive if they converge towards the point, negative if they diverge.
         parallax_rad: f64,
         /// Its standard deviation.
         sigma_rad: f64,
-        /// Standard deviations needed.
+        /// Number of standard deviations needed.
         needed: f64,
     },
-    /// A point that would lie behind a camera that sees it.
+    /// A point that would be behind a camera that sees it.
     #[error(
         "the point would lie behind view {view} ({depth_m:.3} m along its ray); the views are mixed up or the pixels belong to different points"
     )]
     BehindView {
-        /// Which view, counted from 0.
+        /// Index of the view, counted from 0.
         view: usize,
         /// Distance along the ray, negative.
         depth_m: f64,
@@ -336,9 +336,9 @@ pub enum Error {
     /// A view of a point with an impossible number.
     #[error("view {view} of the point: {what} is {seen}; {needed}")]
     InvalidView {
-        /// Which view, counted from 0.
+        /// Index of the view, counted from 0.
         view: usize,
-        /// What of it.
+        /// The quantity.
         what: &'static str,
         /// The value seen.
         seen: f64,
@@ -348,9 +348,9 @@ pub enum Error {
     /// A constraint of a network with an impossible number.
     #[error("fact {constraint} of the survey: {what} is {seen}; {needed}")]
     InvalidConstraint {
-        /// Which constraint, counted from 0.
+        /// Index of the constraint, counted from 0.
         constraint: usize,
-        /// What of it.
+        /// The quantity.
         what: &'static str,
         /// The value seen.
         seen: f64,
@@ -367,9 +367,9 @@ pub enum Error {
     Undetermined {
         /// `photo`, `point` or `plane`.
         what: &'static str,
-        /// Which of them, counted from 0.
+        /// Its index, counted from 0.
         index: usize,
-        /// Why, with the way out.
+        /// The reason, with the way out.
         reason: &'static str,
         /// The number seen.
         metric: f64,
@@ -397,11 +397,11 @@ pub enum Error {
         "the known distances contradict each other: fact {constraint} is off by {off_m:.4} m, {sigmas:.1} times its standard deviation; measure it again or give it a larger sigma_m"
     )]
     InconsistentDistances {
-        /// The constraint that fits the others worst, counted from 0.
+        /// Index of the constraint that fits the others worst, counted from 0.
         constraint: usize,
         /// The stated value minus the prediction of the others, metres.
         off_m: f64,
-        /// The same over the standard deviation of that difference.
+        /// The same difference divided by its standard deviation.
         sigmas: f64,
     },
     /// A setting with an impossible value.
@@ -432,13 +432,13 @@ pub enum Error {
         "observation {observation} names {what} {seen}, but there are {n} (counted from 0); correct the index"
     )]
     NoSuchIndex {
-        /// Which observation, in the order given.
+        /// Index of the observation, in the order given.
         observation: usize,
         /// `camera`, `view` or `target`.
         what: &'static str,
         /// The index given.
         seen: usize,
-        /// How many there are.
+        /// Number of cameras, views or targets.
         n: usize,
     },
     /// A camera without usable observations.
@@ -446,12 +446,12 @@ pub enum Error {
         "camera {camera} has {n_observations} observations and none gives a pose; add views in which it sees a target with four or more points, or leave it out"
     )]
     CameraNotObserved {
-        /// Which camera.
+        /// Index of the camera.
         camera: usize,
-        /// How many observations it has.
+        /// Number of its observations.
         n_observations: usize,
     },
-    /// Cameras that no chain of shared views joins.
+    /// Cameras that no chain of shared views connects.
     #[cfg(feature = "std")]
     #[error("cameras {} and {} are not connected{}; {needed}", list(first), list(second), after(*n_rejected))]
     CamerasUnconnected {
@@ -459,7 +459,7 @@ pub enum Error {
         first: Vec<usize>,
         /// All others.
         second: Vec<usize>,
-        /// Observations set aside before, because they contradict the others or give no pose.
+        /// Number of observations rejected before, because they contradict the others or give no pose.
         n_rejected: usize,
         /// What would connect them.
         needed: &'static str,
@@ -469,12 +469,12 @@ pub enum Error {
         "target {target} is never seen together with another target of body {body}; add a view in which one camera sees both, or make it a body of its own"
     )]
     TargetUnconnected {
-        /// Which target.
+        /// Index of the target.
         target: usize,
-        /// Its body.
+        /// Index of its body.
         body: usize,
     },
-    /// A snapshot with other fields.
+    /// A snapshot of another version.
     #[error("the snapshot has version {seen}, this program reads version {needed}; begin anew")]
     SnapshotVersion {
         /// Its version.
@@ -482,19 +482,19 @@ pub enum Error {
         /// The version read here.
         needed: u32,
     },
-    /// Data that are no snapshot.
+    /// Data that are not a snapshot.
     #[error(
         "the {seen} numbers of the snapshot are no state ({unread} of them could not be used); begin anew"
     )]
     SnapshotNumbers {
-        /// How many there are.
+        /// Length of the data.
         seen: usize,
-        /// How many were left when reading stopped.
+        /// Number of numbers that were not read.
         unread: usize,
     },
 }
 
-/// Numbers in words: `0, 2, 5`.
+/// Lists numbers: `0, 2, 5`.
 #[cfg(feature = "std")]
 fn list(numbers: &[usize]) -> String {
     let words: Vec<String> = numbers.iter().map(usize::to_string).collect();

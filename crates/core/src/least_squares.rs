@@ -1,4 +1,4 @@
-//! The one loop that takes steps on a residual: Levenberg–Marquardt over anything that can be evaluated, stepped and moved.
+//! The single loop that takes steps on residuals: Levenberg–Marquardt for any cost that can be evaluated, stepped and moved.
 //!
 //! Its cost is a [`LeastSquares`]: one pose (`pose`), one point (`point`), a state of any kind with few hundred
 //! unknowns (`dense`), many poses and what they share (`shared`), the cameras, targets and bodies of a rig (`rig`). It ends by one rule:
@@ -33,53 +33,53 @@ use num_traits::Float as _;
 pub trait LeastSquares {
     /// The values of the unknowns.
     type State;
-    /// Gauss–Newton's view of the cost at a state.
+    /// The Gauss–Newton approximation of the cost at a state.
     type Equations;
     /// A change of the unknowns.
     type Step;
-    /// Evaluations after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
+    /// Number of evaluations after which the loop gives up; 99.9 % of refinements from a closed form need fewer than 10.
     const MAX_STEPS: usize = 200;
 
-    /// The same where it depends on the problem.
+    /// Returns that number, where it depends on the problem.
     #[inline(always)]
     fn max_steps(&self) -> usize {
         Self::MAX_STEPS
     }
 
-    /// The cost at a state and its derivatives; none where it is undefined, as for a point outside the camera's field.
+    /// Returns the cost at a state with its derivatives; `None` where it is undefined, as for a point outside the camera's field.
     fn evaluate(&self, state: &Self::State) -> Option<Self::Equations>;
 
-    /// Sum of squared whitened residuals, or of their losses.
+    /// Returns the sum of squared whitened residuals, or of their losses.
     fn chi2(equations: &Self::Equations) -> f64;
 
-    /// The step at a damping (relative to the diagonal) and the decrease of χ² it promises; none where the matrix is not positive.
+    /// Returns the step for a damping (relative to the diagonal) and the promised decrease of χ²; `None` where the matrix is not positive.
     fn step(&self, equations: &Self::Equations, damping: f64) -> Option<(Self::Step, f64)>;
 
-    /// The state after a step; none where there is none.
+    /// Returns the state after a step; `None` where there is none.
     fn apply(&self, state: &Self::State, step: &Self::Step) -> Option<Self::State>;
 
-    /// By how much the cost falls from one state to the next. A cost whose weights follow the state holds those of the first.
+    /// Returns the decrease of the cost between two states. A cost whose weights depend on the state uses those of the first.
     #[inline(always)]
     fn decrease(&self, from: &Self::Equations, to: &Self::Equations) -> f64 {
         Self::chi2(from) - Self::chi2(to)
     }
 }
 
-/// Where the loop ended.
+/// The end of the loop.
 #[derive(Debug, Clone, Copy)]
 pub struct Minimum<S, E> {
     /// The lowest state found, or one vanishing step beyond it.
     pub state: S,
     /// The equations at the lowest state evaluated: at most one vanishing step before `state`.
     pub equations: E,
-    /// Evaluations.
+    /// Number of evaluations.
     pub steps: usize,
     /// How it ended.
     pub ending: Ending,
 }
 
 impl<S, E> Minimum<S, E> {
-    /// Whether the state is an answer: there is no lower one nearby that the equations know of.
+    /// Returns whether the state is an answer: according to the equations, no state nearby has a lower cost.
     #[inline(always)]
     pub fn is_minimum(&self) -> bool {
         self.ending != Ending::NotConverged
@@ -91,50 +91,50 @@ impl<S, E> Minimum<S, E> {
 pub enum Ending {
     /// The undamped step promises less than the tolerance: the gradient vanishes, and the step is a vanishing part of a standard deviation.
     Converged,
-    /// The gradient does not vanish, but no step that the damping still allows lowers the cost: rounding, the edge of the camera's field,
-    /// or a cost with an edge of its own; or a minimum that cannot come near its second solution. The state is the lowest found or a vanishing step
-    /// beyond it.
+    /// The gradient does not vanish, but no step that the damping still allows lowers the cost: because of rounding, the edge of the camera's
+    /// field, or an edge of the cost itself; or the minimum cannot come near its second solution. The state is the lowest found, or a vanishing
+    /// step beyond it.
     NoProgress,
-    /// Out of steps, or no damping makes the matrix positive.
+    /// The loop ran out of steps, or no damping makes the matrix positive.
     NotConverged,
 }
 
-/// When a step promises too little to go on.
+/// The promise of a step at which the loop ends.
 #[derive(Debug, Clone, Copy)]
 pub struct Tolerance {
-    /// Less than this fraction of χ²; at least rounding's share.
+    /// The promise is less than this share of χ²; at least the share of rounding.
     pub relative: f64,
-    /// χ² of a minimum already known: the loop may end early where it cannot come near it.
+    /// χ² of a minimum that is known already: the loop may end early where it cannot come near it.
     pub alternative_chi2: Option<f64>,
 }
 
 /// Ends when a step promises to lower χ² by less than this: such a step is 3·10⁻⁴ standard deviations long.
 pub(crate) const TOLERANCE_CHI2: f64 = 1e-7;
-/// … or by less than this fraction of χ² itself: rounding has taken over.
+/// … or a decrease of less than this share of χ² itself, which is dominated by rounding.
 pub(crate) const TOLERANCE_RELATIVE: f64 = 1e-14;
 /// Damping (relative to the diagonal) after the first rejected step; before it the steps are Gauss–Newton's.
 pub(crate) const FIRST_DAMPING: f64 = 1e-3;
-/// Damping beyond which no step can help.
+/// Damping beyond which no step can lower the cost.
 pub(crate) const LAST_DAMPING: f64 = 1e12;
 
-/// A minimum that will only be compared with a known, much better one is near enough when the step promises less than this
-/// fraction of the difference; the step is still taken, and what is left after it is far smaller.
+/// A minimum that will only be compared with a known, much better one is accurate enough when the step promises less than this share of the
+/// difference; the step is still taken, and the remaining error is far smaller.
 pub(crate) const TOLERANCE_COMPARED: f64 = 0.2;
 
-/// The loop also ends, before looking, where the step after this one can be predicted to promise less than this (3·10⁻⁵ standard
-/// deviations): Gauss–Newton converges at least linearly, so that its promises fall by at least the last factor again …
+/// The loop also ends, without another evaluation, where the step after this one can be predicted to promise less than this (3·10⁻⁵ standard
+/// deviations): Gauss–Newton converges at least linearly, so that its promises decrease at least by the last factor again …
 pub(crate) const PREDICTED_CHI2: f64 = 1e-9;
 /// … and only for a step shorter than 0.03 standard deviations, so that the normal equations before it still give the covariance.
 pub(crate) const NEAR_CHI2: f64 = 1e-3;
 
-/// Closer to the second solution than this (far beyond the ambiguity gate) the loop continues to rounding.
+/// Closer to the second solution than this (far beyond the limit of ambiguity) the loop continues to rounding.
 pub(crate) const ALTERNATIVE_MARGIN_CHI2: f64 = 100.0;
 
 impl Tolerance {
-    /// To rounding.
+    /// Continues to rounding.
     pub const FINE: Tolerance = Tolerance { relative: TOLERANCE_RELATIVE, alternative_chi2: None };
 
-    /// The promised decrease of χ² at which to end.
+    /// Returns the promised decrease of χ² at which to end.
     #[inline(always)]
     fn at(&self, chi2: f64) -> f64 {
         let excess =
@@ -143,7 +143,7 @@ impl Tolerance {
     }
 }
 
-/// Minimises a cost from `start`; none where the start has no cost.
+/// Minimises a cost from `start`; `None` where the start has no cost.
 #[inline]
 pub fn minimize<P: LeastSquares>(
     problem: &P,
@@ -151,11 +151,11 @@ pub fn minimize<P: LeastSquares>(
     tolerance: &Tolerance,
 ) -> Option<Minimum<P::State, P::Equations>> {
     let mut trial = start;
-    // Nothing yet, so that the start is accepted as any better trial is: one call of `evaluate`, compiled into the loop.
+    // It starts without a state, so that the start is accepted like any better trial: `evaluate` is called, and inlined, only once in the loop.
     let mut lowest: Option<(P::State, P::Equations)> = None;
     let (mut damping, mut promised) = (Damping::NONE, 1.0);
     for steps in 1..=problem.max_steps() {
-        // What the step before promised, where both are Gauss–Newton's.
+        // The promise of the previous step, where both are Gauss–Newton steps.
         let mut before = 0.0;
         let found = problem.evaluate(&trial);
         let decrease = found.as_ref().map_or(f64::NAN, |to| match &lowest {
@@ -180,7 +180,7 @@ pub fn minimize<P: LeastSquares>(
             return Some(Minimum { state, equations, steps, ending: Ending::NotConverged });
         };
         (trial, promised) = (next, promise);
-        // promised · (promised / before) is what the next step would promise, docs/math/refine.md section 2.
+        // promised · (promised / before) is the promise of the next step, docs/math/refine.md section 2.
         let predicted = promised < NEAR_CHI2 && promised * promised <= PREDICTED_CHI2 * before;
         let tolerance = tolerance.at(P::chi2(equations));
         if predicted || promised <= tolerance {
@@ -194,8 +194,8 @@ pub fn minimize<P: LeastSquares>(
     Some(Minimum { state, equations, steps: problem.max_steps(), ending: Ending::NotConverged })
 }
 
-/// The next state and the promise of the step to it, at the least damping from `damping` on that makes the matrix positive; none when no
-/// damping does.
+/// Returns the next state and the promise of the step to it, at the least damping from `damping` on that makes the matrix positive; `None` when
+/// no damping does.
 #[inline(always)]
 fn next_trial<P: LeastSquares>(
     problem: &P,
@@ -216,14 +216,14 @@ fn next_trial<P: LeastSquares>(
     }
 }
 
-/// A damped step that promises little may only be short.
+/// Returns the promise without damping: a damped step that promises little may only be short.
 #[cold]
 fn undamped_promise<P: LeastSquares>(problem: &P, equations: &P::Equations) -> f64 {
     problem.step(equations, 0.0).map_or(f64::INFINITY, |(_, promise)| promise)
 }
 
-/// Gauss–Newton steps that gain less than this part of what they promise leap from side to side of a minimum that is flatter
-/// than JᵀJ says: where two minima are about to part. Damping ends that.
+/// Gauss–Newton steps that gain less than this share of their promise jump from side to side of a minimum that is flatter than JᵀJ predicts, as
+/// where two minima are about to separate. Damping ends that.
 pub(crate) const LEAST_GAIN: f64 = 0.1;
 
 /// Levenberg and Marquardt's damping, relative to the diagonal, and the factor by which the next rejection raises it.
@@ -241,8 +241,8 @@ impl Damping {
         self.growth *= 2.0;
     }
 
-    /// After an accepted step that achieved `gain` of what it promised (Nielsen 1999, "Damping parameter in
-    /// Marquardt's method"); vanishing damping becomes none, so that the end is Gauss–Newton's.
+    /// Reduces the damping after an accepted step that achieved `gain` of its promise (Nielsen 1999, "Damping parameter in Marquardt's method");
+    /// vanishing damping is set to zero, so that the loop ends with Gauss–Newton steps.
     fn ease(&mut self, gain: f64) {
         if gain < LEAST_GAIN {
             *self = Damping { value: f64::max(2.0 * self.value, FIRST_DAMPING), growth: 2.0 };
@@ -258,7 +258,7 @@ impl Damping {
 mod tests {
     use super::*;
 
-    /// Residuals of two unknowns: Rosenbrock's valley, beyond an edge nothing.
+    /// Residuals of two unknowns: Rosenbrock's valley, undefined beyond an edge.
     struct Valley {
         edge: f64,
         bend: f64,
@@ -297,7 +297,7 @@ mod tests {
         }
     }
 
-    /// A bent valley is followed to its end.
+    /// A curved valley is followed to its end.
     #[test]
     fn the_end_of_a_valley_is_converged() {
         let found =
@@ -307,7 +307,7 @@ mod tests {
         assert!(found.is_minimum() && found.steps < 60, "{found:?}");
     }
 
-    /// Where the cost ends before the valley does, the edge is the answer, but no vanishing gradient is claimed.
+    /// Where the cost is undefined before the end of the valley, the edge is the answer, but the gradient is not reported as vanishing.
     #[test]
     fn an_edge_is_no_progress() {
         let found = minimize(&Valley { edge: 0.5, bend: 0.0 }, [0.5, 0.0], &Tolerance::FINE).expect("a cost");
@@ -315,7 +315,7 @@ mod tests {
         assert!(found.is_minimum() && (found.state[0] - 0.5).abs() < 1e-3, "{found:?}");
     }
 
-    /// Costs for which there is no start, no positive matrix, no number.
+    /// Costs without a start, without a positive matrix, and with NaN.
     #[test]
     fn what_cannot_be_lowered_is_not_called_a_minimum() {
         assert!(minimize(&Valley { edge: 0.0, bend: 1.0 }, [1.0, 1.0], &Tolerance::FINE).is_none());

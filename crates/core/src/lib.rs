@@ -1,4 +1,4 @@
-//! Where is the camera? Pose from a few known points, with its covariance and its ambiguity.
+//! Poses of cameras from a few known points, with their covariances and ambiguities.
 //!
 //! ```text
 //! error statistics covariance pose polynomial camera target correspondence line
@@ -11,7 +11,7 @@
 //! batch          many views at once, in SIMD
 //! advise         what the next observation is worth
 //! ```
-//! No I/O, clock, thread, global state or unseeded chance. The modules stand in layers: each may use those above it, never those below
+//! There is no I/O, clock, thread, global state or unseeded chance. The modules form layers: each may use those above it, never those below it
 //! (tests/tidy.rs).
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

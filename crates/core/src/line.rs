@@ -1,45 +1,45 @@
-//! Straight lines: what is known of one in the target, and what of it is seen in an image.
+//! Straight lines: the knowledge about a line in the target, and its observation in an image.
 //!
-//! An image line is two points on it, anywhere along it: only their distances across it are measurements. Through the lens they are two
-//! bearings, and the plane of these holds the line in space, whatever the lens makes of its image. docs/math/lines.md, section 1.
+//! An image line is given by two points anywhere along it: only their distances perpendicular to it are measurements. Through the lens they
+//! become two bearings, whose plane contains the line in space, whatever the lens does to its image. docs/math/lines.md, section 1.
 
 use crate::{Bearing, Camera, Error, Pixel, Point};
 use nalgebra::{Matrix3x2, Unit, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// A straight line as an image shows it.
+/// A straight line as observed in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImageLine {
-    /// Two points on it, px: the farther apart, the better its direction is known.
+    /// Two points on it, px: the greater their distance, the more certain its direction.
     pub ends_px: [Pixel; 2],
     /// Unit vectors towards them, camera frame.
     pub bearings: [Bearing; 2],
-    /// Derivatives of the bearings by the pixels, rad/px (3×2).
+    /// Derivatives of the bearings with respect to the pixels, rad/px (3×2).
     pub bearing_by_pixel: [Matrix3x2<f64>; 2],
-    /// Standard deviation of each end across the line, px.
+    /// Standard deviation of each end, perpendicular to the line, px.
     pub sigma_px: f64,
 }
 
 /// A line of the target and its image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineCorrespondence {
-    /// A point on it, target frame, metres; none where only the direction is known (the second edge of a road of unknown width).
+    /// A point on it, target frame, metres; `None` where only the direction is known (the second edge of a road of unknown width).
     pub point_in_target: Option<Point>,
-    /// Its direction in the target frame. A line has no arrow: the opposite direction is the same line.
+    /// Its direction in the target frame; the opposite direction describes the same line.
     pub direction_in_target: Unit<Vector3<f64>>,
-    /// What is seen of it.
+    /// Its observation.
     pub seen: ImageLine,
 }
 
-/// Sine between the ends below which they are one point.
+/// Sine of the angle between the ends below which they count as one point.
 const MIN_SINE: f64 = 1e-9;
 
 impl ImageLine {
-    /// From two pixels and their standard deviation across the line.
+    /// Creates a line from two pixels and their standard deviation perpendicular to the line.
     ///
     /// # Errors
-    /// `OutsideField` for an end no point projects to, `NotPositive` for the sigma, `Coincident` for ends that are one.
+    /// `OutsideField` for an end to which no point projects, `NotPositive` for the sigma, `Coincident` for ends that are the same point.
     pub fn new(camera: &Camera, ends_px: [Pixel; 2], sigma_px: f64) -> Result<Self, Error> {
         if !(0.0 < sigma_px && sigma_px < f64::INFINITY) {
             return Err(Error::NotPositive { index: 0, seen: sigma_px });
@@ -53,25 +53,24 @@ impl ImageLine {
         Ok(ImageLine { ends_px, bearings, bearing_by_pixel, sigma_px })
     }
 
-    /// Unit normal of the plane through the camera centre and the line.
+    /// Returns the unit normal of the plane through the camera centre and the line.
     pub fn normal(&self) -> Unit<Vector3<f64>> {
         let [a, b] = self.bearings.map(|b| b.into_inner());
         Unit::new_normalize(a.cross(&(b - a)))
     }
 
-    /// How much the product of end `i` with a plane normal `m` (of any length) varies: its standard deviation,
-    /// docs/math/lines.md eq. (2).
+    /// Returns the standard deviation of the product of end `i` with a plane normal `m` (of any length), docs/math/lines.md eq. (2).
     pub(crate) fn product_sigma(&self, i: usize, m: &Vector3<f64>) -> f64 {
         self.sigma_px * self.bearing_by_pixel[i].tr_mul(m).norm()
     }
 
-    /// Distances of the two ends from the image of a plane through the camera centre with normal `m`, in standard deviations,
+    /// Returns the distances of the two ends from the image of a plane through the camera centre with normal `m`, in standard deviations,
     /// docs/math/lines.md eq. (2).
     pub fn residuals(&self, m: &Vector3<f64>) -> [f64; 2] {
         [0, 1].map(|i| self.plane_residual(i, m).0)
     }
 
-    /// The residual of end `i` and its derivative by `m`, docs/math/lines.md eqs. (2), (6).
+    /// Returns the residual of end `i` and its derivative with respect to `m`, docs/math/lines.md eqs. (2), (6).
     pub(crate) fn plane_residual(&self, i: usize, m: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let (b, j) = (self.bearings[i].into_inner(), &self.bearing_by_pixel[i]);
         let across = j.tr_mul(m);
@@ -80,8 +79,8 @@ impl ImageLine {
         (product * scale, (b - j * across * (product / across.norm_squared())) * scale)
     }
 
-    /// A direction in the camera frame beside the image line: residual in standard deviations and its derivative by the direction,
-    /// docs/math/lines.md eqs. (3)–(4).
+    /// Returns the residual between a direction in the camera frame and the image line, in standard deviations, and its derivative with respect
+    /// to the direction, docs/math/lines.md eqs. (3)–(4).
     pub(crate) fn direction_residual(&self, v: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let [a, b] = self.bearings.map(|b| b.into_inner());
         let n = a.cross(&(b - a));
@@ -96,7 +95,7 @@ impl ImageLine {
     }
 }
 
-/// The inverse of the projection's derivative on the plane across the bearing.
+/// Returns the inverse of the projection's derivative on the plane perpendicular to the bearing.
 fn bearing_by_pixel(camera: &Camera, bearing: &Bearing, pixel: &Pixel) -> Result<Matrix3x2<f64>, Error> {
     let outside = Error::OutsideField {
         u_px: pixel.x,
@@ -113,7 +112,7 @@ fn bearing_by_pixel(camera: &Camera, bearing: &Bearing, pixel: &Pixel) -> Result
     Ok(across * inverse)
 }
 
-/// The coordinate axis farthest from a direction.
+/// Returns the coordinate axis farthest from a direction.
 fn least_axis(b: &Vector3<f64>) -> Vector3<f64> {
     let least = b.iamin();
     Vector3::from_fn(|i, _| if i == least { 1.0 } else { 0.0 })
@@ -129,7 +128,7 @@ mod tests {
         ImageLine::new(&camera, [Pixel::new(-0.3, 0.4), Pixel::new(0.5, 0.1)], 1e-3).expect("a line")
     }
 
-    /// Of the bearing by the pixel, and of both residuals by the direction and the plane; sixth digits of central differences.
+    /// The derivatives of the bearing with respect to the pixel, and of both residuals with respect to direction and plane, agree to six digits.
     #[test]
     fn derivatives_match_central_differences() {
         let (camera, line, h) = (Camera::normalized(), line(), 1e-6);

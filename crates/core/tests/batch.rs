@@ -275,7 +275,7 @@ fn a_bad_view_leaves_its_neighbours_alone() {
     assert!(7 * bad.len() / 9 - 9 < errors, "{errors}");
 }
 
-/// Any length, its remainder beside full vectors: a view's answer does not depend on who stands beside it, to the last bit.
+/// For any number of views, with a remainder beside full vectors: a view's answer does not depend on its neighbours, to the last bit.
 #[test]
 fn every_length_gives_the_same_answers() {
     let (camera, points, sigma) = (camera(), points(), [0.3; 4]);

@@ -287,7 +287,7 @@ fn chi2_has_its_mean() {
     );
 }
 
-/// Whose frame the rig's is says nothing about who moved: the reference camera moved suddenly is found as such.
+/// The choice of the reference does not affect which camera moved: a sudden motion of the reference camera is found as such.
 #[test]
 fn a_knocked_reference_is_named() {
     let n = 4;
@@ -335,7 +335,7 @@ fn frame_and_order_do_not_matter() {
     assert!((a.old_from_new.translation - b.old_from_new.translation).norm() < 1e-4);
 }
 
-/// Two cameras on one bar that moved together are both named; with two against two, or with two cameras in all, nobody can say.
+/// Two cameras on one bar that moved together are both named; with two against two, or with two cameras in all, it is undecidable.
 #[test]
 fn groups_that_move_together() {
     let mut rng = Rng::new(21);

@@ -82,7 +82,7 @@ fn a_topics_own_file_may_be_used_from_below() {
     );
 }
 
-/// Crates that need nothing but mathematics and text stay so, and the program is used by nobody.
+/// Crates that need nothing but mathematics and text remain so, and no crate uses the program.
 #[test]
 fn arrows_between_crates_go_one_way() {
     let packages = packages();

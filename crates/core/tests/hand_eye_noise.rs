@@ -1,4 +1,4 @@
-//! Hand–eye with a robot whose noise nobody states: estimated from the views, honest, and distinguished from faults.
+//! Hand–eye calibration with a robot of unknown noise: the noise is estimated from the views, correctly, and distinguished from faults.
 
 use crate::common::Rng;
 use crate::common::hands::{

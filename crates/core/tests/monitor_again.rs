@@ -1,4 +1,4 @@
-//! Motions after the first: each is told as soon as the first, with its own beginning and size, and only what is back is steady.
+//! Motions after the first: each is reported as soon as the first, with its own beginning and size, and only a camera that is back is steady.
 //!
 //! A tag of 0.16 m at 1.2 m, 0.2 px, white noise, a reading a second, nothing declared. What it leaves out: longer records and other noise, of which
 //! `cargo run --release -p resight-core --example watch_motions` makes tables.

@@ -129,7 +129,7 @@ fn a_motion_that_goes_on_is_no_reference() {
     }
 }
 
-/// To and fro, as of a camera on a mast in the wind that nobody has stated.
+/// Motion to and fro, as of a camera on a mast in the wind, that no setting states.
 #[test]
 fn what_does_not_keep_still_is_no_reference() {
     for run in 0..20 {

@@ -26,7 +26,7 @@ fn number(variable: &str, default: f64) -> f64 {
     std::env::var(variable).ok().and_then(|value| value.parse().ok()).unwrap_or(default)
 }
 
-/// As `watch --moving-target` states unless told otherwise, in degrees and millimetres.
+/// The defaults of `watch --moving-target`, in degrees and millimetres.
 fn nothing_declared(degrees: f64, mm: f64) -> LearnConfig {
     let (r, t) = (degrees.to_radians().powi(2), (mm * 1e-3).powi(2));
     LearnConfig {

@@ -82,7 +82,7 @@ fn a_motion_in_the_gap_is_told_with_its_size() {
     }
 }
 
-/// Errors that are not excluded would explain it: nobody knows, and it says by how much.
+/// Errors that are not excluded would explain it: the cause is unknown, and the state says how large the motion is.
 #[test]
 fn a_small_motion_in_the_gap_is_never_steady() {
     for seed in 0..4 {

@@ -247,7 +247,7 @@ fn what_cannot_be_is_named_or_left_out() {
     assert_eq!(few.err(), Some(Error::TooFewPoints { seen: 0, needed: 20 }));
 }
 
-/// Who moved could be said of any three outliers; here they contradict each other in how far.
+/// For any three outliers a common motion could be blamed; here they contradict each other in its size.
 #[test]
 fn three_outliers_in_a_row_that_disagree_are_no_drift() {
     let lens = lens();

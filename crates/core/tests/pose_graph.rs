@@ -200,7 +200,7 @@ fn sigmas_come_from_the_agreement_of_the_pairs() {
     assert!((5.7..6.5).contains(&nees), "{nees}");
 }
 
-/// The first pair and two more, sorted, no camera with two of them or with fewer than two good ones: nobody could say more.
+/// The first pair and two more, sorted, with no camera in two of them or with fewer than two good ones: more cannot be identified.
 fn one_each(rng: &mut Rng, n: usize, stated: &[(usize, usize, Matrix6<f64>)]) -> [usize; 3] {
     loop {
         let mut wrong = [0, 1 + rng.index(stated.len() - 1), 1 + rng.index(stated.len() - 1)];

@@ -169,7 +169,7 @@ fn hostile_observations_never_panic() {
     assert!(100 < n_answers, "{n_answers}");
 }
 
-/// One target alone has nothing to be compared with; a second, or a measured distance, tells its size.
+/// One target alone cannot be compared with anything; a second one, or a measured distance, determines its size.
 #[test]
 fn a_wrong_size_is_found_where_something_compares() {
     let mut rng = Rng::new(31);

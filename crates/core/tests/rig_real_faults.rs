@@ -9,7 +9,7 @@ use crate::recorded::recorded;
 use resight_core::multiview::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
 use resight_core::{Error, Vector6};
 
-/// Differences below these are nobody's concern.
+/// Smaller differences are irrelevant.
 const SMALL_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
 const SMALL_M: f64 = 1e-3;
 

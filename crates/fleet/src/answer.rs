@@ -1,4 +1,4 @@
-//! Answers as JSON: what `batch` and `fleet-report` print.
+//! Answers as JSON, as printed by `batch` and `fleet-report`.
 
 use crate::assess::{Assessment, CameraVerdict, Found, Motion};
 use crate::cameras::Cameras;
@@ -57,7 +57,7 @@ struct FailedObject {
 const WORDS: [&str; 5] = ["ok", "ambiguous", "degenerate", "inconsistent", "error"];
 
 impl BatchObject {
-    /// Of a run with these cameras that took so long.
+    /// Creates the answer for a run with these cameras and this duration.
     pub fn of(done: &Done, cameras: &Cameras, output: &Path, seconds: f64) -> Self {
         let answer = ClusterAnswer {
             counts: done.state.counts(),
@@ -91,12 +91,12 @@ impl BatchObject {
         }
     }
 
-    /// Whether every row is `ok` and everything was read.
+    /// Returns whether every row is `ok` and everything was read.
     pub fn status(&self) -> Status {
         self.status
     }
 
-    /// Whether something could not be read: a file, a piece of one, or a row of the table of cameras.
+    /// Returns whether anything could not be read: a file, a part of one, or a row of the table of cameras.
     pub fn is_damaged(&self) -> bool {
         !self.failed.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Answers as columns: one row a view, in the order of the views.
+//! Answers as columns: one row per view, in the order of the views.
 
 use nalgebra::Vector3;
 use resight::PoseAnswer;
@@ -9,17 +9,17 @@ use resight::core::{Error as MathError, Matrix6, Pose};
 use resight::report::verdict::{self, Status};
 use std::collections::HashMap;
 
-/// What `core` says of a view.
+/// The answer of `core` for a view.
 pub type Solved = Result<PoseEstimate, MathError>;
 
-/// What is wrong with a row before it is solved.
+/// The fault of a row, found before it is solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
     /// Its camera is not in the table.
     UnknownCamera,
-    /// Neither the row nor its camera says where the points are.
+    /// Neither the row nor its camera states the positions of the points.
     NoPoints,
-    /// As many numbers of pixels and points as do not belong together.
+    /// The numbers of pixels and points do not match.
     Counts {
         /// Points seen.
         seen: usize,
@@ -28,9 +28,9 @@ pub enum Fault {
     },
     /// A pixel, point or sigma that is missing, not finite or out of range.
     Number {
-        /// What it is.
+        /// The quantity.
         what: &'static str,
-        /// Which point.
+        /// Index of the point.
         point: usize,
         /// Its value; NaN where it is missing.
         value: f64,
@@ -39,21 +39,21 @@ pub enum Fault {
 
 /// Numbers of an answer: quaternion, translation, the covariance's upper triangle row by row, probability, χ², rms.
 pub const NUMBERS: usize = 31;
-/// Where the covariance begins.
+/// Column at which the covariance begins.
 const COVARIANCE: usize = 7;
-/// Where the last three begin.
+/// Column at which probability, χ² and rms begin.
 const FIT: usize = 28;
 
 /// Poses, covariances, probabilities and reasons.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answers {
-    /// Whether the answer may be relied on.
+    /// Returns whether the answer may be relied on.
     pub status: Vec<Status>,
     /// Points of each view.
     pub n_points: Vec<u32>,
-    /// Column by column, 0 where there is no pose: see [`NUMBERS`].
+    /// The columns, 0 where there is no pose: see [`NUMBERS`].
     pub numbers: Vec<Vec<f64>>,
-    /// Why a row is not `ok`, by its number.
+    /// The reason why a row is not `ok`, by its number.
     pub reasons: HashMap<u32, String>,
 }
 
@@ -71,12 +71,12 @@ impl Answers {
         }
     }
 
-    /// How many rows there are.
+    /// Returns the number of rows.
     pub fn len(&self) -> usize {
         self.status.len()
     }
 
-    /// Whether there is no row.
+    /// Returns whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.status.is_empty()
     }
@@ -135,7 +135,7 @@ impl Answers {
         }
     }
 
-    /// What became of rows that were solved together: where that was not possible, each of them says why.
+    /// Stores the results of rows that were solved together; where that failed, each of them has the reason.
     pub(crate) fn set_all(&mut self, rows: &[u32], done: Result<usize, MathError>) {
         if let Err(reason) = done {
             rows.iter().for_each(|row| self.set(*row as usize, &Err(reason.clone())));
@@ -162,7 +162,7 @@ pub fn upper_triangle() -> impl Iterator<Item = (usize, usize, usize)> {
     (0..6).flat_map(|i| (i..6).map(move |j| (i, j))).enumerate().map(|(k, (i, j))| (i, j, k))
 }
 
-/// The symmetric matrix whose upper triangle is given row by row.
+/// Returns the symmetric matrix whose upper triangle is given row by row.
 pub(crate) fn of_triangle(triangle: &[f64; 21]) -> Matrix6 {
     let mut matrix = Matrix6::zeros();
     for (i, j, k) in upper_triangle() {

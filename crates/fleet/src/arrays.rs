@@ -1,4 +1,4 @@
-//! Columns of Arrow as slices of numbers and names: what is there already is borrowed, what is missing becomes NaN.
+//! Columns of Arrow as slices of numbers and names: existing values are borrowed, missing ones become NaN.
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{

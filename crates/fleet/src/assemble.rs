@@ -89,7 +89,7 @@ impl Assembler {
     /// count with the root of their mean square.
     ///
     /// # Errors
-    /// What Arrow says of columns that do not go together.
+    /// The message of Arrow about columns that do not match.
     pub fn take(&mut self, most: usize, layout: &Layout) -> Result<(RecordBatch, Layout), ArrowError> {
         let views: Vec<View> = self.done.drain(..most.min(self.done.len())).collect();
         let (mut camera, mut view) = (StringBuilder::new(), StringBuilder::new());
@@ -130,7 +130,7 @@ fn of_views() -> SchemaRef {
     ]))
 }
 
-/// Where the columns of whole views are.
+/// The positions of the columns of whole views.
 pub fn assembled(layout: &Layout) -> Layout {
     Layout {
         camera: 0,

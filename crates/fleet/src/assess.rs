@@ -1,9 +1,9 @@
-//! Which cameras moved? What the sums of each camera say, in the words of a report.
+//! Determines which cameras moved, from the sums of each camera, as a report.
 //!
-//! The means of a camera's periods are readings of the change detector of `core` (`temporal::monitor`): its test of a record that began and
-//! ended some time ago names a step or a ramp at a stated rate of false alarms, whatever correlated errors the readings have; its bank of
-//! noise models says which motion it would have found. Nothing here steps on a threshold of its own but for cameras that are dead, whose
-//! map is wrong, or whose clock is: docs/math/fleet.md.
+//! The means of a camera's periods are readings of the change detector of `core` (`temporal::monitor`): its test of a past record finds a step
+//! or a ramp at a stated rate of false alarms, whatever correlated errors the readings have; its bank of noise models determines which motion
+//! would have been found. There is no other threshold here except for cameras that are dead, whose map is wrong, or whose clock is:
+//! docs/math/fleet.md.
 
 mod clock;
 mod readings;
@@ -31,7 +31,7 @@ use resight::core::temporal::monitor::learn::LearnConfig;
 use resight::parallel::on_all_cores;
 use std::collections::BTreeMap;
 
-/// What counts as a motion, and what is no motion.
+/// The settings: what counts as a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AssessConfig {
     /// Rows of a period, at least, for its mean to count.
@@ -46,7 +46,7 @@ pub struct AssessConfig {
     pub dead_periods: u32,
     /// Motions before this time, seconds, are known: they are reported, but a camera that has stayed since is not called moved.
     pub known_until_s: Option<f64>,
-    /// The motion that is promised to be found is that of a step which then lasts for so many periods.
+    /// The detectable motion is stated for a step after which the camera is at rest for this many periods.
     pub promise_periods: u32,
 }
 
@@ -75,7 +75,7 @@ impl AssessConfig {
     }
 }
 
-/// What is otherwise than it was before.
+/// A difference from an earlier state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
     /// When that state ended, seconds.
@@ -87,9 +87,9 @@ pub struct Changes {
 /// A fleet, judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assessment {
-    /// One for each camera of the table and of the rows, those that moved first, by evidence; then by what is wrong, then by name.
+    /// One entry for each camera of the table and of the rows: those that moved first, by evidence; then by what is wrong, then by name.
     pub cameras: Vec<CameraVerdict>,
-    /// From where most cameras begin to where most end, seconds.
+    /// The period from where most cameras begin to where most end, seconds.
     pub span_s: Option<(f64, f64)>,
     /// Seconds of a period.
     pub period_s: f64,
@@ -97,14 +97,14 @@ pub struct Assessment {
     pub expected_false_alarms: f64,
     /// Cameras of one site that moved at one time.
     pub together: Vec<Together>,
-    /// What is otherwise than before, where the state before these poses is known.
+    /// The differences from the state before these poses, where that is known.
     pub changes: Option<Changes>,
     /// What could not be read, in sentences: rows of the table of cameras.
     pub unread: Vec<String>,
 }
 
 impl Assessment {
-    /// How many cameras there are of each verdict.
+    /// Returns the number of cameras with each verdict.
     pub fn counts(&self) -> BTreeMap<&'static str, usize> {
         let mut counts = BTreeMap::new();
         for camera in &self.cameras {
@@ -166,7 +166,7 @@ pub fn assess_since(
         earlier.cameras.iter().map(|v| (v.camera.as_str(), v.found)).collect();
     let changed = |v: &CameraVerdict| {
         let before = earlier.get(v.camera.as_str()).copied();
-        // What moved before and stays where it then was is as it was.
+        // A camera that moved before and is still in its later pose counts as unchanged.
         let is_known = v.found == Found::Steady && before == Some(Found::Moved);
         (before != Some(v.found) && !is_known).then(|| (v.camera.clone(), before, v.found))
     };
@@ -174,11 +174,11 @@ pub fn assess_since(
     Ok(fleet)
 }
 
-/// The same of a part of a fleet whose span in time is known: only the cameras of the state. All parts together say what `assess` says of
-/// the whole.
+/// Assesses a part of a fleet whose period is known: only the cameras of the state. All parts together give the result of `assess` for the whole
+/// fleet.
 ///
 /// # Errors
-/// As `assess`.
+/// The errors of `assess`.
 pub fn assess_part(
     state: FleetState,
     known: Option<&Cameras>,

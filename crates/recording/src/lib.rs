@@ -1,7 +1,7 @@
-//! Recordings: MCAP files, read message by message whatever their size, and written; what ROS writes into them, read without ROS.
+//! Recordings: reads MCAP files message by message, whatever their size, and writes them; reads the messages of ROS in them without ROS.
 //!
-//! A crate of its own because the chunks of recordings are compressed by C libraries (zstd, lz4): who reads calibration files only
-//! builds none of them. What a camera saw is made of messages above, where images and detectors are (`resight-watch`).
+//! This is a separate crate because the chunks of recordings are compressed by C libraries (zstd, lz4): programs that only read calibration
+//! files do not build these. Observations of a camera are extracted from messages where images and detectors are (`resight-watch`).
 //!
 //! Write a recording, and read it back:
 //!
@@ -50,14 +50,14 @@ pub use write::Writer;
 
 use std::path::Path;
 
-/// Whether a file begins as MCAP files do.
+/// Returns whether a file begins like an MCAP file.
 pub fn is_recording(path: &Path) -> bool {
     use std::io::Read;
     let mut head = [0; 8];
     std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok() && begins_one(&head)
 }
 
-/// Whether bytes begin as those of MCAP files do.
+/// Returns whether bytes begin like an MCAP file.
 pub fn begins_one(bytes: &[u8]) -> bool {
     bytes.starts_with(mcap::MAGIC)
 }

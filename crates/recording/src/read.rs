@@ -1,4 +1,4 @@
-//! A recording from its start to its end, a record at a time.
+//! Reads a recording from its start to its end, record by record.
 
 use super::RecordingError;
 use super::records::{Channel, Contents, MAX_RECORD_BYTES, Message, NOT_YET, is_open};
@@ -8,13 +8,13 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
-/// Bytes asked for at a time: memory grows only with what is really there, whatever a length in the file claims.
+/// Number of bytes read at a time: memory grows only with the bytes that exist, whatever length the file states.
 const STEP_BYTES: usize = 1 << 20;
 const MAGIC_BYTES: u64 = 8;
 /// Opcode and length before each record.
 const RECORD_HEADER_BYTES: u64 = 9;
 
-/// What the next look gave.
+/// The result of a read.
 #[derive(Debug)]
 pub enum Next {
     /// A message of a wanted topic.
@@ -34,7 +34,7 @@ pub struct Recording<R> {
     from: R,
     reader: LinearReader,
     contents: Contents,
-    /// Where in the file the next record begins.
+    /// Position of the next record in the file.
     at: u64,
     is_over: bool,
 }
@@ -43,10 +43,10 @@ impl<R: Read + Seek> Recording<R> {
     /// Reads the messages of the topics that are wanted.
     pub fn new(mut from: R, is_wanted: impl Fn(&Channel) -> bool + Send + 'static) -> Self {
         let mut contents = Contents::new(Box::new(is_wanted));
-        // Writers say once what a channel is, in the first chunk, and again in the summary: without that chunk the others mean nothing.
+        // Writers describe a channel in the first chunk and again in the summary, which is needed where the first chunk is damaged.
         summary(&mut from, &mut contents);
         contents.counts.clear();
-        // Where this fails, reading fails too, and says so.
+        // If this fails, reading fails too, and reports the error.
         let _ = from.seek(SeekFrom::Start(0));
         let reader = LinearReader::new_with_options(options());
         Recording { from, reader, contents, at: MAGIC_BYTES, is_over: false }
@@ -56,10 +56,10 @@ impl<R: Read + Seek> Recording<R> {
         &self.contents
     }
 
-    /// The next message, or what else is there. After `Unfinished` it may be asked again.
+    /// Returns the next message, or the state of the file. After `Unfinished` it may be called again.
     ///
     /// # Errors
-    /// What the medium says; a file that is no MCAP, or broken so that nothing behind can be found. Afterwards it is at its end.
+    /// An error of the medium; a file that is not an MCAP file, or is damaged so that nothing after it can be found. Reading then ends.
     pub fn read_next(&mut self) -> Result<Next, RecordingError> {
         if let Some(message) = self.contents.waiting.pop_front() {
             return Ok(Next::Message(message));
@@ -95,7 +95,7 @@ impl<R: Read + Seek> Recording<R> {
         Ok(Next::End)
     }
 
-    /// A chunk whose length is not filled in yet: the next look reads it anew.
+    /// Handles a chunk whose length is not filled in yet: the next call reads it again.
     fn unfinished(&mut self) -> Result<Next, RecordingError> {
         self.reader = LinearReader::new_with_options(options().with_skip_start_magic(true));
         self.from.seek(SeekFrom::Start(self.at)).map_err(unread)?;

@@ -16,26 +16,26 @@ pub(super) const MAX_RECORD_BYTES: usize = 4 * 64_000_000 + (1 << 20);
 /// A topic as the recording has it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// Its name.
+    /// Name of the topic.
     pub topic: String,
     /// Name of the type of its messages; empty where it is not reported.
     pub kind: String,
-    /// How the type is defined: `ros2msg`, `protobuf`, …
+    /// The format of the definition: `ros2msg`, `protobuf`, …
     pub definition_encoding: String,
-    /// Its definition.
+    /// The definition of the type.
     pub definition: Vec<u8>,
-    /// How messages are encoded: `cdr`, `ros1`, `json`, …
+    /// The encoding of the messages: `cdr`, `ros1`, `json`, …
     pub message_encoding: String,
 }
 
 /// A message of a topic that is wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
-    /// Its topic.
+    /// The channel of the message.
     pub channel: Arc<Channel>,
     /// When it was recorded, nanoseconds.
     pub log_time_ns: u64,
-    /// Its bytes.
+    /// The bytes of the message.
     pub data: Vec<u8>,
 }
 
@@ -45,7 +45,7 @@ struct Schema {
     data: Vec<u8>,
 }
 
-/// What has been read so far.
+/// The data read so far.
 pub(super) struct Contents {
     is_wanted: Box<dyn Fn(&Channel) -> bool + Send>,
     schemas: BTreeMap<u16, Schema>,
@@ -62,7 +62,7 @@ impl Contents {
         Contents { is_wanted, schemas, channels, counts: BTreeMap::new(), waiting: VecDeque::new() }
     }
 
-    /// As at the start.
+    /// Resets to the state at the start.
     pub fn forget(&mut self) {
         self.schemas.clear();
         self.channels.clear();
@@ -132,8 +132,8 @@ impl Contents {
         Ok(())
     }
 
-    /// All messages of a chunk, or none where its checksum is wrong. Of a torn one (`is_torn`: the file ends in it), which has no
-    /// checksum yet and perhaps no sizes, those that are whole.
+    /// Decodes all messages of a chunk, or none where its checksum is wrong. Of a truncated one (`is_torn`: the file ends in it), which has no
+    /// checksum yet and perhaps no sizes, it decodes the complete ones.
     pub fn chunk(&mut self, chunk: &[u8], is_torn: bool) -> Result<(), String> {
         let ChunkHead { compressed, uncompressed, records } = ChunkHead::read(chunk)?;
         let there = records.len() as u64;
@@ -184,15 +184,15 @@ impl Contents {
     }
 }
 
-/// What stands before the records of a chunk: two times of 8 bytes, the size unpacked (8), a checksum (4), the name of the compression,
-/// the size as it lies there (8).
+/// The fields before the records of a chunk: two times of 8 bytes, the uncompressed size (8), a checksum (4), the name of the compression, the
+/// compressed size (8).
 struct ChunkHead<'a> {
     compressed: u64,
     uncompressed: u64,
     records: &'a [u8],
 }
 
-/// What some writers (the crate `mcap`, unless told otherwise) put for the length and the sizes of a chunk until it is whole.
+/// The value that some writers (the crate `mcap` by default) store for the length and the sizes of a chunk until it is complete.
 pub(super) const NOT_YET: u64 = u64::MAX;
 
 impl<'a> ChunkHead<'a> {
@@ -205,7 +205,7 @@ impl<'a> ChunkHead<'a> {
         Ok(ChunkHead { compressed, uncompressed, records: fields.0 })
     }
 
-    /// Sizes in the place of those that are not there yet: what is there, and at most what is read.
+    /// Replaces sizes that are not stored yet: by the number of bytes in the file, and by the largest number that is read.
     fn fill(head: &mut [u8], there: u64) {
         let at = head.len() - 8;
         head[16..24].copy_from_slice(&(MAX_RECORD_BYTES as u64 - 1).to_le_bytes());
@@ -213,7 +213,7 @@ impl<'a> ChunkHead<'a> {
     }
 }
 
-/// Whether a chunk is one that is still being written, so that its sizes are not there yet.
+/// Returns whether a chunk is still being written, so that its sizes are not stored yet.
 pub(super) fn is_open(chunk: &[u8]) -> bool {
     ChunkHead::read(chunk).is_ok_and(|head| head.compressed == NOT_YET || head.uncompressed == NOT_YET)
 }

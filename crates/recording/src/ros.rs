@@ -1,8 +1,8 @@
-//! Messages of ROS 1 and ROS 2 without ROS: read by the definitions that travel with them, and the few that are written.
+//! Messages of ROS 1 and ROS 2 without ROS: decoded by the definitions stored with them; a few types are also written.
 //!
-//! A definition is turned into a table of fields (`definition`), bytes into a tree of values (`decode`, `value`), and the tree into
-//! intrinsics (`resight-formats`) or into what a camera saw (`resight-watch`). Fields are found by name, so messages of older and newer
-//! releases are read alike.
+//! A definition is converted to a table of fields (`definition`), bytes to a tree of values (`decode`, `value`), and the tree to intrinsics
+//! (`resight-formats`) or to observations of a camera (`resight-watch`). Fields are found by name, so that messages of older and newer releases
+//! are read in the same way.
 
 pub mod definition;
 pub mod value;

@@ -1,4 +1,4 @@
-//! What a recording holds: its topics, from its summary, or counted where it has none.
+//! Lists the topics of a recording, from its summary, or by counting where there is none.
 
 use super::records::{Channel, Contents};
 use super::summary::summary;
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::sync::Arc;
 
-/// A topic and how much it holds.
+/// A topic with the number of its messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Topic {
     /// Name, type, encodings.
@@ -16,10 +16,10 @@ pub struct Topic {
     pub messages: u64,
 }
 
-/// All topics by name. A recording without summary (cut off, or still being written) is read through once.
+/// Returns all topics by name. A recording without a summary (truncated, or still being written) is read once completely.
 ///
 /// # Errors
-/// What the medium says, and files that are no MCAP. A file that is damaged later on gives the topics before the damage.
+/// An error of the medium, and files that are not MCAP files. For a file that is damaged later on, the topics before the damage are returned.
 pub fn topics<R: Read + Seek>(from: &mut R) -> Result<Vec<Topic>, RecordingError> {
     let mut contents = Contents::new(Box::new(|_| false));
     if summary(from, &mut contents) && !contents.counts.is_empty() && contents.channels().next().is_some() {

@@ -1,4 +1,4 @@
-//! Writing: uncompressed chunks with all indexes, each chunk handed on whole.
+//! Writes uncompressed chunks with all indexes, each chunk in one piece.
 
 use super::RecordingError;
 use mcap::records::{MessageHeader, Metadata};
@@ -43,10 +43,10 @@ impl<W: Write + Seek> Writer<W> {
         Ok(self.inner.add_schema(name, encoding, data)?)
     }
 
-    /// A topic; returns its number.
+    /// Adds a topic; returns its number.
     ///
     /// # Errors
-    /// As `schema`.
+    /// The errors of `schema`.
     pub fn channel(
         &mut self,
         schema: u16,
@@ -57,10 +57,10 @@ impl<W: Write + Seek> Writer<W> {
         Ok(self.inner.add_channel(schema, topic, encoding, metadata)?)
     }
 
-    /// A message on a topic at a time.
+    /// Writes a message on a topic at a time.
     ///
     /// # Errors
-    /// What the medium says; also below.
+    /// An error of the medium; so also below.
     pub fn message(&mut self, channel: u16, time_ns: u64, data: &[u8]) -> Result<(), RecordingError> {
         let sequence = self.sequences.entry(channel).or_default();
         let header = MessageHeader {
@@ -78,10 +78,10 @@ impl<W: Write + Seek> Writer<W> {
         Ok(())
     }
 
-    /// Named texts that belong to the whole file.
+    /// Writes named texts that apply to the whole file.
     ///
     /// # Errors
-    /// What the medium says; also below.
+    /// An error of the medium; so also below.
     pub fn metadata(&mut self, name: &str, texts: BTreeMap<String, String>) -> Result<(), RecordingError> {
         Ok(self.inner.write_metadata(&Metadata { name: name.to_string(), metadata: texts })?)
     }
@@ -101,8 +101,8 @@ impl<W: Write + Seek> Writer<W> {
         self.open_bytes = 0;
     }
 
-    /// About how many chunks there are. Each takes about 250 bytes of memory until `finish`, where the index of all is written: who
-    /// flushes for ever begins a new file now and then.
+    /// Returns the approximate number of chunks. Each needs about 250 bytes of memory until `finish`, where the index of all is written: callers
+    /// that flush for ever should start a new file from time to time.
     pub fn chunks(&self) -> u64 {
         self.ended
     }

@@ -19,12 +19,12 @@ use crate::answer::advise::Picture;
 use crate::core::Camera;
 use heat::HeatMap;
 
-/// The maps that there are.
+/// Collects the maps that could be drawn, with their file names.
 fn drawn(maps: impl IntoIterator<Item = (String, Option<HeatMap>)>) -> Vec<Picture> {
     maps.into_iter().filter_map(|(name, map)| Some((name, map?))).collect()
 }
 
-/// Figures are of pixels, and of what the camera can see.
+/// Refuses a camera without an image size: the figures are stated in pixels and depend on what the camera can see.
 fn must_have_image(camera: &Camera) -> Result<(), Error> {
     match camera.size {
         Some(_) => Ok(()),

@@ -1,4 +1,4 @@
-//! What jobs answer: typed, with a status, and serialised to the JSON of the command line.
+//! The answers of the jobs: typed, with a status, and serialised to the JSON of the command line.
 
 pub mod advise;
 pub mod compare;

@@ -1,4 +1,4 @@
-//! What moved between two calibrations: rigs or poses, from files or from answers.
+//! Compares two calibrations, rigs or poses, from files or from answers: what moved between them?
 
 mod read;
 mod rigs;
@@ -15,7 +15,7 @@ use crate::core::Matrix6;
 /// How two calibrations are compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CompareOptions {
-    /// Probability of saying that something moved when nothing did.
+    /// Probability of a false alarm: of reporting a motion when nothing moved.
     pub alpha: f64,
     /// 6×6 covariance `[rotation_rad; translation_m]` of each pose whose file states none.
     pub stated: Option<Matrix6>,
@@ -28,7 +28,7 @@ impl Default for CompareOptions {
 }
 
 impl CompareOptions {
-    /// Independent errors of each coordinate (metres) and about each axis (radians) for files that state no covariance.
+    /// Assumes independent errors, in metres for each coordinate and in radians about each axis, for files that state no covariance.
     pub fn with_sigmas(self, sigma_m: f64, sigma_rad: f64) -> Self {
         let variance = |i: usize| if i < 3 { sigma_rad * sigma_rad } else { sigma_m * sigma_m };
         let stated = Matrix6::from_fn(|i, j| if i == j { variance(i) } else { 0.0 });
@@ -36,11 +36,11 @@ impl CompareOptions {
     }
 }
 
-/// What moved from `before` to `after`. Rigs need no common frame: the largest set of cameras whose relative poses agree is taken
-/// to have stayed. Poses are compared view by view, and the probability of a false alarm is shared among the views.
+/// Determines what moved from `before` to `after`. Rigs need no common frame: the largest set of cameras whose relative poses agree is taken to
+/// be unmoved. Poses are compared view by view, and the probability of a false alarm is divided among the views.
 ///
 /// # Errors
-/// Fewer than two cameras, or no view, in both; a rig and poses; poses without a covariance; a covariance that is none.
+/// Fewer than two cameras, or no view, in both; a rig compared with poses; poses without a covariance; an invalid covariance.
 pub fn compare(
     before: &Compared,
     after: &Compared,

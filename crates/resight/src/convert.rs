@@ -1,4 +1,4 @@
-//! The jobs on files of cameras and targets: into another program's format, and into sentences.
+//! The jobs on camera and target files: conversion to another program's format, and explanation in sentences.
 
 use crate::answer::files::{CameraPosition, ConvertAnswer, Explanation};
 use crate::answer::{SchemaNumber, Status};
@@ -6,7 +6,7 @@ use crate::formats::{self, CameraFile, Conversion, Field, Format, Scene, WriteEr
 use crate::{Error, FileError};
 use std::path::{Path, PathBuf};
 
-/// A file in sentences: which frame maps to which, directions, units, quaternion order, camera centre.
+/// Explains a file in sentences: which frame maps to which, directions, units, quaternion order, camera centre.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
@@ -21,36 +21,36 @@ pub fn explain(file: impl AsRef<Path>) -> Result<Explanation, Error> {
     })
 }
 
-/// What to convert into what.
+/// A request for a conversion.
 #[derive(Debug, Clone)]
 pub struct ConvertRequest {
-    /// Camera files, or folders of them; `FILE#NAME` is one camera. Poses of one file join the cameras of another by name. A map of
-    /// tags for [`ConvertTo::FieldLayout`].
+    /// Camera files, or folders of them; `FILE#NAME` selects one camera. The poses of one file and the cameras of another are matched by name.
+    /// For [`ConvertTo::FieldLayout`], a map of tags.
     pub files: Vec<PathBuf>,
     /// The format to write.
     pub to: ConvertTo,
-    /// The frame that cameras are placed in; the one they share where none is given.
+    /// The frame in which the cameras are placed; by default the one that they share.
     pub reference: Option<String>,
     /// Width and height of the images of cameras whose files state none, pixels.
     pub image_size_px: Option<(u32, u32)>,
 }
 
-/// What is written.
+/// The kind of file to write.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ConvertTo {
     /// Cameras and their poses.
     Cameras(Format),
     /// A map of tags as a WPILib field layout.
     FieldLayout {
-        /// Whether keys are spelled as since 2027.
+        /// Whether the keys are spelled as in 2027 and later.
         keys_of_2027: bool,
-        /// Length and width of the field, metres; those of the layout read where none is given.
+        /// Length and width of the field, metres; by default those of the layout read.
         field_size_m: Option<(f64, f64)>,
     },
 }
 
 impl ConvertTo {
-    /// The name of the format.
+    /// Returns the name of the format.
     pub fn name(self) -> &'static str {
         match self {
             ConvertTo::Cameras(format) => format.name(),
@@ -59,10 +59,10 @@ impl ConvertTo {
     }
 }
 
-/// Cameras and their poses in another program's format, where each stands, and what could not be kept.
+/// Converts cameras and their poses to another program's format, and reports where each camera is and what could not be kept.
 ///
 /// # Errors
-/// What is wrong with a file, or with the request. That the format cannot hold the cameras is in the answer's status.
+/// What is wrong with a file or with the request. If the format cannot hold the cameras, the answer's status says so.
 pub fn convert(request: &ConvertRequest) -> Result<ConvertAnswer, Error> {
     match request.to {
         ConvertTo::Cameras(format) => cameras(request, format),
@@ -111,7 +111,7 @@ fn converted(conversion: Conversion) -> ConvertAnswer {
     }
 }
 
-/// The files were read, but the format cannot hold them.
+/// Returns the answer for files that were read but that the format cannot hold.
 fn refused(to: ConvertTo, reason: &WriteError) -> ConvertAnswer {
     ConvertAnswer {
         status: Status::Error,
@@ -130,7 +130,7 @@ fn read(request: &ConvertRequest) -> Result<CameraFile, Error> {
     Ok(rig)
 }
 
-/// One tag map; the field's size comes from the request, else from the layout that was read.
+/// Writes one tag map; the size of the field is taken from the request, else from the layout that was read.
 fn field_layout(
     request: &ConvertRequest,
     keys_of_2027: bool,

@@ -1,8 +1,8 @@
-//! Finding targets in images.
+//! Detectors of targets in images.
 //!
-//! A [`Detector`] is built once per thread for one target and fed images. Pixel origin ((0, 0) is the centre of the
-//! top-left pixel) and corner order (0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag) become
-//! ours here, whatever the library underneath does.
+//! A [`Detector`] is built once per thread for one target and is given images. It reports positions and corners in the conventions of this
+//! crate, whatever the library underneath uses: pixel (0, 0) is the centre of the top-left pixel, and the corners of the upright tag are
+//! numbered 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left.
 
 pub mod absent;
 mod aprilgrid;
@@ -65,10 +65,10 @@ pub enum DetectError {
         /// The number of ids.
         n_codes: usize,
     },
-    /// Dimensions that cannot be right.
+    /// Invalid dimensions.
     #[error(transparent)]
     Target(#[from] resight_core::Error),
-    /// A board the library cannot be set up for.
+    /// A board for which the library cannot be set up.
     #[error("this board cannot be detected: {reason}")]
     Board {
         /// The library's message.
@@ -82,7 +82,7 @@ pub enum DetectError {
         /// The remedy.
         instead: &'static str,
     },
-    /// Several copies of the tag looked for.
+    /// Several copies of a tag of which one is expected.
     #[error("tag {id} is seen {count} times, so its place is not known; cover or remove the copies")]
     Copies {
         /// Its id.
@@ -90,7 +90,7 @@ pub enum DetectError {
         /// How often it was seen.
         count: usize,
     },
-    /// Several copies of the board looked for.
+    /// Several copies of a board of which one is expected.
     #[error(
         "the {kind} is seen {count} times, so which one is meant is not known; cover or remove the copies"
     )]
@@ -100,7 +100,7 @@ pub enum DetectError {
         /// How often it was seen.
         count: usize,
     },
-    /// The pixels do not fill the stated size.
+    /// A pixel buffer that does not have the stated size.
     #[error("image of {width_px}×{height_px} px comes with {seen} values")]
     ImageBuffer {
         /// Columns.
@@ -110,13 +110,13 @@ pub enum DetectError {
         /// Values given.
         seen: usize,
     },
-    /// A window for a target that has no corners of squares.
+    /// A corner window for a target without corners of squares.
     #[error("a corner window is for chessboards and ChArUco boards; this target is a {kind}, leave it out")]
     CornerWindow {
         /// The target's kind.
         kind: &'static str,
     },
-    /// A window that no corner could be refined in.
+    /// A corner window in which no corner could be refined.
     #[error(
         "corner window of {seen} px; give the pixels it reaches to each side, {MIN_HALF_WINDOW_PX} to {MAX_HALF_WINDOW_PX}"
     )]
@@ -132,7 +132,7 @@ pub enum DetectError {
     OutOfMemory,
 }
 
-/// Most squares or tags of a board; a photograph has no pixels for more, and tables would outgrow the memory.
+/// Largest number of squares or tags of a board: a photograph has no pixels for more, and the tables would exceed the memory.
 const MAX_CELLS: u64 = 100_000;
 
 /// Smaller windows have too few pixels for two edges.
@@ -177,10 +177,10 @@ fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
 /// Grey levels of the faintest target differ by more than this.
 const LEAST_RANGE_GRAY: u8 = 5;
 
-/// Whether an image shows nothing at all, such as one from a covered lens: none is searched, whatever its size.
+/// Checks for an image without any contrast, such as one from a covered lens, which is not searched.
 fn is_blank(image: &GrayImage) -> bool {
     let (mut low, mut high) = (u8::MAX, 0);
-    // By rows: most images show something in the first ones.
+    // The check runs by rows, as most images have contrast in the first ones.
     image.data.chunks(image.width_px.max(1) as usize).all(|row| {
         low = row.iter().fold(low, |low, gray| low.min(*gray));
         high = row.iter().fold(high, |high, gray| high.max(*gray));
@@ -204,18 +204,17 @@ enum Finder {
 }
 
 impl Detector {
-    /// A detector for a target. Fails on dimensions, families or ids that cannot be right, and on targets that are
-    /// not detected (`points`).
+    /// Builds a detector for a target. Fails on invalid dimensions, families or ids, and on targets that are not detected in images (`points`).
     pub fn new(target: &Target) -> Result<Self, DetectError> {
         Detector::with_corner_window(target, CornerWindow::Clear)
     }
 
-    /// The same with the window in which the corners of a chessboard or ChArUco board are refined; fails for other targets.
+    /// Builds a detector with the window in which the corners of a chessboard or ChArUco board are refined; fails for other targets.
     pub fn with_corner_window(target: &Target, window: CornerWindow) -> Result<Self, DetectError> {
         target.check()?;
         check_extent(target)?;
         check_window(target, window)?;
-        // A print that is a little longer along one axis is another view of the same plane to a detector.
+        // To a detector, a print that is slightly longer along one axis is only another view of the same plane.
         let finder = match target.design() {
             Target::Tag(tag) => Finder::Tag(TagFinder::with_ids(&tag.family, &[tag.id])?),
             Target::TagMap(map) => {
@@ -240,13 +239,13 @@ impl Detector {
         Ok(Detector { finder, copies: Vec::new() })
     }
 
-    /// Features found, ids then corners ascending; empty when the target is not there.
-    /// Fails when a single tag, or each tag of a map that is seen, has copies in view, or the buffer does not have the image's size.
+    /// Finds the features of the target, sorted by id, then corner; empty when the target is not in the image. Fails when a single tag, or every
+    /// visible tag of a map, is in view more than once, or when the buffer does not have the stated size.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         self.find(image, None)
     }
 
-    /// The same with known intrinsics, which dot targets use: lines are straight and discs elliptic as the lens images them.
+    /// Finds the features with known intrinsics; dot targets use the lens, under which their lines are straight and their discs elliptic.
     pub fn detect_with_camera(
         &mut self,
         image: &GrayImage,
@@ -255,13 +254,13 @@ impl Detector {
         self.find(image, Some(camera))
     }
 
-    /// The ids of a tag map that the last image showed more often than once, with how often: they are left out, for which of them is the
-    /// one of the map is not known.
+    /// Returns the ids of a tag map that the last image showed more than once, with their numbers. They are left out, because it is not known
+    /// which copy is the tag of the map.
     pub fn copies(&self) -> &[(u32, usize)] {
         &self.copies
     }
 
-    /// The same in sentences.
+    /// Describes the copies in sentences.
     pub fn remarks(&self) -> impl Iterator<Item = String> + '_ {
         let copies = self.copies.iter();
         copies.map(|(id, n)| {
@@ -269,7 +268,7 @@ impl Detector {
         })
     }
 
-    /// Whether all corners of a board are among these.
+    /// Returns whether all corners of a board are among the detections.
     fn is_whole_board(&self, seen: &[Detection]) -> bool {
         match &self.finder {
             Finder::AprilGrid(finder) => finder.is_whole(seen),
@@ -279,8 +278,8 @@ impl Detector {
         }
     }
 
-    /// Those corners of a whole board that are picked, each by what is printed around the places given for all: within a pixel or two, or not
-    /// at all; and the blur.
+    /// Measures the corners of a whole board that `picked` selects, each by the print around its position in `places`. A corner is found
+    /// within a pixel or two, or not at all. Also returns the blur.
     fn measured_near(
         &self,
         image: &GrayImage,

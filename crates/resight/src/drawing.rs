@@ -1,4 +1,4 @@
-//! A flat drawing of lines and words, written as SVG and as PNG from the same list.
+//! A flat drawing of lines and text, written as SVG and as PNG from the same list.
 
 pub mod chart;
 
@@ -7,18 +7,18 @@ use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::font;
 use nalgebra::Vector2;
 
-/// Where a text stands relative to its place.
+/// The part of a text that is at its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
-    /// Begins there.
+    /// The text begins at the position.
     Start,
-    /// Is centred there.
+    /// The text is centred on the position.
     Middle,
-    /// Ends there.
+    /// The text ends at the position.
     End,
 }
 
-/// Something drawn. Places in px, y down.
+/// An element of a drawing. Positions in px, y down.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Item {
     /// A line through points.
@@ -29,43 +29,43 @@ pub enum Item {
         color: Color,
         /// Its width, px.
         width: f64,
-        /// 1 opaque, 0 invisible.
+        /// Opacity: 1 opaque, 0 invisible.
         opacity: f64,
     },
-    /// One line of text; the place is on its baseline.
+    /// One line of text; its position is on the baseline.
     Text {
-        /// What it says.
+        /// The characters.
         text: String,
-        /// Where.
+        /// Its position.
         at: Vector2<f64>,
         /// Height of a capital, px.
         height: f64,
         /// Its colour.
         color: Color,
-        /// Which part of it is there.
+        /// The part of the text that is at the position.
         anchor: Anchor,
-        /// Turn, clockwise, about its place.
+        /// Rotation, clockwise, about the position.
         rotation_rad: f64,
     },
 }
 
-/// A drawing on white.
+/// A drawing on a white background.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawing {
     /// Columns.
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// In order: later ones lie on top.
+    /// The items in drawing order: later ones cover earlier ones.
     pub items: Vec<Item>,
 }
 
 const WHITE: Color = [255, 255, 255];
-/// Stroke of letters over their height.
+/// Width of the strokes of letters relative to their height.
 const BOLDNESS: f64 = 0.13;
 
 impl Drawing {
-    /// An empty sheet.
+    /// Creates an empty drawing.
     pub fn new(width_px: u32, height_px: u32) -> Self {
         Drawing { width_px, height_px, items: Vec::new() }
     }
@@ -75,17 +75,17 @@ impl Drawing {
         self.faint_line(path, color, width, 1.0);
     }
 
-    /// Adds a line that lets what lies below shine through: 1 opaque, 0 invisible.
+    /// Adds a partly transparent line: opacity 1 is opaque, 0 invisible.
     pub fn faint_line(&mut self, path: Path, color: Color, width: f64, opacity: f64) {
         self.items.push(Item::Line { path, color, width, opacity });
     }
 
-    /// Adds level text.
+    /// Adds horizontal text.
     pub fn text(&mut self, text: &str, at: Vector2<f64>, height: f64, color: Color, anchor: Anchor) {
         self.rotated_text(text, at, height, color, anchor, 0.0);
     }
 
-    /// Adds text rotated about its place, on a white shade that keeps it readable over lines.
+    /// Adds text rotated about its position, on a white shade that keeps it readable over lines.
     pub fn rotated_text(
         &mut self,
         text: &str,
@@ -98,10 +98,10 @@ impl Drawing {
         self.items.push(Item::Text { text: text.to_string(), at, height, color, anchor, rotation_rad });
     }
 
-    /// As PNG.
+    /// Encodes the drawing as PNG.
     ///
     /// # Errors
-    /// What the encoder says.
+    /// The encoder's message.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         let sheet = GrayImage::filled(self.width_px, self.height_px, 255);
         let mut canvas = Canvas::from_photograph(&sheet, 1, 0, WHITE);
@@ -124,7 +124,7 @@ impl Drawing {
         canvas.png()
     }
 
-    /// As SVG; one unit is one pixel of the PNG.
+    /// Writes the drawing as SVG; one unit is one pixel of the PNG.
     pub fn svg(&self) -> String {
         let (w, h) = (self.width_px, self.height_px);
         let mut out = format!(
@@ -189,7 +189,7 @@ fn hex([r, g, b]: Color) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Text for XML.
+/// Escapes text for XML.
 pub fn escaped(text: &str) -> String {
     text.chars()
         .map(|letter| match letter {
@@ -203,7 +203,7 @@ pub fn escaped(text: &str) -> String {
         .collect()
 }
 
-/// Letters as lines, anchored and turned.
+/// Returns the letters as lines, anchored and rotated.
 pub fn strokes(text: &str, at: Vector2<f64>, height: f64, anchor: Anchor, rotation_rad: f64) -> Vec<Path> {
     let width = font::width(text, height);
     let back = match anchor {

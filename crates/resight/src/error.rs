@@ -1,21 +1,21 @@
-//! What can go wrong at the front door.
+//! The errors of all jobs.
 
 use crate::detect::DetectError;
 use crate::formats::WriteError;
 pub use resight_formats::FileError;
 use thiserror::Error;
 
-/// Why a job could not begin. What goes wrong with a single image is in its answer.
+/// Why a job could not begin. Errors with a single image are reported in its answer.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file that cannot be read, or says what cannot be.
+    /// A file that cannot be read, or has invalid contents.
     #[error(transparent)]
     File(#[from] FileError),
     /// A target that cannot be detected.
     #[error(transparent)]
     Detect(#[from] DetectError),
-    /// Numbers that no mathematics can be done with.
+    /// Numbers with which the mathematics cannot work.
     #[error(transparent)]
     Math(#[from] resight_core::Error),
     /// Cameras that a file format cannot hold.
@@ -27,7 +27,7 @@ pub enum Error {
         /// What is wrong, and what is needed.
         reason: String,
     },
-    /// A request that names what is not there, contradicts itself or lacks something.
+    /// A request that names something that does not exist, contradicts itself or is incomplete.
     #[error("{reason}")]
     Request {
         /// What is wrong, and what is needed.
@@ -36,7 +36,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// What is wrong with a request.
+    /// Builds an error from a description of what is wrong with a request.
     pub fn request(reason: impl Into<String>) -> Self {
         Error::Request { reason: reason.into() }
     }

@@ -1,4 +1,4 @@
-//! Grey images: the one pixel type every detector reads.
+//! Grey images, the only pixel type that detectors read.
 
 use crate::FileError;
 use crate::input::{self, Kind};
@@ -25,22 +25,22 @@ pub struct GrayImage {
 /// Largest image accepted, pixels: a header may claim more than the machine's memory.
 const MAX_PIXELS: u64 = 64_000_000;
 
-/// Memory a decoded image may take beside its file, bytes.
+/// Memory that a decoded image may need in addition to its file, bytes.
 const MAX_DECODED_BYTES: u64 = 144_000_000;
 
-/// Largest JPEG in several passes: its decoder holds up to six bytes for each pixel besides.
+/// Largest progressive JPEG, pixels: its decoder needs up to six more bytes for each pixel.
 const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 
-/// Width and height of a PNG or JPEG, pixels, by its header.
+/// Reads width and height of a PNG or JPEG from its header, pixels.
 ///
 /// # Errors
-/// No such file, or no image.
+/// A missing file, or a file that is not an image.
 pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
     let bytes = input::read(path, Kind::Image)?;
     header::dimensions(&bytes).ok_or_else(|| FileError::new(path, "not a readable PNG or JPEG image"))
 }
 
-/// Memory that decoding takes at most, its result included, bytes; none where the bytes are no PNG or JPEG.
+/// Returns the memory that decoding needs at most, its result included, bytes; `None` where the bytes are not a PNG or JPEG.
 pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
     let (width, height) = header::dimensions(bytes)?;
     let pixels = u64::from(width) * u64::from(height);
@@ -48,13 +48,13 @@ pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
 }
 
 impl GrayImage {
-    /// A uniform image.
+    /// Creates a uniform image.
     pub fn filled(width_px: u32, height_px: u32, value: u8) -> Self {
         GrayImage { width_px, height_px, data: vec![value; width_px as usize * height_px as usize] }
     }
 
-    /// The grey of an image of one channel, or of colours: a quarter of the first and the third and half of the second, the same for red,
-    /// green, blue and for blue, green, red; a fourth channel is transparency, and not read.
+    /// Converts an image of one channel, or of colours, to grey: a quarter of the first and the third and half of the second channel, so that
+    /// RGB and BGR give the same. A fourth channel is transparency, and is ignored.
     ///
     /// # Errors
     /// Another number of channels, no pixels, more than 64 Mpx.
@@ -88,21 +88,21 @@ impl GrayImage {
         Ok(GrayImage { width_px: width_px as u32, height_px: height_px as u32, data })
     }
 
-    /// Value at column `u`, row `v`. Panics outside the image.
+    /// Returns the value at column `u`, row `v`. Panics outside the image.
     #[inline]
     pub fn at(&self, u: u32, v: u32) -> u8 {
         self.data[v as usize * self.width_px as usize + u as usize]
     }
 
-    /// Reads PNG or JPEG (by content, whatever the name says), converting colour to luma and 16 bits to 8. Refuses
-    /// more than 64 Mpx, or 96 MiB of file, before it decodes; fails on files that are no images, torn, or empty.
+    /// Reads a PNG or JPEG (by content, whatever its name), converting colour to luma and 16 bits to 8. Before it decodes, it refuses more than
+    /// 64 Mpx, or 96 MiB of file; fails on files that are not images, are truncated, or empty.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = input::read(path, Kind::Image)?;
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// The same, with what is unusual about the file: EXIF asks viewers to show it rotated or mirrored. Pixels are taken as they are stored,
-    /// everywhere.
+    /// Reads as [`GrayImage::read`], and returns a remark where EXIF asks viewers to show the image rotated or mirrored. Pixels are always taken
+    /// as they are stored.
     ///
     /// # Errors
     /// As of [`GrayImage::read`].
@@ -120,7 +120,7 @@ impl GrayImage {
 
     /// Decodes PNG or JPEG bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
-        // Other decoders may be compiled in for other crates; which formats are read must not depend on that.
+        // Other crates may enable more decoders; the formats that are read must not depend on that.
         let format =
             ::image::guess_format(bytes).map_err(|_| "not a readable PNG or JPEG image".to_string())?;
         if !matches!(format, ::image::ImageFormat::Png | ::image::ImageFormat::Jpeg) {
@@ -136,7 +136,7 @@ impl GrayImage {
         if format == ::image::ImageFormat::Png {
             return frugal::png(bytes);
         }
-        // An image without its end is torn unless all of its pixels are there.
+        // An image without an end marker is truncated, unless all of its pixels are there.
         let is_torn = !header::has_end(bytes) && !frugal::has_all_pixels(bytes);
         if is_torn {
             return Err(unreadable(&"it ends too early: the file is torn; copy or save it again"));
@@ -158,10 +158,10 @@ impl GrayImage {
         Ok(GrayImage { width_px: gray.width(), height_px: gray.height(), data: gray.into_raw() })
     }
 
-    /// The image as PNG, every grey as it is.
+    /// Encodes the image as PNG, without loss.
     ///
     /// # Errors
-    /// What the encoder says of an image that is none.
+    /// The encoder's message for an invalid image.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         use ::image::ImageEncoder;
         let mut bytes = Vec::new();
@@ -171,10 +171,10 @@ impl GrayImage {
         Ok(bytes)
     }
 
-    /// The image as a camera saves it: JPEG, `quality` from 1 to 100.
+    /// Encodes the image as JPEG, as a camera does; `quality` from 1 to 100.
     ///
     /// # Errors
-    /// What the encoder says of an image that is none.
+    /// The encoder's message for an invalid image.
     pub fn jpeg(&self, quality: u8) -> Result<Vec<u8>, String> {
         let mut bytes = Vec::new();
         ::image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality.clamp(1, 100))
@@ -195,7 +195,7 @@ mod tests {
         bytes
     }
 
-    /// As `png`, with another size claimed in the header (bytes 16 to 24) under a valid checksum.
+    /// Returns a PNG whose header (bytes 16 to 24) states another size, under a valid checksum.
     fn png_claiming(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = png(&[1, 2, 3, 4], 2, 2, ExtendedColorType::L8);
         bytes[16..20].copy_from_slice(&width.to_be_bytes());
@@ -242,7 +242,7 @@ mod tests {
         assert!(GrayImage::decode(&png_claiming(5_000, 5_000)).unwrap_err().contains("not a readable"));
     }
 
-    /// Row by row or whole, the greys are the same.
+    /// Decoding row by row or as a whole gives the same grey levels.
     #[test]
     fn rows_are_decoded_as_the_whole_is() {
         let bytes: Vec<u8> =
@@ -264,7 +264,7 @@ mod tests {
         }
     }
 
-    /// The brightness of a colour JPEG as its file holds it; the whole is weighed from its colours again.
+    /// The large JPEG gives the luma stored in its file; the small one is decoded to colours and weighted again.
     #[test]
     fn a_large_jpeg_gives_its_brightness() {
         let values: Vec<u8> = (0..64 * 48 * 3u32).map(|k| 40 + (k / 3 % 64 * 2) as u8).collect();

@@ -1,4 +1,4 @@
-//! Intrinsics from images or detections of a target: the jobs behind `resight intrinsics`.
+//! Intrinsics from images or detections of a target: the jobs of `resight intrinsics`.
 
 mod gather;
 mod describe;
@@ -17,17 +17,17 @@ use crate::rig::{CameraImage, Detections, ImageOptions};
 use gather::{CameraViews, gather};
 use std::path::Path;
 
-/// What the cameras saw.
+/// The observations of the cameras.
 #[derive(Debug, Clone)]
 pub enum IntrinsicsSource<'a> {
-    /// Images or videos in which the request's targets are looked for.
+    /// Images or videos in which the request's targets are searched for.
     Images {
-        /// Each with the name of its camera.
+        /// The images, each with the name of its camera.
         images: Vec<CameraImage>,
-        /// How targets are found.
+        /// Options of the detection.
         options: ImageOptions,
     },
-    /// Points that a detector found already.
+    /// Points that another detector found.
     Detections {
         /// Files, in which the column `camera` may be missing, or rows in memory.
         detections: Detections<'a>,
@@ -36,18 +36,19 @@ pub enum IntrinsicsSource<'a> {
     },
 }
 
-/// What intrinsics are to be estimated from.
+/// A request for intrinsics.
 #[derive(Debug, Clone)]
 pub struct IntrinsicsRequest<'a> {
-    /// What was seen.
+    /// The observations.
     pub source: IntrinsicsSource<'a>,
     /// The targets by name.
     pub targets: Vec<(String, Target)>,
-    /// Names of the cameras; those of images must be among them, rows of other cameras are not used. Empty with detections: all that these name.
+    /// Names of the cameras; those of images must be among them, and rows of other cameras are ignored. Empty with detections: all cameras named
+    /// there.
     pub cameras: Vec<String>,
     /// Lens models that are tried.
     pub models: Models,
-    /// Where the noise of the corners comes from.
+    /// The source of the noise of the corners.
     pub noise: Noise,
     /// Whether the stretch and the bend of a flat target are estimated too.
     pub target_shape: TargetShape,
@@ -55,11 +56,11 @@ pub struct IntrinsicsRequest<'a> {
     pub checked: Vec<NamedCamera>,
 }
 
-/// The name of a camera that has none.
+/// The name of a camera whose observations state none.
 pub const NAMELESS: &str = "camera";
 
 impl<'a> IntrinsicsRequest<'a> {
-    /// From a source, with everything else as by default.
+    /// Creates a request for a source, with the defaults for everything else.
     pub fn new(source: IntrinsicsSource<'a>) -> Self {
         IntrinsicsRequest {
             source,
@@ -72,10 +73,10 @@ impl<'a> IntrinsicsRequest<'a> {
         }
     }
 
-    /// The target of a file, under the file's name without its ending; what is unusual about it.
+    /// Reads the target of a file, under the file's name without its ending; returns what is unusual about it.
     ///
     /// # Errors
-    /// What is wrong with the file, and where; a name that another target has.
+    /// What is wrong with the file, and where; a name that another target already has.
     pub fn read_target(&mut self, path: &Path) -> Result<Vec<String>, Error> {
         let file = formats::read_target_with(path, &TagOptions::default())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -87,7 +88,7 @@ impl<'a> IntrinsicsRequest<'a> {
     }
 }
 
-/// The intrinsics of one or several cameras with their covariance, from views of known points.
+/// Estimates the intrinsics of one or several cameras, with their covariance, from views of known points.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -108,8 +109,8 @@ impl<'a> IntrinsicsRequest<'a> {
 /// ```
 ///
 /// # Errors
-/// A file that cannot be read, a target that cannot be detected, a request that lacks something, images of several sizes. Views that do not
-/// determine the camera are an answer: its status is `Degenerate`, and it says what is missing.
+/// A file that cannot be read, a target that cannot be detected, an incomplete request, images of several sizes. If the views do not determine
+/// the camera, the answer has the status `Degenerate` and states what is missing.
 pub fn intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsAnswer, Error> {
     let gathered = gather(request)?;
     let cameras = gathered.cameras.iter().map(|camera| solved(camera, request)).collect::<Result<_, _>>()?;

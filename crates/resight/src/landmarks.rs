@@ -1,10 +1,10 @@
-//! Natural landmarks: how a camera rotated since a reference image, when no target is there.
+//! Measures with natural landmarks how a camera rotated since a reference image, when no target is in view.
 //!
-//! Corners of the reference (FAST) are found again by their BRIEF descriptors, or where the last rotation puts them, and then aligned
-//! to a fraction of a pixel; `resight_core::temporal::relative_rotation` weighs them. The scene is taken to be far off, or the camera to turn
-//! about its own centre: a translation is not seen.
+//! Corners of the reference (FAST) are found again by their BRIEF descriptors, or near the positions predicted by the last rotation, and then
+//! aligned to a fraction of a pixel; `resight_core::temporal::relative_rotation` weights them. The scene is assumed to be distant, or the camera
+//! to rotate about its own centre: a translation is not observed.
 //!
-//! reference ─► `select` ─► windows · now ─► `features` (where?) ─► `patch` (exactly where?) ─► `relative_rotation` ─► rotation, shift, covariance
+//! reference ─► `select` ─► windows · now ─► `features` (coarse) ─► `patch` (sub-pixel) ─► `relative_rotation` ─► rotation, shift, covariance
 
 mod draw;
 mod features;
@@ -36,24 +36,24 @@ pub struct Landmarks {
     features: Features,
     /// Directions of the features.
     bearings: Vec<Option<Bearing>>,
-    /// How well the intrinsics are known; none: exactly.
+    /// The uncertainty of the intrinsics; `None` where they are exact.
     intrinsics: Option<IntrinsicsCovariance>,
 }
 
-/// What an image shows of the landmarks.
+/// The landmarks that an image shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LandmarkObservation {
     /// The rotation since the reference.
     pub relative_rotation: RelativeRotation,
-    /// How far what was at the image centre has moved; none where the lens no longer sees it.
+    /// The motion of the image centre; `None` where it is not in the field of the lens any more.
     pub shift: Option<Shift>,
-    /// Landmarks found again; those used are `relative_rotation.used`.
+    /// Landmarks found again; `relative_rotation.used` lists those that were used.
     pub found: Vec<Found>,
-    /// Landmarks that the rotation leaves in the image.
+    /// Number of landmarks that are in the image after the rotation.
     pub in_view: usize,
 }
 
-/// How far the image moved at its centre.
+/// The motion of the image centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shift {
     /// Right and down, px.
@@ -65,9 +65,9 @@ pub struct Shift {
 /// A landmark found again.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// Where it was in the reference, px.
+    /// Its position in the reference, px.
     pub reference_px: Vector2<f64>,
-    /// Where it is now, px.
+    /// Its current position, px.
     pub now_px: Vector2<f64>,
 }
 
@@ -75,26 +75,26 @@ pub struct Found {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LandmarksError {
-    /// Too little to see.
+    /// The image has too few landmarks.
     #[error(
         "the reference image has {seen} landmarks, {needed} are needed; use a sharp image, by day, with more to see"
     )]
     TooFew {
-        /// Landmarks found.
+        /// Number of landmarks found.
         seen: usize,
-        /// Needed.
+        /// Number needed.
         needed: usize,
     },
-    /// Of another size than the camera's.
+    /// The image has another size than the camera's.
     #[error("the reference image: {0}")]
     Size(String),
 }
 
-/// Why an image says nothing of the rotation.
+/// Why an image gives no rotation.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum NotObserved {
-    /// Another size than the reference's.
+    /// The image has another size than the reference.
     #[error(
         "the image is {}×{} px, the reference {}×{}; take a reference of the same size", seen_px[0], seen_px[1], needed_px[0],
         needed_px[1]
@@ -105,12 +105,12 @@ pub enum NotObserved {
         /// Of the reference.
         needed_px: [u32; 2],
     },
-    /// Nothing to see.
+    /// The image has too few corners.
     #[error("{corners} corners in this image, {needed} are needed: it is dark, covered, blurred or empty")]
     Blank {
-        /// Corners of the image.
+        /// Number of corners in the image.
         corners: usize,
-        /// Needed.
+        /// Number needed.
         needed: usize,
     },
     /// Too few landmarks agree with one rotation.
@@ -118,41 +118,41 @@ pub enum NotObserved {
         "{agreeing} of {landmarks} landmarks found again, {needed} are needed: another scene, something in front of it, or very other light"
     )]
     TooFew {
-        /// That agree.
+        /// Number of landmarks that agree.
         agreeing: usize,
-        /// That could have been found: those of the reference, or as many of them as the rotation leaves in the image.
+        /// Number that could have been found: all landmarks of the reference, or those in the image after the rotation.
         landmarks: usize,
-        /// Needed.
+        /// Number needed.
         needed: usize,
     },
 }
 
-/// Landmarks that must agree.
+/// Least number of landmarks that must agree.
 pub const LEAST: usize = 15;
-/// Share of those in view that must be found and agree: chance alone gives a few.
+/// Least share of the visible landmarks that must be found and agree: some agree by chance.
 const LEAST_SHARE: f64 = 0.15;
-/// Least landmarks of a reference: half of them may be hidden later.
+/// Least number of landmarks in a reference: half of them may be hidden later.
 const LEAST_IN_REFERENCE: usize = 2 * LEAST;
-/// A landmark agrees with a rotation within this, px of the image.
+/// Largest residual of a landmark that agrees with a rotation, px of the image.
 const FINE_PX: f64 = 1.0;
-/// The same in the reduced image, in its pixels.
+/// The same limit in the reduced image, in its pixels.
 const COARSE_PX: f64 = 1.0;
-/// The same for corners found by their descriptors, px of the reduced image: corners stand on whole pixels.
+/// The same limit for corners found by their descriptors, px of the reduced image: their positions are whole pixels.
 const CORNER_PX: f64 = 2.0;
-/// A window is followed this far from where it is expected, its own pixels.
+/// A window is searched for this far from its expected position, in its own pixels.
 const REACH_PX: f64 = 4.0;
-/// What no window can see of its error (interpolation, lens), px.
+/// Error that is not visible in a window (interpolation, lens), px.
 const FLOOR_PX: f64 = 0.02;
 
-/// What reading between pixels adds to all landmarks alike at a quarter of a pixel, standard deviation, px: measured on ten photographs
-/// rotated by known angles, docs/math/turn.md eq. (12).
+/// Error common to all landmarks from interpolation at a quarter of a pixel, standard deviation, px: measured on ten photographs rotated by
+/// known angles, docs/math/turn.md eq. (12).
 const FRACTION_PX: f64 = 0.002;
 
 impl Landmarks {
-    /// The landmarks of an image taken by `camera` (at the size of this image).
+    /// Selects the landmarks of an image taken by `camera` (at the size of this image).
     ///
     /// # Errors
-    /// An image of another size than the camera's, or with too little to see.
+    /// An image of another size than the camera's, or with too few landmarks.
     pub fn new(picture: &GrayImage, camera: &Camera) -> Result<Self, LandmarksError> {
         let camera = crate::formats::check_image_size(camera, picture.width_px, picture.height_px)
             .map_err(LandmarksError::Size)?;
@@ -168,22 +168,22 @@ impl Landmarks {
         Ok(Landmarks { camera, size_px, marks, pattern, features, bearings, intrinsics: None })
     }
 
-    /// Rotations measured from now on hold in their covariance what uncertain intrinsics do to them: docs/math/turn.md eq. (14).
+    /// Sets the covariance of the intrinsics, whose effect the covariances of rotations include from now on: docs/math/turn.md eq. (14).
     pub fn with_intrinsics(mut self, intrinsics: Option<IntrinsicsCovariance>) -> Self {
         self.intrinsics = intrinsics;
         self
     }
 
-    /// How many there are.
+    /// Returns the number of landmarks.
     pub fn count(&self) -> usize {
         self.marks.len()
     }
 
-    /// How the camera is turned in `picture`. `near`, now_from_reference of the image before, is tried first; without it, or where it
-    /// does not serve, the landmarks are looked for everywhere.
+    /// Measures how the camera is rotated in `picture`. `near`, now_from_reference of the previous image, is tried first; without it, or where
+    /// it fails, the landmarks are searched for in the whole image.
     ///
     /// # Errors
-    /// Why this image says nothing: blank, another scene, another size.
+    /// Why this image gives no rotation: no contrast, another scene, another size.
     pub fn observe(
         &self,
         picture: &GrayImage,
@@ -203,7 +203,7 @@ impl Landmarks {
         self.measure(picture, &start)
     }
 
-    /// By descriptors, wherever they are.
+    /// Searches the whole image by descriptors.
     fn search(&self, picture: &Reduced) -> Result<Matrix3<f64>, NotObserved> {
         let now = Features::of(picture, &self.pattern);
         if now.len() < LEAST {
@@ -229,13 +229,13 @@ impl Landmarks {
             .map_or(found.now_from_reference, |relative_rotation| relative_rotation.now_from_reference))
     }
 
-    /// Windows of the reduced image, near where a rotation puts them.
+    /// Searches windows of the reduced image near the positions predicted by a rotation.
     fn follow(&self, picture: &Reduced, near: &Matrix3<f64>) -> Option<RelativeRotation> {
         let scale = f64::from(picture.factor);
         let find = |mark: &LandmarkPatch| {
             let (patch, centre) = mark.coarse.as_ref()?;
             let (at, slope) = self.expected(mark, near)?;
-            // The window's centre is a whole pixel of the reduced image, a little beside the landmark.
+            // The centre of the window is a whole pixel of the reduced image, slightly beside the landmark.
             let start = picture.reduced(at + slope * (centre - mark.pixel));
             let aligned = patch.find(&picture.image, start, &slope, REACH_PX)?;
             let pixel = picture.full_size(aligned.pixel) - slope * (centre - mark.pixel);
@@ -252,7 +252,7 @@ impl Landmarks {
         .ok()
     }
 
-    /// Full-size windows, from a rotation that is right to a pixel or so.
+    /// Aligns full-size windows, starting from a rotation that is accurate to about a pixel.
     fn measure(&self, picture: &GrayImage, near: &Matrix3<f64>) -> Result<LandmarkObservation, NotObserved> {
         let align = |(mark, at, slope): (&LandmarkPatch, Vector2<f64>, Matrix2<f64>)| {
             let aligned = mark.fine.find(picture, at, &slope, REACH_PX)?;
@@ -294,8 +294,8 @@ impl Landmarks {
         Ok(LandmarkObservation { shift, relative_rotation, found, in_view })
     }
 
-    /// What reading between pixels may do to all landmarks alike, along rows and along columns: docs/math/turn.md eq. (12). By where the
-    /// turn puts a landmark, not by where it was found: its own error must not decide.
+    /// Adds the error of interpolation common to all landmarks, along rows and along columns: docs/math/turn.md eq. (12). It uses the predicted
+    /// position of a landmark, not the found one, whose own error must not decide.
     fn read_between_pixels(&self, landmark: &mut Landmark, relative_rotation: &Matrix3<f64>) {
         let Some(at) = self.camera.project(&(relative_rotation * landmark.in_reference.into_inner())) else {
             return;
@@ -313,7 +313,7 @@ impl Landmarks {
         NotObserved::TooFew { agreeing, landmarks: self.marks.len(), needed: LEAST }
     }
 
-    /// Where a rotation puts a landmark, and how it draws its neighbourhood (pixels now by pixels of the reference).
+    /// Predicts the position of a landmark from a rotation, and the affine map of its neighbourhood (pixels now by pixels of the reference).
     fn expected(
         &self,
         mark: &LandmarkPatch,
@@ -325,7 +325,7 @@ impl Landmarks {
         Some((at, Matrix2::from_columns(&columns)))
     }
 
-    /// A window's width from the border.
+    /// Returns whether a pixel is at least a window's width from the border.
     fn is_inside(&self, pixel: &Vector2<f64>) -> bool {
         let border = f64::from(patch::RADIUS + 4);
         let inside = |x: f64, size: u32| border < x && x < f64::from(size) - 1.0 - border;

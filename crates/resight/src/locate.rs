@@ -46,11 +46,11 @@ mod symmetric;
 pub struct LocateOptions {
     /// The solver; `Auto` decides from the points.
     pub method: Method,
-    /// How well the intrinsics are known; none: exactly.
+    /// The uncertainty of the intrinsics; `None` where they are exact.
     pub intrinsics: Option<IntrinsicsCovariance>,
-    /// Where corners of chessboards and ChArUco boards are refined.
+    /// The window in which corners of chessboards and ChArUco boards are refined.
     pub corner_window: CornerWindow,
-    /// Whether the focal length is estimated with the pose of each image; nothing is then read of the camera.
+    /// Whether the focal length is estimated with the pose of each image; the intrinsics of the camera are then ignored.
     pub estimate_focal: bool,
 }
 
@@ -72,8 +72,8 @@ pub fn locate_image(
     Ok(answer)
 }
 
-/// Says of an image without the target what it shows instead: of the first one of a session, searched for in the `image` that is read again.
-/// Images have to be given in their order.
+/// Explains what an image without the target shows instead, for the first such image of a session; `image` reads it again. Images have to be
+/// given in their order.
 pub fn explain(
     answer: &mut PoseAnswer,
     target: &Target,
@@ -91,14 +91,14 @@ pub struct ImageLocator<'a> {
     target: &'a Target,
     options: &'a LocateOptions,
     detector: Detector,
-    /// Remarks about sizes of the target that hardly exist.
+    /// Remarks about implausible sizes of the target.
     sizes: Vec<String>,
 }
 
 /// The points found in one image, and the answer.
 #[derive(Debug, Clone)]
 pub struct Located {
-    /// The camera at the image's size; none where the image is of another shape.
+    /// The camera at the image's size; `None` where the image has another aspect ratio.
     pub camera: Option<Camera>,
     /// The points found.
     pub detections: Vec<Detection>,
@@ -108,14 +108,14 @@ pub struct Located {
 
 impl<'a> ImageLocator<'a> {
     /// # Errors
-    /// As of [`locate_image`].
+    /// The errors of [`locate_image`].
     pub fn new(camera: &'a Camera, target: &'a Target, options: &'a LocateOptions) -> Result<Self, Error> {
         let detector = Detector::with_corner_window(target, options.corner_window)?;
         Ok(ImageLocator { camera, target, options, detector, sizes: plausible::of_target(target) })
     }
 
-    /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer. Of an image without the target it
-    /// is not said what that shows instead, which takes longer than the search: [`explain`].
+    /// Detects the target in an image and solves for the pose; `view` is the image's name in the answer. For an image without the target, the
+    /// answer does not state what the image shows instead, which takes longer than the search: use [`explain`].
     pub fn locate(&mut self, image: &GrayImage, view: String) -> Located {
         if self.options.estimate_focal {
             return self.locate_with_unknown_focal(image, view);
@@ -149,7 +149,7 @@ impl<'a> ImageLocator<'a> {
             let answer = PoseAnswer::without_pose(view, Status::NotFound, reason);
             return Located { camera: None, detections, answer: PoseAnswer { remarks, ..answer } };
         }
-        // Rays play no part in what is joined: without a lens there are none.
+        // The join needs no bearings: without a lens there are none.
         let (joined, skipped) = correspond(&detections, self.target, &Camera::normalized());
         let (features, seen): (Vec<_>, Vec<_>) = joined.into_iter().unzip();
         let name_of = |i: usize| features.get(i).map_or_else(String::new, |f| feature_name(*f, self.target));
@@ -164,13 +164,13 @@ impl<'a> ImageLocator<'a> {
         Located { camera, detections, answer: symmetric::judged(answer, self.target) }
     }
 
-    /// The size that the intrinsics are of, where `camera` is them at another.
+    /// Returns the size for which the intrinsics were stated, where `camera` was scaled to another.
     fn scaled_from_px(&self, camera: &Camera) -> Option<[u32; 2]> {
         let calibrated = self.camera.size?;
         (camera.size != Some(calibrated)).then_some([calibrated.width_px, calibrated.height_px])
     }
 
-    /// What the rulers leave open of a printed target's lengths along x and y; zeros where it is taken as exact.
+    /// Returns the uncertainty of a printed target's lengths along x and y that the rulers leave; zeros where the target is exact.
     fn scale_sigma(&self) -> [f64; 2] {
         self.target.printed_scale().map_or([0.0; 2], |scale| scale.relative_sigma())
     }
@@ -222,7 +222,7 @@ impl<'a> ImageLocator<'a> {
 }
 
 impl Located {
-    /// Of an image that could not be looked at.
+    /// Returns the answer for an image that could not be read.
     pub fn error(view: String, reason: impl Into<String>) -> Self {
         let answer = PoseAnswer::without_pose(view, Status::Error, reason);
         Located { camera: None, detections: Vec::new(), answer }
@@ -252,18 +252,18 @@ impl Located {
     }
 }
 
-/// Settings of [`locate_points`]: knowledge besides the points, and their unit.
+/// Settings of [`locate_points`]: prior knowledge, and the unit of the points.
 #[derive(Debug, Clone)]
 pub struct PointsOptions {
     /// The solver; `Auto` decides from the points.
     pub method: Method,
-    /// How well the intrinsics are known; none: exactly.
+    /// The uncertainty of the intrinsics; `None` where they are exact.
     pub intrinsics: Option<IntrinsicsCovariance>,
-    /// What is known of the pose besides the points.
+    /// Prior knowledge of the pose.
     pub priors: Vec<Prior>,
-    /// Largest distance of a point, in its own unit, that agrees with the pose; none where every point is taken as right.
+    /// Largest distance, in the points' own unit, of a point that agrees with the pose; `None` where every point is trusted.
     pub robust_threshold_px: Option<f64>,
-    /// What is known of the lens where its focal length is estimated with the pose; nothing is then read of the camera.
+    /// Prior knowledge of the lens where its focal length is estimated with the pose; the intrinsics of the camera are then ignored.
     pub estimate_focal: Option<LensPrior>,
     /// Unit of image coordinates in the answer: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
@@ -282,7 +282,7 @@ impl Default for PointsOptions {
     }
 }
 
-/// Returns the pose of a camera from known points; `view` is their name in the answer. Equal points at equal pixels are one observation.
+/// Solves for the pose of a camera from known points; `view` is their name in the answer. Equal points at equal pixels are one observation.
 pub fn locate_points(
     view: &str,
     points: &[NamedPoint],
@@ -352,7 +352,7 @@ fn located_with_unknown_focal(
     PoseAnswer { names: points.iter().map(|point| point.name.clone()).collect(), ..answer }
 }
 
-/// A refusal that speaks of two points names them.
+/// Adds the names of the points to a refusal that concerns two of them.
 fn named(verdict: Verdict, reason: &MathError, points: &[NamedPoint]) -> Verdict {
     match reason {
         MathError::Coincident { first, second, where_ } => {
@@ -366,7 +366,7 @@ fn named(verdict: Verdict, reason: &MathError, points: &[NamedPoint]) -> Verdict
     }
 }
 
-/// Whether what is known besides the points contradicts them.
+/// Returns whether the priors contradict the points.
 pub fn is_contradicted_by_priors(answer: &PoseAnswer) -> bool {
     let consistency = answer.estimate.as_ref().map(|e| e.consistency);
     matches!(consistency, Some(Consistency::Inconsistent { worst_prior: Some(_), .. }))
@@ -390,12 +390,12 @@ fn skipped_text(skipped: &Skipped, target: &Target) -> String {
     }
 }
 
-/// Root mean square of the known points' standard deviations, metres; none when all are exact.
+/// Returns the root mean square of the known points' standard deviations, metres; `None` when all are exact.
 fn point_sigma_m(points: &[Correspondence]) -> Option<f64> {
     mean_square_root(points.iter().map(|c| c.sigma_m)).filter(|sigma_m| 0.0 < *sigma_m)
 }
 
-/// Root of the mean square; none of nothing.
+/// Returns the root mean square; `None` without values.
 fn mean_square_root(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (n, sum) = values.fold((0, 0.0), |(n, sum), x| (n + 1, sum + x * x));
     (0 < n).then(|| (sum / n as f64).sqrt())

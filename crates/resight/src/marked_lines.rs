@@ -1,5 +1,5 @@
-//! Focal length, tilt, roll and height of a camera from lines that are marked in a photograph and a CSV file: the job behind `resight solve` on
-//! a file with a column `direction`.
+//! Estimates focal length, tilt, roll and height of a camera from lines that are marked in a photograph and listed in a CSV file: the job of
+//! `resight solve` for a file with a column `direction`.
 
 use crate::answer::Status;
 use crate::answer::scene_view::SceneViewAnswer;
@@ -14,26 +14,26 @@ use crate::locate::IntrinsicsCovariance;
 use crate::report::verdict;
 use std::path::Path;
 
-/// Standard deviation of an image point where none is stated, px: that of a click on a screen.
+/// Default standard deviation of an image point, px: that of a click on a screen,
 const MARK_SIGMA_PX: f64 = 1.0;
-/// … and of a length, in parts of it.
+/// and of a length, in parts of it.
 const LENGTH_SIGMA: f64 = 0.01;
-/// A camera that is rotated by more than this has its directions swapped rather.
+/// With a larger roll, the directions of the lines are probably exchanged.
 const MOST_ROLL_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
-/// What is known of the camera.
+/// What is known of the camera's lens.
 #[derive(Debug, Clone)]
 pub enum SceneLens {
-    /// Nothing: the focal length is estimated.
+    /// Nothing is known: the focal length is estimated.
     Unknown(LensPrior),
-    /// The camera, and how well its intrinsics are known; none: exactly.
+    /// The camera is known, with the uncertainty of its intrinsics; `None` where they are exact.
     Known(Box<Camera>, Option<IntrinsicsCovariance>),
 }
 
 /// A row of the file.
 #[derive(Debug, Clone)]
 pub struct NamedMarkedLine {
-    /// Column `id`, or the line of the file.
+    /// The column `id`, or the number of the line in the file.
     pub name: String,
     /// The line; its `sigma_px` is that of column `sigma_px`, or the default.
     pub line: MarkedLine,
@@ -42,13 +42,13 @@ pub struct NamedMarkedLine {
 /// The lines of one photograph.
 #[derive(Debug, Clone)]
 pub struct MarkedView {
-    /// Column `view`, or the file's name.
+    /// The column `view`, or the file's name.
     pub name: String,
-    /// At least one.
+    /// The lines, at least one.
     pub lines: Vec<NamedMarkedLine>,
 }
 
-/// Whether a file holds marked lines: its header has a column `direction`.
+/// Returns whether a file contains marked lines: its header has a column `direction`.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -58,8 +58,8 @@ pub fn is_marked_lines(path: &Path) -> Result<bool, FileError> {
 
 const WANTED: &str = "direction,u_px,v_px,u2_px,v2_px";
 
-/// The views of a file: columns `direction` (`across`, `along` or `up`), `u_px, v_px, u2_px, v2_px` (two points of the line's image), and
-/// optionally `length_m`, `length_sigma_m` (else 1 %), `sigma_px` of the marks (else `sigma_px`, else 1 px), `view`, `id`.
+/// Reads the views of a file: columns `direction` (`across`, `along` or `up`), `u_px, v_px, u2_px, v2_px` (two points of the line's image), and
+/// optionally `length_m`, `length_sigma_m` (else 1 %), `sigma_px` of the image points (else the argument, else 1 px), `view`, `id`.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
@@ -107,7 +107,7 @@ pub fn read_marked_lines(path: &Path, sigma_px: Option<f64>) -> Result<Vec<Marke
     Ok(views)
 }
 
-/// How the camera of a view stands over its scene; `scene_views` of a file at once.
+/// Estimates the camera's pose relative to its scene, for all views of a file.
 ///
 /// ```no_run
 /// # fn main() -> Result<(), resight::Error> {
@@ -123,7 +123,7 @@ pub fn read_marked_lines(path: &Path, sigma_px: Option<f64>) -> Result<Vec<Marke
 /// ```
 ///
 /// # Errors
-/// What is wrong with the file, and in which line. Lines that determine nothing are an answer.
+/// What is wrong with the file, and in which line. Lines that determine nothing are reported in the answer.
 pub fn scene_views(
     path: &Path,
     lens: &SceneLens,
@@ -132,7 +132,7 @@ pub fn scene_views(
     Ok(read_marked_lines(path, sigma_px)?.iter().map(|view| scene_view_of(view, lens)).collect())
 }
 
-/// The answer of one view.
+/// Returns the answer of one view.
 pub fn scene_view_of(view: &MarkedView, lens: &SceneLens) -> SceneViewAnswer {
     let lines: Vec<MarkedLine> = view.lines.iter().map(|named| named.line).collect();
     let n_lengths = lines.iter().filter(|line| line.length.is_some()).count();

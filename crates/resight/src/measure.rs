@@ -1,4 +1,5 @@
-//! Measuring in photographs: a scene file in, a table, a plan and rectified grounds out. The mathematics is `core::multiview::network`'s.
+//! Measures in photographs: from a scene file to a table, a plan and rectified images of the ground. The mathematics is
+//! `core::multiview::network`.
 //!
 //! scene file → named scene → network → answers → table, drawing, bird's-eye images. Each arrow is one file.
 

@@ -1,7 +1,6 @@
-//! A camera without a calibration: nominal intrinsics from a data sheet or from a photograph's EXIF, with standard deviations that are
-//! honest about it.
+//! A camera without a calibration: nominal intrinsics from a data sheet or from a photograph's EXIF, with realistic standard deviations.
 //!
-//! The lens is taken as one of square pixels, its principal point in the middle and no distortion, each within what such lenses have:
+//! The lens is assumed to have square pixels, a central principal point and no distortion, with the deviations that are usual for such lenses:
 //!
 //! | what | one standard deviation | why |
 //! | --- | --- | --- |
@@ -10,7 +9,7 @@
 //! | principal point | 2 % of the width | lenses are glued or screwed |
 //! | k1 | what moves the corner of the image by 15 % at 70° of field of view, more in proportion where it is wider | wide lenses are barrels |
 //!
-//! These are judgements; `nominal_cameras_are_within_their_sigmas` holds them against calibrated cameras.
+//! These values are estimates; `nominal_cameras_are_within_their_sigmas` compares them with calibrated cameras.
 
 use crate::core::camera::{BrownConrady, CameraMatrix, ImageSize};
 use crate::core::locate::unknown_focal::LensPrior;
@@ -26,7 +25,7 @@ const ASPECT_SIGMA: f64 = 0.004;
 const PRINCIPAL_POINT_SIGMA: f64 = 0.02;
 const BEND_SIGMA_AT_70_DEG: f64 = 0.15;
 
-/// The lens of images of this size with nothing known of its focal length: what `estimate_focal` takes.
+/// Returns the prior for a lens of unknown focal length, for images of this size: the input of `estimate_focal`.
 pub fn lens_of_unknown_focal(size: ImageSize) -> LensPrior {
     LensPrior {
         size,
@@ -45,25 +44,25 @@ pub enum NominalLens {
     FocalLength {
         /// The focal length.
         focal_mm: f64,
-        /// The width of the part of the sensor that the image is of.
+        /// The width of the part of the sensor that gives the image.
         sensor_width_mm: f64,
     },
-    /// As a photograph's EXIF says.
+    /// The lens stated in a photograph's EXIF.
     Exif(ExifLens),
 }
 
-/// A wider field of view is a fisheye's.
+/// A wider field of view is that of a fisheye.
 const MOST_DEG: f64 = 130.0;
-/// A narrower one is a telescope's, or radians.
+/// A narrower field of view is that of a telescope, or was given in radians.
 const LEAST_DEG: f64 = 2.0;
 /// Diagonal of film of 36 × 24 mm.
 const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
 
 impl NominalLens {
-    /// The camera of images of this size, with the covariance of its intrinsics.
+    /// Returns the camera for images of this size, with the covariance of its intrinsics.
     ///
     /// # Errors
-    /// `Intrinsics` for a lens that no camera has, with the field of view it means.
+    /// `Intrinsics` for an impossible lens, with its field of view.
     pub fn camera(&self, size: ImageSize) -> Result<NamedCamera, Error> {
         let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
         let (f_px, relative_sigma) = match self {
@@ -73,7 +72,7 @@ impl NominalLens {
             }
             NominalLens::Exif(lens) => {
                 let focal = f64::from(lens.focal_35mm);
-                // Rounded to whole millimetres: a uniform error of half of one.
+                // Rounded to whole millimetres: a uniform error of up to half a millimetre.
                 let rounding = 0.5 / (3.0_f64.sqrt() * focal);
                 (width.hypot(height) * focal / FILM_DIAGONAL_MM, rounding.hypot(0.04))
             }
@@ -140,7 +139,7 @@ impl NominalLens {
         }
     }
 
-    /// Where the figures come from, and what they are worth.
+    /// Describes the source of the figures and their accuracy.
     pub fn remark(&self) -> String {
         let source = match self {
             NominalLens::HorizontalFieldOfView(deg) => format!("a horizontal field of view of {deg}°"),
@@ -172,7 +171,7 @@ mod tests {
         ([640.4, 643.6, 657.3, 333.5, 0.190], [1280, 720]),
     ];
 
-    /// What is not known of a lens is as far off as is said: principal point, fy / fx and k1 of real cameras.
+    /// The errors of the nominal principal point, fy / fx and k1 of real cameras agree with the stated sigmas.
     #[test]
     fn nominal_cameras_are_within_their_sigmas() {
         let mut squares = [0.0; 4];

@@ -1,7 +1,7 @@
-//! Images of an answer: what was seen, what the pose predicts, and how uncertain it is, drawn over the photograph.
+//! Draws an answer over the photograph: what was detected, what the pose predicts, and how uncertain it is.
 //!
-//! Nothing drawn is invented: every line is a curve of the target frame sent through the pose and the lens model; it
-//! ends where the lens model's valid field ends. Whatever is magnified says by how much in the caption.
+//! Every line is a curve of the target frame, projected by the pose and the lens model, and ends where the valid field of the lens model ends.
+//! Every magnification is stated in the caption.
 
 pub mod canvas;
 pub mod font;
@@ -21,11 +21,11 @@ use canvas::{Canvas, Color, Path, Pen};
 pub(crate) use geometry::round_down_125;
 use nalgebra::Vector2;
 
-/// Everything one image shows.
+/// The contents of one image.
 pub struct Scene<'a> {
     /// The photograph.
     pub image: &'a GrayImage,
-    /// What was found in it.
+    /// The features detected in it.
     pub detections: &'a [Detection],
     /// The camera it was taken with; without it only the detections are drawn.
     pub camera: Option<&'a Camera>,
@@ -41,14 +41,14 @@ pub struct Scene<'a> {
     pub tone: Tone,
 }
 
-/// How the verdict is coloured.
+/// The colour of the verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tone {
-    /// An answer to rely on.
+    /// An answer that can be relied on.
     Good,
-    /// An answer with a second one beside it.
+    /// An answer with a second solution.
     Doubtful,
-    /// An answer that contradicts its own error bars, or none.
+    /// An answer that contradicts its own error bars, or no answer.
     Bad,
 }
 
@@ -63,7 +63,7 @@ const RESIDUAL: Color = [255, 140, 60];
 const ELLIPSE: Color = [255, 105, 180];
 const AXES: [(&str, Color); 3] = [("x", [255, 70, 70]), ("y", [70, 220, 90]), ("z", [90, 150, 255])];
 
-/// Draws the scene; a caption band is added below the photograph, which itself keeps its place and shape.
+/// Draws the scene; a caption is added below the photograph, which keeps its position and shape.
 ///
 /// Photographs narrower than 600 px are shown at twice their size so that text stays readable.
 pub fn draw(scene: &Scene) -> Canvas {
@@ -89,19 +89,19 @@ pub fn draw(scene: &Scene) -> Canvas {
     sheet.canvas
 }
 
-/// As many tags as can have their names beside them.
+/// Up to this number of tags, names are written beside them.
 const FEW_TAGS: usize = 4;
 
-/// An image in the making.
+/// An image under construction.
 struct Sheet {
     canvas: Canvas,
     zoom: f64,
     unit: f64,
-    /// Typical distance of a detection to its nearest neighbour, canvas pixels: what is drawn at one must not cover the next.
+    /// Typical distance of a detection to its nearest neighbour, canvas pixels, which limits the size of the symbols.
     room: f64,
-    /// Boxes already taken by labels: least and greatest corner.
+    /// Boxes of the labels written so far: least and greatest corner.
     labels: Vec<[Vector2<f64>; 2]>,
-    /// What the second caption line says.
+    /// The parts of the second caption line.
     notes: Vec<String>,
 }
 
@@ -115,23 +115,23 @@ impl Sheet {
         median(nearest).unwrap_or(f64::INFINITY)
     }
 
-    /// `size` in canvas pixels, smaller where the detections stand close.
+    /// Returns `size` in canvas pixels, reduced where the detections are close to each other.
     fn sized(&self, size: f64) -> f64 {
         (size * self.unit).min(0.32 * self.room)
     }
 
-    /// A pen of `width`, finer where the detections stand close.
+    /// Returns a pen of `width`, thinner where the detections are close to each other.
     fn pen(&self, color: Color, width: f64, opacity: f64) -> Pen {
         let width = (width * self.unit * (self.room / (24.0 * self.unit)).clamp(0.4, 1.0)).max(0.8);
         Pen { color, width, opacity }
     }
 
-    /// Whether a name would cover the tag it belongs to.
+    /// Returns whether a name would cover its tag.
     fn crowded(&self) -> bool {
         self.room < 16.0 * self.unit
     }
 
-    /// Canvas place of an image place.
+    /// Returns the canvas position of a position in the image.
     fn place(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
         (pixel + Vector2::repeat(0.5)) * self.zoom - Vector2::repeat(0.5)
     }
@@ -141,7 +141,7 @@ impl Sheet {
         lines.iter().flat_map(project).map(|path| path.iter().map(|p| self.place(p)).collect()).collect()
     }
 
-    /// Grid, outline, the other pose's outline and residuals.
+    /// Draws the grid, the outline, the outline of the other pose, and the residuals.
     fn prediction(&mut self, scene: &Scene, estimate: &PoseEstimate, camera: &Camera) {
         let (least, greatest) = geometry::bounds(scene.target);
         let extent = (greatest - least).xy().max();
@@ -204,7 +204,7 @@ impl Sheet {
         self.notes.push(format!("residuals{}", times(factor)));
     }
 
-    /// A cross with an open centre where each feature was seen, and its name where there is room.
+    /// Draws a cross with an open centre at each feature, and its name where there is room.
     fn detections(&mut self, scene: &Scene) {
         let outer = self.sized(6.0);
         let inner = 0.33 * outer;
@@ -219,7 +219,7 @@ impl Sheet {
         self.names(scene);
     }
 
-    /// Names: tags at their centres, unless there is room to number their corners; of crowded points the first and last.
+    /// Writes names: tags at their centres, unless there is room to number their corners; of crowded points the first and last.
     fn names(&mut self, scene: &Scene) {
         let spacious = 36.0 * self.unit < self.room;
         let corners = scene.target.has_tag_corners();
@@ -228,7 +228,7 @@ impl Sheet {
                 let centre =
                     tag.iter().map(|d| self.place(&d.pixel)).sum::<Vector2<f64>>() / tag.len() as f64;
                 let name = tag[0].feature.id.to_string();
-                // Beside a tag that stands alone; within a grid nobody could tell whose name it is.
+                // A name is written beside a separate tag only; within a grid it would not be clear to which tag it belongs.
                 match self.crowded() && scene.detections.len() <= 4 * FEW_TAGS {
                     true => self.label(&name, centre, SEEN, 8.0, 1.6 * self.room / self.unit),
                     false => self.centred(&name, centre, SEEN, 9.0),
@@ -280,7 +280,7 @@ impl Sheet {
         }
     }
 
-    /// The other pose's axes, dashed: its points fall where this pose's do, its axes do not.
+    /// Draws the axes of the other pose, dashed: its points project to the same pixels as those of this pose, but its axes do not.
     fn other_axes(&mut self, camera: &Camera, other: &Pose, probability: f64, length_m: f64) {
         for i in 0..3 {
             let mut tip = Point::zeros();
@@ -292,7 +292,7 @@ impl Sheet {
         self.notes.push(format!("magenta: the other pose, {}", percent(probability)));
     }
 
-    /// Writes a name beside a place, on the first of four sides where it covers no other name; else leaves it out.
+    /// Writes a name beside a position, on the first of four sides where it covers no other name; otherwise leaves it out.
     fn label(&mut self, text: &str, at: Vector2<f64>, color: Color, height: f64, away: f64) {
         let (height, away) = (height * self.unit, away * self.unit);
         let width = font::width(text, height);
@@ -327,7 +327,7 @@ impl Sheet {
         let right = self.canvas.width as f64 - left;
         let verdict_width = font::width(scene.verdict, height);
         let (text, room) = (headline(scene), right - left - verdict_width - 2.0 * height);
-        // Numbers that are cut off mislead: smaller letters first.
+        // A number that is cut off is misleading, so the letters are reduced first.
         let own = height * (room / font::width(&text, height)).clamp(SMALLEST, 1.0);
         self.write(&fitted(&text, own, room), Vector2::new(left, first), own, PAPER);
         self.write(scene.verdict, Vector2::new(right - verdict_width, first), height, color);
@@ -342,11 +342,11 @@ impl Sheet {
     }
 }
 
-/// Letters of the caption shrink to this share before it is cut off.
+/// The letters of the caption are reduced to this share before the text is cut off.
 const SMALLEST: f64 = 0.65;
 
-/// View name, distance with its standard deviation, residual. Where several poses fit no single standard deviation says how uncertain the
-/// camera's position is: distances and probabilities of all, the name last, for which the room may not suffice.
+/// Returns the name of the view, the distance with its standard deviation, and the residual. Where several poses fit, no single standard
+/// deviation describes the camera's position: then distances and probabilities of all, and the name last, for which there may be no room.
 fn headline(scene: &Scene) -> String {
     let Some(e) = scene.estimate else { return scene.title.to_string() };
     if 1 < e.n_alternatives() {
@@ -366,7 +366,7 @@ fn times(factor: f64) -> String {
     if factor == 1.0 { String::new() } else { format!(" ×{factor:.0}") }
 }
 
-/// By how much to magnify so that `typical` becomes about `wanted`: 1, 2, 5, 10, …; none when it would exceed 10⁶.
+/// Returns the factor 1, 2, 5, 10, … with which `typical` becomes about `wanted`; `None` when it would exceed 10⁶.
 fn magnification(typical: f64, wanted: f64) -> Option<f64> {
     if !(typical.is_finite() && wanted / 1e6 < typical) {
         return None;
@@ -384,7 +384,7 @@ fn apart(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> bool {
     a[1].x < b[0].x || b[1].x < a[0].x || a[1].y < b[0].y || b[1].y < a[0].y
 }
 
-/// The text, shortened from the right with `..` until it fits.
+/// Returns the text, shortened from the right with `..` until it fits.
 fn fitted(text: &str, height: f64, room: f64) -> String {
     let mut text = text.to_string();
     if room < font::width(&text, height) {

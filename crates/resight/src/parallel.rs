@@ -1,17 +1,17 @@
-//! Work on many inputs on all cores, its results in the order of the inputs and a block at a time: memory stays bounded.
+//! Processes many inputs on all cores, with results in the order of the inputs, block by block, so that memory stays bounded.
 //!
-//! The threads are those of one pool in each process. A process that `fork` made has no thread of its parent's, and one that waited for
-//! them would wait for ever: each of its jobs gets a pool of its own.
+//! Each process has one pool of threads. A process made by `fork` has none of its parent's threads, and would wait for them for ever: each of
+//! its jobs therefore gets a pool of its own.
 
 use crate::Error;
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// The process in which the common pool has its threads; 0 before any job. An atomic, for a lock could be held while a process forks.
+/// The process whose threads the common pool holds; 0 before any job. It is an atomic, because a lock could be held while a process forks.
 static POOL_IS_OF: AtomicU32 = AtomicU32::new(0);
 
-/// Runs `work`, in which parallel iterators, ours or of another crate, use all cores of this process, also of one made by `fork`.
+/// Runs `work`, in which all parallel iterators, including those of other crates, use all cores of this process, also after `fork`.
 pub fn on_all_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let this = std::process::id();
     let owner = match POOL_IS_OF.compare_exchange(0, this, Ordering::Relaxed, Ordering::Relaxed) {
@@ -22,23 +22,23 @@ pub fn on_all_cores<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         return work();
     }
     let threads = rayon::ThreadPoolBuilder::new;
-    // Where no thread can be started, this one does all.
+    // Where no thread can be started, the current one does all the work.
     match threads().build().or_else(|_| threads().num_threads(1).use_current_thread().build()) {
         Ok(pool) => pool.install(work),
         Err(_) => work(),
     }
 }
 
-/// Hears how many of how many inputs are done; false ends the job.
+/// Is called with the number of inputs done and of all inputs; returning false ends the job.
 type Observer = Box<dyn FnMut(usize, usize) -> bool>;
 
 thread_local! {
-    /// Of the job that this thread runs.
+    /// The observer of the job that this thread runs.
     static OBSERVER: RefCell<Option<Observer>> = const { RefCell::new(None) };
 }
 
-/// Runs a job that looks at many images, with an observer that hears after each how many of how many are done. Where it returns false, the
-/// job ends with an error soon after.
+/// Runs a job over many images with an observer, which is called after each image with the numbers of images done and of all. Where it returns
+/// false, the job soon ends with an error.
 pub fn observed<T>(observer: impl FnMut(usize, usize) -> bool + 'static, job: impl FnOnce() -> T) -> T {
     struct Forget;
     impl Drop for Forget {
@@ -51,10 +51,10 @@ pub fn observed<T>(observer: impl FnMut(usize, usize) -> bool + 'static, job: im
     job()
 }
 
-/// Tells the observer of this thread's job, if it has one.
+/// Calls the observer of this thread's job, if it has one.
 ///
 /// # Errors
-/// The observer wants the job to end.
+/// The observer ends the job.
 pub(crate) fn report(n_done: usize, n_all: usize) -> Result<(), Error> {
     let go_on = |observer: &mut Option<Observer>| observer.as_mut().is_none_or(|hear| hear(n_done, n_all));
     match OBSERVER.with_borrow_mut(go_on) {
@@ -63,11 +63,10 @@ pub(crate) fn report(n_done: usize, n_all: usize) -> Result<(), Error> {
     }
 }
 
-/// Applies `work` to every input on all cores and hands the results on in input order: the first answers appear while later inputs
-/// wait.
+/// Applies `work` to every input on all cores and passes the results to `done` in input order: the first results arrive while later inputs wait.
 ///
 /// # Errors
-/// The first that `done` returns.
+/// The first error that `done` returns.
 pub fn in_order<T: Sync, R: Send, E>(
     inputs: &[T],
     work: impl Fn(&T) -> R + Sync,
@@ -77,10 +76,10 @@ pub fn in_order<T: Sync, R: Send, E>(
     in_blocks(inputs, 1024, |block| Ok(answers(block)), done)
 }
 
-/// As [`in_order`], each thread with a detector (or several) of its own: the C library keeps state in it.
+/// Works as [`in_order`], with one detector (or several) per thread, because the C library keeps state in it.
 ///
 /// # Errors
-/// Of a detector that cannot be made, before any work; the first that `done` returns.
+/// The error of a detector that cannot be built, before any work; the first error that `done` returns.
 pub fn detect_in_order<T: Sync, D, R: Send, F: Send, E: From<F>>(
     inputs: &[T],
     detector: impl Fn() -> Result<D, F> + Sync,
@@ -114,7 +113,7 @@ fn in_blocks<T, R, E>(
 mod tests {
     use super::*;
 
-    /// Whatever the threads do, results come in the order of the inputs, and the first error ends the work.
+    /// Results arrive in the order of the inputs, however the threads run, and the first error ends the work.
     #[test]
     fn results_come_in_order_and_errors_end_the_work() {
         let inputs: Vec<usize> = (0..5000).collect();
@@ -130,7 +129,7 @@ mod tests {
         assert_eq!(found, Err("no detector".to_string()));
     }
 
-    /// An observer hears of its own job only, and can end it.
+    /// An observer is called for its own job only, and can end it.
     #[test]
     fn an_observer_hears_each_input_and_can_end_the_job() {
         let heard = std::rc::Rc::new(RefCell::new(Vec::new()));

@@ -1,4 +1,4 @@
-//! Known correspondences from a CSV file to poses: one for each of its views.
+//! Reads known correspondences from a CSV file and solves for the pose of each view.
 
 use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
@@ -13,28 +13,28 @@ use resight_core::line::{ImageLine, LineCorrespondence};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Squares of larger numbers, and their products, leave the range of numbers.
+/// Squares of larger numbers, and their products, overflow.
 const LARGEST: f64 = 1e60;
 
-/// What a table of points is solved with.
+/// Solves for the poses of a table of points.
 #[derive(Debug, Clone)]
 pub struct TableLocator {
-    /// The camera; `None`: columns `xn, yn` are undistorted coordinates on the plane z = 1.
+    /// The camera; `None` if the columns `xn, yn` are undistorted coordinates on the plane z = 1.
     camera: Option<Camera>,
-    /// Standard deviation of rows that state none, and whether the caller stated it.
+    /// Default standard deviation of a row, and whether the caller stated it.
     sigma: (f64, bool),
     options: PointsOptions,
-    /// Remarks about coordinates of the table that are hardly metres.
+    /// Remarks about coordinates of the table that are implausible in metres.
     sizes: Vec<String>,
     /// The remark about a table whose cells are not separated by commas.
     how_read: Option<&'static str>,
 }
 
-/// The poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5 px),
-/// `sigma_m` (of x, y, z; else exact). One answer a view, in file order.
+/// Solves for the poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5
+/// px), `sigma_m` (of x, y, z; else exact). Returns one answer per view, in file order.
 ///
 /// # Errors
-/// What is wrong with the file, and in which line. A number that no pose can come of is in the view's answer.
+/// What is wrong with the file, and in which line. Numbers from which no pose can be computed are reported in the view's answer.
 pub fn locate_table(
     file: impl AsRef<Path>,
     camera: &Camera,
@@ -52,7 +52,7 @@ pub fn locate_table(
 }
 
 impl TableLocator {
-    /// With the standard deviation of u and v (without a camera, of xn and yn) where a row states none.
+    /// Creates a locator; `sigma` is the default standard deviation of u and v (without a camera, of xn and yn).
     pub fn new(camera: Option<Camera>, sigma: Option<f64>, options: PointsOptions) -> Self {
         let (image_unit, assumed) = match camera.as_ref().map(|camera| &camera.lens) {
             None => ("normalized", 5e-4),
@@ -64,17 +64,17 @@ impl TableLocator {
         TableLocator { camera, sigma, options, sizes: Vec::new(), how_read: None }
     }
 
-    /// Takes what the table as a whole says: where sizes are hardly metres, an answer that is `ok` otherwise is `implausible`.
+    /// Adds the remarks about the whole table: where sizes are implausible in metres, an answer that would be `ok` is `implausible`.
     pub fn for_table(self, path: &Path, views: &[PointsView]) -> Self {
         TableLocator { sizes: unit_remarks(views), how_read: how_read(path), ..self }
     }
 
-    /// The remarks about the table as a whole, which belong to every answer.
+    /// Returns the remarks about the whole table, which apply to every answer.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
         self.sizes.iter().cloned().chain(self.how_read.map(str::to_string))
     }
 
-    /// The pose of one view.
+    /// Solves for the pose of one view.
     pub fn locate(&self, view: &PointsView) -> PoseAnswer {
         let normalized = Camera::normalized();
         let camera = self.camera.as_ref().unwrap_or(&normalized);
@@ -87,7 +87,7 @@ impl TableLocator {
             }
         };
         if is_contradicted_by_priors(&answer) {
-            // The one prior of this command, by the name of its flags.
+            // The message names the only prior of this command by its flags.
             answer.verdict.message =
                 "--gravity and --target-down contradict the points, which agree with their sigmas without them; check both \
                  directions and --gravity-sigma-deg before using this pose"
@@ -115,7 +115,7 @@ impl TableLocator {
         })
     }
 
-    /// The checks of both ends are those of points.
+    /// Applies the checks of points to both ends.
     fn line(&self, row: &Row, end: &LineEnd, camera: &Camera) -> Result<NamedLine, String> {
         let at = |reason: &str| format!("line {}: {reason}", row.line);
         let PointsOptions { method, robust_threshold_px, estimate_focal, .. } = &self.options;
@@ -201,7 +201,7 @@ pub struct Row {
     pub line_end: Option<LineEnd>,
 }
 
-/// A second point of a line, and a second point of its image: any, they need not belong together.
+/// A second point of a line, and a second point of its image; the two need not correspond.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineEnd {
     /// On the line in the target.
@@ -219,7 +219,7 @@ pub struct PointsView {
     pub rows: Vec<Row>,
 }
 
-/// Where the columns are.
+/// The positions of the columns.
 struct Columns {
     space: [usize; 3],
     image: [usize; 2],
@@ -227,11 +227,11 @@ struct Columns {
     id: Option<usize>,
     sigma: Option<usize>,
     sigma_m: Option<usize>,
-    /// Of a line's second point.
+    /// The columns of a line's second point.
     end: Option<[usize; 5]>,
 }
 
-/// The views of a table, without a camera those of columns `xn, yn`, in the order in which each first appears; rows of one view need not be adjacent.
+/// Reads the views of a table (columns `xn, yn` without a camera), in the order of first appearance; rows of one view need not be adjacent.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
@@ -299,7 +299,7 @@ fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileErr
     })
 }
 
-/// None where all five cells are empty: the row is a point.
+/// Reads the end of a line; `None` where all five cells are empty: the row is a point.
 fn line_end(columns: &[usize; 5], cells: &TableRow<'_>) -> Result<Option<LineEnd>, FileError> {
     if columns.iter().all(|i| cells.text(*i).is_none()) {
         return Ok(None);
@@ -311,7 +311,7 @@ fn line_end(columns: &[usize; 5], cells: &TableRow<'_>) -> Result<Option<LineEnd
     }))
 }
 
-/// Two rows of a view with one name: corners of one tag, or a slip.
+/// Finds two rows of a view with the same name: corners of one tag, or a mistake.
 pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     for view in views {
         let mut seen = std::collections::HashMap::new();
@@ -330,7 +330,7 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     None
 }
 
-/// Points of one level cannot show that their coordinates or the image are mirrored: the camera is then on the other side and fits as well.
+/// Remarks on points in one plane, which do not show whether coordinates or image are mirrored: a camera on the other side fits as well.
 fn below_the_points(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
     let estimate = answer.estimate.as_ref().filter(|_| answer.status() == Status::Ok)?;
     let level_m = view.rows.first()?.x_in_target[2];
@@ -344,7 +344,7 @@ fn below_the_points(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
     })
 }
 
-/// Coordinates that are hardly metres: of the file as a whole, for a unit is that of a column.
+/// Remarks on coordinates that are implausible in metres; the whole file is checked, because a unit applies to a column.
 fn unit_remarks(views: &[PointsView]) -> Vec<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
     let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));
@@ -397,7 +397,7 @@ mod tests {
         locator.for_table("room.csv".as_ref(), std::slice::from_ref(view)).locate(view)
     }
 
-    /// Six points of a floor, seen from four metres above it; with x and y exchanged the camera is as far below.
+    /// Six points of a floor, observed from four metres above it; with x and y exchanged the camera is at the same depth below.
     #[test]
     fn a_camera_below_points_of_one_level_is_remarked_on() {
         let below_from_above = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0));
@@ -426,7 +426,7 @@ mod tests {
         assert_eq!(answer.status(), Status::Implausible);
         assert!(answer.verdict.message.contains("are they in millimetres?"), "{}", answer.verdict.message);
         assert!(answer.estimate.is_some_and(|e| 1000.0 < e.cam_from_target.origin().norm()));
-        // Who states that the points are known to 0.1 m only means metres.
+        // A stated sigma of 0.1 m shows that the lengths are metres.
         assert_eq!(located(&view(1e-3, Some(0.1))).status(), Status::Ok);
     }
 }

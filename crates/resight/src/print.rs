@@ -1,7 +1,7 @@
-//! Targets on paper at exact scale, as PDF and SVG, and the printer's error measured back: the job behind `resight print`.
+//! Prints targets on paper at exact scale, as PDF and SVG, and corrects for the printer's error: the job of `resight print`.
 //!
-//! target → ink (what `render` draws, as outlines) → sheet (with rulers, cut marks and words) → pages → PDF or SVG. Both writers draw one list
-//! of shapes. Lengths are millimetres, y runs down from the top left of the page.
+//! target → ink (what `render` draws, as outlines) → sheet (with rulers, cut marks and text) → pages → PDF or SVG. Both writers draw one list
+//! of shapes. Lengths are millimetres; y points down from the top left of the page.
 
 mod content;
 mod layout;
@@ -30,43 +30,43 @@ pub use tags::sheet_of_tags;
 /// The target to print, and the paper.
 #[derive(Debug, Clone)]
 pub struct PrintRequest {
-    /// The target. It is printed as designed: a printed scale is of an earlier print.
+    /// The target. It is printed as designed: a printed scale belongs to an earlier print.
     pub target: Target,
-    /// The paper; it is turned where that saves pages.
+    /// The paper; it is rotated where that saves pages.
     pub paper: Paper,
-    /// What is written.
+    /// The files to write.
     pub format: PrintFormat,
     /// Whether the target file is written too.
     pub writes_target: bool,
     /// Lengths measured on the rulers of the printed sheet; the target file written then carries the scale.
     pub measured: Option<MeasuredRulers>,
-    /// Diameter of the dots of a `line_plus_one` target, metres; none: a third of the smallest distance between two.
+    /// Diameter of the dots of a `line_plus_one` target, metres; by default a third of the smallest distance between two.
     pub dot_diameter_m: Option<f64>,
     /// The name of the files, also printed on the sheet.
     pub name: String,
 }
 
-/// What is drawn.
+/// The format of the pages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PrintFormat {
     /// One file of all pages.
     Pdf,
-    /// One file a page.
+    /// One file per page.
     Svg,
     /// Nothing: only the target file.
     TargetFile,
 }
 
-/// Most pages of one target; a larger one is printed by a copy shop, on a paper of its own size.
+/// Largest number of pages of one target; a larger one should be printed by a copy shop, on paper of its own size.
 const MOST_PAGES: usize = 400;
-/// More squares or tags than any camera resolves; keeps a hostile request from filling the memory.
+/// More squares or tags than any camera resolves; the limit keeps a malicious request from filling the memory.
 const MOST_CELLS: u64 = 100_000;
 
-/// A target at exact scale on pages, and its target file.
+/// Prints a target at exact scale on pages, and writes its target file.
 ///
 /// # Errors
-/// A target that cannot be printed, or cannot be: unknown families, ids beyond the family, sizes that are none; a paper too small for a ruler, or
-/// more than 400 pages of it; measured lengths more than 5 % off.
+/// A target that is not printable, or invalid: unknown families, ids beyond the family, invalid sizes; paper too small for a ruler, or more than
+/// 400 pages of it; measured lengths that are off by more than 5 %.
 pub fn print_target(request: &PrintRequest) -> Result<PrintAnswer, Error> {
     check_extent(&request.target)?;
     request.paper.check()?;
@@ -108,7 +108,7 @@ pub fn print_target(request: &PrintRequest) -> Result<PrintAnswer, Error> {
     Ok(answer)
 }
 
-/// That a job takes the scale of a print as exact, and by how much that scale is uncertain; none where it is exact.
+/// Returns the remark that a job assumes the scale of a print to be exact, with its uncertainty; `None` where it is exact.
 pub fn scale_remark(target: &Target, job: &str) -> Option<String> {
     let sigma = target.printed_scale()?.relative_sigma();
     (sigma != [0.0; 2]).then(|| {

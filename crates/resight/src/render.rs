@@ -1,8 +1,8 @@
-//! Images of targets from a known pose: the truth for tests, and the images of `demo`.
+//! Renders images of targets from a known pose: the ground truth for tests, and the images of `demo`.
 //!
-//! Per pixel: bearing → nearest plane (or ball) it meets → grey of the pattern there, averaged over sub-pixels where
-//! the neighbourhood is not uniform; then clutter, illumination, blur and noise. Any camera model works, because only
-//! `Camera::bearing` is used. Light is linear and the pixel response a box: no gamma, no motion blur, no rolling shutter.
+//! For each pixel: bearing → nearest plane (or ball) on it → grey level of the pattern there, averaged over sub-pixels where the neighbourhood
+//! is not uniform; then clutter, illumination, blur and noise. Any camera model works, because only `Camera::bearing` is used. The light is
+//! linear and the pixel response a box: there is no gamma, motion blur or rolling shutter.
 
 pub mod clutter;
 pub mod family;
@@ -19,7 +19,7 @@ use thiserror::Error;
 pub use clutter::Blob;
 pub use finish::Pcg;
 
-/// Why no image can be drawn.
+/// Why no image can be rendered.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RenderError {
@@ -34,7 +34,7 @@ pub enum RenderError {
         /// Rows asked for.
         height_px: u32,
     },
-    /// No code table of that name.
+    /// There is no code table of this name.
     #[error(
         "unknown tag family {family:?}; known are tag36h11, tag25h9, tagStandard41h12, … and OpenCV's DICT_ names"
     )]
@@ -52,10 +52,10 @@ pub enum RenderError {
         /// Largest id of the family.
         last: u32,
     },
-    /// Target dimensions that cannot be right.
+    /// Invalid dimensions of a target.
     #[error(transparent)]
     Target(#[from] resight_core::Error),
-    /// A target kind that has no image.
+    /// A kind of target without an appearance.
     #[error("targets of kind {kind} cannot be drawn")]
     Unsupported {
         /// The kind.
@@ -66,7 +66,7 @@ pub enum RenderError {
 /// The scene in front of the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// The targets; where two overlap the nearer one is seen.
+    /// The targets; where two overlap the nearer one is visible.
     pub placed: Vec<Placed>,
     /// Grey of everything else, 0 to 255.
     pub background: f64,
@@ -74,41 +74,41 @@ pub struct Scene {
     pub clutter: Vec<Blob>,
 }
 
-/// A target at a known place.
+/// A target with its pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
     /// The target.
     pub target: Target,
     /// Where it is.
     pub cam_from_target: Pose,
-    /// How it looks.
+    /// Its appearance.
     pub style: Style,
 }
 
-/// How a target looks.
+/// The appearance of a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Style {
-    /// Grey of what is printed (or of the lamps), 0 to 255.
+    /// Grey level of the print (or of the lamps), 0 to 255.
     pub ink: f64,
-    /// Grey of the sheet, 0 to 255; none: no sheet, the background shows between dots (boards then use `255 - ink`).
+    /// Grey level of the sheet, 0 to 255; `None` for no sheet: the background is visible between dots (boards then use `255 - ink`).
     pub paper: Option<f64>,
-    /// Width of the empty rim around the pattern, metres; none: a tenth of the pattern's larger side.
+    /// Width of the empty rim around the pattern, metres; by default a tenth of the pattern's larger side.
     pub margin_m: Option<f64>,
-    /// Diameter of dots, metres; none: a third of the smallest distance between two dots.
+    /// Diameter of dots, metres; by default a third of the smallest distance between two dots.
     pub dot_diameter_m: Option<f64>,
-    /// Width of the black frame of tags in bits; none: 2 for an AprilGrid (as Kalibr prints it), 1 for all others.
+    /// Width of the black frame of tags in bits; by default 2 for an AprilGrid (as Kalibr prints it), 1 for all others.
     pub tag_border_bits: Option<u32>,
 }
 
 impl Default for Style {
-    /// Black on white paper.
+    /// Returns black on white paper.
     fn default() -> Self {
         Style { ink: 20.0, paper: Some(235.0), margin_m: None, dot_diameter_m: None, tag_border_bits: None }
     }
 }
 
 impl Style {
-    /// Light dots without a sheet, as lamps or retro-reflectors.
+    /// Returns light dots without a sheet, like lamps or retro-reflectors.
     pub fn lamps(diameter_m: f64) -> Self {
         Style { ink: 235.0, paper: None, dot_diameter_m: Some(diameter_m), ..Style::default() }
     }
@@ -126,14 +126,14 @@ pub struct Finish {
     /// Relative change of the illumination from the left edge to the right and from the top to the bottom;
     /// `[0.5, 0.0]`: 25 % darker at the left, 25 % lighter at the right.
     pub illumination_gradient: [f64; 2],
-    /// Share of the light that the lens loses in the corners of the image, growing with the square of the distance from the centre.
+    /// Share of the light that the lens loses in the corners of the image, proportional to the square of the distance from the centre.
     pub vignetting: f64,
-    /// Sub-pixels along each side of a pixel that is not uniform.
+    /// Number of sub-pixels along each side of a pixel that is not uniform.
     pub samples_per_axis: u32,
 }
 
 impl Default for Finish {
-    /// A good industrial camera: blur 0.7 px, noise 2 grey levels.
+    /// Returns a good industrial camera: blur 0.7 px, noise 2 grey levels.
     fn default() -> Self {
         Finish {
             blur_sigma_px: 0.7,
@@ -147,14 +147,14 @@ impl Default for Finish {
 }
 
 impl Scene {
-    /// One target on a mid-grey background.
+    /// Returns a scene with one target on a mid-grey background.
     pub fn of(target: Target, cam_from_target: Pose, style: Style) -> Self {
         let placed = vec![Placed { target, cam_from_target, style }];
         Scene { placed, background: 120.0, clutter: Vec::new() }
     }
 }
 
-/// Draws the scene as the camera sees it. Pixels outside the camera's valid field are black.
+/// Renders the scene as seen by the camera. Pixels outside the camera's valid field are black.
 pub fn render(scene: &Scene, camera: &Camera, finish: &Finish) -> Result<GrayImage, RenderError> {
     let size = camera.size.ok_or(RenderError::NoImageSize)?;
     let (width, height) = (size.width_px as usize, size.height_px as usize);
@@ -176,7 +176,7 @@ pub fn render(scene: &Scene, camera: &Camera, finish: &Finish) -> Result<GrayIma
     Ok(GrayImage { width_px: size.width_px, height_px: size.height_px, data })
 }
 
-/// The true position of each feature of a placed target in the image; only those inside the frame. Occlusion is not examined.
+/// Returns the true position of each feature of a placed target, if it is inside the image. Occlusion is not checked.
 pub fn true_pixels(placed: &Placed, camera: &Camera) -> Vec<(Feature, Pixel)> {
     let inside = |p: &Pixel| match camera.size {
         None => true,
@@ -192,7 +192,7 @@ pub fn true_pixels(placed: &Placed, camera: &Camera) -> Vec<(Feature, Pixel)> {
     placed.target.features().into_iter().filter_map(|f| pixel(f).map(|p| (f, p))).collect()
 }
 
-/// Marks the pixels around dots so small that the test of a pixel's corners and centre could miss them.
+/// Marks the pixels around dots so small that testing a pixel's corners and centre could miss them.
 fn small_dots(patches: &[Patch], camera: &Camera, width: usize, height: usize) -> Vec<bool> {
     let mut marked = vec![false; width * height];
     for (centre, radius_m) in patches.iter().flat_map(Patch::dots_in_cam) {
@@ -214,7 +214,7 @@ fn small_dots(patches: &[Patch], camera: &Camera, width: usize, height: usize) -
     marked
 }
 
-/// Rays through the corners of one row of pixels; none outside the camera's field.
+/// Returns the rays through the corners of one row of pixels; `None` outside the camera's field.
 fn corner_rays(camera: &Camera, width: usize, v: f64) -> Vec<Option<Point>> {
     (0..=width).map(|u| camera.bearing(&Pixel::new(u as f64 - 0.5, v)).ok().map(|b| b.into_inner())).collect()
 }
@@ -246,8 +246,8 @@ fn trace(patches: &[Patch], camera: &Camera, samples: u32, small: &[bool], grey:
     }
 }
 
-/// Mean over `samples`² rays, bilinear between those of the pixel's corners: over one pixel a bearing bends by less
-/// than (1/f)²/8, about 1e-4 px at f = 1000 px.
+/// Averages over `samples`² rays, interpolated bilinearly between those of the pixel's corners: over one pixel a bearing bends by less than
+/// (1/f)²/8, about 1e-4 px at f = 1000 px.
 fn average(patches: &[Patch], [a, b, c, d]: &[Point; 4], samples: u32, behind: f32) -> f32 {
     let mut sum = 0.0;
     for i in 0..samples {
@@ -261,7 +261,7 @@ fn average(patches: &[Patch], [a, b, c, d]: &[Point; 4], samples: u32, behind: f
     (sum / (samples * samples) as f64) as f32
 }
 
-/// Grey of the nearest thing along a ray from the camera centre.
+/// Returns the grey level of the nearest object along a ray from the camera centre.
 fn hit(patches: &[Patch], ray: &Point) -> Option<f64> {
     let mut nearest = 0.0;
     let mut value = None;

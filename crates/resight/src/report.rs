@@ -1,4 +1,4 @@
-//! Answers for people: verdicts, numbers in words, and a self-contained page.
+//! Answers for people: verdicts, numbers in words, and self-contained pages.
 
 pub mod face;
 pub mod html;

@@ -1,4 +1,4 @@
-//! A rig with names: the jobs that solve it, and the names of cameras, views and targets in files and reports.
+//! A rig with names: the jobs that solve for it, and the names of cameras, views and targets in files and reports.
 
 mod detections;
 pub mod digest;
@@ -35,39 +35,39 @@ use crate::core::multiview::rig::{Observation, RigProblem, RigSolution};
 use crate::core::{Camera, Target};
 use crate::formats::{NamedCamera, Placement};
 
-/// The frame that cameras of a rig are placed in, as files call it: that of the reference camera.
+/// The name, in files, of the frame in which the cameras of a rig are placed: that of the reference camera.
 pub const RIG_FRAME: &str = "rig";
 
-/// A target as the user gave it.
+/// A target of a request.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedTarget {
     /// Its name.
     pub name: String,
-    /// Its points; none when they came with the detections.
+    /// Its points; `None` when they are part of the detections.
     pub target: Option<Target>,
-    /// The body it is fixed to, index.
+    /// Index of the body to which it is fixed.
     pub body: usize,
 }
 
-/// Cameras, views, targets and observations in one canonical order: by name, so that the order of files does not matter.
+/// Cameras, views, targets and observations in canonical order: sorted by name, so that the order of files does not matter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedRig {
     /// The cameras, sorted by name.
     pub cameras: Vec<NamedCamera>,
-    /// Their lenses, in the same order: what `RigProblem` takes.
+    /// Their lenses, in the same order: input of `RigProblem`.
     pub lenses: Vec<Camera>,
     /// View names, in order.
     pub views: Vec<String>,
     /// The targets, sorted by name.
     pub targets: Vec<NamedTarget>,
-    /// Body of each target, in the same order: what `RigProblem` takes.
+    /// Body of each target, in the same order: input of `RigProblem`.
     pub body_of_target: Vec<usize>,
     /// The observations, sorted by view, camera, target.
     pub observations: Vec<Observation>,
 }
 
 impl NamedRig {
-    /// The input of the solver.
+    /// Returns the input of the solver.
     pub fn problem(&self) -> RigProblem<'_> {
         RigProblem {
             cameras: &self.lenses,
@@ -77,13 +77,13 @@ impl NamedRig {
         }
     }
 
-    /// The camera of this name, index.
+    /// Returns the index of the camera with this name.
     pub fn camera(&self, name: &str) -> Option<usize> {
         self.cameras.iter().position(|camera| camera.name == name)
     }
 }
 
-/// A file that an answer rests on.
+/// A file on which an answer depends.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InputFile {
     /// Path as given.
@@ -95,19 +95,19 @@ pub struct InputFile {
 /// An answer with everything needed to report it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigRun {
-    /// The question.
+    /// The input.
     pub rig: NamedRig,
-    /// The answer.
+    /// The solution.
     pub solution: RigSolution,
     /// The files read.
     pub inputs: Vec<InputFile>,
-    /// The exact command line, where one asked.
+    /// The exact command line, if the job was run from one.
     pub command: Option<String>,
 }
 
 impl RigRun {
-    /// The cameras with their places, as `formats::write_cameras` takes them: `cam_from_rig` with its covariance, frame b named
-    /// after the camera, frame a [`RIG_FRAME`].
+    /// Returns the cameras with their poses, as input of `formats::write_cameras`: `cam_from_rig` with its covariance, where frame b is named
+    /// after the camera and frame a is [`RIG_FRAME`].
     pub fn placed_cameras(&self) -> Vec<NamedCamera> {
         let placed = |(camera, found): (&NamedCamera, &crate::core::multiview::rig::CameraInRig)| {
             let placement = Placement {

@@ -1,4 +1,4 @@
-//! Where a known rig is, from points that any of its cameras see: the job behind `resight rig-pose`.
+//! Solves for the pose of a known rig, from points that any of its cameras observe: the job of `resight rig-pose`.
 
 mod read;
 mod solve;
@@ -17,11 +17,11 @@ use std::path::Path;
 /// A camera of a known rig.
 #[derive(Debug, Clone)]
 pub struct KnownCamera {
-    /// Name, lens, and how well its intrinsics are known.
+    /// Name and lens, with the uncertainty of its intrinsics.
     pub named: NamedCamera,
     /// x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
-    /// Covariance of its small left motion, camera frame; none when exact, or not stated.
+    /// Covariance of its small left motion, camera frame; `None` when exact or not stated.
     pub covariance: Option<Matrix6>,
 }
 
@@ -31,10 +31,10 @@ impl KnownCamera {
     }
 }
 
-/// The cameras of a rig file, in the frame that its poses have in common.
+/// Reads the cameras of a rig file, with their poses in a common frame.
 ///
 /// # Errors
-/// What is wrong with the file; a file of intrinsics only, or one whose poses do not join its cameras.
+/// What is wrong with the file; a file with intrinsics only, or one whose poses do not connect its cameras.
 pub fn read_known_rig(path: &Path) -> Result<Vec<KnownCamera>, Error> {
     let cameras = formats::read_cameras(path)?.cameras;
     let places = match cameras.as_slice() {
@@ -51,7 +51,7 @@ pub fn read_known_rig(path: &Path) -> Result<Vec<KnownCamera>, Error> {
     Ok(cameras.into_iter().enumerate().map(known).collect())
 }
 
-/// The pose of a rig for each view, in file order.
+/// Solves for the pose of a rig in each view, in file order.
 ///
 /// ```no_run
 /// # fn main() -> Result<(), resight::Error> {

@@ -1,7 +1,7 @@
-//! A rig as a scene file: cameras, their pyramids and error ellipsoids, targets in every view, for viewers of MCAP.
+//! Writes a rig as a scene file for viewers of MCAP: cameras, their pyramids and error ellipsoids, targets in every view.
 //!
-//! The file holds Foxglove's schemas as Protocol Buffers. Foxglove draws all of it; other viewers that know these schemas show what they
-//! know of them. What is in it: docs/report.md.
+//! The file contains Foxglove's schemas as Protocol Buffers. Foxglove draws all of it; other viewers that know these schemas show parts of it.
+//! docs/report.md describes the contents.
 
 pub mod around;
 pub(crate) mod geometry;
@@ -18,21 +18,21 @@ use shapes::{Join, Shapes, color_of};
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-/// Colours of cameras, on report pages too: `c0` … in page.css.
+/// Number of colours of cameras, which report pages use too: `c0` … in page.css.
 pub(crate) const N_COLORS: usize = shapes::COLORS.len();
-/// Views carry names, not times: they follow each other at ten a second.
+/// Views have names, not times: they follow each other at ten per second.
 const VIEW_PERIOD_NS: u64 = 100_000_000;
-/// A reader holds one chunk in memory at a time.
+/// Size of a chunk; a reader holds one chunk in memory at a time.
 const CHUNK_BYTES: u64 = 1 << 18;
 const RIG: &str = "rig";
 const GREY: shapes::Rgba = [0.55, 0.57, 0.60, 1.0];
 
-/// The rig as an MCAP file: what `--scene FILE.mcap` writes. View k is at (k + 1) · 0.1 s; what does not move is at the first.
+/// Returns the rig as an MCAP file, which `--scene FILE.mcap` writes. View k is at (k + 1) · 0.1 s; what does not move is at the first.
 ///
-/// Frames are `rig`, `camera/NAME` and `target/NAME`; metres. Same run, same bytes.
+/// The frames are `rig`, `camera/NAME` and `target/NAME`; units are metres. The same run gives the same bytes.
 ///
 /// # Errors
-/// More cameras than the format has numbers for topics (65,535).
+/// More cameras than the format has topic numbers for (65,535).
 pub fn rig_scene(run: &RigRun) -> Result<Vec<u8>, RecordingError> {
     let targets = geometry::targets_in_views(run);
     let extent = geometry::extent(run, &targets);
@@ -60,7 +60,7 @@ struct Topics {
 }
 
 impl Topics {
-    /// `calibration` is a schema, since every camera gets a topic of its own; the others are topics.
+    /// `calibration` is a schema, because every camera has a topic of its own; the others are topics.
     fn new(file: &mut File) -> Result<Self, RecordingError> {
         let mut schema =
             |root: &str| file.schema(&format!("foxglove.{root}"), "protobuf", &schema::descriptor_set(root));
@@ -110,7 +110,7 @@ fn cameras(
     Ok(())
 }
 
-/// Pyramid, name and the 95 % ellipsoid of the place, magnified.
+/// Returns pyramid, name, and the 95 % ellipsoid of the position, magnified.
 fn camera_shapes(run: &RigRun, camera: usize, extent: &Extent, magnification: f64) -> Shapes {
     let placed = &run.solution.cameras[camera];
     let rig_from_cam = placed.cam_from_rig.inverse();
@@ -135,7 +135,7 @@ fn camera_shapes(run: &RigRun, camera: usize, extent: &Extent, magnification: f6
     }
 }
 
-/// None for the reference camera, which has no uncertainty.
+/// Returns `None` for the reference camera, which has no uncertainty.
 fn ellipsoid(
     place: &Point,
     covariance: &Matrix3<f64>,
@@ -153,7 +153,7 @@ fn ellipsoid(
     Some(shapes::ellipsoid(&rig_from_shape, &(lengths * (2.0 * magnification)), color_of(camera, 0.4)))
 }
 
-/// Each view's message holds all of that view, so that a viewer may jump to any time.
+/// The message of each view contains all of that view, so that a viewer may jump to any time.
 fn views(
     file: &mut File,
     topics: &Topics,
@@ -182,7 +182,7 @@ fn views(
     Ok(())
 }
 
-/// Outlines and names of the targets, and a line from each camera to each target it saw.
+/// Returns outlines and names of the targets, and a line from each camera to each target that it observed.
 fn target_shapes(run: &RigRun, view: usize, in_view: &[TargetInView], points: &[Vec<Point>]) -> Shapes {
     let mut all = Shapes::default();
     for t in in_view {

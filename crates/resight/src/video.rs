@@ -1,4 +1,4 @@
-//! Frames of a video file, decoded by the system's `ffmpeg`.
+//! Decodes the frames of a video file with the system's `ffmpeg`.
 
 pub mod ffmpeg;
 
@@ -8,11 +8,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How long to wait for a frame before looking again.
+/// Time to wait for a frame before checking again.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Whether a file's first bytes are those of a container of videos: MP4 and QuickTime, Matroska and WebM, AVI, MPEG program and
-/// transport streams, Ogg, Flash, NUT, IVF, YUV4MPEG2.
+/// Returns whether a file's first bytes are those of a video container: MP4 and QuickTime, Matroska and WebM, AVI, MPEG program and transport
+/// streams, Ogg, Flash, NUT, IVF, YUV4MPEG2.
 pub fn is_video(path: &Path) -> bool {
     let mut head = Vec::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
@@ -29,18 +29,18 @@ pub fn is_video(path: &Path) -> bool {
                 .any(|magic| starts(magic)))
 }
 
-/// Bytes of a packet of an MPEG transport stream; each begins with 0x47, `G`.
+/// Size of a packet of an MPEG transport stream in bytes; each begins with 0x47, `G`.
 const TS_PACKET: usize = 188;
-/// Enough for three of them.
+/// Number of bytes with the first bytes of three packets.
 const HEAD_BYTES: u64 = 2 * TS_PACKET as u64 + 1;
 
-/// A video being decoded; iterate over its frames, in recording order, none dropped and none doubled. A frame that cannot be decoded
-/// is an error in its place.
+/// A video that is being decoded: an iterator over its frames in recording order, none dropped and none duplicated. A frame that cannot be
+/// decoded is an error at its position.
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
     decoder: Decoder,
-    /// Looked at when the file was opened.
+    /// The frame that was decoded when the file was opened.
     first: Option<Decoded>,
     is_over: bool,
 }
@@ -49,10 +49,10 @@ impl Video {
     /// Starts `ffmpeg` on a file and waits for its first frame.
     ///
     /// # Errors
-    /// No `ffmpeg` (how to get it is said), a file without a video, frames beyond 64 Mpx.
+    /// A missing `ffmpeg` (with how to get it), a file without a video, frames larger than 64 Mpx.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let reported = |reason: String| FileError::new(path, reason);
-        // `file:` keeps a name with a colon from being taken for a protocol, and one with a dash for an option.
+        // `file:` prevents a name with a colon from being interpreted as a protocol, and one with a dash as an option.
         let mut input = std::ffi::OsString::from("file:");
         input.push(path);
         let mut decoder = Ffmpeg::find().and_then(|ffmpeg| ffmpeg.decode(&[], &input)).map_err(reported)?;
@@ -67,12 +67,12 @@ impl Video {
         Ok(Video { path: path.to_path_buf(), decoder, first: Some(first), is_over: false })
     }
 
-    /// Takes back a frame whose memory may hold one to come.
+    /// Returns the memory of a frame for reuse.
     pub fn reuse(&mut self, spent: GrayImage) {
         self.decoder.reuse(spent);
     }
 
-    /// What comes next, waiting at most about `patience` for it.
+    /// Returns the next item, waiting at most about `patience` for it.
     pub fn decoded(&mut self, patience: Duration) -> Decoded {
         if self.is_over {
             return Decoded::End(None);
@@ -83,7 +83,7 @@ impl Video {
     }
 }
 
-/// Why there is no frame; none where there is one, or nothing is wrong.
+/// Explains why there is no frame; `None` where there is one, or where nothing is wrong.
 pub fn complaint(decoded: &Decoded) -> Option<String> {
     match decoded {
         Decoded::Damaged(words) => Some(format!("a frame is damaged ({words})")),
@@ -93,7 +93,7 @@ pub fn complaint(decoded: &Decoded) -> Option<String> {
     }
 }
 
-/// What to say of a frame of another size.
+/// Returns the message about a frame of another size.
 pub fn resized(from_px: [u32; 2], to_px: [u32; 2]) -> String {
     let [from, to] = [from_px, to_px].map(|[width, height]| format!("{width}×{height}"));
     format!("frames changed from {from} to {to} px; one size is needed")

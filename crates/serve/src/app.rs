@@ -1,4 +1,4 @@
-//! What all routes share.
+//! The state that all routes share.
 
 use crate::error::Problem;
 use crate::live::Live;
@@ -7,14 +7,14 @@ use crate::sessions::Sessions;
 use std::sync::{Arc, OnceLock};
 use tokio::sync::Semaphore;
 
-/// Photographs decoded and sessions read at once.
+/// Number of photographs decoded, and of sessions read, at the same time.
 const DECODING: usize = 2;
 /// Results that were dropped in, solved at once.
 const SOLVING: usize = 1;
 /// Other long work at once: searches for targets, reports, images from above. What takes milliseconds has threads besides.
 const WORKING: usize = 2;
 
-/// What all routes share.
+/// The state that all routes share.
 #[derive(Clone)]
 pub struct App {
     /// Sessions of pages.
@@ -27,7 +27,7 @@ pub struct App {
     pub solving: Arc<Semaphore>,
     /// Turns of other long work.
     pub working: Arc<Semaphore>,
-    /// What all of them may take.
+    /// The memory that all requests together may use.
     pub memory: Memory,
 }
 
@@ -66,10 +66,10 @@ impl App {
         Ok(taken)
     }
 
-    /// More memory for a request.
+    /// Takes more memory for a request.
     ///
     /// # Errors
-    /// As of [`App::take`].
+    /// The errors of [`App::take`].
     pub fn make_room(&self, taken: &mut Taken, bytes: usize) -> Result<(), Problem> {
         while !self.memory.resize(taken, bytes) {
             if !self.sessions.let_oldest_go(None) {

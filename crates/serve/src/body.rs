@@ -17,7 +17,7 @@ const STEP_BYTES: usize = 1 << 20;
 
 /// A body, and the memory that it has taken.
 pub struct Received {
-    /// Of the request.
+    /// The headers of the request.
     pub headers: HeaderMap,
     /// The body.
     pub bytes: Vec<u8>,
@@ -26,20 +26,20 @@ pub struct Received {
 }
 
 impl Received {
-    /// As JSON.
+    /// Parses the body as JSON.
     ///
     /// # Errors
-    /// Another type, or other JSON than is needed.
+    /// Another media type, or other JSON than needed.
     pub fn json<T: for<'a> Deserialize<'a>>(&self, needed: &str) -> Result<T, Problem> {
         must_be_json(&self.headers)?;
         serde_json::from_slice(&self.bytes).map_err(|reason| Problem::input(format!("{needed}: {reason}.")))
     }
 }
 
-/// Receives a body of at most so many bytes.
+/// Receives a body of at most `limit` bytes.
 ///
 /// # Errors
-/// More bytes; a request that breaks off; no memory left.
+/// A larger body; an interrupted request; no memory left.
 pub async fn receive(app: &App, request: Request, limit: usize) -> Result<Received, Problem> {
     let (parts, body) = request.into_parts();
     let too_large = || {

@@ -1,4 +1,4 @@
-//! What is wrong with a request, as JSON: `{"error": {"kind", "message"}}`.
+//! Errors of requests, as JSON: `{"error": {"kind", "message"}}`.
 
 use axum::Json;
 use axum::http::StatusCode;
@@ -25,7 +25,7 @@ pub struct ErrorObject {
 }
 
 impl Problem {
-    /// With its status code.
+    /// Creates an error with its status code.
     pub fn new(status: StatusCode, kind: &'static str, message: impl Into<String>) -> Self {
         Problem { status: status.as_u16(), kind, message: message.into() }
     }
@@ -40,12 +40,12 @@ impl Problem {
         &self.message
     }
 
-    /// What was sent cannot be used.
+    /// Creates an error for input that cannot be used.
     pub fn input(message: impl Into<String>) -> Self {
         Problem::new(StatusCode::UNPROCESSABLE_ENTITY, "input", message)
     }
 
-    /// What was asked for is not there.
+    /// Creates an error for something that does not exist.
     pub fn missing(message: impl Into<String>) -> Self {
         Problem::new(StatusCode::NOT_FOUND, "not_found", message)
     }

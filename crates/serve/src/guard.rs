@@ -17,7 +17,7 @@ const OPEN: [&str; 5] = ["/", "/app.js", "/app.css", "/healthz", "/openapi.json"
 /// No route takes a larger body, bytes; each has a limit of its own besides.
 const LARGEST: usize = 192 << 20;
 
-/// Of a refusal in plain words, bytes.
+/// Largest part of a plain-text refusal that is kept, bytes.
 const MOST_SAID: usize = 4096;
 
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self'; script-src 'self'; connect-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -48,8 +48,7 @@ pub async fn in_time(State(patience): State<Duration>, request: Request, next: N
     timeout(patience, next.run(request)).await.unwrap_or_else(|_| late().into_response())
 }
 
-/// What is refused in plain words before a route is reached (a query that lacks a key, a body that is too large) in the form of all
-/// other refusals.
+/// Converts plain-text refusals that precede a route (a query that lacks a key, a body that is too large) to the form of all other refusals.
 pub async fn in_one_form(request: Request, next: Next) -> Response {
     let response = next.run(request).await;
     let is_plain =
@@ -109,7 +108,7 @@ fn text<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     headers.get(name).and_then(|value| value.to_str().ok())
 }
 
-/// Whether a request says that it brings JSON: a form of another page cannot.
+/// Refuses requests that do not declare JSON, which a form of another page cannot do.
 pub fn must_be_json(headers: &HeaderMap) -> Result<(), Problem> {
     let given = text(headers, &header::CONTENT_TYPE).unwrap_or_default();
     match given.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json") {

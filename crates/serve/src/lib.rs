@@ -1,9 +1,9 @@
-//! The page of `resight serve` and the interface behind it: HTTP and WebSocket in, the sessions of `resight-session` and what a watch session
-//! reports out. It computes nothing.
+//! The page of `resight serve` and the interface behind it: HTTP and WebSocket in front of the sessions of `resight-session` and the reports of
+//! a watch session. It computes nothing.
 //!
 //! | what | where |
 //! | --- | --- |
-//! | whom it answers: address, host, origin, token | `guard` |
+//!  which requests are answered: address, host, origin, token | `guard` |
 //! | the page's files, compiled in | `page` |
 //! | photographs and four clicks | `photograph`, `socket`; the sessions kept, `sessions` |
 //! | cameras that are watched | `live` |

@@ -1,7 +1,7 @@
-//! Cameras that are watched, for the page: what each shows and how it is, the events, and what an operator may do.
+//! Watched cameras, for the page: the image and state of each, the events, and the actions of an operator.
 //!
-//! The session runs on a thread of its own, as `resight watch` runs it; nothing here waits in its way. A picture is kept only while a page
-//! looks on, made small on the reader's thread, and encoded on another; a slow page gets fewer of them.
+//! The session runs on a thread of its own, as with `resight watch`; nothing here makes it wait. A picture is kept only while a page shows it;
+//! it is reduced on the reader's thread and encoded on another. A slow page gets fewer pictures.
 
 pub mod answers;
 pub mod asked;
@@ -30,38 +30,38 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast;
 
-/// Events that a page may be behind; beyond it misses some, and its next status is whole again.
+/// Number of events by which a page may be behind; beyond it some are missed, and its next status is complete again.
 const EVENTS: usize = 256;
 /// Frames that statistics are of.
 const WINDOW: usize = 300;
 /// A view this young is not made again: all pages share it.
 const YOUNG: Duration = Duration::from_millis(200);
 
-/// What routes and the session share.
+/// The state shared by the routes and the session.
 pub struct Live {
     board: Mutex<Board>,
     names: Vec<String>,
-    /// Why the session is no more.
+    /// Why the session has ended with an error.
     failed: Mutex<Option<String>>,
     shared: Mutex<Option<(Instant, Utf8Bytes)>>,
     pub(crate) pictures: Arc<Pictures>,
     pub(crate) events: broadcast::Sender<Utf8Bytes>,
     /// The history that the session writes.
     pub(crate) history: Option<PathBuf>,
-    /// Why references cannot be learned anew.
+    /// Why references cannot be learned again.
     fixed: Option<&'static str>,
     relearn: Relearn,
     lenses: Vec<Camera>,
-    /// The same as camera files.
+    /// The lenses as camera files.
     pub(crate) lens_files: Vec<Option<String>>,
     targets: Vec<Arc<Target>>,
     began: Instant,
 }
 
 impl Live {
-    /// Of a session that is about to start.
+    /// Creates the state for a session that is about to start.
     pub fn new(request: &Request) -> Self {
-        // What is wrong with a camera the session says itself.
+        // The session itself reports what is wrong with a camera.
         let known = |camera| references(camera, &request.config, None).unwrap_or_default();
         let references: Vec<_> = request.cameras.iter().flat_map(known).collect();
         let targets = request.cameras.first().map(|camera| camera.targets.iter());
@@ -110,18 +110,18 @@ impl Live {
         *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = failed;
     }
 
-    /// Whether the session is no more because something failed.
+    /// Returns whether the session ended because of an error.
     pub fn has_failed(&self) -> bool {
         self.failed.lock().unwrap_or_else(PoisonError::into_inner).is_some()
     }
 
-    /// How everything is.
+    /// Returns the state of everything.
     pub fn view(&self) -> LiveView {
         let failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner).clone();
         LiveView::of(&self.board(), self.now(), failed, self.fixed, self.history.is_some())
     }
 
-    /// The same as text, made at most five times a second.
+    /// Returns the state as text, computed at most five times a second.
     fn view_text(&self) -> Utf8Bytes {
         let mut shared = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
         match &*shared {
@@ -139,7 +139,7 @@ impl Live {
         &self.names
     }
 
-    /// Which camera has that name.
+    /// Returns the index of the camera with this name.
     fn number(&self, camera: &str) -> Option<usize> {
         self.names.iter().position(|name| name == camera)
     }
@@ -177,7 +177,7 @@ impl Live {
         self.targets.iter().enumerate().filter_map(of_target).collect()
     }
 
-    /// A stretch of what is remembered of a camera, and which it is: by default all of it.
+    /// Returns a period of a camera's recorded states and its limits: by default all of it.
     fn remembered(&self, camera: usize, asked: &asked::Asked) -> Option<(Stretch, Vec<StripBin>)> {
         let board = self.board();
         let (first_s, last_s) = board.span_s(camera, self.now())?;
@@ -219,7 +219,7 @@ impl Live {
         Ok(())
     }
 
-    /// What an operator did shows at once.
+    /// Applies an operator's action, and makes its effect visible at once.
     fn changed<T>(&self, change: impl FnOnce(&mut Board) -> T) -> T {
         let done = change(&mut self.board());
         *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = None;
@@ -236,7 +236,7 @@ impl Live {
     }
 }
 
-/// None where the model has no place in a file.
+/// Returns `None` where the file format cannot hold the model.
 fn lens_file(camera: &LiveCamera) -> Option<String> {
     camera_file(&camera.name, &camera.camera, camera.intrinsics.as_ref()).ok()
 }

@@ -1,17 +1,17 @@
-//! One ceiling for the memory that requests may take: bodies while they come, photographs while they are decoded, sessions as long as they are kept,
-//! answers that are large. Whoever wants more than is left waits for nothing: sessions that were not used for long go, or it is refused.
+//! One limit for the memory that requests may use: bodies during reception, photographs during decoding, sessions as long as they are kept, and
+//! large answers. A request that needs more than is left does not wait: sessions that have not been used for long are dropped, or it is refused.
 
 use crate::error::Problem;
 use axum::http::StatusCode;
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-/// All of it, bytes.
+/// The limit, bytes.
 pub const CEILING_BYTES: usize = 1 << 30;
 /// It is counted in pieces of this size.
 const PIECE_BYTES: usize = 1 << 10;
 
-/// What is left.
+/// The memory that is left.
 #[derive(Clone)]
 pub struct Memory {
     left: Arc<Semaphore>,
@@ -23,12 +23,12 @@ impl Default for Memory {
     }
 }
 
-/// What somebody has taken; it comes back when this goes.
+/// Memory that is in use; it is returned when this is dropped.
 #[derive(Debug, Default)]
 pub struct Taken(Option<OwnedSemaphorePermit>);
 
 impl Memory {
-    /// So many bytes, if they are left.
+    /// Takes a number of bytes, if they are left.
     pub fn take(&self, bytes: usize) -> Option<Taken> {
         let mut taken = Taken::default();
         self.resize(&mut taken, bytes).then_some(taken)
@@ -51,14 +51,14 @@ impl Memory {
         true
     }
 
-    /// What is not taken, bytes.
+    /// Returns the number of bytes left.
     #[cfg(test)]
     pub fn left_bytes(&self) -> usize {
         self.left.available_permits() * PIECE_BYTES
     }
 }
 
-/// Why something was refused.
+/// Returns the error for a request that was refused for lack of memory.
 pub fn full() -> Problem {
     let message = format!(
         "The program holds as much as it may, {} MB, of which other sessions and requests have too much; try again in a moment.",

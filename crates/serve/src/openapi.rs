@@ -35,7 +35,7 @@ pub fn routes() -> Router<App> {
     Router::new().route("/healthz", get(health)).route("/openapi.json", get(async || Json(description())))
 }
 
-/// One word, for supervisors; what is wrong, the page says.
+/// Returns one word, for supervisors; the page explains what is wrong.
 async fn health(State(app): State<App>) -> Response {
     match app.live().is_some_and(|live| live.has_failed()) {
         true => (axum::http::StatusCode::SERVICE_UNAVAILABLE, "degraded\n").into_response(),
@@ -43,7 +43,7 @@ async fn health(State(app): State<App>) -> Response {
     }
 }
 
-/// The whole description.
+/// Returns the whole description.
 pub fn description() -> Value {
     let mut schemas = Schemas::new();
     let error = schemas.answer::<ErrorObject>();

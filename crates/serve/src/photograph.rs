@@ -257,7 +257,7 @@ async fn export(State(app): State<App>, Query(named): Query<Named>) -> Result<Re
     Ok(download(&export.name, export.media_type, export.text.into_bytes()))
 }
 
-/// To be saved, not shown: a report is a page of its own and must not run as one of this server's.
+/// Returns a file to be saved, not shown: a report is a page of its own and must not run as a page of this server.
 fn download(name: &str, media_type: &str, bytes: Vec<u8>) -> Response {
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "-_.".contains(*c)).collect();
     let headers = [

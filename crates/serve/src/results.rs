@@ -19,7 +19,7 @@ const BYTES: usize = 32 << 20;
 /// Files of a request.
 const MOST_FILES: usize = 16;
 
-/// The example of a rig: four cameras around a board, simulated; `examples/rig` says how.
+/// The example of a rig: four simulated cameras around a board; `examples/rig` describes it.
 const RIG: [(&str, &str); 2] = [
     ("answer.json", include_str!("../../../examples/rig/answer.json")),
     ("rig.toml", include_str!("../../../examples/rig/rig.toml")),
@@ -63,7 +63,7 @@ async fn rig(State(app): State<App>, request: Request) -> Result<Json<RigView>, 
 
 async fn whisker(State(app): State<App>, request: Request) -> Result<Json<Replay>, Problem> {
     let given = given(&app, request).await?;
-    // One at a time: twenty thousand readings take seconds.
+    // One request at a time: twenty thousand readings take seconds.
     let _turn = app.solving.acquire().await.map_err(|_| Problem::failed())?;
     let played = aside(move || replay(&given.texts(&WHISKER)).map_err(|fault| sentence(&fault)));
     Ok(Json(played.await?.map_err(Problem::input)?))

@@ -22,7 +22,7 @@ const WORKERS: usize = 12;
 
 const FLAGS: Flags = Flags { address: "--listen", token_file: "--token-file", host: "--allowed-host" };
 
-/// Where and for whom to serve.
+/// The address to serve, and the restrictions.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServeConfig {
     /// The flag that the address comes from, for messages.
@@ -66,7 +66,7 @@ impl Server {
         Ok(Server { listener, place, access, patience: config.patience, live: None })
     }
 
-    /// Where it is.
+    /// Returns its address.
     pub fn place(&self) -> SocketAddr {
         self.place
     }
@@ -127,7 +127,7 @@ fn routes(app: App, access: Access, patience: Duration) -> Router {
         .layer(middleware::from_fn(guard::in_one_form))
         .layer(middleware::from_fn_with_state(patience, guard::in_time))
         .with_state(app);
-    // Around everything: nothing is routed before the guard has looked at the request.
+    // The guard surrounds everything: no request is routed before it was checked.
     Router::new()
         .fallback_service(routes)
         .layer(middleware::from_fn_with_state(Arc::new(access), guard::guard))

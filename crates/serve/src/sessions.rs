@@ -1,7 +1,7 @@
 //! The sessions that pages have open, by their ids.
 //!
-//! A session is never locked while something is computed: readers take it as it is now, a change is made to a copy of it (photographs and answers are
-//! shared) and takes its place when it is done. Changes of one session come one after the other, in the order in which they were asked for.
+//! A session is never locked during a computation: readers take its current state, and a change is applied to a copy (photographs and answers
+//! are shared), which replaces it at the end. Changes of one session are applied one after the other, in the order of the requests.
 
 use crate::aside::aside;
 use crate::error::Problem;
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::{Notify, Semaphore, watch};
 
-/// Sessions kept.
+/// Number of sessions kept.
 const MOST: usize = 32;
 
 /// Between two measurements of a session that changes all the time.
@@ -29,7 +29,7 @@ pub struct Shared {
     turn: Semaphore,
     cancelled: Notify,
     is_measuring: AtomicBool,
-    /// Changes with the session; it ends when the session is no longer kept.
+    /// Is notified of changes of the session, and closed when the session is no longer kept.
     news: watch::Sender<bool>,
 }
 
@@ -52,7 +52,7 @@ impl Shared {
         Arc::clone(&self.now.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Says that there is something new; false once the session is no longer kept.
+    /// Returns a receiver that is notified of changes; false once the session is no longer kept.
     pub fn news(&self) -> watch::Receiver<bool> {
         self.news.subscribe()
     }
@@ -62,10 +62,10 @@ impl Shared {
         self.cancelled.notify_waiters();
     }
 
-    /// Changes the session, on a thread of its own, and says what came of it.
+    /// Changes the session, on a thread of its own, and returns the result.
     ///
     /// # Errors
-    /// A thread that failed, no memory left, or that it was cancelled: nothing has changed then.
+    /// A thread that failed, no memory left, or a cancellation: then nothing has changed.
     pub async fn change<T: Send + 'static>(
         self: &Arc<Self>,
         sessions: &Sessions,
@@ -118,7 +118,7 @@ impl Shared {
             while let Some(task) = shared.now().measuring() {
                 let Ok(measured) = aside(move || task.run()).await else { break };
                 shared.take(measured).await;
-                // Poses of what is under a hand go first.
+                // Poses during a drag take precedence.
                 tokio::time::sleep(REST).await;
             }
             shared.is_measuring.store(false, Ordering::Release);
@@ -142,7 +142,7 @@ impl Shared {
         *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(after);
     }
 
-    /// Nobody can ask for it any more: what it holds goes at once, whoever still looks at it.
+    /// Drops the session: nobody can request it any more, and its memory is freed, even if a page still shows it.
     fn leave(&self) {
         *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::default();
         *self.taken.lock().unwrap_or_else(PoisonError::into_inner) = Taken::default();
@@ -150,7 +150,7 @@ impl Shared {
     }
 }
 
-/// All of them.
+/// All open sessions.
 pub struct Sessions {
     kept: Mutex<Kept>,
     memory: Memory,
@@ -164,7 +164,7 @@ struct Kept {
 }
 
 impl Sessions {
-    /// None yet.
+    /// Starts without sessions.
     pub fn new(memory: Memory) -> Self {
         Sessions { kept: Mutex::default(), memory }
     }
@@ -222,7 +222,7 @@ impl Sessions {
     }
 }
 
-/// 128 bits that nobody can guess: SipHash under keys that the system drew.
+/// Returns 128 bits that cannot be guessed: SipHash under keys from the system's random numbers.
 fn fresh_id() -> String {
     let half = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", half(), half())

@@ -1,7 +1,7 @@
-//! The WebSocket of a session: commands up, views down. The fast way while a point is dragged.
+//! The WebSocket of a session: commands in, views out. It is the fast way while a point is dragged.
 //!
-//! The view after a command comes at once, with its number; what is measured follows when it is there, and what another page changed, as views
-//! with the number 0. A page that is slow gets the newest of these, not all.
+//! The view after a command is sent at once, with the number of the command; measurements follow when they are ready, and changes by another
+//! page as views with the number 0. A slow page gets only the newest of these.
 
 use crate::app::App;
 use crate::aside::aside;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
 
-/// A page that says nothing for so long is gone; it opens another.
+/// A page that sends nothing for this long is considered closed; it can open another connection.
 const SILENCE: Duration = Duration::from_secs(3600);
 /// For a client to take an answer.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -31,7 +31,7 @@ pub struct Named {
     session: String,
 }
 
-/// Its route.
+/// Returns its route.
 pub fn routes() -> Router<App> {
     Router::new().route("/ws/session", any(open))
 }
@@ -49,14 +49,14 @@ async fn open(
     Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }
 
-/// One page that looks at a session.
+/// A page that shows a session.
 struct Page {
     app: App,
     session: Arc<Shared>,
     id: String,
     /// The photograph that it shows.
     photo: usize,
-    /// What it was sent last: version of the session, and how often it had been measured.
+    /// What it was sent last: the version of the session, and the number of its measurements.
     shown: Option<(u64, u64)>,
 }
 
@@ -117,7 +117,7 @@ impl Page {
         }
     }
 
-    /// What is new: none where the page has it already.
+    /// Returns what is new; `None` where the page has it already.
     async fn news(&mut self) -> Option<String> {
         let now = self.session.now();
         let state = (now.version(), now.n_measured());

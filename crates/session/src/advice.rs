@@ -1,4 +1,4 @@
-//! Where the next point would help most.
+//! Where the next point would reduce the uncertainty most.
 
 use crate::pose::Solved;
 use crate::texts;
@@ -25,10 +25,10 @@ pub struct Advice {
     pub gain: f64,
 }
 
-/// A gain that is worth a sentence.
+/// Smallest gain that is worth a sentence.
 const LEAST_GAIN: f64 = 1.15;
 
-/// The best place; none where a further point hardly helps, or nothing can be said.
+/// Returns the best position; `None` where a further point hardly helps, or where the effect is unknown.
 pub fn advice(solved: &Solved, sigma_px: f64) -> Option<Advice> {
     let points: Vec<MeasuredPoint> = solved.points.iter().map(measured).collect();
     let request = NextPointRequest {

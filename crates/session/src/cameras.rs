@@ -1,4 +1,4 @@
-//! Common cameras and phones, by the focal length of their main camera: for photographs whose EXIF was lost, as messengers lose it.
+//! Common cameras and phones with the focal length of their main camera, for photographs without EXIF, which messengers remove.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -16,7 +16,7 @@ const fn camera(name: &'static str, focal_35mm: u16) -> CommonCamera {
     CommonCamera { name, focal_35mm }
 }
 
-/// All of them: whole photographs of the main camera, not zoomed and not cropped.
+/// The list, for whole photographs of the main camera, neither zoomed nor cropped.
 pub const COMMON_CAMERAS: [CommonCamera; 17] = [
     camera("Apple iPhone 7, 8, X, SE", 28),
     camera("Apple iPhone XR, XS, 11, 12, 13, 14, 15", 26),

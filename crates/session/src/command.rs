@@ -1,4 +1,4 @@
-//! What a person can do, one variant each.
+//! The actions of a user, one variant each.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -268,7 +268,7 @@ pub enum MeasuredKind {
 }
 
 impl MeasuredKind {
-    /// The word in JSON and in tables.
+    /// Returns the word used in JSON and in tables.
     pub fn name(self) -> &'static str {
         match self {
             MeasuredKind::Length => "length",

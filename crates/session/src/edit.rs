@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 
 /// Standard deviation of a distance where none is stated, in parts of it.
 const LENGTH_SIGMA: f64 = 0.01;
-/// No configuration of points has so many poses.
+/// Upper limit for the index of a pose; no configuration of points has as many.
 const MOST_POSES: usize = 8;
 
 type Edited = Result<(), Refusal>;
@@ -278,7 +278,7 @@ fn check_measured_points<'a>(all: impl Iterator<Item = &'a Measurement>) -> Edit
     }
 }
 
-/// Whether so many photographs, with files so large together, have room in a session.
+/// Checks that this number of photographs, with files of this total size, fits in a session.
 pub fn check_photographs(n: usize, files_bytes: usize) -> Edited {
     let refuse = |text: String| Err(Refusal { step: Step::Photograph, text });
     match (MOST_PHOTOS < n, FILES_BYTES < files_bytes) {

@@ -22,7 +22,7 @@ pub struct Export {
     pub text: String,
 }
 
-/// What can be exported besides the formats of `resight convert`.
+/// The exports in addition to the formats of `resight convert`.
 const EXPORTS: [&str; 5] = ["json", "homography", "svg", "report", "csv"];
 
 /// Every word that [`Session::export`] takes.
@@ -70,7 +70,7 @@ impl Session {
         }
     }
 
-    /// One line a value; a position has three.
+    /// Writes one line per value; a position has three.
     fn csv(&self, photo: usize) -> String {
         let mut text = "name,what,value,low_95,high_95,unit,axis\n".to_owned();
         for m in self.view(photo).measurements {
@@ -160,7 +160,7 @@ fn named(solved: &crate::pose::Solved) -> NamedCamera {
     }
 }
 
-/// Pixels from places of the plane z = 0, row by row; none for a lens with distortion.
+/// Returns the homography from the plane z = 0 to pixels, row by row; `None` for a lens with distortion.
 fn homography(solved: &crate::pose::Solved) -> Option<String> {
     let is_bent = |(name, value): &(&str, f64)| !name.ends_with("_px") && *value != 0.0;
     if solved.camera.parameters().iter().any(is_bent) {

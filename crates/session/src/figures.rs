@@ -1,4 +1,4 @@
-//! What a pose means for the person: height, tilt and the rest, with 95 % half widths.
+//! Figures of a pose for people: height, tilt and others, with 95 % half widths.
 
 use crate::pose::Solved;
 use crate::texts;
@@ -61,7 +61,7 @@ pub fn figures(solved: &Solved) -> Vec<Figure> {
     .collect()
 }
 
-/// A number and its standard deviation by the pose's covariance; none where it is not finite.
+/// Returns a number and its standard deviation from the pose's covariance; `None` where it is not finite.
 fn one(solved: &Solved, name: &'static str, unit: &'static str, of: &dyn Fn(&Pose) -> f64) -> Option<Figure> {
     let value = of(&solved.cam_from_world);
     let half_width_95 = NORMAL_95 * sigma(&solved.cam_from_world, &solved.covariance, unit, of);

@@ -1,10 +1,10 @@
-//! The steps that can be undone and made again, bounded in number and in memory.
+//! The steps that can be undone and redone, limited in number and in memory.
 
 use crate::state::State;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// Steps that can be undone.
+/// Number of steps that can be undone.
 const MOST_STEPS: usize = 500;
 /// Memory of all steps together, bytes: photographs that were replaced, camera files, lists of points. The oldest steps go.
 pub const HISTORY_BYTES: usize = 128 << 20;
@@ -45,7 +45,7 @@ impl History {
         true
     }
 
-    /// Whether there is a change to take back, and one to make again.
+    /// Returns whether there is a step to undo, and one to redo.
     pub fn steps(&self) -> (bool, bool) {
         (!self.past.is_empty(), !self.future.is_empty())
     }

@@ -1,4 +1,4 @@
-//! What is stated of a lens, as a camera.
+//! Converts what is stated about a lens to a camera.
 
 use crate::cameras::COMMON_CAMERAS;
 use crate::command::{GivenLens, GivenLine, LineDirection};
@@ -17,7 +17,7 @@ use resight::marked_lines::{MarkedView, NamedMarkedLine, SceneLens, scene_view_o
 use resight::nominal::{NominalLens, lens_of_unknown_focal};
 use std::path::Path;
 
-/// Lines that are taken.
+/// Largest number of lines used.
 const MOST_LINES: usize = 100;
 /// Relative standard deviation that a stated field of view has for the nominal lens.
 const FIELD_OF_VIEW_SIGMA: f64 = 0.05;
@@ -29,11 +29,11 @@ pub enum KnownLens {
     Camera {
         camera: Box<Camera>,
         intrinsics: Option<IntrinsicsCovariance>,
-        /// That it is not calibrated, or of another size.
+        /// The remark that it is not calibrated, or has another size.
         remark: Option<String>,
         name: String,
     },
-    /// To be estimated with the pose.
+    /// Its focal length is estimated with the pose.
     Unknown(LensPrior),
 }
 
@@ -87,7 +87,7 @@ fn of_lines(lines: &[GivenLine], size: ImageSize) -> Result<KnownLens, String> {
     };
     let nominal = NominalLens::HorizontalFieldOfView(hfov_rad.to_degrees());
     let mut named = nominal.camera(size).map_err(|reason| reason.to_string())?;
-    // What a field of view leaves open is what the lines leave open.
+    // The uncertainty of the field of view is that which the lines leave.
     if let Some(covariance) = &mut named.intrinsics_covariance {
         let open = sigma_px.powi(2) - (FIELD_OF_VIEW_SIGMA * focal_px).powi(2);
         (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);

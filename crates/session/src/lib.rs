@@ -1,7 +1,7 @@
 //! The session behind the page of `resight serve`: photographs, lens, points and distances in; pose, overlay and measurements out.
 //!
-//! A pure state machine: a [`Command`] changes the state, and a [`View`] says all that there is to show. It reads no disk, opens no socket
-//! and asks no clock; whatever carries commands and views (HTTP, a WebSocket, a test) is elsewhere. It computes nothing itself: every answer
+//! A pure state machine: a [`Command`] changes the state, and a [`View`] contains everything to be shown. It has no access to disk, sockets or
+//! clock; commands and views are transported elsewhere (HTTP, a WebSocket, a test). It computes nothing itself: every answer
 //! is that of a job of the crate `resight`.
 //!
 //! ```

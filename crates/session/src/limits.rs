@@ -1,10 +1,10 @@
-//! How much a session holds: the same for commands, for photographs added, and for sessions loaded.
+//! The size limits of a session: the same for commands, for added photographs, and for loaded sessions.
 
 use resight::input::Kind;
 
-/// Photographs: each is held in memory.
+/// Number of photographs: each is kept in memory.
 pub const MOST_PHOTOS: usize = 6;
-/// Files of all photographs together, bytes: what is saved can then be read again.
+/// Total size of the files of all photographs, bytes: a session that was saved can then be read again.
 pub const FILES_BYTES: usize = Kind::Image.limit_bytes() as usize;
 /// A saved session, bytes.
 pub const SAVED_BYTES: usize = Kind::Session.limit_bytes() as usize;

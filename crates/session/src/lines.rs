@@ -1,4 +1,4 @@
-//! What is drawn over the photograph, in its pixels.
+//! The curves drawn over the photograph, in its pixels.
 
 use crate::pose::{Solved, bounds};
 use crate::state::State;
@@ -7,7 +7,7 @@ use resight::overlay::ground::{GroundLines, ground_lines, prediction_ellipse};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A curve: `[u_px, v_px]` each.
+/// A curve of `[u_px, v_px]` points.
 pub type Curve = Vec<[f64; 2]>;
 
 /// One axis of the frame.
@@ -36,7 +36,7 @@ pub struct Overlay {
     pub horizon: Vec<Curve>,
 }
 
-/// How far what is drawn may be from the curve, px.
+/// Largest distance between what is drawn and the curve, px.
 const APART_PX: f64 = 0.05;
 
 /// Curves in tenths of a pixel, without the points that a straight line passes closely enough.
@@ -55,7 +55,7 @@ fn bends(line: &[Pixel]) -> impl Iterator<Item = &Pixel> {
     })
 }
 
-/// How many of the points that follow a straight line passes that begins at `start` and ends at the last of them.
+/// Returns the number of following points near a straight line that begins at `start` and ends at the last of them.
 fn straight(start: &Pixel, points: &[Pixel]) -> usize {
     let Some(axis) = points.first().map(|first| (first - start).normalize()) else { return 0 };
     let (mut reach, mut least, mut most) = (APART_PX, f64::NEG_INFINITY, f64::INFINITY);

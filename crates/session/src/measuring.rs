@@ -1,10 +1,10 @@
-//! What is measured in the photographs, as a task of its own: it takes the session as it was and nothing of it while it runs.
+//! Measuring in the photographs, as a separate task: it works on a copy of the session, and uses nothing of the session while it runs.
 
 use crate::network::{self, Scene};
 use resight::measure::Answers;
 use std::sync::Arc;
 
-/// A scene to be measured, and the one measured before, of which what nothing touched is taken over.
+/// A scene to be measured, and the previous one, of which unaffected answers are reused.
 #[derive(Debug, Clone)]
 pub struct Measuring {
     pub(crate) scene: Arc<Scene>,

@@ -1,4 +1,4 @@
-//! What is measured in the photographs: the network that `resight measure` adjusts, made from the session.
+//! The network for measuring in the photographs, which `resight measure` adjusts, built from the session.
 
 use crate::command::MeasuredKind;
 use crate::places::Places;
@@ -15,13 +15,13 @@ use resight::measure::{Answers, NamedQuery, QueryKind, ScenePhoto};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// A scene as `resight measure` takes it.
+/// A scene, as input of `resight measure`.
 pub type Scene = NamedScene;
 
-/// How flat the ground is, in parts of the extent of the points: 9 mm over 3 m. Beyond that of `resight measure` it does not grow.
+/// Flatness of the ground, relative to the extent of the points: 9 mm over 3 m; never more than that of `resight measure`.
 const FLATNESS: f64 = 0.003;
 const MOST_FLATNESS_M: f64 = 0.01;
-/// How upright what stands on it is, rad: as of `resight measure`.
+/// Inclination of upright objects, rad, as in `resight measure`.
 const LEAN_RAD: f64 = 0.01;
 
 /// Standard deviation of a point's distance from the ground, m.
@@ -86,7 +86,7 @@ struct Builder<'a> {
     scene: Scene,
     state: &'a State,
     flatness_m: f64,
-    /// Which point has a name.
+    /// The index of the point with each name.
     numbers: BTreeMap<String, usize>,
 }
 
@@ -138,7 +138,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Where a person chose the pose, the points behind it took part in it already.
+    /// Where the user chose the pose, it already depends on the points behind it.
     fn image_points(&mut self, at: usize, photo: usize, places: &Places, is_posed: bool) {
         let state = self.state;
         for p in &state.photos[photo].points {
@@ -183,7 +183,7 @@ impl Builder<'_> {
         self.scene.queries.push(NamedQuery { name: m.name.clone(), kind, points });
     }
 
-    /// Points without a place that two photographs show: where they are.
+    /// Adds queries for the positions of points without stated ones that two photographs show.
     fn asked(&mut self, places: &Places) {
         let shown = |name: &str| {
             self.state.photos.iter().filter(|p| p.points.iter().any(|q| q.name == *name)).count()
@@ -203,7 +203,7 @@ pub fn measured(scene: &Scene) -> Result<Answers, String> {
     measured_after(scene, None)
 }
 
-/// The same, after another scene: what differs alone is measured again.
+/// Measures a scene after an earlier one: only what differs is measured again.
 pub fn measured_after(scene: &Scene, before: Option<(&Scene, &Answers)>) -> Result<Answers, String> {
     let answer = resight::measure::measure_after(scene, before).map_err(|reason| reason.to_string())?;
     match (answer.solved, answer.network) {

@@ -31,7 +31,7 @@ pub fn photo_view(p: &PhotoState) -> PhotoView {
     }
 }
 
-/// Its lens.
+/// Returns the view of its lens.
 pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>) -> LensView {
     let none = LensView {
         state: "given",
@@ -90,7 +90,7 @@ pub fn names_elsewhere(state: &State, photo: usize) -> Vec<String> {
     names
 }
 
-/// Its points, with what the pose makes of them.
+/// Returns the view of its points, with their residuals.
 pub fn points_view(
     state: &State,
     photo: &PhotoState,
@@ -152,7 +152,7 @@ fn leverage(solved: &Solved, point: &resight::locate::NamedPoint) -> Option<f64>
     Some((variance / point.seen.sigma_px.powi(2)).min(1.0))
 }
 
-/// Where several photographs put a point.
+/// Returns the position of a point that several photographs determine.
 fn position(name: &str, measured: Option<&Measured>) -> Option<([f64; 3], [f64; 3])> {
     let answers = measured?.found.as_ref().ok()?;
     let answer = answers.answers.iter().find(|a| a.query.name == name)?;

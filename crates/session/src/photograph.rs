@@ -1,4 +1,4 @@
-//! A photograph: the file as it came, its grey pixels for detectors, and what its EXIF says.
+//! A photograph: the original file, its grey pixels for detectors, and its EXIF data.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -19,11 +19,11 @@ pub struct Photograph {
     pub bytes: Vec<u8>,
     /// Its pixels.
     pub image: GrayImage,
-    /// The lens that it was taken through, where it says.
+    /// The lens with which it was taken, where it is stated.
     pub exif: Option<ExifLens>,
-    /// Which way the camera looked, where it says.
+    /// The direction of the camera, where it is stated.
     pub heading: Option<Heading>,
-    /// When it was taken, seconds since 1970 by the camera's clock, where it says.
+    /// The time when it was taken, seconds since 1970 by the camera's clock, where it is stated.
     pub taken_s: Option<f64>,
 }
 
@@ -55,7 +55,7 @@ impl Photograph {
         Ok(Photograph { name: plain_name(name), sha256, bytes, image, exif, heading, taken_s })
     }
 
-    /// The same without its file and pixels.
+    /// Returns a copy without file and pixels.
     pub(crate) fn bare(&self) -> Self {
         let (name, sha256) = (self.name.clone(), self.sha256.clone());
         let (exif, heading, taken_s) = (self.exif.clone(), self.heading, self.taken_s);
@@ -75,7 +75,7 @@ impl Photograph {
         self.bytes.len() + self.image.data.len()
     }
 
-    /// Its size.
+    /// Returns its size.
     pub fn size(&self) -> ImageSize {
         ImageSize { width_px: self.image.width_px, height_px: self.image.height_px }
     }
@@ -100,7 +100,7 @@ fn plain_name(name: &str) -> String {
 #[serde(deny_unknown_fields)]
 struct Saved {
     name: String,
-    /// Written for a reader that has the file already; whoever reads hashes what is there.
+    /// Written for readers that have the file already; other readers compute it themselves.
     #[serde(default)]
     sha256: Option<String>,
     image_base64: String,

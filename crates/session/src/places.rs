@@ -1,4 +1,4 @@
-//! Where the points are, from what was typed: coordinates, or distances that determine them.
+//! The positions of the points, from what was typed: coordinates, or distances that determine them.
 
 use crate::command::Template;
 use crate::state::{PhotoState, Position, State};
@@ -7,18 +7,18 @@ use resight::core::{Pixel, Point};
 use resight::layout::{Layout, Shape, TypedDistance, lay_out};
 use std::collections::BTreeMap;
 
-/// A point with its place.
+/// A point with its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     pub x_m: Point,
     pub sigma_m: f64,
 }
 
-/// Where the points are, and what the distances say about each other.
+/// The positions of the points, and the consistency of the distances.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Places {
     pub by_name: BTreeMap<String, Place>,
-    /// One a distance, in order.
+    /// One value for each distance, in order.
     pub computed_m: Vec<Option<f64>>,
     /// Why the distances cannot all be right.
     pub contradiction: Option<String>,
@@ -30,7 +30,7 @@ impl From<&Position> for Place {
     }
 }
 
-/// Places by the state; the first photograph says on which side of a line a point is.
+/// Computes the positions from the state; the first photograph decides on which side of a line a point is.
 pub fn places(state: &State) -> Places {
     let stated = || state.positions.iter().map(|(name, p)| (name.clone(), Place::from(p))).collect();
     let shape = match state.template {
@@ -67,7 +67,7 @@ fn laid_out(state: &State, photo: &PhotoState, shape: Shape) -> Places {
         let laid = laid.as_ref()?;
         Some((point.name.clone(), Place { x_m: laid.position_m, sigma_m: laid.sigma_m }))
     });
-    // A position typed for a further point stands beside those of the distances.
+    // A typed position of a further point is added to those from the distances.
     let mut by_name: BTreeMap<String, Place> =
         state.positions.iter().map(|(name, p)| (name.clone(), Place::from(p))).collect();
     by_name.extend(named);

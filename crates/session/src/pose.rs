@@ -1,4 +1,4 @@
-//! The pose of a photograph by its points.
+//! Solves for the pose of a photograph from its points.
 
 use crate::lens::{self, KnownLens};
 use crate::places::Places;
@@ -31,19 +31,19 @@ pub struct Solved {
     pub up: f64,
 }
 
-/// What a pose depends on.
+/// The inputs on which a pose depends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
-    /// What the photograph is called, for messages.
+    /// The name of the photograph in messages.
     pub name: String,
-    /// Its points that have places.
+    /// Its points that have positions.
     pub points: Vec<NamedPoint>,
     pub lens: Arc<KnownLens>,
     /// The minimum that the person chose.
     pub chosen: Option<usize>,
 }
 
-/// What became of the points of a photograph.
+/// The result for the points of a photograph.
 #[derive(Debug, Clone)]
 pub enum Attempt {
     /// Something is missing.
@@ -101,7 +101,7 @@ fn camera_of(lens: &KnownLens) -> Camera {
     }
 }
 
-/// The points of a photograph that have places.
+/// Returns the points of a photograph that have positions.
 pub fn named_points(state: &State, photo: &PhotoState, lens: &KnownLens, places: &Places) -> Vec<NamedPoint> {
     let camera = &camera_of(lens);
     let one = |point: &crate::state::ImagePoint| {
@@ -133,7 +133,7 @@ fn lens_of(lens: &KnownLens, camera: Camera, answer: &PoseAnswer) -> Option<(Cam
             let nominal =
                 NominalLens::HorizontalFieldOfView(lens::hfov_deg(&camera)?).camera(prior.size).ok()?;
             let mut covariance: DMatrix<f64> = nominal.intrinsics_covariance?;
-            // The focal length is open: the points alone say what it is.
+            // The focal length is open: only the points determine it.
             let open = (WIDE_FOCAL * found.focal_px).powi(2);
             (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);
             Some((camera, Some(covariance.transpose().iter().copied().collect())))
@@ -147,7 +147,7 @@ const WIDE_FOCAL: f64 = 0.5;
 /// Share of the distance from the camera by which a foot is raised to see which way is up.
 const RAISED: f64 = 0.01;
 
-/// Foot and top of something that stands on the ground, whichever was clicked first.
+/// Returns foot and top of an object on the ground, whichever was clicked first.
 pub fn foot_first(solved: &Solved, [a, b]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     let pixel = |[u, v]: [f64; 2]| Pixel::new(u, v);
     let on_ground = |at| Plane::level(0.0).seen_at(&solved.camera, &solved.cam_from_world, &pixel(at));
@@ -160,7 +160,7 @@ pub fn foot_first(solved: &Solved, [a, b]: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     };
     match on_ground(a).map(is_above) {
         Some(Some(false)) => [b, a],
-        // What the ground does not meet stands above the horizon.
+        // A point whose ray does not meet the ground is above the horizon.
         None if on_ground(b).is_some() => [b, a],
         _ => [a, b],
     }

@@ -1,8 +1,8 @@
-//! Why a command was refused, and the step of the page it belongs to.
+//! Why a command was refused, with the step of the page that it concerns.
 
 use crate::view::StepText;
 
-/// The step of the page that a sentence belongs to.
+/// The step of the page that a sentence concerns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Step {
     /// The photograph.
@@ -31,7 +31,7 @@ impl Step {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{text}")]
 pub struct Refusal {
-    /// Where it belongs.
+    /// The step.
     pub step: Step,
     /// A sentence with the way out.
     pub text: String,

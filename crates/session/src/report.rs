@@ -1,4 +1,4 @@
-//! The report: a page to print that says all that an answer rests on.
+//! The report: a page for printing, with everything on which an answer depends.
 
 use crate::export::escaped;
 use crate::pose::Solved;
@@ -13,7 +13,7 @@ th,td{padding:.2rem 1rem .2rem 0;vertical-align:top;text-align:left;border-botto
 td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\
 @page{size:A4;margin:15mm}@media print{body{margin:0;max-width:none;padding:0}svg,tr{break-inside:avoid}h2{break-after:avoid}}";
 
-/// A table: its title, its columns and its rows; none where there is no row.
+/// Writes a table with title, columns and rows; nothing without rows.
 fn table(title: &str, columns: &[&str], rows: Vec<Vec<String>>) -> String {
     if rows.is_empty() {
         return String::new();

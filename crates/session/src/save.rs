@@ -27,10 +27,10 @@ impl Session {
         self.saved(&self.state)
     }
 
-    /// The same with the hashes of the photographs instead of their files: for a page that has the files itself.
+    /// Saves the session with the hashes of the photographs instead of their files, for a page that has the files itself.
     ///
     /// # Errors
-    /// As of [`Session::save`].
+    /// The errors of [`Session::save`].
     pub fn save_without_photographs(&self) -> Result<String, Refusal> {
         let bare = |p: &PhotoState| PhotoState { photograph: Arc::new(p.photograph.bare()), ..p.clone() };
         self.saved(&State { photos: self.state.photos.iter().map(bare).collect(), ..self.state.clone() })
@@ -64,7 +64,7 @@ impl Session {
     }
 }
 
-/// Whether the photographs have room, before the first is decoded.
+/// Checks that the photographs fit, before the first is decoded.
 fn check_encoded(own: &Value) -> Result<(), Refusal> {
     let Some(photos) = own.get("photos").and_then(Value::as_array) else { return Ok(()) };
     let encoded = photos.iter().filter_map(|p| p.get("photograph")?.get("image_base64")?.as_str());

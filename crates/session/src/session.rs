@@ -1,7 +1,7 @@
-//! The session: commands applied, steps undone, and the present view.
+//! The session: it applies commands, undoes steps, and returns the current view.
 //!
-//! A change solves again what it touches: the poses of the photographs whose points, lens or places it changed. What is measured depends on
-//! all of them and takes longer: it is a task of its own ([`Measuring`]), and until it is done the view has the values of before.
+//! A change solves again what depends on it: the poses of the photographs whose points, lens or positions it changed. Measurements depend on all
+//! of them and take longer: they are a separate task ([`Measuring`]), and until it is finished the view has the earlier values.
 
 use crate::command::{Command, MeasuredKind};
 use crate::figures::{Figure, figures};
@@ -22,16 +22,16 @@ use crate::{advice, edit, texts};
 use resight::core::Pixel;
 use std::sync::Arc;
 
-/// A session. Nothing is remembered besides it; a copy is cheap, for photographs and answers are shared.
+/// A session. There is no other state; a copy is cheap, because photographs and answers are shared.
 #[derive(Debug, Clone, Default)]
 pub struct Session {
     pub(crate) state: State,
     history: History,
-    /// What is under the hand.
+    /// The item that is being dragged.
     dragged: Option<String>,
     pub(crate) solving: Solving,
     pub(crate) places: Arc<Places>,
-    /// What was measured last.
+    /// The last measurements.
     measured: Option<Arc<Measured>>,
     /// The present scene, where it differs from that one.
     unmeasured: Option<Arc<Scene>>,
@@ -84,7 +84,7 @@ impl Session {
         self.state.photos.get(photo).map(|p| &p.photograph)
     }
 
-    /// How many photographs there are.
+    /// Returns the number of photographs.
     pub fn n_photographs(&self) -> usize {
         self.state.photos.len()
     }
@@ -168,7 +168,7 @@ impl Session {
         Ok(())
     }
 
-    /// A height whose top was clicked before its foot is meant the other way round.
+    /// Swaps the two points of a height whose top was clicked before its foot.
     fn understood(&self, photo: usize, command: Command) -> Command {
         match (command, self.solved(photo)) {
             (Command::AddMeasurement { name, what: MeasuredKind::Height, points }, Some(solved)) => {
@@ -210,7 +210,7 @@ impl Session {
             .filter(|scene| !scene.queries.is_empty())
     }
 
-    /// What is to be measured again; none where everything in the view is of now.
+    /// Returns what is to be measured again; `None` where the whole view is up to date.
     pub fn measuring(&self) -> Option<Measuring> {
         let scene = Arc::clone(self.unmeasured.as_ref()?);
         Some(Measuring { scene, before: self.measured.clone() })
@@ -235,7 +235,7 @@ impl Session {
         }
     }
 
-    /// What is so now.
+    /// Returns the current view.
     pub fn view(&self, photo: usize) -> View {
         let (state, places) = (&self.state, &*self.places);
         let now = self.now(photo);
@@ -320,7 +320,7 @@ impl Session {
         now
     }
 
-    /// The ground from straight above, as PNG; none where there is nothing to show.
+    /// Returns the ground from straight above, as PNG; `None` where nothing can be shown.
     pub fn birdseye_png(&self, photo: usize) -> Option<Vec<u8>> {
         let good = &self.solving.good;
         let scene = network::scene(&self.state, good, &self.places, true)?;
@@ -343,7 +343,7 @@ struct Now {
     refusal: Option<StepText>,
 }
 
-/// What a command has under the hand; none for one that is no drag.
+/// Returns the item that a command drags; `None` for other commands.
 fn dragged(command: &Command) -> Option<String> {
     match command {
         Command::PutPoint { drag: true, .. } | Command::MoveMeasurement { drag: true, .. } => {
@@ -353,7 +353,7 @@ fn dragged(command: &Command) -> Option<String> {
     }
 }
 
-/// What a command moves, dragged or put down.
+/// Returns the item that a command moves, during or at the end of a drag.
 fn dragged_end(command: &Command) -> Option<String> {
     match command {
         Command::PutPoint { name, .. } => Some(format!("point {name}")),

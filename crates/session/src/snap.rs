@@ -1,4 +1,4 @@
-//! Where a dot, corner or crossing near a pixel is.
+//! Finds the dot, corner or crossing near a pixel.
 
 use crate::command::SnapTo;
 use resight::GrayImage;
@@ -22,13 +22,13 @@ pub struct Snapped {
     pub words: String,
 }
 
-/// Windows of corners and crossings: from the middle to the edge, px.
+/// Half width of the windows for corners and crossings, px.
 const CORNER_PX: u32 = 5;
 const CROSSING_PX: u32 = 10;
-/// A dot is looked for this far around, px.
+/// Radius of the search for a dot, px.
 const DOT_PX: u32 = 60;
 
-/// What is there; none where nothing is.
+/// Returns the position of the feature; `None` where there is none.
 pub fn snap(image: &GrayImage, at: &Pixel, to: SnapTo) -> Option<Snapped> {
     let (pixel, sigma_px, what) = match to {
         SnapTo::Dot => dot(image, at).map(|(pixel, sigma)| (pixel, sigma, "the middle of a dot"))?,

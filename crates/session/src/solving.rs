@@ -1,4 +1,5 @@
-//! The poses of the photographs: each is solved again where its points, its lens, their places or the choice among poses changed, and only there.
+//! Solves for the poses of the photographs: each again where its points, its lens, their positions or the choice among poses changed, and only
+//! there.
 
 use crate::command::GivenLens;
 use crate::lens::{self, KnownLens};
@@ -8,7 +9,7 @@ use crate::pose::{Attempt, Given, Solved, named_points, solve};
 use crate::state::{PhotoState, State};
 use std::sync::Arc;
 
-/// What was stated of a lens, and what it is for that photograph: camera files are parsed once.
+/// The statement about a lens, and the resulting camera for a photograph: camera files are parsed once.
 #[derive(Debug, Clone)]
 pub struct StatedLens {
     given: GivenLens,
@@ -16,20 +17,20 @@ pub struct StatedLens {
     pub known: Result<Arc<KnownLens>, String>,
 }
 
-/// One photograph: what was tried last, and with what.
+/// One photograph with its last result and the inputs of that.
 #[derive(Debug, Clone, Default)]
 struct OnePhoto {
     lens: Option<StatedLens>,
     tried: Option<(Given, Arc<Attempt>)>,
 }
 
-/// All photographs.
+/// The results of all photographs.
 #[derive(Debug, Clone, Default)]
 pub struct Solving {
     photos: Vec<OnePhoto>,
     /// The last good answer of each photograph.
     pub good: Vec<Option<Arc<Solved>>>,
-    /// How often a pose was solved.
+    /// Number of poses solved.
     pub n_solved: u64,
 }
 
@@ -71,12 +72,12 @@ impl Solving {
         }
     }
 
-    /// What became of a photograph's points; none where no lens is known.
+    /// Returns the result for a photograph's points; `None` where no lens is known.
     pub fn attempt(&self, photo: usize) -> Option<&Attempt> {
         self.photos.get(photo)?.tried.as_ref().map(|(_, attempt)| &**attempt)
     }
 
-    /// Whether a photograph has a pose at present.
+    /// Returns whether a photograph has a pose.
     pub fn is_solved(&self, photo: usize) -> bool {
         matches!(self.attempt(photo), Some(Attempt::Solved(_)))
     }

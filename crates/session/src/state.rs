@@ -1,4 +1,4 @@
-//! What a session remembers: small, and copied for every step that can be undone. Photographs are shared.
+//! The state of a session: small, and copied for every step that can be undone. Photographs are shared.
 
 use crate::command::{GivenLens, MeasuredKind, Template};
 use crate::photograph::Photograph;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Standard deviation of a point placed by hand where none is stated, px.
 pub const SIGMA_PX: f64 = 1.0;
 
-/// Everything that is undone and saved.
+/// Everything that can be undone and is saved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
@@ -59,14 +59,14 @@ impl Default for State {
     }
 }
 
-/// One photograph with what was stated of it.
+/// One photograph, with the statements about it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoState {
     #[serde(with = "crate::photograph::shared")]
     pub photograph: Arc<Photograph>,
     pub lens: Option<GivenLens>,
-    /// The minimum that the person chose; none: as answered.
+    /// The minimum that the user chose; by default the first.
     pub chosen: Option<usize>,
     #[serde(default)]
     pub points: Vec<ImagePoint>,
@@ -79,7 +79,7 @@ pub struct ImagePoint {
     pub name: String,
     pub u_px: f64,
     pub v_px: f64,
-    /// Of a detector; none where placed by hand.
+    /// The detector's standard deviation; `None` for a point placed by hand.
     pub sigma_px: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! Targets and tags found in a photograph, as points with places.
+//! Finds targets and tags in a photograph, as points with positions.
 
 use crate::command::GivenTarget;
 use crate::photograph::Photograph;
@@ -11,7 +11,7 @@ use resight::detect::absent;
 use resight::detect::every_tag::EveryTagFinder;
 use std::path::Path;
 
-/// Points found with their places, or a sentence.
+/// Returns the points found with their positions; the error is a sentence.
 pub fn find(given: &GivenTarget, photograph: &Photograph) -> Result<Vec<(ImagePoint, Position)>, String> {
     match given {
         GivenTarget::File { name, text } => {

@@ -1,4 +1,4 @@
-//! All that there is to show of a session, in one object.
+//! Everything that is shown of a session, in one object.
 
 use crate::advice::Advice;
 use crate::command::{MeasuredKind, Template};
@@ -67,7 +67,7 @@ pub struct View {
 }
 
 impl View {
-    /// The status word of the answer, where there is one that is not old.
+    /// Returns the status of the answer, where there is one that is up to date.
     pub fn status(&self) -> Option<&'static str> {
         self.answer.as_ref().filter(|_| !self.is_old).map(|answer| answer.status().name())
     }

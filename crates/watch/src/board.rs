@@ -32,11 +32,11 @@ pub struct Instants {
 pub struct Board {
     /// Names of cameras and targets.
     pub names: Names,
-    /// By camera.
+    /// The cameras.
     pub cameras: Vec<CameraBoard>,
-    /// By pair of camera and target, as `Names::pair_index` counts them.
+    /// The pairs of camera and target, in the order of `Names::pair_index`.
     pub pairs: Vec<PairBoard>,
-    /// What happened, oldest first.
+    /// The reported events, oldest first.
     pub reported: VecDeque<Reported>,
     /// No more events will come.
     pub is_over: bool,
@@ -47,7 +47,7 @@ pub struct Board {
 pub struct Reported {
     /// When and what.
     pub line: Line,
-    /// The camera that it is about; none where it is about several.
+    /// The camera that it concerns; `None` where it concerns several.
     pub camera: Option<usize>,
 }
 
@@ -58,7 +58,7 @@ pub struct CameraBoard {
     pub dropped: u64,
     /// Frames left out since the last reset.
     pub left_out: u64,
-    /// Why its source gives nothing, while it gives nothing.
+    /// Why its source gives no frames, as long as it does not.
     pub lost: Option<String>,
     /// Whether its source has ended.
     pub has_ended: bool,
@@ -170,7 +170,7 @@ impl Board {
         (camera * targets).min(end)..end
     }
 
-    /// The pair of a camera whose state is the gravest; among equals one that is seen, then the first.
+    /// Returns the pair of a camera with the gravest state; of equals one whose target is visible, then the first.
     pub fn gravest(&self, camera: usize) -> Option<usize> {
         let weight = |pair: usize| {
             let one = &self.pairs[pair];
@@ -180,21 +180,21 @@ impl Board {
         self.pairs_of(camera).max_by_key(|pair| weight(*pair))
     }
 
-    /// Whether a camera gives frames: its source is there, and the last frame is not longer ago than a few of them are apart.
+    /// Returns whether a camera gives frames: its source is connected, and the last frame is not older than a few intervals between frames.
     pub fn is_fresh(&self, camera: usize, now: Instants) -> bool {
         let is_there =
             self.cameras.get(camera).is_some_and(|one| one.lost.is_none() && !one.has_ended && !self.is_over);
         is_there && self.pairs_of(camera).any(|pair| self.pairs[pair].is_fresh(now))
     }
 
-    /// Turns of a pair through time, in so many columns; while its source continues, the time since the last reading too.
+    /// Returns the rotations of a pair over time, in `n` columns; while its source continues, including the time since the last reading.
     pub fn trail_columns(&self, pair: usize, n: usize, now: Instants) -> Vec<Option<f64>> {
         let Some(here) = self.pairs.get(pair) else { return Vec::new() };
         let has_ended = self.camera_of(pair).is_some_and(|camera| camera.has_ended);
         here.trail().columns(n, if has_ended { 0.0 } else { here.capture_now_s(now) })
     }
 
-    /// A stretch of time of a camera, from what is remembered: all of this session, in 512 parts at most.
+    /// Returns a period of a camera's recorded states: all of this session, in 512 parts at most.
     pub fn strip(&self, camera: usize, stretch: &Stretch) -> Vec<StripBin> {
         let mut changes: Vec<(f64, usize, &'static str)> = self
             .pairs_of(camera)
@@ -214,7 +214,7 @@ impl Board {
         stretch.gravest(named).into_iter().enumerate().map(bin).collect()
     }
 
-    /// Begin and end of what is remembered of a camera, seconds of capture; none before its first frame.
+    /// Returns begin and end of a camera's recorded states, seconds of capture; `None` before its first frame.
     pub fn span_s(&self, camera: usize, now: Instants) -> Option<(f64, f64)> {
         let pairs = || self.pairs_of(camera).map(|pair| &self.pairs[pair]);
         let changed = pairs().filter_map(|pair| pair.changes.front()).map(|(t_s, _)| *t_s);
@@ -250,7 +250,7 @@ fn camera_of(event: &Event) -> Option<usize> {
     }
 }
 
-/// Whether it reports that a camera moved.
+/// Returns whether it reports that a camera moved.
 fn is_motion(event: &Event) -> bool {
     match event {
         Event::StateChanged { state, .. } => matches!(state, State::Drifted(_)),
@@ -259,7 +259,7 @@ fn is_motion(event: &Event) -> bool {
     }
 }
 
-/// Which of several states is the gravest: the largest.
+/// Returns the severity of a state; larger is graver.
 fn severity(state: &State) -> Option<usize> {
     BY_SEVERITY.iter().position(|known| *known == word(state))
 }

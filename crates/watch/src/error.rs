@@ -1,23 +1,23 @@
-//! Why a session cannot begin, or ended before its time.
+//! Why a session cannot begin, or ended early.
 
 use crate::live::CameraWatcherError;
 use resight::FileError;
 
-/// Why a session cannot begin, or ended before its time.
+/// Why a session cannot begin, or ended early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A camera that cannot be watched.
     #[error("camera {name}")]
     Camera {
-        /// Its place among the cameras.
+        /// Index of the camera.
         camera: usize,
         /// Its name.
         name: String,
-        /// Why.
+        /// The reason.
         source: CameraWatcherError,
     },
-    /// What cannot be watched, found as the session began.
+    /// A camera that cannot be watched, found at the start of the session.
     #[error(transparent)]
     CameraWatcher(#[from] CameraWatcherError),
     /// A file of the session.

@@ -1,7 +1,7 @@
 //! The history of a session in one SQLite file: a row for every frame, thinned as it ages, and every event, for good.
 //!
-//! `Recorder` takes rows without waiting and `Writer` stores them, in batches, on the thread that runs it. What `Writer` has told to be
-//! stored is on the disk: it survives the end of the program at any instant and a power cut. `History` reads such a file.
+//! `Recorder` accepts rows without waiting, and `Writer` stores them in batches on the thread that runs it. Rows that `Writer` has reported as
+//! stored are on the disk: they survive the end of the program at any instant, and a power cut. `History` reads such a file.
 
 mod error;
 mod rows;

@@ -1,4 +1,4 @@
-//! Cameras watched over time: a pose for every frame, an alarm at a stated rate of false ones when a camera moved, and where all that goes.
+//! Watches cameras over time: a pose for every frame, an alarm with a stated rate of false alarms when a camera moves, and outputs of both.
 //!
 //! A camera whose frames are known already, watched until they end:
 //!
@@ -27,14 +27,14 @@
 //!
 //! | what | where |
 //! | --- | --- |
-//! | a whole session with its outputs | [`run()`], asked for by a [`Request`] |
+//!  a whole session with its outputs | [`run()`], with a [`Request`] |
 //! | the session alone: threads, tracking, alarms | [`live`] |
 //! | where frames come from | [`source`]: images, folders, videos, streams, recordings, JSON Lines |
 //! | the state of a session for the terminal view and the page | [`board`] |
 //! | every frame kept, and read again | [`mod@history`] |
 //! | metrics, webhook, MQTT, ROS transforms, the view in a terminal | [`outputs`] |
 //! | what its servers have in common | [`web`] |
-//! | what a camera saw, from the messages of a recording | [`ros`] |
+//!  observations of a camera from the messages of a recording | [`ros`] |
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

@@ -1,7 +1,7 @@
-//! The live session: sources read, images looked at, poses tracked, drift watched; all it says is one `Event`.
+//! The live session: it reads sources, searches images, tracks poses and detects drift; everything is reported as an `Event`.
 //!
-//! One thread reads each source and one looks at its images; between them stands a queue of few frames, the oldest dropped and
-//! counted when it is full. Events come out of one channel in the order in which they happened to each camera.
+//! One thread reads each source and another searches its images; between them is a queue of few frames, of which the oldest is dropped and
+//! counted when it is full. Events arrive through one channel, in the order in which they occurred for each camera.
 
 mod clock;
 mod known;
@@ -47,19 +47,19 @@ pub struct LiveCamera {
     pub name: String,
     /// Its lens.
     pub camera: Camera,
-    /// How well its intrinsics are known; none: exactly. Rotations of landmarks hold it in their covariance; a target's reading is judged by
-    /// it, its covariance is that of the pixels, for all readings have the lens in common.
+    /// The uncertainty of its intrinsics; `None` where they are exact. Rotations from landmarks include it in their covariance; the readings of
+    /// a target are judged with it, but their covariance is that of the pixels, because all readings share the lens.
     pub intrinsics: Option<IntrinsicsCovariance>,
-    /// What it looks at; with several, a target that was removed is distinguished from a camera that moved.
+    /// The targets in view; with several, a target that was removed is distinguished from a camera that moved.
     pub targets: Vec<Watched>,
-    /// What it goes by while it sees no target; alone (without targets) it counts as target 0.
+    /// The landmarks used while no target is visible; without targets they count as target 0.
     pub landmarks: Option<WatchedLandmarks>,
-    /// Where its frames come from.
+    /// The source of its frames.
     pub source: Box<dyn Source>,
 }
 
 impl LiveCamera {
-    /// With exact intrinsics, and nothing to look at yet.
+    /// Creates a camera with exact intrinsics, and without targets.
     pub fn new(name: impl Into<String>, camera: Camera, source: Box<dyn Source>) -> Self {
         LiveCamera {
             name: name.into(),
@@ -76,28 +76,28 @@ impl LiveCamera {
 pub struct Watched {
     /// Its name.
     pub name: String,
-    /// What it looks like.
+    /// Its geometry.
     pub target: Arc<Target>,
-    /// Where the camera was when all was well; none: learned from the first `learn_readings`.
+    /// The reference pose of the camera; by default learned from the first `learn_readings`.
     pub reference: Option<Reference>,
 }
 
 /// Natural landmarks that a camera goes by while it sees no target.
 pub struct WatchedLandmarks {
-    /// The reference image; none: the first image with enough to see.
+    /// The reference image; by default the first image with enough landmarks.
     pub reference_image: Option<GrayImage>,
 }
 
-/// How a session runs.
+/// The settings of a session.
 #[derive(Debug, Clone)]
 pub struct LiveConfig {
-    /// When to say that something moved.
+    /// The settings of the change detector.
     pub monitor: MonitorConfig,
-    /// How cameras move between readings.
+    /// The motion model of cameras between readings.
     pub track: TrackConfig,
     /// Readings from which a missing reference is learned.
     pub learn_readings: usize,
-    /// What is known of correlated errors beforehand.
+    /// The prior of correlated errors.
     pub correlated: LearnConfig,
     /// Frames waiting for each camera; further ones push out the oldest.
     pub queue_frames: usize,
@@ -110,7 +110,7 @@ pub struct LiveConfig {
 }
 
 impl LiveConfig {
-    /// Why no camera has a reference of its own that could be learned anew, where that is so.
+    /// Returns why no camera has a reference of its own that could be learned again, where that is so.
     pub fn without_references(&self) -> Option<&'static str> {
         match self.track.motion {
             _ if self.rig.is_some() => Some(
@@ -144,7 +144,7 @@ impl Default for LiveConfig {
 /// Microseconds spent on a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StageTimes {
-    /// From capture (live) or arrival (recorded) to the start of work.
+    /// Time from capture (live) or arrival (recorded) to the start of the search.
     pub waited_us: f64,
     /// Looking for the target.
     pub detect_us: f64,
@@ -154,7 +154,7 @@ pub struct StageTimes {
     pub decide_us: f64,
 }
 
-/// What one frame said.
+/// The result of one frame.
 #[derive(Debug, Clone, Default)]
 pub struct Observation {
     /// The frame's number, capture time (s) and name.
@@ -163,7 +163,7 @@ pub struct Observation {
     pub capture_s: f64,
     /// Its name.
     pub name: String,
-    /// Whether the frame could be read; a torn image, a bad line and a frozen stream could not.
+    /// Whether the frame could be read; a truncated image, an invalid line and a frozen stream could not.
     pub is_readable: bool,
     /// Points found.
     pub n_points: usize,
@@ -173,30 +173,30 @@ pub struct Observation {
     pub seen: Vec<Correspondence>,
     /// The lens that saw them, at the size of the image; kept with them.
     pub lens: Option<Box<Camera>>,
-    /// Its points, as they differ from that pose.
+    /// The differences of its points from that pose.
     pub residuals: Vec<PointResidual>,
-    /// Why there is none.
+    /// The reason why there is no pose.
     pub reason: Option<String>,
     /// The pose through time.
     pub tracked: Option<Tracked>,
-    /// What went to the monitor.
+    /// The reading that was passed to the monitor.
     pub reading: Option<Reading>,
     /// The rotation since the reference image, where no target was seen.
     pub landmarks: Option<Arc<LandmarkObservation>>,
     /// The image that has just become the reference of the landmarks.
     pub reference_image: Option<Arc<GrayImage>>,
-    /// How long it took.
+    /// The durations of its stages.
     pub times: StageTimes,
 }
 
 /// A point of a frame, and how it differs from the pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointResidual {
-    /// Where it was seen.
+    /// Its position in the image.
     pub pixel: Pixel,
     /// Observed less predicted, px.
     pub residual_px: [f64; 2],
-    /// Whether chance makes it as large more often than once in a hundred.
+    /// Whether a residual as large occurs by chance in more than one of a hundred cases.
     pub agrees: bool,
 }
 
@@ -205,7 +205,7 @@ pub struct PointResidual {
 pub enum State {
     /// Learning its reference: readings so far, readings needed.
     Learning {
-        /// So far.
+        /// Number of readings so far.
         readings: usize,
         /// Needed.
         needed: usize,
@@ -216,16 +216,16 @@ pub enum State {
     Stale {
         /// Since, seconds.
         for_s: f64,
-        /// What is wrong with the frames that come, or that none comes; none where that is not known.
+        /// What is wrong with the frames, or that there are none; `None` where that is not known.
         reason: Option<String>,
     },
-    /// Something is different, and why that is no motion (yet).
+    /// Something differs, and the reason why it is not (yet) reported as a motion.
     Checking(CheckingReason),
     /// It moved.
     Drifted(Box<Drift>),
     /// Seen, but the readings contradict the noise that is stated of them.
     Inconsistent,
-    /// Seen, and tracking: the camera moves, and that is no drift.
+    /// The target is visible and the camera moves as expected, which is not drift.
     Tracking,
 }
 
@@ -248,33 +248,33 @@ impl From<Watch> for State {
 pub enum CheckingReason {
     /// Something is different; not yet decided.
     Different,
-    /// Errors of the pose are correlated for longer, or are larger, than was learned: what was found is no larger than they are.
+    /// Errors of the pose are correlated for longer, or are larger, than was learned: the difference is within them.
     CorrelatedErrors,
     /// It is not where it was, by more than the session promises to find, though errors that are not excluded would explain it.
     Away(Box<Deviation>),
 }
 
-/// What was learned of the noise of one camera and one target, and what follows from it.
+/// The learned noise of one camera and one target, and the motions that can be detected with it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Promise {
     /// The noise of the readings beside the stated one.
     pub noise: MeasuredNoise,
     /// The smallest sudden motions that are found within a time, nine times in ten.
     pub detectable: Detectable,
-    /// The readings that this, and the reference, were learned from; none of a promise that changed later.
+    /// The readings from which this and the reference were learned; empty for a promise that changed later.
     pub learned_from: Vec<Reading>,
 }
 
-/// What a session says.
+/// An event of a session.
 #[derive(Debug, Clone)]
 pub enum Event {
-    /// A frame was looked at, for one target.
+    /// A frame was searched for one target.
     Observed {
         /// Index of the camera.
         camera: usize,
         /// Index of the target among those of the camera.
         target: usize,
-        /// What it said.
+        /// Its result.
         observation: Box<Observation>,
     },
     /// The state of a camera against a target changed (and once at the start).
@@ -285,7 +285,7 @@ pub enum Event {
         target: usize,
         /// Since when, seconds of capture.
         t_s: f64,
-        /// What it is now.
+        /// The new state.
         state: State,
     },
     /// Which cameras or targets moved relative to the others.
@@ -297,7 +297,7 @@ pub enum Event {
         /// Other sets that would explain it as well, by name.
         alternatives: Vec<Vec<String>>,
     },
-    /// Where the camera is beside the reference that a session began with: said once, when a few readings say it, or at the end.
+    /// The pose of the camera relative to the reference of the session's start: reported once, after a few readings, or at the end.
     Compared {
         /// Index of the camera.
         camera: usize,
@@ -305,10 +305,10 @@ pub enum Event {
         target: usize,
         /// When, seconds of capture.
         t_s: f64,
-        /// Where it is.
+        /// The deviation.
         deviation: Box<Deviation>,
     },
-    /// The noise of the readings has changed so much that another motion is promised to be found: said once an hour at most.
+    /// The noise of the readings has changed so much that the detectable motion is another one: reported once an hour at most.
     Promised {
         /// Index of the camera.
         camera: usize,
@@ -316,7 +316,7 @@ pub enum Event {
         target: usize,
         /// When, seconds of capture.
         t_s: f64,
-        /// How noisy the readings are now, and which motions are found with that.
+        /// The current noise of the readings, and the motions that can be detected.
         promise: Box<Promise>,
     },
     /// A reference was learned.
@@ -327,7 +327,7 @@ pub enum Event {
         target: usize,
         /// The reference.
         reference: Box<Reference>,
-        /// How noisy the readings were, and which motions are found with that; none where noise is taken for what it is stated to be.
+        /// The noise of the readings, and the motions that can be detected; `None` where the noise is stated, not learned.
         promise: Option<Box<Promise>>,
     },
     /// The camera moved while its reference was being learned: learning continues with the readings after the motion.
@@ -338,7 +338,7 @@ pub enum Event {
         target: usize,
         /// Other cameras of a rig, one of which may have moved instead.
         alternatives: Vec<usize>,
-        /// How it moved.
+        /// The motion.
         unsettled: Box<Unsettled>,
     },
     /// Frames dropped since the last such event, because the camera's queue was full. Told at once, then together every minute, and at
@@ -346,34 +346,34 @@ pub enum Event {
     Dropped {
         /// Index of the camera.
         camera: usize,
-        /// How many.
+        /// Number of frames.
         frames: u64,
     },
-    /// Frames left out since the last such event, told as those dropped: they could not be read, or came out of order.
+    /// Frames left out since the last such event, reported like dropped ones: they could not be read, or were out of order.
     LeftOut {
         /// Index of the camera.
         camera: usize,
-        /// How many.
+        /// Number of frames.
         frames: u64,
-        /// Why the last of them was.
+        /// The reason for the last of them.
         reason: String,
     },
-    /// The clock that stamps the frames was set. Times go on without the step.
+    /// The clock that stamps the frames was set. Times continue without the step.
     Clock {
         /// Index of the camera.
         camera: usize,
         /// The time that is gone on from, seconds.
         t_s: f64,
-        /// By how much it was set, seconds; negative is back.
+        /// The step of the clock, seconds; negative is back.
         step_s: f64,
     },
-    /// A source was lost or came back; said once each.
+    /// A source was lost or returned; each is reported once.
     Source {
         /// Index of the camera.
         camera: usize,
         /// Whether it gives frames.
         connected: bool,
-        /// Why not.
+        /// The reason for a loss.
         reason: Option<String>,
     },
     /// A source has ended.

@@ -46,7 +46,7 @@ pub enum Object {
     KnownSize(Shape),
     /// The kind of shape; size and place given are a start.
     KnownClass(Shape),
-    /// That it is one and the same circle, ellipse or rectangle throughout the record.
+    /// It is one and the same circle, ellipse or rectangle throughout the record.
     Unclassified,
 }
 
@@ -55,28 +55,28 @@ pub enum Object {
 pub enum UnknownReason {
     /// No circle, ellipse or rectangle explains the contacts.
     NoShapeFits {
-        /// Of the best.
+        /// p-value of the best class.
         p_value: f64,
     },
     /// A smooth outline and one with corners explain them about equally well.
     TwoShapesFit {
-        /// By how much the worse one's BIC is worse.
+        /// The difference between the BIC of the worse class and that of the better.
         delta_bic: f64,
-        /// What would decide.
+        /// The difference that would decide.
         needed: f64,
     },
 }
 
-/// How to calibrate.
+/// The settings of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// The priors of all parameters.
     pub priors: Priors,
-    /// μ, where it is known; none to estimate it.
+    /// μ, where it is known; `None` to estimate it.
     pub mu: Option<f64>,
-    /// Gravity in the plane, to model the whisker's weight; none where the plane is level or a tare has been taken off.
+    /// Gravity in the plane, to model the whisker's weight; `None` where the plane is level or a tare has been subtracted.
     pub gravity: Option<Gravity>,
-    /// How contacts are found.
+    /// The method for computing contacts.
     pub method: Method,
     /// Probability with which a record that keeps the model is called inconsistent.
     pub false_alarm_rate: f64,
@@ -123,17 +123,17 @@ pub struct Calibrated {
     pub object: Option<Shape>,
     /// Covariance of its free parameters: shift x, shift y, turn (not of a circle), sizes; m, rad.
     pub object_covariance: DMatrix<f64>,
-    /// Why an object of unknown class was left out; none where it was not.
+    /// Why an object of unknown class was left out; `None` where it was not.
     pub unknown_reason: Option<UnknownReason>,
     /// Squared misfit of the samples, in the noise stated.
     pub chi2: f64,
-    /// Its degrees of freedom.
+    /// Degrees of freedom of that sum.
     pub degrees_of_freedom: usize,
     /// Probability that a record which keeps the model fits as badly.
     pub p_value: f64,
     /// The number of contacts that were left out because they contradict the object.
     pub contradicted: usize,
-    /// Whether the record keeps the model, at the false-alarm rate asked for, and the object explains 95 % of the contacts.
+    /// Whether the record agrees with the model, at the requested false-alarm rate, and the object explains 95 % of the contacts.
     pub is_consistent: bool,
     /// The role of every sample.
     pub roles: Vec<Role>,
@@ -157,10 +157,10 @@ fn check(rod: &Rod, object: &Object, options: &Options) -> Result<(), Error> {
 
 /// Calibrates the rig of `rod` and `cell` from `samples`, in the order they were taken.
 ///
-/// Which samples are free, mid or tip is found out. With an [`Object`] the fit is first made without, then with it.
+/// The roles of the samples (free, mid or tip) are determined. With an [`Object`], a first fit is made without it, then one with it.
 ///
 /// # Errors
-/// A rod, a shape, a prior or a μ that is none; fewer than three samples that say anything; equations that do not settle.
+/// An invalid rod, shape, prior or μ; fewer than three informative samples; equations that do not converge.
 pub fn calibrate(
     rod: &Rod,
     cell: &Cell,

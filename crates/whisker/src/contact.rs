@@ -1,4 +1,4 @@
-//! Where the whisker touches, from one load: the first arc length at which the bending moment vanishes.
+//! Computes the contact of the whisker from one load: the first arc length at which the bending moment vanishes.
 
 pub mod bent;
 mod clamp;
@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// A contact in the hub frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HubContact {
-    /// Arc length from the clamp, metres; beyond the whisker's length where the load says so.
+    /// Arc length from the clamp, metres; beyond the whisker's length if it follows from the load.
     pub s_m: f64,
     /// The point of the centre line, hub frame, metres.
     pub x_in_hub: Vector2<f64>,
@@ -34,7 +34,7 @@ impl HubContact {
         SVector::from([self.x_in_hub.x, self.x_in_hub.y, self.theta_rad, self.s_m, self.friction_angle_rad])
     }
 
-    /// Whether every entry is a number.
+    /// Returns whether every entry is a number.
     pub fn is_finite(&self) -> bool {
         self.to_vector().iter().all(|v| v.is_finite())
     }
@@ -43,13 +43,13 @@ impl HubContact {
 /// Derivatives of `[x, y, θ, s, friction angle]` (hub frame; m, m, rad, m, rad) by `[fx, fy, mz]` (N, N, N·m).
 pub type ByLoad = SMatrix<f64, 5, 3>;
 
-/// Derivatives of `[x, y, θ, s, friction angle]` by `[ln EI, κ₀, clamp angle]` (1, 1/m, rad).
+/// Derivatives of `[x, y, θ, s, friction angle]` with respect to `[ln EI, κ₀, clamp angle]` (1, 1/m, rad).
 ///
 /// ln EI: a common factor on the stiffness of the whole rod (divide by EI for ∂/∂EI). κ₀: curvature added everywhere. Clamp
 /// angle: the clamped whisker rotated counter-clockwise within the frame of the load cell, in which load and contact are then given.
 pub type ByRod = SMatrix<f64, 5, 3>;
 
-/// How many later zeros of the moment are listed.
+/// Number of later zeros of the moment that are listed.
 pub const BRANCHES: usize = 4;
 
 /// The last zero of the moment that is sought, counted from 0; a load that coils its rod up has billions.
@@ -71,7 +71,7 @@ pub enum NoZero {
     NotFinite,
 }
 
-/// How the elastica is integrated.
+/// The method of integrating the elastica.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Method {
     /// Elliptic integrals where stiffness and intrinsic curvature are constant, otherwise integration.
@@ -81,7 +81,7 @@ pub enum Method {
     Integrate,
 }
 
-/// What answers for a rod.
+/// The solver for a rod.
 enum Solver {
     Straight { ei_n_m2: f64 },
     Curved { ei_n_m2: f64, curvature_per_m: f64 },

@@ -1,5 +1,5 @@
-//! What happens along a sweep: touch, release, slip-off (found, and predicted), what kind of outline is touched, whether the record
-//! agrees with itself.
+//! Events along a sweep: touch, release, slip-off (detected and predicted), the kind of outline that is touched, and the consistency of the
+//! record.
 
 pub mod touch;
 pub mod outline;

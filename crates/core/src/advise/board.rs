@@ -19,14 +19,14 @@ pub struct RigCamera<'a> {
     pub camera: &'a Camera,
     /// x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
-    /// Covariance of its intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    /// Covariance of its intrinsics, row by row, in the order of `Camera::parameters`; `None` where they are exact.
     pub intrinsics_covariance: Option<&'a [f64]>,
 }
 
 /// A rig being calibrated by views of one board.
 #[derive(Debug, Clone, Copy)]
 pub struct RigPlan<'a> {
-    /// Its cameras, two or more.
+    /// The cameras, two or more.
     pub cameras: &'a [RigCamera<'a>],
     /// The reference camera, in whose frame the poses of the others are stated.
     pub reference: usize,
@@ -39,17 +39,17 @@ pub struct RigPlan<'a> {
 /// What is to be minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Criterion {
-    /// The place of the camera that is known worst, in its worst direction (E-optimal in the places).
+    /// The position of the least certain camera, in its worst direction (E-optimal in the positions).
     #[default]
     Worst,
-    /// The sum of all variances of all places (A-optimal).
+    /// The sum of all variances of all positions (A-optimal).
     Trace,
-    /// The volume of the whole uncertainty, rotations included (D-optimal).
+    /// The volume of the whole uncertainty, including rotations (D-optimal).
     Determinant,
 }
 
-/// The information of the views so far about the cameras relative to the reference: 6 rows a camera but the reference, in order, small left
-/// motions `[rotation_rad; translation_m]` of each `cam_from_rig`. Starts from almost nothing: 10 rad and 1 km.
+/// The information of the views so far about the cameras relative to the reference: 6 rows per camera except the reference, in order, for small
+/// left motions `[rotation_rad; translation_m]` of each `cam_from_rig`. It starts from a very weak prior: 10 rad and 1 km.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigInformation {
     matrix: DMatrix<f64>,
@@ -57,7 +57,7 @@ pub struct RigInformation {
     lenses: Vec<LensInformation>,
 }
 
-/// The derivative of the camera positions by a camera's uncertain intrinsics: K and C of docs/math/advise.md eq. (18).
+/// The derivative of the camera positions with respect to a camera's uncertain intrinsics: K and C of docs/math/advise.md eq. (18).
 #[derive(Debug, Clone, PartialEq)]
 struct LensInformation {
     camera: usize,
@@ -68,7 +68,7 @@ struct LensInformation {
 /// The uncertainty of one camera relative to the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraOutlook {
-    /// Which camera.
+    /// Index of the camera.
     pub camera: usize,
     /// 6×6 covariance of the small left motion of its `cam_from_rig`, camera frame.
     pub covariance: Matrix6,
@@ -76,7 +76,7 @@ pub struct CameraOutlook {
     pub rotation_rad: f64,
     /// Greatest standard deviation of position.
     pub position_m: f64,
-    /// The same if all intrinsics were exact; none where they are.
+    /// The same for exact intrinsics; `None` where all are exact.
     pub position_exact_intrinsics_m: Option<f64>,
     /// Whether the views determine its rotation at all (to better than half a radian).
     pub is_determined: bool,
@@ -87,34 +87,34 @@ pub struct CameraOutlook {
 pub struct Suggestion {
     /// x_in_rig = rig_from_board · x_in_board.
     pub rig_from_board: Pose,
-    /// The cameras that would see it, whole or well enough.
+    /// The cameras that would observe it, completely or well enough.
     pub seen_by: Vec<usize>,
-    /// The uncertainty of each camera but the reference, in order.
+    /// The uncertainty of each camera except the reference, in order.
     pub cameras: Vec<CameraOutlook>,
-    /// The doubts of the camera that doubts least: empty where one camera alone tells the board's pose beyond doubt.
+    /// The limits of the camera with the fewest: empty where one camera alone determines the board's pose without a limit.
     pub first_order_limits: Vec<FirstOrderLimit>,
     /// The information with this view.
     pub information: RigInformation,
 }
 
-/// Variances that stand for no knowledge, rad² and m².
+/// Variances of an unknown pose, rad² and m².
 const UNKNOWN: [f64; 2] = [1e2, 1e6];
 /// A rotation with a larger standard deviation counts as unknown.
 const DETERMINED_RAD: f64 = 0.5;
-/// A camera that sees fewer points of a board is not used.
+/// A camera that observes fewer points of a board is not used.
 const LEAST_POINTS: usize = 6;
-/// Seen flatter than this (cosine of 75°) a board is not found.
+/// A board seen at a flatter angle than this (cosine of 75°) is not found.
 const LEAST_COSINE: f64 = 0.26;
 
 impl RigInformation {
-    /// Before any view.
+    /// Returns the information before any view.
     pub fn nothing(plan: &RigPlan) -> Self {
         let n = 6 * plan.cameras.len().saturating_sub(1);
         let variance = |i: usize| if i % 6 < 3 { UNKNOWN[0] } else { UNKNOWN[1] };
         let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { 1.0 / variance(i) } else { 0.0 });
         let lens = |(camera, own): (usize, &RigCamera)| {
             let n_parameters = own.camera.parameters().len();
-            // One of another size is refused where a view is expected.
+            // A covariance of another size is refused where a view is expected.
             let rows = own.intrinsics_covariance.filter(|rows| rows.len() == n_parameters * n_parameters)?;
             let covariance = DMatrix::from_row_slice(n_parameters, n_parameters, rows);
             Some(LensInformation { camera, by_places: DMatrix::zeros(n, n_parameters), covariance })
@@ -123,7 +123,7 @@ impl RigInformation {
         RigInformation { matrix, reference: plan.reference, lenses }
     }
 
-    /// Of all poses together: the share of the views and that of uncertain intrinsics, docs/math/advise.md eq. (18).
+    /// Returns the covariance of all poses: the contributions of the views and of uncertain intrinsics, docs/math/advise.md eq. (18).
     fn covariance(&self) -> Option<DMatrix<f64>> {
         let by_views = self.matrix.clone().cholesky()?.inverse();
         let mut covariance = by_views.clone();
@@ -134,7 +134,7 @@ impl RigInformation {
         Some(covariance)
     }
 
-    /// The uncertainty of each camera but the reference.
+    /// Returns the uncertainty of each camera except the reference.
     pub fn cameras(&self) -> Option<Vec<CameraOutlook>> {
         let covariance = self.covariance()?;
         let mut cameras: Vec<CameraOutlook> =
@@ -162,7 +162,7 @@ impl RigInformation {
         }
     }
 
-    /// Minus ln det of the covariance.
+    /// Returns minus ln det of the covariance.
     fn log_determinant(&self) -> f64 {
         let root = match self.lenses.is_empty() {
             true => self.matrix.clone().cholesky(),
@@ -172,16 +172,17 @@ impl RigInformation {
     }
 }
 
-/// A camera's share of a view: its number and the information of the board's pose in its frame.
+/// A camera's contribution to a view: its index, and the information about the board's pose in its frame.
 struct Share {
     camera: usize,
     information: Matrix6,
-    /// The derivative of the pose by uncertain intrinsics: G of docs/math/refine.md eq. (9), a column a parameter; none where they are exact.
+    /// The derivative of the pose with respect to uncertain intrinsics: G of docs/math/refine.md eq. (9), one column per parameter; `None` where
+    /// exact.
     lens: Option<Matrix6xX<f64>>,
 }
 
 impl RigPlan<'_> {
-    /// The information after one more view; none where fewer than two cameras see the board. Returns the cameras too.
+    /// Returns the information after one more view, and the cameras of the view; `None` where fewer than two cameras see the board.
     pub fn with(
         &self,
         so_far: &RigInformation,
@@ -223,7 +224,7 @@ impl RigPlan<'_> {
         Some((RigInformation { matrix, reference: self.reference, lenses }, seen_by))
     }
 
-    /// The row of a camera among those that are estimated; none for the reference.
+    /// Returns the row of a camera among those that are estimated; `None` for the reference.
     fn row(&self, camera: usize) -> Option<usize> {
         (camera != self.reference).then(|| if camera < self.reference { camera } else { camera - 1 })
     }
@@ -247,7 +248,8 @@ impl RigPlan<'_> {
         Optics { camera, sigma_px: self.sigma_px, intrinsics_covariance }
     }
 
-    /// The points of a board that a camera sees: all of them, or six where its points have names, at an angle that is not too flat.
+    /// Returns the points of a board that a camera observes: all of them, or at least six if points have names, at an angle that is not too
+    /// flat.
     pub fn seen(&self, camera: usize, rig_from_board: &Pose) -> Option<Vec<Correspondence>> {
         let own = self.cameras[camera];
         let cam_from_target = own.cam_from_rig * *rig_from_board;
@@ -263,8 +265,8 @@ impl RigPlan<'_> {
         (whole || shape.works_in_part && LEAST_POINTS <= seen.len()).then_some(seen)
     }
 
-    /// Boards that two cameras or more see, `n_tried` places tried evenly: `distance_m` from the camera looked through, tilted by up
-    /// to 60° towards the cameras' middle.
+    /// Returns boards that at least two cameras observe, from `n_tried` evenly distributed poses: at `distance_m` from one camera, tilted by up
+    /// to 60° towards the centre of the cameras.
     pub fn candidates(&self, distance_m: [f64; 2], n_tried: usize) -> Vec<Pose> {
         (0..n_tried)
             .filter_map(|i| self.candidate(i, distance_m))
@@ -286,8 +288,8 @@ impl RigPlan<'_> {
         ))
     }
 
-    /// `rig_from_board` with the centre at a place, the middle of the cameras `tilt_rad` off its front normal, in the
-    /// direction `direction_rad` around it, the board rolled by `roll_rad`.
+    /// Returns `rig_from_board` with the centre at a position, the centre of the cameras `tilt_rad` off its front normal in the direction
+    /// `direction_rad` around it, and the board rolled by `roll_rad`.
     pub fn rig_from_board_at(
         &self,
         centre_in_rig: &Point,
@@ -297,13 +299,13 @@ impl RigPlan<'_> {
     ) -> Pose {
         let n = self.cameras.len().max(1) as f64;
         let middle = self.cameras.iter().map(|c| c.cam_from_rig.origin()).sum::<Point>() / n;
-        // A camera with the rig's axes, standing in the middle of all.
+        // A virtual camera with the rig's axes, at the centre of all cameras.
         let shape = self.board.cam_from_target(&(centre_in_rig - middle), tilt_rad, direction_rad, roll_rad);
         Pose::new(shape.rotation, shape.translation + middle)
     }
 
-    /// The best of the candidates, best first: cameras still undetermined count first, then the criterion. At most `n_best`, no two
-    /// with their centres closer than a quarter of the distance between the nearest camera and the board.
+    /// Ranks the candidates, best first: the number of undetermined cameras counts first, then the criterion. At most `n_best`, no two with
+    /// centres closer than a quarter of the distance between the nearest camera and the board.
     ///
     /// # Errors
     /// `EmptyRig` for fewer than two cameras; `InvalidSetting` where no candidate is seen by two.
@@ -347,7 +349,7 @@ impl RigPlan<'_> {
         0.25 * nearest.fold(f64::INFINITY, f64::min) < (a - b).norm()
     }
 
-    /// The rig with one more board; none where fewer than two cameras see it.
+    /// Returns the rig with one more board; `None` where fewer than two cameras see it.
     pub fn suggestion(&self, so_far: &RigInformation, rig_from_board: &Pose) -> Option<Suggestion> {
         let (information, seen_by) = self.with(so_far, rig_from_board)?;
         let first_order_limits = seen_by
@@ -375,7 +377,7 @@ impl RigPlan<'_> {
     }
 }
 
-/// Cameras left undetermined, and the criterion, smaller being better.
+/// Returns the number of undetermined cameras and the criterion; smaller is better.
 fn score(information: &RigInformation, criterion: Criterion) -> Option<(usize, f64)> {
     let cameras = information.cameras()?;
     let undetermined = cameras.iter().filter(|c| !c.is_determined).count();
@@ -388,7 +390,7 @@ fn score(information: &RigInformation, criterion: Criterion) -> Option<(usize, f
     Some((undetermined, value))
 }
 
-/// G of a view of the board.
+/// Returns G for a view of the board.
 fn lens(
     cam_from_board: &Pose,
     seen: &[Correspondence],
@@ -400,7 +402,7 @@ fn lens(
     Some(Matrix6xX::from_columns(dependence.ok()?.by_intrinsics()))
 }
 
-/// Information of small left motions of `cam_from_board`, summed about the points' centre and carried to the camera.
+/// Returns the information of small left motions of `cam_from_board`, summed about the points' centroid and transformed to the camera.
 fn information(cam_from_board: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<Matrix6> {
     let pivot = centroid(seen);
     let place = PivotedPose::new(cam_from_board, &pivot);

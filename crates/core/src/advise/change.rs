@@ -1,25 +1,26 @@
-//! Other dimensions of a target, one change at a time: which would help?
+//! Changes of a target's dimensions, one at a time: which of them help?
 
 use super::expect::Optics;
 use super::volume::{Outlook, Shape, Volume, outlook, poses};
 use crate::target::{LinePlusOne, Target};
 
-/// One dimension of a target changed; keys as in target.toml.
+/// A target with one dimension changed; keys as in target.toml.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
-    /// What is changed.
+    /// The dimension that is changed.
     pub key: &'static str,
-    /// Its value now.
+    /// Its current value.
     pub from: f64,
     /// Its value in `target`.
     pub to: f64,
-    /// The target so changed.
+    /// The changed target.
     pub target: Target,
-    /// Whether it becomes larger, and may not fit its place or the image.
+    /// Whether it becomes larger, and may not fit its location or the image.
     pub enlarges_target: bool,
 }
 
-/// The changes worth trying, per kind of target as designed (the changed one is not printed yet); none for surveyed points and tag maps, which cannot be changed.
+/// Returns the changes worth trying for a kind of target as designed (the changed one is not printed yet); none for surveyed points and tag
+/// maps.
 pub fn changes(target: &Target) -> Vec<Change> {
     match target.design() {
         Target::LinePlusOne(t) => line_changes(t),
@@ -54,7 +55,7 @@ fn scaled(key: &'static str, from: f64, with: impl Fn(f64) -> Target) -> Vec<Cha
     [1.5, 2.0].iter().map(|factor| change(key, from, from * factor, with(from * factor), true)).collect()
 }
 
-/// The fourth dot elsewhere along the line, farther off it; the middle dot elsewhere; a longer line.
+/// Moves the fourth dot along the line and away from it, moves the middle dot, and extends the line.
 fn line_changes(t: &LinePlusOne) -> Vec<Change> {
     let low = t.line_m.iter().copied().fold(f64::INFINITY, f64::min);
     let high = t.line_m.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -88,16 +89,16 @@ fn line_changes(t: &LinePlusOne) -> Vec<Change> {
     found
 }
 
-/// A change and what it would do.
+/// A change and its effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tried {
     /// The change.
     pub change: Change,
-    /// Over views of the same volume, drawn towards the image's middle as far as the changed target needs.
+    /// Its outlook over views of the same volume, moved towards the image's centre as far as the changed target requires.
     pub outlook: Outlook,
 }
 
-/// Every change over `n` views of the volume, the best first by [`cost`].
+/// Tries every change over `n` views of the volume; sorted by [`cost`], the best first.
 pub fn tried(target: &Target, optics: &Optics, volume: &Volume, n: usize) -> Vec<Tried> {
     let one = |change: Change| {
         let shape = Shape::of(&change.target);
@@ -108,8 +109,8 @@ pub fn tried(target: &Target, optics: &Optics, volume: &Volume, n: usize) -> Vec
     all
 }
 
-/// The rank of a target over a volume: the median of the camera's position over the share of views that give one answer.
-/// Infinite where none does.
+/// Returns the cost of a target over a volume: the median uncertainty of the camera's position divided by the share of views with one answer;
+/// infinite where there is none.
 pub fn cost(outlook: &Outlook) -> f64 {
     let views = outlook.n_views.max(1) as f64;
     let seen = 1.0 - (outlook.n_out_of_view + outlook.n_undetermined) as f64 / views;

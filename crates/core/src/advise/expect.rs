@@ -1,4 +1,4 @@
-//! One view of known points from an assumed pose: the accuracy to expect. docs/math/advise.md eqs. (1)–(6).
+//! The expected accuracy of one view of known points from an assumed pose. docs/math/advise.md eqs. (1)–(6).
 
 use crate::locate::choose::{DUPLICATE_SIGMAS, Minimum, UNCERTAIN_GATE_CHI2};
 use crate::locate::common::{Common, Dependence};
@@ -19,27 +19,27 @@ pub struct View<'a> {
     pub camera: &'a Camera,
     /// Its assumed pose: x_in_cam = cam_from_target · x_in_target.
     pub cam_from_target: Pose,
-    /// The points it will see.
+    /// The points that it will observe.
     pub points: &'a [KnownPoint],
     /// Standard deviation of each pixel coordinate.
     pub sigma_px: f64,
-    /// Covariance of the camera's intrinsics, row by row, in the order of `Camera::parameters`; none: exact.
+    /// Covariance of the camera's intrinsics, row by row, in the order of `Camera::parameters`; `None` where they are exact.
     pub intrinsics_covariance: Option<&'a [f64]>,
 }
 
-/// A camera, how well points are found in its image, and how well it is known.
+/// A camera, the accuracy of points in its image, and the uncertainty of its intrinsics.
 #[derive(Debug, Clone, Copy)]
 pub struct Optics<'a> {
     /// The camera.
     pub camera: &'a Camera,
     /// Standard deviation of each pixel coordinate.
     pub sigma_px: f64,
-    /// As of [`View::intrinsics_covariance`].
+    /// As in [`View::intrinsics_covariance`].
     pub intrinsics_covariance: Option<&'a [f64]>,
 }
 
 impl<'a> Optics<'a> {
-    /// The points that it sees from a pose.
+    /// Returns the view of these points from a pose.
     pub fn view(&self, cam_from_target: Pose, points: &'a [KnownPoint]) -> View<'a> {
         let Optics { camera, sigma_px, intrinsics_covariance } = *self;
         View { camera, cam_from_target, points, sigma_px, intrinsics_covariance }
@@ -47,71 +47,71 @@ impl<'a> Optics<'a> {
 }
 
 impl<'a> View<'a> {
-    /// The settings of `locate` for such an image.
+    /// Returns the settings of `locate` for such an image.
     pub(crate) fn config(&self) -> Config<'a> {
         Config { intrinsics_covariance: self.intrinsics_covariance, ..Config::default() }
     }
 }
 
-/// Why the first-order figures of a view are not to be trusted.
+/// Why the first-order figures of a view cannot be trusted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum FirstOrderLimit {
-    /// The likelihood is bent: along its worst direction the standard deviation that `locate` will state is `ratio` times the
-    /// first-order one. Usual for flat targets seen nearly straight on.
+    /// The likelihood is bent: in its worst direction the standard deviation that `locate` will state is `ratio` times the first-order one. This
+    /// is usual for flat targets seen nearly frontally.
     Bent {
-        /// See above.
+        /// The ratio described above.
         ratio: f64,
-        /// Up to here the first-order figures hold within 5 %.
+        /// Largest ratio with which the first-order figures hold within 5 %.
         allowed: f64,
     },
-    /// Another pose shows the points `separation_sigma` standard deviations of the pixels apart.
+    /// Another pose predicts the points `separation_sigma` standard deviations of the pixels away.
     Ambiguous {
-        /// See above; 0 where the image does not distinguish the two.
+        /// The separation described above; 0 where the image does not distinguish the two.
         separation_sigma: f64,
-        /// From here on hardly one image in a hundred has two answers.
+        /// Smallest separation with which hardly one image in a hundred has two answers.
         needed_sigma: f64,
     },
 }
 
-/// A bend that adds this much to the worst standard deviation spoils it by 5 %: docs/math/advise.md section 2.
+/// A bend that increases the worst standard deviation by this factor makes it wrong by 5 %: docs/math/advise.md section 2.
 pub(crate) const ALLOWED_BEND: f64 = 1.05;
-/// Two poses this many standard deviations apart leave a doubt in 1.2 % of images: docs/math/advise.md eq. (5).
+/// Two poses this many standard deviations apart leave 1.2 % of images ambiguous: docs/math/advise.md eq. (5).
 pub const NEEDED_SEPARATION_SIGMA: f64 = 6.0;
 
-/// The accuracy to expect of a view.
+/// The expected accuracy of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expectation {
-    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound of the pixels, and what
-    /// uncertain intrinsics add.
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame: the Cramér–Rao bound of the pixels, plus the
+    /// contribution of uncertain intrinsics.
     pub covariance: Matrix6,
-    /// The same if the intrinsics were exact.
+    /// The same covariance for exact intrinsics.
     pub exact_intrinsics_covariance: Matrix6,
     /// `covariance`, widened by the bend of the likelihood: what `locate` will state on average.
     pub stated_covariance: Matrix6,
-    /// Greatest standard deviation that the bend adds, as a factor of the first-order one: 1 where nothing is bent.
+    /// Greatest factor by which the bend increases a first-order standard deviation: 1 where nothing is bent.
     pub bend_ratio: f64,
-    /// How far apart the nearest other pose shows the points, in standard deviations of the pixels, what uncertain intrinsics would explain of
-    /// it left out; infinite where there is none.
+    /// Distance between the points' images in the nearest other pose, in standard deviations of the pixels, without the part that uncertain
+    /// intrinsics would explain; infinite where there is no other pose.
     pub separation_sigma: f64,
-    /// Where the two poses are as probable as `locate` will call ambiguous: its gate of Δχ².
+    /// Difference of χ² below which `locate` calls two poses ambiguous.
     pub gate_chi2: f64,
-    /// Why a line and one point off it are weak from this pose.
+    /// Why a line and one point off it determine this pose weakly.
     pub weakness: Option<Weakness>,
 }
 
 impl Expectation {
-    /// The probability that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
+    /// Returns the probability that the answer will be `ambiguous`: docs/math/advise.md eq. (5).
     pub fn chance_ambiguous(&self) -> f64 {
         chance_below(self.separation_sigma, self.gate_chi2)
     }
 
-    /// The probability that the wrong pose will fit better: docs/math/advise.md eq. (4).
+    /// Returns the probability that the wrong pose will fit better: docs/math/advise.md eq. (4).
     pub fn chance_wrong(&self) -> f64 {
         chance_below(self.separation_sigma, 0.0)
     }
 
-    /// The effects that the first-order figures leave out, the graver first; empty where they hold within 5 %.
+    /// Returns the effects that the first-order figures neglect, the most severe first; empty where they hold within 5 %.
     pub fn first_order_limits(&self) -> Vec<FirstOrderLimit> {
         let (ratio, separation_sigma) = (self.bend_ratio, self.separation_sigma);
         let ambiguous =
@@ -127,7 +127,7 @@ impl Expectation {
     }
 }
 
-/// Probability that Δχ², normal with mean D² and standard deviation 2D, falls below `gate`.
+/// Returns the probability that Δχ², normal with mean D² and standard deviation 2D, is below `gate`.
 pub(crate) fn chance_below(separation_sigma: f64, gate: f64) -> f64 {
     let d = separation_sigma;
     if !d.is_finite() {
@@ -139,12 +139,12 @@ pub(crate) fn chance_below(separation_sigma: f64, gate: f64) -> f64 {
     upper_tail((d * d - gate) / (2.0 * d))
 }
 
-/// The exact pixels of a view; none where a point falls outside the image or the lens's field.
+/// Returns the exact pixels of a view; `None` where a point is outside the image or the lens's field.
 pub fn correspondences_in_view(view: &View) -> Option<Vec<Correspondence>> {
     view.points.iter().map(|p| correspondence_of(view, p)).collect()
 }
 
-/// The exact pixel of one point.
+/// Returns the exact pixel of one point.
 pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspondence> {
     let pixel = view.camera.project(&(view.cam_from_target * p.position))?;
     let is_inside = view.camera.size.is_none_or(|size| {
@@ -155,11 +155,10 @@ pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspon
     is_inside.then_some(Correspondence { sigma_m: p.sigma_m, ..c })
 }
 
-/// The accuracy to expect of a view in which all points are seen.
+/// Computes the expected accuracy of a view in which all points are visible.
 ///
 /// # Errors
-/// `InvalidSetting` for a sigma that is not positive or a point that is out of sight, and those of `locate`: too few points,
-/// points on a line, …
+/// `InvalidSetting` for a sigma that is not positive or a point that is not visible, and those of `locate`: too few points, points on a line, …
 pub fn expect(view: &View) -> Result<Expectation, Error> {
     let seen = correspondences_in_view(view).ok_or_else(|| out_of_view(view))?;
     let estimate = locate(&seen, view.camera, &view.config())?;
@@ -194,7 +193,7 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
     })
 }
 
-/// The first point out of sight, in a named error.
+/// Returns the error for the first point that is not visible.
 pub(crate) fn out_of_view(view: &View) -> Error {
     let hidden = view.points.iter().position(|p| correspondence_of(view, p).is_none()).unwrap_or(0);
     Error::InvalidSetting {
@@ -204,7 +203,7 @@ pub(crate) fn out_of_view(view: &View) -> Error {
     }
 }
 
-/// Square root of the greatest eigenvalue of `small`⁻¹ `large`; infinite where `small` is not positive definite.
+/// Returns the square root of the greatest eigenvalue of `small`⁻¹ `large`; infinite where `small` is not positive definite.
 fn greatest_ratio(large: &Matrix6, small: &Matrix6) -> f64 {
     let Some(root) = small.cholesky() else { return f64::INFINITY };
     let Some(half) = root.l().solve_lower_triangular(large) else { return f64::INFINITY };
@@ -212,7 +211,7 @@ fn greatest_ratio(large: &Matrix6, small: &Matrix6) -> f64 {
     whole.symmetric_eigenvalues().max().max(1.0).sqrt()
 }
 
-/// Greatest standard deviation of rotation over all axes, radians, and of the camera's position over all directions, metres.
+/// Returns the greatest standard deviations of the rotation over all axes, radians, and of the camera's position over all directions, metres.
 pub fn worst_sigmas(covariance: &Matrix6) -> (f64, f64) {
     let worst = |at: usize| {
         let block: nalgebra::Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();

@@ -1,4 +1,4 @@
-//! Places and lengths read off a plane in one image, and how uncertain they are: docs/math/advise.md eqs. (8)–(10).
+//! Positions and lengths measured on a plane in one image, and their uncertainty: docs/math/advise.md eqs. (8)–(10).
 
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose, Vector6};
 use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, Matrix3x6, Vector3};
@@ -8,42 +8,42 @@ use nalgebra::{Matrix2x3, Matrix3, Matrix3x2, Matrix3x6, Vector3};
 pub struct Plane {
     /// Its unit normal n.
     pub normal_in_target: Vector3<f64>,
-    /// Its place along the normal.
+    /// Its offset along the normal.
     pub offset_m: f64,
 }
 
-/// A place on a plane as one image shows it.
+/// A point of a plane as measured in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundPoint {
-    /// Where it is, target frame.
+    /// Its position, target frame.
     pub x_in_target: Point,
-    /// How the place read off moves with the pose's small left motion `[rotation_rad; translation_m]`, 3×6.
+    /// Derivative of the position with respect to the pose's small left motion `[rotation_rad; translation_m]`, 3×6.
     pub by_motion: Matrix3x6<f64>,
-    /// How it moves with the pixel pointed at, 3×2, m/px.
+    /// Derivative of the position with respect to the image point, 3×2, m/px.
     pub by_pixel: Matrix3x2<f64>,
 }
 
-/// A length read off a plane in one image.
+/// A length measured on a plane in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundLength {
     /// The length.
     pub length_m: f64,
-    /// How it changes with the pose's small left motion.
+    /// Derivative of the length with respect to the pose's small left motion.
     pub by_motion: Vector6,
-    /// Its variance by the two pixels pointed at.
+    /// Its variance due to the two image points.
     pub image_point_variance_m2: f64,
 }
 
-/// Flatter than this (sine of the angle between ray and plane) nothing on a plane is measured.
+/// At a flatter angle (sine of the angle between ray and plane) nothing is measured on a plane.
 const GRAZING: f64 = 1e-6;
 
 impl Plane {
-    /// The plane z = `z_m`.
+    /// Returns the plane z = `z_m`.
     pub fn level(z_m: f64) -> Self {
         Plane { normal_in_target: Vector3::z(), offset_m: z_m }
     }
 
-    /// Where the ray of a pixel meets the plane in front of the camera, target frame; none where it does not.
+    /// Returns where the ray of a pixel meets the plane in front of the camera, target frame; `None` where it does not.
     pub fn seen_at(&self, camera: &Camera, cam_from_target: &Pose, pixel: &Pixel) -> Option<Point> {
         let bearing = camera.bearing(pixel).ok()?;
         let (origin, ray) =
@@ -54,7 +54,7 @@ impl Plane {
         (GRAZING < sine.abs() && 0.0 < depth_m).then(|| origin + ray * depth_m)
     }
 
-    /// How a place on the plane, read off an image, depends on pose and pixel; none where it cannot be seen.
+    /// Returns a point of the plane with its derivatives with respect to pose and pixel; `None` where it is not visible.
     pub fn point(&self, camera: &Camera, cam_from_target: &Pose, x_in_target: &Point) -> Option<GroundPoint> {
         let x_in_cam = cam_from_target * x_in_target;
         let (_, by_point): (_, Matrix2x3<f64>) = camera.project_with_jacobian(&x_in_cam)?;
@@ -69,10 +69,10 @@ impl Plane {
         is_finite.then_some(GroundPoint { x_in_target: *x_in_target, by_motion, by_pixel })
     }
 
-    /// The length between two places of the plane; `sigma_px` is that of each pixel pointed at.
+    /// Returns the length between two points of the plane; `sigma_px` is the standard deviation of each image point.
     ///
     /// # Errors
-    /// `InvalidSetting` when an end cannot be seen or the two coincide.
+    /// `InvalidSetting` when an end is not visible or the two coincide.
     pub fn length(
         &self,
         camera: &Camera,
@@ -97,7 +97,7 @@ impl Plane {
         })
     }
 
-    /// Two unit vectors along the plane, as columns.
+    /// Returns two unit vectors along the plane, as columns.
     fn axes(&self) -> Matrix3x2<f64> {
         let n = &self.normal_in_target;
         let far = if n.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
@@ -107,20 +107,20 @@ impl Plane {
 }
 
 impl GroundPoint {
-    /// Covariance of the place, m², target frame, for a pose of this covariance and a pixel pointed at to `sigma_px`.
+    /// Returns the covariance of the position, m², target frame, for a pose of this covariance and an image point of `sigma_px`.
     pub fn covariance_m2(&self, covariance: &Matrix6, sigma_px: f64) -> Matrix3<f64> {
         self.by_motion * covariance * self.by_motion.transpose()
             + self.by_pixel * self.by_pixel.transpose() * (sigma_px * sigma_px)
     }
 
-    /// Standard deviation in the worst direction.
+    /// Returns the standard deviation in the worst direction.
     pub fn worst_sigma_m(&self, covariance: &Matrix6, sigma_px: f64) -> f64 {
         self.covariance_m2(covariance, sigma_px).symmetric_eigenvalues().max().max(0.0).sqrt()
     }
 }
 
 impl GroundLength {
-    /// Standard deviation of the length for a pose of this covariance.
+    /// Returns the standard deviation of the length for a pose of this covariance.
     pub fn sigma_m(&self, covariance: &Matrix6) -> f64 {
         (self.by_motion.dot(&(covariance * self.by_motion)) + self.image_point_variance_m2).max(0.0).sqrt()
     }

@@ -10,44 +10,44 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum LayoutWarning {
-    /// The points lie near one line: the rotation about it is known this much worse than the others.
+    /// The points are nearly on one line: the rotation about it is much less certain than the others.
     NearCollinear {
         /// Extent across the line over extent along it.
         width_ratio: f64,
-        /// See above.
+        /// The ratio needed.
         needed: f64,
     },
-    /// The points stand close together for their distance: the direction of a flat target's tilt is hardly visible.
+    /// The points are close together compared with their distance: the direction of a flat target's tilt is hardly visible.
     FarClustered {
         /// Greatest angle between two of them.
         span_rad: f64,
-        /// The angle that would show a tilt of 45°.
+        /// The angle at which a tilt of 45° would be visible.
         needed_rad: f64,
     },
-    /// The points lie in a plane that faces the camera: its tilt is seen to second order only.
+    /// The points are in a plane that faces the camera, so that its tilt is visible to second order only.
     Frontal {
         /// Angle between the plane's normal and the line of sight.
         tilt_rad: f64,
-        /// From here on the two tilts can be distinguished.
+        /// The tilt from which the two solutions can be distinguished.
         needed_rad: f64,
     },
-    /// All points are about as far from the camera.
+    /// All points have about the same distance from the camera.
     EqualRange {
         /// Greatest range minus least, over their mean.
         spread: f64,
-        /// What is needed.
+        /// The spread needed.
         needed: f64,
     },
-    /// A line and one point off it, from a place where the two do not show the rotation about the line.
+    /// A line and one point off it, from a pose in which they do not determine the rotation about the line.
     Weak(Weakness),
 }
 
-/// Below this ratio the rotation about the line is known five times worse than the others.
+/// Below this ratio the rotation about the line is five times less certain than the others.
 pub(crate) const NEEDED_WIDTH: f64 = 0.2;
-/// Three points span a plane; more are taken as flat up to this thickness over width.
+/// Three points span a plane; more are treated as flat up to this ratio of thickness to width.
 const FLAT: f64 = 0.05;
 
-/// The faults of a view, the gravest first. Some are named only where they matter.
+/// Returns the faults of a view, the most severe first. Some are reported only where they matter.
 pub fn layout_warnings(view: &View, expectation: &Expectation) -> Vec<LayoutWarning> {
     let Some(seen) = correspondences_in_view(view) else { return Vec::new() };
     let mut found: Vec<LayoutWarning> = expectation.weakness.map(LayoutWarning::Weak).into_iter().collect();
@@ -58,10 +58,10 @@ pub fn layout_warnings(view: &View, expectation: &Expectation) -> Vec<LayoutWarn
     found
 }
 
-/// Whether points lie near one line.
+/// Checks whether points are nearly on one line.
 pub(crate) fn near_collinear(seen: &[Correspondence]) -> Option<LayoutWarning> {
     let geometry = describe_geometry(seen).ok()?;
-    // Three of four on a line, and one well off it, is a layout of its own; its width is that of the whole.
+    // Three of four points on a line and one well off it are a layout of their own, whose width is that of the whole.
     let width_ratio = match geometry.configuration {
         Configuration::LinePlusOne { .. } => geometry.width.ratio,
         _ => geometry.width.ratio.min(spread_ratio(seen)),
@@ -69,7 +69,7 @@ pub(crate) fn near_collinear(seen: &[Correspondence]) -> Option<LayoutWarning> {
     (width_ratio < NEEDED_WIDTH).then_some(LayoutWarning::NearCollinear { width_ratio, needed: NEEDED_WIDTH })
 }
 
-/// Second principal extent of the points over the first.
+/// Returns the second principal extent of the points divided by the first.
 fn spread_ratio(seen: &[Correspondence]) -> f64 {
     let mut values: Vec<f64> = principal(seen).eigenvalues.iter().copied().collect();
     values.sort_by(f64::total_cmp);
@@ -86,12 +86,12 @@ fn principal(seen: &[Correspondence]) -> SymmetricEigen<f64, nalgebra::U3> {
     SymmetricEigen::new(scatter)
 }
 
-/// A set of points as the camera sees it.
+/// The extents of a set of points as seen by the camera.
 struct Spread {
     span_rad: f64,
     sigma_rad: f64,
     range_spread: f64,
-    /// Angle between the plane's normal and the line of sight, where the points are flat.
+    /// Angle between the plane's normal and the line of sight, if the points are flat.
     tilt_rad: Option<f64>,
 }
 
@@ -131,7 +131,7 @@ impl Spread {
     }
 }
 
-/// Angle between a flat target's normal and the line of sight to its centre, 0 to π/2; none where the points are not flat.
+/// Returns the angle between a flat target's normal and the line of sight to its centre, 0 to π/2; `None` where the points are not flat.
 fn tilt_rad(view: &View, seen: &[Correspondence]) -> Option<f64> {
     let axes = principal(seen);
     let thin = axes.eigenvalues.imin();

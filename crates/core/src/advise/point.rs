@@ -14,7 +14,7 @@ use crate::target::KnownPoint;
 use crate::{Error, Matrix6, Point};
 use nalgebra::{Matrix2, Matrix2x6, Vector2};
 
-/// What is to be determined.
+/// The quantity to be determined.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Aim {
     /// The camera's position, in its worst direction, metres.
@@ -26,7 +26,7 @@ pub enum Aim {
 }
 
 impl Aim {
-    /// The standard deviation aimed at, for a pose of this covariance: metres, or radians for `Rotation`.
+    /// Returns the standard deviation of the aim for a pose of this covariance: metres, or radians for `Rotation`.
     pub fn sigma(&self, covariance: &Matrix6) -> f64 {
         match self {
             Aim::Place => worst_sigmas(covariance).1,
@@ -39,32 +39,32 @@ impl Aim {
 /// A view with one more point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame, by all points.
+    /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame, from all points.
     pub covariance: Matrix6,
-    /// How far apart the nearest other pose would show the points, in standard deviations of the pixels; infinite without one.
-    /// To first order about each of the poses that the points before leave possible.
+    /// Distance between the points' images in the nearest other pose, in standard deviations of the pixels; infinite without one. It is
+    /// first-order about each of the poses that the earlier points allow.
     pub separation_sigma: f64,
 }
 
-/// The points measured so far, prepared for trying one more in many places.
+/// The points measured so far, prepared for trying one more at many positions.
 pub struct NextPoint<'a> {
     view: View<'a>,
     pivot: Point,
     place: PivotedPose,
     information: Matrix6,
-    /// The other poses that the points so far leave possible.
+    /// The other poses that the points so far allow.
     alternatives: Vec<Minimum>,
-    /// The pose assumed.
+    /// The assumed pose.
     at: Minimum,
-    /// The derivative of the points so far by the intrinsics.
+    /// The derivative of the points so far with respect to the intrinsics.
     lens: Dependence,
 }
 
 impl<'a> NextPoint<'a> {
-    /// From a view of three points or more.
+    /// Prepares a view of three points or more.
     ///
     /// # Errors
-    /// Those of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is out of sight.
+    /// Errors of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is not visible.
     pub fn new(view: View<'a>) -> Result<Self, Error> {
         let seen = correspondences_in_view(&view).ok_or_else(|| super::expect::out_of_view(&view))?;
         let estimate = locate(&seen, view.camera, &view.config())?;
@@ -83,12 +83,12 @@ impl<'a> NextPoint<'a> {
         Ok(NextPoint { view, pivot, place, information, alternatives, at, lens })
     }
 
-    /// The covariance by the points so far; none where they do not determine the pose.
+    /// Returns the covariance from the points so far; `None` where they do not determine the pose.
     pub fn covariance(&self) -> Option<Matrix6> {
         self.at_camera(&self.information, &self.lens)
     }
 
-    /// The view with a further point; none where the camera cannot see it.
+    /// Returns the view with a further point; `None` where the camera does not see it.
     pub fn with(&self, further: &KnownPoint) -> Option<Gain> {
         let c = correspondence_of(&self.view, further)?;
         let problem = Problem::new(core::slice::from_ref(&c), self.view.camera);
@@ -100,7 +100,7 @@ impl<'a> NextPoint<'a> {
         Some(Gain { covariance, separation_sigma: least.max(0.0).sqrt() })
     }
 
-    /// Candidates that the camera sees, by number, the best first: those that leave the pose ambiguous come last.
+    /// Ranks the candidates that the camera sees, by index, the best first: those with which the pose remains ambiguous come last.
     pub fn ranked(&self, candidates: &[KnownPoint], aim: &Aim) -> Vec<(usize, Gain)> {
         let gains = candidates.iter().enumerate().filter_map(|(i, c)| Some((i, self.with(c)?)));
         let mut keyed: Vec<(bool, f64, usize, Gain)> = gains
@@ -110,7 +110,8 @@ impl<'a> NextPoint<'a> {
         keyed.into_iter().map(|(_, _, i, gain)| (i, gain)).collect()
     }
 
-    /// The covariance of left motions from the information about the pivot, docs/math/refine.md eq. (7), and what the intrinsics add, eq. (9).
+    /// Returns the covariance of left motions from the information about the pivot, docs/math/refine.md eq. (7), plus that of the intrinsics,
+    /// eq. (9).
     fn at_camera(&self, information: &Matrix6, lens: &Dependence) -> Option<Matrix6> {
         let about_pivot = information.cholesky()?.inverse();
         let mut u = Matrix6::identity();
@@ -120,7 +121,7 @@ impl<'a> NextPoint<'a> {
         covariance.sum().is_finite().then_some(covariance)
     }
 
-    /// χ² of a second solution once it has to explain a further point too: docs/math/advise.md eq. (7).
+    /// Returns χ² of a second solution if it also has to explain a further point: docs/math/advise.md eq. (7).
     fn separation_squared(&self, alternative: &Minimum, further: &KnownPoint, pixel: &Vector2<f64>) -> f64 {
         let x_in_cam = alternative.cam_from_target * further.position;
         let Some((elsewhere, by_point)) = self.view.camera.project_with_jacobian(&x_in_cam) else {
@@ -137,7 +138,7 @@ impl<'a> NextPoint<'a> {
     }
 }
 
-/// The first of a ranked list and those after it that stand at least `apart_m` from all taken before; at most `n`.
+/// Selects the first of a ranked list and those after it that are at least `apart_m` from all selected before; at most `n`.
 pub fn spread_out(candidates: &[KnownPoint], ranked: &[(usize, Gain)], apart_m: f64, n: usize) -> Vec<usize> {
     let mut taken: Vec<usize> = Vec::new();
     for (i, _) in ranked {

@@ -1,4 +1,4 @@
-//! A target over a volume: views at every distance, tilt, roll and image position, and the accuracy of their poses.
+//! The accuracy of a target over a volume: poses at every distance, tilt, roll and image position.
 //! docs/math/advise.md section 5.
 
 use super::expect::{ALLOWED_BEND, Expectation, Optics, View, correspondences_in_view, expect, worst_sigmas};
@@ -9,31 +9,30 @@ use crate::target::{KnownPoint, Target};
 use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 use nalgebra::{Unit, UnitQuaternion, Vector2, Vector3};
 
-/// Where the camera may be, seen from the target.
+/// The volume in which the camera may be, relative to the target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
     /// Least and greatest distance from the target's centre.
     pub distance_m: [f64; 2],
     /// Least and greatest angle between the target's front normal and the direction to the camera, 0 to π/2.
     pub tilt_rad: [f64; 2],
-    /// Least and greatest direction around the target in which the camera stands, from the target's x axis towards its y axis;
-    /// −π to π is all around.
+    /// Least and greatest direction of the camera around the target, from the target's x axis towards its y axis; −π to π is the full circle.
     pub direction_rad: [f64; 2],
 }
 
-/// A target as the adviser takes it.
+/// The points of a target and its front.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
     /// Its points.
     pub points: Vec<KnownPoint>,
     /// Unit normal of its front, target frame: the camera is on that side. ±z.
     pub front_in_target: Vector3<f64>,
-    /// Whether a part of its points can be distinguished from the rest, so that it need not be in the image whole.
+    /// Whether parts of the target can be identified, so that it need not be completely in the image.
     pub works_in_part: bool,
 }
 
 impl Shape {
-    /// Of a target. Flat targets face −z (an AprilGrid +z); surveyed points and tag maps are taken as seen from above (+z).
+    /// Converts a target. Flat targets face −z (an AprilGrid +z); surveyed points and tag maps are assumed to be seen from above (+z).
     pub fn of(target: &Target) -> Self {
         let points = target.features().iter().filter_map(|f| target.point(*f)).collect();
         let up = matches!(target.design(), Target::AprilGrid(_) | Target::TagMap(_) | Target::Points(_));
@@ -41,13 +40,13 @@ impl Shape {
         Shape { points, front_in_target: Vector3::z() * if up { 1.0 } else { -1.0 }, works_in_part }
     }
 
-    /// The middle of its points.
+    /// Returns the centroid of its points.
     pub fn centre(&self) -> Point {
         self.points.iter().map(|p| p.position).sum::<Point>() / self.points.len().max(1) as f64
     }
 
-    /// The pose in which its centre is at `centre_in_cam` and the camera stands `tilt_rad` off its front normal, in the direction
-    /// `direction_rad` around it (from its x axis towards its y axis); the camera then rolled by `roll_rad` about the line of sight.
+    /// Returns the pose in which its centre is at `centre_in_cam`, the camera is `tilt_rad` off its front normal in the direction
+    /// `direction_rad` around it (from its x axis towards its y axis), and the camera is then rolled by `roll_rad` about the line of sight.
     pub fn cam_from_target(
         &self,
         centre_in_cam: &Point,
@@ -65,21 +64,22 @@ impl Shape {
     }
 }
 
-/// The smallest rotation from one unit vector to another; opposite ones are rotated about x.
+/// Returns the smallest rotation from one unit vector to another; opposite ones are rotated about x.
 fn turn_between(from: &Vector3<f64>, to: &Vector3<f64>) -> nalgebra::Matrix3<f64> {
     let half_rotation =
         || UnitQuaternion::from_axis_angle(&Unit::new_normalize(Vector3::x()), core::f64::consts::PI);
     UnitQuaternion::rotation_between(from, to).unwrap_or_else(half_rotation).to_rotation_matrix().into_inner()
 }
 
-/// Roberts' additive recurrence in six dimensions: powers of 1/φ, φ⁷ = φ + 1. Fills a box evenly whatever the number of points.
+/// Returns a point of Roberts' additive recurrence in six dimensions (powers of 1/φ, φ⁷ = φ + 1), which fills a box evenly for any number of
+/// points.
 pub(crate) fn even(index: usize) -> [f64; 6] {
     const PHI: f64 = 1.112_775_684_278_705_5;
     core::array::from_fn(|k| (0.5 + (index + 1) as f64 * PHI.powi(-(k as i32 + 1))).fract())
 }
 
-/// `n` poses that fill a volume evenly: uniform in distance, tilt, direction, the camera's roll, and the centre's place in the image, drawn
-/// towards the image's middle as far as the target needs to be seen. None in the places where it cannot be seen even there.
+/// Returns `n` poses that fill a volume evenly: uniform in distance, tilt, direction, the camera's roll, and the centre's position in the image,
+/// which is moved towards the image's centre as far as visibility requires. `None` for poses in which the target is not visible even there.
 pub fn poses(shape: &Shape, camera: &Camera, volume: &Volume, n: usize) -> Vec<Option<Pose>> {
     let between = |[a, b]: [f64; 2], t: f64| a + (b - a) * t;
     let one = |i: usize| {
@@ -98,7 +98,7 @@ pub fn poses(shape: &Shape, camera: &Camera, volume: &Volume, n: usize) -> Vec<O
     (0..n).map(one).collect()
 }
 
-/// A place in the image by its parts of width and height; a camera without an image has its middle only.
+/// Returns a pixel from shares of width and height; for a camera without an image size always its centre.
 pub(crate) fn pixel_of_image_share(camera: &Camera, u: f64, v: f64) -> Pixel {
     match camera.size {
         Some(size) => Vector2::new(u * f64::from(size.width_px) - 0.5, v * f64::from(size.height_px) - 0.5),
@@ -106,46 +106,46 @@ pub(crate) fn pixel_of_image_share(camera: &Camera, u: f64, v: f64) -> Pixel {
     }
 }
 
-/// Median, 95th percentile and largest of a figure.
+/// Median, 95th percentile and largest value of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// Half of the views are better.
+    /// Value below which half of the views are.
     pub median: f64,
-    /// One view in twenty is worse.
+    /// Value that one view in twenty exceeds.
     pub p95: f64,
     /// The worst view.
     pub worst: f64,
 }
 
-/// The accuracy that a target gives over a set of views.
+/// The accuracy of a target over a set of views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlook {
-    /// Views tried.
+    /// Number of views tried.
     pub n_views: usize,
-    /// Views in which the target is not whole in the image.
+    /// Number of views in which the target is not completely in the image.
     pub n_out_of_view: usize,
-    /// Views in which its points determine no pose.
+    /// Number of views in which its points do not determine a pose.
     pub n_undetermined: usize,
-    /// Greatest standard deviation of rotation, radians, as `locate` will state it; none where no view has a pose.
+    /// Greatest standard deviation of rotation, radians, as `locate` will state it; `None` where no view has a pose.
     pub rotation_rad: Option<Spread>,
     /// Greatest standard deviation of the camera's position, metres.
     pub position_m: Option<Spread>,
-    /// The same if the intrinsics were exact; none where they are.
+    /// The same for exact intrinsics; `None` where they are exact.
     pub position_exact_intrinsics_m: Option<Spread>,
     /// Share of the answers, 0 to 1, that will be `ambiguous`.
     pub ambiguous: f64,
-    /// Share of the answers whose first pose will be the wrong one.
+    /// Share of the answers whose first pose will be wrong.
     pub wrong: f64,
     /// Share of the views in which the first-order figures do not hold within 5 %.
     pub first_order_fails: f64,
 }
 
-/// Images drawn of a view whose likelihood is bent: there the shares follow no formula.
+/// Number of images simulated for a view whose likelihood is bent, because no formula gives its shares.
 const DRAWS: usize = 12;
 
-/// The accuracy that a target gives over views; none stands for a view in which it is not visible.
+/// Computes the accuracy of a target over views; `None` stands for a view in which it is not visible.
 ///
-/// Images of views whose likelihood is bent are drawn through the lens as it is stated; the covariance that they are given holds its uncertainty.
+/// Images of views with a bent likelihood are simulated with the stated lens, whose uncertainty is part of the covariance.
 pub fn outlook(shape: &Shape, optics: &Optics, views: &[Option<Pose>]) -> Outlook {
     let mut chance = SplitMix64::scattered(0x5EED);
     let (mut tally, mut n_out_of_view, mut n_undetermined) = (Tally::default(), 0, 0);
@@ -170,7 +170,7 @@ pub fn outlook(shape: &Shape, optics: &Optics, views: &[Option<Pose>]) -> Outloo
     tally.outlook(views.len(), n_out_of_view, n_undetermined)
 }
 
-/// Figures of views, each with the part of a view it stands for.
+/// Figures of views, each with its weight.
 #[derive(Default)]
 struct Tally {
     turns: Vec<(f64, f64)>,
@@ -183,7 +183,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// A view for which the first-order figures hold: docs/math/advise.md eqs. (4)–(5).
+    /// Adds a view for which the first-order figures hold: docs/math/advise.md eqs. (4)–(5).
     fn predicted(&mut self, e: &Expectation) {
         self.ambiguous += e.chance_ambiguous();
         self.wrong += e.chance_wrong();
@@ -192,7 +192,7 @@ impl Tally {
         self.sigmas(&e.stated_covariance, 1.0);
     }
 
-    /// A view whose likelihood is bent, by images drawn of it.
+    /// Adds a view whose likelihood is bent, from simulated images.
     fn tried(&mut self, view: &View, exact: &[Correspondence], chance: &mut SplitMix64) {
         const PART: f64 = 1.0 / DRAWS as f64;
         self.first_order_fails += 1.0;
@@ -235,7 +235,7 @@ impl Tally {
     }
 }
 
-/// Of weighted values.
+/// Returns the spread of weighted values.
 fn spread(mut values: Vec<(f64, f64)>) -> Option<Spread> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (worst, total) = (values.last()?.0, values.iter().map(|v| v.1).sum::<f64>());
@@ -250,7 +250,7 @@ fn spread(mut values: Vec<(f64, f64)>) -> Option<Spread> {
     Some(Spread { median: at(0.5), p95: at(0.95), worst })
 }
 
-/// One image of a view, with the noise it will have.
+/// Returns one simulated image of a view, with noise.
 fn disturbed(view: &View, exact: &[Correspondence], chance: &mut SplitMix64) -> Option<Vec<Correspondence>> {
     let one = |c: &Correspondence| {
         let pixel = c.pixel + Vector2::new(chance.normal(), chance.normal()) * c.sigma_px;

@@ -1,4 +1,4 @@
-//! `curvature::is_bent` on several problems at once.
+//! `curvature::is_bent` for several problems at once.
 
 use super::lanes::{Lanes, Mask, Matrix, Vector};
 use super::refine::{Minimum, ObservedPoints, Place};
@@ -8,7 +8,7 @@ use pulp::Simd;
 /// Squared angle up to which the series below are exact to rounding: the next term is (0.25)⁷/15! of the first.
 const SERIES_ANGLE_SQUARED: f64 = 0.25;
 
-/// Where χ² rises quadratically along the weakest rotation, so that neither the covariance nor the search needs more.
+/// Returns where χ² is quadratic along the weakest rotation, so that neither the covariance nor the search needs more.
 #[inline(always)]
 pub(super) fn is_straight<S: Simd, const N: usize>(m: &Minimum<S>, seen: &ObservedPoints<S, N>) -> Mask<S> {
     let (w, v) = weakest_turn(m);
@@ -32,7 +32,7 @@ fn is_surely_straight<S: Simd>(m: &Minimum<S>) -> Mask<S> {
     (minors * minors).less(determinant * (STRAIGHT_COMMUTATOR * STRAIGHT_COMMUTATOR))
 }
 
-/// One standard deviation of the weakest rotation, as `curvature::Turn::weakest`: rotation and translation.
+/// Returns one standard deviation of the weakest rotation, as `curvature::Turn::weakest`: rotation and translation.
 #[inline(always)]
 fn weakest_turn<S: Simd>(m: &Minimum<S>) -> (Vector<S>, Vector<S>) {
     let rotation = &m.covariance.rotation;
@@ -53,7 +53,7 @@ fn weakest_turn<S: Simd>(m: &Minimum<S>) -> (Vector<S>, Vector<S>) {
     (with_axis * inverse_sigma, m.covariance.cross.apply_transposed(axis) * inverse_sigma)
 }
 
-/// Exp([w; v]) applied on the left, docs/math/pose.md eq. (6); false where the angle is too large for the series.
+/// Applies Exp([w; v]) on the left, docs/math/pose.md eq. (6); false where the angle is too large for the series.
 #[inline(always)]
 fn turned<S: Simd>(place: &Place<S>, w: Vector<S>, v: Vector<S>) -> (Place<S>, Mask<S>) {
     let t2 = w.norm_squared();
@@ -64,14 +64,14 @@ fn turned<S: Simd>(place: &Place<S>, w: Vector<S>, v: Vector<S>) -> (Place<S>, M
     (Place { rotation, pivot_in_cam }, t2.below(SERIES_ANGLE_SQUARED))
 }
 
-/// x + a w × x + b w × (w × x).
+/// Returns x + a w × x + b w × (w × x).
 #[inline(always)]
 fn sum<S: Simd>(x: Vector<S>, w: Vector<S>, a: Lanes<S>, b: Lanes<S>) -> Vector<S> {
     let wx = w.cross(x);
     x + wx * a + w.cross(wx) * b
 }
 
-/// Σ (−t²)ᵏ/(2k + first)!: sin t/t, (1 − cos t)/t², (t − sin t)/t³ for first = 1, 2, 3.
+/// Returns Σ (−t²)ᵏ/(2k + first)!: sin t/t, (1 − cos t)/t², (t − sin t)/t³ for first = 1, 2, 3.
 #[inline(always)]
 fn series<S: Simd>(t2: Lanes<S>, first: usize) -> Lanes<S> {
     let mut sum = t2.like(1.0);

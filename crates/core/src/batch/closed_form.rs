@@ -1,4 +1,4 @@
-//! `solve::line_plus_one` on several problems at once, with the test for weak views and the mirrored start.
+//! `solve::line_plus_one` for several problems at once, with the test for weak views and the mirrored start.
 //!
 //! Derivation: docs/math/line_plus_one.md eqs. (2)–(6), (10). Notation as in `solve/line_plus_one.rs`.
 
@@ -7,14 +7,14 @@ use super::refine::Place;
 use crate::solve::line_plus_one::{NEAR_CRITICAL, NEEDED_LENGTH_SIGMA, NEEDED_SEPARATION_SIGMA};
 use pulp::Simd;
 
-/// Both candidates, where each exists, and where the view is not weak.
+/// Both candidates, with masks for where each exists and where the view is not weak.
 pub(super) struct Candidates<S: Simd> {
     pub places: [Place<S>; 2],
     pub exist: [Mask<S>; 2],
     pub strong: Mask<S>,
 }
 
-/// The points from their centroid, in order along the line, the one off it last.
+/// The points relative to their centroid, in order along the line, the one off it last.
 struct Layout<S: Simd> {
     b: Vector<S>,
     target_axes: Matrix<S>,
@@ -37,7 +37,7 @@ impl<S: Simd> Layout<S> {
         Layout { b, target_axes, a: (a - b).dot(x), c: (c - b).dot(x), along, across }
     }
 
-    /// The place whose fourth point stands at a depth on its ray, eq. (6), and whether there is one.
+    /// Returns the pose whose fourth point is at a depth on its ray, eq. (6), and whether there is one.
     #[inline(always)]
     fn place(&self, line: &Line<S>, d: Vector<S>, depth: Lanes<S>) -> (Place<S>, Mask<S>) {
         let from_foot = d * depth - line.foot;
@@ -101,7 +101,7 @@ fn viewing_plane<S: Simd>(a: Vector<S>, b: Vector<S>, c: Vector<S>) -> Vector<S>
     ab * ab.dot(ac) + bc * bc.dot(ac) + ac * ac.norm_squared()
 }
 
-/// The target mirrored in the plane through its centre perpendicular to the line of sight, docs/math/line_plus_one.md eq. (10).
+/// Returns the target mirrored in the plane through its centre perpendicular to the line of sight, docs/math/line_plus_one.md eq. (10).
 #[inline(always)]
 pub(super) fn mirrored<S: Simd>(place: &Place<S>, from_pivot: &[Vector<S>; 4]) -> Place<S> {
     let [a, _, c, d] = *from_pivot;

@@ -1,5 +1,5 @@
-//! Views of which the lanes know the closed form's minima, but cannot exclude another, or whose likelihood is bent: `search` continues
-//! from there, with the start left over and those of P3P, and of SQPnP where nothing fits, here of many views side by side.
+//! Solves views of which the lanes know the closed form's minima, but cannot exclude another one, or whose likelihood is bent: `search`
+//! continues from these minima, with the remaining start and those of P3P, and of SQPnP where nothing fits, for many views side by side.
 
 use super::starts::{End, Start, refine_all};
 use super::{Answer, Views, alone, correspondences};
@@ -21,26 +21,26 @@ use crate::solve::sqpnp::sqpnp;
 use crate::{Camera, Correspondence, Pose};
 use arrayvec::ArrayVec;
 
-/// A view and the minima known of it.
+/// A view with its known minima.
 pub(super) struct Doubtful {
     pub view: usize,
     pub geometry: Geometry,
     /// The minima of the closed form's candidates, lowest first.
     pub minima: ArrayVec<Minimum, 2>,
-    /// The start left over, where both that were tried led to one minimum.
+    /// The remaining start, where both that were tried led to one minimum.
     pub left_over: Option<Pose>,
-    /// Whether the likelihood at the lowest is surely not bent.
+    /// Whether the likelihood at the lowest is certainly not bent.
     pub is_straight: bool,
     /// Whether the closed form reports no weakness.
     pub is_strong: bool,
 }
 
-/// Of four points.
+/// For four points.
 pub(super) const DEGREES_OF_FREEDOM: usize = 2;
-/// As many views at a time, so that what is known about them stays near.
+/// Number of views processed together, so that their data stay in the cache.
 const AT_ONCE: usize = 32;
 
-/// Answers every doubtful view. Returns how many went to the single path from the beginning.
+/// Answers every doubtful view. Returns the number that took the single path from the beginning.
 pub(super) fn settle(views: &Views, doubtful: &[Doubtful], take: &mut impl FnMut(usize, Answer)) -> usize {
     let mut singly = 0;
     for some in doubtful.chunks(AT_ONCE) {
@@ -65,7 +65,7 @@ pub(super) fn settle(views: &Views, doubtful: &[Doubtful], take: &mut impl FnMut
     singly
 }
 
-/// A doubtful view, and where else its search starts: from what is left over, then from SQPnP's poses where nothing fits, then from P3P's.
+/// A doubtful view with its further starts: the remaining one, then SQPnP's poses where nothing fits, then P3P's.
 struct Case<'a> {
     known: &'a Doubtful,
     camera: &'a Camera,
@@ -77,7 +77,7 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// None where no minimum is known.
+    /// Returns `None` where no minimum is known.
     fn of(views: &Views<'a>, known: &'a Doubtful) -> Option<Self> {
         let (seen, _) = correspondences(views, known.view).ok()?;
         let (camera, matrix) = views.pinhole(known.view)?;
@@ -106,7 +106,7 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// As `search` and `locate` end; `ends` are those of this view's starts.
+    /// Concludes as `search` and `locate` do; `ends` are those of this view's starts.
     fn answer(&self, ends: &[End]) -> Answer {
         let problem = &Problem::new(&self.seen, self.camera);
         let mut found = Found::default();
@@ -137,11 +137,11 @@ impl<'a> Case<'a> {
         conclude(&view, &mut found)
     }
 
-    /// As `multi_start::refine_each`, the refinements being done.
+    /// Continues as `multi_start::refine_each` after the refinements.
     fn follow(&self, starts: &[Pose], ends: &[End], problem: &Problem, minima: &mut Minima) {
         for (start, end) in starts.iter().zip(ends) {
             let alternative_chi2 = minima.first().map(|m| m.chi2);
-            // Once a start has led below the minima known before, the next are measured by that one.
+            // Once a start has led below the known minima, the following ones are compared with its minimum.
             let known = end.minimum.filter(|_| alternative_chi2 == Some(self.lowest_chi2()));
             if let Some(minimum) = known.or_else(|| refine_against(start, alternative_chi2, problem).ok()) {
                 insert(minima, minimum);

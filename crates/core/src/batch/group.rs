@@ -1,4 +1,4 @@
-//! Views and minima transposed: a column holds one number of each, a view or a start a lane.
+//! Views and minima, transposed: a column holds one number of each, one view or start per lane.
 
 use super::lanes::{Column, Lanes, Matrix, Symmetric, Vector};
 use super::refine::{Minimum, ObservedPoints, Place};
@@ -7,7 +7,7 @@ use crate::{Matrix6, Pixel, Point, Pose, locate::choose};
 use nalgebra::{Matrix3, Vector3};
 use pulp::Simd;
 
-/// The pixels of each view's N points.
+/// The pixels of the N points of each view.
 pub(super) struct Group<const N: usize> {
     pub pivot: [Column; 3],
     from_pivot: [[Column; 3]; N],
@@ -31,7 +31,7 @@ impl<const N: usize> Default for Group<N> {
 }
 
 impl<const N: usize> Group<N> {
-    /// The points of a view, in the order its pixels and sigmas will have.
+    /// Sets the points of a view, in the order of its pixels and sigmas.
     #[inline(always)]
     pub fn set_points(&mut self, lane: usize, points: &[Point; N]) {
         let pivot = points.iter().sum::<Point>() / N as f64;
@@ -170,7 +170,7 @@ impl Kept {
 
     #[inline(always)]
     fn covariance(&self, lane: usize) -> Matrix6 {
-        /// Where (i, j) stands in the upper triangle.
+        /// Position of (i, j) in the upper triangle.
         const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
         let mut covariance = Matrix6::zeros();
         for i in 0..3 {

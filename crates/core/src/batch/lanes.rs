@@ -1,13 +1,13 @@
-//! Numbers, vectors and matrices of several problems side by side, one problem a lane: the formulas of the single path read the
-//! same here, and every operation is one instruction of the widest vectors the machine has.
+//! Numbers, vectors and matrices of several problems side by side, one problem per lane: the formulas look the same as on the single path, and
+//! every operation is one instruction of the widest vectors of the machine.
 //!
-//! Everything is inlined into the one function that is compiled for those vectors. Closures are not, so there are none here nor
-//! in the files that use this one: a closure left apart would be compiled for the poorest machine.
+//! Everything is inlined into the one function that is compiled for those vectors. Closures are not, so that there are none here or in the files
+//! that use this one: a separate closure would be compiled for the least capable machine.
 
 use core::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
 use pulp::Simd;
 
-/// Lanes of the widest machine; narrower ones use the first few of a column.
+/// Number of lanes of the widest machine; others use the first few of a column.
 pub(super) const WIDTH: usize = 8;
 
 /// One number of each problem, in memory.
@@ -20,7 +20,7 @@ pub(super) struct Lanes<S: Simd> {
     v: S::f64s,
 }
 
-/// One truth of each problem.
+/// One truth value of each problem.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mask<S: Simd> {
     simd: S,
@@ -46,7 +46,7 @@ impl<S: Simd> Lanes<S> {
         }
     }
 
-    /// The same number in every lane.
+    /// Returns the same number in every lane.
     #[inline(always)]
     pub fn like(self, x: f64) -> Self {
         Lanes::splat(self.simd, x)
@@ -83,7 +83,7 @@ impl<S: Simd> Lanes<S> {
         Mask { simd: self.simd, m: self.simd.less_than_f64s(self.v, other.v) }
     }
 
-    /// self < x; false for NaN, as everywhere here.
+    /// Returns self < x; false for NaN.
     #[inline(always)]
     pub fn below(self, x: f64) -> Mask<S> {
         self.less(self.like(x))
@@ -119,7 +119,7 @@ impl<S: Simd> Mask<S> {
         column != [0.0; WIDTH]
     }
 
-    /// 1 where true.
+    /// Stores 1 where true, 0 elsewhere.
     #[inline(always)]
     pub fn store(self, column: &mut Column) {
         let (one, zero) = (Lanes::splat(self.simd, 1.0), Lanes::splat(self.simd, 0.0));
@@ -332,7 +332,7 @@ impl<S: Simd> Matrix<S> {
         Matrix { rows: [Vector::new(o, -v.z, v.y), Vector::new(v.z, o, -v.x), Vector::new(-v.y, v.x, o)] }
     }
 
-    /// As `pose::orthonormalized`: Gram–Schmidt on the rows.
+    /// Orthonormalises as `pose::orthonormalized`: Gram–Schmidt on the rows.
     #[inline(always)]
     pub fn orthonormalized(&self) -> Self {
         let x = self.rows[0].unit();
@@ -376,7 +376,7 @@ impl<S: Simd> Symmetric<S> {
         Symmetric([a * s, b, c, d * s, e, f * s])
     }
 
-    /// self − A Bᵀ, a product known to be symmetric.
+    /// Returns self − A Bᵀ, for a product known to be symmetric.
     #[inline(always)]
     pub fn minus_product(&self, a: &Matrix<S>, b: &Matrix<S>) -> Self {
         let (m, [a, b, c], [x, y, z]) = (self.0, a.rows, b.rows);
@@ -397,7 +397,7 @@ impl<S: Simd> Symmetric<S> {
         Symmetric([x.dot(x), x.dot(y), x.dot(z), y.dot(y), y.dot(z), z.dot(z)])
     }
 
-    /// Inverse by cofactors, and where the matrix is positive definite and finite.
+    /// Returns the inverse by cofactors, and where the matrix is positive definite and finite.
     #[inline(always)]
     pub fn inverse(&self) -> (Self, Mask<S>) {
         let [a, b, c, d, e, f] = self.0;
@@ -414,7 +414,7 @@ impl<S: Simd> Symmetric<S> {
         (Symmetric([ca * i, cb * i, cc * i, cd * i, ce * i, cf * i]), positive)
     }
 
-    /// The same where xy = 0.
+    /// Returns the inverse for xy = 0.
     #[inline(always)]
     pub fn inverse_without_xy(&self) -> (Self, Mask<S>) {
         let [a, _, c, d, e, f] = self.0;

@@ -1,4 +1,4 @@
-//! `locate` of three points on a line and one off it, a group of views at a time.
+//! `locate` for three points on a line and one off it, a group of views at a time.
 
 use super::bend::is_straight;
 use super::closed_form::{Candidates, candidates, mirrored};
@@ -36,7 +36,7 @@ struct Run<'a, T> {
 }
 
 impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
-    /// How many views went to the single path.
+    /// The number of views that took the single path.
     type Output = usize;
 
     #[inline(always)]
@@ -67,24 +67,24 @@ impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
     }
 }
 
-/// The camera matrix of a view whose lens the lanes do not have; that view is solved singly.
+/// The camera matrix for a view whose lens model the lanes do not support; that view is solved singly.
 const UNIT: CameraMatrix = CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 };
 
-/// The views of a group, and the target they show.
+/// The views of a group, and their target.
 #[derive(Default)]
 struct Sights {
     group: Group<4>,
-    /// The target of each view; none before the first.
+    /// The target of each view; `None` before the first.
     points: [Option<[Point; 4]>; WIDTH],
-    /// Of a target in this configuration, with the order of its points.
+    /// The geometry of a target in this configuration, with the order of its points.
     geometry: [Option<Geometry>; WIDTH],
     order: [[usize; 4]; WIDTH],
-    /// Whether the lanes have the lens model.
+    /// Whether the lanes support the lens model.
     is_pinhole: [bool; WIDTH],
 }
 
 impl Sights {
-    /// The views from `first` on; beyond the last it stands again.
+    /// Collects the views from `first` on; the last one is repeated in the remaining lanes.
     #[inline(always)]
     fn gather(&mut self, views: &Views, first: usize, lanes: usize) {
         for lane in 0..lanes {
@@ -105,7 +105,7 @@ impl Sights {
         }
     }
 
-    /// Neighbouring views mostly show the same target: it is examined when it changes.
+    /// Neighbouring views usually have the same target: it is examined only when it changes.
     #[inline(never)]
     fn take_target(&mut self, lane: usize, points: &[Point; 4]) {
         if self.points[lane] == Some(*points) {
@@ -140,7 +140,7 @@ impl Sights {
     }
 }
 
-/// Unit vectors towards the pixels, and where the camera has them all, apart from each other, with a sigma each.
+/// Returns unit vectors towards the pixels, where the camera has all of them, they are distinct, and each has a sigma.
 #[inline(always)]
 fn bearings<S: Simd>(seen: &ObservedPoints<S, 4>) -> ([Vector<S>; 4], Mask<S>) {
     let mut bearings = seen.from_pivot;
@@ -162,21 +162,21 @@ fn bearings<S: Simd>(seen: &ObservedPoints<S, 4>) -> ([Vector<S>; 4], Mask<S>) {
 struct Pair<S: Simd> {
     best: Minimum<S>,
     other: Minimum<S>,
-    /// Where there is no other.
+    /// Where there is no second minimum.
     alone: Mask<S>,
     /// Where both starts have led to a minimum.
     paired: Mask<S>,
-    /// The start left over, and where it is tried, too: only one minimum was found, and it is not hopeless.
+    /// The remaining start, and where it is tried: only one minimum was found, and it may still be good.
     left_over: Place<S>,
     unsettled: Mask<S>,
-    /// Where the likelihood is surely not bent.
+    /// Where the likelihood is certainly not bent.
     straight: Mask<S>,
     strong: Mask<S>,
     /// Where the answer is certain.
     sure: Mask<S>,
 }
 
-/// As `search::search` and `search::refine_pair` for views without doubt.
+/// Searches as `search::search` and `search::refine_pair` do for views without ambiguity.
 #[inline(always)]
 fn two_minima<S: Simd>(seen: &ObservedPoints<S, 4>, candidates: &Candidates<S>, valid: Mask<S>) -> Pair<S> {
     let [a, b] = &candidates.places;
@@ -203,7 +203,7 @@ fn two_minima<S: Simd>(seen: &ObservedPoints<S, 4>, candidates: &Candidates<S>, 
     Pair { best, other, alone, paired, left_over, unsettled, straight, strong, sure }
 }
 
-/// As `choose::are_duplicates`.
+/// Decides as `choose::are_duplicates`.
 #[inline(always)]
 fn are_duplicates<S: Simd>(a: &Minimum<S>, b: &Minimum<S>) -> Mask<S> {
     let [x, y, z] = a.place.rotation.minus(&b.place.rotation).rows;
@@ -267,7 +267,7 @@ impl Found {
         }
     }
 
-    /// The weight of the lowest minimum, and the other beside it.
+    /// Returns the weight of the lowest minimum, and the other minimum.
     #[inline(always)]
     fn others(&self, lane: usize) -> (f64, Others) {
         if self.alone[lane] != 0.0 {
@@ -280,7 +280,7 @@ impl Found {
         (first, [Some(Hypothesis { minimum, delta_chi2, probability, is_alternative: false }), None, None])
     }
 
-    /// Of both minima.
+    /// Returns the weights of both minima.
     #[inline(never)]
     fn weights(&self, lane: usize) -> [f64; 2] {
         let minima: Minima = [self.best.minimum(lane), self.other.minimum(lane)].into_iter().collect();
@@ -313,7 +313,7 @@ mod tests {
     use crate::{Camera, Pixel, Pose};
     use nalgebra::Vector3;
 
-    /// Views along a path, with a disturbance of the size of their sigma.
+    /// Returns views along a path, with a disturbance of the size of their sigma.
     fn pixels(points: &[Point; 4]) -> Vec<[Pixel; 4]> {
         let view = |i: i32| {
             let i = f64::from(i);
@@ -328,11 +328,11 @@ mod tests {
         (0..37).map(view).collect()
     }
 
-    /// Of the views that were answered; returns how many there are.
+    /// Compares the views that were answered; returns their number.
     fn assert_same(answers: &[(usize, Answer)], single: &[PoseEstimate]) -> usize {
         for (e, s) in answers.iter().filter_map(|(view, e)| Some((e.as_ref().ok()?, &single[*view]))) {
             let off = e.cam_from_target.rotation - s.cam_from_target.rotation;
-            // Rounding (1e-16) times the condition of the normal equations (1e4) and of the steps on the way.
+            // The limit is rounding (1e-16) times the condition numbers of the normal equations (1e4) and of the steps.
             assert!(off.amax() < 1e-11 && (e.chi2 - s.chi2).abs() < 1e-9);
             assert!((e.covariance - s.covariance).amax() < 1e-9 * s.covariance.amax());
             assert_eq!((e.weakness.is_some(), e.geometry), (s.weakness.is_some(), s.geometry));
@@ -340,8 +340,8 @@ mod tests {
         answers.iter().filter(|(_, answer)| answer.is_ok()).count()
     }
 
-    /// Machines without the vectors of this one, down to single numbers, give the same answers and leave as few views in doubt; which
-    /// of them the dispatch takes elsewhere is pulp's to say.
+    /// Machines without the vectors of this one, down to single numbers, give the same answers and leave equally few views unsolved; pulp
+    /// decides which of them it uses elsewhere.
     #[test]
     fn every_width_gives_the_same_answers() {
         let camera = Camera::normalized();

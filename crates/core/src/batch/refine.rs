@@ -1,6 +1,6 @@
-//! The loop of `least_squares` on several problems at once: the same formulas, decisions taken lane by lane.
+//! The loop of `least_squares` for several problems at once: the same formulas, with decisions taken lane by lane.
 //!
-//! Derivation: docs/math/refine.md eqs. (1)–(7). A lane that has ended keeps its place while the others go on.
+//! Derivation: docs/math/refine.md eqs. (1)–(7). A lane that has ended keeps its pose while the others continue.
 
 use super::lanes::{Lanes, Mask, Matrix, Symmetric, Vector};
 use crate::least_squares::{
@@ -9,15 +9,15 @@ use crate::least_squares::{
 };
 use pulp::Simd;
 
-/// Steps after which the lanes still at work are left to the single path: one view in a hundred.
+/// Number of steps after which the remaining lanes are left to the single path: one view in a hundred.
 const MAX_STEPS: usize = 16;
 /// Squared depth or distance beyond which the single path decides whether a number is usable.
 const USABLE: (f64, f64) = (1e-200, 1e200);
 
-/// What each problem saw: a pinhole camera and N points.
+/// The observations of each problem: a pinhole camera and N points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ObservedPoints<S: Simd, const N: usize> {
-    /// Points from their centroid, target frame.
+    /// Points relative to their centroid, target frame.
     pub from_pivot: [Vector<S>; N],
     pub pixel: [[Lanes<S>; 2]; N],
     /// 1/σ.
@@ -26,14 +26,14 @@ pub(super) struct ObservedPoints<S: Simd, const N: usize> {
     pub principal: [Lanes<S>; 2],
 }
 
-/// As `least_squares::PivotedPose`.
+/// A pose as in `least_squares::PivotedPose`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place<S: Simd> {
     pub rotation: Matrix<S>,
     pub pivot_in_cam: Vector<S>,
 }
 
-/// As `least_squares::NormalEquations`.
+/// Normal equations as in `least_squares::NormalEquations`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Normal<S: Simd> {
     chi2: Lanes<S>,
@@ -53,7 +53,7 @@ pub(super) struct Covariance<S: Simd> {
     pub translation: Symmetric<S>,
 }
 
-/// As `choose::Minimum`.
+/// A minimum as in `choose::Minimum`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Minimum<S: Simd> {
     pub place: Place<S>,
@@ -74,7 +74,7 @@ impl<S: Simd> Place<S> {
         }
     }
 
-    /// Cayley's turn about the pivot, and a shift.
+    /// Applies Cayley's rotation about the pivot, and a shift.
     #[inline(always)]
     fn moved(&self, w: Vector<S>, v: Vector<S>) -> Self {
         let a = w * w.x.like(0.5);
@@ -95,14 +95,14 @@ fn turned<S: Simd>(x: Vector<S>, a: Vector<S>, s: Lanes<S>, scale: Lanes<S>) -> 
 }
 
 impl<S: Simd, const N: usize> ObservedPoints<S, N> {
-    /// A pixel on the plane z = 1.
+    /// Returns a pixel on the plane z = 1.
     #[inline(always)]
     pub fn on_plane(&self, [u, v]: [Lanes<S>; 2]) -> Vector<S> {
         let (x, y) = ((u - self.principal[0]) / self.focal[0], (v - self.principal[1]) / self.focal[1]);
         Vector::new(x, y, u.like(1.0))
     }
 
-    /// χ² and the sum of squared residuals, px²; infinite where a point leaves the camera's field.
+    /// Returns χ² and the sum of squared residuals, px²; infinite where a point leaves the camera's field.
     #[inline(always)]
     pub fn residual_sums(&self, place: &Place<S>) -> (Lanes<S>, Lanes<S>) {
         let zero = self.focal[0].like(0.0);
@@ -123,7 +123,7 @@ impl<S: Simd, const N: usize> ObservedPoints<S, N> {
         (in_field.choose(chi2, infinite), in_field.choose(sum, infinite))
     }
 
-    /// Normal equations, and where every point is in front of the camera.
+    /// Returns the normal equations, and where every point is in front of the camera.
     #[inline(always)]
     fn normal(&self, place: &Place<S>, zero: &Normal<S>) -> (Normal<S>, Mask<S>) {
         let mut n = *zero;
@@ -143,7 +143,7 @@ impl<S: Simd, const N: usize> ObservedPoints<S, N> {
         (n, usable)
     }
 
-    /// Refines every lane of `wanted` to its minimum, with covariance; as `refine::refine_against`.
+    /// Refines every lane of `wanted` to its minimum, with covariance, as `refine::refine_against`.
     #[inline(always)]
     pub fn refine(&self, start: &Place<S>, alternative_chi2: Lanes<S>, wanted: Mask<S>) -> Minimum<S> {
         let (place, normal, reached) = self.minimize(start, alternative_chi2, wanted);
@@ -153,7 +153,7 @@ impl<S: Simd, const N: usize> ObservedPoints<S, N> {
         Minimum { place, covariance, chi2, sum, found: reached & determined & chi2.is_finite() }
     }
 
-    /// As `least_squares::minimize_pose`. Without a second solution `alternative_chi2` is infinite.
+    /// Minimises as `least_squares::minimize_pose`. Without a second solution `alternative_chi2` is infinite.
     #[inline(always)]
     fn minimize(
         &self,
@@ -190,7 +190,7 @@ impl<S: Simd, const N: usize> ObservedPoints<S, N> {
     }
 }
 
-/// Where the loop ends: the step promises little, or the one after it will.
+/// Returns where the loop ends: the step promises little, or the one after it will.
 #[inline(always)]
 fn ends<S: Simd>(
     promised: Lanes<S>,
@@ -204,14 +204,14 @@ fn ends<S: Simd>(
     predicted | !tolerance.less(promised)
 }
 
-/// As `least_squares::Damping`.
+/// Damping as in `least_squares::Damping`.
 struct Damping<S: Simd> {
     value: Lanes<S>,
     growth: Lanes<S>,
 }
 
 impl<S: Simd> Damping<S> {
-    /// Eases after an accepted step that achieved `gain` of its promise, raises after a rejected one.
+    /// Reduces the damping after an accepted step that achieved `gain` of its promise, and raises it after a rejected one.
     #[inline(always)]
     fn follow(&mut self, accepted: Mask<S>, gain: Lanes<S>) {
         let excess = gain * 2.0 - 1.0;
@@ -241,7 +241,7 @@ impl<S: Simd> Normal<S> {
         }
     }
 
-    /// As `NormalEquations::add_pinhole`.
+    /// Adds a point as `NormalEquations::add_pinhole`.
     #[inline(always)]
     fn add(&mut self, [ru, rv]: [Lanes<S>; 2], y: Vector<S>, [a, s]: [Lanes<S>; 2], [b, t]: [Lanes<S>; 2]) {
         self.chi2 = ru.times_plus(ru, rv.times_plus(rv, self.chi2));
@@ -264,7 +264,7 @@ impl<S: Simd> Normal<S> {
         tt[5] = s.times_plus(s, t.times_plus(t, tt[5]));
     }
 
-    /// As `NormalEquations::step`: turn, shift, promise, and where the damped matrix is positive.
+    /// Computes the step as `NormalEquations::step`: rotation, shift, promise, and where the damped matrix is positive.
     #[inline(always)]
     fn step(&self, damping: Lanes<S>) -> (Vector<S>, Vector<S>, Lanes<S>, Mask<S>) {
         let (tt, positive) = self.translation_translation.damped(damping).inverse_without_xy();
@@ -277,7 +277,7 @@ impl<S: Simd> Normal<S> {
         (w, v, promised, positive & also & promised.is_finite())
     }
 
-    /// As `NormalEquations::covariance_at_camera`, and where the points determine the pose.
+    /// Computes the covariance as `NormalEquations::covariance_at_camera`, and where the points determine the pose.
     #[inline(always)]
     fn covariance_at_camera(&self, pivot_in_cam: Vector<S>) -> (Covariance<S>, Mask<S>) {
         let (tt, positive) = self.translation_translation.inverse_without_xy();

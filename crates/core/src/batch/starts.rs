@@ -11,7 +11,7 @@ use crate::{Correspondence, Pose};
 use core::array::from_fn;
 use pulp::{Arch, Simd, WithSimd};
 
-/// A pose to refine, and the χ² of the minimum it will be compared with; infinite where there is none.
+/// A pose to refine, and the χ² of the minimum with which it will be compared; infinite where there is none.
 pub(super) struct Start<'a, const N: usize> {
     pub seen: &'a [Correspondence; N],
     pub matrix: &'a CameraMatrix,
@@ -19,15 +19,15 @@ pub(super) struct Start<'a, const N: usize> {
     pub alternative_chi2: f64,
 }
 
-/// Where a start led.
+/// The end of a refinement.
 pub(super) struct End {
-    /// None where the lanes reach none: `refine::refine_against` may still, and names what is wrong.
+    /// `None` where the lanes reach no minimum: `refine::refine_against` may still reach one, or returns the reason.
     pub minimum: Option<choose::Minimum>,
-    /// Whether its likelihood is surely not bent.
+    /// Whether its likelihood is certainly not bent.
     pub is_straight: bool,
 }
 
-/// Refines every start; one end for each, in their order.
+/// Refines every start; returns one end for each, in their order.
 pub(super) fn refine_all<const N: usize>(starts: &[Start<N>]) -> Vec<End> {
     Arch::new().dispatch(Run { starts })
 }
@@ -45,7 +45,7 @@ impl<const N: usize> WithSimd for Run<'_, N> {
         let (mut places, mut ends) = (Places::default(), Vec::with_capacity(self.starts.len()));
         for starts in self.starts.chunks(lanes) {
             for lane in 0..lanes {
-                // Beyond the last start it stands again.
+                // The last start is repeated in the remaining lanes.
                 places.set(lane, &starts[lane.min(starts.len() - 1)]);
             }
             places.refine(simd);
@@ -57,7 +57,7 @@ impl<const N: usize> WithSimd for Run<'_, N> {
     }
 }
 
-/// The starts of a group, transposed, and where they led.
+/// The starts of a group, transposed, and their ends.
 #[derive(Default)]
 struct Places<const N: usize> {
     group: Group<N>,

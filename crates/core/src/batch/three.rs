@@ -1,7 +1,7 @@
-//! `locate` of three points, many views at a time: P3P by itself, its poses refined and their covariances found side by side.
+//! `locate` for three points, many views at a time: P3P for each view, with the poses refined and their covariances computed side by side.
 //!
-//! P3P's poses fit exactly, so that one step of the refinement is enough and their order by χ² is that of rounding, here as in
-//! `locate`. (P3P takes about a seventh of an answer's time, so that lanes for its quartic could not gain more than that.)
+//! P3P's poses fit exactly, so that one step of the refinement is enough, and their order by χ² is determined by rounding, here as in `locate`.
+//! (P3P takes about a seventh of the time of an answer, so that lanes for its quartic could not gain more than that.)
 
 use super::starts::{End, Start, refine_all};
 use super::{Answer, Given, Views, alone, correspondences, geometry_of};
@@ -18,7 +18,7 @@ use crate::solve::Candidates;
 use crate::solve::configuration::{Configuration, Geometry, check_numbers};
 use crate::{Camera, Correspondence, Point};
 
-/// As many views at a time, so that what is known about them stays near.
+/// Number of views processed together, so that their data stay in the cache.
 const AT_ONCE: usize = 32;
 
 /// See `batch::locate_each_of_three`.
@@ -45,7 +45,7 @@ pub(super) fn locate_each(views: &Views<3>, take: &mut impl FnMut(usize, Answer)
     singly
 }
 
-/// The target seen last: neighbouring views mostly show the same.
+/// The target of the previous view: neighbouring views usually have the same.
 #[derive(Default)]
 struct Target {
     points: Option<[Point; 3]>,
@@ -64,7 +64,7 @@ impl Target {
     }
 }
 
-/// A view, and the poses that P3P finds for it.
+/// A view with the poses that P3P finds for it.
 struct Case<'a> {
     camera: &'a Camera,
     matrix: &'a CameraMatrix,
@@ -74,7 +74,7 @@ struct Case<'a> {
 }
 
 impl<'a> Case<'a> {
-    /// None where the view is invalid or no pose fits: `locate` names the reason.
+    /// Returns `None` where the view is invalid or no pose fits: `locate` returns the reason.
     fn of(views: &Views<'a, 3>, view: usize, target: &mut Target) -> Option<Self> {
         let geometry = target.geometry(&views.points_in_target, view)?;
         let (camera, matrix) = views.pinhole(view)?;
@@ -95,7 +95,7 @@ impl<'a> Case<'a> {
         })
     }
 
-    /// As `multi_start::refine_each`, the refinements being done. Returns whether any start led to a minimum.
+    /// Continues as `multi_start::refine_each` after the refinements. Returns whether any start led to a minimum.
     fn find(&self, ends: &[End], minima: &mut Minima) -> bool {
         for (start, end) in self.starts.iter().zip(ends) {
             match end.minimum {
@@ -112,7 +112,7 @@ impl<'a> Case<'a> {
         !minima.is_empty()
     }
 
-    /// As `locate` ends.
+    /// Concludes as `locate` does.
     fn answer(&self, ends: &[End], found: &mut Found) -> Answer {
         let leads_to = |end: &End, m: &Minimum| {
             end.minimum.as_ref().is_some_and(|n| n.cam_from_target == m.cam_from_target)

@@ -25,10 +25,10 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "brown_conrady";
 
-    /// `coefficients`: 4, 5, 8, 12 or 14 in OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 τx τy, the angles in rad).
+    /// Creates a camera; `coefficients` are 4, 5, 8, 12 or 14 in OpenCV's order (k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 τx τy, the angles in rad).
     ///
     /// # Errors
     /// `CoefficientCount`; `InvalidCamera` for a matrix or coefficient that is not finite, f ≤ 0, |τ| > 1.55 rad or no valid
@@ -53,22 +53,22 @@ impl BrownConrady {
         Ok(BrownConrady { matrix, coefficients: coefficients.iter().copied().collect(), plane, tilt })
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// The coefficients as given, OpenCV's order.
+    /// Returns the coefficients as given, in OpenCV's order.
     pub fn coefficients(&self) -> &[f64] {
         &self.coefficients
     }
 
-    /// Radius √(x² + y²)/z up to which the model is one-to-one.
+    /// Returns the radius √(x² + y²)/z up to which the model is one-to-one.
     pub fn radius_max(&self) -> f64 {
         self.plane.radius_max()
     }
 
-    /// (x/z, y/z) when it lies in the field.
+    /// Returns (x/z, y/z) if it is in the field.
     #[inline]
     fn normalized(&self, x: &Point) -> Option<(Vector2<f64>, f64)> {
         let iz = 1.0 / x.z;
@@ -149,7 +149,7 @@ impl BrownConrady {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), &values[4..])
     }

@@ -21,7 +21,7 @@ pub struct DoubleSphere {
     radius_max: f64,
 }
 
-/// What one projection computes on its way.
+/// Intermediate results of a projection.
 struct Sphered {
     m: Vector2<f64>,
     d: f64,
@@ -31,7 +31,7 @@ struct Sphered {
 }
 
 impl DoubleSphere {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "double_sphere";
 
     /// # Errors
@@ -47,17 +47,17 @@ impl DoubleSphere {
         Ok(DoubleSphere { matrix, xi, alpha, radius_max: radius_max(xi, alpha) })
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// ξ, the distance of the spheres.
+    /// Returns ξ, the distance of the spheres.
     pub fn xi(&self) -> f64 {
         self.xi
     }
 
-    /// α: 0 is the unified model.
+    /// Returns α: 0 is the unified model.
     pub fn alpha(&self) -> f64 {
         self.alpha
     }
@@ -130,13 +130,13 @@ impl DoubleSphere {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), values[4], values[5])
     }
 }
 
-/// Radius on the image plane where one of the two spheres folds, or the cap.
+/// Returns the radius on the image plane at which one of the two spheres folds, or the cap.
 fn radius_max(xi: f64, alpha: f64) -> f64 {
     let bend = 2.0 * alpha - 1.0;
     let second = if 0.0 < bend { 1.0 / bend.sqrt() } else { SPHERE_RADIUS_CAP };

@@ -22,7 +22,7 @@ pub struct Eucm {
 }
 
 impl Eucm {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "eucm";
 
     /// # Errors
@@ -41,22 +41,22 @@ impl Eucm {
         Ok(Eucm { matrix, alpha, beta, radius_max })
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// α: 0 is a pinhole.
+    /// Returns α: 0 is a pinhole.
     pub fn alpha(&self) -> f64 {
         self.alpha
     }
 
-    /// β.
+    /// Returns β.
     pub fn beta(&self) -> f64 {
         self.beta
     }
 
-    /// (x, y)/ρ, d and ρ; none outside the field.
+    /// Returns (x, y)/ρ, d and ρ; `None` outside the field.
     #[inline]
     fn on_plane(&self, x: &Point) -> Option<(Vector2<f64>, f64, f64)> {
         let beta_r2 = self.beta * (x.x * x.x + x.y * x.y);
@@ -120,7 +120,7 @@ impl Eucm {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), values[4], values[5])
     }

@@ -1,7 +1,7 @@
-//! The valid field: up to where a lens map is one-to-one, and its inverse there.
+//! The valid field, in which a lens model is one-to-one, and the inverse of the model there.
 //!
-//! A polynomial lens folds: beyond some radius two directions share a pixel, and an inverse that ignores it answers
-//! with the wrong one. Each model finds its first fold once, when it is built. Derivations: docs/math/camera.md, section 2.
+//! A polynomial lens model folds: beyond some radius two directions share a pixel, and an inverse that ignores this returns the wrong one. Each
+//! model computes its first fold once, when it is created. Derivations: docs/math/camera.md, section 2.
 
 use super::Pixel;
 use crate::Error;
@@ -9,46 +9,45 @@ use nalgebra::{Matrix2, Vector2};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// tan 89°. Plane models (radius = tan θ) end here: beyond it a pixel is no longer worth 1e-9 px in f64.
+/// tan 89°, the limit of plane models (radius = tan θ): beyond it f64 does not represent a pixel to 1e-9 px any more.
 pub(super) const RADIUS_CAP: f64 = 57.29;
-/// Where the sphere models end if they do not fold before: their derivative by the angle grows as the radius squared.
+/// The limit of the sphere models if they do not fold before: their derivative with respect to the angle grows as the radius squared.
 pub(super) const SPHERE_RADIUS_CAP: f64 = 20.0;
-/// Fields also end where a lens stretches the image this many times more than at its centre: nothing is calibrated there, and
-/// one rounding error of the bearing would be worth 1e-9 px.
+/// Fields also end where a lens stretches the image this many times more than at its centre: nothing is calibrated there, and one rounding error
+/// of the bearing would be 1e-9 px.
 pub(super) const GREATEST_SLOPE: f64 = 50.0;
-/// Squared distances from the camera, m², outside which squares under- or overflow.
+/// Squared distances from the camera, m², outside which squares underflow or overflow.
 const SQUARED_DISTANCE: core::ops::Range<f64> = 1e-200..1e200;
 /// Residual allowed after an inversion, px.
 pub(super) const RESIDUAL_PX: f64 = 1e-9;
-/// The inverse stays this far (relative) inside the field, so that rounding cannot push its answer across the edge.
+/// The inverse remains this far (relative) inside the field, so that rounding cannot move its result across the edge.
 pub(super) const INSIDE: f64 = 1.0 - 8.0 * f64::EPSILON;
-/// A pixel this far (relative) beyond the edge still counts as on it.
+/// A pixel this far (relative) beyond the edge still counts as being on it.
 pub(super) const ON_EDGE: f64 = 1.0 + 8.0 * f64::EPSILON;
-/// Longest polynomial handled.
+/// Largest number of terms of a polynomial.
 const MAX_TERMS: usize = 16;
 
-/// False for NaN, infinity and distances whose square leaves the range of f64.
+/// Returns false for NaN, infinity and distances whose square is outside the range of f64.
 #[inline]
 pub(super) fn distance_is_usable(squared_m2: f64) -> bool {
     SQUARED_DISTANCE.contains(&squared_m2)
 }
 
-/// The error for a pixel outside the field.
+/// Returns the error for a pixel outside the field.
 pub(super) fn outside(pixel: &Pixel, model: &'static str, limit: &'static str, limit_at: f64) -> Error {
     Error::OutsideField { u_px: pixel.x, v_px: pixel.y, model, limit, limit_at }
 }
 
-/// `m` when it lies in the disc of `radius_max`, drawn `INSIDE` when it lies on the edge.
+/// Returns `m` if it is in the disc of `radius_max`, moved to `INSIDE` if it is on the edge.
 pub(super) fn within(m: Vector2<f64>, radius_max: f64) -> Option<Vector2<f64>> {
     let radius = m.norm();
     (radius <= radius_max * ON_EDGE).then(|| into_disc(m, radius_max * INSIDE))
 }
 
-/// Largest `b ≤ upper` such that Σ c_k t^k > 0 on all of [0, b).
+/// Returns the largest `b ≤ upper` such that Σ c_k t^k > 0 on all of [0, b).
 ///
-/// Marches from 0 in steps that provably skip no zero: at `a` the Taylor coefficients that are positive only help, so the
-/// polynomial stays positive until c₀ + Σ min(c_k, 0) h^k does (camera.md eq. (4)). Close to a simple zero this is Newton's
-/// method from the left.
+/// Marches from 0 in steps that provably skip no zero: at `a` positive Taylor coefficients only help, so that the polynomial remains positive at
+/// least as long as c₀ + Σ min(c_k, 0) h^k does (camera.md eq. (4)). Close to a simple zero this is Newton's method from the left.
 pub(super) fn first_zero(coefficients: &[f64], upper: f64) -> f64 {
     let mut at = 0.0;
     for _ in 0..10_000 {
@@ -68,7 +67,7 @@ pub(super) fn first_zero(coefficients: &[f64], upper: f64) -> f64 {
     at // Not reached the zero: a smaller field is still a valid one.
 }
 
-/// Taylor coefficients at `at`, by repeated synthetic division.
+/// Returns the Taylor coefficients at `at`, by repeated synthetic division.
 fn taylor(coefficients: &[f64], at: f64) -> [f64; MAX_TERMS] {
     let n = coefficients.len().min(MAX_TERMS);
     let mut c = [0.0; MAX_TERMS];
@@ -81,7 +80,7 @@ fn taylor(coefficients: &[f64], at: f64) -> [f64; MAX_TERMS] {
     c
 }
 
-/// Zero of the concave decreasing c₀ + Σ min(c_k, 0) h^k, at most `longest`; 0 when it cannot be found.
+/// Returns the zero of the concave decreasing c₀ + Σ min(c_k, 0) h^k, at most `longest`; 0 when it cannot be found.
 fn safe_step(c: &[f64; MAX_TERMS], longest: f64) -> f64 {
     let bound = |h: f64| {
         let (mut value, mut slope) = (0.0, 0.0);
@@ -94,7 +93,7 @@ fn safe_step(c: &[f64; MAX_TERMS], longest: f64) -> f64 {
     if 0.0 <= bound(longest).0 {
         return longest;
     }
-    // From the right, Newton on a concave function stays on the right and falls monotonically.
+    // Started from the right, Newton's method on a concave function stays on the right and decreases monotonically.
     let mut h = longest;
     for _ in 0..2_000 {
         let (value, slope) = bound(h);
@@ -110,9 +109,9 @@ fn safe_step(c: &[f64; MAX_TERMS], longest: f64) -> f64 {
     0.0
 }
 
-/// x in [0, upper] with map(x) = target, for a map increasing on [0, upper] that gives (value, slope) and map(0) = 0.
+/// Returns x in [0, upper] with map(x) = target, for an increasing map with map(0) = 0 that returns (value, slope).
 ///
-/// Newton, bisecting whenever a step leaves the bracket or fails to halve the miss.
+/// Uses Newton's method, and bisects whenever a step leaves the bracket or does not halve the residual.
 pub(super) fn invert_monotone(map: impl Fn(f64) -> (f64, f64), target: f64, upper: f64) -> f64 {
     let (mut low, mut high) = (0.0, upper);
     let mut x = target.min(upper);
@@ -140,10 +139,10 @@ pub(super) fn invert_monotone(map: impl Fn(f64) -> (f64, f64), target: f64, uppe
     x
 }
 
-/// q in the disc of `radius` with map(q) = target, for a map that is one-to-one there and gives (value, derivative).
+/// Returns q in the disc of `radius` with map(q) = target, for a map that is one-to-one there and returns (value, derivative).
 ///
-/// Newton with halved steps, in a slightly larger disc so that the edge is no obstacle; when that sticks, the target is
-/// approached from map(0) in sixteen parts. None when no q of the disc comes within `tolerance`.
+/// Uses Newton's method with halved steps, in a slightly larger disc so that the edge is no obstacle; if that makes no progress, the target is
+/// approached from map(0) in sixteen parts. `None` when no q of the disc is within `tolerance`.
 pub(super) fn invert_plane(
     map: impl Fn(&Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>),
     target: &Vector2<f64>,
@@ -162,7 +161,7 @@ pub(super) fn invert_plane(
     })
 }
 
-/// Newton with step halving inside the disc; the last point, whether it is an answer or not.
+/// Runs Newton's method with halved steps inside the disc; returns the last point, whether it is a solution or not.
 fn newton_plane(
     map: &impl Fn(&Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>),
     target: &Vector2<f64>,
@@ -172,7 +171,7 @@ fn newton_plane(
     let mut q = into_disc(start, radius);
     let (value, mut slope) = map(&q);
     let mut miss = value - target;
-    // Two roundings of the map: no step can be distinguished from noise below that.
+    // The limit is two roundings of the map, below which a step cannot be distinguished from noise.
     let converged = (2.0 * f64::EPSILON).powi(2) * target.norm_squared();
     for _ in 0..60 {
         if miss.norm_squared() <= converged {
@@ -195,13 +194,13 @@ fn newton_plane(
     q
 }
 
-/// The nearest point of the disc.
+/// Returns the nearest point of the disc.
 fn into_disc(q: Vector2<f64>, radius: f64) -> Vector2<f64> {
     let norm = q.norm();
     if norm <= radius { q } else { q * (radius / norm) }
 }
 
-/// a⁻¹ b; none for a singular a.
+/// Returns a⁻¹ b; `None` for a singular a.
 #[inline]
 pub(super) fn solve(a: &Matrix2<f64>, b: &Vector2<f64>) -> Option<Vector2<f64>> {
     let determinant = a.m11 * a.m22 - a.m12 * a.m21;
@@ -209,7 +208,7 @@ pub(super) fn solve(a: &Matrix2<f64>, b: &Vector2<f64>) -> Option<Vector2<f64>> 
     (x.x.is_finite() && x.y.is_finite()).then_some(x)
 }
 
-/// a d + b z with d = √(β r² + z²), without cancellation behind the camera, where z < 0 and d ≈ −z (camera.md eq. (9)).
+/// Returns a d + b z with d = √(β r² + z²), without cancellation behind the camera, where z < 0 and d ≈ −z (camera.md eq. (9)).
 #[inline]
 pub(super) fn depth_sum(a: f64, b: f64, d: f64, z: f64, beta_r2: f64) -> f64 {
     if z < 0.0 { a * beta_r2 / (d - z) + (b - a) * z } else { a * d + b * z }

@@ -12,7 +12,7 @@ use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// Below this w the derivative by w is taken from its series: error w³ r⁵ against ε r/w of the closed form.
+/// Below this w the derivative with respect to w is taken from its series: error w³ r⁵ against ε r/w of the closed form.
 const SERIES_BELOW: f64 = 1e-6;
 
 /// The camera matrix and w.
@@ -25,10 +25,10 @@ pub struct Fov {
 }
 
 impl Fov {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "fov";
 
-    /// `w`: angle of the ideal field of view, rad, 0 ≤ w < π.
+    /// Creates a camera; `w` is the angle of the ideal field of view, rad, 0 ≤ w < π.
     ///
     /// # Errors
     /// `InvalidCamera` for a value that is not finite, f ≤ 0 or w out of range.
@@ -39,24 +39,24 @@ impl Fov {
             let needed = "the angle of the fov model is in radians, at least 0 and below pi";
             return Err(Error::InvalidCamera { parameter: "w", seen: w, needed });
         }
-        // Below 1e-8 the model is a pinhole to the last digit anywhere a pinhole is used; w = 0 keeps 0/0 away.
+        // Below 1e-8 the model equals a pinhole to the last digit in any usable field; w = 0 avoids 0/0.
         let w = if w < 1e-8 { 0.0 } else { w };
         let c = 2.0 * (0.5 * w).tan();
         let radius_max = if w == 0.0 { RADIUS_CAP } else { (FRAC_PI_2 / w * INSIDE).min(RADIUS_CAP) };
         Ok(Fov { matrix, w, c, radius_max })
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// The angle w, rad.
+    /// Returns the angle w, rad.
     pub fn w_rad(&self) -> f64 {
         self.w
     }
 
-    /// Distorted radius ψ/w and the undistorted r; none outside the field.
+    /// Returns the distorted radius ψ/w and the undistorted r; `None` outside the field.
     #[inline]
     fn radii(&self, x: &Point) -> Option<(f64, f64)> {
         let r2 = x.x * x.x + x.y * x.y;
@@ -68,7 +68,7 @@ impl Fov {
         (distorted <= self.radius_max).then_some((distorted, r))
     }
 
-    /// (x, y)/r, or zero on the axis.
+    /// Returns (x, y)/r, or zero on the axis.
     #[inline]
     fn direction(x: &Point, r: f64) -> Vector2<f64> {
         if r == 0.0 { Vector2::zeros() } else { Vector2::new(x.x / r, x.y / r) }
@@ -133,7 +133,7 @@ impl Fov {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), values[4])
     }

@@ -1,11 +1,11 @@
-//! The camera and its image: is a pixel in it, do the intrinsics belong to it, what are they at another size.
+//! The relation between a camera and its image: whether a pixel is in it, whether the intrinsics belong to it, and how they scale.
 
 use super::{Camera, Lens};
 use crate::{Error, Pixel};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// Width and height of the images the intrinsics belong to.
+/// Width and height of the images to which the intrinsics belong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImageSize {
     /// Columns.
@@ -14,12 +14,12 @@ pub struct ImageSize {
     pub height_px: u32,
 }
 
-/// Focal length over the longer image side: a whole-sphere fisheye has 0.16, a 1000 px image at 0.06° 1000.
-/// Outside, the focal length is in another unit (mm, metres, normalised).
+/// Focal length divided by the longer image side: a whole-sphere fisheye has 0.16, a 1000 px image of 0.06° has 1000. Outside this range the
+/// focal length is in another unit (mm, metres, normalised).
 const FOCAL_TO_SIDE: core::ops::RangeInclusive<f64> = 0.02..=1000.0;
 
 impl Camera {
-    /// A camera whose intrinsics are checked against the image size, when there is one.
+    /// Creates a camera, and checks its intrinsics against the image size, when there is one.
     ///
     /// # Errors
     /// `InvalidCamera` for an empty image, a principal point outside it, or a focal length below 1/50 or above 1000 times
@@ -48,7 +48,7 @@ impl Camera {
         check_range("fy_px", matrix.fy_px, bounds, unit)
     }
 
-    /// Is the pixel inside the image rectangle, −½ ≤ u ≤ width − ½ and likewise v? True when the size is unknown; false for NaN.
+    /// Returns whether the pixel is in the image, −½ ≤ u ≤ width − ½ and likewise v. True when the size is unknown; false for NaN.
     pub fn contains(&self, pixel: &Pixel) -> bool {
         let (width, height) = match self.size {
             Some(size) => (f64::from(size.width_px), f64::from(size.height_px)),
@@ -58,9 +58,9 @@ impl Camera {
         (low..=width - 0.5).contains(&pixel.x) && (low..=height - 0.5).contains(&pixel.y)
     }
 
-    /// The camera of the same images resampled to another size.
+    /// Returns the camera for the same images resampled to another size.
     ///
-    /// Pixel (0, 0) stays the centre of the top-left pixel: u' = (u + ½) s − ½ (camera.md eq. (20)).
+    /// Pixel (0, 0) remains the centre of the top-left pixel: u' = (u + ½) s − ½ (camera.md eq. (20)).
     ///
     /// # Errors
     /// `InvalidCamera` when the size is unknown, zero, or of another aspect ratio (by a whole pixel or more: a crop).

@@ -26,10 +26,10 @@ pub struct KannalaBrandt {
 }
 
 impl KannalaBrandt {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "kannala_brandt";
 
-    /// `coefficients`: k1, k2, k3, k4.
+    /// Creates a camera; `coefficients` are k1, k2, k3, k4.
     ///
     /// # Errors
     /// `CoefficientCount`; `InvalidCamera` for a value that is not finite or f ≤ 0.
@@ -52,22 +52,22 @@ impl KannalaBrandt {
         Ok(model)
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// k1, k2, k3, k4.
+    /// Returns k1, k2, k3, k4.
     pub fn coefficients(&self) -> [f64; 4] {
         self.k
     }
 
-    /// Angle from the optical axis up to which the model is one-to-one, rad.
+    /// Returns the angle from the optical axis up to which the model is one-to-one, rad.
     pub fn angle_max_rad(&self) -> f64 {
         self.theta_max
     }
 
-    /// δ(θ) and δ'(θ).
+    /// Returns δ(θ) and δ'(θ).
     #[inline]
     fn delta(&self, theta: f64) -> (f64, f64) {
         let [k1, k2, k3, k4] = self.k;
@@ -77,7 +77,7 @@ impl KannalaBrandt {
         (value, slope)
     }
 
-    /// Unit vector (x, y)/r (zero on the axis), r, θ; none outside the field.
+    /// Returns the unit vector (x, y)/r (zero on the axis), r and θ; `None` outside the field.
     #[inline]
     fn polar(&self, x: &Point) -> Option<(Vector2<f64>, f64, f64)> {
         if !distance_is_usable(x.norm_squared()) {
@@ -85,7 +85,7 @@ impl KannalaBrandt {
         }
         let r2 = x.x * x.x + x.y * x.y;
         if r2 < 1e-300 {
-            // On the axis. Exactly behind, the direction of the image point is undefined.
+            // On the axis in front, the direction is zero; exactly behind, the direction of the image point is undefined.
             return (0.0 < x.z).then_some((Vector2::zeros(), 0.0, 0.0));
         }
         let r = r2.sqrt();
@@ -149,7 +149,7 @@ impl KannalaBrandt {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), &values[4..])
     }

@@ -1,4 +1,4 @@
-//! The camera matrix: focal lengths and principal point, which every model but the photogrammetric one starts from.
+//! The camera matrix, focal lengths and principal point, which all models except the photogrammetric one have.
 
 use super::{IntrinsicsJacobian, Parameters};
 use crate::{Error, Pixel, Point};
@@ -18,7 +18,8 @@ pub struct CameraMatrix {
 }
 
 impl CameraMatrix {
-    /// Finite, f > 0. (Normalised cameras have f = 1 and principal point 0, so there is no other bound without an image size.)
+    /// Checks for finite values and f > 0. (Normalised cameras have f = 1 and principal point 0, so there is no other bound without an image
+    /// size.)
     pub(super) fn check(&self) -> Result<(), Error> {
         for (name, value) in self.parameters() {
             check_finite(name, value)?;
@@ -31,32 +32,32 @@ impl CameraMatrix {
         Ok(())
     }
 
-    /// Plane coordinates to pixels.
+    /// Converts plane coordinates to pixels.
     #[inline]
     pub(super) fn pixel(&self, q: &Vector2<f64>) -> Pixel {
         Vector2::new(self.fx_px * q.x + self.cx_px, self.fy_px * q.y + self.cy_px)
     }
 
-    /// Pixels to plane coordinates.
+    /// Converts pixels to plane coordinates.
     #[inline]
     pub(super) fn unpixel(&self, pixel: &Pixel) -> Vector2<f64> {
         Vector2::new((pixel.x - self.cx_px) / self.fx_px, (pixel.y - self.cy_px) / self.fy_px)
     }
 
-    /// A difference on the plane to pixels.
+    /// Converts a difference on the plane to pixels.
     #[inline]
     pub(super) fn stretch(&self, q: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.fx_px * q.x, self.fy_px * q.y)
     }
 
-    /// A derivative of plane coordinates to one of pixels.
+    /// Converts a derivative of plane coordinates to one of pixels.
     #[inline]
     pub(super) fn stretch_rows(&self, j: Matrix2x3<f64>) -> Matrix2x3<f64> {
         let (fx, fy) = (self.fx_px, self.fy_px);
         Matrix2x3::new(fx * j.m11, fx * j.m12, fx * j.m13, fy * j.m21, fy * j.m22, fy * j.m23)
     }
 
-    /// Derivative of the pixel of m = (x, y)/ρ by the point, given ρ and ∇ρ: ∂m/∂x = (e − m ∇ρᵀ)/ρ.
+    /// Returns the derivative of the pixel of m = (x, y)/ρ with respect to the point, given ρ and ∇ρ: ∂m/∂x = (e − m ∇ρᵀ)/ρ.
     #[inline]
     pub(super) fn quotient_jacobian(
         &self,
@@ -75,8 +76,8 @@ impl CameraMatrix {
         )
     }
 
-    /// Derivative of the pixel of δ n by the point, n the unit vector of (x, y): `across` I + `excess` n nᵀ by (x, y), and
-    /// −`along` (x, y) by z.
+    /// Returns the derivative of the pixel of δ n with respect to the point, where n is the unit vector of (x, y): `across` I + `excess` n nᵀ
+    /// for (x, y), and −`along` (x, y) for z.
     #[inline]
     pub(super) fn radial_jacobian(
         &self,
@@ -98,12 +99,12 @@ impl CameraMatrix {
         )
     }
 
-    /// The larger focal length: turns pixel tolerances into ones on the plane.
+    /// Returns the larger focal length, which converts pixel tolerances to ones on the plane.
     pub(super) fn longest(&self) -> f64 {
         self.fx_px.max(self.fy_px)
     }
 
-    /// Derivatives of the pixel by fx, fy, cx, cy, given the distorted plane coordinates.
+    /// Returns the derivatives of the pixel with respect to fx, fy, cx, cy, given the distorted plane coordinates.
     pub(super) fn columns(&self, q: &Vector2<f64>) -> IntrinsicsJacobian {
         [Vector2::new(q.x, 0.0), Vector2::new(0.0, q.y), Vector2::x(), Vector2::y()].into_iter().collect()
     }
@@ -115,13 +116,13 @@ impl CameraMatrix {
             .collect()
     }
 
-    /// From the first four values of a model.
+    /// Creates a matrix from the first four values of a model.
     pub(super) fn from_values(values: &[f64]) -> Self {
         CameraMatrix { fx_px: values[0], fy_px: values[1], cx_px: values[2], cy_px: values[3] }
     }
 }
 
-/// `InvalidCamera` for NaN and infinity.
+/// Returns `InvalidCamera` for NaN and infinity.
 pub(super) fn check_finite(parameter: &'static str, seen: f64) -> Result<(), Error> {
     if seen.is_finite() {
         return Ok(());
@@ -129,7 +130,7 @@ pub(super) fn check_finite(parameter: &'static str, seen: f64) -> Result<(), Err
     Err(Error::InvalidCamera { parameter, seen, needed: "it must be a finite number" })
 }
 
-/// Coefficients whose model folds right at the axis: in the wrong order, or meant for pixels.
+/// Refuses coefficients whose model folds at the axis: they are in the wrong order, or belong to pixels.
 pub(super) fn check_field(seen: f64) -> Result<(), Error> {
     if 1e-4 < seen {
         return Ok(());
@@ -138,7 +139,7 @@ pub(super) fn check_field(seen: f64) -> Result<(), Error> {
     Err(Error::InvalidCamera { parameter: "distortion", seen, needed })
 }
 
-/// α of the sphere models.
+/// Checks α of the sphere models.
 pub(super) fn check_alpha(seen: f64) -> Result<(), Error> {
     if (0.0..=1.0).contains(&seen) {
         return Ok(());

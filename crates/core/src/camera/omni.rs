@@ -25,10 +25,10 @@ pub struct Omni {
 }
 
 impl Omni {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "omni";
 
-    /// `distortion`: k1, k2, p1, p2 (Kalibr's `radtan`), or empty for none.
+    /// Creates a camera; `distortion` is k1, k2, p1, p2 (Kalibr's `radtan`), or empty.
     ///
     /// # Errors
     /// `CoefficientCount`; `InvalidCamera` for a value that is not finite, f ≤ 0 or ξ ≤ −1.
@@ -57,22 +57,22 @@ impl Omni {
         Ok(Omni { matrix, xi, distortion, plane })
     }
 
-    /// Focal lengths and principal point.
+    /// Returns focal lengths and principal point.
     pub fn matrix(&self) -> CameraMatrix {
         self.matrix
     }
 
-    /// The mirror parameter ξ.
+    /// Returns the mirror parameter ξ.
     pub fn xi(&self) -> f64 {
         self.xi
     }
 
-    /// k1, k2, p1, p2.
+    /// Returns k1, k2, p1, p2.
     pub fn distortion(&self) -> [f64; 4] {
         self.distortion
     }
 
-    /// q, d and the denominator z + ξ d; none outside the field.
+    /// Returns q, d and the denominator z + ξ d; `None` outside the field.
     #[inline]
     fn on_plane(&self, x: &Point) -> Option<(Vector2<f64>, f64, f64)> {
         let r2 = x.x * x.x + x.y * x.y;
@@ -149,7 +149,7 @@ impl Omni {
         parameters
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values), values[4], &values[5..])
     }

@@ -19,7 +19,7 @@ use nalgebra::{Matrix2, Matrix2x3, Unit, Vector2, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The field ends where the correction shrinks some direction below this: there the way back multiplies rounding by 1/0.05.
+/// The field ends where the correction reduces a length in some direction below this share: its inverse multiplies rounding by 1/0.05 there.
 const LEAST_SLOPE: f64 = 0.05;
 
 /// Table I of the paper. Lengths in one unit L, that of the image coordinates.
@@ -35,7 +35,7 @@ pub struct PhotogrammetricParameters {
     pub k: [f64; 3],
     /// Decentring distortion p1, p2: L⁻¹.
     pub p: [f64; 2],
-    /// Affinity a1, a2: pure numbers.
+    /// Affinity a1, a2: dimensionless.
     pub a: [f64; 2],
 }
 
@@ -50,11 +50,11 @@ pub struct Photogrammetric {
 }
 
 impl Photogrammetric {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "photogrammetric";
 
     /// # Errors
-    /// `InvalidCamera` for a value that is not finite, f ≤ 0, or an affinity that turns the image over.
+    /// `InvalidCamera` for a value that is not finite, f ≤ 0, or an affinity that mirrors the image.
     pub fn new(parameters: PhotogrammetricParameters) -> Result<Self, Error> {
         for (name, value) in named(&parameters) {
             check_finite(name, value)?;
@@ -83,17 +83,17 @@ impl Photogrammetric {
         Ok(model)
     }
 
-    /// Table I as given.
+    /// Returns Table I as given.
     pub fn table(&self) -> PhotogrammetricParameters {
         self.parameters
     }
 
-    /// Distance from the principal point up to which the correction is one-to-one, in the unit of f.
+    /// Returns the distance from the principal point up to which the correction is one-to-one, in the unit of f.
     pub fn radius_max(&self) -> f64 {
         self.radius_max * self.parameters.f
     }
 
-    /// Where the derivative's symmetric part falls to `LEAST_SLOPE`, camera.md eq. (17).
+    /// Returns the radius at which the derivative's symmetric part falls to `LEAST_SLOPE`, camera.md eq. (17).
     fn one_to_one_radius(&self) -> f64 {
         let [k1, k2, k3] = self.k;
         let [p1, p2] = self.p;
@@ -115,7 +115,7 @@ impl Photogrammetric {
         if radial(radius).0 <= RADIUS_CAP { radius } else { invert_monotone(radial, RADIUS_CAP, radius) }
     }
 
-    /// d/f at t, with its derivative.
+    /// Returns d/f at t, with its derivative.
     #[inline]
     fn correct(&self, t: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let [k1, k2, k3] = self.k;
@@ -138,7 +138,7 @@ impl Photogrammetric {
         (value, slope)
     }
 
-    /// t with d(t)/f = −(X, Y)/Z.
+    /// Returns t with d(t)/f = −(X, Y)/Z.
     fn measured(&self, x: &Point) -> Option<Vector2<f64>> {
         let target = Vector2::new(-x.x / x.z, -x.y / x.z);
         let visible = 0.0 < x.z && distance_is_usable(x.z * x.z) && target.norm_squared() < 1e4;
@@ -150,7 +150,7 @@ impl Photogrammetric {
         invert_plane(|t| self.correct(t), &target, target, self.radius_max, tolerance)
     }
 
-    /// The measured coordinates of t.
+    /// Returns the measured coordinates of t.
     fn coordinates(&self, t: &Vector2<f64>) -> Pixel {
         let PhotogrammetricParameters { f, xp, yp, .. } = self.parameters;
         Vector2::new(xp + f * t.x, yp + f * t.y)
@@ -225,7 +225,7 @@ impl Photogrammetric {
         named(&self.parameters).into_iter().collect()
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(PhotogrammetricParameters {
             f: values[0],
@@ -237,7 +237,7 @@ impl Photogrammetric {
         })
     }
 
-    /// The same lens when all image lengths are `s` times as long, the pixel centres staying at whole numbers.
+    /// Returns the same lens for image lengths `s` times as long, with pixel centres at whole numbers.
     pub(super) fn scaled(&self, s: f64) -> Result<Self, Error> {
         let PhotogrammetricParameters { f, xp, yp, k, p, a } = self.parameters;
         let s2 = s * s;

@@ -9,7 +9,7 @@ use nalgebra::{Matrix2x3, Unit, Vector2, Vector3};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// Squared radius x²/z² up to which pixels are finite whatever f; NaN fails it too.
+/// Squared radius x²/z² up to which pixels are finite for any f; false for NaN too.
 pub(crate) const R2_MAX: f64 = 1e30;
 
 /// The camera matrix alone.
@@ -20,7 +20,7 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// As in cli.md.
+    /// The name in files and messages.
     pub const NAME: &'static str = "pinhole";
 
     /// # Errors
@@ -30,7 +30,7 @@ impl Pinhole {
         Ok(Pinhole { matrix })
     }
 
-    /// (x/z, y/z) and 1/z in front of the camera; behind the lens projects too, mirrored.
+    /// Returns (x/z, y/z) and 1/z in front of the camera; points behind it would project too, mirrored.
     #[inline]
     fn normalized(x: &Point) -> Option<(Vector2<f64>, f64)> {
         let iz = 1.0 / x.z;
@@ -74,7 +74,7 @@ impl Pinhole {
         self.matrix.parameters()
     }
 
-    /// The same model with other values, in the order of `parameters`.
+    /// Returns the same model with other values, in the order of `parameters`.
     pub(super) fn rebuilt(&self, values: &[f64]) -> Result<Self, Error> {
         Self::new(CameraMatrix::from_values(values))
     }

@@ -12,13 +12,13 @@ use nalgebra::{Matrix2, Vector2};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// The field ends before a pole of g: where the derivative grows beyond `GREATEST_SLOPE`. A denominator may all but vanish with its numerator and
-/// leave a harmless map; below this nothing but rounding is left of it.
+/// The field ends before a pole of g, where the derivative exceeds `GREATEST_SLOPE`. A denominator may nearly vanish together with its numerator
+/// and leave a harmless map; below this value only rounding remains of it.
 const LEAST_DENOMINATOR: f64 = 1e-6;
 /// Rounding of numerator and denominator, in units of their terms.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// Coefficients and the field they are valid in.
+/// Coefficients and the field in which they are valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PlaneDistortion {
     numerator: [f64; 3],
@@ -30,13 +30,13 @@ pub(super) struct PlaneDistortion {
     has_prism: bool,
     radius_max: f64,
     r2_max: f64,
-    /// No point of the field is mapped farther out than this.
+    /// Largest radius to which a point of the field is mapped.
     image_radius_max: f64,
 }
 
 impl PlaneDistortion {
-    /// `c` in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, any number of them; the rest is zero.
-    /// The field is also bounded by `radius_cap`.
+    /// Creates a distortion; `c` is in OpenCV's order, k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, of any length; the rest is zero. The field is also
+    /// limited by `radius_cap`.
     pub fn new(c: &[f64], radius_cap: f64) -> Self {
         let at = |i: usize| c.get(i).copied().unwrap_or(0.0);
         let mut plane = PlaneDistortion {
@@ -64,7 +64,7 @@ impl PlaneDistortion {
         plane
     }
 
-    /// Radius of the disc on which the derivative's symmetric part stays positive definite, camera.md eq. (6).
+    /// Returns the radius of the disc on which the derivative's symmetric part is positive definite, camera.md eq. (6).
     fn one_to_one_radius(&self, cap: f64) -> f64 {
         let n = [1.0, self.numerator[0], self.numerator[1], self.numerator[2]];
         let d = [1.0, self.denominator[0], self.denominator[1], self.denominator[2]];
@@ -95,18 +95,18 @@ impl PlaneDistortion {
         [fold, side, stretch].iter().fold(cap, |cap, condition| first_zero(condition, cap))
     }
 
-    /// Radius of the valid field on the undistorted plane.
+    /// Returns the radius of the valid field on the undistorted plane.
     pub fn radius_max(&self) -> f64 {
         self.radius_max
     }
 
-    /// The square of `radius_max`.
+    /// Returns the square of `radius_max`.
     #[inline]
     pub fn r2_max(&self) -> f64 {
         self.r2_max
     }
 
-    /// g and dg/d(r²).
+    /// Returns g and dg/d(r²).
     #[inline]
     fn gain(&self, r2: f64) -> (f64, f64) {
         let [k1, k2, k3] = self.numerator;
@@ -122,7 +122,7 @@ impl PlaneDistortion {
         (g, (dn - g * dd) * d)
     }
 
-    /// What rounding leaves of the distorted radius at r: much where the denominator nearly cancels.
+    /// Returns the rounding error of the distorted radius at r: large where the denominator nearly cancels.
     fn rounding(&self, r: f64) -> f64 {
         if self.is_polynomial {
             return 0.0;
@@ -134,14 +134,14 @@ impl PlaneDistortion {
         ROUNDING * terms * r / denominator.abs()
     }
 
-    /// r g and its derivative by r.
+    /// Returns r g and its derivative with respect to r.
     fn radial(&self, r: f64) -> (f64, f64) {
         let r2 = r * r;
         let (g, dg) = self.gain(r2);
         (r * g, g + 2.0 * r2 * dg)
     }
 
-    /// The distorted point.
+    /// Returns the distorted point.
     #[inline]
     pub fn apply(&self, q: &Vector2<f64>) -> Vector2<f64> {
         let r2 = q.norm_squared();
@@ -149,7 +149,7 @@ impl PlaneDistortion {
         if self.is_radial { q * g } else { q * g + self.asymmetric(q, r2) }
     }
 
-    /// The distorted point and its derivative.
+    /// Returns the distorted point and its derivative.
     #[inline]
     pub fn apply_with_jacobian(&self, q: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let (x, y) = (q.x, q.y);
@@ -186,7 +186,7 @@ impl PlaneDistortion {
         tangential + Vector2::new(s1 + s2 * r2, s3 + s4 * r2) * r2
     }
 
-    /// The point of the field that is distorted to `target`, within `tolerance`; none when there is none.
+    /// Returns the point of the field that is distorted to `target`, within `tolerance`; `None` when there is none.
     pub fn invert(&self, target: &Vector2<f64>, tolerance: f64) -> Option<Vector2<f64>> {
         let distorted = target.norm();
         if distorted == 0.0 {
@@ -203,7 +203,7 @@ impl PlaneDistortion {
         }
         let tolerance = tolerance.max(self.rounding(distorted.min(radius)));
         let from = |start| invert_plane(|q| self.apply_with_jacobian(q), target, start, radius, tolerance);
-        // A rough start is enough almost everywhere, the radial solution next to a fold.
+        // A rough start is enough almost everywhere; near a fold the radial solution is used.
         let (gain, _) = self.gain(distorted.min(radius).powi(2));
         from(target / gain).or_else(|| {
             let r = invert_monotone(|r| self.radial(r), distorted, radius);
@@ -211,7 +211,7 @@ impl PlaneDistortion {
         })
     }
 
-    /// Derivatives of the distorted point by the coefficients, in OpenCV's order.
+    /// Returns the derivatives of the distorted point with respect to the coefficients, in OpenCV's order.
     #[inline]
     pub fn coefficient_derivatives(&self, q: &Vector2<f64>) -> [Vector2<f64>; 12] {
         let r2 = q.norm_squared();

@@ -17,8 +17,8 @@ pub(super) struct Tilt {
     least_depth: f64,
 }
 
-/// The field ends where a point's depth in the tilted frame has fallen to this part of the axis' own: the horizon
-/// is at 0, and the stretching grows as one over the square.
+/// The field ends where a point's depth in the tilted frame has fallen to this share of the axis' own depth: at the horizon it is 0, and the
+/// stretching grows as one over the square.
 const HORIZON_MARGIN: f64 = 0.3;
 
 impl Tilt {
@@ -53,19 +53,19 @@ impl Tilt {
         })
     }
 
-    /// Depth in the tilted frame below which a point counts as on the horizon.
+    /// Returns the depth in the tilted frame below which a point counts as being on the horizon.
     pub fn least_depth(&self) -> f64 {
         self.least_depth
     }
 
-    /// The point on the sensor.
+    /// Returns the point on the sensor.
     #[inline]
     pub fn apply(&self, q: &Vector2<f64>) -> Option<Vector2<f64>> {
         let h = self.sensor_from_plane * Vector3::new(q.x, q.y, 1.0);
         (self.least_depth <= h.z).then(|| Vector2::new(h.x / h.z, h.y / h.z))
     }
 
-    /// The point on the sensor and its derivative.
+    /// Returns the point on the sensor and its derivative.
     #[inline]
     pub fn apply_with_jacobian(&self, q: &Vector2<f64>) -> Option<(Vector2<f64>, Matrix2<f64>)> {
         let p = self.apply(q)?;
@@ -76,7 +76,7 @@ impl Tilt {
         Some((p, jacobian / depth))
     }
 
-    /// The point of the untilted plane.
+    /// Returns the point of the untilted plane.
     pub fn invert(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let h = self.plane_from_sensor * Vector3::new(p.x, p.y, 1.0);
         // h.z is 1/depth.
@@ -85,11 +85,11 @@ impl Tilt {
         if !(0.0 < h.z && depth_ratio <= ON_EDGE) {
             return None;
         }
-        // Towards the axis the depth grows, so that rounding cannot push the answer across the edge.
+        // Towards the axis the depth increases, so that rounding cannot move the result across the edge.
         Some(if depth_ratio < INSIDE { q } else { q * (INSIDE * INSIDE) })
     }
 
-    /// Derivatives of the point on the sensor by τx and τy.
+    /// Returns the derivatives of the point on the sensor with respect to τx and τy.
     pub fn angle_derivatives(tau_x: f64, tau_y: f64, q: &Vector2<f64>) -> [Vector2<f64>; 2] {
         let (rx, ry) = (rotation_x(tau_x), rotation_y(tau_y));
         let rotation = ry * rx;

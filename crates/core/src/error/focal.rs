@@ -1,24 +1,24 @@
-//! The sentence that explains why a view leaves its focal length open, with the numbers seen and needed.
+//! The sentence that explains why a view does not determine its focal length, with the numbers seen and needed.
 
 /// The change of the view that would separate focal length and distance, by its own geometry and noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FocalRemedy {
-    /// Points in a plane, which is seen too nearly face on or too small.
+    /// Points in a plane that is seen too frontally, or too small.
     Tilt {
-        /// Between the plane and the image's, radians.
+        /// Angle between the plane and the image plane, radians.
         tilt_rad: f64,
-        /// At which the focal length would be determined; none where no tilt up to 60° is enough.
+        /// Tilt at which the focal length would be determined; `None` where no tilt up to 60° is enough.
         needed_tilt_rad: Option<f64>,
-        /// From the camera to the middle of the points.
+        /// Distance from the camera to the centroid of the points.
         distance_m: f64,
-        /// At which it would be determined with the tilt as it is; none where nearer is not enough.
+        /// Distance at which it would be determined with the same tilt; `None` where no smaller distance is enough.
         needed_distance_m: Option<f64>,
     },
     /// Points in space, whose depths differ too little for the noise.
     Depth {
-        /// From the camera to the middle of the points.
+        /// Distance from the camera to the centroid of the points.
         distance_m: f64,
-        /// At which the focal length would be determined; none where nearer is not enough.
+        /// Distance at which the focal length would be determined; `None` where no smaller distance is enough.
         needed_distance_m: Option<f64>,
     },
     /// Marked lines of known directions, which converge too little.

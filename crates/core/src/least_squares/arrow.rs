@@ -1,5 +1,5 @@
-//! Normal equations of many small groups of unknowns that only a few shared ones join: points, each of which no constraint joins to another,
-//! beside the photographs that show them. The groups are eliminated one by one, so that work grows with their number, not with its cube.
+//! Normal equations with many small groups of unknowns that are connected only through a few shared ones, such as points beside the photographs
+//! that show them. The groups are eliminated one by one, so that the work is proportional to their number instead of its cube.
 //!
 //! ```text
 //!   ⎡ S    C₁ᵀ  C₂ᵀ … ⎤      D_b = L_b L_bᵀ   W_b = L_b⁻¹ C_b   v_b = L_b⁻¹ g_b
@@ -13,14 +13,14 @@ use super::{Ending, Minimum};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::sync::Arc;
 
-/// Where an unknown stands.
+/// Position of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum At {
     Shared(usize),
     Group(usize, usize),
 }
 
-/// Which unknowns are shared, and which form groups.
+/// The partition of the unknowns into shared ones and groups.
 #[derive(Debug, Clone, Default)]
 pub struct Arrow {
     at: Vec<At>,
@@ -29,7 +29,7 @@ pub struct Arrow {
 }
 
 impl Arrow {
-    /// `n` unknowns, of which each of the groups has its own; the rest are shared.
+    /// Partitions `n` unknowns: each group has its own, and the rest are shared.
     pub fn new(n: usize, groups: Vec<Vec<usize>>) -> Self {
         let mut at = vec![At::Shared(0); n];
         let mut is_shared = vec![true; n];
@@ -44,13 +44,13 @@ impl Arrow {
         Arrow { at, shared, groups }
     }
 
-    /// The unknowns of each group.
+    /// Returns the unknowns of each group.
     pub fn groups(&self) -> &[Vec<usize>] {
         &self.groups
     }
 }
 
-/// D, its gradient and C of one group; C column by column, for the shared unknowns that it knows.
+/// D, its gradient and C of one group; C is stored column by column, for the shared unknowns to which it is connected.
 #[derive(Debug, Clone, Default)]
 struct Group {
     information: Vec<f64>,
@@ -69,7 +69,7 @@ impl Group {
         self.gradient.len()
     }
 
-    /// Where C's column of a shared unknown begins.
+    /// Returns where C's column of a shared unknown begins.
     fn column(&mut self, shared: usize) -> usize {
         let k = self.size();
         let known = self.columns.iter().position(|column| *column == shared);
@@ -81,7 +81,7 @@ impl Group {
         column * k
     }
 
-    /// Cholesky's factor, L row by row, and W column by column; the diagonal is `diagonal` of what it is.
+    /// Computes Cholesky's factor, L row by row, and W column by column; `diagonal` maps the elements of the diagonal.
     fn factor(&self, diagonal: impl Fn(f64) -> f64) -> Option<GroupFactor> {
         let k = self.size();
         let mut lower = self.information.clone();
@@ -109,7 +109,7 @@ struct GroupFactor {
     w: Vec<f64>,
 }
 
-/// L⁻¹ b.
+/// Computes L⁻¹ b.
 fn forward(lower: &[f64], b: &mut [f64]) {
     let k = b.len();
     for i in 0..k {
@@ -118,7 +118,7 @@ fn forward(lower: &[f64], b: &mut [f64]) {
     }
 }
 
-/// L⁻ᵀ b.
+/// Computes L⁻ᵀ b.
 fn backward(lower: &[f64], b: &mut [f64]) {
     let k = b.len();
     for i in (0..k).rev() {
@@ -133,14 +133,14 @@ pub struct ArrowEquations {
     arrow: Arc<Arrow>,
     /// Sum of squared whitened residuals.
     pub chi2: f64,
-    /// c of all unknowns, in their order.
+    /// c for all unknowns, in their order.
     pub gradient: DVector<f64>,
     shared: DMatrix<f64>,
     groups: Vec<Group>,
 }
 
 impl ArrowEquations {
-    /// No row yet.
+    /// Starts without rows.
     pub fn new(arrow: &Arc<Arrow>) -> Self {
         let m = arrow.shared.len();
         ArrowEquations {
@@ -187,7 +187,7 @@ impl ArrowEquations {
         }
     }
 
-    /// H's diagonal, in the order of the unknowns.
+    /// Returns the diagonal of H, in the order of the unknowns.
     pub fn diagonal(&self) -> Vec<f64> {
         let of = |at: &At| match *at {
             At::Shared(i) => self.shared[(i, i)],
@@ -196,7 +196,7 @@ impl ArrowEquations {
         self.arrow.at.iter().map(of).collect()
     }
 
-    /// H x.
+    /// Returns H x.
     pub fn times(&self, x: &DVector<f64>) -> DVector<f64> {
         let of_shared =
             DVector::from_iterator(self.arrow.shared.len(), self.arrow.shared.iter().map(|i| x[*i]));
@@ -218,7 +218,7 @@ impl ArrowEquations {
         product
     }
 
-    /// H as it stands, both triangles.
+    /// Returns H, both triangles.
     pub fn dense(&self) -> DMatrix<f64> {
         let n = self.arrow.at.len();
         let unit = |i: usize| DVector::from_fn(n, |k, _| f64::from(u8::from(k == i)));
@@ -248,7 +248,7 @@ impl ArrowEquations {
         scaled
     }
 
-    /// The factor of H, its diagonal raised by `damping`; an unknown that nothing depends on stays where it is.
+    /// Returns the factor of H with its diagonal raised by `damping`; an unknown on which nothing depends is not changed.
     pub fn factor(&self, damping: f64) -> Option<ArrowFactor<'_>> {
         let diagonal = |x: f64| if x == 0.0 { 1.0 } else { x * (1.0 + damping) };
         let groups: Vec<GroupFactor> =
@@ -293,7 +293,7 @@ impl ArrowFactor<'_> {
         equations.groups.iter().zip(&self.groups).zip(&equations.arrow.groups).map(|((g, f), u)| (g, f, u))
     }
 
-    /// The least pivot.
+    /// Returns the least pivot.
     pub fn least_pivot(&self) -> f64 {
         let of_groups = self.parts().flat_map(|(group, factor, _)| {
             let k = group.size();
@@ -303,7 +303,7 @@ impl ArrowFactor<'_> {
         of_groups.chain((0..shared.nrows()).map(|i| shared[(i, i)])).fold(f64::INFINITY, f64::min)
     }
 
-    /// H⁻¹ b.
+    /// Returns H⁻¹ b.
     pub fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
         let shared = &self.equations.arrow.shared;
         let mut right = DVector::from_iterator(shared.len(), shared.iter().map(|i| b[*i]));
@@ -329,7 +329,7 @@ impl ArrowFactor<'_> {
         x
     }
 
-    /// H⁻¹, both triangles: docs/math/survey.md eq. (27).
+    /// Returns H⁻¹, both triangles: docs/math/survey.md eq. (27).
     pub fn inverse(&self) -> DMatrix<f64> {
         let arrow = &*self.equations.arrow;
         let (n, m) = (arrow.at.len(), arrow.shared.len());
@@ -389,13 +389,13 @@ impl ArrowFactor<'_> {
     }
 }
 
-/// Steps on a level: near a minimum each squares the error.
+/// Largest number of steps on a level surface: near a minimum each squares the error.
 const LEVEL_STEPS: usize = 30;
-/// A step on a level that moves less than this squared number of standard deviations is the last.
+/// A step on a level surface that is shorter than this squared number of standard deviations is the last.
 const LEVEL_TOLERANCE_CHI2: f64 = 1e-7;
 
-/// Minimises a cost on a level surface; `level` gives how far its function is above the level, and its gradient. None where the
-/// steps do not settle.
+/// Minimises a cost on a level surface; `level` returns how far its function is above the level, and its gradient. `None` where the steps do not
+/// converge.
 pub(crate) fn minimize_on_level<S: Clone>(
     start: &S,
     level: impl Fn(&S) -> Option<(f64, DVector<f64>)>,
@@ -418,7 +418,7 @@ pub(crate) fn minimize_on_level<S: Clone>(
         if length2 <= LEVEL_TOLERANCE_CHI2 {
             return Some(Minimum { state, equations, steps, ending: Ending::Converged });
         }
-        // Steps that do not shrink circle around: half of each settles them.
+        // Steps that do not shrink circle around the minimum: half of each converges.
         shortened = if 0.5 * before < length2 { 0.5 * shortened } else { shortened };
         before = length2;
         state = moved(&state, &(step * f64::max(shortened, 0.1)))?;
@@ -431,7 +431,7 @@ mod tests {
     use super::*;
     use crate::least_squares::dense::DenseEquations;
 
-    /// Seven shared unknowns, among them every other one of the first, and groups of one to six, which see different shared ones.
+    /// Seven shared unknowns, some interleaved with the others, and groups of one to six that are connected to different shared ones.
     fn made() -> (ArrowEquations, DenseEquations) {
         let groups: Vec<Vec<usize>> =
             vec![vec![1], vec![3, 5, 7], vec![9, 10, 11, 12, 13, 14], vec![15, 16, 17]];
@@ -454,7 +454,7 @@ mod tests {
         (sparse, dense)
     }
 
-    /// Whatever is asked of it, the answer is that of the whole matrix, to rounding times its condition (below 1e4 here).
+    /// All results equal those of the whole matrix, except for rounding times its condition (below 1e4 here).
     #[test]
     fn groups_give_what_the_whole_matrix_gives() {
         let (sparse, dense) = made();

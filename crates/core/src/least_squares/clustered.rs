@@ -1,37 +1,37 @@
-//! Covariance of an answer whose residuals share errors within clusters: cameras that fire at different times, a bent board, corners all
+//! Covariance of an answer whose residuals share errors within clusters: cameras that are not synchronised, a bent board, corners that are all
 //! displaced to one side. Such errors are estimated from the scatter of the clusters' scores.
 //!
-//! Every cluster gives its information and its score at the minimum; without it the answer would move by a known amount (leave one out,
-//! CR3: Bell and McCaffrey 2002). The scatter of those moves is drawn towards the inverse information as far as it is uncertain (Ledoit
-//! and Wolf 2004) and widened by the uncertainty of a variance from so many clusters. Derivation: docs/math/clustered.md.
+//! Every cluster gives its information and its score at the minimum; without it the answer would move by a known amount (leave one out, CR3:
+//! Bell and McCaffrey 2002). The scatter of these moves is shrunk towards the inverse information according to its uncertainty (Ledoit and Wolf
+//! 2004) and widened for the uncertainty of a variance from so few clusters. Derivation: docs/math/clustered.md.
 //!
 //!   P  inverse information of all unknowns   ·   S, s  a cluster's information and score   ·   B = S P  its leverage
 
 use crate::statistics::chi_square::quick_quantile;
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
-/// Numbers of a block: a small motion.
+/// Size of a block: a small motion.
 const BLOCK: usize = 6;
 
-/// The information of one cluster on the blocks of unknowns that it touches, every other unknown eliminated.
+/// The information of one cluster about the blocks of unknowns that it is connected to, with every other unknown eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
-    /// Its number, the caller's; ascending.
+    /// Its number, given by the caller; ascending.
     pub(crate) number: usize,
-    /// Which blocks, ascending.
+    /// Indices of the blocks, ascending.
     pub(crate) blocks: Vec<usize>,
-    /// Symmetric, six rows a block.
+    /// Symmetric, six rows per block.
     pub(crate) information: DMatrix<f64>,
     /// Half the negative gradient of the cluster's χ² at the minimum; over all clusters it vanishes.
     pub(crate) score: DVector<f64>,
 }
 
-/// A covariance that holds the errors that clusters share.
+/// A covariance that includes the errors shared within clusters.
 #[derive(Debug, Clone)]
 pub(crate) struct Clustered {
-    /// Of all unknowns together.
+    /// The covariance of all unknowns together.
     pub(crate) covariance: DMatrix<f64>,
-    /// Factor on the variances of the unknowns that belong to one cluster only, P being theirs.
+    /// Factor on the variances of the unknowns that belong to one cluster only, and whose covariance is P.
     pub(crate) within: f64,
 }
 
@@ -42,31 +42,31 @@ struct Scatter {
     of_shape: f64,
     /// Factor on the scatter of the answers without one cluster.
     of_scatter: f64,
-    /// Trace of its covariance over that of its inverse information, both whitened by the latter.
+    /// Trace of its covariance divided by that of its inverse information, both whitened by the latter.
     total: f64,
 }
 
-/// A cluster's leverage above this is not distinguished from one: its blocks rest on it alone.
+/// A leverage this close to one is treated as one: the blocks then depend on this cluster alone.
 const RIDGE: f64 = 1e-6;
-/// Added to a cluster's information, relative, where it shows less than all directions …
+/// Relative term added to a cluster's information where it does not cover all directions …
 const ROUNDING: f64 = 1e-11;
-/// … and what is left of a direction that it shows.
+/// … and the share that must remain of a direction that it covers.
 const SEEN: f64 = 1e-8;
-/// One in a hundred: the chance that clusters without a shared error seem to contradict each other. Standard normal quantile.
+/// Standard normal quantile for one in a hundred: the probability that clusters without a shared error seem to contradict each other.
 const QUANTILE: f64 = 2.326;
-/// One in a thousand: the chance that one block seems to scatter where the clusters together do not contradict.
+/// Standard normal quantile for one in a thousand: that one block seems to scatter although the clusters together do not contradict each other.
 const ONE_BLOCK_QUANTILE: f64 = 3.09;
-/// Below the 84 % quantile of what chance gives no block is looked at: leaving clusters out costs as much as an elimination.
+/// Blocks are not examined below the 84 % quantile of chance, because leaving clusters out costs as much as an elimination.
 const WORTH_A_LOOK: f64 = 1.0;
-/// Fewer equal clusters than this do not determine one block alone.
+/// With fewer equal clusters than this, one block alone is not determined.
 const ENOUGH_CLUSTERS: f64 = 8.0;
-/// The other blocks count for one as that many clusters at most.
+/// The weight of the other blocks in the estimate for one, in clusters, at most.
 const BORROWED_CLUSTERS: f64 = 2.0;
-/// E|y|⁴ over (E|y|²)² of six normal numbers of one variance.
+/// E|y|⁴ divided by (E|y|²)² for six normal numbers of equal variance.
 const NORMAL_FOURTH: f64 = 1.0 + 2.0 / BLOCK as f64;
 
-/// The covariance of all unknowns from their inverse information and the clusters. `base` is the factor on the inverse information that is
-/// known to be needed anyway, the least that comes out.
+/// Computes the covariance of all unknowns from their inverse information and the clusters. `base` is the factor on the inverse information that
+/// is known to be needed, and the least one returned.
 pub(crate) fn clustered(inverse: &DMatrix<f64>, clusters: &[Cluster], base: f64) -> Clustered {
     let n_blocks = inverse.nrows() / BLOCK;
     let mut sums = Sums::new(inverse);
@@ -96,7 +96,7 @@ pub(crate) fn clustered(inverse: &DMatrix<f64>, clusters: &[Cluster], base: f64)
     Clustered { covariance, within: within.max(base) }
 }
 
-/// diag(by) · matrix · diag(by).
+/// Returns diag(by) · matrix · diag(by).
 fn scaled(mut matrix: DMatrix<f64>, by: &DVector<f64>) -> DMatrix<f64> {
     for (j, mut column) in matrix.column_iter_mut().enumerate() {
         column.iter_mut().zip(by.iter()).for_each(|(x, b)| *x *= b * by[j]);
@@ -104,7 +104,7 @@ fn scaled(mut matrix: DMatrix<f64>, by: &DVector<f64>) -> DMatrix<f64> {
     matrix
 }
 
-/// Σ w wᵀ over the clusters, w the score without the cluster's own leverage.
+/// Returns Σ w wᵀ over the clusters, where w is the score without the cluster's own leverage.
 fn meat(n: usize, clusters: &[Cluster], pulls: &[DVector<f64>]) -> DMatrix<f64> {
     let mut sum = DMatrix::zeros(n, n);
     for (cluster, w) in clusters.iter().zip(pulls) {
@@ -123,25 +123,25 @@ fn six(vector: &DVector<f64>, block: usize) -> Vector6<f64> {
     vector.fixed_rows::<BLOCK>(BLOCK * block).into()
 }
 
-/// The blocks of the inverse information that a cluster touches.
+/// Returns the blocks of the inverse information to which a cluster is connected.
 pub(crate) fn restricted(inverse: &DMatrix<f64>, blocks: &[usize]) -> DMatrix<f64> {
     let at = |i: usize| BLOCK * blocks[i / BLOCK] + i % BLOCK;
     let n = BLOCK * blocks.len();
     DMatrix::from_fn(n, n, |i, j| inverse[(at(i), at(j))])
 }
 
-/// The sums over clusters.
+/// Sums over clusters.
 struct Sums {
-    /// Of each block's inverse information, the inverse of its Cholesky factor.
+    /// For each block: the inverse of the Cholesky factor of its inverse information.
     whitening: Vec<Matrix6<f64>>,
-    /// By block: Σ y yᵀ, y the whitened move of the answer without the cluster.
+    /// For each block: Σ y yᵀ, where y is the whitened move of the answer without the cluster.
     scatter: Vec<Matrix6<f64>>,
-    /// By block: Σ |y|⁴.
+    /// For each block: Σ |y|⁴.
     fourth: Vec<f64>,
-    /// What Σ|y|² would be without shared errors, over what it should be: leaving out exaggerates.
+    /// Expected Σ|y|² without shared errors, relative to its ideal value: leaving clusters out exaggerates.
     expected: f64,
     nominal: f64,
-    /// Σ sᵀ S⁻¹ s, and of how many numbers.
+    /// Σ sᵀ S⁻¹ s, and the number of its terms.
     chi2: f64,
     rank: usize,
 }
@@ -193,7 +193,7 @@ impl Sums {
         pull
     }
 
-    /// How far the cluster's own answer is from the common one, in the directions that it shows.
+    /// Compares the cluster's own answer with the common one, in the directions that the cluster determines.
     fn compare(&mut self, cluster: &Cluster) {
         let mut information = cluster.information.clone();
         for i in 0..information.nrows() {
@@ -205,7 +205,7 @@ impl Sums {
         self.chi2 += cluster.score.dot(&factor.solve(&cluster.score));
     }
 
-    /// Whether the clusters contradict each other by more than chance, docs/math/clustered.md eq. (8).
+    /// Returns whether the clusters contradict each other by more than chance, docs/math/clustered.md eq. (8).
     fn contradict(&self, base: f64, quantile: f64) -> bool {
         let n = BLOCK * self.scatter.len();
         n < self.rank && base * quick_quantile((self.rank - n) as f64, quantile) < self.chi2
@@ -235,12 +235,12 @@ impl Sums {
 }
 
 impl Scatter {
-    /// Nothing is shared.
+    /// Returns the scatter without shared errors.
     fn none(base: f64) -> Self {
         Scatter { of_shape: base, of_scatter: 0.0, total: base }
     }
 
-    /// docs/math/clustered.md eqs. (6)–(11).
+    /// Computes docs/math/clustered.md eqs. (6)–(11).
     fn new(own: (f64, f64), others: (f64, f64), scatter: &Matrix6<f64>, base: f64, most: f64) -> Self {
         let p = BLOCK as f64;
         let borrowed = others.1.min(BORROWED_CLUSTERS);
@@ -266,7 +266,7 @@ impl Scatter {
     }
 }
 
-/// Whether a block's factor, from so many clusters, is beyond chance.
+/// Returns whether the factor of a block, from its number of clusters, exceeds chance.
 fn scatters_alone(own: (f64, f64), base: f64) -> bool {
     let degrees_of_freedom = BLOCK as f64 * own.1;
     ENOUGH_CLUSTERS <= own.1

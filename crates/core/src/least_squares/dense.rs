@@ -1,4 +1,4 @@
-//! The one loop on a state of any kind with few hundred unknowns.
+//! The loop for a state of any kind with up to a few hundred unknowns.
 //!
 //! ```text
 //!   H  JᵀJ of whitened rows  ·  c  Jᵀr, r = observed − predicted  ·  δ  change of the unknowns
@@ -8,7 +8,7 @@ use super::{LeastSquares, Minimum, Tolerance, minimize};
 use core::marker::PhantomData;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Gauss–Newton's view of the cost.
+/// The Gauss–Newton approximation of the cost.
 #[derive(Debug, Clone)]
 pub struct DenseEquations {
     /// Sum of squared whitened residuals.
@@ -20,7 +20,7 @@ pub struct DenseEquations {
 }
 
 impl DenseEquations {
-    /// No row yet.
+    /// Starts without rows.
     pub fn new(n: usize) -> Self {
         DenseEquations { chi2: 0.0, gradient: DVector::zeros(n), information: DMatrix::zeros(n, n) }
     }
@@ -36,7 +36,7 @@ impl DenseEquations {
         }
     }
 
-    /// Cholesky's factor of H, its diagonal raised by `damping`; an unknown that nothing depends on stays where it is.
+    /// Returns Cholesky's factor of H with its diagonal raised by `damping`; an unknown on which nothing depends is not changed.
     fn factor(&self, damping: f64) -> Option<Cholesky<f64, Dyn>> {
         let mut damped = self.information.clone();
         for i in 0..damped.nrows() {
@@ -46,7 +46,7 @@ impl DenseEquations {
         damped.cholesky()
     }
 
-    /// The damped step and what it promises.
+    /// Returns the damped step and its promise.
     pub fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)> {
         let step = self.factor(damping)?.solve(&self.gradient);
         let promised = step.dot(&self.gradient);
@@ -54,11 +54,11 @@ impl DenseEquations {
     }
 }
 
-/// What the loop asks of the equations, however they are stored.
+/// The interface of the equations that the loop needs, independent of their storage.
 pub trait NormalEquations {
-    /// Sum of squared whitened residuals.
+    /// Returns the sum of squared whitened residuals.
     fn chi2(&self) -> f64;
-    /// The damped step and what it promises.
+    /// Returns the damped step and its promise.
     fn step(&self, damping: f64) -> Option<(DVector<f64>, f64)>;
 }
 
@@ -110,10 +110,10 @@ where
     }
 }
 
-/// Evaluations after which the loop gives up.
+/// Number of evaluations after which the loop gives up.
 pub const MAX_STEPS: usize = 200;
 
-/// Minimises a cost. `evaluate` returns none where a point leaves a camera's field, `moved` where no state is left.
+/// Minimises a cost. `evaluate` returns `None` where a point leaves a camera's field, `moved` where there is no valid state.
 pub fn minimize_dense<S, E: NormalEquations>(
     start: S,
     evaluate: impl Fn(&S) -> Option<E>,
@@ -122,7 +122,7 @@ pub fn minimize_dense<S, E: NormalEquations>(
     minimize_dense_within(MAX_STEPS, start, evaluate, moved)
 }
 
-/// The same with so many evaluations at most.
+/// Minimises a cost with a given number of evaluations at most.
 pub fn minimize_dense_within<S, E: NormalEquations>(
     max_steps: usize,
     start: S,

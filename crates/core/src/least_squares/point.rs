@@ -1,10 +1,10 @@
-//! The one loop on the place of one point.
+//! The loop for the position of one point.
 
 use super::{LeastSquares, Minimum, Tolerance, minimize};
 use crate::Point;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
-/// Gauss–Newton's view of the cost of one point.
+/// The Gauss–Newton approximation of the cost of one point.
 #[derive(Debug, Clone, Copy)]
 pub struct PointEquations {
     /// Sum of squared whitened residuals.
@@ -15,11 +15,11 @@ pub struct PointEquations {
     pub information: Matrix3<f64>,
 }
 
-/// A minimum over the places of a point.
+/// A minimum over the positions of a point.
 pub type PointMinimum = Minimum<Point, PointEquations>;
 
 impl PointEquations {
-    /// No view yet.
+    /// Starts without views.
     pub fn zero() -> Self {
         PointEquations { chi2: 0.0, gradient: Vector3::zeros(), information: Matrix3::zeros() }
     }
@@ -32,7 +32,7 @@ impl PointEquations {
         self.information += by_point.tr_mul(&(weight * by_point));
     }
 
-    /// The damped step and what it promises.
+    /// Returns the damped step and its promise.
     fn step(&self, damping: f64) -> Option<(Vector3<f64>, f64)> {
         let mut damped = self.information;
         for i in 0..3 {
@@ -68,7 +68,7 @@ impl<F: Fn(&Point) -> Option<PointEquations>> LeastSquares for PointCost<F> {
     }
 }
 
-/// Minimises a cost over the place of a point. `evaluate` returns none where it leaves a camera's field.
+/// Minimises a cost over the position of a point. `evaluate` returns `None` where the point leaves a camera's field.
 pub fn minimize_point(
     start: &Point,
     evaluate: impl Fn(&Point) -> Option<PointEquations>,

@@ -1,30 +1,30 @@
-//! The one loop on a pose, in small left motions.
+//! The loop for a pose, in small left motions.
 //!
-//! The pose is held as rotation R and the place c of a pivot (the centroid of the points) in the camera frame, and moved by
-//! x ← x + ω × (x − c) + ν. Turning about the pivot nearly decouples rotation from translation, so the normal equations
-//! stay well conditioned a kilometre away as at one metre, and at coordinates of millions of metres.
+//! The pose is stored as the rotation R and the position c of a pivot (the centroid of the points) in the camera frame, and is moved by
+//! x ← x + ω × (x − c) + ν. Rotating about the pivot nearly decouples rotation from translation, so that the normal equations
+//! are as well conditioned at a kilometre as at one metre, and at coordinates of millions of metres.
 //! Derivation: docs/math/refine.md eqs. (2)–(7).
 
 use super::{LeastSquares, Minimum, Tolerance, minimize};
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Vector3};
 
-/// A pose held by the place of a pivot instead of the origin of the target frame.
+/// A pose stored with the position of a pivot instead of the origin of the target frame.
 #[derive(Debug, Clone, Copy)]
 pub struct PivotedPose {
-    /// Rotation target to camera.
+    /// Rotation from target to camera.
     pub rotation: Matrix3<f64>,
     /// The pivot in the camera frame, metres.
     pub pivot_in_cam: Point,
 }
 
 impl PivotedPose {
-    /// The same pose, rotated about `pivot_in_target`.
+    /// Converts a pose to one with the pivot `pivot_in_target`.
     pub fn new(cam_from_target: &Pose, pivot_in_target: &Point) -> Self {
         PivotedPose { rotation: cam_from_target.rotation, pivot_in_cam: cam_from_target * pivot_in_target }
     }
 
-    /// Back to an ordinary pose, its rotation orthonormal to rounding.
+    /// Converts to an ordinary pose, whose rotation is orthonormal to rounding.
     #[inline(always)]
     pub fn pose(&self, pivot_in_target: &Point) -> Pose {
         let rotation = crate::pose::orthonormalized(&self.rotation);
@@ -45,20 +45,20 @@ impl PivotedPose {
     }
 }
 
-/// Gauss–Newton's view of a cost at one pose, in blocks: rotation (ω), translation (ν) and their coupling.
+/// The Gauss–Newton approximation of a cost at one pose, in blocks: rotation (ω), translation (ν) and their coupling.
 #[derive(Debug, Clone, Copy)]
 pub struct NormalEquations {
     /// Sum of squared whitened residuals.
     pub chi2: f64,
-    /// Jᵀr by rotation, r = observed − predicted.
+    /// Jᵀr for the rotation, r = observed − predicted.
     gradient_rotation: Vector3<f64>,
-    /// Jᵀr by translation.
+    /// Jᵀr for the translation.
     gradient_translation: Vector3<f64>,
-    /// JᵀJ, rotation with rotation.
+    /// JᵀJ, rotation × rotation.
     rotation_rotation: Symmetric3,
-    /// JᵀJ, rotation (rows) with translation (columns).
+    /// JᵀJ, rotation (rows) × translation (columns).
     rotation_translation: Matrix3<f64>,
-    /// JᵀJ, translation with translation.
+    /// JᵀJ, translation × translation.
     translation_translation: Symmetric3,
 }
 
@@ -97,7 +97,7 @@ impl<F: Fn(&PivotedPose) -> Option<NormalEquations>> LeastSquares for PoseCost<F
     }
 }
 
-/// Minimises a cost over poses. `evaluate` returns none where a point leaves the camera's field; for `alternative_chi2` see [`Tolerance`].
+/// Minimises a cost over poses. `evaluate` returns `None` where a point leaves the camera's field; for `alternative_chi2` see [`Tolerance`].
 #[inline]
 pub fn minimize_pose(
     start: PivotedPose,
@@ -108,7 +108,7 @@ pub fn minimize_pose(
 }
 
 impl NormalEquations {
-    /// All zero.
+    /// Returns zeros.
     #[inline]
     pub fn zero() -> Self {
         NormalEquations {
@@ -169,8 +169,8 @@ impl NormalEquations {
         self.translation_translation = sum(&self.translation_translation, &other.translation_translation);
     }
 
-    /// The same residuals where the motion they see is the pose's plus an unknown one of covariance S, the best of which is
-    /// eliminated: docs/math/rig_pose.md eqs. (5)–(6). None where the inverse does not exist.
+    /// Returns the equations if the observed motion is that of the pose plus an unknown one of covariance S, whose best value is eliminated:
+    /// docs/math/rig_pose.md eqs. (5)–(6). `None` where the inverse does not exist.
     pub(crate) fn with_uncertain_motion(&self, covariance: &Matrix6) -> Option<Self> {
         let (information, gradient) = (self.information(), self.gradient());
         let share = (Matrix6::identity() + information * covariance).try_inverse()?;
@@ -180,7 +180,7 @@ impl NormalEquations {
         Some(NormalEquations::from_parts(chi2, &eliminated, &information))
     }
 
-    /// From χ², Jᵀr and JᵀJ, which rounding may have left not quite symmetric.
+    /// Creates equations from χ², Jᵀr and JᵀJ, which may be slightly asymmetric because of rounding.
     pub(crate) fn from_parts(chi2: f64, gradient: &Vector6, information: &Matrix6) -> Self {
         let symmetric = |at: usize| {
             let entry =
@@ -197,13 +197,13 @@ impl NormalEquations {
         }
     }
 
-    /// Jᵀr.
+    /// Returns Jᵀr.
     pub(crate) fn gradient(&self) -> Vector6 {
         let (w, v) = (&self.gradient_rotation, &self.gradient_translation);
         Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z)
     }
 
-    /// The damped Gauss–Newton step and the decrease of χ² it promises; none when the damped matrix is not positive.
+    /// Returns the damped Gauss–Newton step and the promised decrease of χ²; `None` when the damped matrix is not positive.
     ///
     /// Translation is eliminated first: two 3×3 inverses by cofactors cost two divisions instead of six square roots.
     #[inline(always)] // also where the loop is built for more than one cost
@@ -222,12 +222,12 @@ impl NormalEquations {
         promised.is_finite().then(|| (Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z), promised))
     }
 
-    /// The fall of χ² that an undamped step promises; none where the points do not determine the pose.
+    /// Returns the decrease of χ² that an undamped step promises; `None` where the points do not determine the pose.
     pub(crate) fn promised(&self) -> Option<f64> {
         self.step(0.0).map(|(_, promised)| promised)
     }
 
-    /// JᵀJ by the motion about the pivot, `[rotation; translation]`.
+    /// Returns JᵀJ for the motion about the pivot, `[rotation; translation]`.
     pub fn information(&self) -> Matrix6 {
         let (rr, tt) = (&self.rotation_rotation, &self.translation_translation);
         Matrix6::from_fn(|i, j| match (i < 3, j < 3) {
@@ -238,15 +238,15 @@ impl NormalEquations {
         })
     }
 
-    /// Jᵀr by the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
+    /// Returns Jᵀr for the small left motion of the camera frame: the torque about the camera is that about the pivot plus c × force.
     pub fn gradient_at_camera(&self, pivot_in_cam: &Point) -> Vector6 {
         let f = &self.gradient_translation;
         let t = self.gradient_rotation + pivot_in_cam.cross(f);
         Vector6::new(t.x, t.y, t.z, f.x, f.y, f.z)
     }
 
-    /// Covariance (JᵀJ)⁻¹ of the small left motion of the camera frame, from that about the pivot:
-    /// ν_left = ν + c × ω. None where the points do not determine the pose.
+    /// Returns the covariance (JᵀJ)⁻¹ of the small left motion of the camera frame, from that about the pivot: ν_left = ν + c × ω. `None` where
+    /// the points do not determine the pose.
     pub fn covariance_at_camera(&self, pivot_in_cam: &Point) -> Option<Matrix6> {
         let tt = self.translation_translation.inverse()?;
         let gain = self.rotation_translation * tt;
@@ -295,7 +295,7 @@ impl Symmetric3 {
         Symmetric3([a * s, b, c, d * s, e, f * s])
     }
 
-    /// self − A Bᵀ, a product known to be symmetric.
+    /// Returns self − A Bᵀ, for a product known to be symmetric.
     #[inline(always)]
     fn minus_product(&self, a: &Matrix3<f64>, b: &Matrix3<f64>) -> Self {
         let p = |i: usize, j: usize| a[(i, 0)] * b[(j, 0)] + a[(i, 1)] * b[(j, 1)] + a[(i, 2)] * b[(j, 2)];
@@ -310,7 +310,7 @@ impl Symmetric3 {
         ])
     }
 
-    /// Inverse by cofactors; none when the matrix is not positive definite or not finite.
+    /// Returns the inverse by cofactors; `None` when the matrix is not positive definite or not finite.
     #[inline(always)]
     fn inverse(&self) -> Option<Matrix3<f64>> {
         let [a, b, c, d, e, f] = self.0;

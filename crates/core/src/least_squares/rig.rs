@@ -1,10 +1,11 @@
-//! The one loop on the poses of cameras, of targets on their bodies, and of every body in every view.
+//! The loop for the poses of cameras, of targets on their bodies, and of every body in every view.
 //!
-//! An observation depends on all three through one pose, cam_from_target, so its points are summed once, as for a single camera, and the 6×6
-//! sum is carried to each of the three by a motion matrix. A body's place in a view touches the observations of that view only: its block
-//! is eliminated (Schur complement); what is left is as large as cameras and targets. Derivation: docs/math/rig.md eqs. (2)–(8).
+//! An observation depends on all three through one pose, cam_from_target, so that its points are summed once, as for a single camera, and the
+//! 6×6
+//! sum is transformed to each of the three by a motion matrix. A body's pose in a view affects the observations of that view only: its block
+//! is eliminated (Schur complement); the remaining system has the size of cameras and targets. Derivation: docs/math/rig.md eqs. (2)–(8).
 //!
-//!   A  information of one body's place, 6×6   ·   C  shared block × body's place, 6×6   ·   a  gradient of a body's place
+//!   A  information about one body's pose, 6×6   ·   C  shared block × body's pose, 6×6   ·   a  gradient of a body's pose
 
 mod places;
 mod views;
@@ -15,7 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix};
 use places::Chain;
 pub use places::{RigGraph, RigLink, RigPoses};
 
-/// Gauss–Newton's view of the whole cost.
+/// The Gauss–Newton approximation of the whole cost.
 #[derive(Debug, Clone)]
 pub struct RigEquations {
     /// Sum of the costs of all residuals.
@@ -29,12 +30,12 @@ pub struct RigEquations {
     gradient: DVector<f64>,
 }
 
-/// A body's place in one view.
+/// A body's pose in one view.
 #[derive(Debug, Clone)]
 struct BodyBlock {
     information: Matrix6,
     gradient: Vector6,
-    /// Its couplings end here; they begin where the previous body's end.
+    /// End of its couplings, which begin where those of the previous body end.
     end: usize,
 }
 
@@ -45,10 +46,10 @@ struct Coupling {
     shared_body: Matrix6,
 }
 
-/// A minimum over all places.
+/// A minimum over all poses.
 pub type RigMinimum = Minimum<RigPoses, RigEquations>;
 
-/// A motion for each body in a view, and a change of all shared blocks.
+/// A motion of each body in a view, and a change of all shared blocks.
 #[derive(Debug)]
 pub struct RigStep {
     motions: Vec<Vector6>,
@@ -82,8 +83,8 @@ impl<F: Fn(&RigPoses) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> {
     }
 }
 
-/// Minimises a cost over all places. `evaluate` returns none where a point leaves its camera's field. The loop also ends where a step
-/// promises less than `tolerance_relative` of the cost.
+/// Minimises a cost over all poses. `evaluate` returns `None` where a point leaves its camera's field. The loop also ends where a step promises
+/// less than `tolerance_relative` of the cost.
 pub fn minimize_rig(
     start: RigPoses,
     graph: &RigGraph,
@@ -95,7 +96,7 @@ pub fn minimize_rig(
 }
 
 impl RigEquations {
-    /// The sums of all observations at `places`; `normal` gives those of one observation about its target's pivot.
+    /// Sums all observations at `places`; `normal` returns the sums of one observation about its target's pivot.
     pub fn new(
         places: &RigPoses,
         graph: &RigGraph,
@@ -186,8 +187,8 @@ impl RigEquations {
         &self.couplings[begin..self.bodies[body].end]
     }
 
-    /// Whether the observations of a body in a view determine its place, cameras and targets held: no motion's information vanishes, to
-    /// rounding, once the motions before it are free.
+    /// Returns whether the observations of a body in a view determine its pose, with cameras and targets fixed: no motion's information
+    /// vanishes, except for rounding, once the motions before it are free.
     pub fn determines(&self, body: usize) -> bool {
         const ROUNDING: f64 = 1e-10;
         let information = &self.bodies[body].information;
@@ -196,7 +197,7 @@ impl RigEquations {
         information.cholesky().is_some_and(|c| (0..6).all(|i| is_left(c.l_dirty(), i)))
     }
 
-    /// The step and its promise; none where the damped equations are not positive.
+    /// Returns the step and its promise; `None` where the damped equations are not positive.
     fn step(&self, damping: f64) -> Option<(RigStep, f64)> {
         let eliminated = self.eliminated(damping)?;
         let change = eliminated.reduced.solve(&eliminated.gradient);
@@ -212,7 +213,7 @@ impl RigEquations {
         promised.is_finite().then_some((RigStep { motions, change }, promised))
     }
 
-    /// The equations of the shared blocks alone; none where they or a body that takes part are undetermined.
+    /// Returns the equations of the shared blocks alone; `None` where they, or a body that takes part, are undetermined.
     pub fn eliminated(&self, damping: f64) -> Option<Eliminated> {
         let (mut information, mut gradient) = (self.information.clone(), self.gradient.clone());
         for i in 0..gradient.len() {
@@ -240,7 +241,8 @@ impl RigEquations {
         Some(Eliminated { reduced: information.cholesky()?, gradient, inverses })
     }
 
-    /// Covariance of the motion of each body's place about its pivot, the shared blocks having `covariance`; zero where it takes no part.
+    /// Returns the covariance of the motion of each body about its pivot, given the `covariance` of the shared blocks; zero where it takes no
+    /// part.
     pub fn body_covariances(&self, eliminated: &Eliminated, covariance: &DMatrix<f64>) -> Vec<Matrix6> {
         let of_body = |(body, inverse): (usize, &Matrix6)| {
             let couplings = self.couplings_of(body);
@@ -257,13 +259,13 @@ impl RigEquations {
         eliminated.inverses.iter().enumerate().map(of_body).collect()
     }
 
-    /// hᵀH⁻¹h, h what one more parameter and all places have in common: what its own information loses when they are free too.
+    /// Returns hᵀH⁻¹h, where h couples one more parameter with all poses: the information that the parameter loses when these are free too.
     pub fn lost_to_poses(&self, eliminated: &Eliminated, common: &Common) -> f64 {
         common.dot(&self.following(eliminated, common, false))
     }
 
-    /// H⁻¹h, h what one more parameter and all places have in common: with the opposite sign the motions of all places that follow a
-    /// change of it. Unless `all_bodies`, of coupled bodies only: the others are many, and rarely needed.
+    /// Returns H⁻¹h, where h couples one more parameter with all poses: the negated motions of all poses that follow a change of the parameter.
+    /// Unless `all_bodies` is set, of coupled bodies only: the others are many, and rarely needed.
     pub fn following(&self, eliminated: &Eliminated, common: &Common, all_bodies: bool) -> Common {
         let mut solved = self.without_bodies(eliminated, common);
         solved.shared = eliminated.reduced.solve(&solved.shared);
@@ -279,8 +281,8 @@ impl RigEquations {
         solved
     }
 
-    /// By how much the pose of an observation moves with `following`, of several at once, about its target's pivot; and its motion by each
-    /// shared block.
+    /// Returns the motions of an observation's pose with several `following` at once, about its target's pivot, and its motion with each shared
+    /// block.
     pub fn moved<const N: usize>(
         &self,
         places: &RigPoses,
@@ -301,12 +303,12 @@ impl RigEquations {
         (SMatrix::from_columns(&moved), [camera, target])
     }
 
-    /// Information and gradient of an observation's own pose.
+    /// Returns information and gradient of an observation's own pose.
     pub fn of_observation(&self, observation: usize) -> &(Matrix6, Vector6) {
         &self.observations[observation]
     }
 
-    /// h with the bodies' places eliminated, and A⁻¹h of each of those.
+    /// Returns h with the bodies' poses eliminated, and A⁻¹h for each of these.
     fn without_bodies(&self, eliminated: &Eliminated, common: &Common) -> Common {
         let mut reduced = common.shared.clone();
         let mut bodies = Vec::with_capacity(common.bodies.len());
@@ -324,23 +326,23 @@ impl RigEquations {
     }
 }
 
-/// JᵀWj of one more parameter with all places: j is the derivative of the prediction by it.
+/// JᵀWj of one more parameter with all poses: j is the derivative of the prediction with respect to it.
 #[derive(Debug, Clone)]
 pub struct Common {
-    /// Six rows a shared block.
+    /// Six rows per shared block.
     pub shared: DVector<f64>,
-    /// One entry a body in a view.
+    /// One entry for each body in a view.
     pub bodies: Vec<Vector6>,
 }
 
 impl Common {
-    /// Sum of the products of all numbers.
+    /// Returns the sum of the products of all elements.
     pub fn dot(&self, other: &Common) -> f64 {
         let of_bodies: f64 = self.bodies.iter().zip(&other.bodies).map(|(a, b)| a.dot(b)).sum();
         self.shared.dot(&other.shared) + of_bodies
     }
 
-    /// All zero.
+    /// Returns zeros.
     pub fn new(graph: &RigGraph) -> Self {
         let bodies = vec![Vector6::zeros(); graph.pivot_in_body.len()];
         Common { shared: DVector::zeros(6 * graph.n_blocks), bodies }
@@ -359,10 +361,10 @@ impl Common {
     }
 }
 
-/// The equations of the shared blocks alone, every body's place eliminated.
+/// The equations of the shared blocks alone, with every body's pose eliminated.
 #[derive(Debug)]
 pub struct Eliminated {
-    /// Factored.
+    /// The factored matrix.
     pub reduced: Cholesky<f64, Dyn>,
     gradient: DVector<f64>,
     inverses: Vec<Matrix6>,

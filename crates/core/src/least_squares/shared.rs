@@ -1,7 +1,7 @@
-//! The one loop on many poses together with parameters that all of them share (the camera's intrinsics).
+//! The loop for many poses together with parameters that all of them share (the camera's intrinsics).
 //!
-//! A view touches its own pose and the shared parameters only. Each pose is therefore eliminated by its own 6×6 block (Schur
-//! complement), and what is left to solve is as large as the shared parameters. Derivation: docs/math/frames.md eqs. (2)–(6).
+//! A view depends on its own pose and the shared parameters only. Each pose is therefore eliminated by its own 6×6 block (Schur complement), and
+//! the remaining system has the size of the shared parameters. Derivation: docs/math/frames.md eqs. (2)–(6).
 //!
 //!   A  JᵀWJ of one pose, 6×6   ·   B  JᵀWK, 6×k   ·   C  Σ KᵀWK, k×k   ·   a, c  the gradients JᵀWr, Σ KᵀWr
 
@@ -11,10 +11,10 @@ use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Vector2};
 
-/// Gauss–Newton's view of the whole cost.
+/// The Gauss–Newton approximation of the whole cost.
 #[derive(Debug, Clone)]
 pub struct SharedEquations {
-    /// Sum of squared whitened residuals over all views, and of what was known of the shared parameters before.
+    /// Sum of squared whitened residuals over all views, and of the prior of the shared parameters.
     pub chi2: f64,
     /// The part of `chi2` due to prior knowledge.
     pub prior_chi2: f64,
@@ -36,7 +36,7 @@ struct ViewBlocks {
     gradient: Vector6,
 }
 
-/// The equations of the shared parameters alone, every pose eliminated: (C − Σ BᵀA⁻¹B) η = c − Σ BᵀA⁻¹a.
+/// The equations of the shared parameters alone, with every pose eliminated: (C − Σ BᵀA⁻¹B) η = c − Σ BᵀA⁻¹a.
 #[derive(Debug, Clone)]
 pub struct Reduced {
     /// k×k, positive definite where the views determine all the parameters.
@@ -45,19 +45,19 @@ pub struct Reduced {
     pub gradient: DVector<f64>,
 }
 
-/// Many poses, and what they share.
+/// Many poses, and their shared parameters.
 #[derive(Debug, Clone)]
 pub struct SharedState {
-    /// The poses, one a view.
+    /// One pose for each view.
     pub places: Vec<PivotedPose>,
     /// The shared parameters, as changes from the start.
     pub change: DVector<f64>,
 }
 
-/// A minimum over poses and what they share.
+/// A minimum over poses and shared parameters.
 pub type SharedMinimum = Minimum<SharedState, SharedEquations>;
 
-/// A motion for each view and a change of the shared parameters.
+/// A motion for each view, and a change of the shared parameters.
 struct Step {
     motions: Vec<Vector6>,
     change: DVector<f64>,
@@ -96,8 +96,8 @@ where
     }
 }
 
-/// Minimises a cost over all poses and `n_shared` parameters that start at zero change. `evaluate` returns none where a point
-/// leaves the camera's field or the parameters make no camera.
+/// Minimises a cost over all poses and `n_shared` parameters that start at zero change. `evaluate` returns `None` where a point leaves the
+/// camera's field, or where the parameters are invalid.
 pub fn minimize_shared(
     places: Vec<PivotedPose>,
     n_shared: usize,
@@ -107,11 +107,11 @@ pub fn minimize_shared(
     minimize(&SharedCost::<_, _, STEPS> { evaluate, settle: |state| state }, start, &Tolerance::FINE)
 }
 
-/// Steps at most.
+/// Largest number of steps.
 const STEPS: usize = 100;
 
-/// The same from a state, with `settle` bringing each pose to its own minimum after every step. A frontal view of a plane, between its two
-/// solutions, is far from quadratic: the damping that it asks for would slow all others and what they share to a crawl.
+/// Minimises from a state, with `settle` moving each pose to its own minimum after every step. A frontal view of a plane, between its two
+/// solutions, is far from quadratic: the damping that it requires would slow all other poses and the shared parameters to a crawl.
 pub fn minimize_settled(
     start: SharedState,
     evaluate: impl Fn(&SharedState) -> Option<SharedEquations>,
@@ -121,7 +121,7 @@ pub fn minimize_settled(
 }
 
 impl SharedEquations {
-    /// All zero, no view yet.
+    /// Returns zeros, without views.
     pub fn new(n_shared: usize) -> Self {
         let (gradient, information) = (DVector::zeros(n_shared), DMatrix::zeros(n_shared, n_shared));
         SharedEquations {
@@ -134,12 +134,12 @@ impl SharedEquations {
         }
     }
 
-    /// Number of shared parameters.
+    /// Returns the number of shared parameters.
     pub fn n_shared(&self) -> usize {
         self.gradient.len()
     }
 
-    /// What is added from now on belongs to the next view.
+    /// Begins the next view, to which everything added from now on belongs.
     pub fn next_view(&mut self) {
         let pose_shared = self.gradient.iter().map(|_| Vector6::zeros()).collect();
         let (pose_pose, gradient) = (Matrix6::zeros(), Vector6::zeros());
@@ -174,7 +174,7 @@ impl SharedEquations {
             }
             *pull += x * wr.x + y * wr.y;
             let (wx, wy) = (weight.m11 * x + weight.m12 * y, weight.m21 * x + weight.m22 * y);
-            // All of a column: as fast as one triangle.
+            // Computing the whole column is as fast as one triangle.
             for ((entry, u), v) in column.iter_mut().zip(u).zip(v) {
                 *entry += u * wx + v * wy;
             }
@@ -193,12 +193,12 @@ impl SharedEquations {
         self.prior_information += information;
     }
 
-    /// χ² of each view.
+    /// Returns χ² of each view.
     pub fn chi2_of_views(&self) -> impl Iterator<Item = f64> + '_ {
         self.views.iter().map(|view| view.chi2)
     }
 
-    /// The equations of the shared parameters alone; none where a view does not determine its pose.
+    /// Returns the equations of the shared parameters alone; `None` where a view does not determine its pose.
     pub fn reduced(&self) -> Option<Reduced> {
         self.eliminated(0.0).map(|(reduced, _)| reduced)
     }
@@ -219,7 +219,7 @@ impl SharedEquations {
         self.views.iter().map(of_view).collect()
     }
 
-    /// The reduced equations and A⁻¹ of each view, damped.
+    /// Returns the reduced equations and A⁻¹ of each view, damped.
     fn eliminated(&self, damping: f64) -> Option<(Reduced, Vec<Matrix6>)> {
         let mut reduced = Reduced { information: self.information.clone(), gradient: self.gradient.clone() };
         for i in 0..self.gradient.len() {

@@ -32,27 +32,27 @@ pub use causes::HandEyeCause;
 
 /// The largest plausible noise of an orientation, rad (2 degrees).
 pub(crate) const MAX_GRIPPER_SIGMA_RAD: f64 = 0.035;
-/// The largest plausible noise of a position, over the larger of the gripper's travel and the distance of the target.
+/// The largest plausible noise of a position, relative to the larger of the gripper's travel and the distance of the target.
 pub(crate) const MAX_GRIPPER_SIGMA_BY_REACH: f64 = 0.02;
 
 /// Whether the camera or the target is on the gripper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mounting {
-    /// The camera moves with the gripper, the target stands still ("eye in hand"): carrier = hand, holder = base.
+    /// The camera moves with the gripper, the target is at rest ("eye in hand"): carrier = hand, holder = base.
     #[default]
     CameraOnGripper,
-    /// The target moves with the gripper, the camera stands still ("eye to hand"): carrier = base, holder = hand.
+    /// The target moves with the gripper, the camera is at rest ("eye to hand"): carrier = base, holder = hand.
     TargetOnGripper,
 }
 
-/// A pose of the target that fits what a view shows.
+/// A pose of the target that fits the observations of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
     /// x_in_cam = cam_from_target · x_in_target (x_in_rig for a rig).
     pub cam_from_target: Pose,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Matrix6,
-    /// χ² above that of the view's best pose.
+    /// Difference between its χ² and that of the view's best pose.
     pub delta_chi2: f64,
 }
 
@@ -61,13 +61,13 @@ pub struct Candidate {
 pub struct HandEyeView<'a> {
     /// The gripper's pose: x_in_base = base_from_gripper · x_in_hand.
     pub base_from_gripper: Pose,
-    /// 6×6 covariance of its small left motion, base frame; zero when exact. None: its noise is estimated from the views, orientation
-    /// and position each with one standard deviation for all such views.
+    /// 6×6 covariance of its small left motion, base frame; zero when exact. `None`: its noise is estimated from the views, with one standard
+    /// deviation for the orientation and one for the position of all such views.
     pub gripper_covariance: Option<Matrix6>,
     /// The poses of the target that fit this view, the best first; may be empty where `seen` is given.
     pub candidates: Vec<Candidate>,
-    /// The points behind them, for each camera of the rig (one camera: a rig of one, at the identity). Where given, the answer minimises
-    /// their reprojection error; where empty, the candidates stand for them.
+    /// The points behind them, for each camera of the rig (one camera: a rig of one, at the identity). Where they are given, the answer
+    /// minimises their reprojection error; where empty, the candidates are used instead.
     pub seen: &'a [RigView<'a>],
 }
 
@@ -85,7 +85,7 @@ pub struct Height {
 /// Settings of `solve_hand_eye`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HandEyeConfig {
-    /// What is on the gripper.
+    /// Whether camera or target is on the gripper.
     pub mounting: Mounting,
     /// A known coordinate of the camera's position.
     pub height: Option<Height>,
@@ -94,11 +94,11 @@ pub struct HandEyeConfig {
 /// The result of a view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandEyeViewResult {
-    /// Log(measured · solved⁻¹) of the view's pose, `[rotation_rad; translation_m]`, camera frame; none without a pose.
+    /// Log(measured · solved⁻¹) of the view's pose, `[rotation_rad; translation_m]`, camera frame; `None` without a pose.
     pub residual: Option<Vector6>,
-    /// Which of its candidates agrees best with the other views.
+    /// Index of the candidate that agrees best with the other views.
     pub candidate: Option<usize>,
-    /// Sum of squared residuals over their variances, of the pose (6 numbers), motion noise included.
+    /// Sum of squared residuals of the pose (6 numbers) over their variances, noise of the motion included.
     pub chi2: Option<f64>,
     /// Why it took no part.
     pub rejected: Option<RejectedView>,
@@ -108,9 +108,9 @@ pub struct HandEyeViewResult {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum RejectedView {
-    /// The target's pose could not be found.
+    /// The target's pose could not be computed.
     Unlocated(Error),
-    /// It contradicts the others: a flipped pose, a gripper pose of another view, a target that moved.
+    /// It contradicts the others: a flipped pose, a gripper pose of another view, or a target that moved.
     Contradicts,
 }
 
@@ -123,10 +123,10 @@ pub struct GripperNoise {
     pub sigma_m: f64,
 }
 
-/// The target's size as the gripper's motions measure it.
+/// The target's size as measured by the gripper's motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TargetSize {
-    /// Measured over stated.
+    /// Measured size divided by stated size.
     pub ratio: f64,
     /// Its standard deviation.
     pub sigma: f64,
@@ -135,7 +135,7 @@ pub struct TargetSize {
 /// Both unknown poses with their uncertainty, and the agreement of the views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandEye {
-    /// What was on the gripper.
+    /// Whether camera or target was on the gripper.
     pub mounting: Mounting,
     /// `cam_from_hand` for a camera on the gripper, `cam_from_base` for a target on the gripper.
     pub cam_from_carrier: Pose,
@@ -147,44 +147,44 @@ pub struct HandEye {
     pub holder_covariance: Matrix6,
     /// Covariance of both motions together, 12×12, `cam_from_carrier` first.
     pub joint_covariance: DMatrix<f64>,
-    /// One entry a view, in the order given.
+    /// One entry for each view, in the order given.
     pub views: Vec<HandEyeViewResult>,
-    /// Views that took part.
+    /// Number of views that took part.
     pub n_used: usize,
-    /// Sum of squared residuals over their variances: of pixels where views came with points, else of poses.
+    /// Sum of squared residuals over their variances: of pixels if the views have points, else of poses.
     pub chi2: f64,
-    /// Numbers used beyond the 12 unknowns.
+    /// Number of observations beyond the 12 unknowns.
     pub degrees_of_freedom: usize,
     /// Sum of squared residuals of the poses over their variances, the gripper's noise (stated or estimated) included.
     pub pose_chi2: f64,
-    /// Numbers of the poses beyond the 12 unknowns.
+    /// Number of observed pose components beyond the 12 unknowns.
     pub pose_degrees_of_freedom: usize,
-    /// Factor by which every covariance was widened because the poses disagree more than stated; 1 where they agree.
+    /// Factor by which every covariance was widened because the poses disagree more than their stated noise; 1 where they agree.
     pub noise_scale: f64,
-    /// The gripper's noise as estimated; none where every view states its own.
+    /// The estimated noise of the gripper; `None` where every view states its own.
     pub gripper_noise: Option<GripperNoise>,
-    /// The target's size by the gripper's motions; none where they do not determine it.
+    /// The target's size from the gripper's motions; `None` where they do not determine it.
     pub target_size: Option<TargetSize>,
     /// Whether the answer is inconsistent.
     pub is_inconsistent: bool,
-    /// The causes, the likely one first; empty where the answer is consistent.
+    /// The causes, the most likely first; empty where the answer is consistent.
     pub causes: Vec<HandEyeCause>,
-    /// Root mean square turns between used views about the three principal axes of their turning, rad, the largest first: the second decides
-    /// what is known.
+    /// Root mean square rotations between used views about the three principal axes, rad, the largest first: the second determines how much is
+    /// known.
     pub rotations_rad: [f64; 3],
 }
 
-/// The carrier and the holder from at least three robot poses.
+/// Solves for the poses of camera and target from at least three robot poses.
 ///
 /// # Errors
-/// `InvalidPose`, `InvalidSetting` and the errors of `locate_rig` about numbers name what is wrong; `TooFewMotions` with fewer than three
-/// views; `DegenerateMotion` when the gripper did not turn, or only about parallel axes with no `height` given; `ViewsDisagree` names what would bring
-/// views together that agree in no way.
+/// `InvalidPose`, `InvalidSetting` and the errors of `locate_rig` about numbers name what is wrong; `TooFewMotions` with fewer than three views;
+/// `DegenerateMotion` when the gripper did not rotate, or only about parallel axes without a `height`; `ViewsDisagree` names a change that would
+/// make views agree that otherwise do not.
 pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<HandEye, Error> {
     let settled = settled(views, config).map_err(|reason| explained(reason, views, config))?;
     let own = pixels(&settled);
     let level = Level::Points { pixel_scale: noise_scale(own.0, own.1) };
-    // Where the pixels cannot be followed, as with points beyond a lens's field, the poses stand for them.
+    // Where the pixels cannot be used, as for points outside a lens's field, the poses are used instead.
     let on_pixels = fit(&settled.fit.poses, &settled.known, &settled.used(), config, level).ok();
     let best = on_pixels.as_ref().unwrap_or(&settled.fit);
     let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
@@ -192,7 +192,7 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
     Ok(answer(&settled, best, verdict, config))
 }
 
-/// Views that no X and Z explain, with the likely cause.
+/// Explains views that no X and Z fit, with the likely cause.
 fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Error {
     if !matches!(reason, Error::NotConverged { .. }) {
         return reason;
@@ -215,7 +215,7 @@ fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Er
     Error::ViewsDisagree { likely }
 }
 
-/// The result of each view.
+/// Returns the result of each view.
 fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
     let mut results = settled.results.clone();
     for (view, known) in settled.known.iter().enumerate() {
@@ -234,8 +234,8 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
     results
 }
 
-/// The covariance of X and Z: the inverse information, what the uncertain noise and a small error of size add, widened where the poses
-/// disagree more than stated.
+/// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of a small error of size,
+/// widened where the poses disagree more than stated.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64) -> DMatrix<f64> {
     let mut covariance = &best.covariance + &settled.widening;
     if let Some(larger) = &verdict.small {

@@ -1,5 +1,5 @@
-//! The intrinsics of a camera from many views of known points, from nothing: focal length, principal point and as many coefficients of the lens
-//! as the views support, with their covariance; bad corners and views are named, and so is what the views do not determine.
+//! Estimates the intrinsics of a camera from many views of known points, without a start: focal length, principal point, and as many lens
+//! coefficients as the views support, with their covariance. Bad corners and views are named, and parameters that the views do not determine.
 //!
 //! ```text
 //! start      a focal length and poses, from homographies and a grid of focal lengths
@@ -46,45 +46,45 @@ use nalgebra::{DMatrix, Vector2};
 use robust::{Clean, clean};
 use select::{Local, Tried, best, ladder, rms_px, undetermined};
 
-/// What is asked for.
+/// The request for intrinsics.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct IntrinsicsConfig {
     /// Lens models.
     pub models: Models,
-    /// Where the noise comes from.
+    /// The source of the noise.
     pub noise: Noise,
     /// Whether the stretch and the bend of a flat target are estimated with the camera.
     pub target_shape: TargetShape,
-    /// Whether views show different targets; then nothing of their shapes is estimated or tested.
+    /// Whether views show different targets, whose shapes are then neither estimated nor tested.
     pub several_targets: bool,
-    /// Relative standard deviations of a printed target's lengths along x and y, as its rulers were measured; zeros where they were not. The
-    /// stretch of the print is estimated within them then.
+    /// Relative standard deviations of a printed target's lengths along x and y, from its rulers; zeros where they were not measured. The
+    /// stretch of the print is then estimated within them.
     pub scale_sigma: [f64; 2],
 }
 
 /// Whether the stretch and the bend of a flat target are estimated with the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TargetShape {
-    /// Where they are beyond doubt; a finding says so.
+    /// Estimated where they are certain; a finding reports it.
     #[default]
     ByEvidence,
     /// Always.
     Free,
-    /// Never; where they are beyond doubt the answer is inconsistent.
+    /// Never estimated; where they are certain the answer is inconsistent.
     Exact,
 }
 
-/// Fewest different views.
+/// Least number of different views.
 pub const LEAST_VIEWS: usize = 3;
-/// Most points of all views; more are refused.
+/// Largest number of points in all views; more are refused.
 pub const MOST_POINTS: usize = 2_000_000;
 
-/// What came of it.
+/// The result of the estimation.
 #[derive(Debug, Clone)]
 pub enum IntrinsicsOutcome {
     /// A camera.
     Solved(Box<SolvedIntrinsics>),
-    /// The views determine none.
+    /// The views determine no camera.
     Refused(Refusal),
 }
 
@@ -97,29 +97,29 @@ pub struct Refusal {
     pub skipped: Vec<SkippedFrame>,
 }
 
-/// A corner that takes no part.
+/// A corner that took no part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BadCorner {
     /// Its view.
     pub view: usize,
-    /// Its index in that view.
+    /// Its index in the view.
     pub point: usize,
-    /// Observed − predicted, px; none where the camera cannot see the point.
+    /// Observed − predicted, px; `None` where the camera cannot see the point.
     pub residual_px: Option<Vector2<f64>>,
 }
 
-/// A view that takes part.
+/// A view that took part.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntrinsicsView {
-    /// Index as given.
+    /// Its index in the input.
     pub view: usize,
     /// Its pose.
     pub cam_from_target: Pose,
-    /// 6×6 covariance of its small left motion, the uncertainty of the intrinsics included.
+    /// 6×6 covariance of its small left motion, including the uncertainty of the intrinsics.
     pub covariance: Matrix6,
     /// Root mean square of its residuals, px of one coordinate.
     pub rms_px: f64,
-    /// Corners that take part: pixel and residual (observed − predicted), px.
+    /// Corners that took part: pixel and residual (observed − predicted), px.
     pub residuals: Vec<(Pixel, Vector2<f64>)>,
 }
 
@@ -128,7 +128,7 @@ pub struct IntrinsicsView {
 pub struct SolvedIntrinsics {
     /// The camera.
     pub camera: Camera,
-    /// The lens model, and its estimated coefficients.
+    /// The lens model, and the coefficients that were estimated.
     pub choice: LensChoice,
     /// Covariance of the parameters, in the order of `Camera::parameters`; zero for coefficients that are not estimated.
     pub covariance: DMatrix<f64>,
@@ -142,22 +142,22 @@ pub struct SolvedIntrinsics {
     pub skipped: Vec<SkippedFrame>,
     /// Root mean square of all residuals, px of one coordinate.
     pub rms_px: f64,
-    /// Two for each corner, less six for each view, less what the views share.
+    /// Two for each corner, less six for each view, less the number of shared unknowns.
     pub degrees_of_freedom: usize,
     /// χ² with the stated sigmas.
     pub chi2: f64,
     /// Factor on the stated variances.
     pub noise_scale: f64,
-    /// Factor by which variances grew further, since views contradict each other.
+    /// Further factor on the variances, because views contradict each other.
     pub contradiction: f64,
     /// Every choice that was tried.
     pub tried: Vec<Evidence>,
-    /// Stretch (ratio), bends along x and y (metres) of the target with their standard deviations, where they were estimated; and its half
+    /// Stretch (ratio) and bends along x and y (metres) of the target with their standard deviations, where they were estimated; and its half
     /// width and height, metres.
     pub target_shape: Option<([[f64; 2]; 3], [f64; 2])>,
-    /// How far the target was tilted; none for targets that are not flat.
+    /// The tilts of the target; `None` for targets that are not flat.
     pub tilts: Option<Tilts>,
-    /// Where the corners are.
+    /// The distribution of the corners over the image.
     pub coverage: Coverage,
     /// The uncertainty of the projection over the image.
     pub projection: ProjectionUncertainty,
@@ -170,7 +170,7 @@ pub struct SolvedIntrinsics {
 }
 
 impl SolvedIntrinsics {
-    /// Standard deviations, in the order of `Camera::parameters`.
+    /// Returns standard deviations, in the order of `Camera::parameters`.
     pub fn sigmas(&self) -> Vec<f64> {
         self.covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
     }
@@ -181,7 +181,7 @@ impl SolvedIntrinsics {
         names.iter().map(|(name, _)| *name).filter(|name| self.choice.is_free(name)).collect()
     }
 
-    /// The gravest finding's weight.
+    /// Returns the severity of the most severe finding.
     pub fn severity(&self) -> Severity {
         self.findings.iter().map(Finding::severity).max().unwrap_or(Severity::Remark)
     }
@@ -209,7 +209,7 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
     }
     let is_deformed = |f: &Finding| matches!(f, Finding::Stretched { .. } | Finding::Bent { .. });
     if solved.findings.iter().any(is_deformed) {
-        // The target's shape is estimated with the camera then.
+        // The target's shape is then estimated together with the camera.
         match attempt(views, size, &IntrinsicsConfig { target_shape: free, ..*config })? {
             IntrinsicsOutcome::Solved(better) => solved = better,
             IntrinsicsOutcome::Refused(_) => return Ok(IntrinsicsOutcome::Solved(solved)),
@@ -221,7 +221,7 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
 }
 
 impl IntrinsicsConfig {
-    /// Standard deviation of height over width by the rulers; none where they were not measured.
+    /// Returns the standard deviation of height over width from the rulers; `None` where they were not measured.
     fn stretch_sigma(&self) -> Option<f64> {
         Some(self.scale_sigma[0].hypot(self.scale_sigma[1])).filter(|sigma| 0.0 < *sigma)
     }
@@ -294,7 +294,7 @@ fn check<V: AsRef<[Correspondence]>>(views: &[V], size: ImageSize) -> Result<(),
     Ok(())
 }
 
-/// Views that can be used, and why others cannot.
+/// The views that can be used, and the reasons why others cannot.
 struct Prepared<'a> {
     views: Vec<(usize, &'a [Correspondence])>,
     skipped: Vec<SkippedFrame>,
@@ -318,7 +318,7 @@ fn prepared<V: AsRef<[Correspondence]>>(views: &[V]) -> Prepared<'_> {
     Prepared { views: usable, skipped, copies }
 }
 
-/// A family with its fit without gross errors.
+/// A family of models with its fit without gross errors.
 struct Cleaned {
     family: Vec<LensChoice>,
     clean: Clean,
@@ -326,8 +326,8 @@ struct Cleaned {
     choice: Option<LensChoice>,
 }
 
-/// Every family with its fit without gross errors. A family after the first begins at the first's answer where that keeps nearly all corners
-/// and the family fits them no better: the search from nothing costs more than everything else.
+/// Fits every family without gross errors. Families after the first start at the first one's answer if it keeps nearly all corners and the
+/// family fits them no better: a search without a start costs more than everything else.
 fn cleaned_families(
     views: &[(usize, &[Correspondence])],
     size: ImageSize,
@@ -355,10 +355,10 @@ fn cleaned_families(
 
 /// Per cent of the corners.
 const NEARLY_ALL: usize = 97;
-/// A family that lowers χ² below this part fits other corners too: it is searched from nothing.
+/// A family with less than this share of χ² fits other corners too, and is searched without a start.
 const MUCH_LOWER: f64 = 0.8;
 
-/// A choice fitted to the corners of another's fit, its focal length and poses first.
+/// Fits a choice to the corners of another's fit, starting with its focal length and poses.
 fn from_another(other: &Fit, choice: &LensChoice, shape: Option<Shape>) -> Option<Fit> {
     let camera = choice.camera(&other.shared.camera).ok()?;
     let directions = choice.directions(&camera);
@@ -366,7 +366,7 @@ fn from_another(other: &Fit, choice: &LensChoice, shape: Option<Shape>) -> Optio
         .filter(|found| found.converged)
 }
 
-/// A family's fit without gross errors: with most of its coefficients where the views determine them, else with fewer.
+/// Fits a family without gross errors: with most of its coefficients where the views determine them, else with fewer.
 fn cleaned(
     views: &[(usize, &[Correspondence])],
     size: ImageSize,
@@ -397,35 +397,35 @@ fn cleaned(
     last
 }
 
-/// Variance of the noise in units of the stated one before anything is known of it: what is known of every lens then hardly pulls.
+/// Variance of the noise, in units of the stated one, before it is estimated: the prior of every lens then has hardly any effect.
 const LEAST_NOISE: f64 = 0.01;
-/// Coefficients while gross errors are sought: more are hardly ever determined before.
+/// Largest number of coefficients during the search for gross errors: more are rarely determined then.
 const MOST_AT_FIRST: usize = 5;
 
-/// The choice that the evidence picks.
+/// The choice selected by the evidence.
 struct Chosen {
     choice: LensChoice,
     fit: Fit,
     /// Every choice that was tried.
     tried: Vec<Evidence>,
-    /// Other choices of its family that may be as right: their weights and parameters. The weights and its own add up to one.
+    /// Other choices of its family that are possibly right: their weights and parameters. All weights add up to one.
     others: Vec<(f64, Local)>,
-    /// Its own parameters, as those of the others were found.
+    /// Its own parameters, computed in the same way as those of the others.
     own: Local,
 }
 
-/// The best choice of all families on the corners that the best family keeps.
+/// Returns the best choice of all families on the corners that the best family keeps.
 fn choose(families: &[Cleaned]) -> Option<Chosen> {
     let kept = |clean: &Clean| clean.fit.n_numbers();
     let cleans = || families.iter().map(|one| &one.clean);
     let widest = cleans().map(kept).max()?;
     let quality = |clean: &&Clean| rms_px(&clean.fit);
-    // Families that keep about as many corners are compared by their residuals.
+    // Families that keep about equally many corners are compared by their residuals.
     let among = cleans().filter(|clean| 95 * widest <= 100 * kept(clean));
     let common = among.min_by(|a, b| quality(a).total_cmp(&quality(b)))?;
     let mut tried: Vec<Vec<Tried>> = Vec::new();
     for Cleaned { family, clean, choice } in families {
-        // Of this family's own corners nothing has to be fitted anew.
+        // For this family's own corners nothing has to be fitted again.
         let is_own = std::ptr::eq(clean, common) || same_corners(&clean.fit, &common.fit);
         let known = choice.as_ref().filter(|_| is_own);
         let quick = known.and_then(|choice| select::compared(family, choice, &clean.fit));
@@ -459,7 +459,7 @@ fn choose(families: &[Cleaned]) -> Option<Chosen> {
     })
 }
 
-/// Whether two fits use the same corners of the same views.
+/// Returns whether two fits use the same corners of the same views.
 fn same_corners(a: &Fit, b: &Fit) -> bool {
     let used = |fit: &Fit| -> Vec<(usize, Vec<bool>)> {
         fit.seen.iter().map(|view| (view.view, view.weights.iter().map(|w| 0.0 < *w).collect())).collect()
@@ -467,7 +467,7 @@ fn same_corners(a: &Fit, b: &Fit) -> bool {
     used(a) == used(b)
 }
 
-/// All views under a fit's camera, at its poses where it has them: what was rejected may come back.
+/// Returns all views under a fit's camera, at its poses where it has them: rejected corners may be accepted again.
 fn everything(views: &[(usize, &[Correspondence])], fit: &Fit) -> Vec<Seen> {
     let of_view = |(view, points): &(usize, &[Correspondence])| {
         if let Some(known) = fit.seen.iter().find(|seen| seen.view == *view) {

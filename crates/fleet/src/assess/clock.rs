@@ -1,9 +1,9 @@
-//! Clocks: when the fleet as a whole was seen, and which camera's times cannot be.
+//! Tests clocks: the period of the fleet as a whole, and the cameras whose times are impossible.
 
 use crate::state::{CameraState, MOST_PERIODS};
 use crate::words::{duration, utc};
 
-/// When most cameras were seen.
+/// The period in which most cameras were seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FleetSpan {
     span_s: Option<(f64, f64)>,
@@ -11,11 +11,11 @@ pub struct FleetSpan {
     pub(super) period_s: f64,
 }
 
-/// Cameras of which one in so many may begin earlier, or end later, than the fleet.
+/// One in this many cameras may begin earlier, or end later, than the fleet.
 const ONE_IN: usize = 20;
 /// Periods by which a camera may be off the fleet before its clock is blamed.
 const OFF_PERIODS: f64 = 4.0;
-/// A camera whose clock is right is reported to have times that came twice at most once in so many records.
+/// For a camera with a correct clock, times that occur twice are falsely reported in at most one of this many records.
 const FALSE_ALARM_PROBABILITY: f64 = 1e-6;
 /// Rows of a period over those of the middle one of the others, in the mean over times that came twice.
 const TWICE: f64 = 1.6;
@@ -23,7 +23,7 @@ const TWICE: f64 = 1.6;
 const FEWEST: usize = 2;
 /// Rows of a period over those that the camera takes: more of them were taken while its clock stood still.
 const STANDS: f64 = 5.0;
-/// Fewer rows say nothing of a clock.
+/// With fewer rows the clock is not tested.
 const LEAST_ROWS: u64 = 5;
 /// No camera takes more images a second.
 const MOST_PER_S: f64 = 1e4;
@@ -36,29 +36,29 @@ impl FleetSpan {
         FleetSpan { span_s, period_s }
     }
 
-    /// Of all cameras together, by the first and last time of each; clocks that are off by years are too few to matter.
+    /// Computes the period from the first and last time of each camera; clocks that are off by years are too few to matter.
     pub fn of(cameras: impl Iterator<Item = (f64, f64)>, period_s: f64) -> Self {
         let (mut first, mut last): (Vec<f64>, Vec<f64>) = cameras.unzip();
         first.sort_by(f64::total_cmp);
         last.sort_by(f64::total_cmp);
-        // The middle one of all stands for a fleet whose cameras begin and end together.
+        // The median represents a fleet whose cameras begin and end together.
         let begin = first.get(first.len() / ONE_IN);
         let end = last.get((last.len() - last.len() / ONE_IN).saturating_sub(1));
         FleetSpan { span_s: begin.copied().zip(end.copied()), period_s }
     }
 
-    /// From where most cameras begin to where most end, seconds.
+    /// Returns the period from where most cameras begin to where most end, seconds.
     pub fn span_s(&self) -> Option<(f64, f64)> {
         self.span_s
     }
 
-    /// How long before the end of the fleet a camera was last seen, seconds.
+    /// Returns how long before the end of the fleet a camera was last seen, seconds.
     pub(super) fn silent_s(&self, camera: &CameraState) -> Option<f64> {
         let ((_, end), (_, last)) = (self.span_s?, camera.span_s?);
         Some(end - last)
     }
 
-    /// What is wrong with a camera's times, in a sentence.
+    /// Describes in a sentence what is wrong with a camera's times.
     pub(super) fn fault(&self, camera: &CameraState) -> Option<String> {
         let rows = camera.rows();
         if 0 < rows && rows < 2 * camera.without_time {
@@ -122,8 +122,8 @@ fn taken(counts: &[(i64, u64)]) -> Option<f64> {
     rows.get(3 * rows.len() / 4).map(|n| (*n as f64).max(1.0))
 }
 
-/// First and last period of the times that came twice, by their evidence in Poisson counts of twice the rate; none where chance explains them,
-/// or where other periods have more rows than the camera takes, too: then its rate is another than `taken`.
+/// Returns the first and last period of times that occur twice, from their evidence in Poisson counts of twice the rate; `None` where chance
+/// explains them, or where other periods have more rows than the camera takes, too: then its rate differs from `taken`.
 fn doubled_run(counts: &[(i64, u64)], taken: f64) -> Option<(i64, i64)> {
     let (mut best, mut run) = ((0.0, 0, 0), (0.0, 0, 0));
     let mut next = None;
@@ -154,7 +154,7 @@ fn mean_rows(counts: &[(i64, u64)], begin: i64, end: i64) -> f64 {
     rows as f64 / (end - begin + 1) as f64
 }
 
-/// A remark on a time that is no number of seconds.
+/// Returns the remark on a time that is not a number of seconds.
 pub fn unit_of_time(time_s: f64) -> Option<String> {
     let (divisor, unit) = match time_s.abs() {
         t if t < LATEST_S => return None,

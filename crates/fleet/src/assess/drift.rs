@@ -1,4 +1,4 @@
-//! Which motions the readings of a camera show.
+//! Determines the motions that the readings of a camera show.
 
 use super::AssessConfig;
 use super::events::{self, Motion, Moved};
@@ -9,20 +9,20 @@ use resight::core::temporal::monitor::learn::{LEAST_READINGS, LearnConfig, learn
 use resight::core::temporal::monitor::{Detectable, Monitor, MonitorConfig, Reading, Unrest, Unsettled};
 use resight::core::{Matrix6, Pose, Vector6};
 
-/// What the readings of a camera come to.
+/// The result for the readings of a camera.
 pub(super) struct Course {
-    /// The pose before any motion, or that of the whole record; none: too few readings.
+    /// The pose before any motion, or that of the whole record; `None` with too few readings.
     pub reference: Option<(Pose, Matrix6)>,
-    /// In order of time.
+    /// The motions in order of time.
     pub events: Vec<Motion>,
-    /// Where the camera is at the end in its own frame of the beginning, `[rotation_rad; translation_m]`, where more than one motion is reported.
+    /// The final pose of the camera in its own initial frame, `[rotation_rad; translation_m]`, where more than one motion is reported.
     pub now: Option<(Vector6, Matrix6)>,
     pub unrest: Option<Wander>,
     pub detectable: Option<Detectable>,
     pub readings: usize,
 }
 
-/// What is no step and no ramp, and yet no camera that stayed.
+/// A change that is neither a step nor a ramp.
 pub(super) enum Wander {
     /// To and fro, by more than the errors of a period: from the first quarter to the last. Steps that are likelier than an error that
     /// lasts, but not beyond doubt.
@@ -62,7 +62,7 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
             let reported = events::of_single(&found, &readings, state, period_s);
-            // Of a ramp whose ends do not differ nothing remains that continues.
+            // A ramp whose ends do not differ is not reported as continuing.
             match reported.chi2 < LEAST_CHI2 {
                 true => Course {
                     unrest: Some(Wander::ToAndFro { by: found.drift.old_from_new, likely: Vec::new() }),
@@ -78,7 +78,7 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
 /// Exceeded by χ² with six degrees of freedom once in a thousand.
 const LEAST_CHI2: f64 = 22.458;
 
-/// One camera in twenty that wanders is reported to have likely steps falsely, at most.
+/// Of cameras that wander, at most one in twenty is falsely reported to have likely steps.
 const LIKELY: f64 = 0.05;
 
 /// Steps whose evidence is beyond that of a probability of false alarms, each of its own; none where there is none, or where a single ramp is likelier.
@@ -105,7 +105,7 @@ fn several(
     events::reported(&record, &groups, readings, state, period_s)
 }
 
-/// The pose of the whole record, and what would have been found.
+/// Returns the pose of the whole record, and the motion that would have been found.
 fn steady(readings: &[Reading], correlated: &LearnConfig, period_s: f64, config: &AssessConfig) -> Course {
     let learned = learn(readings, correlated).ok();
     let detectable = learned.as_ref().and_then(|reference| {

@@ -1,4 +1,4 @@
-//! Motions in numbers: when, and how far from the pose before to the pose after.
+//! Motions in numbers: their time, and the change from the pose before to the pose after.
 
 use super::evidence::{Record, means};
 use super::readings::{mean, motion};
@@ -10,18 +10,18 @@ use resight::core::{Matrix6, Pose, Vector6};
 use serde::Serialize;
 use std::ops::Range;
 
-/// How far a camera moved, and when.
+/// The size and the time of a camera's motion.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Motion {
     /// `step`, `ramp`, `excursion` (away for a single period), or `pending` (a step that the last period alone shows).
     pub kind: &'static str,
     /// When it began, seconds.
     pub since_s: f64,
-    /// How uncertain that is, seconds.
+    /// The uncertainty of that time, seconds.
     pub since_sigma_s: f64,
     /// χ² of the motion with six degrees of freedom.
     pub chi2: f64,
-    /// Where the camera now is in its own old frame, about x right, y down, z forward, degrees.
+    /// The current pose of the camera in its own old frame, about x right, y down, z forward, degrees.
     pub rotation_deg: [f64; 3],
     /// Their standard deviations.
     pub rotation_sigma_deg: [f64; 3],
@@ -29,16 +29,16 @@ pub struct Motion {
     pub translation_m: [f64; 3],
     /// Their standard deviations.
     pub translation_sigma_m: [f64; 3],
-    /// The rotation if it only rotated about its own centre, which such a motion is mostly; none where it shifted too.
+    /// The rotation, if the camera only rotated about its own centre, as in most motions; `None` where it shifted too.
     pub rotation_alone_deg: Option<[f64; 3]>,
-    /// The size of that rotation, or of the whole one, and its standard deviation, degrees.
+    /// The angle of that rotation, or of the whole one, and its standard deviation, degrees.
     pub angle_deg: [f64; 2],
     /// The length of the shift and its standard deviation, metres.
     pub shift_m: [f64; 2],
 }
 
 impl Motion {
-    /// Whether more than one period shows that the camera went elsewhere.
+    /// Whether more than one period confirms the new pose.
     pub fn is_confirmed(&self) -> bool {
         matches!(self.kind, "step" | "ramp")
     }
@@ -83,7 +83,7 @@ impl Motion {
     }
 }
 
-/// Of a vector, with its standard deviation along itself.
+/// Returns the length of a vector, with its standard deviation along the vector.
 pub(super) fn length(v: &nalgebra::Vector3<f64>, covariance: &nalgebra::Matrix3<f64>) -> [f64; 2] {
     let norm = v.norm();
     let along = v / norm.max(f64::MIN_POSITIVE);
@@ -108,13 +108,13 @@ pub(super) fn groups(record: &Record, steps: &[usize]) -> Vec<Vec<usize>> {
 pub(super) struct Moved {
     /// The pose before any motion.
     pub reference: (Pose, Matrix6),
-    /// In order of time.
+    /// The motions in order of time.
     pub events: Vec<Motion>,
-    /// From the beginning to the end, where there is more than one.
+    /// The motion from the beginning to the end, where there is more than one.
     pub now: Option<(Vector6, Matrix6)>,
 }
 
-/// One event: the readings before it end, those after it begin.
+/// One event: it separates the readings before it from those after it.
 struct Border {
     before_end: usize,
     after_begin: usize,
@@ -155,7 +155,7 @@ fn border(record: &Record, group: &[usize], all: &[usize]) -> Border {
     Border { before_end: first, after_begin: last, excursion: (!is_between).then_some(first) }
 }
 
-/// The course with these events; none where a pose or a covariance is none.
+/// Returns the course with these events; `None` where a pose or a covariance is invalid.
 pub(super) fn reported(
     record: &Record,
     groups: &[Vec<usize>],
@@ -277,7 +277,7 @@ fn when(
     instant(readings, border, state, period_s).unwrap_or(coarse)
 }
 
-/// The share of the new pose in the two periods about a step; none where there is a gap, or noise hides it.
+/// Returns the share of the new pose in the two periods about a step; `None` where there is a gap, or where noise hides it.
 fn instant(readings: &[Reading], border: &Border, state: &CameraState, period_s: f64) -> Option<(f64, f64)> {
     // The two readings that may be means of both poses: the one before a step and the first after, or the one between.
     let (first, last) = match border.after_begin - border.before_end {

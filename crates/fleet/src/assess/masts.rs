@@ -1,20 +1,20 @@
-//! Cameras of one site that moved together: their mast moved, not the cameras.
+//! Finds cameras of one site that moved together: their mast moved, not the cameras.
 
 use super::verdict::{CameraVerdict, Found};
 use crate::cameras::Cameras;
 use crate::words::utc;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Cameras of a site whose motions fell at one time.
+/// Cameras of a site that moved at the same time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Together {
     /// The site's name, or its place.
     pub site: String,
     /// The cameras, by name.
     pub cameras: Vec<String>,
-    /// How many cameras of the site were tested.
+    /// Number of cameras of the site that were tested.
     pub of: usize,
-    /// Of the first motion and the last, seconds.
+    /// Times of the first and the last motion, seconds.
     pub span_s: (f64, f64),
 }
 

@@ -1,4 +1,4 @@
-//! Where the mean of readings steps: the best partition for a penalty a step, by dynamic programming.
+//! Finds the steps of the mean of readings: the best partition for a penalty per step, by dynamic programming.
 //!
 //! The penalty follows from the stated rate of false alarms; what lasts from reading to reading makes partitions of white noise too fine, so
 //! that those of larger and larger noise are candidates, among which the evidence decides: docs/math/fleet.md eqs. (13), (14).
@@ -7,9 +7,9 @@ use resight::core::Vector6;
 
 /// Exceeded by χ² with six degrees of freedom once in 5·10⁷: one of the 100 places of a day, once in 500,000 days.
 const PENALTY: f64 = 47.0;
-/// By how much the noise grows from candidate to candidate.
+/// Factor by which the noise grows from candidate to candidate.
 const GROWTH: f64 = 3.0;
-/// More steps are no motions of a camera on a mast.
+/// A larger number of steps is not due to motions of a camera on a mast.
 pub(super) const MOST: usize = 24;
 
 /// Sets of steps, each the first readings after them, from many to few. `whitened` have unit covariance where `weights` are one.
@@ -40,7 +40,7 @@ fn partition(costs: &Costs, penalty: f64) -> Vec<usize> {
         let all: Vec<(usize, f64)> = kept.iter().map(|begin| (*begin, total(*begin))).collect();
         let least = all.iter().min_by(|a, b| a.1.total_cmp(&b.1)).copied().unwrap_or((0, f64::INFINITY));
         (begins[end], best[end]) = least;
-        // What is worse by more than a step costs never becomes the best (Killick, Fearnhead and Eckley, 2012).
+        // A start that is worse by more than the penalty of a step never becomes the best (Killick, Fearnhead and Eckley, 2012).
         kept = all
             .into_iter()
             .filter(|(_, cost)| *cost <= best[end] + penalty)

@@ -41,7 +41,7 @@ fn scale(readings: &[Reading]) -> f64 {
     all.get(all.len() / 2).map_or(1.0, |median| median / MEDIAN)
 }
 
-/// Where a camera of the second pose is in its own frame of the first, `[rotation_rad; translation_m]`.
+/// Returns the camera of the second pose in its own frame of the first, `[rotation_rad; translation_m]`.
 pub(super) fn motion(from: &Pose, to: &Pose) -> Vector6 {
     (*from * to.inverse()).log()
 }

@@ -1,4 +1,4 @@
-//! One camera, judged.
+//! The judgement of one camera.
 
 use super::AssessConfig;
 use super::clock::FleetSpan;
@@ -13,7 +13,7 @@ use resight::core::{Matrix6, Pose, Vector6};
 use resight::report::verdict::Status;
 use serde::Serialize;
 
-/// What is to be said of a camera, the most urgent first.
+/// The verdict on a camera, the most urgent first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Found {
@@ -23,11 +23,11 @@ pub enum Found {
     WrongMap,
     /// It was seen, and then no more, or not at all.
     Dead,
-    /// Its times cannot be.
+    /// Its times are impossible.
     Clock,
     /// It moves to and fro by more than the errors of a period, as by diurnal variation.
     Wandering,
-    /// Too few poses to say anything.
+    /// It has too few poses for a verdict.
     TooFew,
     /// It is in the rows, but not in the table of cameras.
     Unknown,
@@ -50,7 +50,7 @@ impl Found {
         }
     }
 
-    /// Whether the answer may be relied on.
+    /// Returns whether the answer may be relied on.
     pub fn status(self) -> Status {
         match self {
             Found::Moved | Found::Steady | Found::Wandering => Status::Ok,
@@ -61,7 +61,7 @@ impl Found {
     }
 }
 
-/// A camera and what is to be said of it.
+/// A camera with its verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraVerdict {
     /// Its name.
@@ -72,8 +72,7 @@ pub struct CameraVerdict {
     pub message: String,
     /// Its motions, in order of time.
     pub events: Vec<Motion>,
-    /// Where it is at the end in its own frame of the beginning, `[rotation_rad; translation_m]`, with its covariance, where it moved more
-    /// than once.
+    /// Its final pose in its own initial frame, `[rotation_rad; translation_m]`, with its covariance, where it moved more than once.
     pub now: Option<(Vector6, Matrix6)>,
     /// The pose before any motion, and its covariance.
     pub cam_from_target: Option<(Pose, Matrix6)>,

@@ -1,4 +1,4 @@
-//! Our covariance of a camera's pose to that of `geometry_msgs/PoseWithCovariance`.
+//! Converts the covariance of a camera's pose to that of `geometry_msgs/PoseWithCovariance`.
 //!
 //! Ours is of ξ = [ω; ν] with cam_from_target ← Exp(ξ) · cam_from_target. ROS's is of the pose of the camera in the target frame:
 //! (x, y, z, turns about the fixed axes x, y, z of that frame), target_from_cam ← rotated by θ about its own origin, shifted by δ. Now
@@ -12,8 +12,8 @@
 
 use resight_core::{Matrix6, Pose};
 
-/// Covariance of (x, y, z, turns about x, y, z) of the camera's pose in the target frame, from that of `cam_from_target` (left motion
-/// `[rotation_rad; translation_m]` in the camera frame).
+/// Returns the covariance of (x, y, z, rotations about x, y, z) of the camera's pose in the target frame, from that of `cam_from_target` (left
+/// motion `[rotation_rad; translation_m]` in the camera frame).
 pub fn pose_covariance(target_from_cam: &Pose, covariance: &Matrix6) -> Matrix6 {
     let mut to_ros = Matrix6::zeros();
     to_ros.fixed_view_mut::<3, 3>(0, 3).copy_from(&-target_from_cam.rotation);

@@ -1,7 +1,7 @@
-//! Bytes of a message to values: CDR of ROS 2 (plain, first version, either byte order), ROS 1's own layout, and JSON.
+//! Decodes the bytes of a message to values: CDR of ROS 2 (plain, version 1, either byte order), ROS 1's own layout, and JSON.
 //!
-//! CDR: OMG DDSI-RTPS 2.3 section 10; four bytes say the byte order, then each number lies at a multiple of its size, counted from
-//! after them. ROS 1: the same without those four bytes and without gaps, little end first.
+//! CDR: OMG DDSI-RTPS 2.3 section 10; four bytes state the byte order, then each number is at a multiple of its size, counted from their end.
+//! ROS 1: the same without those four bytes and without gaps, little-endian.
 
 use super::definition::{Count, Definition, Field, Kind};
 use super::value::Value;
@@ -9,12 +9,12 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
 use std::borrow::Cow;
 
-/// Messages nested deeper are none of those read here.
+/// Messages that are nested deeper are not of the types read here.
 const MAX_DEPTH: usize = 16;
 /// Longest array of anything but bytes: as many values take 32 MB.
 const MAX_ELEMENTS: usize = 1 << 20;
 
-/// How the bytes of a message are laid out.
+/// The layout of the bytes of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
     /// ROS 2.

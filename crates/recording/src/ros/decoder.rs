@@ -1,4 +1,4 @@
-//! Which types of messages are read, and reading them.
+//! The types of messages that are read, and their decoder.
 
 use super::decode::{Layout, decode, from_json};
 use super::definition::Definition;
@@ -21,7 +21,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind of a type by its name; none for types that are not read.
+    /// Returns the kind of a type by its name; `None` for types that are not read.
     pub fn of(name: &str) -> Option<Self> {
         Some(match name.replace("/msg/", "/").as_str() {
             "sensor_msgs/Image" | "foxglove.RawImage" | "foxglove_msgs/RawImage" => Kind::Image,
@@ -37,12 +37,12 @@ impl Kind {
         })
     }
 
-    /// Whether it is an image.
+    /// Returns whether it is an image.
     pub fn is_image(self) -> bool {
         matches!(self, Kind::Image | Kind::CompressedImage)
     }
 
-    /// Whether it shows what a camera sees.
+    /// Returns whether it shows the camera's view.
     pub fn is_camera_message(self) -> bool {
         self != Kind::CameraInfo
     }

@@ -1,21 +1,21 @@
-//! Definitions of messages as text: `ros2msg` and `ros1msg`, the message itself first, then those that it is made of, each below a line
-//! of `=` and `MSG: package/Type`.
+//! Parses definitions of messages: `ros2msg` and `ros1msg`, the message itself first, then the types that it contains, each below a line of `=`
+//! and `MSG: package/Type`.
 
 use std::collections::BTreeMap;
 
-/// A longer text is no definition.
+/// A longer text is not a definition.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
-/// What a field holds.
+/// The type of a field.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Kind {
     /// `bool`.
     Bool,
-    /// A signed integer of so many bytes.
+    /// A signed integer with this number of bytes.
     Signed(usize),
-    /// An unsigned integer of so many bytes.
+    /// An unsigned integer with this number of bytes.
     Unsigned(usize),
-    /// A float of so many bytes.
+    /// A float with this number of bytes.
     Float(usize),
     /// `string`.
     Text,
@@ -25,14 +25,14 @@ pub enum Kind {
     Message(String),
 }
 
-/// How many of them.
+/// The number of values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Count {
     /// One value.
     One,
     /// An array of known length.
     Fixed(usize),
-    /// A sequence that says its length.
+    /// A sequence with a stored length.
     Sequence,
 }
 
@@ -41,9 +41,9 @@ pub enum Count {
 pub struct Field {
     /// Its name.
     pub name: String,
-    /// What it holds.
+    /// Type of the field.
     pub kind: Kind,
-    /// How many.
+    /// Number of values.
     pub count: Count,
 }
 

@@ -65,7 +65,7 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ),
 ];
 
-/// The definition of a type as `ros2msg`; none for types that are neither read nor written here.
+/// Returns the definition of a type as `ros2msg`; `None` for types that are neither read nor written here.
 pub(super) fn definition(name: &str) -> Option<String> {
     let name = name.replace("/msg/", "/");
     let (_, fields, parts) = KNOWN.iter().find(|(known, ..)| *known == name)?;

@@ -49,10 +49,10 @@ impl<'a> Value<'a> {
         })
     }
 
-    /// A whole number that is a size.
+    /// Returns a whole number that is a size.
     ///
     /// # Errors
-    /// As `number`.
+    /// The errors of `number`.
     pub fn count(&self, path: &str) -> Result<u32, String> {
         let x = self.number(path)?;
         match 0.0 <= x && x <= f64::from(u32::MAX) && x.fract() == 0.0 {
@@ -61,10 +61,10 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// A text.
+    /// Returns a text.
     ///
     /// # Errors
-    /// As `number`.
+    /// The errors of `number`.
     pub fn text(&self, path: &str) -> Result<&str, String> {
         match self.get(path) {
             Some(Value::Text(text)) => Ok(text),
@@ -73,10 +73,10 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Bytes.
+    /// Returns bytes.
     ///
     /// # Errors
-    /// As `number`.
+    /// The errors of `number`.
     pub fn bytes(&self, path: &str) -> Result<&[u8], String> {
         match self.get(path) {
             Some(Value::Bytes(bytes)) => Ok(bytes),
@@ -85,10 +85,10 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// A list of messages.
+    /// Returns a list of messages.
     ///
     /// # Errors
-    /// As `number`.
+    /// The errors of `number`.
     pub fn list(&self, path: &str) -> Result<&[Value<'a>], String> {
         match self.get(path) {
             Some(Value::List(list)) => Ok(list),
@@ -99,7 +99,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// When the message's content was taken, seconds; none where it does not say or says 0.
+    /// Returns the time of the message's content, seconds; `None` where it is missing or 0.
     pub fn stamp_s(&self) -> Option<f64> {
         let stamp = ["header.stamp", "timestamp"].iter().find_map(|path| self.get(path))?;
         let nanosecond = ["nanosec", "nsec"].iter().find_map(|name| stamp.number(name).ok())?;

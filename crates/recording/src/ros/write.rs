@@ -22,7 +22,7 @@ pub struct Transform {
 /// Level of a `diagnostic_msgs/DiagnosticStatus`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
-    /// All is well.
+    /// No fault.
     Ok = 0,
     /// Look at it.
     Warn = 1,
@@ -35,13 +35,13 @@ pub enum Level {
 /// One line of diagnostics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Status {
-    /// How bad.
+    /// Severity.
     pub level: Level,
-    /// Of what.
+    /// Name of the component.
     pub name: String,
-    /// In words.
+    /// The message.
     pub message: String,
-    /// Of which device.
+    /// The device.
     pub hardware_id: String,
     /// Numbers.
     pub values: Vec<(String, String)>,
@@ -93,10 +93,10 @@ impl<W: Write + Seek> RosWriter<W> {
         Ok(channel)
     }
 
-    /// Transforms that hold at a time, on `/tf`.
+    /// Writes transforms that are valid at a time, on `/tf`.
     ///
     /// # Errors
-    /// What the medium says; also below.
+    /// An error of the medium; so also below.
     pub fn transforms(&mut self, time_ns: u64, transforms: &[Transform]) -> Result<(), RecordingError> {
         self.write("/tf", "tf2_msgs/TFMessage", time_ns, tf_message(time_ns, transforms))
     }

@@ -1,4 +1,4 @@
-//! A rig: where should the next board go?
+//! Advice for a rig: where to show the next board.
 
 use super::maps::BoardMaps;
 use crate::Error;
@@ -12,33 +12,33 @@ use crate::core::{Pose, Target};
 use crate::formats::{NamedCamera, pose_between};
 use std::collections::BTreeMap;
 
-/// Places tried for each board.
+/// Number of poses tried for each board.
 const TRIED: usize = 3000;
 
 /// A question about boards.
 #[derive(Debug, Clone)]
 pub struct NextBoardRequest<'a> {
-    /// The cameras, with poses that are about right.
+    /// The cameras, with approximate poses.
     pub cameras: &'a [NamedCamera],
     /// The board.
     pub target: &'a Target,
-    /// Standard deviation of u and v.
+    /// Standard deviation of u and v, pixels.
     pub sigma_px: f64,
     /// rig_from_target of the boards seen so far.
     pub views: &'a [Pose],
-    /// How far from the cameras boards are held, from and to.
+    /// Shortest and longest distance between the cameras and a board.
     pub distance_m: [f64; 2],
-    /// The camera whose frame is the rig's; the first where none is given.
+    /// The camera whose frame is the frame of the rig; by default the first.
     pub reference: Option<&'a str>,
-    /// What to make small.
+    /// What to minimise.
     pub criterion: Criterion,
-    /// How many boards to plan, each with those before it taken as seen.
+    /// How many boards to plan; each is planned as if those before it had been observed.
     pub n_boards: usize,
     /// Whether to draw maps, which takes seconds.
     pub pictures: bool,
 }
 
-/// Where to show the next boards to a rig for the smallest uncertainty.
+/// Computes where to show the next boards to a rig so that its uncertainty becomes smallest.
 ///
 /// # Errors
 /// Cameras without an image size or without poses relative to each other; distances at which no board is seen by two cameras.
@@ -64,7 +64,7 @@ fn reference(request: &NextBoardRequest) -> Result<usize, Error> {
     })
 }
 
-/// Every camera in the frame of the reference.
+/// Returns all cameras with their poses in the frame of the reference camera.
 fn placed<'a>(
     request: &NextBoardRequest<'a>,
     reference: usize,

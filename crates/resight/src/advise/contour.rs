@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-/// A grid of values, row by row; none where there is no value.
+/// A grid of values, row by row; `None` where there is no value.
 pub(super) struct Grid<'a> {
     pub columns: usize,
     pub values: &'a [Option<f64>],
@@ -17,7 +17,7 @@ impl Grid<'_> {
         *self.values.get(row * self.columns + column)?
     }
 
-    /// Between the four neighbours of a place in grid units; none where one of them has no value.
+    /// Interpolates between the four neighbours of a position in grid units; `None` where one of them has no value.
     pub fn between(&self, x: f64, y: f64) -> Option<f64> {
         let last = |n: usize| (n.max(2) - 2) as f64;
         let (i, j) = (x.floor().clamp(0.0, last(self.columns)), y.floor().clamp(0.0, last(self.rows())));
@@ -27,7 +27,7 @@ impl Grid<'_> {
         Some((a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t)
     }
 
-    /// Segments of the line on which the value is `level`, grid units.
+    /// Returns segments of the line on which the value is `level`, in grid units.
     pub fn contour(&self, level: f64) -> Vec<[Vector2<f64>; 2]> {
         let cells = (1..self.rows()).flat_map(|j| (1..self.columns).map(move |i| (i - 1, j - 1)));
         cells.flat_map(|(i, j)| self.crossings(i, j, level)).collect()
@@ -53,7 +53,7 @@ impl Grid<'_> {
     }
 }
 
-/// About `wanted` round numbers between two positive ones: 1, 2, 5 of each decade, or finer where that gives too few.
+/// Returns about `wanted` round numbers between two positive numbers: 1, 2 and 5 of each decade, or finer ones where these are too few.
 pub(super) fn levels(least: f64, greatest: f64, wanted: usize) -> Vec<f64> {
     const LADDERS: [&[f64]; 4] = [
         &[1.0],
@@ -80,7 +80,7 @@ pub(super) fn levels(least: f64, greatest: f64, wanted: usize) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// The contour of a cone is a circle; every segment's ends lie on it to the grid's own error.
+    /// The contour of a cone is a circle: both ends of every segment lie on it to within the grid's own error.
     #[test]
     fn contour_of_a_cone_is_a_circle() {
         let values: Vec<Option<f64>> =

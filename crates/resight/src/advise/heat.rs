@@ -5,7 +5,7 @@ use crate::overlay::canvas::{Canvas, Color, Path, Pen};
 use crate::overlay::font;
 use nalgebra::Vector2;
 
-/// What the numbers of a map are.
+/// The quantity that a map shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Figure {
     /// Metres.
@@ -14,21 +14,21 @@ pub enum Figure {
     Angle,
 }
 
-/// What lies under a map.
+/// What a map is drawn over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Under {
     /// An image: pixels, v down.
     Image {
-        /// Its columns.
+        /// Number of columns.
         width_px: u32,
-        /// Its rows.
+        /// Number of rows.
         height_px: u32,
     },
     /// A plane seen from above: metres, the second axis up.
     Plan {
-        /// Least corner.
+        /// Corner with the smallest coordinates.
         least_m: [f64; 2],
-        /// Greatest corner.
+        /// Corner with the largest coordinates.
         greatest_m: [f64; 2],
         /// Names of the two axes.
         axes: [&'static str; 2],
@@ -38,43 +38,43 @@ pub enum Under {
 /// How a control point is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapMarkerKind {
-    /// What is there already.
+    /// A point that exists already.
     Known,
-    /// What is advised.
+    /// A point that is advised.
     Best,
-    /// A camera, and where it looks: towards `MapMarker::towards`.
+    /// A camera and its viewing direction, towards `MapMarker::towards`.
     Camera,
 }
 
-/// Something shown on a map, in its coordinates.
+/// A marker on a map, in the coordinates of the map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapMarker {
-    /// Where.
+    /// Position of the marker.
     pub at: [f64; 2],
     /// Its name, written beside it.
     pub name: String,
     /// How it looks.
     pub kind: MapMarkerKind,
-    /// For a camera: a place it looks at.
+    /// For a camera: the point that it looks at.
     pub towards: Option<[f64; 2]>,
 }
 
-/// A map.
+/// A map of one quantity, with markers and lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeatMap {
     /// First line.
     pub title: String,
     /// Further lines, below.
     pub notes: Vec<String>,
-    /// What the numbers are.
+    /// The quantity that the values are of.
     pub figure: Figure,
-    /// What lies under it.
+    /// What the map is drawn over.
     pub under: Under,
-    /// Cells in a row.
+    /// Number of cells in a row.
     pub columns: usize,
-    /// Values at the centres of the cells, row by row: from the top of an image, from the bottom of a plan. None where there is none.
+    /// Values at the centres of the cells, row by row: from the top of an image, from the bottom of a plan. `None` where a cell has no value.
     pub values: Vec<Option<f64>>,
-    /// What is shown on it.
+    /// Markers shown on the map.
     pub control_points: Vec<MapMarker>,
     /// Lines shown on it, such as the length to be measured.
     pub lines: Vec<[[f64; 2]; 2]>,
@@ -88,18 +88,18 @@ const DIM: Color = [165, 170, 180];
 const KNOWN: Color = [255, 255, 255];
 const BEST: Color = [255, 70, 90];
 const CAMERA: Color = [255, 180, 60];
-/// Dark blue (sure) by green to yellow (unsure): reads in grey too.
+/// Dark blue (certain) through green to yellow (uncertain); readable in grey too.
 const SCALE: [Color; 6] =
     [[48, 30, 110], [48, 80, 150], [33, 130, 142], [60, 175, 110], [150, 212, 64], [250, 230, 60]];
 /// The longer side of a map, canvas pixels.
 const SIDE: f64 = 860.0;
-/// Room left, above, right, below.
+/// Margins to the left, above, to the right and below.
 const LEFT: f64 = 92.0;
 const TOP: f64 = 46.0;
 const RIGHT: f64 = 150.0;
 const TEXT: f64 = 11.0;
 
-/// Draws a map.
+/// Draws a map on a canvas.
 pub fn draw(map: &HeatMap) -> Canvas {
     let (width, height) = map.size();
     let below = 66.0 + 22.0 * map.notes.len() as f64;
@@ -117,7 +117,7 @@ pub fn draw(map: &HeatMap) -> Canvas {
 }
 
 impl HeatMap {
-    /// Its least corner and extent, in its own coordinates.
+    /// Returns the corner with the smallest coordinates and the extent, in the coordinates of the map.
     fn extent(&self) -> ([f64; 2], [f64; 2]) {
         match self.under {
             Under::Image { width_px, height_px } => {
@@ -135,7 +135,7 @@ impl HeatMap {
         ((w * unit).max(240.0).round(), (h * unit).max(240.0).round())
     }
 
-    /// The numbers between which the colours run: the least, and what one cell in twenty exceeds.
+    /// Returns the range of the colours: from the smallest value to the one that a twentieth of the cells exceeds.
     fn range(&self) -> Option<[f64; 2]> {
         let mut all: Vec<f64> =
             self.values.iter().flatten().copied().filter(|v| 0.0 < *v && v.is_finite()).collect();
@@ -144,7 +144,7 @@ impl HeatMap {
         Some([least, most.max(least * 1.05)])
     }
 
-    /// Three figures: a scale from 12.1 to 12.9 mm must not read 12, 12, 13.
+    /// Writes a value with three significant figures, so that a scale from 12.1 to 12.9 mm does not read 12, 12, 13.
     fn words(&self, value: f64) -> String {
         let (value, unit) = match self.figure {
             Figure::Angle => (value.to_degrees(), "°"),
@@ -165,12 +165,12 @@ struct Sheet<'a> {
     width: f64,
     height: f64,
     range: Option<[f64; 2]>,
-    /// Places already written on.
+    /// Positions of the labels written already.
     labels: Vec<Vector2<f64>>,
 }
 
 impl Sheet<'_> {
-    /// Canvas place of a place of the map.
+    /// Returns the canvas position of a position on the map.
     fn place(&self, [x, y]: [f64; 2]) -> Vector2<f64> {
         let ([x0, y0], [w, h]) = self.map.extent();
         let (s, t) = ((x - x0) / w, (y - y0) / h);
@@ -178,7 +178,7 @@ impl Sheet<'_> {
         Vector2::new(LEFT + s * self.width, TOP + t * self.height)
     }
 
-    /// Canvas place of a place in grid units (cell centres at whole numbers).
+    /// Returns the canvas position of a position in grid units (cell centres are at whole numbers).
     fn grid_place(&self, p: &Vector2<f64>) -> Vector2<f64> {
         let ([x0, y0], [w, h]) = self.map.extent();
         let (columns, rows) = (self.map.columns as f64, self.grid().rows() as f64);
@@ -207,7 +207,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Place of a value on the scale, 0 to 1, by its logarithm.
+    /// Returns the position of a value on the logarithmic scale, 0 to 1.
     fn share(&self, value: f64) -> f64 {
         let Some([least, most]) = self.range else { return 0.0 };
         if value.is_nan() { 1.0 } else { ((value / least).ln() / (most / least).ln()).clamp(0.0, 1.0) }
@@ -224,14 +224,14 @@ impl Sheet<'_> {
     }
 
     fn levels(&self) -> Vec<f64> {
-        // Degrees are what is written, so degrees are what is round.
+        // Labels state degrees, so the levels are round numbers of degrees.
         let unit = if self.map.figure == Figure::Angle { 1f64.to_radians() } else { 1.0 };
         let Some([least, most]) = self.range else { return Vec::new() };
         levels(least / unit, most / unit, 4).into_iter().map(|v| v * unit).collect()
     }
 
     fn contours(&mut self) {
-        // Control points and their names stay readable.
+        // Contour labels keep away from the control points and their names, so that these stay readable.
         self.labels = self
             .map
             .control_points
@@ -247,7 +247,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Writes the value on the line, away from what is written already and from the edges.
+    /// Writes the value on the line, away from other labels and from the edges.
     fn label_contour(&mut self, segments: &[Path], text: &str) {
         let width = font::width(text, TEXT);
         let inside = |p: &Vector2<f64>| {
@@ -296,7 +296,7 @@ impl Sheet<'_> {
         self.write(&control_point.name, baseline, TEXT, color);
     }
 
-    /// Title, notes, border, ticks with numbers.
+    /// Draws the title, the notes, the border, and the ticks with their numbers.
     fn frame(&mut self) {
         let corner = |dx: f64, dy: f64| Vector2::new(LEFT + dx * self.width, TOP + dy * self.height);
         let border =
@@ -333,7 +333,7 @@ impl Sheet<'_> {
         self.canvas.stroke(&[vec![at, at + by]], Pen { color: DIM, width: 1.0, opacity: 1.0 });
     }
 
-    /// The colours with their numbers, to the right; grey is said to be nothing.
+    /// Draws the colours with their numbers to the right of the map, and explains that grey means no value.
     fn scale(&mut self) {
         let Some([least, most]) = self.range else { return };
         let (left, bar, top) = (LEFT + self.width + 22.0, 20.0, TOP + 24.0);
@@ -349,7 +349,7 @@ impl Sheet<'_> {
         let mut last = f64::INFINITY;
         for value in [vec![least], self.levels(), vec![most]].concat() {
             let y = top + height * (1.0 - self.share(value));
-            // Numbers that would stand on each other are left out.
+            // A number that would overlap another is left out.
             if 16.0 < last - y {
                 self.tick(Vector2::new(left + bar, y), Vector2::new(5.0, 0.0));
                 self.write(
@@ -385,7 +385,7 @@ fn diamond(centre: Vector2<f64>, radius: f64) -> Path {
         .collect()
 }
 
-/// A box with an opening towards what it looks at.
+/// Returns the outline of a camera symbol: a box with an opening towards the point that the camera looks at.
 fn camera_sign(at: Vector2<f64>, towards: Option<Vector2<f64>>) -> Vec<Path> {
     let ahead = towards.and_then(|t| (t - at).try_normalize(1e-9)).unwrap_or(-Vector2::y());
     let across = Vector2::new(-ahead.y, ahead.x);
@@ -395,7 +395,7 @@ fn camera_sign(at: Vector2<f64>, towards: Option<Vector2<f64>>) -> Vec<Path> {
     vec![path(&body), path(&hood)]
 }
 
-/// Four to nine round numbers within a range.
+/// Returns four to nine round numbers within a range.
 fn ticks(from: f64, to: f64) -> Vec<f64> {
     let step = crate::overlay::round_down_125((to - from) / 4.0);
     let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
@@ -403,7 +403,7 @@ fn ticks(from: f64, to: f64) -> Vec<f64> {
     if is_range { (first..=last).map(|i| i as f64 * step).collect() } else { Vec::new() }
 }
 
-/// Without zeros that say nothing.
+/// Formats a number without trailing zeros.
 fn number(x: f64) -> String {
     let text = format!("{x:.3}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -433,7 +433,7 @@ mod tests {
         }
     }
 
-    /// Colours follow the values, the second axis runs up, what has no value is grey, a control point is where its place is.
+    /// Colours follow the values, the second axis points up, cells without a value are grey, and a control point is drawn at its position.
     #[test]
     fn what_is_drawn_is_where_it_belongs() {
         let map = map();

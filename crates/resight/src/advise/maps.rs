@@ -1,4 +1,4 @@
-//! The maps: which figure stands in which cell.
+//! The maps: which quantity is computed for which cell.
 
 mod boards;
 
@@ -16,29 +16,29 @@ use nalgebra::Vector3;
 /// Cells along the longer side of a map.
 const CELLS: usize = 100;
 
-/// A further point on a level plane.
+/// The question for each cell: a further point on a level plane.
 pub struct FurtherPoint<'a> {
-    /// The view so far.
+    /// The view with the points so far.
     pub view: View<'a>,
     /// Names of its points.
     pub names: &'a [String],
-    /// Prepared for one more.
+    /// The view prepared for one more point.
     pub next: &'a NextPoint<'a>,
-    /// What is to become sure.
+    /// The quantity whose uncertainty is to become small.
     pub aim: Aim,
     /// Its name in a title.
     pub aim_name: &'a str,
     /// Height of the plane in the target frame.
     pub ground_z_m: f64,
-    /// x0, y0, x1, y1 of the region.
+    /// The region as x0, y0, x1, y1.
     pub region_m: [f64; 4],
     /// Ends of the length to be measured.
     pub length_m: Option<[f64; 4]>,
-    /// The places advised, best first.
+    /// The advised positions, best first.
     pub best: &'a [Point],
 }
 
-/// The shape of a grid over a box: columns, rows, cell centres row by row.
+/// Divides a box into a grid: returns the number of columns and the cell centres, row by row.
 fn cells(least: [f64; 2], greatest: [f64; 2]) -> (usize, Vec<[f64; 2]>) {
     let [w, h] = [greatest[0] - least[0], greatest[1] - least[1]];
     let count = |side: f64| ((CELLS as f64 * side / w.max(h)).round() as usize).clamp(24, CELLS);
@@ -71,7 +71,7 @@ impl FurtherPoint<'_> {
         (x0..=x1).contains(&x.x) && (y0..=y1).contains(&x.y)
     }
 
-    /// 2σ of the aim if the further point is at the cell, over the ground.
+    /// Returns a map over the ground: 2σ of the aim if the further point is in the cell.
     pub fn over_ground(&self) -> HeatMap {
         let (columns, centres, under) = self.ground();
         let at = |c: &[f64; 2]| Point::new(c[0], c[1], self.ground_z_m);
@@ -81,7 +81,8 @@ impl FurtherPoint<'_> {
         self.map(title, notes, self.figure(), under, columns, values)
     }
 
-    /// The same over the image: the further point is the ground under the pixel. None for a camera without an image.
+    /// Returns a map over the image: 2σ of the aim if the further point is the ground point at the pixel. `None` for a camera without an image
+    /// size.
     pub fn over_image(&self) -> Option<HeatMap> {
         let (columns, centres, under) = image_cells(self.view.camera)?;
         let at = |c: &[f64; 2]| self.seen_at(c).filter(|x| self.in_region(x)).and_then(|x| self.value(x));
@@ -91,7 +92,7 @@ impl FurtherPoint<'_> {
         Some(self.map(title, notes, self.figure(), under, columns, values))
     }
 
-    /// 2σ (worst direction) of a place on the ground pointed at in the image, for a pose of this covariance; over the ground.
+    /// Returns a map over the ground: 2σ in the worst direction of a ground point that is marked in the image, for a pose of this covariance.
     pub fn places_over_ground(&self, covariance: &Matrix6) -> HeatMap {
         let (columns, centres, under) = self.ground();
         let at = |c: &[f64; 2]| Point::new(c[0], c[1], self.ground_z_m);
@@ -101,7 +102,7 @@ impl FurtherPoint<'_> {
         self.map(title, notes, Figure::Length, under, columns, values)
     }
 
-    /// The same over the image.
+    /// Returns the same figure as [`Self::places_over_ground`], as a map over the image. `None` for a camera without an image size.
     pub fn places_over_image(&self, covariance: &Matrix6) -> Option<HeatMap> {
         let (columns, centres, under) = image_cells(self.view.camera)?;
         let at = |c: &[f64; 2]| self.seen_at(c).and_then(|x| self.place_value(&x, covariance));
@@ -132,7 +133,7 @@ impl FurtherPoint<'_> {
         self.plane().seen_at(self.view.camera, &self.view.cam_from_target, &Pixel::new(pixel[0], pixel[1]))
     }
 
-    /// The region, and the camera's foot where it stands near it.
+    /// Returns the grid over the region, widened to the points and the camera's foot point where these are near.
     fn ground(&self) -> (usize, Vec<[f64; 2]>, Under) {
         let [x0, y0, x1, y1] = self.region_m;
         let foot = self.view.cam_from_target.origin();
@@ -214,21 +215,22 @@ fn is_inside(under: &Under, [x, y]: &[f64; 2]) -> bool {
     (x0..=x1).contains(x) && (y0..=y1).contains(y)
 }
 
-/// Bent more than this a view has no one error bar: frontal, about where two tilts part.
+/// With a likelihood bent more strongly than this, one error bar does not describe a view: frontal views, about where two tilts separate.
 const MOST_BENT: f64 = 1.5;
 
-/// A target whose camera may stand anywhere.
+/// The question for each cell: a target seen by a camera whose pose is free.
 pub struct TargetMaps<'a> {
     /// The target.
     pub shape: &'a Shape,
-    /// The camera, and how well it is known.
+    /// The camera and the uncertainty of its intrinsics.
     pub optics: Optics<'a>,
     /// Where the camera may be.
     pub volume: Volume,
 }
 
 impl TargetMaps<'_> {
-    /// 2σ of the camera's position; none out of sight, where answers will be ambiguous, or where the likelihood is badly bent.
+    /// Returns 2σ of the camera's position; `None` where the target is out of view, the answer would be ambiguous, or the likelihood is badly
+    /// bent.
     fn value(&self, cam_from_target: Pose) -> Option<f64> {
         let view = self.optics.view(cam_from_target, &self.shape.points);
         let e = expect(&view).ok()?;
@@ -240,7 +242,7 @@ impl TargetMaps<'_> {
         0.5 * (range[0] + range[1])
     }
 
-    /// Over the image: the target's centre at the pixel, at the middle distance, tilt and direction of the volume.
+    /// Returns a map over the image: the target's centre is at the pixel, at the middle distance, tilt and direction of the volume.
     pub fn over_image(&self) -> Option<HeatMap> {
         let (columns, centres, under) = image_cells(self.optics.camera)?;
         let v = &self.volume;
@@ -267,8 +269,8 @@ impl TargetMaps<'_> {
         })
     }
 
-    /// Seen along the target's plane: the camera stands in the plane of the target's front normal (up in the image) and its x
-    /// axis (`along_x`) or its y axis, and looks at the target's centre.
+    /// Returns a map over a plane through the target: the camera is in the plane of the target's front normal (up in the image) and its x axis
+    /// (`along_x`) or y axis, and looks at the target's centre.
     pub fn around(&self, along_x: bool) -> HeatMap {
         let far = self.volume.distance_m[1];
         let (least_m, greatest_m) = ([-far, -0.08 * far], [far, 1.02 * far]);
@@ -309,7 +311,7 @@ impl TargetMaps<'_> {
         }
     }
 
-    /// The target's extent along the axis, about its centre.
+    /// Returns the target's extent along the axis, about its centre.
     fn outline(&self, along_x: bool) -> Vec<[[f64; 2]; 2]> {
         let k = if along_x { 0 } else { 1 };
         let centre = self.shape.centre()[k];

@@ -1,4 +1,4 @@
-//! Points measured so far: where should the next one go?
+//! Advice for measured points: where to put the next one.
 
 use super::maps::FurtherPoint;
 use super::read::MeasuredPoint;
@@ -15,19 +15,19 @@ use crate::core::{Camera, Correspondence, Matrix6, Pixel, Point, Pose};
 
 /// Cells along each side of a region.
 const CELLS: usize = 60;
-/// Places advised of a region.
+/// Number of positions advised in a region.
 const ADVISED: usize = 5;
-/// Places advised of a list.
+/// Number of positions advised from a list.
 const LISTED: usize = 20;
-/// Places advised keep this part of the region's diagonal from each other.
+/// Smallest distance between advised positions, as a part of the region's diagonal.
 const APART: f64 = 0.15;
 
-/// What is to become certain.
+/// The quantity whose uncertainty is to become small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AimFor {
-    /// The camera's position, worst direction.
+    /// The camera's position, in its worst direction.
     Place,
-    /// Its rotation, worst axis.
+    /// The camera's rotation, about its worst axis.
     Rotation,
     /// The length of [`NextPointRequest::length_m`].
     Length,
@@ -42,25 +42,25 @@ pub struct NextPointRequest<'a> {
     pub intrinsics_covariance: Option<&'a [f64]>,
     /// Points measured so far.
     pub points: &'a [MeasuredPoint],
-    /// Standard deviation of u and v.
+    /// Standard deviation of u and v, pixels.
     pub sigma_px: f64,
-    /// cam_from_target, about; by the points' pixels where none is given.
+    /// Approximate cam_from_target; by default solved from the points' pixels.
     pub pose: Option<Pose>,
-    /// The places to choose from; a grid over the region where none are given.
+    /// The positions to choose from; by default a grid over the region.
     pub candidates: Option<&'a [MeasuredPoint]>,
     /// Height of the ground in the target frame.
     pub ground_z_m: f64,
-    /// x0, y0, x1, y1 on the ground where the next point may go; around the points where none is given.
+    /// The region on the ground for the next point, as x0, y0, x1, y1; by default around the points.
     pub region_m: Option<[f64; 4]>,
     /// x1, y1, x2, y2: ends of a length that will be measured on the ground.
     pub length_m: Option<[f64; 4]>,
-    /// What to make certain; the length where there is one, else the position.
+    /// The quantity whose uncertainty is to become small; by default the length where one is given, else the position.
     pub aim: Option<AimFor>,
     /// Whether to draw maps, which takes seconds.
     pub pictures: bool,
 }
 
-/// Where to put the next point for the smallest uncertainty.
+/// Computes where to put the next point so that the uncertainty becomes smallest.
 ///
 /// # Errors
 /// A camera without an image size, points that give no pose, a region that the camera does not see.
@@ -75,7 +75,7 @@ pub fn advise_points(request: &NextPointRequest) -> Result<PointsAdvice, Error> 
     Question { request, cam_from_target, known, names, length, aim }.answer(remarks)
 }
 
-/// What an answer needs besides the request.
+/// What the answer needs besides the request.
 struct Question<'a> {
     request: &'a NextPointRequest<'a>,
     cam_from_target: Pose,
@@ -85,14 +85,14 @@ struct Question<'a> {
     aim: (Aim, &'static str),
 }
 
-/// Places to try, their names and the box they are in.
+/// The positions to try, their names, and the box that contains them.
 struct Candidates {
     known: Vec<KnownPoint>,
     names: Vec<String>,
     region_m: [f64; 4],
 }
 
-/// The pose stated, or the one that the points' pixels give.
+/// Returns the pose that the request states, or else solves it from the points' pixels.
 fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, Error> {
     if let Some(pose) = request.pose {
         return Ok(pose);
@@ -115,7 +115,7 @@ fn pose(request: &NextPointRequest, remarks: &mut Vec<String>) -> Result<Pose, E
         .map_err(|reason| Error::request(format!("the control points' pixels give no pose: {reason}")))?;
     let all: Vec<Pose> =
         answer.minima().filter(|h| h.is_alternative).map(|h| h.minimum.cam_from_target).collect();
-    // Of poses that fit alike, the one above the ground; the user can say otherwise.
+    // Of poses that fit about equally well, the one above the ground is taken; the user can state another.
     let above = |pose: &&Pose| request.ground_z_m < pose.origin().z;
     let taken = all.iter().find(above).copied().unwrap_or(answer.cam_from_target);
     if 1 < all.len() {
@@ -205,7 +205,7 @@ impl Question<'_> {
         Ok(Figures::new(&e, sigma_length, &layout_warnings(view, &e)))
     }
 
-    /// Of a region places apart from each other, of a list all.
+    /// Returns the best positions: of a region those apart from each other, of a list all.
     fn best(&self, candidates: &Candidates, ranked: &[(usize, Gain)]) -> Vec<usize> {
         let [x0, y0, x1, y1] = candidates.region_m;
         let (apart_m, most) = match self.request.candidates {
@@ -234,7 +234,7 @@ impl Question<'_> {
         })
     }
 
-    /// How much it matters: what the rest of the places would give.
+    /// Summarises what the other positions would give, which shows how much the choice matters.
     fn tried(&self, candidates: &Candidates, ranked: &[(usize, Gain)]) -> TriedPlaces {
         let is_clear = |(_, g): &&(usize, Gain)| NEEDED_SEPARATION_SIGMA <= g.separation_sigma;
         let clear = ranked.iter().filter(is_clear);
@@ -301,7 +301,7 @@ impl Question<'_> {
     }
 }
 
-/// The box of some points, widened by a part of its longer side.
+/// Returns the box around some points, widened by a part of its longer side.
 fn around(points: impl Iterator<Item = Point>, part: f64) -> [f64; 4] {
     let [mut x0, mut y0, mut x1, mut y1] =
         [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];

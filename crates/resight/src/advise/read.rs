@@ -1,4 +1,4 @@
-//! What advice is asked with besides cameras and targets: points and poses.
+//! Reads points and poses for the advice from files.
 
 use crate::core::target::KnownPoint;
 use crate::core::{Point, Pose};
@@ -8,18 +8,18 @@ use std::path::Path;
 /// A point of a CSV file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredPoint {
-    /// Column `id`, or its number.
+    /// The column `id`, or the number of the row.
     pub name: String,
-    /// Where, and how well that is known.
+    /// Its position and the uncertainty of that.
     pub known: KnownPoint,
-    /// Columns u_px, v_px, where both are there.
+    /// The columns `u_px` and `v_px`, where both have a value.
     pub pixel: Option<[f64; 2]>,
 }
 
-/// Rows beyond any survey.
+/// Largest number of rows; no survey has more.
 const MOST: usize = 100_000;
 
-/// Where the columns are.
+/// The positions of the columns.
 struct Columns<'a> {
     path: &'a Path,
     names: Vec<&'a str>,
@@ -29,7 +29,7 @@ struct Columns<'a> {
     image: Option<(usize, usize)>,
 }
 
-/// Points of a CSV file: columns x_m,y_m,z_m; optionally id, sigma_m, u_px and v_px.
+/// Reads the points of a CSV file: columns x_m, y_m, z_m; optionally id, sigma_m, u_px and v_px.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
@@ -90,7 +90,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// The poses under `key` (or its other names) of a file of JSON objects, one a line; a single object may take several lines.
+/// Reads the poses under `key` (or its other names) of a file of JSON objects, one per line; a single object may span several lines.
 ///
 /// # Errors
 /// What is wrong with the file, and in which object.

@@ -1,4 +1,4 @@
-//! A target over a volume: how uncertain, how often ambiguous, and which change helps?
+//! Advice for a target over a volume: how uncertain and how often ambiguous its poses are, and which change helps.
 
 use super::maps::TargetMaps;
 use crate::Error;
@@ -9,11 +9,11 @@ use crate::core::advise::change::{Tried, cost, tried};
 use crate::core::advise::volume::{Outlook, Shape, Volume, outlook, poses};
 use crate::core::{Camera, Target};
 
-/// Views tried over the whole volume, over each of its parts and for each change.
+/// Views tried over the whole volume, over each of its parts, and for each change.
 const VIEWS: usize = 1500;
 const VIEWS_OF_PART: usize = 400;
 const VIEWS_OF_CHANGE: usize = 600;
-/// Parts of the ranges of distance and tilt.
+/// Number of parts of the ranges of distance and tilt.
 const PARTS: usize = 3;
 
 /// A question about a target.
@@ -25,15 +25,15 @@ pub struct TargetRequest<'a> {
     pub intrinsics_covariance: Option<&'a [f64]>,
     /// The target.
     pub target: &'a Target,
-    /// Standard deviation of u and v.
+    /// Standard deviation of u and v, pixels.
     pub sigma_px: f64,
-    /// Where the camera may be.
+    /// The volume in which the camera may be.
     pub volume: Volume,
     /// Whether to draw maps, which takes seconds.
     pub pictures: bool,
 }
 
-/// How well a target is seen over a volume and its parts, and which change of it helps.
+/// Computes how well a target is observed over a volume and its parts, and which change of it helps.
 ///
 /// # Errors
 /// A camera without an image size.
@@ -95,7 +95,7 @@ fn change(rank: usize, tried: Tried, now: &Outlook) -> TargetChange {
     }
 }
 
-/// The volume cut by distance and by tilt.
+/// Divides the volume by distance and by tilt.
 fn parts(volume: &Volume) -> Vec<Volume> {
     let part = |[a, b]: [f64; 2], i: usize| {
         let at = |k: usize| a + (b - a) * k as f64 / PARTS as f64;

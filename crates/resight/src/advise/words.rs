@@ -1,4 +1,4 @@
-//! Doubts, faults and changes in sentences: the number seen, the number needed, what to do.
+//! Limits, faults and changes as sentences: the number seen, the number needed, and what to do.
 
 use crate::core::advise::FirstOrderLimit;
 use crate::core::advise::change::Change;
@@ -6,7 +6,7 @@ use crate::core::advise::layout::LayoutWarning;
 use crate::core::solve::line_plus_one::Weakness;
 use crate::report::words::{degrees, length};
 
-/// Why the figures of a view are not to be trusted.
+/// Explains why the figures of a view cannot be trusted.
 pub fn first_order_limit(first_order_limit: &FirstOrderLimit) -> String {
     match first_order_limit {
         FirstOrderLimit::Bent { ratio, allowed } => format!(
@@ -19,7 +19,7 @@ pub fn first_order_limit(first_order_limit: &FirstOrderLimit) -> String {
     }
 }
 
-/// What is wrong with a layout.
+/// Explains what is wrong with a layout.
 pub fn layout_warning(layout_warning: &LayoutWarning) -> String {
     match layout_warning {
         LayoutWarning::NearCollinear { width_ratio, needed } => format!(
@@ -55,7 +55,7 @@ fn tilt(angle_rad: f64) -> String {
     format!("{:.1}°", angle_rad.to_degrees())
 }
 
-/// `off_m[0] 0.1 → 0`: a change as the target file would show it.
+/// Writes a change with its key in the target file: `off_m[0] 0.1 → 0`.
 pub fn change(change: &Change) -> String {
     let number = |x: f64| {
         let text = format!("{x:.4}");
@@ -66,12 +66,12 @@ pub fn change(change: &Change) -> String {
     format!("{} {} → {}{larger}", change.key, number(change.from), number(change.to))
 }
 
-/// A standard deviation as a length or an angle; unbounded where it says nothing.
+/// Writes a standard deviation as a length; "unknown" from 1 km.
 pub fn sigma_m(x_m: f64) -> String {
     if x_m < 1e3 { length(x_m) } else { "unknown".into() }
 }
 
-/// As `sigma_m`, for a rotation.
+/// Writes a standard deviation as an angle; "unknown" from 90°.
 pub fn sigma_rad(angle_rad: f64) -> String {
     if angle_rad < std::f64::consts::FRAC_PI_2 { degrees(angle_rad) } else { "unknown".into() }
 }

@@ -14,7 +14,7 @@ pub enum CompareAnswer {
 }
 
 impl CompareAnswer {
-    /// Whether anything moved, known which or not.
+    /// Returns whether anything moved, even where it is not known what.
     pub fn has_moved(&self) -> bool {
         match self {
             CompareAnswer::Rigs(rigs) => rigs.verdict != Verdict::Unmoved,
@@ -38,7 +38,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// The word in JSON.
+    /// Returns the word used in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Verdict::Unmoved => "unmoved",
@@ -48,7 +48,7 @@ impl Verdict {
         }
     }
 
-    /// Whether the answer may be relied on.
+    /// Returns whether the answer may be relied on.
     pub(crate) fn status(self) -> Status {
         match self {
             Verdict::Unmoved | Verdict::Moved => Status::Ok,

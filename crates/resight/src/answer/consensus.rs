@@ -1,4 +1,4 @@
-//! Which points agree with a pose, where wrong ones were looked for.
+//! The points that agree with a pose, where wrong points were searched for.
 
 use crate::locate::NamedPoint;
 use resight_core::locate::{self, PoseEstimate};
@@ -29,11 +29,11 @@ pub struct Agreement {
     pub inliers: Vec<usize>,
 }
 
-/// Rows named in the text; the others are counted.
+/// Largest number of rows named in the text; further ones are only counted.
 const MAX_NAMED: usize = 5;
 
-/// The pose that most points agree with to within `threshold_px`. Four points of one name that form a square are a tag and agree all
-/// together or not at all.
+/// Finds the pose that most points agree with to within `threshold_px`. Four points of one name that form a square are the corners of one tag,
+/// and agree all together or not at all.
 pub(crate) fn locate_most(
     points: &[NamedPoint],
     seen: &[Correspondence],
@@ -52,21 +52,21 @@ pub(crate) fn locate_most(
 }
 
 impl Agreement {
-    /// Counts in `n_rows` rows, of which those given were looked at, in their order.
+    /// Converts row indices to those in `n_rows` rows, of which only `rows`, in their order, were searched.
     pub(crate) fn place_in_rows(&mut self, rows: &[usize], n_rows: usize) {
         self.inliers.iter_mut().for_each(|inlier| *inlier = rows[*inlier]);
         self.n_rows = n_rows;
     }
 
-    /// Counts in rows of which some repeat others: `first` holds for each row the first row that is equal to it, `kept` the rows that took
-    /// part. A row that repeats an inlier is an inlier.
+    /// Converts row indices to those in rows with repetitions: `first` holds for each row the first row that is equal to it, `kept` the rows
+    /// that took part. A row that repeats an inlier is an inlier.
     pub(crate) fn repeat_in_rows(&mut self, first: &[usize], kept: &[usize]) {
         let agrees: Vec<usize> = self.inliers.iter().filter_map(|i| kept.get(*i).copied()).collect();
         self.inliers = (0..first.len()).filter(|row| agrees.binary_search(&first[*row]).is_ok()).collect();
         self.n_rows = first.len();
     }
 
-    /// One sentence: how many agree, and the first few that do not.
+    /// Returns one sentence: how many rows agree, and the first few that do not.
     pub fn sentence(&self, names: &[String], unit: &str) -> String {
         let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();
         let out: Vec<usize> = (0..self.n_rows).filter(|row| !is_in(row)).collect();
@@ -87,7 +87,7 @@ impl Agreement {
     }
 }
 
-/// A label for each point: corners of one tag share one. None when there is no tag among them.
+/// Returns a label for each point, one for all corners of a tag; `None` when no tag is among the points.
 fn groups(points: &[NamedPoint]) -> Option<Vec<u32>> {
     let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
     points.iter().enumerate().for_each(|(i, point)| by_name.entry(&point.name).or_default().push(i));
@@ -100,7 +100,7 @@ fn groups(points: &[NamedPoint]) -> Option<Vec<u32>> {
     any.then_some(labels)
 }
 
-/// Four corners of a square, in any order, to a hundredth of its edge: of the six distances four are equal and two are their diagonals.
+/// Checks for four corners of a square, in any order, to a hundredth of its edge: of the six distances four are equal, two are its diagonals.
 fn is_square(points: &[NamedPoint], members: &[usize]) -> bool {
     let [a, b, c, d] = members[..] else { return false };
     let apart = |i: usize, j: usize| (points[i].seen.x_in_target - points[j].seen.x_in_target).norm();

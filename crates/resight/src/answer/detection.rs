@@ -60,7 +60,7 @@ impl DetectedPoint {
 }
 
 impl DetectionAnswer {
-    /// Of an image that cannot be read or searched.
+    /// Returns the answer for an image that cannot be read or searched.
     pub fn error(view: impl Into<String>, reason: impl Into<String>) -> Self {
         DetectionAnswer {
             status: Status::Error,
@@ -68,7 +68,7 @@ impl DetectionAnswer {
         }
     }
 
-    /// A message where nothing was found.
+    /// Builds the answer of one image, with a message where nothing was found.
     pub(crate) fn new(
         view: impl Into<String>,
         detections: Vec<DetectedPoint>,

@@ -9,7 +9,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 use std::borrow::Cow;
 
-/// Answers that serialise as another type have its schema.
+/// Gives each of these answers the schema of the type that it serialises as.
 macro_rules! serialised_as {
     ($($answer:ty => $object:ty),* $(,)?) => {$(
         impl JsonSchema for $answer {
@@ -38,7 +38,7 @@ serialised_as! {
 /// The schema of one answer.
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
-/// Every answer by the job that gives it.
+/// Every answer, with the name of its job.
 const ANSWERS: [(&str, Generate); 23] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
@@ -65,8 +65,8 @@ const ANSWERS: [(&str, Generate); 23] = [
     ("measure_network", SchemaGenerator::subschema_for::<measure::NetworkAnswer>),
 ];
 
-/// One document (JSON Schema 2020-12): an object is one of the answers below `answers`, each by the name of its job. `further` are answers of
-/// crates above this one.
+/// Returns one document (JSON Schema 2020-12), in which an object is one of the answers listed below `answers`, each under the name of its job.
+/// `further` adds the answers of crates above this one.
 pub fn json_schema(further: &[(&str, Generate)]) -> Value {
     let mut generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
     let all = ANSWERS.iter().chain(further);
@@ -85,7 +85,7 @@ pub fn json_schema(further: &[(&str, Generate)]) -> Value {
     })
 }
 
-/// The pose object with keys for image coordinates that are no pixels.
+/// Returns the schema of the pose object with keys for image coordinates that are not pixels.
 fn pose_in_unit(unit: &str) -> Value {
     let settings = SchemaSettings::draft2020_12().for_serialize().with(|s| s.inline_subschemas = true);
     let schema = settings.into_generator().into_root_schema_for::<pose::PoseObject>().to_value();

@@ -25,7 +25,7 @@ pub struct EstimatedFocal {
 }
 
 impl EstimatedFocal {
-    /// Of an estimate for images so wide.
+    /// Converts an estimate for images of this width.
     pub(crate) fn of(found: &FocalEstimate, width_px: u32) -> Self {
         let parameters = found.camera.parameters();
         let sigma = |(i, (name, _)): (usize, &(&'static str, f64))| {
@@ -42,7 +42,7 @@ impl EstimatedFocal {
         }
     }
 
-    /// In words: "focal length 1203 ± 14 px (estimated)".
+    /// Describes the focal length in words: "focal length 1203 ± 14 px (estimated)".
     pub fn words(&self) -> String {
         let field = self.horizontal_field_of_view_rad.to_degrees();
         let digits = digits(self.sigma_px);
@@ -57,7 +57,7 @@ impl EstimatedFocal {
     }
 }
 
-/// Digits behind the point that a standard deviation lets one write.
+/// Returns the number of decimals that a standard deviation justifies.
 fn digits(sigma_px: f64) -> usize {
     if sigma_px < 1.0 {
         2

@@ -26,13 +26,13 @@ pub enum HandEyeAnswer {
 pub struct SolvedHandEye {
     /// The solution.
     pub solution: HandEye,
-    /// What observes: `cam`, or `rig` for several cameras.
+    /// Name of the observer in the poses: `cam`, or `rig` for several cameras.
     pub eye: &'static str,
     /// The names of the solution's views.
     pub views: Vec<String>,
-    /// Views that took no part from the beginning, and why.
+    /// Views that never took part, with the reasons.
     pub left_out: Vec<(String, String)>,
-    /// Why the rig of several cameras is inconsistent; none where it is not, or where there is one camera.
+    /// Why the rig of several cameras is inconsistent; `None` where it is consistent, or where there is one camera.
     pub rig_contradiction: Option<String>,
 }
 
@@ -61,7 +61,7 @@ pub struct RejectedView {
 }
 
 impl HandEyeAnswer {
-    /// Whether it may be relied on.
+    /// Returns whether the answer may be relied on.
     pub fn status(&self) -> Status {
         match self {
             HandEyeAnswer::Solved(solved) => solved.status(),
@@ -69,7 +69,7 @@ impl HandEyeAnswer {
         }
     }
 
-    /// The poses, where there are any.
+    /// Returns the poses, where there are any.
     pub fn solved(&self) -> Option<&SolvedHandEye> {
         match self {
             HandEyeAnswer::Solved(solved) => Some(solved),
@@ -79,7 +79,7 @@ impl HandEyeAnswer {
 }
 
 impl SolvedHandEye {
-    /// Whether it may be relied on; no more than the rig that it rests on.
+    /// Returns whether the poses may be relied on; they are no better than the rig that they rest on.
     pub fn status(&self) -> Status {
         match self.solution.is_inconsistent || self.rig_contradiction.is_some() {
             true => Status::Inconsistent,
@@ -87,8 +87,8 @@ impl SolvedHandEye {
         }
     }
 
-    /// Names of the two poses: `cam_from_gripper` and `base_from_target`, with the camera at rest `cam_from_base` and
-    /// `gripper_from_target`; `rig` for `cam` where several cameras observe.
+    /// Returns the names of the two poses: `cam_from_gripper` and `base_from_target`, or, for a camera at rest, `cam_from_base` and
+    /// `gripper_from_target`; with `rig` instead of `cam` where several cameras observe.
     pub fn pose_names(&self) -> (String, &'static str) {
         match self.solution.mounting {
             Mounting::CameraOnGripper => (format!("{}_from_gripper", self.eye), "base_from_target"),
@@ -96,7 +96,7 @@ impl SolvedHandEye {
         }
     }
 
-    /// How well each view agrees with all.
+    /// Returns how well each view agrees with the solution of all views.
     pub fn agreements(&self) -> Vec<ViewAgreement> {
         let view = |(name, result): (&String, &HandEyeViewResult)| ViewAgreement {
             view: name.clone(),
@@ -108,7 +108,7 @@ impl SolvedHandEye {
         self.views.iter().zip(&self.solution.views).map(view).collect()
     }
 
-    /// Views without a counterpart, then those that the solver left out.
+    /// Returns the views without a counterpart, then those that the solver left out.
     pub fn rejected(&self) -> Vec<RejectedView> {
         let before = self
             .left_out
@@ -121,14 +121,14 @@ impl SolvedHandEye {
         before.chain(solver).collect()
     }
 
-    /// Why the answer is not to be believed, the likely cause first.
+    /// Explains why the answer cannot be trusted, the likely cause first.
     pub fn causes(&self) -> Vec<String> {
         let of_rig = self.rig_contradiction.iter();
         let of_rig = of_rig.map(|sentence| format!("the rig of cameras is inconsistent: {sentence}"));
         of_rig.chain(self.solution.causes.iter().map(HandEyeCause::to_string)).collect()
     }
 
-    /// One line: how many views agree, or the likely cause why the answer is not to be believed.
+    /// Returns one line: how many views agree, or the likely cause why the answer cannot be trusted.
     pub fn message(&self) -> String {
         let found = &self.solution;
         let used = format!("{} of {} views agree", found.n_used, found.views.len());

@@ -28,14 +28,14 @@ impl IntrinsicsAnswer {
         IntrinsicsAnswer { schema: SchemaNumber, kind: "intrinsics", status, cameras, remarks }
     }
 
-    /// The cameras whose intrinsics may be relied on, as a camera file holds them.
+    /// Returns the cameras whose intrinsics may be relied on, as a camera file holds them.
     pub fn reliable(&self) -> Vec<NamedCamera> {
         let ok = self.cameras.iter().filter(|camera| camera.status == Status::Ok);
         ok.filter_map(|camera| camera.camera.clone()).collect()
     }
 }
 
-/// The first status that is not `Ok`, else `Ok`.
+/// Returns the first status that is not `Ok`, or `Ok` if there is none.
 pub(crate) fn worst(statuses: impl IntoIterator<Item = Status>) -> Status {
     statuses.into_iter().find(|status| *status != Status::Ok).unwrap_or(Status::Ok)
 }

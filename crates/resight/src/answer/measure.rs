@@ -1,4 +1,4 @@
-//! The answer of the job that measures in photographs: one object a question, then one of the whole network.
+//! The answer of the job that measures in photographs: one object for each query, then one for the whole network.
 
 use super::{SchemaNumber, Status, TransformObject};
 use crate::core::multiview::network::{Constraint, ErrorSource, Measured, NetworkStatus};
@@ -7,12 +7,12 @@ use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, Sc
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// What a scene says of every question, and what the network behind the answers is worth.
+/// The answers to all queries of a scene, and the quality of the network behind them.
 #[derive(Debug, Clone)]
 pub struct MeasureAnswer {
-    /// The solution; none where there is none.
+    /// The solution; `None` where the network was refused.
     pub solved: Option<Answers>,
-    /// One a question, in order.
+    /// One answer for each query, in order.
     pub answers: Vec<QueryObject>,
     /// The network behind them.
     pub network: NetworkAnswer,
@@ -47,7 +47,7 @@ impl MeasureAnswer {
         }
     }
 
-    /// Whether the network and every answer may be relied on.
+    /// Returns whether the network and every answer may be relied on.
     pub fn is_ok(&self) -> bool {
         let is_ok = |status: NetworkStatus| status == NetworkStatus::Ok;
         self.solved.as_ref().is_some_and(|solved| {
@@ -194,7 +194,7 @@ fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) ->
     }
 }
 
-/// An answer without values.
+/// Returns an answer without values.
 fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: &str) -> QueryObject {
     QueryObject {
         schema: SchemaNumber,
@@ -208,7 +208,7 @@ fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: 
     }
 }
 
-/// Value, sigma and interval; one number each, or three for a position.
+/// Returns value, sigma and interval: one number each, or three for a position.
 fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_json::Value> {
     let one_or_three = |of: fn(&Measured) -> f64| match values {
         [one] => serde_json::Value::from(of(one)),

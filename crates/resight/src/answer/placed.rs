@@ -1,4 +1,4 @@
-//! Poses of cameras with what is known of their covariance, as JSON.
+//! Poses of cameras with their covariances, where known, as JSON.
 
 use super::{TransformObject, rows};
 use crate::core::{Matrix6, Pose};
@@ -21,7 +21,7 @@ pub(super) struct PlacedObject {
 }
 
 impl PlacedObject {
-    /// From the pose and the covariance of its small left motion.
+    /// Builds the object from a pose and the covariance of its small left motion.
     pub(super) fn of(cam_from_rig: &Pose, covariance: Option<&Matrix6>) -> Self {
         let sigma = covariance.map(sigmas);
         PlacedObject {
@@ -69,7 +69,7 @@ pub(super) struct JointObject {
 }
 
 impl JointObject {
-    /// Of these cameras, 6 rows each.
+    /// Builds the object for these cameras; the matrix has six rows for each.
     pub(super) fn of(cameras: Vec<String>, matrix: &DMatrix<f64>) -> Self {
         JointObject { cameras, matrix: matrix.row_iter().map(|row| row.iter().copied().collect()).collect() }
     }

@@ -18,46 +18,46 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// The answer about one view: status and sentence, and the pose where there is one. Serialises to the JSON object of the command line.
+/// The answer about one view: a status, a sentence, and the pose where there is one. Serialises to the JSON object of the command line.
 #[derive(Debug, Clone)]
 pub struct PoseAnswer {
-    /// Its name: the image's path, or the `view` column.
+    /// Name of the view: the image's path, or the `view` column.
     pub view: String,
     /// Status and sentence.
     pub verdict: Verdict,
     /// The pose, when there is one.
     pub estimate: Option<PoseEstimate>,
-    /// Which motion its points show least.
+    /// The motion that the points determine least.
     pub observability: Option<Observability>,
-    /// How many points there were.
+    /// Number of points.
     pub n_points: usize,
-    /// How many lines there were besides.
+    /// Number of lines.
     pub n_lines: usize,
     /// Unit of image coordinates: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
-    /// Root mean square of the standard deviations used, in that unit.
+    /// Root mean square of the standard deviations used, in `image_unit`.
     pub sigma_px: Option<f64>,
-    /// Root mean square of the standard deviations of the known points, metres; none when all are exact.
+    /// Root mean square of the standard deviations of the known points, metres; `None` when all points are exact.
     pub point_sigma_m: Option<f64>,
-    /// Standard deviations of the intrinsics used, as stated; none when they are exact.
+    /// Standard deviations of the intrinsics used, as stated; `None` when the intrinsics are exact.
     pub intrinsics_sigma: Option<BTreeMap<String, f64>>,
-    /// What these cost the position.
+    /// How much the uncertain intrinsics add to the uncertainty of the position.
     pub intrinsics_cost: Option<IntrinsicsCost>,
     /// The focal length, where it was estimated with the pose.
     pub estimated_focal: Option<EstimatedFocal>,
-    /// The measured scale of a printed target; none where the target's file states none.
+    /// The measured scale of a printed target; `None` where the target's file states none.
     pub printed_scale: Option<PrintedScaleObject>,
-    /// Name of the point with the largest residual, by index.
+    /// Names of the points; the index of the largest residual refers to them.
     pub names: Vec<String>,
-    /// The image size that the intrinsics are of, where they were scaled to another.
+    /// The image size for which the intrinsics were stated, where they were scaled to another.
     pub scaled_from_px: Option<[u32; 2]>,
-    /// What took no part, and why.
+    /// Inputs that took no part, with the reasons.
     pub skipped: Vec<String>,
-    /// Which rows agree, where wrong ones were looked for.
+    /// The rows that agree, where wrong rows were searched for.
     pub agreement: Option<Agreement>,
-    /// Likely causes where the points contradict each other, the best first.
+    /// Likely causes where the points contradict each other, the most likely first.
     pub causes: Vec<PointsCause>,
-    /// Tags of a map that are not where it says.
+    /// Tags that are not where the map states them.
     pub left_out: Vec<DisplacedTag>,
     /// Tags of a map that contradict each other.
     pub contradicting: Vec<u32>,
@@ -260,7 +260,7 @@ impl Serialize for PoseAnswer {
     }
 }
 
-/// One key of them.
+/// Converts one key.
 pub(super) fn key_in_unit(key: String, unit: &str) -> String {
     match key.strip_suffix("_px") {
         Some(stem) if key != "intrinsics_scaled_from_px" => format!("{stem}_{unit}"),
@@ -268,8 +268,8 @@ pub(super) fn key_in_unit(key: String, unit: &str) -> String {
     }
 }
 
-/// Keys end in the unit of their value: `rms_px` of normalised coordinates is `rms_normalized`, of a photogrammetric camera
-/// `rms_unit_of_f`. The size of the image stays in pixels.
+/// Renames the keys so that they end in the unit of their values: `rms_px` becomes `rms_normalized` for normalised coordinates, and
+/// `rms_unit_of_f` for a photogrammetric camera. The size of the image stays in pixels.
 pub(super) fn in_unit(value: Value, unit: &str) -> Value {
     match value {
         Value::Object(keys) => {
@@ -281,19 +281,19 @@ pub(super) fn in_unit(value: Value, unit: &str) -> Value {
 }
 
 impl PoseObject {
-    /// Whether it may be relied on.
+    /// Returns whether the pose may be relied on.
     pub fn status(&self) -> Status {
         self.status
     }
 }
 
 impl PoseAnswer {
-    /// Whether it may be relied on.
+    /// Returns whether the answer may be relied on.
     pub fn status(&self) -> Status {
         self.verdict.status
     }
 
-    /// A view that has no pose.
+    /// Returns the answer for a view that has no pose.
     pub fn without_pose(view: String, status: Status, message: impl Into<String>) -> Self {
         PoseAnswer {
             view,
@@ -320,7 +320,7 @@ impl PoseAnswer {
         }
     }
 
-    /// Its JSON object.
+    /// Returns the JSON object.
     pub fn json(&self) -> PoseObject {
         let e = self.estimate.as_ref();
         let sigma = e.map(|e| sigmas(&e.covariance));
@@ -469,7 +469,7 @@ fn geometry(g: &Geometry) -> GeometryObject {
     }
 }
 
-/// A 6×6 matrix row by row.
+/// Returns a 6×6 matrix row by row.
 pub fn rows(m: &Matrix6) -> [[f64; 6]; 6] {
     std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
 }

@@ -21,20 +21,20 @@ pub enum PoseGraphAnswer {
     Unsolved(Unsolved),
 }
 
-/// Cameras placed by pairs of them, with everything needed to report it.
+/// Cameras placed by relative poses of pairs, with everything needed to report them.
 #[derive(Debug, Clone)]
 pub struct SolvedPoseGraph {
     /// The cameras' names.
     pub cameras: Vec<String>,
     /// The pairs given.
     pub pairs: Vec<RelativePose>,
-    /// The camera whose frame is the rig's, index.
+    /// Index of the camera whose frame is the frame of the rig.
     pub reference: usize,
-    /// Each camera's pose, and the covariance of its small left motion where pairs show it.
+    /// The pose of each camera, and the covariance of its small left motion where the pairs determine it.
     pub cam_from_rig: Vec<(Pose, Option<Matrix6>)>,
-    /// Of chains: the cameras on the way from the reference to each.
+    /// For chains: the cameras on the path from the reference to each camera.
     pub paths: Option<Vec<Vec<usize>>>,
-    /// Of all pairs together: the solution.
+    /// The joint solution of all pairs; `None` for chains.
     pub solution: Option<PoseGraphSolution>,
     /// Whether the JSON object holds the covariance of all cameras together.
     pub joint_covariance: bool,
@@ -62,7 +62,7 @@ pub struct PairAgreement {
 }
 
 impl PoseGraphAnswer {
-    /// Whether it may be relied on.
+    /// Returns whether the answer may be relied on.
     pub fn status(&self) -> Status {
         match self {
             PoseGraphAnswer::Solved(solved) => solved.status(),
@@ -70,7 +70,7 @@ impl PoseGraphAnswer {
         }
     }
 
-    /// The cameras, where there are any.
+    /// Returns the cameras, where there are any.
     pub fn solved(&self) -> Option<&SolvedPoseGraph> {
         match self {
             PoseGraphAnswer::Solved(solved) => Some(solved),
@@ -80,12 +80,12 @@ impl PoseGraphAnswer {
 }
 
 impl SolvedPoseGraph {
-    /// Whether it may be relied on.
+    /// Returns whether the poses may be relied on.
     pub fn status(&self) -> Status {
         if self.contradiction().is_some() { Status::Inconsistent } else { Status::Ok }
     }
 
-    /// Why the pairs cannot all be right, the worst camera and pair named; a chain checks nothing.
+    /// Explains why the pairs cannot all be right, and names the worst camera and pair; `None` for a chain, which checks nothing.
     pub fn contradiction(&self) -> Option<String> {
         let s = self.solution.as_ref()?;
         let fault = s.verdict.fault?;
@@ -118,7 +118,7 @@ impl SolvedPoseGraph {
         ))
     }
 
-    /// How well each pair agrees with all, in the order given.
+    /// Returns how well each pair agrees with the solution, in the order given.
     pub fn agreements(&self) -> Vec<PairAgreement> {
         let object = |(i, pair): (usize, &RelativePose)| {
             let predicted = self.cam_from_rig[pair.b].0 * self.cam_from_rig[pair.a].0.inverse();
@@ -138,7 +138,7 @@ impl SolvedPoseGraph {
         self.pairs.iter().enumerate().map(object).collect()
     }
 
-    /// One line: how many cameras and pairs, and the pairs that contradict others.
+    /// Returns one line: the numbers of cameras and pairs, and the pairs that contradict others.
     pub fn message(&self) -> String {
         let suspicious = self.suspicious();
         let (n, m) = (self.cameras.len(), self.pairs.len());
@@ -153,13 +153,13 @@ impl SolvedPoseGraph {
         format!("{n} cameras from {m} pairs, {how}{contradicting}")
     }
 
-    /// Pairs that contradict the others, as `a-b`.
+    /// Returns the pairs that contradict others, as `a-b`.
     fn suspicious(&self) -> Vec<String> {
         let pairs = self.agreements().into_iter().filter(|pair| pair.is_suspicious);
         pairs.map(|pair| format!("{}-{}", pair.a, pair.b)).collect()
     }
 
-    /// The joint solution, where loops or stated sigmas say how well it is known.
+    /// Returns the joint solution, where loops or stated sigmas determine its covariance.
     fn known(&self) -> Option<&PoseGraphSolution> {
         self.solution.as_ref().filter(|s| s.noise_degrees_of_freedom != Some(0))
     }

@@ -33,19 +33,19 @@ pub enum RigAnswer {
 /// A rig with everything needed to report it.
 #[derive(Debug, Clone)]
 pub struct SolvedRig {
-    /// Question, solution, files and command line.
+    /// The request, the solution, the files and the command line.
     pub run: RigRun,
-    /// For each observation of a target the view it was taken in.
+    /// For each observation of a target: the view in which it was taken.
     pub taken_in: Vec<String>,
-    /// For each observation of a target the names of its points.
+    /// For each observation of a target: the names of its points.
     pub points: Vec<Vec<String>>,
-    /// Where the rig stands in the frame of the target at rest.
+    /// The pose of the rig in the frame of the target at rest.
     pub in_world: Option<InWorld>,
     /// Name of that target.
     pub world_target: Option<String>,
-    /// What took no part from the beginning.
+    /// What never took part, with the reasons.
     pub left_out: Vec<LeftOut>,
-    /// Frames that no other camera has a counterpart of.
+    /// Number of frames without a counterpart from another camera.
     pub n_alone: usize,
     /// What is unusual about files and observations.
     pub remarks: Vec<String>,
@@ -54,7 +54,7 @@ pub struct SolvedRig {
 }
 
 impl RigAnswer {
-    /// Whether it may be relied on.
+    /// Returns whether the answer may be relied on.
     pub fn status(&self) -> Status {
         match self {
             RigAnswer::Solved(solved) => solved.status(),
@@ -62,7 +62,7 @@ impl RigAnswer {
         }
     }
 
-    /// The rig, where there is one.
+    /// Returns the rig, where there is one.
     pub fn solved(&self) -> Option<&SolvedRig> {
         match self {
             RigAnswer::Solved(solved) => Some(solved),
@@ -72,12 +72,12 @@ impl RigAnswer {
 }
 
 impl SolvedRig {
-    /// Whether it may be relied on.
+    /// Returns whether the rig may be relied on.
     pub fn status(&self) -> Status {
         rig_status(&self.run.solution)
     }
 
-    /// The file of cameras with their poses and covariances that other commands read (TOML), its status in the first line.
+    /// Writes the file of cameras with poses and covariances that other commands read (TOML), with the status in its first line.
     ///
     /// # Errors
     /// A lens that the format cannot hold.
@@ -86,7 +86,7 @@ impl SolvedRig {
         Ok(with_status(&file, rig_verdict_sentence(&self.run).as_deref()))
     }
 
-    /// The covariance of all cameras together, where it is known.
+    /// Returns the covariance of all cameras together, where it is known.
     pub fn joint(&self) -> Option<JointCovariance> {
         let matrix = self.run.solution.joint_covariance.as_ref()?;
         let cameras: Vec<String> = self.run.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
@@ -94,9 +94,9 @@ impl SolvedRig {
     }
 }
 
-/// A file of cameras with its status in the first line, which commands that read it repeat.
+/// Adds the status as the first line of a camera file; commands that read the file repeat it.
 pub(super) fn with_status(file: &str, contradiction: Option<&str>) -> String {
-    // A single camera without a pose is no rig.
+    // A single camera without a pose is not a rig and needs no status.
     match file.contains("[[") {
         true => format!("{}{file}", status_keys(contradiction)),
         false => file.to_owned(),
@@ -266,7 +266,7 @@ fn object(solved: &SolvedRig) -> RigObject {
     }
 }
 
-/// The likely cause, in one word.
+/// Returns one word for the likely cause.
 fn cause_word(cause: Cause) -> &'static str {
     match cause {
         Cause::Intrinsics => "intrinsics",
@@ -316,7 +316,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
     solved.run.solution.cameras.iter().enumerate().map(object).collect()
 }
 
-/// Every two cameras, those that share views and those that others join.
+/// Returns every pair of cameras: those that share views, and those that are connected through others.
 fn pairs(solved: &SolvedRig) -> Vec<PairObject> {
     let s = &solved.run.solution;
     let n = s.cameras.len();
@@ -379,7 +379,7 @@ fn targets(solved: &SolvedRig) -> BTreeMap<String, TargetObject> {
     solved.run.solution.targets.iter().enumerate().map(object).collect()
 }
 
-/// The target whose frame is the body's.
+/// Returns the target whose frame is the frame of the body.
 fn first_target(solved: &SolvedRig, body: usize) -> String {
     let rig = &solved.run.rig;
     rig.targets.iter().find(|target| target.body == body).map_or_else(String::new, |t| t.name.clone())
@@ -395,7 +395,7 @@ fn input(input: &InputFile) -> InputObject {
     InputObject { path: input.path.clone(), sha256: input.sha256.clone() }
 }
 
-/// Six rows a camera, on request.
+/// Returns the joint covariance, six rows for each camera, where it was asked for.
 fn joint(solved: &SolvedRig) -> Option<JointObject> {
     let RigSolution { joint_covariance: Some(matrix), .. } = &solved.run.solution else { return None };
     let cameras = || solved.run.rig.cameras.iter().map(|camera| camera.name.clone()).collect();

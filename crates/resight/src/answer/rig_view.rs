@@ -1,6 +1,6 @@
-//! A rig as a viewer needs it, from files: the answer of `resight rig --json`, rig and camera files of any format, or both.
+//! A rig as a viewer needs it, read from the answer of `resight rig --json`, from rig and camera files of any format, or from both.
 //!
-//! The answer holds poses, counts and reasons; a rig file holds the lenses. Cameras of the two are joined by their names.
+//! The answer holds poses, counts and reasons; a rig file holds the lenses. Cameras of both are matched by their names.
 
 mod cameras;
 mod read;
@@ -16,7 +16,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tables::{PairRow, TargetPlace, ViewRow};
 
-/// Cameras of one view; a larger rig is looked at in parts.
+/// Largest number of cameras in one view; a larger rig is shown in parts.
 const MOST_CAMERAS: usize = 1000;
 
 /// What a viewer of a rig shows: metres, radians, the frame of the rig. Null where the files do not state it.
@@ -60,7 +60,7 @@ pub struct RigView {
     scale: Option<String>,
 }
 
-/// A rig as a viewer needs it; each file is a name and a text.
+/// Builds the view of a rig; each file is given as a name and its text.
 ///
 /// # Errors
 /// What is wrong with a file: no rig, two answers, two cameras of one name, numbers that no rig has.
@@ -80,7 +80,7 @@ pub fn rig_view(files: &[(&str, &str)]) -> Result<RigView, FileError> {
     }
 }
 
-/// The answer, with the lenses that rig files add.
+/// Builds the view from an answer, with the lenses that rig files add.
 fn of_answer(
     name: &str,
     answer: &Answer,
@@ -128,7 +128,7 @@ fn of_answer(
     })
 }
 
-/// Rig files alone.
+/// Builds the view from rig files alone.
 fn of_files(lenses: &read::Lenses, mut remarks: Vec<String>) -> Result<RigView, FileError> {
     let (reference, placed, unplaced) = lenses.placed()?;
     let stage = Stage::around(placed.iter().map(|one| one.origin_in_rig()), &[]);

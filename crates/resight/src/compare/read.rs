@@ -1,4 +1,4 @@
-//! What is compared: rigs and poses, from files of cameras and from the JSON of answers.
+//! Reads what is compared: rigs and poses, from files of cameras and from the JSON of answers.
 
 use crate::Error;
 use crate::core::{Matrix6, Pose};
@@ -10,16 +10,16 @@ use std::path::Path;
 /// One of the two calibrations.
 #[derive(Debug, Clone)]
 pub enum Compared {
-    /// Cameras relative to each other.
+    /// Cameras with poses relative to each other.
     Rig {
-        /// What messages call it, such as its file.
+        /// The name used in messages, such as the file.
         name: String,
         /// The cameras.
         rig: PlacedRig,
     },
     /// A pose for each view.
     Poses {
-        /// What messages call them.
+        /// The name used in messages, such as the file.
         name: String,
         /// The views.
         views: Vec<ViewPoses>,
@@ -34,22 +34,22 @@ impl Compared {
     }
 }
 
-/// What one view says about where its camera is.
+/// The poses of the camera in one view.
 #[derive(Debug, Clone)]
 pub struct ViewPoses {
     /// Its name.
     pub view: String,
-    /// cam_from_target and covariance of every pose that fits, the best first; none where there is no pose.
+    /// cam_from_target and its covariance for every pose that fits, the best first; empty where there is no pose.
     pub poses: Vec<(Pose, Matrix6)>,
 }
 
-/// Reads a file by its content: a rig (our own file, any camera file with poses, the JSON object of a rig) or poses (JSON Lines of
-/// pose answers). Second: what is unusual about it.
+/// Reads a file by its content: a rig (our own file, any camera file with poses, the JSON object of a rig) or poses (JSON Lines of pose
+/// answers). The second value lists what is unusual about the file.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
 pub fn read(path: &Path) -> Result<(Compared, Vec<String>), Error> {
-    // Folders and recordings are for the readers of rigs below.
+    // Folders and recordings are read by the readers of rigs below.
     let bytes = match path.is_dir() || crate::recording::is_recording(path) {
         true => Vec::new(),
         false => crate::input::read(path, crate::input::Kind::Results)?,
@@ -105,7 +105,7 @@ fn camera_file(path: &Path) -> Result<(PlacedRig, Vec<String>), Error> {
     Ok((rig, file.warnings))
 }
 
-/// What `rig --json` prints.
+/// Reads the object that `rig --json` prints.
 fn rig_object(object: &Value) -> Result<PlacedRig, String> {
     let cameras = object["cameras"].as_object().ok_or("`cameras` is no table")?;
     let place = |(name, camera): (&String, &Value)| -> Result<PlacedCamera, String> {
@@ -132,7 +132,7 @@ fn rig_object(object: &Value) -> Result<PlacedRig, String> {
     Ok(PlacedRig { noise_degrees_of_freedom, ..rig })
 }
 
-/// What `locate` and `solve` print for a view.
+/// Reads a line that `locate` or `solve` prints for a view.
 fn view(line: &Value) -> Result<ViewPoses, String> {
     let view = line["view"].as_str().unwrap_or("").to_string();
     if line["cam_from_target"].is_null() {

@@ -1,4 +1,4 @@
-//! Two rigs.
+//! Compares two rigs.
 
 use super::CompareOptions;
 use super::words::{motion, motion_sentence};
@@ -9,13 +9,13 @@ use crate::core::temporal::compare::{Correlation, Moved, RigComparison, RigPoses
 use crate::rig::names::natural;
 use crate::rig::places::PlacedRig;
 
-/// Alternatives named in words; the JSON names all.
+/// Largest number of alternatives named in the message; the JSON names all.
 const MAX_RIVALS: usize = 3;
 
-/// A rig and what messages call it.
+/// A rig with its name for messages.
 type Named<'a> = (&'a str, &'a PlacedRig);
 
-/// What moved.
+/// Determines what moved from one rig to the other.
 pub(super) fn compare(before: Named, after: Named, options: &CompareOptions) -> Result<RigsCompared, Error> {
     let (names, only_in_a, only_in_b) = matched(before.1, after.1);
     if names.len() < 2 {
@@ -53,7 +53,7 @@ pub(super) fn compare(before: Named, after: Named, options: &CompareOptions) -> 
     })
 }
 
-/// What is not stated of the cameras' common errors, and what the test does about it.
+/// Explains what the files do not state about the cameras' joint covariance, and what the test assumes instead.
 fn assumed(
     options: &CompareOptions,
     a: (&PlacedRig, &RigPoses),
@@ -88,7 +88,7 @@ fn verdict(found: &RigComparison) -> Verdict {
     }
 }
 
-/// Names in both, only before, only after; in order.
+/// Returns the names in both rigs, only in the first, and only in the second; sorted.
 fn matched(before: &PlacedRig, after: &PlacedRig) -> (Vec<String>, Vec<String>, Vec<String>) {
     let names = |rig: &PlacedRig| {
         let mut names: Vec<String> = rig.cameras.iter().map(|camera| camera.name.clone()).collect();

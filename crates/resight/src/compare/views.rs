@@ -1,4 +1,4 @@
-//! Poses of the same views.
+//! Compares poses of the same views.
 
 use super::CompareOptions;
 use super::read::ViewPoses;
@@ -9,7 +9,7 @@ use crate::answer::compare::{Verdict, ViewCompared};
 use crate::core::temporal::compare::{Moved, compare_poses};
 use std::path::Path;
 
-/// View by view. The probability of a false alarm is shared among the views.
+/// Compares view by view. The probability of a false alarm is divided among the views.
 pub(super) fn compare(
     before: &[ViewPoses],
     after: &[ViewPoses],
@@ -50,7 +50,7 @@ fn one(a: &ViewPoses, b: &ViewPoses, alpha: f64) -> Result<ViewCompared, Error> 
     })
 }
 
-/// Of all poses that fit the two views, the two nearest each other: an ambiguous view that could have stayed has not moved.
+/// Compares the two poses nearest to each other among all that fit the two views: an ambiguous view that may be unmoved counts as unmoved.
 fn nearest(a: &ViewPoses, b: &ViewPoses) -> Result<Option<Moved>, Error> {
     let mut nearest: Option<Moved> = None;
     for before in &a.poses {
@@ -64,7 +64,7 @@ fn nearest(a: &ViewPoses, b: &ViewPoses) -> Result<Option<Moved>, Error> {
     Ok(nearest)
 }
 
-/// Views of one name, else of one file name whatever the folder; two single views whatever their names.
+/// Pairs views of equal name, else of equal file name in any folder; two single views are paired whatever their names.
 fn pairs<'a>(before: &'a [ViewPoses], after: &'a [ViewPoses]) -> Vec<(&'a ViewPoses, &'a ViewPoses)> {
     if let ([a], [b]) = (before, after) {
         return vec![(a, b)];

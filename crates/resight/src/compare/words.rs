@@ -1,4 +1,4 @@
-//! A motion in words: how far, which way, about which axis, and with which uncertainty.
+//! Describes a motion in words: its length, direction and axis, and their uncertainties.
 
 use crate::answer::compare::Motion;
 use crate::answer::pose::rows;
@@ -6,7 +6,7 @@ use crate::core::temporal::compare::Moved;
 use crate::report::verdict::figures;
 use crate::report::words::{decimals, degrees, length};
 
-/// A motion with its test.
+/// Converts a motion with its test.
 pub(super) fn motion(moved: &Moved) -> Motion {
     let figures = Figures::of(moved);
     Motion {
@@ -25,20 +25,20 @@ pub(super) fn motion(moved: &Moved) -> Motion {
 
 /// Lengths and angles of a motion with their standard deviations.
 struct Figures {
-    /// How far, m.
+    /// Length of the translation, m.
     moved_m: f64,
-    /// Along that way, m.
+    /// Standard deviation of that length, m.
     moved_sigma_m: f64,
-    /// By how much it turned, rad.
+    /// Angle of the rotation, rad.
     rotation_rad: f64,
-    /// About that axis, rad.
+    /// Standard deviation of the angle about its axis, rad.
     rotation_sigma_rad: f64,
-    /// About which, in its own old frame; none where it rotated by less than twice its standard deviation.
+    /// Axis of the rotation in the old camera frame; `None` where the angle is less than twice its standard deviation.
     axis: Option<[f64; 3]>,
 }
 
 impl Figures {
-    /// Of a motion.
+    /// Computes the figures of a motion.
     fn of(moved: &Moved) -> Self {
         let xi = moved.old_from_new.log();
         let turn = [xi[0], xi[1], xi[2]];
@@ -50,7 +50,7 @@ impl Figures {
     }
 }
 
-/// Length of a vector and its standard deviation along itself; across all where it is nothing.
+/// Returns the length of a vector and its standard deviation along the vector; over all directions where the length is zero.
 fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
     let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     let c = |i: usize, j: usize| moved.covariance[(first + i, first + j)];
@@ -64,12 +64,12 @@ fn along(v: [f64; 3], moved: &Moved, first: usize) -> (f64, f64) {
     (norm, variance.max(0.0).sqrt())
 }
 
-/// `moved by 12.3 mm ± 200 µm (…), rotated by 0.42° ± 0.01° (…); χ² 812 …`.
+/// Describes a motion: `moved by 12.3 mm ± 200 µm (…), rotated by 0.42° ± 0.01° (…); χ² 812 …`.
 pub(super) fn motion_sentence(moved: &Moved) -> String {
     let f = Figures::of(moved);
     let [x, y, z]: [f64; 3] = moved.old_from_new.translation.into();
     let digits = decimals(1e3 * f.moved_sigma_m);
-    // What rounds to nothing has no direction.
+    // A component that rounds to zero has no direction.
     let way = |x: f64, plus: &str, minus: &str| {
         let shown = format!("{:.digits$}", 1e3 * x.abs());
         let is_nothing = shown.chars().all(|c| c == '0' || c == '.');
@@ -87,18 +87,18 @@ pub(super) fn motion_sentence(moved: &Moved) -> String {
     )
 }
 
-/// The sense of the rotation about the camera's axis nearest to its own: a camera's x points right, y down, z forward.
+/// Describes the direction of rotation about the camera axis nearest to the rotation's own: x points right, y down, z forward.
 fn rotation_words(axis: [f64; 3]) -> String {
     let i = (0..3).fold(0, |best, i| if axis[best].abs() < axis[i].abs() { i } else { best });
     let senses = [["upwards", "downwards"], ["to the right", "to the left"], ["clockwise", "anticlockwise"]];
     let sense = senses[i][usize::from(axis[i] < 0.0)];
     let nearly = if axis[i].abs() < 0.95 { "mostly " } else { "" };
-    // Adding zero takes the sign from a rounded −0.
+    // Adding zero removes the sign of a rounded −0.
     let [x, y, z] = axis.map(|a| (100.0 * a).round() / 100.0 + 0.0);
     format!("{nearly}{sense}, axis {x:+.2} {y:+.2} {z:+.2}")
 }
 
-/// `χ² 20.1 for 18 degrees of freedom, chance 0.33 if nothing moved`.
+/// Describes a test: `χ² 20.1 for 18 degrees of freedom, chance 0.33 if nothing moved`.
 pub fn evidence(chi2: f64, degrees_of_freedom: usize, p: f64) -> String {
     let chance = match p {
         p if p < 1e-12 => "below 1e-12".to_string(),

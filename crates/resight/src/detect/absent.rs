@@ -1,10 +1,10 @@
-//! A target was not found: what was looked for, and what is in the image instead.
+//! Explains why a target was not found: which target was searched for, and what is in the image instead.
 //!
-//! One explanation for every command. Each hint names a change of the target's file, or of the image, with which the target is found: the search
-//! is run with that change before the hint is printed. What chance explains (a code of 16 bits in a square of something else) is no hint.
+//! All commands share this explanation. Each hint names a change of the target's file, or of the image, with which the target is found: before
+//! the hint is printed, the search is run with that change. A match that chance explains (a code of 16 bits in a random square) is no hint.
 //!
-//! Looking for what else is there takes several searches of the whole image, so it is done where somebody asked about one image, and once in a session
-//! of many: [`Explainer`].
+//! A search for other targets takes several searches of the whole image. It is therefore done when a user asks about one image, and only once in
+//! a session of many images ([`Explainer`]).
 
 mod charuco;
 mod chessboard;
@@ -17,9 +17,9 @@ use crate::GrayImage;
 use resight_core::Target;
 use resight_core::target::LinePlusOne;
 
-/// In one sentence: which target is not in the image, by which of its numbers, and what is there instead.
+/// Explains in one sentence which target is not in the image, with its relevant number, and what is there instead.
 ///
-/// Searches the whole image again several times: for an image that somebody asks about, not for every frame of many ([`missing`]).
+/// Searches the whole image several times: use it for a single image, and [`missing`] for each frame of a sequence.
 pub fn not_found(target: &Target, image: &GrayImage) -> String {
     match instead_of(target, image) {
         Some(seen) => format!("no {} in this image: {seen}", wanted(target)),
@@ -27,20 +27,20 @@ pub fn not_found(target: &Target, image: &GrayImage) -> String {
     }
 }
 
-/// The same without a search: which target is not in the image.
+/// States which target is not in the image, without a search.
 pub fn missing(target: &Target) -> String {
     format!("no {} in this image", wanted(target))
 }
 
-/// Explains the first image of a session that does not show its target, and no other.
+/// Explains only the first image of a session that does not show its target.
 #[derive(Debug, Default)]
 pub struct Explainer {
     is_spent: bool,
 }
 
 impl Explainer {
-    /// What to say of an image without the target; `image` is called where the image is searched for what else is there. Images have to be
-    /// given in their order, so that which of them is explained does not depend on threads.
+    /// Returns the message for an image without the target; `image` is called only where the image is searched for other targets. Images have to
+    /// be given in their order, so that the explained one does not depend on threads.
     pub fn explain(&mut self, target: &Target, image: impl FnOnce() -> Option<GrayImage>) -> String {
         if std::mem::replace(&mut self.is_spent, true) {
             return missing(target);
@@ -49,7 +49,7 @@ impl Explainer {
     }
 }
 
-/// The target that is sought.
+/// Names the target that was searched for.
 fn wanted(target: &Target) -> String {
     match target.design() {
         Target::Tag(t) => format!("tag target ({} id {}, size_m {})", t.family, t.id, t.size_m),
@@ -81,7 +81,7 @@ fn last_id(first: u32, count: u32) -> u32 {
     first.saturating_add(count).saturating_sub(1)
 }
 
-/// What an image shows instead of a target, with a remedy; none where nothing similar is seen.
+/// Describes what an image shows instead of a target, with a remedy; `None` where nothing similar is found.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
     if super::is_blank(image) {
         return None;
@@ -97,21 +97,21 @@ pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
     }
 }
 
-/// How many points of a target an image shows.
+/// Counts the points of a target that an image shows.
 fn n_points(target: &Target, image: &GrayImage) -> usize {
     Detector::new(target).and_then(|mut detector| detector.detect(image)).map_or(0, |found| found.len())
 }
 
-/// Whether the image shows a fair part of a target: what chance makes of another target is a point here and there.
+/// Checks whether the image shows enough of a target; by chance, another target yields only a few scattered points.
 fn shows(target: &Target, image: &GrayImage) -> bool {
     let n = n_points(target, image);
     4 <= n && target.features().len().min(LEAST_POINTS) <= n
 }
 
-/// Points of a board that chance does not give: three tags, or as many corners.
+/// Number of points of a board that do not arise by chance: those of three tags, or as many corners.
 const LEAST_POINTS: usize = 12;
 
-/// The image as it is, but mirrored or inverted, shows the target.
+/// Checks whether the mirrored or inverted image shows the target.
 fn of_whole_image(target: &Target, image: &GrayImage) -> Option<String> {
     if shows(target, &mirrored(image)) {
         return Some(MIRRORED.to_owned());
@@ -122,18 +122,18 @@ fn of_whole_image(target: &Target, image: &GrayImage) -> Option<String> {
 const MIRRORED: &str = "it is there mirrored; switch off the mirror mode of the camera, or print the target again without mirroring";
 const INVERTED: &str = "it is there inverted, white on black; print it black on white, or invert the image";
 
-/// Left and right exchanged.
+/// Exchanges left and right.
 fn mirrored(image: &GrayImage) -> GrayImage {
     let rows = image.data.chunks(image.width_px.max(1) as usize);
     GrayImage { data: rows.flat_map(|row| row.iter().rev().copied()).collect(), ..*image }
 }
 
-/// Black and white exchanged.
+/// Exchanges black and white.
 fn inverted(image: &GrayImage) -> GrayImage {
     GrayImage { data: image.data.iter().map(|gray| 255 - gray).collect(), ..*image }
 }
 
-/// Dots that are not the target.
+/// Looks for dots that are not the target.
 fn other_dots(target: &LinePlusOne, image: &GrayImage) -> Option<String> {
     let mirrored = mirrored(image);
     if 4 <= n_points(&Target::LinePlusOne(*target), &mirrored) {

@@ -1,9 +1,9 @@
 //! Kalibr's AprilGrid: tags whose corners touch small black squares.
 //!
-//! Two things defeat a plain tag detector here. Where a tag meets a corner square the two black regions run into
-//! each other, so no closed outline remains; the joints are saddle points, so they are found as such (ChESS) and cut
-//! by a white dot before the tags are sought. And Kalibr's border is two cells wide; both borders are looked for.
-//! The joints are also the sharpest points of the target: each tag corner is moved to the saddle point it belongs to.
+//! A plain tag detector fails here for two reasons. Where a tag meets a corner square the two black regions merge, so that no closed outline
+//! remains. These joints are saddle points; they are found as such (ChESS) and separated by a white dot before the tags are searched for. And
+//! Kalibr's border is two cells wide, so that borders of one and two cells are tried. The joints are also the sharpest points of the target:
+//! each tag corner is moved to its saddle point.
 
 mod layout;
 mod print;
@@ -32,7 +32,7 @@ pub(super) struct AprilGridFinder {
     grid: AprilGrid,
     decoder: QuadDecoder,
     print: GridPrint,
-    /// Cells of the border of the tags found last.
+    /// Border width, in cells, of the tags found last.
     border_cells: usize,
 }
 
@@ -50,7 +50,7 @@ impl AprilGridFinder {
         self.grid.first_id..self.grid.first_id + self.grid.rows * self.grid.columns
     }
 
-    /// The expected corners of a tag by the tags beside it; none where fewer than two are near.
+    /// Predicts the corners of a tag from the tags beside it; `None` where fewer than two are near.
     fn predicted(&self, id: u32, tags: &[DecodedTag]) -> Option<[Pixel; 4]> {
         let apart = |tag: &DecodedTag| (self.corner(tag.id, 0) - self.corner(id, 0)).norm();
         let mut beside: Vec<&DecodedTag> = tags.iter().collect();
@@ -67,7 +67,7 @@ impl AprilGridFinder {
         Some([0, 1, 2, 3].map(|k| map.at(&self.corner(id, k))))
     }
 
-    /// A tag too blurred to decode, when the tags beside it say where it is and a joint lies at each of its corners.
+    /// Completes a tag too blurred to decode, if the tags beside it predict it and a joint lies at each of its corners.
     fn complete(&self, id: u32, tags: &[DecodedTag], joints: &[Joint]) -> Option<[Detection; 4]> {
         let predicted = self.predicted(id, tags)?;
         let within_px = 0.06 * sigma::shortest_edge_px(&predicted);
@@ -90,7 +90,7 @@ impl AprilGridFinder {
         self.print.place(id, corner)
     }
 
-    /// The corners; none where the tags do not lie as the grid has them. Fails where several such grids are in view.
+    /// Finds the corners; empty where the tags do not have the layout of the grid. Fails where several such grids are in view.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         let joints = joints(image);
         let quiet = Quietened::new(image);
@@ -124,7 +124,7 @@ impl AprilGridFinder {
         Ok(detections(measured))
     }
 
-    /// The tags that lie as the grid has them.
+    /// Keeps the tags that have the layout of the grid.
     fn laid_out(&self, tags: Vec<DecodedTag>) -> Result<Vec<DecodedTag>, DetectError> {
         match layout::of(tags, &self.print) {
             Layout::Grid(tags) => Ok(tags),
@@ -133,13 +133,13 @@ impl AprilGridFinder {
         }
     }
 
-    /// Whether all corners are among these.
+    /// Returns whether all corners are among the detections.
     pub fn is_whole(&self, seen: &[Detection]) -> bool {
         let all = self.ids().flat_map(|id| (0..4).map(move |corner| Feature { id, corner }));
         seen.iter().map(|d| d.feature).eq(all)
     }
 
-    /// Those corners of a whole grid that are picked, by what is printed around the places given for all.
+    /// Measures the corners of a whole grid that are picked, by the print around the given positions of all.
     pub fn measured_near(
         &self,
         image: &GrayImage,
@@ -154,7 +154,7 @@ impl AprilGridFinder {
         (detections(found), blur_px)
     }
 
-    /// With the tags that show, in the image as it came, where those found say they are.
+    /// Adds the missing tags that are found, at full resolution, where the known tags predict them.
     fn with_missing(
         &mut self,
         image: &GrayImage,
@@ -197,25 +197,25 @@ fn detections(corners: Corners) -> Vec<Detection> {
     corners.into_iter().map(detection).collect()
 }
 
-/// Finds tags that touch small black squares at their corners, whatever grid they are of.
+/// Finds tags that touch small black squares at their corners, of any grid.
 pub(super) struct GridTagFinder {
     decoder: QuadDecoder,
 }
 
 impl GridTagFinder {
-    /// Every id of a family.
+    /// Builds a finder for every id of a family.
     pub fn new(family: &str) -> Result<Self, DetectError> {
         GridTagFinder::of(&Family::named(family)?).ok_or(DetectError::OutOfMemory)
     }
 
-    /// These ids of a family; none of a family without a black border, which no grid is printed with.
+    /// Builds a finder for these ids of a family; `None` for a family without a black border, with which no grid is printed.
     pub fn of(family: &Family) -> Option<Self> {
         let has_black_border = !family.reversed_border && family.total_width == family.border_width + 2;
         let families = [family.clone(), family.clone().with_double_border()];
         Some(GridTagFinder { decoder: QuadDecoder::new(&families).filter(|_| has_black_border)? })
     }
 
-    /// The tags, as far as they are decoded, copies of an id included, by id, then from the left.
+    /// Finds all tags that can be decoded, including copies of an id, sorted by id, then from the left.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
         let (joints, quiet) = (joints(image), Quietened::new(image));
         let tags = one_border(grid_tags(&mut self.decoder, image, &joints, &quiet));
@@ -232,7 +232,8 @@ impl GridTagFinder {
     }
 }
 
-/// Tags that touch small black squares at their corners, of the families of a decoder, each read so clearly that no grid need vouch for it.
+/// Finds tags that touch small black squares at their corners, in the families of a decoder, each read so clearly that no grid is needed to
+/// confirm it.
 pub(super) fn grid_tags(
     decoder: &mut QuadDecoder,
     image: &GrayImage,
@@ -252,12 +253,12 @@ pub(super) fn grid_tags(
     tags
 }
 
-/// The reduction of an image before tags are sought in it.
+/// Returns the factor by which an image is reduced before tags are searched for.
 fn decimate(image: &GrayImage) -> f32 {
     if image.width_px as u64 * image.height_px as u64 <= FULL_SIZE_PIXELS { 1.0 } else { 2.0 }
 }
 
-/// The tags that show in the whole image with the border that shows more of them.
+/// Finds the tags of the whole image, with the border width that yields more of them.
 fn first_look(
     decoder: &mut QuadDecoder,
     image: &GrayImage,
@@ -268,7 +269,7 @@ fn first_look(
     one_border(all_tags(decoder, image, joints, quiet, decimate))
 }
 
-/// The tags that show in the whole image, quietened where it is noisy.
+/// Finds the tags of the whole image, smoothed where it is noisy.
 fn all_tags(
     decoder: &mut QuadDecoder,
     image: &GrayImage,
@@ -282,29 +283,29 @@ fn all_tags(
     if !tags.is_empty() || !quiet.is_smoothed() {
         return tags;
     }
-    // The smallest tags show only in the image as it came, however noisy.
+    // The smallest tags are visible only in the original image, even if it is noisy.
     decoder.set_least_contrast(quiet.least_contrast_unsmoothed(LEAST_CONTRAST));
     tiles::search(decoder, &cut_joints(image, joints, decimate), look)
 }
 
-/// Largest image, pixels, in which tags are sought at full size. At half size a third of the tags of a 1-megapixel
-/// fisheye view is lost (22 of 36, against 36 at full size).
+/// Largest image, in pixels, in which tags are searched for at full size. At half size, a third of the tags of a 1-megapixel fisheye view is
+/// lost (22 of 36, against 36 at full size).
 const FULL_SIZE_PIXELS: u64 = 4_000_000;
 
-/// Least contrast of an outline, grey levels: what a grid of a seventh of full contrast has left when it is blurred. In outlines of noise a
-/// search spent nine tenths of its time.
+/// Least contrast of an outline, grey levels: that of a blurred grid printed with a seventh of full contrast. A search spent nine tenths of its
+/// time on outlines of noise.
 const LEAST_CONTRAST: u8 = 8;
 
-/// Least distance of the bits from the threshold of a tag that no grid vouches for, grey levels.
+/// Least distance of the bits from the threshold, grey levels, for a tag that no grid confirms.
 const LEAST_MARGIN: f64 = 30.0;
 
-/// The second nearest decoded tag may be this far from one to complete, in tag edges: two tags on.
+/// Largest distance, in tag edges, of the second nearest decoded tag from one to complete: two tags away.
 const COMPLETE_REACH: f64 = 3.0;
 
 /// Radius of the white dot, pixels of the decimated image.
 const CUT_RADIUS_PX: f64 = 1.5;
 
-/// The image with a dot as bright as its surroundings over every saddle point.
+/// Returns the image with a dot as bright as its surroundings over every saddle point.
 fn cut_joints(image: &GrayImage, joints: &[Joint], decimate: f32) -> GrayImage {
     let mut cut = image.clone();
     let radius = CUT_RADIUS_PX * decimate as f64;
@@ -320,7 +321,7 @@ fn cut_joints(image: &GrayImage, joints: &[Joint], decimate: f32) -> GrayImage {
     cut
 }
 
-/// The pixels of a square window that lie in the image.
+/// Iterates over the pixels of a square window that lie in the image.
 fn window(image: &GrayImage, centre: &Pixel, radius: f64) -> impl Iterator<Item = (u32, u32)> + use<> {
     let range = |c: f64, n: u32| {
         let first = (c - radius).ceil().clamp(0.0, n as f64) as u32;
@@ -330,25 +331,25 @@ fn window(image: &GrayImage, centre: &Pixel, radius: f64) -> impl Iterator<Item 
     range(centre.y, image.height_px).flat_map(move |v| columns.clone().map(move |u| (u, v)))
 }
 
-/// Of the two borders the one that shows more tags.
+/// Keeps the tags of the border width that yields more of them.
 fn one_border(tags: Vec<DecodedTag>) -> Vec<DecodedTag> {
     let of = |family: usize| tags.iter().filter(|t| t.family == family).count();
     let border = usize::from(of(0) < of(1));
     tags.into_iter().filter(|t| t.family == border).collect()
 }
 
-/// A lone tag is believed to tell where all others are with a clear reading, grey levels; two vouch for each other.
+/// A single tag determines all other positions only if it is read this clearly, grey levels; two tags confirm each other.
 const LONE_MARGIN_GRAY: f64 = 30.0;
 
 fn is_vouched(tags: &[DecodedTag]) -> bool {
     2 <= tags.len() || tags.iter().any(|tag| LONE_MARGIN_GRAY <= tag.margin_gray)
 }
 
-/// The corners of a tag, each at the joint it belongs to, or where the tag's edges meet when it has none (a corner
-/// square missing or covered), and whether it is a joint.
+/// Returns the corners of a tag, each at its joint, or at the intersection of the tag's edges where there is none (a corner square is missing or
+/// covered), and whether it is a joint.
 fn corners(tag: &DecodedTag, joints: &[Joint]) -> [(Feature, Joint, bool); 4] {
     let edge_px = sigma::shortest_edge_px(&tag.corners);
-    // Half a corner square (spacing ratio 0.3 of the tag) away lies the square's other corner.
+    // The corner square's own opposite corner lies half a corner square (spacing ratio 0.3 of the tag) away.
     let within_px = (0.1 * edge_px).clamp(1.5, 4.0);
     [0, 1, 2, 3].map(|k| {
         let met = Joint { pixel: tag.corners[k], sigma_px: sigma::tag_px(tag) };

@@ -29,12 +29,12 @@ pub(super) struct DecodedTag {
     pub corners: [Pixel; 4],
 }
 
-/// The image in which the edges of a quad are measured before its bits are read.
+/// Which image is used to measure the edges of a quad before its bits are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edges {
-    /// From its outline in the reduced image: good enough to read a large tag, and half of the time of a search.
+    /// The reduced image, by the outline: accurate enough to decode a large tag, in half of the time of a search.
     Outline,
-    /// Fitted again to the image at full size.
+    /// The image at full size, to which the edges are fitted again.
     FullSize,
 }
 
@@ -45,7 +45,7 @@ const MIN_EDGE_PX: u32 = 32;
 /// Longest edge, pixels, of the reduced image: the library keeps twice a coordinate in 16 bits and aborts beyond this.
 const MAX_EDGE_PX: f32 = 32_767.0;
 
-/// Most pixels of an image: the library counts its bytes in 32 bits with sign.
+/// Largest number of pixels of an image: the library counts its bytes in a signed 32-bit number.
 const MAX_PIXELS: usize = 1 << 30;
 
 /// A detector of the library with its families.
@@ -68,7 +68,7 @@ struct OwnedFamily {
 unsafe impl Send for QuadDecoder {}
 
 impl QuadDecoder {
-    /// A detector for these families; none when the library is out of memory.
+    /// Builds a detector for these families; `None` when the library is out of memory.
     pub fn new(families: &[Family]) -> Option<Self> {
         // SAFETY: no preconditions; a null result is handled.
         let detector = NonNull::new(unsafe { c::apriltag_detector_create() })?;
@@ -91,7 +91,8 @@ impl QuadDecoder {
         Some(decoder)
     }
 
-    /// Tiles whose grey levels differ by less than this hold no outline, from the next search on (the library's own: 5).
+    /// Sets the least contrast: from the next search on, tiles with smaller differences of grey levels hold no outline (default of the library:
+    /// 5).
     pub fn set_least_contrast(&mut self, gray: u8) {
         // SAFETY: the pointer is the library's own; the field lies among the leading ones, whose offsets agree.
         unsafe { (*self.detector.as_ptr()).qtp.min_white_black_diff = gray.into() };
@@ -195,7 +196,7 @@ impl OwnedFamily {
 type Create = unsafe extern "C" fn() -> *mut c::apriltag_family_t;
 type Destroy = unsafe extern "C" fn(*mut c::apriltag_family_t);
 
-/// How the library makes and frees a family; none for an unknown name.
+/// Returns the functions with which the library makes and frees a family; `None` for an unknown name.
 fn functions(name: &str) -> Option<(Create, Destroy)> {
     Some(match name {
         "tag36h11" => (c::tag36h11_create, c::tag36h11_destroy),
@@ -210,7 +211,7 @@ fn functions(name: &str) -> Option<(Create, Destroy)> {
     })
 }
 
-/// The library's own drawing of a tag, white rim included: the renderer's source, independent of the detector's tables.
+/// The library's own drawing of a tag with its white rim, which the renderer uses; it does not depend on the detector's tables.
 pub(crate) struct Drawing {
     /// Cells along each side.
     pub per_side: usize,
@@ -220,7 +221,7 @@ pub(crate) struct Drawing {
     pub white: Vec<bool>,
 }
 
-/// Draws a tag; `Err` with the number of ids where there is no such id. None for an unknown family.
+/// Draws a tag; `Err` holds the number of ids if the id does not exist. `None` for an unknown family.
 pub(crate) fn drawing(name: &str, id: u32) -> Option<Result<Drawing, usize>> {
     let (create, destroy) = functions(name)?;
     // SAFETY: create returns null or a valid family; `apriltag_to_image` needs id < ncodes, checked before, and returns null
@@ -244,7 +245,7 @@ pub(crate) fn drawing(name: &str, id: u32) -> Option<Result<Drawing, usize>> {
     }
 }
 
-/// The tables of a family built into the library; none for an unknown name.
+/// Returns the tables of a family built into the library; `None` for an unknown name.
 pub(super) fn builtin_family(name: &str) -> Option<Family> {
     let (create, destroy) = functions(name)?;
     // SAFETY: create returns null or a family whose tables have the lengths it states; it is destroyed once, after

@@ -1,11 +1,10 @@
 //! ChArUco boards, with OpenCV's corner ids.
 //!
-//! Markers are decoded first (they stand free in their squares), each names its square, and every inner corner is
-//! laid on the image where the markers around it say it is (`corners`). So a part of the board is
-//! enough, and both of OpenCV's patterns work. Boards printed white on black, and the mirrored print on the back of a
-//! double-sided board, are found in the same pass as three more families; the mirrored one shows the same corners
-//! from behind. The grid-first detector of `calib-targets` needs eight connected corners and modern patterns: it found
-//! 33 % of the corners of a real 4 × 5 board that this finds.
+//! Markers are decoded first, as they are isolated in their squares. Each identifies its square, and every inner corner is fitted to the image
+//! where the markers around it predict it (`corners`). So a part of the board is enough, and both of OpenCV's patterns work. Boards printed
+//! white on black, and the mirrored print on the back of a double-sided board, are found in the same pass, as three more families; a mirrored
+//! board shows the same corners from behind. The grid-first detector of `calib-targets` needs eight connected corners and modern patterns: of a
+//! real 4 × 5 board it found 33 % of the corners that this detector finds.
 
 mod corners;
 
@@ -31,9 +30,9 @@ pub(super) struct CharucoFinder {
     squares: Vec<(u32, u32)>,
     /// Families in the order of [`MIRRORED`].
     decoder: QuadDecoder,
-    /// The marker in each square, row by row; none in the plain ones.
+    /// The marker in each square, row by row; `None` in squares without a marker.
     prints: Vec<Option<MarkerPattern>>,
-    /// Half of a marker's edge, and a marker's cells, in squares.
+    /// Half of the edge of a marker, in squares.
     half_marker: f64,
     cells_a_square: f64,
     /// Cells along a marker's border.
@@ -45,16 +44,16 @@ pub(super) struct CharucoFinder {
 /// Which of the four families (as printed, white on black, and the mirrored prints of both) are mirrored.
 const MIRRORED: [bool; 4] = [false, false, true, true];
 
-/// Marker corners may lie this far, in squares, from where the other markers of the board put them: lens distortion
-/// bends a board by less, a wrong id is off by at least a square.
+/// Largest distance, in squares, of marker corners from where the other markers predict them: lens distortion bends a board by less, a wrong id
+/// is off by at least a square.
 const CONSISTENT_SQUARES: f64 = 0.4;
-/// Least contrast of an outline, grey levels: what a board of a seventh of full contrast has left when it is blurred.
+/// Least contrast of an outline, grey levels: that of a blurred board printed with a seventh of full contrast.
 const LEAST_CONTRAST: u8 = 8;
-/// Most pixels of an image in which markers are sought first, with 4/3 for 4:3 images of whole megapixels.
+/// Largest image, in pixels, in which markers are searched for first; the factor 4/3 allows for 4:3 images of whole megapixels.
 const FIRST_PIXELS: f64 = 1.4e6;
-/// A marker is looked for where its neighbours put it when one of them is this near, squares: two on.
+/// A marker is searched for at its predicted position if a known marker is within this distance, in squares: two squares away.
 const GROW_SQUARES: f64 = 3.0;
-/// Markers with longer edges than this show at half the size as well, pixels.
+/// Markers with longer edges than this, in pixels, are found at half the size as well.
 const LARGE_MARKER_PX: f64 = 80.0;
 
 impl CharucoFinder {
@@ -87,7 +86,7 @@ impl CharucoFinder {
         })
     }
 
-    /// The inner corners that are seen, by id. Fails where several such boards are in view.
+    /// Finds the visible inner corners, sorted by id. Fails where several such boards are in view.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         let quiet = Quietened::new(image);
         let markers = self.markers(image, &quiet)?;
@@ -95,8 +94,8 @@ impl CharucoFinder {
         Ok(if markers.is_empty() { Vec::new() } else { self.corners(&markers, image, quiet.noise_gray) })
     }
 
-    /// Markers that agree on where the board is. Reduced first: that shows some markers of most boards in a quarter of the time, and the
-    /// others are then looked for where those say. The smallest show only in the image as it came, however noisy.
+    /// Finds the markers that agree on the pose of the board. The reduced image is searched first: it shows some markers of most boards in a
+    /// quarter of the time, and these predict the others. The smallest markers are visible only in the original image, even if it is noisy.
     fn markers(&mut self, image: &GrayImage, quiet: &Quietened) -> Result<Vec<DecodedTag>, DetectError> {
         let mut decimate = 2.0;
         while FIRST_PIXELS < image.data.len() as f64 / (decimate * decimate) && decimate < 16.0 {
@@ -126,8 +125,8 @@ impl CharucoFinder {
         Ok(Vec::new())
     }
 
-    /// How many boards share ids among these markers: the largest set that agrees, and each further one of [`LEAST_OF_COPY`] or more that has an
-    /// id of the sets before it in another place. A layout that is not the stated one has every id once.
+    /// Counts the boards that share ids: the largest set of markers that agree, and each further set of [`LEAST_OF_COPY`] or more with an id of
+    /// an earlier set in another position. A board with another layout has each id only once.
     fn copies(&self, markers: &[DecodedTag]) -> usize {
         let mut left = markers.to_vec();
         let mut known: Vec<u32> = Vec::new();
@@ -143,7 +142,7 @@ impl CharucoFinder {
             let is_same = |a: &DecodedTag, b: &DecodedTag| {
                 (middle(a) - middle(b)).norm() < 0.5 * super::sigma::shortest_edge_px(&a.corners)
             };
-            // Ends: every round takes markers away.
+            // The loop ends, as every round removes markers.
             left.retain(|m| !set.iter().any(|other| is_same(other, m)));
         }
     }
@@ -157,7 +156,7 @@ impl CharucoFinder {
         seen
     }
 
-    /// The markers that show at full size only, read where the image has outlines with four sides.
+    /// Decodes the markers that are found only at full size, where the image has outlines with four sides.
     fn look_at_outlines(&mut self, image: &GrayImage, contrast: u8) -> Vec<DecodedTag> {
         let Some(quads) = outlines::of(image, contrast, &[Ink::Dark, Ink::Light], self.border_cells) else {
             return self.look(image, 1.0);
@@ -181,12 +180,12 @@ impl CharucoFinder {
         all
     }
 
-    /// With the markers that show at full size where these say they are, and those that these say in turn.
+    /// Adds the markers that are found at full size where the known ones predict them, and repeats this with the new ones.
     fn grown(&mut self, image: &GrayImage, mut markers: Vec<DecodedTag>) -> Vec<DecodedTag> {
         let mut looked = vec![false; self.squares.len()];
         markers.iter().for_each(|m| looked[m.id as usize] = true);
         let mut part = GrayImage::filled(0, 0, 0);
-        // Ends: every round looks for markers that were not looked for before.
+        // The loop ends, as every round searches for markers that were not searched for before.
         loop {
             let missing: Vec<(u32, [Pixel; 4])> = (0..self.squares.len() as u32)
                 .filter(|&id| !looked[id as usize])
@@ -222,7 +221,7 @@ impl CharucoFinder {
         }
     }
 
-    /// The expected corners of a marker by those beside it; none where none is near.
+    /// Predicts the corners of a marker from those beside it; `None` where no marker is near.
     fn predicted(&self, markers: &[DecodedTag], id: u32) -> Option<[Pixel; 4]> {
         let centre = self.centre(id);
         let is_near = markers.iter().any(|m| (self.centre(m.id) - centre).norm() <= GROW_SQUARES);
@@ -231,7 +230,7 @@ impl CharucoFinder {
         corners.iter().all(|u| u.iter().all(|x| x.is_finite())).then_some(corners)
     }
 
-    /// The largest set of markers that one marker of it puts in their places, each id once.
+    /// Returns the largest set of markers that agree with the prediction of one of them, each id once.
     fn largest_set(&self, markers: &[DecodedTag]) -> Vec<DecodedTag> {
         let set_of = |leader: &DecodedTag| -> Vec<DecodedTag> {
             let Some(map) = Homography::fit(&self.pairs(leader)) else { return Vec::new() };
@@ -248,11 +247,11 @@ impl CharucoFinder {
         best
     }
 
-    /// The same where hardly any clear marker contradicts it.
+    /// Returns the largest set that agrees, if hardly any clear marker contradicts it.
     fn agreeing(&self, markers: &[DecodedTag]) -> Vec<DecodedTag> {
         let best = self.largest_set(markers);
-        // The other pattern of a board of odd width puts six of seven markers one column off, all in agreement: clear
-        // markers that contradict count, not only those that agree.
+        // The other pattern of a board of odd width puts six of seven markers one column off, all in agreement: so clear markers that contradict
+        // count too, not only those that agree.
         let contradicts = |m: &&DecodedTag| {
             let same_print = best.first().is_some_and(|first| first.family == m.family);
             same_print && LONE_MARGIN_GRAY <= m.margin_gray && !best.contains(m)
@@ -260,11 +259,11 @@ impl CharucoFinder {
         if best.len() < 9 * markers.iter().filter(contradicts).count() {
             return Vec::new();
         }
-        // One marker alone is believed only with a clear reading: nothing else vouches for its id.
+        // A single marker is accepted only with a clear reading, because no other marker confirms its id.
         if best.len() == 1 && best[0].margin_gray < LONE_MARGIN_GRAY { Vec::new() } else { best }
     }
 
-    /// Corners of the markers nearest to a place, board (squares) and image.
+    /// Returns the corners of the markers nearest to a position: on the board, in squares, and in the image.
     fn pairs_near(&self, markers: &[DecodedTag], place: &PlanePoint) -> Vec<(PlanePoint, Pixel)> {
         let apart = |m: &DecodedTag| (self.centre(m.id) - place).norm();
         let mut near: Vec<&DecodedTag> = markers.iter().collect();
@@ -272,26 +271,26 @@ impl CharucoFinder {
         near.into_iter().take(4).flat_map(|m| self.pairs(m)).collect()
     }
 
-    /// The middle of a marker's square, in squares.
+    /// Returns the centre of a marker's square, in squares.
     fn centre(&self, id: u32) -> PlanePoint {
         let (column, row) = self.squares[id as usize];
         PlanePoint::new(column as f64 + 0.5, row as f64 + 0.5)
     }
 
-    /// A marker's corners on the board, in squares from its top-left corner.
+    /// Returns the corners of a marker on the board, in squares from the board's top-left corner.
     fn marker_corners(&self, id: u32) -> [PlanePoint; 4] {
         let half = 0.5 * self.board.marker_m / self.board.square_m;
         [(-half, -half), (half, -half), (half, half), (-half, half)]
             .map(|(x, y)| self.centre(id) + PlanePoint::new(x, y))
     }
 
-    /// A marker's corners on the board and in the image.
+    /// Returns the corners of a marker on the board and in the image.
     fn pairs(&self, marker: &DecodedTag) -> [(PlanePoint, Pixel); 4] {
         let on_board = self.marker_corners(marker.id);
         [0, 1, 2, 3].map(|k| (on_board[k], marker.corners[k]))
     }
 
-    /// The distance of a marker's corners from those of `map`, in squares of its own image.
+    /// Returns the distance between the corners of a marker and those predicted by `map`, in squares of the marker's own image.
     fn deviation_squares(&self, map: &Homography, marker: &DecodedTag) -> f64 {
         let pairs = self.pairs(marker);
         let edge_px = super::sigma::shortest_edge_px(&marker.corners).max(1.0);
@@ -300,31 +299,31 @@ impl CharucoFinder {
     }
 }
 
-/// The middle of a marker in the image.
+/// Returns the centre of a marker in the image.
 fn middle(marker: &DecodedTag) -> Pixel {
     marker.corners.iter().sum::<Pixel>() / 4.0
 }
 
-/// Fewer markers that agree are no second board: a sheet with one of its markers lies beside it.
+/// Fewer markers that agree are not a second board, but for example a separate sheet with one of its markers.
 const LEAST_OF_COPY: usize = 2;
 
-/// Reading a lone marker needs, grey levels (30 gave no false id in 72 markers, without anything to vouch).
+/// Least margin of a single marker, grey levels (30 gave no false id in 72 unconfirmed markers).
 const LONE_MARGIN_GRAY: f64 = 30.0;
 
-/// One small marker predicts its neighbours well and the far end of the board poorly.
+/// Returns the tolerance: one small marker predicts its neighbours accurately and the far end of the board poorly.
 fn allowed_squares(finder: &CharucoFinder, leader: &DecodedTag, other: &DecodedTag) -> f64 {
     let (a, b) = (finder.squares[leader.id as usize], finder.squares[other.id as usize]);
     let apart = a.0.abs_diff(b.0).max(a.1.abs_diff(b.1)) as f64;
     CONSISTENT_SQUARES.max(0.15 * apart)
 }
 
-/// More markers first, then clearer ones.
+/// Ranks sets by their number of markers, then by their clarity.
 fn strength(markers: &[DecodedTag]) -> f64 {
     markers.iter().map(|m| 1000.0 + m.margin_gray.min(255.0)).sum()
 }
 
-/// Square of each marker: along the rows, the squares that are white. OpenCV's pattern before 4.6 differs for an
-/// even number of rows, where the top-left square is white.
+/// Returns the square of each marker: along the rows, the squares that are white. OpenCV's pattern before 4.6 differs for an even number of
+/// rows, where the top-left square is white.
 fn marker_squares(board: &Charuco) -> Vec<(u32, u32)> {
     let first_white = u32::from(!(board.legacy_pattern && board.rows.is_multiple_of(2)));
     let squares = (0..board.rows).flat_map(|row| (0..board.columns).map(move |column| (column, row)));

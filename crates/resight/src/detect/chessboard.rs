@@ -1,14 +1,13 @@
-//! Chessboards: saddle points (ChESS corners) joined to a lattice, numbered our way.
+//! Finds chessboards: saddle points (ChESS corners) joined to a lattice, and numbered in the convention of this crate.
 //!
-//! Corner ids run along the rows of `columns` corners, corner 0 next to a **black** square on its inner side
-//! (between corners 0, 1 and `columns`), which for an odd sum of rows and columns (OpenCV's 9 × 6 board) leaves
-//! exactly one numbering, the one OpenCV uses. Where the colours allow several (even sum: half a turn; square boards
-//! of odd squares: quarter turns) no detector can tell them apart: the most upright is taken, the one whose last row
-//! lies lowest below its first in the image, as OpenCV does. A mirrored numbering is never returned.
+//! Corner ids run along the rows of `columns` corners. Corner 0 has a **black** square on its inner side (between corners 0, 1 and `columns`).
+//! For an odd sum of rows and columns (OpenCV's 9 × 6 board) this leaves exactly one numbering, that of OpenCV. Where the colours allow several
+//! (even sum: half a turn; square boards of odd squares: quarter turns) no detector can distinguish them: as in OpenCV, the most upright is
+//! taken, whose last row is lowest below its first row in the image. A mirrored numbering is never returned.
 //!
-//! A board that `calib-targets` finds nearly whole is taken as it comes. Otherwise its pieces, or black squares of our own (`squares`), are
-//! grown node by node (`grow`). Of a board that is only partly visible the ids follow from its outer edges (`place`); where these do not tell,
-//! no id is given, and [`Outcome::Part`] says so.
+//! A board that `calib-targets` finds nearly whole is used directly. Otherwise its pieces, or black squares found here (`squares`), are grown
+//! node by node (`grow`). The ids of a partly visible board follow from its outer edges (`place`); where these are not conclusive, no id is
+//! given, and [`Outcome::Part`] is returned.
 
 mod grow;
 mod lattice;
@@ -39,7 +38,7 @@ pub(super) struct ChessboardFinder {
     board: Chessboard,
     window: CornerWindow,
     config: DetectorConfig,
-    /// Tried in order until one shows the board: the library's own sweep, its default first.
+    /// Tried in order until one finds the board: the library's own list of settings, its default first.
     detectors: Vec<ChessboardDetector>,
 }
 
@@ -48,27 +47,27 @@ pub(super) struct ChessboardFinder {
 pub(super) enum Outcome {
     /// Its corners.
     Board(Vec<Detection>),
-    /// A part of the pattern, so many columns and rows of corners, that could be in this many places of the board.
+    /// A part of the pattern, with this many columns and rows of corners, that fits this many places of the board.
     Part { columns: u32, rows: u32, places: usize },
-    /// So many boards.
+    /// The number of boards in view.
     Copies(usize),
     /// No board.
     Nothing,
 }
 
-/// The image is searched as it is, at half and at a quarter of its size: saddle points smeared over more than the detector's ring show there.
+/// The image is searched at full, half and quarter size: saddle points blurred over more than the detector's ring are found in the smaller ones.
 const LEVELS: usize = 3;
-/// Pieces of a library's search, and squares, that are grown at each level.
+/// Number of pieces of a library's search, and of squares, that are grown at each level.
 const MOST_SEEDS: usize = 3;
-/// The same corner found in two ways lies within this, pixels.
+/// Largest distance between two measurements of the same corner, pixels.
 const SAME_CORNER_PX: f64 = 3.0;
-/// Fewer nodes than this are no board unless it has no more.
+/// Fewer nodes than this do not make a board, unless it has no more.
 const LEAST_NODES: usize = 6;
-/// Corners beside a board that are at least this share of one are looked through for a second one.
+/// If the corners beside a board are at least this share of a board, a second one is searched for among them.
 const SHARE_OF_COPY: f64 = 0.5;
-/// A line of a grid carries at least this share of its nodes.
+/// Least share of a line's nodes that must be present.
 const LEAST_OF_LINE: f64 = 0.5;
-/// Fewest nodes of a part that is reported.
+/// Smallest number of nodes of a part that is reported.
 const LEAST_OF_PART: usize = 12;
 
 impl ChessboardFinder {
@@ -84,7 +83,7 @@ impl ChessboardFinder {
         Ok(ChessboardFinder { board: *board, window, config: corner_config(), detectors })
     }
 
-    /// The corners. Fails where several such boards are in view.
+    /// Finds the corners. Fails where several such boards are in view.
     pub fn detect(&self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         match self.look(image) {
             Outcome::Board(found) => Ok(found),
@@ -93,8 +92,8 @@ impl ChessboardFinder {
         }
     }
 
-    /// Rows and columns of inner corners of the largest grid in an image, fewer rows than columns, whatever the board; none where there is
-    /// no grid of nine corners.
+    /// Returns the rows and columns of inner corners of the largest grid in an image, rows ≤ columns, for any board; `None` where there is no
+    /// grid of nine corners.
     pub fn largest_grid(&self, image: &GrayImage) -> Option<(usize, usize)> {
         let corners = corners(image, &self.config);
         let lattices = self.detectors.iter().flat_map(|detector| detector.detect_all(&corners));
@@ -108,7 +107,7 @@ impl ChessboardFinder {
         sizes.filter(|(rows, _)| 3 <= *rows).max_by_key(|(rows, columns)| rows * columns)
     }
 
-    /// The part of the board that the image shows.
+    /// Determines which part of the board the image shows.
     pub fn look(&self, image: &GrayImage) -> Outcome {
         let corners = corners(image, &self.config);
         let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
@@ -129,12 +128,12 @@ impl ChessboardFinder {
         search.alone(found, &corners)
     }
 
-    /// Whether all corners are among these.
+    /// Returns whether all corners are among the detections.
     pub fn is_whole(&self, seen: &[Detection]) -> bool {
         seen.iter().map(|d| d.feature.id).eq(0..self.board.rows * self.board.columns)
     }
 
-    /// Those corners of a whole board that are picked, by what is printed around the places given for all.
+    /// Measures the corners of a whole board that are picked, by the print around the given positions of all.
     pub fn measured_near(
         &self,
         image: &GrayImage,
@@ -151,8 +150,8 @@ impl ChessboardFinder {
         self.measured(&node, image, common, &|id| picked.contains(&Feature { id, corner: 0 }), false)
     }
 
-    /// The corners, each measured by the print around it or in the window asked for. Of a board that grew by its print (`is_printed`) a corner stays where
-    /// that put it when the print around it alone does not show.
+    /// Refines each corner by the print around it, or in the window that was requested. In a board that was grown by its print (`is_printed`), a
+    /// corner without a visible print of its own keeps the position that it had.
     fn refined(
         &self,
         lattice: &Lattice,
@@ -169,7 +168,7 @@ impl ChessboardFinder {
         self.measured(&node, image, common, &|_| true, is_printed).0
     }
 
-    /// The same of corners by column and row, those with an id that is picked.
+    /// Measures corners given by column and row, those with an id that is picked.
     fn measured(
         &self,
         node: &dyn Fn(i32, i32) -> Option<Joint>,
@@ -208,10 +207,10 @@ impl ChessboardFinder {
     }
 }
 
-/// A print further than this from the saddle point is another's, pixels.
+/// A print that lies farther than this from the saddle point, in pixels, belongs to another corner.
 const MAX_MOVE_PX: f64 = 1.5;
 
-/// The print around a corner, as the corners beside it say; none where they do not.
+/// Fits the print around a corner that the corners beside it predict; `None` where they do not.
 fn around(
     board: &Chessboard,
     node: &dyn Fn(i32, i32) -> Option<Joint>,
@@ -229,7 +228,7 @@ fn around(
     let half_px = beside.map(|(x, y)| (map.at(&(place + PlanePoint::new(x, y))) - found).norm());
     let square_px = 2.0 * half_px.into_iter().fold(f64::INFINITY, f64::min);
     let last = PlanePoint::new(board.columns as f64, board.rows as f64);
-    // Corner 0 has a black square between it and the next ones; outside of the outer squares the board is white.
+    // Corner 0 has a black square between it and the next corners; outside the outer squares the board is white.
     let ink = move |x: PlanePoint| {
         let is_inside = -1.0 <= x.x && -1.0 <= x.y && x.x < last.x && x.y < last.y;
         let is_even = (floor(x.x) + floor(x.y)) % 2 == 0;
@@ -238,7 +237,7 @@ fn around(
     Some(Surroundings { found, place, map, square_px, clear_px: f64::INFINITY, reach_px: MAX_MOVE_PX, ink })
 }
 
-/// A board whose pieces are grown.
+/// The search for a board whose pieces are grown.
 struct Search<'a> {
     finder: &'a ChessboardFinder,
     image: &'a GrayImage,
@@ -246,7 +245,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The boards that a library's search shows nearly whole, and its other pieces.
+    /// Splits the result of a library's search into nearly whole boards and other pieces.
     fn split(
         &self,
         detector: &ChessboardDetector,
@@ -264,7 +263,7 @@ impl Search<'_> {
         (whole, others)
     }
 
-    /// A board, unless the corners beside it are another one.
+    /// Returns the board, unless the corners beside it form another one.
     fn alone(&self, found: Outcome, corners: &[ChessCorner]) -> Outcome {
         let Outcome::Board(board) = &found else { return found };
         let beside = Outline::around(board, &self.finder.board);
@@ -294,7 +293,7 @@ impl Search<'_> {
         found
     }
 
-    /// A board that the library found, with the corners that it missed where their print shows them.
+    /// Returns a board found by the library, with the corners that it missed where their print is visible.
     fn whole(&self, lattice: Lattice, p: &Placement, corners: &[ChessCorner]) -> Outcome {
         let board = &self.finder.board;
         let mut found = self.finder.refined(&lattice, p, self.image, false);
@@ -306,7 +305,7 @@ impl Search<'_> {
         if let Some(Outcome::Board(more)) = grown {
             let known = found.clone();
             let same = |d: &Detection| known.iter().find(|k| k.feature == d.feature);
-            // Numbered the same way, or not to be mixed.
+            // The new corners are used only if they are numbered in the same way.
             if more.iter().all(|d| same(d).is_none_or(|k| (k.pixel - d.pixel).norm() < SAME_CORNER_PX)) {
                 found.extend(more.into_iter().filter(|d| same(d).is_none()));
                 found.sort_by_key(|d| d.feature);
@@ -315,7 +314,7 @@ impl Search<'_> {
         Outcome::Board(found)
     }
 
-    /// The best of what grows at the levels of the image, beginning with what was found at full size.
+    /// Returns the best board grown at the levels of the image, starting with what was found at full size.
     fn by_pieces(&self, pieces: Vec<Lattice>, corners: &[ChessCorner]) -> Outcome {
         let mut best = self.at_level(pieces, corners, 1.0);
         let mut reduced = halved(self.image);
@@ -335,7 +334,7 @@ impl Search<'_> {
         matches!(found, Outcome::Board(corners) if n_corners <= 2 * corners.len())
     }
 
-    /// Grows the largest pieces, and squares that none of them holds. `scale` is how much smaller the image is that the corners are from.
+    /// Grows the largest pieces, and squares that are in none of them. `scale` is the factor by which the image of the corners is reduced.
     fn at_level(&self, mut pieces: Vec<Lattice>, corners: &[ChessCorner], scale: f64) -> Outcome {
         pieces.sort_by_key(|piece| std::cmp::Reverse(piece.nodes.len()));
         pieces.retain(|piece| piece.nodes.len() <= MOST_NODES);
@@ -366,12 +365,12 @@ impl Search<'_> {
         best
     }
 
-    /// A piece after growing, and its place in the board.
+    /// Grows a piece, and returns it with its place in the board.
     fn grown(&self, mut lattice: Lattice, dark: i32, joints: &[Joint], all: &mut Vec<Lattice>) -> Outcome {
         let board = &self.finder.board;
         let mut pattern = Pattern::new(self.image, joints, self.noise_gray, dark, &lattice);
         pattern.keep_vouched(&mut lattice);
-        // One more than the board has: a larger one is another board.
+        // The limit is one more than the board has, so that a larger board is recognised as another one.
         let most = board.rows.max(board.columns) as i32 + 1;
         pattern.grow(&mut lattice, most);
         let n = lattice.nodes.len();
@@ -398,25 +397,25 @@ impl Search<'_> {
     }
 }
 
-/// Saddle points of an image that is reduced by `scale`, in the whole one.
+/// Converts saddle points of an image reduced by `scale` to the original image.
 fn strongest_first(corners: &[ChessCorner], scale: f64) -> Vec<Joint> {
     let mut strongest: Vec<&ChessCorner> = corners.iter().collect();
     strongest.sort_by(|a, b| b.strength.total_cmp(&a.strength));
     strongest.into_iter().map(|c| enlarged(Joint::new(c), scale)).collect()
 }
 
-/// Whether a joint is a node of a lattice already.
+/// Returns whether a joint is already a node of a lattice.
 fn holds(lattice: &Lattice, joint: &Joint) -> bool {
     lattice.nodes.values().any(|node| (node.pixel - joint.pixel).norm() < 3.0)
 }
 
-/// A joint of a reduced image, whose pixel is the mean of `scale` × `scale`, in the whole one.
+/// Converts a joint of a reduced image, whose pixels are means of `scale` × `scale`, to the original image.
 fn enlarged(joint: Joint, scale: f64) -> Joint {
     let middle = Pixel::new(0.5, 0.5) * (scale - 1.0);
     Joint { pixel: joint.pixel * scale + middle, sigma_px: scale * joint.sigma_px }
 }
 
-/// The more complete of two outcomes.
+/// Returns the more complete of two outcomes.
 fn better(a: Outcome, b: Outcome) -> Outcome {
     let worth = |x: &Outcome| match x {
         Outcome::Board(corners) => (2, corners.len() as u64),

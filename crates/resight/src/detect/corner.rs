@@ -1,11 +1,11 @@
 //! Sub-pixel refinement of a corner: the point that all edges around it run through.
 //!
 //! Method: W. Förstner and E. Gülch, "A fast operator for detection and precise location of distinct points, corners
-//! and centres of circular features", ISPRS 1987. Every pixel p of a window with gradient g claims that the corner x
-//! satisfies gᵀ(p − x) = 0 (the gradient is across the edge, the edge leads to the corner); least squares gives
-//!   N x = Σ w g gᵀ p,  N = Σ w g gᵀ,  covariance σ₀² N⁻¹ with σ₀² the mean squared claim missed.
-//! Where a window fits between neighbouring features this averages over long edges and is better than a saddle fit of
-//! a few pixels: calibrating from 13 real 640 × 480 views leaves 0.176 px instead of 0.190 px.
+//! and centres of circular features", ISPRS 1987. Every pixel p of a window with gradient g requires of the corner x
+//! that gᵀ(p − x) = 0 (the gradient is perpendicular to the edge, the edge leads to the corner); least squares gives
+//!   N x = Σ w g gᵀ p,  N = Σ w g gᵀ,  covariance σ₀² N⁻¹ with σ₀² the mean squared residual of these equations.
+//! Where a window fits between neighbouring features this averages over long edges, and is more accurate than a saddle fit
+//! to a few pixels: calibrating from 13 real 640 × 480 views leaves 0.176 px instead of 0.190 px.
 
 use crate::GrayImage;
 use nalgebra::{Matrix2, Vector2};
@@ -14,19 +14,19 @@ use resight_core::Pixel;
 /// A refined corner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefinedCorner {
-    /// Where, pixels.
+    /// Its position, pixels.
     pub pixel: Pixel,
-    /// Standard deviation along the least certain direction, from how well the edges meet, pixels.
+    /// Standard deviation in the least certain direction, estimated from the residuals of the edges, pixels.
     pub sigma_px: f64,
 }
 
-/// Steps until the corner must have settled.
+/// Largest number of steps until the corner must have converged.
 const MAX_STEPS: usize = 20;
 /// A step this short ends the search, pixels: a hundredth of the best accuracy measured.
 const SETTLED_PX: f64 = 3e-4;
 
-/// Moves a corner to where the edges in a window of `2 half_window_px + 1` pixels meet. None when the window leaves
-/// the image, shows edges of one direction only, or leads further than `max_move_px` from the start.
+/// Moves a corner to the intersection of the edges in a window of `2 half_window_px + 1` pixels. Returns `None` when the window leaves the
+/// image, shows edges of one direction only, or leads farther than `max_move_px` from the start.
 pub fn refine_corner(
     image: &GrayImage,
     start: &Pixel,
@@ -87,7 +87,7 @@ impl Sums {
         Some(sums)
     }
 
-    /// The intersection of the edges, relative to the window's centre.
+    /// Returns the intersection of the edges, relative to the window's centre.
     fn shift(&self) -> Option<Vector2<f64>> {
         // One edge alone leaves the corner free along it: the smaller eigenvalue vanishes against the larger.
         let (trace, determinant) = (self.normal.trace(), self.normal.determinant());
@@ -95,9 +95,9 @@ impl Sums {
         crossing.then(|| self.normal.try_inverse()).flatten().map(|inverse| inverse * self.right)
     }
 
-    /// √ of the larger eigenvalue of σ₀² N⁻¹, halved: the two flanks of a blurred edge miss the corner to opposite
-    /// sides and cancel in the corner, though not in σ₀. (With a lens floor of 0.12 px the residuals of 26 real views
-    /// then have a normalised variance of 1.1; unhalved 0.76.)
+    /// Returns half the square root of the larger eigenvalue of σ₀² N⁻¹. It is halved because the two flanks of a blurred edge miss the corner
+    /// on opposite sides, which cancels in the corner, but not in σ₀. (With a lens floor of 0.12 px the residuals of 26 real views then have a
+    /// normalised variance of 1.1; without halving 0.76.)
     fn sigma_px(&self) -> Option<f64> {
         let variance = 0.25 * self.missed / self.weight;
         let inverse = self.normal.try_inverse()?;
@@ -106,8 +106,7 @@ impl Sums {
     }
 }
 
-/// A square of `2 reach + 1` pixels around a place, interpolated bilinearly, row by row. The caller has made sure that
-/// it lies in the image.
+/// Interpolates a square of `2 reach + 1` pixels around a position, bilinearly, row by row. The caller ensures that it is inside the image.
 fn patch(image: &GrayImage, centre: &Pixel, reach: i32) -> Vec<f64> {
     let (u0, v0) = (centre.x.floor(), centre.y.floor());
     let (a, b) = (centre.x - u0, centre.y - v0);

@@ -1,13 +1,13 @@
 //! Three dots on a line and one off it: lamps, retro-reflectors or printed discs.
 //!
-//! image → classes (`threshold`) → regions (`components`) → dots with sub-pixel place and sigma (`centroid`) →
-//! the four that are the target (`identify`, `layout`) → perspective's shift removed → detections.
-//! The target is opaque or at least known to be seen from its front; a mirrored or backward view is not found.
-//! Every dot must lie whole inside the image; a covered one means "not found". Derivations: docs/math/dots.md.
+//! image → classes (`threshold`) → regions (`components`) → dots with sub-pixel position and sigma (`centroid`) →
+//! the four that are the target (`identify`, `layout`) → shift by perspective removed → detections.
+//! The target is opaque, or at least known to be seen from its front; a mirrored or backward view is not found.
+//! Every dot must be completely inside the image; if one is covered, the target is not found. Derivations: docs/math/dots.md.
 //!
-//! Cost: linear in the pixels, and bounded in what they show: at most 160 dots of each polarity take part, the most
-//! conspicuous first. 1280×960: 1.1 to 1.4 ms clean, about 10 ms among a hundred dots, 40 ms with a hundred thousand
-//! specks or 170 equal lamps (dev profile, one shared core).
+//! The cost is linear in the number of pixels, and bounded whatever they show: at most 160 dots of each polarity take part, the most conspicuous
+//! first. At 1280×960 it is 1.1 to 1.4 ms for a clean image, about 10 ms among a hundred dots, and 40 ms with a hundred thousand specks or 170
+//! equal lamps (dev profile, one shared core).
 
 mod centroid;
 mod components;
@@ -59,7 +59,7 @@ pub enum DotError {
     },
 }
 
-/// Which dots are looked for.
+/// The polarity of the dots that are searched for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Polarity {
     /// Both.
@@ -74,13 +74,13 @@ pub enum Polarity {
 /// The dots' geometry, and the detector's thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DotConfig {
-    /// Diameter of the discs, metres; none: any, as long as the four are alike.
+    /// Diameter of the discs, metres; `None` for any, as long as the four are alike.
     pub diameter_m: Option<f64>,
     /// Dark or light.
     pub polarity: Polarity,
-    /// Least difference to the surroundings, grey levels; ten times the image's noise is asked in any case.
+    /// Least difference to the surroundings, grey levels; ten times the image's noise is required in any case.
     pub min_contrast: f64,
-    /// Accepted number of false targets per image that dots strewn at random would give.
+    /// Accepted expected number of false targets per image, if its dots were distributed at random.
     pub max_false_alarms: f64,
     /// Error of a centroid that is not noise (pixel response, lens, print), px; added in quadrature to each sigma.
     pub sigma_floor_px: f64,
@@ -105,7 +105,7 @@ pub struct DotTarget {
     pub detections: Vec<Detection>,
     /// The dots as measured, in the same order.
     pub dots: [Dot; 4],
-    /// log₁₀ of the number of such finds expected by chance in this image.
+    /// log₁₀ of the number of such targets expected by chance in this image.
     pub log10_false_alarms: f64,
 }
 
@@ -120,11 +120,11 @@ pub struct DotDetector {
 
 /// Regions smaller than this are specks, px.
 const MIN_AREA_PX: f64 = 2.0;
-/// Specks beyond this number are dropped, the least conspicuous first, before any is measured.
+/// Beyond this number, the least conspicuous specks are discarded before any is measured.
 const MAX_MEASURED: usize = 1200;
 
 impl DotDetector {
-    /// A detector for one target, dots of any size and polarity. Fails when the target's dimensions cannot be right.
+    /// Builds a detector for one target, with dots of any size and polarity. Fails on invalid dimensions of the target.
     pub fn new(target: &LinePlusOne) -> Result<Self, resight_core::Error> {
         Self::with_config(target, DotConfig::default())
     }
@@ -150,13 +150,13 @@ impl DotDetector {
         })
     }
 
-    /// The four detections of the surest target, or none. Without a camera the lens is taken as free of distortion;
-    /// perspective's shift is removed as far as the dots' own shapes tell.
+    /// Returns the four detections of the most certain target, or none. Without a camera the lens is assumed to be free of distortion; the shift
+    /// by perspective is removed as far as the dots' own shapes determine it.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DotError> {
         self.first(image, None)
     }
 
-    /// The same with known intrinsics: straight lines and rigidity are tested as the lens images them.
+    /// Detects with known intrinsics: straightness and rigidity are tested with the distortion of the lens.
     pub fn detect_with_camera(
         &mut self,
         image: &GrayImage,

@@ -1,7 +1,7 @@
-//! Every tag of an image, of one family or of whatever family: for who does not know yet what hangs there.
+//! Finds every tag of an image, of one family or of any family, for users who do not know which tags are in view.
 //!
-//! One search over the image shows the outlines of tags, and all families are read in them; only the families that show there are then looked
-//! for one by one, with all that measures their corners. So an image without a tag costs two or three searches, not that of every family.
+//! One search over the image finds the outlines of tags, and all families are decoded in them. Only the families found there are then searched
+//! for one by one, with everything that measures their corners. So an image without a tag costs two or three searches, not one for every family.
 
 use super::aprilgrid::{GridTagFinder, grid_tags};
 use super::apriltag::{Edges, QuadDecoder};
@@ -17,11 +17,11 @@ use crate::GrayImage;
 use resight_core::Pixel;
 use std::collections::BTreeSet;
 
-/// OpenCV's dictionaries that are sought beside the AprilTag families. Each begins with the ids of its smaller ones, so that these are
-/// found too. Of 4 × 4 bits only fifty: of a thousand, one square in fifteen would bear one by chance.
+/// OpenCV's dictionaries that are searched for beside the AprilTag families. Each begins with the ids of its smaller ones, which are therefore
+/// found too. Of 4 × 4 bits only fifty codes are used: with a thousand, one square in fifteen would bear one by chance.
 const DICTIONARIES: [&str; 5] =
     ["DICT_4X4_50", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"];
-/// Families that Kalibr's grids are printed with.
+/// Families used in Kalibr's grids.
 const OF_GRIDS: [&str; 3] = ["tag36h11", "tag25h9", "tag16h5"];
 
 /// The tags of one family in an image.
@@ -29,39 +29,39 @@ const OF_GRIDS: [&str; 3] = ["tag36h11", "tag25h9", "tag16h5"];
 pub struct FamilyTags {
     /// The family.
     pub family: String,
-    /// Its tags, by id, then from the left, copies of an id included.
+    /// Its tags, sorted by id, then from the left, copies of an id included.
     pub tags: Vec<FoundTag>,
 }
 
 /// Finds every tag; built once per thread.
 pub struct EveryTagFinder {
     families: Vec<Sought>,
-    /// Reads all families in every outline: tags that stand free,
+    /// Decodes all families in every outline: isolated tags,
     free: QuadDecoder,
-    /// and tags that touch the small squares of an AprilGrid. None where no family of a grid is sought.
+    /// and tags that touch the small squares of an AprilGrid; `None` where no family of a grid is wanted.
     in_grids: Option<QuadDecoder>,
-    /// The place in `families` of each family that `in_grids` reads.
+    /// The index in `families` of each family that `in_grids` decodes.
     of_grids: Vec<usize>,
 }
 
-/// A family, and what measures its tags once one was seen.
+/// A family, and the finder that measures its tags once one was found.
 struct Sought {
     name: String,
     least_margin_gray: f64,
-    /// Whether one square in some hundreds bears one of its codes by chance, so that its print has to show.
+    /// Whether one square in some hundreds bears one of its codes by chance, so that its print has to be verified.
     is_weak: bool,
     free: Option<TagFinder>,
     in_grids: Option<GridTagFinder>,
 }
 
-/// Of a family whose codes chance gives the print has to explain this share of the variance: of another print it explains half.
+/// Share of the variance that the print has to explain in such a family: of another print it explains half.
 const EXPLAINED_OF_WEAK: f64 = 0.85;
 
-/// A grid of such a family shows at least so many tags: among a dozen tags of another one, chance gives one code now and then.
+/// Least number of tags in a grid of such a family: among a dozen tags of another family, chance occasionally gives one code.
 const LEAST_OF_WEAK_GRID: usize = 3;
 
 impl EveryTagFinder {
-    /// All tags of a family (AprilTag name or OpenCV dictionary), or of any family where `family` is `any`.
+    /// Builds a finder for all tags of a family (AprilTag name or OpenCV dictionary), or of any family where `family` is `any`.
     ///
     /// # Errors
     /// `UnknownFamily`.
@@ -95,8 +95,7 @@ impl EveryTagFinder {
         Ok(EveryTagFinder { families, free: decoder(&free)?, in_grids, of_grids })
     }
 
-    /// The families that an image shows, the one with most tags first. A square that two families read is that of the one that shows
-    /// more tags.
+    /// Finds the families in an image, the one with most tags first. A square decoded in two families is assigned to the family with more tags.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FamilyTags> {
         if super::is_blank(image) {
             return Vec::new();
@@ -106,11 +105,11 @@ impl EveryTagFinder {
         let mut found = self.measured(image, free);
         found.extend(in_grids.into_iter().filter_map(|index| self.families[index].find(image, false)));
         if found.iter().all(|family| family.tags.is_empty()) {
-            // What shows at full size only, or in another light.
+            // Tags that are found only at full size, or with another illumination.
             let free = self.shown_finest(image, &quiet);
             found = self.measured(image, free);
         }
-        // The sort is stable: among equals the family named first.
+        // The sort is stable: of equals, the family that is listed first stays first.
         found.sort_by_key(|family| std::cmp::Reverse(family.tags.len()));
         let mut kept: Vec<FamilyTags> = Vec::new();
         for mut family in found {
@@ -130,13 +129,13 @@ impl EveryTagFinder {
         free.into_iter().filter_map(|index| self.families[index].find(image, true)).collect()
     }
 
-    /// The families of which a tag stands free at half the size.
+    /// Returns the families with an isolated tag at half the size.
     fn shown(&mut self, quiet: &Quietened) -> BTreeSet<usize> {
         self.free.set_least_contrast(quiet.least_contrast(self.least_margin_gray()));
         self.shown_at(quiet.image(), FINE)
     }
 
-    /// The same at full size, and of families whose codes chance does not give also in a shadow or without a white margin.
+    /// Returns the families with an isolated tag at full size; for families without chance codes, also in a shadow or without a white margin.
     fn shown_finest(&mut self, image: &GrayImage, quiet: &Quietened) -> BTreeSet<usize> {
         let least = quiet.least_contrast_unsmoothed(self.least_margin_gray());
         self.free.set_least_contrast(least);
@@ -159,7 +158,7 @@ impl EveryTagFinder {
         clear.map(|tag| tag.family).collect()
     }
 
-    /// The families of which a tag touches the squares of a grid.
+    /// Returns the families with a tag that touches the squares of a grid.
     fn shown_in_grids(&mut self, image: &GrayImage, quiet: &Quietened) -> BTreeSet<usize> {
         let Some(decoder) = &mut self.in_grids else { return BTreeSet::new() };
         let tags = grid_tags(decoder, image, &joints(image), quiet);
@@ -168,7 +167,7 @@ impl EveryTagFinder {
 }
 
 impl Sought {
-    /// Its tags, free or in a grid; none where the finder cannot be built, which it could be before.
+    /// Finds the tags of the family, isolated or in a grid; `None` where the finder cannot be built, which was possible before.
     fn find(&mut self, image: &GrayImage, is_free: bool) -> Option<FamilyTags> {
         let mut tags = if is_free {
             let finder = match &mut self.free {
@@ -183,7 +182,7 @@ impl Sought {
             };
             finder.find(image)
         };
-        // A tag of a grid has other print around it, and rests on its clear reading; where chance gives that, on the tags beside it.
+        // A tag of a grid has another print around it, and needs a clear reading; where chance gives that too, it needs the tags beside it.
         tags.retain(|tag| !is_free || !self.is_weak || EXPLAINED_OF_WEAK <= tag.explained);
         if !is_free && self.is_weak && tags.len() < LEAST_OF_WEAK_GRID {
             tags.clear();
@@ -192,7 +191,7 @@ impl Sought {
     }
 }
 
-/// Whether two readings are of one square: centres closer than half an edge.
+/// Returns whether two readings are of one square: their centres are closer than half an edge.
 fn is_same(a: &FoundTag, b: &FoundTag) -> bool {
     let centre = |tag: &FoundTag| tag.corners.iter().sum::<Pixel>() / 4.0;
     (centre(a) - centre(b)).norm() < 0.5 * sigma::shortest_edge_px(&a.corners)

@@ -1,8 +1,8 @@
-//! Tag families: where the bits of a marker lie and which code belongs to which id.
+//! Tag families: the positions of the bits of a marker, and the id of each code.
 //!
-//! One form serves the AprilTag families (tables inside the C library) and the ArUco dictionaries of OpenCV
-//! (tables from `calib-targets-aruco`): the layout the AprilTag decoder takes, cell (0, 0) at the top-left of the
-//! black border, x right, y down, white = 1, first listed bit most significant.
+//! The AprilTag families (tables inside the C library) and the ArUco dictionaries of OpenCV (tables from `calib-targets-aruco`) have one form
+//! here, that of the AprilTag decoder: cell (0, 0) at the top-left of the black border, x right, y down, white = 1, first listed bit most
+//! significant.
 
 use super::DetectError;
 use super::apriltag;
@@ -30,7 +30,7 @@ impl Family {
         resolve_dictionary(name).map(|d| Self::aruco(&d)).ok_or_else(|| unknown(name))
     }
 
-    /// Only these ids; an id the family does not have is an error.
+    /// Restricts the family to these ids; an id that it does not have is an error.
     pub fn only(mut self, name: &str, wanted: &[u32]) -> Result<Self, DetectError> {
         let n_codes = self.codes.len();
         let code_of = |id: &u32| match self.codes.get(*id as usize) {
@@ -42,7 +42,7 @@ impl Family {
         Ok(self)
     }
 
-    /// The same codes inside a black border of two cells, as Kalibr prints its grids.
+    /// Returns the same codes inside a black border of two cells, as Kalibr prints its grids.
     pub fn with_double_border(mut self) -> Self {
         self.bit_x.iter_mut().chain(&mut self.bit_y).for_each(|cell| *cell += 1);
         self.border_width += 2;
@@ -50,8 +50,8 @@ impl Family {
         self
     }
 
-    /// The markers as seen in a mirror (or printed on the back of a board). The reported corners are those of the
-    /// mirrored image: its top-left is the marker's top-right.
+    /// Returns the markers as seen in a mirror (or printed on the back of a board). The reported corners are those of the mirrored image, whose
+    /// top-left corner is the marker's top-right.
     pub fn mirrored(self) -> Self {
         let cells: Vec<(i32, i32)> = self.bit_x.iter().copied().zip(self.bit_y.iter().copied()).collect();
         let n_bits = cells.len();
@@ -64,7 +64,7 @@ impl Family {
         Family { codes: self.codes.iter().map(mirror).collect(), ..self }
     }
 
-    /// The markers printed white on black.
+    /// Returns the markers printed white on black.
     pub fn inverted(mut self) -> Self {
         let all_bits = (1u64 << self.bit_x.len()) - 1;
         self.codes.iter_mut().for_each(|code| *code ^= all_bits);
@@ -72,8 +72,8 @@ impl Family {
         self
     }
 
-    /// Bits the decoder may correct. Random 16- and 21-bit squares decode too easily; ArUco codes lie so close
-    /// together that correcting one bit gave 1–3 false ids in 72 tags, correcting none gave zero.
+    /// Returns the number of bits that the decoder may correct. Random 16- and 21-bit squares are decoded too easily; ArUco codes are so close
+    /// together that correcting one bit gave 1–3 false ids in 72 tags, and correcting none gave zero.
     pub fn correctable_bits(&self) -> u32 {
         let by_distance = match self.hamming_distance {
             0..=6 => 0,
@@ -89,25 +89,25 @@ impl Family {
         (0..=by_distance).rev().find(|&bits| entries(bits) * 48 <= 16_000_000).unwrap_or(0)
     }
 
-    /// Whether codes lie so close together that chance gives them: in the squares of a chessboard, in letters, in other families' tags.
+    /// Returns whether the codes are so close together that they arise by chance, in the squares of a chessboard, in letters or in other tags.
     pub fn is_weak(&self) -> bool {
         self.hamming_distance <= WEAK_DISTANCE
     }
 
-    /// Smallest decision margin accepted, grey levels. Without correction and with codes this close, ArUco squares
-    /// need a clear reading: 30 left none of 72 markers out and no false id in. The true tags of real photographs
-    /// read 52 and more, so 15 is a floor against texture, not against dim light.
+    /// Returns the smallest decision margin accepted, grey levels. Without correction, and with codes this close, ArUco squares need a clear
+    /// reading: with 30, none of 72 markers was lost and no false id accepted. The true tags of real photographs have 52 and more, so that 15 is
+    /// a limit against texture, not against dim light.
     pub fn min_margin_gray(&self) -> f64 {
         if self.hamming_distance <= 6 { 30.0 } else { 15.0 }
     }
 
-    /// Cells outside the square whose corners are reported, in edges of that square.
+    /// Returns the width of the cells outside the square whose corners are reported, in edges of that square.
     pub fn rim_edges(&self) -> f64 {
         0.5 * (self.total_width - self.border_width).max(0) as f64 / self.border_width.max(1) as f64
     }
 
-    /// An OpenCV dictionary. Its tables here are row-major, least significant bit first, black = 1; the decoder rotates codes by a quarter of
-    /// their bits, so the bits must be listed quadrant by quadrant, each the quarter turn of the one before.
+    /// Converts an OpenCV dictionary. Its tables are row-major, least significant bit first, black = 1; the decoder rotates codes by a quarter
+    /// of their bits, so the bits must be listed quadrant by quadrant, each rotated by a quarter turn against the one before.
     fn aruco(dictionary: &Dictionary) -> Self {
         let n = dictionary.marker_size() as i32;
         let cells = quadrant_order(n);
@@ -129,13 +129,13 @@ impl Family {
 /// Families with at most this distance have codes that one square in some hundreds bears by chance.
 const WEAK_DISTANCE: u32 = 7;
 
-/// OpenCV's copies of AprilTag families (rotated by half against the originals) state their distance in the name.
+/// Returns the distance stated in the name of OpenCV's copies of AprilTag families (rotated by half a turn against the originals).
 fn stated_distance(dictionary: &str) -> u32 {
     let stated = dictionary.strip_prefix("DICT_APRILTAG_").and_then(|name| name.split_once('h'));
     stated.and_then(|(_, distance)| distance.parse().ok()).unwrap_or(0)
 }
 
-/// Cells of an n × n square: the top quadrant row by row, then its quarter turns clockwise, the centre last.
+/// Returns the cells of an n × n square: the top quadrant row by row, then its quarter turns clockwise, the centre last.
 fn quadrant_order(n: i32) -> Vec<(i32, i32)> {
     let first: Vec<(i32, i32)> = (0..n / 2).flat_map(|y| (y..n - 1 - y).map(move |x| (x, y))).collect();
     let turn = |(x, y): (i32, i32)| (n - 1 - y, x);
@@ -155,8 +155,7 @@ fn unknown(name: &str) -> DetectError {
     DetectError::UnknownFamily { name: name.to_string() }
 }
 
-/// A marker drawn with one value per cell, as it is printed: the outermost ring is the quiet zone or the family's
-/// own data ring.
+/// A marker with one value per cell, as it is printed: the outermost ring is the quiet zone or the family's own data ring.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MarkerPattern {
     /// Cells along the edge of the whole image.
@@ -167,8 +166,7 @@ pub struct MarkerPattern {
     pub white: Vec<bool>,
 }
 
-/// The marker of a family (AprilTag name or OpenCV dictionary) with an id, upright.
-/// Fails on unknown families and ids.
+/// Returns the marker of a family (AprilTag name or OpenCV dictionary) with an id, upright. Fails on unknown families and ids.
 pub fn marker_pattern(family: &str, id: u32) -> Result<MarkerPattern, DetectError> {
     let layout = Family::named(family)?.only(family, &[id])?;
     Ok(draw(&layout, layout.codes[0]))
@@ -177,7 +175,7 @@ pub fn marker_pattern(family: &str, id: u32) -> Result<MarkerPattern, DetectErro
 pub(super) fn draw(family: &Family, code: u64) -> MarkerPattern {
     let width = family.total_width as usize;
     let inset = ((family.total_width - family.border_width) / 2) as usize;
-    // The ring just outside the border (inside it for reversed families) is the contrast the edge needs.
+    // The ring just outside the border (inside it for reversed families) gives the edge its contrast.
     let ring = if family.reversed_border { inset } else { inset - 1 };
     let mut white = vec![false; width * width];
     for k in ring..width - ring {
@@ -208,7 +206,7 @@ mod tests {
         }
     }
 
-    /// A turned marker reads as the code rotated by a quarter of its bits: what the decoder relies on.
+    /// A marker rotated by a quarter turn has the code rotated by a quarter of its bits, as the decoder assumes.
     #[test]
     fn turning_the_cells_rotates_the_code() {
         for n in [4, 5, 6, 7] {
@@ -242,7 +240,7 @@ mod tests {
         assert_eq!(rows, printed);
     }
 
-    /// The same codes, but "upright" differs by half a turn: a target file must say which of the two was printed.
+    /// The codes are equal, but "upright" differs by half a turn: a target file must state which of the two was printed.
     #[test]
     fn opencv_turns_apriltags_by_half() {
         let (opencv, original) = ("DICT_APRILTAG_36h11", "tag36h11");

@@ -1,10 +1,10 @@
-//! Following a target through the images of one camera: searched where it is expected, everywhere once it is not there.
+//! Follows a target through the images of one camera: searches where it is expected, and everywhere once it is not there.
 //!
-//! What is found near is found with the same reductions, on the same tiles of pixels, as in the whole image, so corners are the same; those of
-//! what is measured where it was, to a fraction of their sigma.
-//! A target that left its place is searched in the whole image at once. What takes long (a look for copies and for tags out of
-//! place, small tags at full size) goes strip by strip, a share of the image for the time that has passed, so no frame waits for it.
-//! Capture times and images alone decide what is searched, not how long it took: the same film gives the same answers.
+//! A target found nearby is found with the same reductions, on the same tiles of pixels, as in the whole image, so that its corners are equal;
+//! corners measured at their last position agree to a fraction of their sigma.
+//! A target that left its position is searched for in the whole image at once. Slow searches (for copies and for displaced tags, for small tags
+//! at full size) are done strip by strip, a share of the image for the time that has passed, so that no frame waits for them. Capture times and
+//! images alone determine what is searched, not the duration of the search: the same film gives the same answers.
 
 mod board;
 mod tags;
@@ -21,11 +21,11 @@ use tags::TagFollower;
 /// The part of an image that was searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
-    /// Where the target was expected, and perhaps a strip besides.
+    /// The parts where the target was expected, and possibly a strip.
     Near,
-    /// All of it.
+    /// The whole image.
     Whole,
-    /// Where it was last, and a share of the rest: it has been away for long.
+    /// The last position, and a share of the rest: the target has been missing for long.
     Share,
 }
 
@@ -44,7 +44,7 @@ enum Kind {
 }
 
 impl Follower {
-    /// No position is known yet.
+    /// Starts without a known position.
     ///
     /// # Errors
     /// As of [`Detector::new`].
@@ -61,8 +61,8 @@ impl Follower {
         Ok(Follower { kind, clock: Clock::default(), extent: Extent::Whole })
     }
 
-    /// Features found in the image taken at `t_s`, ids then corners ascending; empty when the target is not there. `expected` is where
-    /// they would be by what is known of the pose, in pixels; empty where nothing is known.
+    /// Finds the features in the image taken at `t_s`, sorted by id, then corner; empty when the target is not visible. `expected` are their
+    /// predicted positions from a pose, in pixels; empty where no pose is known.
     ///
     /// # Errors
     /// As of [`Detector::detect`]. Copies of a tag outside the parts searched are noticed within [`ROUND_S`].
@@ -85,27 +85,27 @@ impl Follower {
         Ok(found)
     }
 
-    /// The part of the last image that was searched.
+    /// Returns the part of the last image that was searched.
     pub fn extent(&self) -> Extent {
         self.extent
     }
 }
 
-/// The whole image is looked through once in this time, seconds, while the target is found near its place.
+/// Time in which the whole image is searched once, seconds, while the target is found near its last position.
 pub const ROUND_S: f64 = 2.0;
-/// A target that is gone is looked for in every whole image for this long, seconds,
+/// A missing target is searched for in every whole image for this time, seconds,
 const SOON_S: f64 = 1.0;
-/// and then once in this time (small tags, which show at full size only, within [`SMALL_ROUND_S`]; boards at half the size of the image),
+/// and then once in this time (small tags, which are found at full size only, within [`SMALL_ROUND_S`]; boards at half the size of the image),
 const TAG_EVERY_S: f64 = 0.2;
-/// or once in this time, of a board at full size: looking through a whole image for its corners takes some tenths of a second.
+/// or, for a board at full size, once in this time: searching a whole image for its corners takes some tenths of a second.
 const BOARD_EVERY_S: f64 = 1.0;
-/// The whole image is looked through at full size once in this time, seconds, while a tag is gone.
+/// Time in which the whole image is searched once at full size, seconds, while a tag is missing.
 const SMALL_ROUND_S: f64 = 1.0;
 
-/// Images nearer than this have no times of their own (copied files): each is taken for the first of its kind.
+/// Images closer in time than this have no capture times (copied files); each is treated as the first one.
 const UNTIMED_S: f64 = 1e-3;
 
-/// The seconds between images; infinite where none are known.
+/// Seconds between images; infinite where no time is known.
 #[derive(Debug, Default)]
 struct Clock {
     last_s: Option<f64>,
@@ -115,17 +115,17 @@ impl Clock {
     fn tick(&mut self, t_s: f64) -> f64 {
         let elapsed_s = self.last_s.map_or(f64::INFINITY, |last_s| t_s - last_s);
         self.last_s = Some(t_s);
-        // Also a clock that was set back, or is none.
+        // This includes clocks that were set back or do not run.
         if UNTIMED_S <= elapsed_s { elapsed_s } else { f64::INFINITY }
     }
 }
 
-/// When to look through the whole image for a target that is not near its place.
+/// Decides when to search the whole image for a target that is not near its last position.
 #[derive(Debug)]
 struct Absence {
-    /// Since it was last found.
+    /// Time since it was last found.
     gone_s: f64,
-    /// Since the last look through the whole image.
+    /// Time since the whole image was last searched.
     unlooked_s: f64,
     every_s: f64,
 }
@@ -140,9 +140,9 @@ impl Absence {
         self.unlooked_s += elapsed_s;
     }
 
-    /// Whether this image is looked through; then the next wait begins.
+    /// Returns whether this image is searched; if so, the next wait begins.
     fn is_due(&mut self) -> bool {
-        // The sum of the times of thirty frames may fall short of a second by its rounding.
+        // The sum of the times of thirty frames may be less than a second because of rounding.
         let is_due = self.gone_s <= SOON_S || self.every_s - UNTIMED_S <= self.unlooked_s;
         if is_due {
             self.unlooked_s = 0.0;
@@ -155,13 +155,13 @@ impl Absence {
     }
 }
 
-/// Parts searched in turn, as many in each image as belong to the time that has passed.
+/// Parts that are searched in turn, as many in each image as belong to the time that has passed.
 #[derive(Debug)]
 struct Round {
     count: u32,
     period_s: f64,
     next: u32,
-    /// Parts that are due, and a fraction.
+    /// Number of parts that are due, with a fraction.
     due: f64,
 }
 
@@ -170,7 +170,7 @@ impl Round {
         Round { count, period_s, next: 0, due: 0.0 }
     }
 
-    /// The parts due now: all of them after a long time.
+    /// Returns the parts that are due now: after a long time, all of them.
     fn take(&mut self, elapsed_s: f64) -> impl Iterator<Item = u32> + use<> {
         let count = self.count;
         self.due = (self.due + count as f64 * elapsed_s / self.period_s).min(count as f64);
@@ -207,7 +207,7 @@ mod tests {
         }
     }
 
-    /// Files copied at once have one time, clocks are set back, and time may be missing altogether.
+    /// Files copied together have the same time, clocks are set back, and the time may be missing.
     #[test]
     fn no_time_is_long_ago() {
         let mut clock = Clock::default();

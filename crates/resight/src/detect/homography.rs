@@ -1,4 +1,4 @@
-//! Plane to image, to predict where a corner should be: good enough to look there, never the measurement itself.
+//! Homographies from a plane to the image: accurate enough to predict where a corner is, never used as the measurement itself.
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use resight_core::Pixel;
@@ -6,7 +6,7 @@ use resight_core::Pixel;
 /// A point of a flat target.
 pub(super) type PlanePoint = Vector2<f64>;
 
-/// The next whole number below; faster than `floor`, which is a call.
+/// Rounds down; faster than `floor`, which is a function call.
 #[inline]
 pub(super) fn floor(x: f64) -> i32 {
     let towards_zero = x as i32;
@@ -18,8 +18,8 @@ pub(super) fn floor(x: f64) -> i32 {
 pub(super) struct Homography(Matrix3<f64>);
 
 impl Homography {
-    /// Least squares over four or more pairs (algebraic error, coordinates scaled to unit size); none when the
-    /// pairs do not determine it.
+    /// Fits by least squares to four or more pairs (algebraic error, coordinates scaled to unit size); `None` when the pairs do not determine
+    /// the homography.
     pub fn fit(pairs: &[(PlanePoint, Pixel)]) -> Option<Self> {
         let plane = unit_scale(pairs.iter().map(|p| p.0))?;
         let image = unit_scale(pairs.iter().map(|p| p.1))?;
@@ -42,31 +42,31 @@ impl Homography {
         (map.iter().all(|x| x.is_finite()) && 4 <= pairs.len()).then_some(Homography(map))
     }
 
-    /// The map from the image back to the plane; none of a plane seen edge on.
+    /// Returns the map from the image back to the plane; `None` for a plane seen edge on.
     pub fn inverse(&self) -> Option<Self> {
         self.0.try_inverse().filter(|map| map.iter().all(|x| x.is_finite())).map(Homography)
     }
 
-    /// The image of a point, before its coordinates are divided by the third.
+    /// Returns the image of a point in homogeneous coordinates, before the division by the third.
     pub fn homogeneous(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         [0, 1, 2].map(|i: usize| self.0[(i, 0)] * x + self.0[(i, 1)] * y + self.0[(i, 2)])
     }
 
-    /// The gradients of the two coordinates of the image `p` of a point, one over whose third homogeneous coordinate is `per_z`.
+    /// Returns the gradients of both coordinates of the image `p` of a point; `per_z` is one over its third homogeneous coordinate.
     pub fn gradients(&self, p: [f64; 2], per_z: f64) -> [[f64; 2]; 2] {
         let of = |i: usize, k: usize| (self.0[(i, k)] - p[i] * self.0[(2, k)]) * per_z;
         [[of(0, 0), of(0, 1)], [of(1, 0), of(1, 1)]]
     }
 
-    /// What a covariance in the plane becomes along one coordinate of the image: times z², the third homogeneous coordinate, it is
-    /// a + b p + c p² where that coordinate is p.
+    /// Returns the polynomial coefficients of a covariance mapped from the plane to one coordinate of the image: times z², the third homogeneous
+    /// coordinate, the variance is a + b p + c p², where p is that coordinate.
     pub fn scatter(&self, axis: usize, covariance: &Matrix2<f64>) -> [f64; 3] {
         let row = |i: usize| Vector2::new(self.0[(i, 0)], self.0[(i, 1)]);
         let product = |i: usize, k: usize| row(i).dot(&(covariance * row(k)));
         [product(axis, axis), -2.0 * product(axis, 2), product(2, 2)]
     }
 
-    /// The image of a plane point.
+    /// Returns the image of a point of the plane.
     pub fn at(&self, x: &PlanePoint) -> Pixel {
         apply(&self.0, x)
     }
@@ -77,7 +77,7 @@ fn apply(map: &Matrix3<f64>, x: &Vector2<f64>) -> Vector2<f64> {
     Vector2::new(y.x / y.z, y.y / y.z)
 }
 
-/// Moves the mean to the origin and the root mean square distance to 1.
+/// Returns the map that moves the mean to the origin and scales the root mean square distance to 1.
 fn unit_scale(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option<Matrix3<f64>> {
     let n = points.clone().count() as f64;
     let mean = points.clone().sum::<Vector2<f64>>() / n;

@@ -1,4 +1,4 @@
-//! An image to the points in it, as an answer.
+//! Detects the points in an image, as an answer.
 
 use super::absent::Explainer;
 use super::every_tag::{EveryTagFinder, FamilyTags};
@@ -11,7 +11,7 @@ use crate::core::Target;
 use crate::core::correspondence::Detection;
 use crate::report::face;
 
-/// The points of a target in an image; where there are none, [`explain`] says what the image holds instead. `view` names the image.
+/// Detects the points of a target in an image; where there are none, [`explain`] describes what the image shows instead. `view` names the image.
 pub fn detect_target(
     detector: &mut Detector,
     target: &Target,
@@ -32,7 +32,7 @@ pub fn detect_target(
     }
 }
 
-/// A flat target that is seen mirrored is not to be relied on, whatever was found: no lens is needed to tell.
+/// Rejects a flat target that is seen mirrored, whatever was found; this needs no lens.
 fn judged(answer: DetectionAnswer, target: &Target, detections: &[Detection]) -> DetectionAnswer {
     match face::is_mirrored(target, detections) {
         Some(true) => DetectionAnswer {
@@ -44,7 +44,7 @@ fn judged(answer: DetectionAnswer, target: &Target, detections: &[Detection]) ->
     }
 }
 
-/// Says of an image without the target what it shows instead: of the first one of a session, searched for in the `image` that is read again.
+/// Explains what an image without the target shows instead, for the first such image of a session; `image` reads it again.
 pub fn explain(
     answer: &mut DetectionAnswer,
     target: &Target,
@@ -56,7 +56,7 @@ pub fn explain(
     }
 }
 
-/// Every tag of the family that `finder` looks for, or of `any` family.
+/// Detects every tag of the family that `finder` searches for, or of `any` family.
 pub fn detect_every_tag(
     finder: &mut EveryTagFinder,
     family: &str,

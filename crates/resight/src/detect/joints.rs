@@ -27,38 +27,37 @@ impl Joint {
     }
 }
 
-/// Half the width of the window of a corner's refinement.
+/// The window in which a corner is refined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CornerWindow {
-    /// None: what is printed around a corner is laid on the image, 4 to 7 px to each side.
+    /// No window: the print around a corner is fitted to the image, 4 to 7 px to each side.
     #[default]
     Clear,
-    /// This many pixels, whatever comes in: for corners comparable with those of OpenCV's `cornerSubPix` and its `winSize`.
+    /// A window of this many pixels to each side, whatever is in it: for comparison with OpenCV's `cornerSubPix` and its `winSize`.
     Half(u32),
 }
 
 impl Joint {
-    /// Refined in a window of so many pixels to each side, whatever comes in; itself when that fails.
+    /// Refines the joint in a window of `half_px` pixels to each side, whatever is in it; returns it unchanged when that fails.
     pub fn refined(self, image: &GrayImage, half_px: u32) -> Self {
-        // How well all edges in the window meet says nothing of this corner's: every corner weighs the same.
+        // In a fixed window the residual says nothing about this corner alone, so that every corner has the same sigma.
         let refined = refine_corner(image, &self.pixel, half_px, half_px as f64);
         refined.map_or(self, |c| Joint { pixel: c.pixel, sigma_px: sigma::WINDOW_PX })
     }
 }
 
-/// ChESS corners refined as saddle points: 3–5 times more accurate than the library's default centre of mass
-/// (0.03 px instead of 0.09 px on rendered boards), with a covariance from the measured image noise.
+/// Configures ChESS corners refined as saddle points: 3–5 times more accurate than the library's default centre of mass (0.03 px instead of 0.09
+/// px on rendered boards), with a covariance from the measured image noise.
 pub(super) fn corner_config() -> DetectorConfig {
     default_chess_config()
         .with_refiner(ImageRefiner::saddle_point())
         .with_uncertainty(Uncertainty::Propagated { noise: NoiseLevel::Estimate })
 }
 
-/// Smallest image edge, pixels: the corner detector's ring, its peak search and the fit windows need 20 px, and the
-/// library does not check.
+/// Smallest image edge, pixels: the corner detector's ring, its peak search and the fit windows need 20 px, which the library does not check.
 const MIN_EDGE_PX: u32 = 32;
 
-/// The library's view of an image; none when it is too small or the buffer does not have the stated size.
+/// Converts an image to the library's type; `None` when it is too small or the buffer does not have the stated size.
 pub(super) fn view(image: &GrayImage) -> Option<GrayImageView<'_>> {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
     let large = MIN_EDGE_PX <= image.width_px && MIN_EDGE_PX <= image.height_px;
@@ -66,26 +65,26 @@ pub(super) fn view(image: &GrayImage) -> Option<GrayImageView<'_>> {
     whole.then_some(GrayImageView { width, height, data: &image.data })
 }
 
-/// Every saddle point of the image.
+/// Finds every saddle point of the image.
 pub(super) fn joints(image: &GrayImage) -> Vec<Joint> {
     corners(image, &corner_config()).iter().map(Joint::new).collect()
 }
 
-/// Most pixels in which corners are sought at once: the detector takes four bytes for each, and more.
+/// Largest image, in pixels, in which corners are searched for at once: the detector uses four bytes and more for each pixel.
 const WHOLE_PIXELS: usize = 16_000_000;
-/// Pixels of a strip of a larger image.
+/// Number of pixels in a strip of a larger image.
 const STRIP_PIXELS: usize = 4_000_000;
-/// Rows that a strip takes of its neighbours: more than the detector's ring, its peak search and its fit windows reach.
+/// Number of rows by which strips overlap: more than the detector's ring, its peak search and its fit windows reach.
 const OVERLAP_ROWS: usize = 32;
-/// Fewest rows of a strip: of a very wide image the overlap would be most of the work.
+/// Smallest number of rows of a strip: in a very wide image most of the work would otherwise be in the overlap.
 const STRIP_ROWS: usize = 128;
 
-/// The library spreads its work over threads.
+/// The library distributes its work over threads.
 fn corners_of(image: &GrayImageView, config: &DetectorConfig) -> Vec<ChessCorner> {
     on_all_cores(|| detect_corner_frame(image, config).corners)
 }
 
-/// The corners that the library finds; in a large image strip by strip.
+/// Returns the corners that the library finds, in a large image strip by strip.
 pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
     let Some(whole) = view(image) else { return Vec::new() };
     #[cfg(test)]
@@ -102,7 +101,7 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
         let strip = GrayImageView { width: whole.width, height: to - from, data };
         for mut corner in corners_of(&strip, config) {
             corner.position.y += from as f32;
-            // A corner may be refined to just outside of the image.
+            // A corner may be refined to a position just outside the image.
             let is_after = first == 0 || first as f32 <= corner.position.y;
             let is_before = end == whole.height || corner.position.y < end as f32;
             if is_after && is_before {
@@ -113,7 +112,7 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
     all
 }
 
-/// The image at half its size, each pixel the mean of four; a last odd column or row is left out.
+/// Returns the image at half its size, each pixel the mean of four; a last odd column or row is left out.
 pub(super) fn halved(image: &GrayImage) -> GrayImage {
     let (width, height) = (image.width_px as usize / 2, image.height_px as usize / 2);
     let stride = image.width_px as usize;
@@ -127,7 +126,7 @@ pub(super) fn halved(image: &GrayImage) -> GrayImage {
     GrayImage { width_px: width as u32, height_px: height as u32, data }
 }
 
-/// The joint nearest to a place, if one lies close enough.
+/// Returns the joint nearest to a position, if it is within the given distance.
 pub(super) fn nearest(joints: &[Joint], pixel: &Pixel, within_px: f64) -> Option<Joint> {
     let distance = |joint: &Joint| (joint.pixel - pixel).norm();
     let close = joints.iter().filter(|joint| distance(joint) <= within_px);

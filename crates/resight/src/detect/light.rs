@@ -1,19 +1,19 @@
-//! Images in which a shadow on a print, or a ground that is darker than paper, does not break a tag's outline.
+//! Converts images so that a shadow on a print, or a ground darker than paper, does not break a tag's outline.
 //!
-//! The tag library splits black from white half-way between the darkest and the brightest of a neighbourhood of a dozen pixels. Where the edge of a
-//! shadow crosses a tag's margin, white in the shadow falls below that, and the outline of the black border breaks. In simulated tags of 20 to
-//! 80 px under three soft stripes the image as it came shows 3 to 40 %, stretched 33 to 100 %; under hard stripes 0 %, and as logarithms 20 to 80 %
-//! from 32 px on; of tags without a white margin, of 20 px, 33 %, and stretched 97 %.
+//! The tag library separates black from white half-way between the darkest and the brightest value of a neighbourhood of a dozen pixels. Where
+//! the edge of a shadow crosses a tag's margin, white in the shadow falls below that, and the outline of the black border breaks. Of simulated
+//! tags of 20 to 80 px under three soft stripes, 3 to 40 % are found in the original image, 33 to 100 % in the stretched one; under hard stripes
+//! 0 %, and 20 to 80 % from 32 px on in the logarithm; of tags without a white margin, of 20 px, 33 %, and 97 % if stretched.
 
 use crate::GrayImage;
 
-/// The darkest and the brightest are taken of windows of so many pixels: a cell or two of a tag, less than most shadows' edges are wide.
+/// Size of the windows for the darkest and brightest values, pixels: a cell or two of a tag, narrower than the edges of most shadows.
 const WINDOW_PX: usize = 9;
-/// What they are smoothed over, pixels, so that they do not jump.
+/// Size of the window in which these values are smoothed, pixels, so that they do not jump.
 const SMOOTH_PX: usize = 4;
-/// Larger images are searched as they came: the copies would be most of the memory.
+/// Larger images are searched unchanged: the copies would need most of the memory.
 const MOST_PIXELS: usize = 16_000_000;
-/// Grey levels that count as no light: the logarithm of darker ones would be that of noise.
+/// Grey levels below this count as dark: their logarithm would be that of noise.
 const NO_LIGHT_GRAY: f64 = 4.0;
 
 fn is_taken(image: &GrayImage) -> bool {
@@ -22,8 +22,8 @@ fn is_taken(image: &GrayImage) -> bool {
     image.data.len() == width * height && image.data.len() <= MOST_PIXELS && least <= width && least <= height
 }
 
-/// Each pixel between the darkest (0) and the brightest (255) around it; 127 where these differ by less than `least_gray`, so that noise stays
-/// noise. None of an image too small or too large.
+/// Stretches each pixel between the darkest (0) and the brightest (255) value around it; 127 where these differ by less than `least_gray`, so
+/// that noise is not amplified. `None` for an image that is too small or too large.
 pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> {
     if !is_taken(image) {
         return None;
@@ -31,7 +31,7 @@ pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> 
     let width = image.width_px as usize;
     let low = smoothed(extreme(&image.data, width, |a, b| a.min(b)), width);
     let high = smoothed(extreme(&image.data, width, |a, b| a.max(b)), width);
-    // The windows begin at their first pixel: their middle is this much further.
+    // The windows begin at their first pixel, so that their centre is this much farther.
     let shift = (WINDOW_PX / 2 + SMOOTH_PX / 4) * (width + 1);
     let mut data = vec![FLAT; image.data.len()];
     for ((out, gray), (low, high)) in
@@ -45,13 +45,13 @@ pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> 
     Some(GrayImage { data, ..*image })
 }
 
-/// What shows nothing.
+/// The grey level of a pixel without contrast around it.
 const FLAT: u8 = 127;
 
-/// Edge of the blocks in which an image is looked through for anything that is no noise, pixels.
+/// Edge length, in pixels, of the blocks in which an image is tested for structure.
 const BLOCK_PX: usize = 8;
 
-/// Whether grey levels differ by `least_gray` in two blocks beside each other: a tag that can be read covers two, and noise hardly spreads so far in
+/// Returns whether grey levels differ by `least_gray` in two adjacent blocks: a readable tag covers two, and noise rarely has such a range in
 /// both.
 pub(super) fn has_structure(image: &GrayImage, least_gray: u8) -> bool {
     let width = image.width_px.max(1) as usize;
@@ -77,7 +77,7 @@ pub(super) fn has_structure(image: &GrayImage, least_gray: u8) -> bool {
     false
 }
 
-/// The logarithm of each pixel: a shadow takes the same away from black and from white. None of an image too large.
+/// Returns the logarithm of each pixel: a shadow subtracts the same from black and from white. `None` for an image that is too large.
 pub(super) fn logarithm(image: &GrayImage) -> Option<GrayImage> {
     if !is_taken(image) {
         return None;
@@ -90,7 +90,7 @@ pub(super) fn logarithm(image: &GrayImage) -> Option<GrayImage> {
     Some(GrayImage { data: image.data.iter().map(|gray| table[*gray as usize]).collect(), ..*image })
 }
 
-/// The least or the most of each window that begins at a pixel, by windows of two, four and eight; rows run into the next.
+/// Returns the least or the greatest value of each window that begins at a pixel, by windows of two, four and eight; rows continue in the next.
 fn extreme(data: &[u8], width: usize, of: impl Fn(u8, u8) -> u8 + Copy) -> Vec<u8> {
     let (mut out, mut spare) = (data.to_vec(), Vec::new());
     for step in [1, width] {
@@ -104,7 +104,7 @@ fn extreme(data: &[u8], width: usize, of: impl Fn(u8, u8) -> u8 + Copy) -> Vec<u
     out
 }
 
-/// Means of squares of [`SMOOTH_PX`] that begin at a pixel.
+/// Returns the means of squares of [`SMOOTH_PX`] that begin at a pixel.
 fn smoothed(mut data: Vec<u8>, width: usize) -> Vec<u8> {
     let mut spare = Vec::new();
     for step in [1, 2, width, 2 * width] {
@@ -113,7 +113,7 @@ fn smoothed(mut data: Vec<u8>, width: usize) -> Vec<u8> {
     data
 }
 
-/// Joins each value with the one `reach` further on. From one memory into another, so that many are joined at once.
+/// Joins each value with the one `reach` farther, from one buffer to another, so that many are joined at once.
 fn join(data: &mut Vec<u8>, spare: &mut Vec<u8>, reach: usize, of: impl Fn(u8, u8) -> u8) {
     let n = data.len().saturating_sub(reach);
     spare.clear();

@@ -1,21 +1,21 @@
-//! How noisy an image is, and an image with less noise in which outlines are sought.
+//! Estimates the noise of an image, and returns an image with less noise in which outlines are searched for.
 
 use crate::GrayImage;
 
-/// Columns and rows between the places where the noise is measured.
+/// Number of columns and rows between the positions where the noise is measured.
 const EVERY: usize = 4;
 /// The smallest number of samples.
 const MIN_PLACES: usize = 64;
-/// And so does a smaller share of an image: beside pure black and white, edges of letters.
+/// Smallest share of an image with samples: an image of pure black and white has samples only at the edges of letters.
 const MIN_SHARE: f64 = 0.002;
-/// Largest answer of the mask below, 8·255 in either direction.
+/// Largest response of the mask below, 8·255 in either direction.
 const LARGEST: usize = 2040;
 
-/// Standard deviation of the noise of each pixel, grey levels; 0 of an image that is too small.
+/// Returns the standard deviation of the noise of each pixel, grey levels; 0 for an image that is too small.
 ///
 /// J. Immerkær, "Fast noise variance estimation", Computer Vision and Image Understanding, 1996: the mask
-/// `1 −2 1, −2 4 −2, 1 −2 1` sees neither brightness nor slopes nor straight edges along the axes, and noise of standard deviation σ as
-/// 6 σ. The median of its absolute value instead of the mean leaves out the texture and the corners of up to a half of the image.
+/// `1 −2 1, −2 4 −2, 1 −2 1` does not respond to brightness, slopes or straight edges along the axes, and to noise of standard deviation σ
+/// with 6 σ. The median of its absolute value, instead of the mean, excludes the texture and the corners of up to half of the image.
 pub(super) fn noise_gray(image: &GrayImage) -> f64 {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
     if width < 3 || height < 3 || image.data.len() != width * height {
@@ -28,7 +28,7 @@ pub(super) fn noise_gray(image: &GrayImage) -> f64 {
         for u in (0..width - 2).step_by(EVERY) {
             let row = |r: &[u8]| r[u] as i32 - 2 * r[u + 1] as i32 + r[u + 2] as i32;
             let answer = (row(a) - 2 * row(b) + row(c)).unsigned_abs() as usize;
-            // Overexposed and black parts have no noise to see, and what lies between them is an edge.
+            // Overexposed and black parts have no visible noise, and the pixels between them are an edge.
             let is_clipped = |r: &[u8]| r[u..u + 3].iter().any(|gray| matches!(gray, 0 | 255));
             all += 1;
             if ![a, b, c].into_iter().any(is_clipped) {
@@ -44,14 +44,14 @@ pub(super) fn noise_gray(image: &GrayImage) -> f64 {
 /// Half of the values of a standard normal distribution lie within this of zero.
 const NORMAL_QUARTILE: f64 = 0.6745;
 
-/// The median of counted whole numbers, a part of one from where in its count the middle falls.
+/// Returns the median of counted whole numbers, interpolated within its count.
 fn median(counts: &[u32], n: usize) -> f64 {
     let middle = 0.5 * n as f64;
     let mut below = 0.0;
     for (value, &count) in counts.iter().enumerate() {
         let count = count as f64;
         if middle <= below + count {
-            // All that is rounded to zero lies between 0 and a half.
+            // All values that are rounded to zero are between 0 and a half.
             let (first, width) = if value == 0 { (0.0, 0.5) } else { (value as f64 - 0.5, 1.0) };
             return first + width * (middle - below) / count.max(1.0);
         }
@@ -65,21 +65,21 @@ const QUIET_GRAY: f64 = 2.5;
 /// Noise from which it is smoothed twice.
 const LOUD_GRAY: f64 = 7.0;
 
-/// An image in which outlines are sought, and the noise that is left in it.
+/// An image in which outlines are searched for, and its remaining noise.
 pub(super) struct Quietened<'a> {
     smoothed: Option<GrayImage>,
     image: &'a GrayImage,
-    /// Standard deviation of the noise of each pixel of the image as it came, grey levels.
+    /// Standard deviation of the noise of each pixel of the original image, grey levels.
     pub noise_gray: f64,
-    /// And of the image to search.
+    /// Standard deviation of the noise of the image to search.
     pub left_gray: f64,
 }
 
 impl<'a> Quietened<'a> {
-    /// Smooths an image by its noise. In noise of 5 grey levels most of the time of a search went into outlines of noise.
+    /// Smooths an image according to its noise. At a noise of 5 grey levels, most of the time of a search was spent on outlines of noise.
     pub fn new(image: &'a GrayImage) -> Self {
         let noise_gray = noise_gray(image);
-        // Noise of unit variance has 9/64 of it left after one pass in both directions and (35/128)² after two.
+        // Noise of unit variance is reduced to 9/64 by one pass in both directions, and to (35/128)² by two.
         let (smoothed, share) = match noise_gray {
             s if s < QUIET_GRAY => (None, 1.0),
             s if s < LOUD_GRAY => (Some(smooth(image)), 0.375),
@@ -88,28 +88,28 @@ impl<'a> Quietened<'a> {
         Quietened { smoothed, image, noise_gray, left_gray: share * noise_gray }
     }
 
-    /// The image to search.
+    /// Returns the image to search.
     pub fn image(&self) -> &GrayImage {
         self.smoothed.as_ref().unwrap_or(self.image)
     }
 
-    /// Whether the image to search has lost detail with its noise.
+    /// Returns whether the image to search has lost detail together with its noise.
     pub fn is_smoothed(&self) -> bool {
         self.smoothed.is_some()
     }
 
-    /// The difference of grey levels that noise hardly gives within the tiles the tag library compares.
+    /// Returns the difference of grey levels that noise rarely reaches within the tiles that the tag library compares.
     pub fn least_contrast(&self, least: u8) -> u8 {
         spread_of_tiles(self.left_gray, least)
     }
 
-    /// The same for the image as it came, in which the smallest markers show.
+    /// Returns the same limit for the original image, in which the smallest markers are found.
     pub fn least_contrast_unsmoothed(&self, least: u8) -> u8 {
         spread_of_tiles(self.noise_gray, least)
     }
 }
 
-/// The next whole grey level above what noise of this standard deviation spreads over a tile, rounding to whole levels included.
+/// Returns the next whole grey level above the range of noise of this standard deviation in a tile, rounding to whole levels included.
 pub(super) fn spread_of_tiles(noise_gray: f64, least: u8) -> u8 {
     (SPREAD_OF_TILES * noise_gray.hypot(ROUNDING_GRAY)).ceil().clamp(least as f64, MOST_GRAY) as u8
 }
@@ -117,14 +117,13 @@ pub(super) fn spread_of_tiles(noise_gray: f64, least: u8) -> u8 {
 /// Standard deviation of rounding to whole grey levels, √(1/12).
 const ROUNDING_GRAY: f64 = 0.2887;
 
-/// Range of noise over a tile with its neighbours (144 pixels), in its standard deviations: 5 in the mean, above this once in some
-/// thousand tiles.
+/// Range of noise over a tile with its neighbours (144 pixels), in standard deviations: 5 on average, above this once in some thousand tiles.
 const SPREAD_OF_TILES: f64 = 7.0;
 
-/// Black and white of a well lit print lie further apart, grey levels.
+/// Least distance between black and white of a well lit print, grey levels.
 const MOST_GRAY: f64 = 120.0;
 
-/// Binomial smoothing, 1 2 1 along rows and columns; the border keeps its neighbours' share by being repeated.
+/// Smooths with the binomial filter 1 2 1 along rows and columns; the border is repeated outside the image.
 fn smooth(image: &GrayImage) -> GrayImage {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
     let mut out =
@@ -177,8 +176,8 @@ mod tests {
         assert_eq!(noise_gray(&GrayImage::filled(0, 0, 0)), 0.0);
     }
 
-    /// In outlines of noise a search of an AprilGrid spent nine tenths of its time: at the library's own 5 grey levels every tile holds one. The
-    /// limit is rounded up and knows of the rounding of the image: rounded down, 73 of 400 tiles reached it at a noise of 3.
+    /// In outlines of noise a search for an AprilGrid spent nine tenths of its time: at the library's own 5 grey levels every tile has one. The
+    /// limit is rounded up and includes the rounding of the image: rounded down, 73 of 400 tiles reached it at a noise of 3.
     #[test]
     fn noise_holds_no_outlines() {
         for sigma in [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0] {

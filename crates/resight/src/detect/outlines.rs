@@ -1,36 +1,38 @@
-//! Closed outlines with four sides, where alone a tag can be: small or shadowed tags are read there, and not in all of an image at full size.
+//! Finds closed outlines with four sides, the only places for a tag: small or shadowed tags are decoded there, not in the whole image at full
+//! size.
 //!
-//! Connected dark pixels (of some families, light ones) are gathered row by row; only what the row before touches is kept. The border of a tag is one such
-//! component with four corners, dark just inside each side and light just outside. Letters, dots and foliage are components too, and
-//! hardly any of them has four such sides.
+//! Connected dark pixels (for some families, light ones) are collected row by row; only components that touch the previous row are kept in
+//! memory. The border of a tag is one such component with four corners, dark just inside each side and light just outside. Letters, dots and
+//! foliage are components too, and few of them have four such sides.
 
 use super::region::Region;
 use super::{light, tiles};
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Corners of an outline, in order around it, either way.
+/// Corners of an outline, in order around it, in either direction.
 pub(super) type Quad = [Pixel; 4];
 
-/// Which pixels make outlines.
+/// The pixels that belong to outlines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ink {
     Dark,
     Light,
 }
 
-/// Shortest side of a tag that can be read, pixels, between the middles of its outermost pixels.
+/// Shortest side of a readable tag, pixels, between the centres of its outermost pixels.
 const LEAST_SIDE_PX: f64 = 7.0;
-/// Places along each side at which its two sides are compared.
+/// Number of positions along each side at which the inside is compared with the outside.
 const PLACES: usize = 12;
-/// Least share of them that have ink inside, of one side and of all: a border is closed;
+/// Least share of positions with ink inside, for one side and for all: a border is closed;
 const INSIDE: [f64; 2] = [0.75, 0.85];
-/// and of those that have none outside: the corners of the smallest tags are round, and their sides are found a pixel off.
+/// and without ink outside: the corners of the smallest tags are round, and their sides are found a pixel off.
 const OUTSIDE: [f64; 2] = [0.4, 0.65];
-/// So far beyond the middle of a cell, pixels.
+/// Distance of the outer position from the side, beyond half a cell, pixels.
 const BEYOND_PX: f64 = 0.75;
 
-/// Directions in which the outermost pixels of a component are kept: of eight, a corner between two of them would be taken for its neighbour.
+/// Directions in which the outermost pixels of a component are kept: with eight, a corner between two of them would be mistaken for its
+/// neighbour.
 const DIRECTIONS: [[i32; 2]; 16] = [
     [1, 0],
     [2, 1],
@@ -54,7 +56,7 @@ const DIRECTIONS: [[i32; 2]; 16] = [
 #[derive(Debug, Clone, Copy)]
 struct Component {
     extremes: [[i32; 2]; DIRECTIONS.len()],
-    /// What it was joined to; itself where it was not.
+    /// The component to which it was joined; its own index where it was not.
     parent: usize,
     last_row: i32,
 }
@@ -76,7 +78,7 @@ impl Component {
     }
 }
 
-/// Neighbouring pixels of a row that have ink.
+/// Adjacent pixels of a row that have ink.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     first: i32,
@@ -84,12 +86,12 @@ struct Run {
     component: usize,
 }
 
-/// Components that the current row or the one before touches.
+/// Components that touch the current or the previous row.
 #[derive(Default)]
 struct Components {
     all: Vec<Component>,
     free: Vec<usize>,
-    /// Joined to another in the current row.
+    /// Components joined to another in the current row.
     joined: Vec<usize>,
 }
 
@@ -123,12 +125,12 @@ impl Components {
     }
 }
 
-/// To stretch a pixel and look for outlines costs a third of what the tag library's search of one does, measured by `bench_detect absent`.
+/// Cost of stretching a pixel and finding outlines: a third of the tag library's search of one pixel, measured by `bench_detect absent`.
 #[cfg(test)]
 const PASS: usize = 3;
 
-/// The closed outlines with four sides in an image whose grey levels lie around 127, as [`light::stretched`](super::light::stretched) makes them; of a tag
-/// whose border is one of `border_cells` cells along each side.
+/// Returns the closed outlines with four sides in an image with grey levels around 127, as [`light::stretched`](super::light::stretched) makes
+/// them, for a tag with `border_cells` cells along each side of its border.
 pub(super) fn quads(image: &GrayImage, ink: Ink, border_cells: i32) -> Vec<Quad> {
     #[cfg(test)]
     super::work::count(image.data.len() / PASS);
@@ -151,8 +153,8 @@ pub(super) fn quads(image: &GrayImage, ink: Ink, border_cells: i32) -> Vec<Quad>
     found
 }
 
-/// The closed outlines with four sides in an image as it came, of any size; where grey levels differ by less than `least_gray` there are none. None where
-/// the image is too small to tell.
+/// Returns the closed outlines with four sides in an original image of any size, where grey levels differ by at least `least_gray`. `None` where
+/// the image is too small.
 pub(super) fn of(image: &GrayImage, least_gray: u8, inks: &[Ink], border_cells: i32) -> Option<Vec<Quad>> {
     if !light::has_structure(image, least_gray) {
         return Some(Vec::new());
@@ -168,16 +170,16 @@ pub(super) fn of(image: &GrayImage, least_gray: u8, inks: &[Ink], border_cells: 
     Some(all)
 }
 
-/// More outlines than this, or as many as an image has room for, are a texture, and the image is searched at once.
+/// More outlines than this, or as many as an image has room for, indicate a texture, and the image is searched as a whole.
 const MOST_OUTLINES: usize = 400;
 
-/// Whether the parts of an image around its outlines are as much as all of it.
+/// Returns whether the parts around the outlines have about the area of the whole image.
 pub(super) fn is_texture(around: &[Region], image: &GrayImage) -> bool {
     let area_px: u64 = around.iter().map(Region::area_px).sum();
     MOST_OUTLINES < around.len() || image.data.len() as u64 <= area_px
 }
 
-/// The middle of the grey levels: what is neither black nor white.
+/// The middle of the grey levels, for pixels that are neither black nor white.
 const MIDDLE: u8 = 127;
 
 fn find_runs(pixels: &[u8], has_ink: impl Fn(u8) -> bool, runs: &mut Vec<Run>) {
@@ -191,7 +193,7 @@ fn find_runs(pixels: &[u8], has_ink: impl Fn(u8) -> bool, runs: &mut Vec<Run>) {
     }
 }
 
-/// Gives the runs of a row their components, by the runs of the row before that touch them with a side of a pixel.
+/// Assigns the runs of a row to components, by the runs of the previous row that touch them with a side of a pixel.
 fn connect(before: &[Run], runs: &mut [Run], row: i32, components: &mut Components) {
     let mut next = 0;
     for run in runs.iter_mut() {
@@ -223,7 +225,7 @@ fn connect(before: &[Run], runs: &mut [Run], row: i32, components: &mut Componen
     }
 }
 
-/// Hands over the components that end before a row, and makes their places free.
+/// Passes on the components that end before a row, and frees their memory.
 fn close(before: &[Run], row: i32, components: &mut Components, mut done: impl FnMut(&Component)) {
     for run in before {
         let index = components.root(run.component);
@@ -236,7 +238,7 @@ fn close(before: &[Run], row: i32, components: &mut Components, mut done: impl F
     components.free.append(&mut components.joined);
 }
 
-/// The four corners of a component: its longest diagonal and what lies furthest to both sides of it.
+/// Returns the four corners of a component: its longest diagonal and the farthest pixels on both sides of it.
 fn quad(component: &Component) -> Option<Quad> {
     let places = component.extremes.map(|[u, v]| Pixel::new(f64::from(u), f64::from(v)));
     let pairs = (0..places.len()).flat_map(|i| (0..i).map(move |k| (i, k)));
@@ -251,7 +253,7 @@ fn quad(component: &Component) -> Option<Quad> {
     (LEAST_SIDE_PX <= shortest).then_some(quad)
 }
 
-/// Whether there is ink along the inside of all four sides, and none along their outside.
+/// Returns whether there is ink along the inside of all four sides, and none along their outside.
 fn has_border(image: &GrayImage, quad: &Quad, has_ink: impl Fn(u8) -> bool, border_cells: i32) -> bool {
     let middle = quad.iter().sum::<Pixel>() / 4.0;
     let at = |p: Pixel| {
@@ -266,7 +268,7 @@ fn has_border(image: &GrayImage, quad: &Quad, has_ink: impl Fn(u8) -> bool, bord
         for i in 0..PLACES {
             let place = a + (b - a) * ((i as f64 + 1.0) / (PLACES as f64 + 1.0));
             let inwards = middle - place;
-            // Half a cell, but a pixel at least: the corners are the middles of pixels.
+            // Half a cell, but at least a pixel, because the corners are the centres of pixels.
             let half_cell =
                 inwards * (1.0 / f64::from(border_cells.max(1))).max(1.0 / inwards.norm().max(1.0));
             right[0] += usize::from(at(place + 0.5 * half_cell) == Some(true));
@@ -292,7 +294,7 @@ mod tests {
         GrayImage { width_px: 120, height_px: 100, data: (0..120 * 100).map(gray).collect() }
     }
 
-    /// A ring of a square of this edge, turned, two pixels thick, with a spot in it.
+    /// A ring of a square of this edge, rotated, two pixels thick, with a spot in it.
     fn ring(centre: [f64; 2], edge: f64, angle: f64) -> impl Fn(f64, f64) -> bool {
         move |u, v| {
             let (x, y) = (u - centre[0], v - centre[1]);
@@ -348,7 +350,7 @@ mod tests {
         assert_eq!(quads(&light, Ink::Light, 8), quads(&dark, Ink::Dark, 8));
     }
 
-    /// Components that join late, as the arms of a U do, and whose places in memory are used again.
+    /// Components are merged late, as for the arms of a U, and their memory is reused.
     #[test]
     fn many_components_at_once_are_kept_apart() {
         let comb = |u: f64, v: f64| v < 20.0 && (u as u32).is_multiple_of(3) || (18.0..20.0).contains(&v);

@@ -1,34 +1,34 @@
-//! Corners measured by what is printed around them, for boards whose print is known up to the corner's exact place.
+//! Measures corners by the print around them, for boards whose print is known once the corners are found.
 
 use super::homography::{Homography, PlanePoint};
 use super::template::{self, Fit, Printed, REDRAWN_PX, Window};
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// The print is compared this far around a corner, in squares,
+/// Radius around a corner in which the print is compared, in squares,
 const PRINT_SQUARES: f64 = 0.45;
 /// within these bounds, pixels.
 const PRINT_PX: (f64, f64) = (4.0, 7.0);
-/// Fewest pixels to each side that show two edges; nearer to the image's edge a corner is not compared.
+/// Smallest radius that shows two edges, pixels; a corner nearer to the image's edge is not compared.
 const LEAST_HALF_PX: usize = 3;
-/// Least share of the variance that the print explains where it is (noise aside).
+/// Least share of the variance that the print has to explain (apart from noise).
 const EXPLAINED: f64 = 0.8;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
 
-/// A residual that shows so many times the variance of the common one is this corner's own.
+/// A residual with this many times the variance of the common one is attributed to this corner alone.
 pub(super) const OWN_EXCESS: f64 = 3.0;
 /// The error of the method itself, standard deviation in pixels: 0.0015 px on rendered boards without noise, rounding included.
 const METHOD_PX: f64 = 0.0013;
-/// The image's noise is known to a fifth; a smaller residual is chance.
+/// Smallest excess used: the image's noise is known to a fifth, and a smaller residual is chance.
 const LEAST_EXCESS: f64 = 0.6;
 
 /// Blurs that are tried, standard deviations in pixels.
 const BLURS_PX: [f64; 6] = [0.35, 0.7, 1.1, 1.6, 2.2, 3.0];
-/// Corners that the blur is chosen by.
+/// Number of corners from which the blur is estimated.
 const BLUR_CORNERS: usize = 4;
 
-/// A corner that was found, and the print around it.
+/// A corner that was found, with the print around it.
 pub(super) struct Place<Ink> {
     /// Its measured position.
     pub found: Pixel,
@@ -37,9 +37,9 @@ pub(super) struct Place<Ink> {
     pub map: Homography,
     /// Shortest edge of the squares around it, pixels.
     pub square_px: f64,
-    /// The radius of the known print, pixels.
+    /// Radius in which the print is known, pixels.
     pub clear_px: f64,
-    /// It is elsewhere if its print lies further off, pixels.
+    /// If the print is farther away than this, in pixels, it belongs to another position.
     pub reach_px: f64,
     /// −1 where black and 1 where white, on the plane.
     pub ink: Ink,
@@ -48,15 +48,15 @@ pub(super) struct Place<Ink> {
 /// The result of comparing a corner with its print.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Observed {
-    /// The print is there.
+    /// The print is visible.
     Print { pixel: Pixel, sigma_px: f64 },
-    /// Something else is: the corner is covered, or was none.
+    /// Something else is visible: the corner is covered, or was wrong.
     Otherwise,
-    /// Too near to the edge of the image to compare.
+    /// The corner is too near to the edge of the image to be compared.
     Outside,
 }
 
-/// Variances of corners, from their noise and from what the residuals of all show (docs/math/corner_sigma.md section 3).
+/// Returns the variances of corners, from their noise and from the residuals of all (docs/math/corner_sigma.md section 3).
 pub(super) fn sigmas_px(fits: &[Fit]) -> Vec<f64> {
     let mut excess: Vec<f64> = fits.iter().map(|fit| fit.excess).collect();
     excess.sort_by(f64::total_cmp);
@@ -73,14 +73,14 @@ pub(super) fn sigmas_px(fits: &[Fit]) -> Vec<f64> {
 pub(super) struct Common {
     /// Standard deviation of the noise of each pixel, grey levels.
     pub noise_gray: f64,
-    /// Standard deviation of the blur, pixels; none where it is not known yet.
+    /// Standard deviation of the blur, pixels; `None` where it is not known yet.
     pub blur_px: Option<f64>,
-    /// As of [`Window`].
+    /// As in [`Window`].
     pub redrawn_px: f64,
 }
 
-/// Of blurs in ascending order the one by which most is explained, beginning with the second: more blur explains ever more up to the best, and ever
-/// less beyond it.
+/// Returns the blur that explains most, from blurs in ascending order, starting with the second: up to the best one more blur explains more, and
+/// beyond it less.
 pub(super) fn best_blur_px(blurs_px: &[f64], mut explained: impl FnMut(f64) -> f64) -> f64 {
     let mut at = 1.min(blurs_px.len() - 1);
     let mut best = explained(blurs_px[at]);
@@ -88,7 +88,7 @@ pub(super) fn best_blur_px(blurs_px: &[f64], mut explained: impl FnMut(f64) -> f
         let first = at;
         while let Some(&blur_px) = at.checked_add_signed(step).and_then(|next| blurs_px.get(next)) {
             let share = explained(blur_px);
-            // Where nothing is explained the best may be further on.
+            // Where nothing is explained yet, the best may be farther on.
             if share < best || (share == best && 0.0 < best) {
                 break;
             }
@@ -101,7 +101,7 @@ pub(super) fn best_blur_px(blurs_px: &[f64], mut explained: impl FnMut(f64) -> f
     blurs_px[at]
 }
 
-/// The blur that explains most of some of these corners.
+/// Returns the blur that explains most of some of these corners.
 fn blur_px<Ink: Fn(PlanePoint) -> f32>(image: &GrayImage, noise_gray: f64, places: &[Place<Ink>]) -> f64 {
     let every = (places.len() / BLUR_CORNERS).max(1);
     best_blur_px(&BLURS_PX, |blur_px| {
@@ -110,7 +110,7 @@ fn blur_px<Ink: Fn(PlanePoint) -> f32>(image: &GrayImage, noise_gray: f64, place
     })
 }
 
-/// Compares corners with their print, all in one blur, which is returned too.
+/// Compares corners with their print, all with one blur, which is returned too.
 pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
     image: &GrayImage,
     common: Common,
@@ -133,14 +133,14 @@ pub(super) fn measure<Ink: Fn(PlanePoint) -> f32>(
 }
 
 impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
-    /// The print where it is there; none too near to the edge of the image.
+    /// Fits the print; `None` where it is not visible or too near to the edge of the image.
     fn look(&self, image: &GrayImage, noise_gray: f64, blur_px: f64, redrawn_px: f64) -> Option<Option<Fit>> {
         let window = Window { half_px: self.half_px(image)?, blur_px, noise_gray, redrawn_px };
         let fit = template::fit(image, &self.ink, &self.map, &self.place, self.found, self.reach_px, window);
         Some(fit.filter(|fit| is_seen(fit.explained, fit.contrast_gray)))
     }
 
-    /// The share of the variance that the print explains, 0 where it is not there.
+    /// Returns the share of the variance that the print explains, 0 where it is not visible.
     fn explained(&self, image: &GrayImage, noise_gray: f64, blur_px: f64) -> f64 {
         let Some(half_px) = self.half_px(image) else { return 0.0 };
         let window = Window { half_px, blur_px, noise_gray, redrawn_px: REDRAWN_PX };
@@ -149,7 +149,7 @@ impl<Ink: Fn(PlanePoint) -> f32> Place<Ink> {
         lying.filter(|l| is_seen(l.explained, l.contrast_gray)).map_or(0.0, |l| l.explained)
     }
 
-    /// The radius of the comparison, pixels to each side; none too near to the edge of the image.
+    /// Returns the radius of the comparison, pixels to each side; `None` too near to the edge of the image.
     fn half_px(&self, image: &GrayImage) -> Option<usize> {
         let size = |n: u32| n as f64 - 1.0;
         let (u, v) = (self.found.x.round(), self.found.y.round());

@@ -1,10 +1,10 @@
-//! Parts of an image: what is searched where a target is expected, and strips of an image searched in turn.
+//! Parts of an image: those searched where a target is expected, and strips of an image searched in turn.
 
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Parts start and end on multiples of this, pixels: the tag decoder thresholds in 4 × 4 tiles of the image at half size, and in a
-/// part whose tiles are those of the whole image it sees the same outlines.
+/// Parts start and end on multiples of this, pixels: the tag decoder thresholds in 4 × 4 tiles of the image at half size, and finds the same
+/// outlines in a part whose tiles are those of the whole image.
 const TILE_PX: u32 = 8;
 
 /// A rectangle of pixels, ends excluded, never empty.
@@ -15,7 +15,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// The part of an image that holds these points with a margin; none where that is outside, or a point is no number.
+    /// Returns the part of the image with these points and a margin; `None` where that is outside, or a point is not finite.
     pub fn around(points: &[Pixel], margin_px: f64, size_px: [u32; 2]) -> Option<Self> {
         let span = |axis: usize| {
             let values = points.iter().map(|point| point[axis]);
@@ -23,7 +23,7 @@ impl Region {
                 values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
             let (first, end) = (least - margin_px, most + margin_px + 1.0);
             let is_inside = first < end && first < size_px[axis] as f64 && 0.0 < end;
-            // The conversion cuts at the image's edges.
+            // The conversion to unsigned numbers clips at the image's edges.
             is_inside.then(|| tiles(first.max(0.0) as u32, end.ceil() as u32, size_px[axis]))
         };
         let is_finite = points.iter().all(|point| point.iter().all(|x| x.is_finite()));
@@ -31,7 +31,7 @@ impl Region {
         Some(Region { first: [u0, v0], end: [u1, v1] })
     }
 
-    /// Strip `index` of `count`, which tile the image from top to bottom, and `overlap_px` more to both sides.
+    /// Returns strip `index` of `count`, which tile the image from top to bottom, with `overlap_px` more on both sides.
     pub fn strip(index: u32, count: u32, overlap_px: u32, size_px: [u32; 2]) -> Self {
         let row = |i: u32| (size_px[1] as u64 * i as u64 / count as u64) as u32;
         let (first, end) = (row(index).saturating_sub(overlap_px), row(index + 1).saturating_add(overlap_px));
@@ -39,7 +39,7 @@ impl Region {
         Region { first: [0, first], end: [size_px[0], end] }
     }
 
-    /// Tile `[column, row]` of `counts` columns and rows, which tile the image, and `overlap_px` more to all sides.
+    /// Returns tile `[column, row]` of `counts` columns and rows, which tile the image, with `overlap_px` more on all sides.
     pub fn tile(tile: [u32; 2], counts: [u32; 2], overlap_px: u32, size_px: [u32; 2]) -> Self {
         let span = |axis: usize| {
             let edge = |i: u32| (size_px[axis] as u64 * i as u64 / counts[axis] as u64) as u32;
@@ -50,29 +50,29 @@ impl Region {
         Region { first: [u0, v0], end: [u1, v1] }
     }
 
-    /// Its columns and rows.
+    /// Returns the numbers of columns and rows.
     #[cfg(test)]
     pub fn size_px(&self) -> [u32; 2] {
         [self.end[0] - self.first[0], self.end[1] - self.first[1]]
     }
 
-    /// Its first column and row, the offset of detections in it.
+    /// Returns the first column and row, the offset of detections in this part.
     pub fn origin(&self) -> Pixel {
         Pixel::new(self.first[0] as f64, self.first[1] as f64)
     }
 
-    /// The number of its pixels.
+    /// Returns the number of pixels.
     pub fn area_px(&self) -> u64 {
         let edge = |axis: usize| (self.end[axis] - self.first[axis]) as u64;
         edge(0) * edge(1)
     }
 
-    /// Whether a place lies in it.
+    /// Returns whether a position is in this part.
     pub fn contains(&self, pixel: &Pixel) -> bool {
         (0..2).all(|axis| (self.first[axis] as f64..self.end[axis] as f64).contains(&pixel[axis]))
     }
 
-    /// The smallest rectangle that holds both.
+    /// Returns the smallest rectangle that contains both.
     fn with(&self, other: &Region) -> Region {
         let (a, b) = (self, other);
         Region {
@@ -81,7 +81,7 @@ impl Region {
         }
     }
 
-    /// Copies this part of an image; the memory of `part` is used again. None where the region was made for a larger image.
+    /// Copies this part of an image, reusing the memory of `part`. `None` where the region was made for a larger image.
     pub fn cut(&self, image: &GrayImage, part: &mut GrayImage) -> Option<()> {
         let width = image.width_px as usize;
         let columns = self.first[0] as usize..self.end[0] as usize;
@@ -94,13 +94,13 @@ impl Region {
     }
 }
 
-/// From `first` to `end`, widened to whole tiles, in an image of `size` pixels; not empty where `first` lies in it.
+/// Returns the range from `first` to `end`, widened to whole tiles, in an image of `size` pixels; not empty where `first` is inside.
 fn tiles(first: u32, end: u32, size: u32) -> (u32, u32) {
     let start = first.min(size.saturating_sub(1)) / TILE_PX * TILE_PX;
     (start, end.min(size).next_multiple_of(TILE_PX).min(size).max(start + 1))
 }
 
-/// The longer side of the smallest upright rectangle around these points, pixels; 0 around none.
+/// Returns the longer side of the smallest upright rectangle around these points, pixels; 0 around none.
 pub(super) fn longer_side_px(points: &[Pixel]) -> f64 {
     let side = |axis: usize| {
         let values = points.iter().map(|point| point[axis]);
@@ -110,7 +110,7 @@ pub(super) fn longer_side_px(points: &[Pixel]) -> f64 {
     side(0).max(side(1))
 }
 
-/// Joins regions wherever one search of both costs less than two.
+/// Joins regions wherever one search of both costs less than two searches.
 pub(super) fn joined(mut regions: Vec<Region>) -> Vec<Region> {
     let mut i = 0;
     while i < regions.len() {

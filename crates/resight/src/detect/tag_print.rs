@@ -1,9 +1,9 @@
-//! A tag measured by all that is printed on it (docs/math/tag_print.md).
+//! Measures a tag by fitting everything printed on it to the image (docs/math/tag_print.md).
 //!
-//! The library fits a line to each edge of a tag. Where the image is blurred, or the tag small, the bits inside reach into these lines; but the bits are
-//! known once the tag is read. The whole print, seen through the homography of four corners and a blur, is laid on the image: corners, brightness,
-//! contrast, blur, the spread of the ink and the bows of the edges minimise a robust sum of squares. What does not look like the print (a finger
-//! over a corner) counts for nothing, and its corner is known the worse.
+//! The library fits a line to each edge of a tag. Where the image is blurred, or the tag small, the bits inside reach into these lines; but the
+//! bits are known once the tag is decoded. Here the whole print, seen through the homography of four corners and a blur, is fitted to the image:
+//! corners, brightness, contrast, blur, the spread of the ink and the bows of the edges minimise a robust sum of squares. Pixels that do not
+//! look like the print (a finger over a corner) get no weight, and the corner there becomes less certain.
 
 mod ink;
 mod margin;
@@ -25,13 +25,13 @@ pub(super) struct LaidTag {
     pub corners: [Pixel; 4],
     /// Standard deviation of each coordinate of each corner, pixels.
     pub sigmas_px: [f64; 4],
-    /// The share of its pixels that look like the print.
+    /// The share of its pixels that agree with the print.
     pub shown: f64,
     /// The share of the variance of these that the print explains,
     explained: f64,
-    /// and of the variance of all, whatever they look like: of a code that another print happens to bear it is small.
+    /// and of the variance of all pixels: it is small for a code that another print bears by chance.
     pub explained_of_all: f64,
-    /// What the next image begins with.
+    /// The start for the next image.
     fit: Fit,
 }
 
@@ -40,7 +40,7 @@ pub(super) struct LaidTag {
 struct Fit {
     reduce: usize,
     is_smoothed: bool,
-    /// The start was so near that the derivatives there were those of the end.
+    /// Whether the start was so near that the derivatives there were those at the end.
     was_near: bool,
     blur_px2: Matrix2<f64>,
     x: Row,
@@ -48,72 +48,74 @@ struct Fit {
 
 type Normal = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
-/// Longest edge of a tag that is compared at full size, pixels; larger ones are reduced.
+/// Longest edge of a tag that is compared at full size, pixels; larger tags are reduced.
 const LONGEST_PX: f64 = 130.0;
-/// Of a tag with longer edges every second pixel is compared, of one of twice this size every third, pixels: enough, and in the time of a small tag.
+/// Of a tag with longer edges every second pixel is compared, of one of twice this size every third, in pixels: enough, in the time of a small
+/// tag.
 const EVERY_PX: f64 = 56.0;
-/// From so many tags in one image on each is compared at half of these lengths.
+/// From this number of tags in one image on, each is compared at half of these lengths.
 const MANY: usize = 4;
-/// A part with fewer pixels that are compared is compared with all of them from the first round on.
+/// A part with fewer compared pixels is compared with all of them from the first round on.
 const FEW: usize = 1000;
-/// Rounds; each about squares the error, until a pixel that is foreign is known as such.
+/// Largest number of rounds; each about squares the error, until foreign pixels are recognised.
 const ROUNDS: usize = 40;
-/// Corners that move less lie near to where they end, pixels.
+/// Corners that move less than this are near their end, pixels.
 const NEAR_PX: f64 = 0.1;
-/// The same where the last image is known, which is near, or the tag is not there.
+/// Largest number of rounds with a start from the last image, which is near, unless the tag is not there.
 const ROUNDS_AGAIN: usize = 8;
-/// The same from where the last image had them.
+/// The corresponding limit for corners that start from the last image, pixels.
 const NEAR_AGAIN_PX: f64 = 0.25;
-/// Corners that move less have settled, pixels of the reduced image, or standard deviations by the noise; the step just taken leaves a tenth of it.
+/// Corners that move less have converged, pixels of the reduced image, or standard deviations of the noise; the last step leaves a tenth of its
+/// length.
 const SETTLED_PX: f64 = 5e-3;
 const SETTLED_SIGMAS: f64 = 0.2;
-/// Steps that move corners by less, pixels, and the blur by less, in shares of its variance, leave the derivatives as they are:
+/// Steps that move the corners by less, pixels, and the blur by less, in shares of its variance, do not change the derivatives:
 const LINEAR_PX: f64 = 0.05;
 const LINEAR_BLUR: f64 = 0.1;
-/// the pixels are only weighted again, so often.
+/// then only the weights of the pixels are updated, this many times.
 const REWEIGHTED: usize = 3;
-/// Blur to begin with, without a pixel's own square, and its most, with it: standard deviations in pixels.
+/// Initial blur, without the pixel's own square, and largest blur, with it: standard deviations in pixels.
 const FIRST_BLUR_PX: f64 = 0.6;
 const MOST_BLUR_PX: f64 = 5.0;
-/// The least at the end of a photograph that is not smoothed: sharpened images are narrower than a pixel's square.
+/// Smallest final blur in a photograph that is not smoothed: sharpened images are narrower than the square of a pixel.
 const LEAST_BLUR_PX: f64 = 0.25;
-/// A narrower blur, with a pixel's own square (alone 0.289), is not smooth from pixel to pixel, pixels: of drawings, sharpened and reduced images.
-/// There an edge a tenth of a pixel off is as far from the print as something else, and a corner whose edges are left out is anywhere. Such a
-/// part is smoothed before the print is laid on it.
+/// A narrower blur, with the pixel's own square (alone 0.289), is not smooth from pixel to pixel, pixels: that of drawings, sharpened and
+/// reduced images. There an edge a tenth of a pixel off differs as much from the print as a foreign object, and a corner without its edges is
+/// not determined. Such a part is smoothed before the print is fitted.
 const SHARP_PX: f64 = 0.42;
-/// In a drawing at least so many pixels have one of two grey levels; in photographs, whose light and noise differ from pixel to pixel, at most
-/// 0.22 of those around a tag (compressed films of webcams). Sharpened photographs stay as they are.
+/// In a drawing at least this share of the pixels has one of two grey levels; in photographs, whose light and noise differ from pixel to pixel,
+/// at most 0.22 of those around a tag (compressed webcam films). Sharpened photographs are not treated as drawings.
 const DRAWN_SHARE: f64 = 0.3;
-/// A pixel this far from the print, in contrasts from black to white, shows something else: at first, and at the least.
+/// Residuals beyond this, in units of the contrast, mark a pixel as foreign: in the first round, and at least.
 const FOREIGN: (f64, f64) = (0.4, 0.12);
-/// The same in robust standard deviations of the residuals.
+/// The same limit in robust standard deviations of the residuals.
 const FOREIGN_SIGMAS: f64 = 5.0;
-/// Least share of the pixels that shows the print, and of their variance that it explains.
+/// Least share of the pixels that agree with the print, and of their variance that it explains.
 const SHOWN: f64 = 0.5;
 const EXPLAINED: f64 = 0.8;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 8.0;
-/// The corners lie further than this from where the library has them, in edges (at least so many pixels): another's.
+/// If the corners are farther than this from those of the library, in edges (or this many pixels), another print was fitted.
 const REACH_EDGES: f64 = 0.3;
 const REACH_PX: f64 = 1.5;
 
-/// How far the blur may depart from a round one, pixels² of its variance; how far ink spreads, pixels; what a lens bends an edge by in its
-/// middle, in squares of the edge over the longer side of the image (0.04 px at an edge of 50 px in an image of 1280).
+/// Prior standard deviations: of the blur from a round one, pixels² of its variance; of the spread of the ink, pixels; of the bow of an edge by
+/// the lens, in squares of the edge over the longer side of the image (0.04 px at an edge of 50 px in an image of 1280).
 const BLUR_PRIOR_PX2: f64 = 2.0;
 const SPREAD_PRIOR_PX: f64 = 0.3;
 const BOW_PRIOR: f64 = 0.02;
-/// What the unknowns take up of sums over squares, in shares of an edge.
+/// Share of the sums over squares that the unknowns absorb, in shares of an edge.
 const TAKEN_UP: f64 = 1.5;
 /// The error of the method itself, standard deviation in pixels.
 const METHOD_PX: f64 = 0.003;
-/// The same of a drawing without any blur, whose pixels lie at a few places of their edges only.
+/// The same error for a drawing without blur, whose grey levels vary at a few positions of its edges only.
 const SHARP_METHOD_PX: f64 = 0.015;
-/// The same of black and white without a grey level between: an edge along a row of pixels is anywhere within a pixel, 1/√12.
+/// The same error for black and white without grey levels between: an edge along a row of pixels is uncertain by 1/√12 of a pixel.
 const TWO_VALUED_METHOD_PX: f64 = 0.289;
-/// Noise that moves what these priors are about as the residuals do, in their standard deviations.
+/// Noise that is weighed against these priors, in standard deviations of the residuals.
 const SHARED: f64 = 2.0;
 
-/// Lays a print on the image as [`lay_with`] does, with its white margin, or with the ground around it where that explains more.
+/// Fits a print to the image with [`lay_with`], with its white margin, or with the ground around it where that explains more.
 pub(super) fn lay(
     image: &GrayImage,
     noise_gray: f64,
@@ -123,7 +125,7 @@ pub(super) fn lay(
     before: Option<&LaidTag>,
 ) -> Option<LaidTag> {
     let laid = lay_with(image, noise_gray, print, corners, n_tags, before);
-    // A tag that is not where it was needs no second look there.
+    // A tag that is not at its last position needs no second fit there.
     if laid.is_none() && before.is_some() {
         return None;
     }
@@ -137,8 +139,8 @@ pub(super) fn lay(
     }
 }
 
-/// Lays a print on the image, corners as the library found them, or as they were in the image `before`; one of so many tags that may be there. None
-/// where the print does not show there.
+/// Fits a print to the image, starting from the corners of the library, or from those in the image `before`; `n_tags` tags are in the image.
+/// `None` where the print is not visible.
 fn lay_with(
     image: &GrayImage,
     noise_gray: f64,
@@ -151,7 +153,7 @@ fn lay_with(
     let reduce = (longer_side_px(corners) / (share * LONGEST_PX)).ceil().clamp(1.0, 1e3) as usize;
     let mut part = Part::cut(image, &around(print, corners), reduce)?;
     let is_drawn = DRAWN_SHARE <= part.two_levels;
-    // The rounding of each grey level is noise too.
+    // The rounding of each grey level counts as noise too.
     let noise_gray = (noise_gray.powi(2) + 1.0 / 12.0).sqrt() / reduce as f64;
     let start = corners.map(|corner| part.reduced(&corner));
     let every =
@@ -177,7 +179,7 @@ fn lay_with(
     for round in 0..if before.is_some() { ROUNDS_AGAIN } else { ROUNDS } {
         let is_strict = state.foreign <= FOREIGN.1;
         let placed = Placed::new(print, &state.at, &state.blur_px2)?;
-        // Half of the pixels show the way of a tag that is not small.
+        // For a tag that is not small, half of the pixels determine the direction of the first steps.
         let is_half = !is_strict || round == 0 && known.is_some_and(|fit| !fit.was_near);
         let rows = if is_half && FEW <= n_pixels { 2 } else { 1 };
         placed.lines(&part, every, rows, &mut lines)?;
@@ -199,7 +201,7 @@ fn lay_with(
         if round == 0 && NEAR_AGAIN_PX <= moved_px {
             state.foreign = FOREIGN.0;
         }
-        // Not before the print lies where it is: else an edge that is a little off would be foreign.
+        // The strict limit applies only near the end: before, an edge that is slightly off would be foreign.
         if moved_px < NEAR_PX && !is_strict {
             if is_drawn && state.is_sharp() {
                 part = part.smoothed();
@@ -215,7 +217,7 @@ fn lay_with(
     None
 }
 
-/// Corners of all that is printed, and a little more, in the image.
+/// Returns the corners of everything printed, and a small margin, in the image.
 fn around(print: &Print, corners: &[Pixel; 4]) -> [Pixel; 4] {
     let centre = corners.iter().sum::<Pixel>() / 4.0;
     let cells = (print.width - 2 * print.inset) as f64;
@@ -223,17 +225,17 @@ fn around(print: &Print, corners: &[Pixel; 4]) -> [Pixel; 4] {
     corners.map(|corner| centre + (corner - centre) * grown)
 }
 
-/// The state from round to round.
+/// The state that changes from round to round.
 struct State {
     at: [Pixel; 4],
     blur_px2: Matrix2<f64>,
-    /// The unknowns that enter linearly; none before the first round.
+    /// The unknowns that enter linearly; `None` before the first round.
     x: Option<Row>,
-    /// Contrasts beyond which a pixel is foreign.
+    /// Limit beyond which a pixel is foreign, in units of the contrast.
     foreign: f64,
-    /// The blur is not narrower, pixels.
+    /// Lower limit of the blur, pixels.
     least_blur_px: f64,
-    /// The part is smoothed.
+    /// Whether the part is smoothed.
     is_smoothed: bool,
     /// Longer side of the image, pixels of the part.
     view_px: f64,
@@ -243,26 +245,26 @@ struct Solved {
     x: Row,
     factor: Cholesky<f64, Const<UNKNOWNS>>,
     corners_by_map: CornersByMap,
-    /// The motion of the corners' coordinates.
+    /// The step of the corners' coordinates.
     steps: Pull,
     /// Weight of each line.
     weights: Vec<f64>,
 }
 
 impl Solved {
-    /// How the sums over the lines move the eight coordinates of the corners, pixels.
+    /// Returns the derivative of the eight coordinates of the corners with respect to the sums over the lines, pixels.
     fn corners_by_sums(&self) -> SMatrix<f64, 8, UNKNOWNS> {
         let mut columns = SMatrix::<f64, UNKNOWNS, 8>::zeros();
         columns.fixed_rows_mut::<8>(MAP.start).copy_from(&(self.corners_by_map.transpose() / self.x[GAIN]));
         self.factor.solve(&columns).transpose()
     }
 
-    /// Their covariance by noise of one grey level, pixels².
+    /// Returns the covariance of the corners for noise of one grey level, pixels².
     fn by_noise_px2(&self, corners_by_sums: &SMatrix<f64, 8, UNKNOWNS>) -> CornersByMap {
         corners_by_sums.fixed_columns::<8>(MAP.start) * self.corners_by_map.transpose() / self.x[GAIN]
     }
 
-    /// Whether steps are too small to be taken.
+    /// Returns whether the steps are negligible.
     fn are_small(&self, steps: &Pull, noise_gray: f64) -> bool {
         if LINEAR_PX <= steps.amax() {
             return false;
@@ -274,14 +276,14 @@ impl Solved {
 }
 
 impl State {
-    /// Whether edges are so sharp that they have to be smoothed; never of a part that is.
+    /// Returns whether edges are so sharp that they have to be smoothed; never for a part that is smoothed.
     fn is_sharp(&self) -> bool {
         let narrowest_px2 = self.blur_px2.symmetric_eigenvalues().min();
         !self.is_smoothed && narrowest_px2 < 1.001 * SHARP_PX.powi(2)
     }
 
-    /// Weights of J. Tukey's biweight, with a limit that falls from round to round to what the residuals themselves show, and their robust
-    /// standard deviation, grey levels.
+    /// Returns the weights of J. Tukey's biweight, with a limit that decreases from round to round to that of the residuals themselves, and the
+    /// robust standard deviation of the residuals, grey levels.
     fn weights(&self, lines: &[Line], noise_gray: f64, residual: impl Fn(&Line) -> f64) -> (Vec<f64>, f64) {
         let Some(x) = &self.x else { return (lines.iter().map(|line| line.weight).collect(), noise_gray) };
         let residuals: Vec<f64> = lines.iter().map(residual).collect();
@@ -296,7 +298,8 @@ impl State {
         (lines.iter().zip(&residuals).map(weight).collect(), sigma)
     }
 
-    /// Weighs the lines again by what a small step leaves of them, their derivatives staying as they are; whether the step settles by that.
+    /// Updates the weights of the lines for the residuals after a small step, with unchanged derivatives; returns whether the step has converged
+    /// then.
     fn reweight(&self, lines: &[Line], noise_gray: f64, solved: &mut Solved) -> Option<bool> {
         if solved.are_small(&solved.steps, noise_gray) {
             return Some(true);
@@ -329,13 +332,13 @@ impl State {
         let mut normal = Normal::from_fn(|i, j| if j <= i { sums[i][j] } else { 0.0 });
         let mut right = Row::from_fn(|i, _| sums[GRAY][i]);
         let gain = self.x.map_or(64.0, |x| x[GAIN]);
-        // What the print leaves unexplained is shared by neighbouring pixels, and counts for more than as much noise.
+        // Errors of the print are shared by neighbouring pixels, and count for more than noise of the same size.
         let share2 = (SHARED * residual_gray / gain).powi(2);
         let mut known = |i: usize, sigma: f64, mean: f64| {
             normal[(i, i)] += share2 / (sigma * sigma);
             right[i] += share2 / (sigma * sigma) * mean;
         };
-        // A departure from the round blur of the same variance.
+        // The departure from a round blur of the same variance.
         let b = self.blur_px2;
         let half = 0.5 * (b[(0, 0)] - b[(1, 1)]);
         known(BLUR.start, BLUR_PRIOR_PX2, -half * gain);
@@ -357,7 +360,7 @@ impl State {
         })
     }
 
-    /// Takes a step; none of one without end.
+    /// Takes a step; `None` if it is not finite.
     fn step(&mut self, solved: &Solved) -> Option<()> {
         let Solved { x, steps, .. } = solved;
         for (k, corner) in self.at.iter_mut().enumerate() {
@@ -376,7 +379,7 @@ impl State {
     }
 }
 
-/// Sums over the lines of the products of each two entries of their rows, below the diagonal.
+/// Returns the sums over the lines of the products of each two entries of their rows, below the diagonal.
 fn products(lines: &[Line], weights: &[f64]) -> [[f64; WIDTH]; GRAY + 1] {
     let mut sums = [[0.0; WIDTH]; GRAY + 1];
     let kept: Vec<(&Line, f64)> =
@@ -386,7 +389,7 @@ fn products(lines: &[Line], weights: &[f64]) -> [[f64; WIDTH]; GRAY + 1] {
         let [a, b, c, d] = four.map(|(line, _)| &line.row);
         for (j, sums) in sums.iter_mut().enumerate() {
             let [wa, wb, wc, wd] = four.map(|(line, weight)| weight * line.row[j]);
-            // Whole fours of columns are faster than none too many.
+            // Computing whole groups of four columns is faster than avoiding the surplus ones.
             for i in 0..(j / 4 + 1) * 4 {
                 sums[i] += (wa * a[i] + wb * b[i]) + (wc * c[i] + wd * d[i]);
             }
@@ -401,7 +404,7 @@ fn products(lines: &[Line], weights: &[f64]) -> [[f64; WIDTH]; GRAY + 1] {
     sums
 }
 
-/// Whether the print shows, and the uncertainty of its corners: docs/math/tag_print.md section 3.
+/// Decides whether the print is visible, and computes the uncertainty of its corners: docs/math/tag_print.md section 3.
 fn conclude(
     lines: &[Line],
     solved: &Solved,
@@ -416,7 +419,7 @@ fn conclude(
     let mean = lines.iter().zip(weights).map(|(line, w)| w * line.gray()).sum::<f64>() / shown;
     let widest_px2 = state.blur_px2.symmetric_eigenvalues().max();
     let reach = (3.0 * widest_px2.sqrt()).round().clamp(7.0, 9.0) as usize;
-    // Pulls of a sparse lattice are gathered in larger cells, which are fewer.
+    // Pulls of a sparse lattice are summed in larger cells, of which there are fewer.
     let cell = if every < 2 { 1 } else { 2 };
     let [width, height] = part.size().map(|n| n.div_ceil(cell));
     let mut pulls = vec![Pull::zeros(); width * height];
@@ -472,7 +475,7 @@ fn conclude(
     sigmas_px.iter().all(|s| s.is_finite()).then_some(laid)
 }
 
-/// The share of the variance of all lines that the print explains, besides that of the noise.
+/// Returns the share of the variance of all lines, less that of the noise, that the print explains.
 fn explained_of_all(lines: &[Line], x: &Row, noise_gray2: f64) -> f64 {
     let weight: f64 = lines.iter().map(|line| line.weight).sum();
     let mean = lines.iter().map(|line| line.weight * line.gray()).sum::<f64>() / weight;
@@ -483,7 +486,7 @@ fn explained_of_all(lines: &[Line], x: &Row, noise_gray2: f64) -> f64 {
     1.0 - (left - weight * noise_gray2).max(0.0) / (total - weight * noise_gray2).max(1e-9)
 }
 
-/// How a pixel's residual moves the eight coordinates of the corners.
+/// The effect of a pixel's residual on the eight coordinates of the corners.
 type Pull = SVector<f64, 8>;
 
 /// Adds the pull of one pixel.
@@ -495,11 +498,11 @@ fn pull(corners_by_sums: &SMatrix<f64, 8, UNKNOWNS>, line: &Line, weighted: f64,
     *sum += by_row * weighted;
 }
 
-/// The sums over all squares of so many pixels that touch the part, squared and added.
+/// Returns the sum of the squares of the sums over all squares of `reach` pixels that touch the part.
 fn squares(pulls: &[Pull], width: usize, reach: usize) -> Pull {
     let side = width + reach - 1;
     let height = pulls.len() / width;
-    // Sums along each row, of the pixels up to `reach` − 1 before.
+    // Sums along each row, over the pixels up to `reach` − 1 before.
     let mut along = vec![Pull::zeros(); side * height];
     for (row, sums) in pulls.chunks(width).zip(along.chunks_mut(side)) {
         let mut sum = Pull::zeros();

@@ -1,4 +1,4 @@
-//! Square fiducials: one tag, tags of a map, or every tag of a family.
+//! Finds square fiducials: one tag, the tags of a map, or every tag of a family.
 
 use super::aprilgrid::GridTagFinder;
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
@@ -24,23 +24,23 @@ pub struct TagFinder {
     decoder: QuadDecoder,
     family: Family,
     min_margin_gray: f64,
-    /// How many tags end the search early: all that are wanted.
+    /// Number of tags that end the search early: all that are wanted.
     wanted: usize,
-    /// Width of what the family has outside the corners, in edges.
+    /// Width of the family's print outside the corners, in edges.
     rim_edges: f64,
-    /// The part of an image searched last; its memory is used again.
+    /// The part of an image searched last; its memory is reused.
     part: GrayImage,
-    /// The same tags inside an AprilGrid, whose squares touch them; built when one is looked for.
+    /// Finds the same tags in an AprilGrid, whose squares touch them; built when needed.
     in_grid: Option<GridTagFinder>,
 }
 
 impl TagFinder {
-    /// Tags of a family (AprilTag name or OpenCV dictionary), all ids. Fails on an unknown family.
+    /// Builds a finder for the tags of a family (AprilTag name or OpenCV dictionary), with all ids. Fails on an unknown family.
     pub fn new(family: &str) -> Result<Self, DetectError> {
         Self::build(Family::named(family)?, usize::MAX)
     }
 
-    /// Only these ids; others are neither decoded nor confused with them.
+    /// Builds a finder for these ids only; others are neither decoded nor confused with them.
     pub fn with_ids(family: &str, ids: &[u32]) -> Result<Self, DetectError> {
         Self::build(Family::named(family)?.only(family, ids)?, ids.len())
     }
@@ -48,8 +48,8 @@ impl TagFinder {
     fn build(family: Family, wanted: usize) -> Result<Self, DetectError> {
         let min_margin_gray = family.min_margin_gray();
         let rim_edges = family.rim_edges();
-        // Black and white of a tag that is believed lie at least twice its margin apart. Half of that leaves room for blur, and
-        // the noise of an even wall, which cost most of the time, is no longer taken for outlines.
+        // Black and white of an accepted tag differ by at least twice its margin. Half of that leaves room for blur, and the noise of an even
+        // wall, which took most of the time, gives no outlines any more.
         let mut decoder = QuadDecoder::new(std::slice::from_ref(&family)).ok_or(DetectError::OutOfMemory)?;
         decoder.set_least_contrast(min_margin_gray as u8);
         Ok(TagFinder {
@@ -63,9 +63,9 @@ impl TagFinder {
         })
     }
 
-    /// The tags in an image, by id, then from the left, copies of an id included.
+    /// Finds the tags in an image, sorted by id, then from the left, copies of an id included.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        // Half the size shows all copies of a tag; a quarter shows the large ones that are blurred.
+        // At half the size all copies of a tag are found; at a quarter, the large ones that are blurred.
         let levels: &[f32] = if self.wanted == 1 { &[FINE, COARSE, FINEST] } else { &[FINE, FINEST] };
         let quiet = Quietened::new(image);
         let tags = if quiet.is_smoothed() {
@@ -77,12 +77,12 @@ impl TagFinder {
         if found.is_empty() { self.find_in_grid(image) } else { found }
     }
 
-    /// The tags that are part of an AprilGrid, where the image may show one.
+    /// Finds the tags that are part of an AprilGrid, where the image may show one.
     pub(super) fn find_in_grid(&mut self, image: &GrayImage) -> Vec<FoundTag> {
         if !light::has_structure(image, self.least_gray(image)) {
             return Vec::new();
         }
-        // Half the size tells in a quarter of the time whether there are black squares with joints at their corners, and where.
+        // At half the size it takes a quarter of the time to find out whether there are black squares with joints at their corners, and where.
         let half = halved(image);
         let joints = joints(&half);
         if joints.len() < LEAST_JOINTS {
@@ -119,7 +119,7 @@ impl TagFinder {
         sorted(all)
     }
 
-    /// Each tag measured by its print, by id, then from the left.
+    /// Measures each tag by its print; sorted by id, then from the left.
     fn measured(&self, image: &GrayImage, noise_gray: f64, tags: &[DecodedTag]) -> Vec<FoundTag> {
         let measured = |tag: &DecodedTag| {
             FoundTag::new(tag, self.laid(image, noise_gray, tag.id, &tag.corners, None).as_ref())
@@ -127,7 +127,7 @@ impl TagFinder {
         sorted(tags.iter().map(measured).collect())
     }
 
-    /// A tag measured by its print, from the corners that the library found, or those of the image `before`; none where the print does not show.
+    /// Measures a tag by its print, starting from the library's corners, or those in the image `before`; `None` where the print is not visible.
     pub(super) fn laid(
         &self,
         image: &GrayImage,
@@ -141,7 +141,7 @@ impl TagFinder {
         tag_print::lay(image, noise_gray, &print, corners, self.wanted, before)
     }
 
-    /// Found in the smoothed image, measured in the image as it came, where alone the smallest tags show.
+    /// Searches the smoothed image, but measures in the original one, in which alone the smallest tags are visible.
     fn search_noisy(&mut self, image: &GrayImage, quiet: &Quietened, levels: &[f32]) -> Vec<DecodedTag> {
         let least = self.min_margin_gray as u8;
         self.decoder.set_least_contrast(quiet.least_contrast(least));
@@ -163,7 +163,7 @@ impl TagFinder {
         all
     }
 
-    /// The tags that show at these reductions, from coarse to fine, until all that are wanted are found.
+    /// Returns the tags found at these reductions, from coarse to fine, until all that are wanted are found.
     pub(super) fn search(&mut self, image: &GrayImage, levels: &[f32]) -> Vec<DecodedTag> {
         let mut all: Vec<DecodedTag> = Vec::new();
         for &level in levels {
@@ -185,8 +185,9 @@ impl TagFinder {
         all
     }
 
-    /// Adds the tags that show at full size only, in a soft shadow or without a white margin: they are read where the image, stretched to black and white, has
-    /// outlines with four sides. Codes that chance gives, and those in noise, are read in the image as it came, whose contrast tells.
+    /// Adds the tags that are found only at full size, in a soft shadow or without a white margin: they are decoded where the image, stretched
+    /// to black and white, has outlines with four sides. Codes that arise by chance, and noise, are checked in the original image by their
+    /// contrast.
     fn at_outlines(&mut self, image: &GrayImage, is_noisy: bool, all: &mut Vec<DecodedTag>) {
         let least = self.least_gray(image);
         if !light::has_structure(image, least) {
@@ -210,7 +211,7 @@ impl TagFinder {
         }
     }
 
-    /// Adds the tags under a shadow with hard edges: the logarithm of the image shows what the image does not. Outlines are looked for at half the
+    /// Adds the tags under a shadow with hard edges, which are visible in the logarithm of the image. Outlines are searched for at half the
     /// size.
     fn in_shadow(&mut self, image: &GrayImage, all: &mut Vec<DecodedTag>) {
         if self.family.is_weak() || !light::has_structure(image, self.least_gray(image)) {
@@ -232,17 +233,17 @@ impl TagFinder {
         add_new(all, found.unwrap_or_default());
     }
 
-    /// The difference of grey levels that noise hardly gives in an image as it came.
+    /// Returns the difference of grey levels that noise rarely reaches in the original image.
     fn least_gray(&self, image: &GrayImage) -> u8 {
         spread_of_tiles(noise_gray(image), self.min_margin_gray as u8)
     }
 
-    /// The colour of the border inside of the corners.
+    /// Returns the colour of the border inside the corners.
     fn ink(&self) -> Ink {
         if self.family.reversed_border { Ink::Light } else { Ink::Dark }
     }
 
-    /// Tags in the parts of an image around outlines.
+    /// Finds tags in the parts of an image around outlines.
     fn find_around(&mut self, image: &GrayImage, outlines: &[outlines::Quad], level: f32) -> Vec<DecodedTag> {
         let size_px = [image.width_px, image.height_px];
         let regions: Vec<Region> =
@@ -253,7 +254,7 @@ impl TagFinder {
         joined(regions).iter().flat_map(|region| self.find_in(image, region, level)).collect()
     }
 
-    /// Tags in a part of an image, corners in the pixels of the whole.
+    /// Finds tags in a part of an image; the corners are in the pixels of the whole image.
     pub(super) fn find_in(&mut self, image: &GrayImage, region: &Region, level: f32) -> Vec<DecodedTag> {
         let mut part = std::mem::replace(&mut self.part, GrayImage::filled(0, 0, 0));
         let mut found = match region.cut(image, &mut part) {
@@ -275,20 +276,20 @@ impl TagFinder {
         found
     }
 
-    /// The part of an image that a tag with these corners is found in, `reach_px` around where it may be: with its rim, its quiet zone
-    /// and the tiles that the threshold looks at.
+    /// Returns the part of the image to search for a tag with these corners, `reach_px` around them: with its rim, its quiet zone and the tiles
+    /// that the threshold uses.
     pub(super) fn region(&self, corners: &[Pixel], reach_px: f64, size_px: [u32; 2]) -> Option<Region> {
         let margin_px = 16.0 + (self.rim_edges + 0.2) * longer_side_px(corners) + reach_px;
         Region::around(corners, margin_px, size_px)
     }
 
-    /// Adds the tags that show at this reduction and are not there yet.
+    /// Adds the tags that are found at this reduction and are not known yet.
     pub(super) fn add_at(&mut self, image: &GrayImage, level: f32, all: &mut Vec<DecodedTag>) {
         let found = self.find_at(image, level, all);
         add_new(all, found);
     }
 
-    /// The tags that show at this reduction; of those known already none, or some again.
+    /// Returns the tags found at this reduction; known ones may be included or missing.
     fn find_at(&mut self, image: &GrayImage, level: f32, known: &[DecodedTag]) -> Vec<DecodedTag> {
         let clear = self.min_margin_gray;
         let edges = if level < COARSE { Edges::FullSize } else { Edges::Outline };
@@ -297,8 +298,8 @@ impl TagFinder {
         if edges == Edges::FullSize {
             return tags;
         }
-        // Edges fitted from as far as this reduction would meet the bits inside: measured again at the finer level, in the part of the
-        // image around the tag.
+        // At this reduction, the pixels to which an edge is fitted would include the bits: the tag is measured again at the finer level, in the
+        // part of the image around it.
         let new = tags.iter().filter(|tag| !known.iter().any(|known| same_place(known, tag)));
         new.filter_map(|tag| self.measure_again(image, tag)).collect()
     }
@@ -310,12 +311,12 @@ impl TagFinder {
     }
 }
 
-/// Joints of the squares around a tag of a grid: fewer show none.
+/// Least number of joints around a tag of a grid.
 const LEAST_JOINTS: usize = 8;
-/// A tag of a grid is sought this far around its square, in its longer sides: with the joints at its corners.
+/// A tag of a grid is searched for this far around its square, in longer sides of it: with the joints at its corners.
 const AROUND_SQUARE: f64 = 0.5;
 
-/// Adds the tags that are not there yet.
+/// Adds the tags that are not known yet.
 pub(super) fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
     for tag in found {
         if !all.iter().any(|known| same_place(known, &tag)) {
@@ -324,25 +325,25 @@ pub(super) fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
     }
 }
 
-/// Reductions at which outlines are sought.
+/// Reductions at which outlines are searched for.
 pub(super) const COARSE: f32 = 4.0;
 pub(super) const FINE: f32 = 2.0;
 pub(super) const FINEST: f32 = 1.0;
-/// Largest image, pixels, searched at full size although tags were found at half: at full size tags of 12 to 20 px
-/// are found too (46 instead of 33 of 47 in photographs of 799 × 533 px), at four times the cost.
+/// Largest image, in pixels, that is searched at full size although tags were found at half: at full size tags of 12 to 20 px are found too (46
+/// instead of 33 of 47 in photographs of 799 × 533 px), at four times the cost.
 const FINEST_PIXELS: usize = 1_000_000;
 
-/// Whether two readings are of one tag: same id, centres closer than half an edge.
+/// Returns whether two readings are of one tag: same id, centres closer than half an edge.
 pub(super) fn same_place(a: &DecodedTag, b: &DecodedTag) -> bool {
     let centre = |tag: &DecodedTag| tag.corners.iter().sum::<Pixel>() / 4.0;
     a.id == b.id && (centre(a) - centre(b)).norm() < 0.5 * sigma::shortest_edge_px(&a.corners)
 }
 
-/// Ids seen more often than once, with how often.
+/// Ids found more than once, with their numbers.
 pub(super) type Copies = Vec<(u32, usize)>;
 
-/// Corners of the tags found, by id, and the ids seen more often than once, with how often. A copied tag of a map is left out, for the others
-/// still say where the camera is; where none is left, and of a single tag, copies are an error.
+/// Returns the corners of the tags found, by id, and the ids found more than once, with their numbers. A copied tag of a map is left out,
+/// because the others still determine the pose; where none is left, and for a single tag, copies are an error.
 pub(super) fn single_or_unique(
     found: &[FoundTag],
     is_map: bool,
@@ -354,7 +355,7 @@ pub(super) fn single_or_unique(
     }
 }
 
-/// Corners of the tags whose id is seen once; the ids seen more often, with how often.
+/// Returns the corners of the tags whose id is found once, and the ids found more often, with their numbers.
 fn unique(found: &[FoundTag]) -> (Vec<Detection>, Copies) {
     let mut detections = Vec::with_capacity(4 * found.len());
     let mut copies = Vec::new();

@@ -1,10 +1,10 @@
-//! The predicted image of a known print around one of its corners, and the shift that aligns it with the image.
+//! Predicts the image of a known print around one of its corners, and finds the shift that aligns it with the image.
 //!
-//! Where a corner stands free, edges are the better measure (`corner`). In a small or strongly tilted board the markers come nearer to the
-//! corners than a window for edges is wide, and every saddle-point detector loses corners; but what is printed there is known. The model of
-//! the image at pixel p is a + g T(p − t), with T the print seen through the predicted homography and a Gaussian blur; the shift t, the
-//! brightness a and the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model
-//! explains says whether the corner is there at all; how well the shift is known, `scatter` says.
+//! For an isolated corner, fitting its edges is more accurate (`corner`). In a small or strongly tilted board the markers are nearer to the
+//! corners than a window for edges is wide, and every saddle-point detector loses corners; but the print there is known. The model of the image
+//! at pixel p is a + g T(p − t), with T the print seen through the predicted homography and a Gaussian blur; the shift t, the brightness a and
+//! the contrast g minimise the sum of squares (B. Lucas and T. Kanade, IJCAI 1981). The share of the variance that the model explains shows
+//! whether the corner is visible at all; `scatter` computes the uncertainty of the shift.
 
 mod coverage;
 pub(super) mod scatter;
@@ -14,18 +14,18 @@ use crate::GrayImage;
 use nalgebra::{Matrix4, Vector4};
 use resight_core::Pixel;
 
-/// A print laid on an image.
+/// A print fitted to an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
     /// The corner's position.
     pub pixel: Pixel,
-    /// Standard deviation of each coordinate by the noise alone.
+    /// Standard deviation of each coordinate due to the noise alone.
     pub noise_px: f64,
-    /// Variance that the residual shows over that of the noise.
+    /// Variance of the residual divided by that of the noise.
     pub excess: f64,
-    /// Share of the variance, besides that of the noise, that the print explains: 1 of a perfect fit.
+    /// Share of the variance, less that of the noise, that the print explains: 1 for a perfect fit.
     pub explained: f64,
-    /// Grey levels from black to white; negative of a print with exchanged colours.
+    /// Grey levels from black to white; negative for a print with exchanged colours.
     pub contrast_gray: f64,
 }
 
@@ -33,42 +33,42 @@ pub(super) struct Fit {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lying {
     pub pixel: Pixel,
-    /// As of [`Fit`].
+    /// As in [`Fit`].
     pub explained: f64,
     pub contrast_gray: f64,
 }
 
 impl Fit {
-    /// Standard deviation of each coordinate by this corner's own residual alone.
+    /// Returns the standard deviation of each coordinate, estimated from this corner's own residual alone.
     pub fn sigma_px(&self) -> f64 {
         self.noise_px * self.excess.max(1.0).sqrt()
     }
 }
 
-/// A window of the image around a corner, and how it is compared.
+/// A window of the image around a corner, and the parameters of the comparison.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Window {
-    /// Pixels to each side.
+    /// Number of pixels to each side.
     pub half_px: usize,
     /// Standard deviation of the blur, px.
     pub blur_px: f64,
     /// Standard deviation of the noise, grey levels.
     pub noise_gray: f64,
-    /// A print that ends further than this from where it was drawn is drawn again there.
+    /// A print that ends farther than this from where it was drawn is drawn again there.
     pub redrawn_px: f64,
 }
 
-/// As of [`Window`], of corners that are measured from saddle points or predictions,
+/// [`Window::redrawn_px`] for corners that are measured from saddle points or predictions,
 pub(super) const REDRAWN_PX: f64 = 0.05;
-/// and of those measured from the place they had, near which most lie: else they are a tenth less accurate.
+/// and for those measured from their last position, where most still are: otherwise they are a tenth less accurate.
 pub(super) const REDRAWN_AGAIN_PX: f64 = 0.01;
 
-/// Steps of a search; each about squares the error.
+/// Largest number of steps of a search; each about squares the error.
 const STEPS: usize = 8;
 const SETTLED_PX: f64 = 2e-3;
-/// The last step corrects for a blur that is not the assumed one; a longer one has found something else.
+/// The last step corrects for a blur that differs from the assumed one; a longer one has found something else.
 const LAST_STEP_PX: f64 = 0.3;
-/// Pixels around the window in which the shifted print and its slopes are known.
+/// Number of pixels around the window in which the shifted print and its slopes are known.
 const RIM: usize = 3;
 
 /// A print's image around the pixel nearest to its corner.
@@ -78,7 +78,7 @@ struct Picture {
 }
 
 impl Picture {
-    /// `ink` is −1 where black and 1 where white, on the plane; `middle` the pixel it is drawn around; `shift` moves the image of the plane.
+    /// `ink` is −1 for black and 1 for white, on the plane; `middle` is the central pixel of the drawing; `shift` moves the image of the plane.
     fn draw(
         ink: &impl Fn(PlanePoint) -> f32,
         plane_from_image: &Homography,
@@ -95,7 +95,7 @@ impl Picture {
             let [x, y, z] = plane_from_image.homogeneous([from.x + u, from.y + v]);
             (PlanePoint::new(x / z, y / z), z)
         };
-        // Most pixels show one colour: the same at all their corners.
+        // Most pixels have one colour: the same at all their corners.
         let corners: Vec<f32> = (0..(wide + 1) * (wide + 1))
             .map(|k| ink(at((k % (wide + 1)) as f64 - 0.5, (k / (wide + 1)) as f64 - 0.5).0))
             .collect();
@@ -107,7 +107,7 @@ impl Picture {
             if around.iter().all(|x| *x == around[0]) {
                 return around[0];
             }
-            // Within a pixel the plane is affine, to a ten-thousandth of one.
+            // Within a pixel the homography is affine, to within a ten-thousandth of a pixel.
             let (u, v) = (u as f64, v as f64);
             let (centre, z) = at(u, v);
             let [x_by, y_by] = plane_from_image.gradients([centre.x, centre.y], 1.0 / z);
@@ -130,7 +130,7 @@ impl Picture {
         Picture { side, values: (0..side * side).map(down).collect() }
     }
 
-    /// The image moved by less than [`RIM`] − 1 pixels along each axis, bilinear, over a window and one pixel around it.
+    /// Returns the image moved by less than [`RIM`] − 1 pixels along each axis, bilinearly, over a window and one pixel around it.
     fn moved(&self, shift: Pixel, half: usize) -> Moved {
         let side = 2 * half + 3;
         let first =
@@ -150,26 +150,26 @@ impl Picture {
     }
 }
 
-/// An image where it is compared with the image.
+/// The drawn image at the position where it is compared.
 struct Moved {
     side: usize,
     values: Vec<f64>,
 }
 
 impl Moved {
-    /// The values around a pixel of the window, row by row.
+    /// Returns the values around a pixel of the window, row by row.
     fn around(&self, column: usize, row: usize) -> [[f64; 3]; 3] {
         let line = |k: usize| &self.values[(row + k) * self.side + column..][..3];
         [0, 1, 2].map(|k| [line(k)[0], line(k)[1], line(k)[2]])
     }
 
-    /// Value and slopes at a pixel of the window.
+    /// Returns value and slopes at a pixel of the window.
     fn at(&self, column: usize, row: usize) -> (f64, f64, f64) {
         let t = self.around(column, row);
         (t[1][1], 0.5 * (t[1][2] - t[1][0]), 0.5 * (t[2][1] - t[0][1]))
     }
 
-    /// Second derivatives along u, along both and along v.
+    /// Returns the second derivatives uu, uv and vv.
     fn bends(&self, column: usize, row: usize) -> [f64; 3] {
         let t = self.around(column, row);
         let twice = 2.0 * t[1][1];
@@ -186,16 +186,16 @@ fn gaussian(sigma_px: f64) -> Vec<f32> {
     weights.iter().map(|w| (w / sum) as f32).collect()
 }
 
-/// A print to lay on an image: its colours on the plane, the plane in the image, and the place on it of the corner.
+/// A print to be fitted: its colours on the plane, the homography to the image, and the position of the corner on the plane.
 pub(super) struct Printed<'a, Ink> {
-    /// −1 where black and 1 where white.
+    /// −1 for black and 1 for white.
     pub ink: Ink,
     pub image_from_plane: &'a Homography,
     pub place: &'a PlanePoint,
 }
 
-/// Lays a print on the image near `start`, the image of `place` by `image_from_plane`. None where the window leaves the image, the print has
-/// no structure, or the corner would lie further than `max_move_px` from `start`. With `max_move_px` zero nothing is moved.
+/// Fits a print to the image near `start`, the image of `place` by `image_from_plane`. `None` where the window leaves the image, the print has
+/// no structure, or the corner would be farther than `max_move_px` from `start`. With `max_move_px` zero nothing is moved.
 pub(super) fn fit(
     image: &GrayImage,
     ink: impl Fn(PlanePoint) -> f32,
@@ -211,7 +211,7 @@ pub(super) fn fit(
     })
 }
 
-/// The same, without how well the place is known: in half of the time, for looking where a print is and whether.
+/// Fits without the uncertainty of the position, in half of the time, to find out where a print is, and whether it is visible.
 pub(super) fn lie(
     image: &GrayImage,
     printed: &Printed<impl Fn(PlanePoint) -> f32>,
@@ -222,7 +222,7 @@ pub(super) fn lie(
     search(image, printed, start, max_move_px, window, |sums, at, _| sums.lying(at, &window))
 }
 
-/// Moves a print from `start` on, and concludes from the sums where it ends.
+/// Moves a print, starting at `start`, and computes the result from the sums at the end.
 fn search<Ink: Fn(PlanePoint) -> f32, Out>(
     image: &GrayImage,
     printed: &Printed<Ink>,
@@ -242,7 +242,7 @@ fn search<Ink: Fn(PlanePoint) -> f32, Out>(
     #[cfg(test)]
     super::work::count((2 * window.half_px + 1).pow(2) * STEPS);
     let mut at = start;
-    // Drawn again where the first search ends: there the shift is small, and interpolation no longer blurs.
+    // The print is drawn again where the first search ends: there the shift is small, and interpolation does not blur any more.
     for round in 0..2 {
         let picture = Picture::draw(&printed.ink, &plane_from_image, middle, at - origin, &window);
         let drawn_at = at;
@@ -296,7 +296,7 @@ fn each_pixel(
         let line = &image.data[(v0 + row) * image.width_px as usize + u0..][..side];
         for (column, &gray) in line.iter().enumerate() {
             let (value, du, dv) = moved.at(column, row);
-            // Grey levels from a middle one keep the sums small.
+            // The middle grey level is subtracted to keep the sums small.
             call(Vector4::new(1.0, value, -du, -dv), gray as f64 - 128.0);
         }
     }
@@ -321,7 +321,7 @@ impl Sums {
     }
 
     fn lying(&self, pixel: Pixel, window: &Window) -> Option<Lying> {
-        // Of the shift only what moved the print counts as explained, so the print is compared where it lies.
+        // Only the part of the shift that moved the print counts as explained, so that the print is compared at its final position.
         let (value, mean) = (self.normal[(1, 1)], self.normal[(0, 1)] / self.n);
         let gray = self.right[0] / self.n;
         let (tt, ti) = (value - self.n * mean * mean, self.right[1] - self.n * mean * gray);
@@ -337,7 +337,7 @@ impl Sums {
     fn fit(&self, pixel: Pixel, laid: &Laid, is_moved: bool) -> Option<Fit> {
         let Lying { explained, contrast_gray, .. } = self.lying(pixel, &laid.window)?;
         let scatter = scatter::of(laid, 0.5 * contrast_gray)?;
-        // The last step, with a blur that may be another than the assumed one.
+        // The last step allows for a blur that differs from the assumed one.
         let pixel = if is_moved && scatter.step.norm() < LAST_STEP_PX { pixel + scatter.step } else { pixel };
         let (noise_px, excess) =
             (scatter.by_noise_px2.sqrt(), scatter.by_residual_px2 / scatter.by_noise_px2);
@@ -346,14 +346,14 @@ impl Sums {
     }
 }
 
-/// A print's image where it lies on the image.
+/// A print's image at its position on the image.
 struct Laid<'a> {
     image: &'a GrayImage,
     picture: &'a Picture,
-    /// The pixel the image is drawn around, and how far the image is shifted from where it was drawn.
+    /// The central pixel of the drawing, and the shift of the image from where it was drawn.
     middle: Pixel,
     shift: Pixel,
-    /// Where the corner is in the image, from its middle.
+    /// Position of the corner in the image, relative to its centre.
     corner: Pixel,
     window: Window,
 }

@@ -1,7 +1,7 @@
-//! Images too large for the tag library at once: searched tile by tile.
+//! Searches images that are too large for the tag library tile by tile.
 //!
-//! The library keeps coordinates in 16 bits and ends the program where an edge has 32,768 px or more, so no image reaches it before
-//! its size is known to fit. It also takes 9 to 23 bytes for each pixel it searches; tiles bound that, whatever the image's size.
+//! The library keeps coordinates in 16 bits and aborts the program where an edge has 32,768 px or more, so that an image is passed to it only
+//! once its size is known to fit. It also needs 9 to 23 bytes for each pixel that it searches; tiles limit that, whatever the image's size.
 
 use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::region::{Region, longer_side_px};
@@ -9,28 +9,29 @@ use super::sigma;
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Most pixels of the reduced image searched at once; more are searched in tiles.
+/// Largest reduced image, in pixels, that is searched at once; larger ones are searched in tiles.
 const WHOLE_PIXELS: f64 = 8e6;
-/// Most pixels of a reduced tile.
+/// Largest number of pixels of a reduced tile.
 const TILE_PIXELS: f64 = 4e6;
 /// Longest edge of a reduced image or tile; the library's own limit is 32,767.
 const LONGEST_EDGE: f64 = 32_000.0;
-/// What a tile takes of its neighbours on each side, pixels of the reduced image: a tag of up to this size lies whole in one tile, and
-/// larger ones show at the next reduction.
+/// Overlap of tiles on each side, pixels of the reduced image: a tag of up to this size is completely inside one tile, and larger ones are found
+/// at the next reduction.
 const OVERLAP: f64 = 64.0;
-/// Tags from the next reduction are taken where they are this long, pixels of it: their edges are then measured clear of their bits.
+/// Tags found at the next reduction are used if they have this edge length, pixels: the measurement of their edges then does not include their
+/// bits.
 const LARGE: f64 = 32.0;
 
-/// The input of one search of the library.
+/// The parameters of one search of the library.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CameraWatcher {
-    /// How many times the image is reduced before outlines are sought; at least 1.
+    /// Factor by which the image is reduced before outlines are searched for; at least 1.
     pub decimate: f32,
-    /// The image that edges are measured in.
+    /// The image in which edges are measured.
     pub edges: Edges,
 }
 
-/// The tags of an image of any size.
+/// Finds the tags of an image of any size.
 pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraWatcher) -> Vec<DecodedTag> {
     let size = [image.width_px, image.height_px];
     let counts = tile_counts(size, look.decimate as f64);
@@ -50,7 +51,7 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraW
         add_new(&mut all, found);
     }
     drop(part);
-    // At full size nothing is looked for that half the size did not show (see the callers), so that is not searched again.
+    // At full size nothing is searched for that half the size did not show (see the callers), so the next reduction is not searched again.
     if 1.0 < look.decimate {
         let wider = CameraWatcher { decimate: 2.0 * look.decimate, ..look };
         let mut large = search(decoder, image, wider);
@@ -60,21 +61,21 @@ pub(super) fn search(decoder: &mut QuadDecoder, image: &GrayImage, look: CameraW
     all
 }
 
-/// The parts of an image that are searched at once at full size, with what they take of their neighbours.
+/// Returns the overlapping parts of an image that are searched at once at full size.
 pub(super) fn parts(size_px: [u32; 2]) -> Vec<Region> {
     let counts = tile_counts(size_px, 1.0);
     let tiles = (0..counts[1]).flat_map(|row| (0..counts[0]).map(move |column| [column, row]));
     tiles.map(|tile| Region::tile(tile, counts, OVERLAP as u32, size_px)).collect()
 }
 
-/// The number of columns and rows of tiles of an image at this reduction.
+/// Returns the number of columns and rows of tiles for an image at this reduction.
 fn tile_counts(size_px: [u32; 2], decimate: f64) -> [u32; 2] {
     let reduced = size_px.map(|edge| edge as f64 / decimate);
     if reduced[0] * reduced[1] <= WHOLE_PIXELS && reduced.iter().all(|edge| *edge <= LONGEST_EDGE) {
         return [1, 1];
     }
     let mut counts = [1u32; 2];
-    // Ends: an edge shrinks towards two overlaps, whose square is far below the most pixels of a tile.
+    // The loop ends: an edge shrinks towards two overlaps, whose square is far below the largest tile.
     loop {
         let edge =
             |axis: usize| reduced[axis].min(reduced[axis] / counts[axis] as f64 + 2.0 * OVERLAP + 16.0);
@@ -86,7 +87,7 @@ fn tile_counts(size_px: [u32; 2], decimate: f64) -> [u32; 2] {
     }
 }
 
-/// Adds the tags that are not there yet.
+/// Adds the tags that are not known yet.
 fn add_new(all: &mut Vec<DecodedTag>, found: Vec<DecodedTag>) {
     let centre = |tag: &DecodedTag| tag.corners.iter().sum::<Pixel>() / 4.0;
     let same = |a: &DecodedTag, b: &DecodedTag| {

@@ -1,4 +1,4 @@
-//! How much a search looks at, counted in tests: a budget that does not depend on how loaded a machine is.
+//! Counts the pixels that a search visits, in tests: a budget that does not depend on the load of a machine.
 
 use std::cell::Cell;
 
@@ -6,12 +6,12 @@ thread_local! {
     static PIXELS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Counts pixels that a search of this thread looks at.
+/// Counts pixels that a search of this thread visits.
 pub(super) fn count(pixels: usize) {
     PIXELS.set(PIXELS.get() + pixels as u64);
 }
 
-/// The pixels that a job looks at.
+/// Returns the number of pixels that a job visits.
 pub(super) fn of(job: impl FnOnce()) -> u64 {
     PIXELS.set(0);
     job();
@@ -60,7 +60,7 @@ mod tests {
         ]
     }
 
-    /// A wall, bare or with spots and words on it, with the target or without.
+    /// A wall, bare or with spots and text, with the target or without.
     fn image(target: Option<&Target>, has_clutter: bool) -> GrayImage {
         let placed = target.map(|target| {
             let points: Vec<Point> =
@@ -81,9 +81,9 @@ mod tests {
         render(&scene, &camera(), &Finish::default()).unwrap()
     }
 
-    /// How often what an image with its target costs one without it may cost. Half as much again; where an image has clutter and no tag or marker,
-    /// outlines of the smallest and of shadowed ones are looked for at full size too, while one that is there is found at half, in a quarter of the pixels:
-    /// 4.2 times and 2.8 times.
+    /// Returns the largest allowed ratio of the costs without and with the target: 1.5 in general. Where an image has clutter and no tag or
+    /// marker, outlines of the smallest and of shadowed ones are searched for at full size too, while an existing one is found at half, in a
+    /// quarter of the pixels: 4.2 times and 2.8 times.
     fn most_times(target: &Target, has_clutter: bool) -> f64 {
         match target {
             Target::Tag(_) if has_clutter => 4.3,
@@ -92,7 +92,7 @@ mod tests {
         }
     }
 
-    /// An image without its target costs a stated number of its pixels whatever it shows, and hardly more than one with it.
+    /// An image without its target costs a stated number of its pixels whatever it shows, and hardly more than one with the target.
     #[test]
     fn nothing_there_costs_no_more_than_something() {
         let mut too_much = Vec::new();
@@ -118,7 +118,7 @@ mod tests {
         assert!(too_much.is_empty(), "{too_much:?}");
     }
 
-    /// A covered lens, or a black film: even where the image is as large as a file may be.
+    /// This holds for a covered lens or a black film, even where the image is as large as a file may be.
     #[test]
     fn a_blank_image_is_not_searched_whatever_its_size() {
         let blank = GrayImage::filled(65_535, 900, 128);
@@ -134,7 +134,7 @@ mod tests {
                 );
             }
         }
-        // Of what shows anything the same is not true.
+        // For an image with structure this does not hold.
         let image = image(None, true);
         assert_ne!(
             of(|| assert!(Detector::new(&targets()[0]).unwrap().detect(&image).unwrap().is_empty())),

@@ -1,4 +1,4 @@
-//! A square frame in a drawing with equal scales, a grid in millimetres and a scale bar; what leaves the frame is cut off.
+//! A square chart with equal scales, a grid in millimetres and a scale bar; what extends beyond the frame is clipped.
 
 use super::{Anchor, Drawing};
 use crate::overlay::canvas::{Color, Path};
@@ -9,10 +9,10 @@ const INK: Color = [25, 28, 33];
 const GRID: Color = [230, 233, 238];
 const DIM: Color = [110, 116, 126];
 const TEXT_PX: f64 = 9.0;
-/// Grid lines are about so far apart, px.
+/// Approximate distance of grid lines, px.
 const GRID_PX: f64 = 80.0;
 
-/// The frame and what it shows. World y runs up.
+/// The frame and its scale. World y points up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chart {
     /// Its upper left corner, px.
@@ -26,7 +26,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// Shows all of `points` (world, metres) with a margin; none where there is no finite one.
+    /// Creates a chart that shows all of `points` (world, metres) with a margin; `None` where no point is finite.
     pub fn around(
         corner: Vector2<f64>,
         side_px: f64,
@@ -38,19 +38,19 @@ impl Chart {
         if !(least.x <= most.x) {
             return None;
         }
-        // A single point still gets a frame of a millimetre.
+        // A single point still has a frame of a millimetre.
         let extent_m = 1.2 * (most - least).max().max(1e-3);
         let least_m = 0.5 * (least + most) - Vector2::repeat(0.5 * extent_m);
         Some(Chart { corner, side_px, least_m, px_per_m: side_px / extent_m })
     }
 
-    /// Where a world point is on the sheet, px.
+    /// Returns the position of a world point in the drawing, px.
     pub fn at(&self, x_in_world: &Vector2<f64>) -> Vector2<f64> {
         let p = (x_in_world - self.least_m) * self.px_per_m;
         self.corner + Vector2::new(p.x, self.side_px - p.y)
     }
 
-    /// Grid, numbers in millimetres, frame and title.
+    /// Draws the grid, its numbers in millimetres, the frame and the title.
     pub fn frame(&self, drawing: &mut Drawing, title: &str) {
         let (low, high) = (self.corner, self.corner + Vector2::repeat(self.side_px));
         let step = round_down_125(GRID_PX / self.px_per_m);
@@ -76,7 +76,7 @@ impl Chart {
         drawing.text(title, Vector2::new(low.x + 12.0, low.y - 10.0), 11.0, INK, Anchor::Start);
     }
 
-    /// A bar of a round length in the lower right corner.
+    /// Draws a bar of a round length in the lower right corner.
     pub fn scale_bar(&self, drawing: &mut Drawing) {
         let length_m = round_down_125(0.25 * self.side_px / self.px_per_m);
         let to = self.corner + Vector2::new(self.side_px - 14.0, self.side_px - 14.0);
@@ -89,7 +89,7 @@ impl Chart {
         drawing.text(&label, 0.5 * (from + to) - Vector2::new(0.0, 8.0), TEXT_PX, INK, Anchor::Middle);
     }
 
-    /// A line through world points, cut at the frame.
+    /// Draws a line through world points, clipped at the frame.
     pub fn line(
         &self,
         drawing: &mut Drawing,
@@ -102,7 +102,7 @@ impl Chart {
         self.cut_line(drawing, &path, color, width, opacity);
     }
 
-    /// A dot of so many px; outside the frame nothing.
+    /// Draws a dot of `width` px, unless it is outside the frame.
     pub fn dot(&self, drawing: &mut Drawing, x_in_world: &Vector2<f64>, color: Color, width: f64) {
         let at = self.at(x_in_world);
         if self.holds(&at) {
@@ -110,7 +110,7 @@ impl Chart {
         }
     }
 
-    /// The ellipse of so many standard deviations of a covariance, m²; nothing where it is none.
+    /// Draws the ellipse of a number of standard deviations of a covariance, m²; nothing for an invalid covariance.
     pub fn ellipse(
         &self,
         drawing: &mut Drawing,
@@ -147,7 +147,7 @@ impl Chart {
         flush(drawing, &mut part, color, width, opacity);
     }
 
-    /// The part of a segment inside the frame (Liang–Barsky).
+    /// Returns the part of a segment inside the frame (Liang–Barsky).
     fn cut(&self, a: Vector2<f64>, b: Vector2<f64>) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let d = b - a;
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
@@ -160,7 +160,7 @@ impl Chart {
                 _ => (enter, leave) = (enter.max(near.min(far)), leave.min(near.max(far))),
             }
         }
-        // The ends as they are where nothing is cut, so that segments join.
+        // Ends that are not clipped stay exactly equal, so that segments join.
         let from = if enter == 0.0 { a } else { a + d * enter };
         let to = if leave == 1.0 { b } else { a + d * leave };
         (enter < leave).then_some((from, to))
@@ -174,7 +174,7 @@ fn flush(drawing: &mut Drawing, part: &mut Path, color: Color, width: f64, opaci
     part.clear();
 }
 
-/// With the decimals that tell steps apart.
+/// Formats a number with the decimals that distinguish the steps.
 fn number(value: f64, step: f64) -> String {
     let decimals = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");

@@ -1,4 +1,4 @@
-//! When an image was taken, through what lens and which way the camera looked, as its EXIF says (CIPA DC-008).
+//! Reads from EXIF (CIPA DC-008) when an image was taken, with which lens, and in which direction the camera pointed.
 
 /// Tags.
 const ORIENTATION: u16 = 0x0112;
@@ -18,22 +18,22 @@ const SHORT: u16 = 3;
 const LONG: u16 = 4;
 const RATIONAL: u16 = 5;
 
-/// Seconds since 1970 of a PNG or JPEG; none where it does not say. Without a stated distance from UTC the camera's clock is taken for
-/// UTC: differences between images of one camera are right.
+/// Returns the time when a PNG or JPEG was taken, seconds since 1970; `None` where it is not stated. Without a stated offset from UTC the
+/// camera's clock is assumed to run in UTC, so that differences between images of one camera are correct.
 pub fn taken_s(picture: &[u8]) -> Option<f64> {
     of_exif(exif(picture)?)
 }
 
-/// The lens a photograph was taken through.
+/// The lens with which a photograph was taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExifLens {
-    /// `FocalLengthIn35mmFilm`: the focal length, in millimetres, that sees the same diagonal on film of 36 × 24 mm.
+    /// `FocalLengthIn35mmFilm`: the focal length, in millimetres, with which a 36 × 24 mm film would have the same diagonal field of view.
     pub focal_35mm: u16,
     /// Make and model of the camera, where stated.
     pub camera: Option<String>,
 }
 
-/// The lens of a PNG or JPEG; none where it does not say.
+/// Returns the lens of a PNG or JPEG; `None` where it is not stated.
 pub fn lens(picture: &[u8]) -> Option<ExifLens> {
     lens_of(exif(picture)?)
 }
@@ -46,16 +46,16 @@ fn lens_of(exif: &[u8]) -> Option<ExifLens> {
     (0 < focal_35mm).then_some(ExifLens { focal_35mm, camera })
 }
 
-/// Which way a camera looked, as its compass had it: some ten degrees off in a hand, more beside iron.
+/// The direction of a camera according to its compass: some ten degrees off if hand-held, more beside iron.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Heading {
     /// `GPSImgDirection`: clockwise from north, degrees.
     pub deg: f64,
-    /// From magnetic north, not from true north.
+    /// Whether it is relative to magnetic north instead of true north.
     pub is_magnetic: bool,
 }
 
-/// Which way the camera of a PNG or JPEG looked; none where it does not say.
+/// Returns the direction of the camera of a PNG or JPEG; `None` where it is not stated.
 pub fn heading(picture: &[u8]) -> Option<Heading> {
     heading_of(exif(picture)?)
 }
@@ -69,7 +69,7 @@ fn heading_of(exif: &[u8]) -> Option<Heading> {
     (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
 }
 
-/// In words how a viewer rotates or mirrors the stored pixels of a PNG or JPEG before it shows them; none where it shows them as they are.
+/// Describes how a viewer rotates or mirrors the stored pixels of a PNG or JPEG before it shows them; `None` where it shows them unchanged.
 pub fn orientation(picture: &[u8]) -> Option<&'static str> {
     orientation_of(exif(picture)?)
 }
@@ -92,14 +92,14 @@ fn exif(picture: &[u8]) -> Option<&[u8]> {
     super::header::exif(picture)
 }
 
-/// The block and its first list.
+/// Returns the block and its first list.
 fn first_list(exif: &[u8]) -> Option<(Tiff<'_>, u32)> {
     let tiff = Tiff::new(exif.strip_prefix(b"Exif\0\0").unwrap_or(exif))?;
     let first = tiff.u32(4)?;
     Some((tiff, first))
 }
 
-/// The block, its first list and that of the details.
+/// Returns the block, its first list and the list of details.
 fn lists(exif: &[u8]) -> Option<(Tiff<'_>, u32, u32)> {
     let (tiff, first) = first_list(exif)?;
     let details = tiff.u32(tiff.entry(first, EXIF_IFD, LONG)? + 8)?;
@@ -114,7 +114,7 @@ fn of_exif(exif: &[u8]) -> Option<f64> {
     Some(local_s as f64 + fraction_s.unwrap_or(0.0) - offset_s.unwrap_or(0) as f64)
 }
 
-/// A TIFF block: a header that says which end of a number comes first, then lists of twelve-byte entries.
+/// A TIFF block: a header with the byte order, then lists of twelve-byte entries.
 struct Tiff<'a> {
     bytes: &'a [u8],
     is_little_endian: bool,
@@ -145,13 +145,13 @@ impl<'a> Tiff<'a> {
         Some(if self.is_little_endian { u32::from_le_bytes(bytes) } else { u32::from_be_bytes(bytes) })
     }
 
-    /// Where the entry with a tag and type begins in the list at `list`.
+    /// Returns where the entry with a tag and type begins in the list at `list`.
     fn entry(&self, list: u32, tag: u16, kind: u16) -> Option<u32> {
         let places = (0..self.u16(list)?).map(|i| list.checked_add(2 + 12 * u32::from(i)));
         places.flatten().find(|at| self.u16(*at) == Some(tag) && self.u16(at.saturating_add(2)) == Some(kind))
     }
 
-    /// A text; up to four bytes stand in the entry itself.
+    /// Reads a text; up to four bytes are in the entry itself.
     fn text(&self, list: u32, tag: u16) -> Option<String> {
         let entry = self.entry(list, tag, ASCII)?;
         let length = self.u32(entry + 4)?;
@@ -162,7 +162,7 @@ impl<'a> Tiff<'a> {
     }
 }
 
-/// `2026:03:14 15:09:26` as seconds since 1970.
+/// Converts `2026:03:14 15:09:26` to seconds since 1970.
 fn seconds(text: &str) -> Option<i64> {
     let numbers: Vec<i64> = text.split([':', ' ']).map(|part| part.parse().ok()).collect::<Option<_>>()?;
     let [year, month, day, hour, minute, second] = numbers[..] else { return None };
@@ -171,20 +171,20 @@ fn seconds(text: &str) -> Option<i64> {
     (is_date && is_time).then(|| ((days(year, month, day) * 24 + hour) * 60 + minute) * 60 + second)
 }
 
-/// Days since 1970 of a date of the Gregorian calendar; years are counted from March, so that a leap day is the last of its year.
+/// Returns the days since 1970 of a date of the Gregorian calendar; years are counted from March, so that a leap day is the last of its year.
 fn days(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
     365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468
 }
 
-/// `25` is 0.25 s, `250` too.
+/// Reads a fraction: `25` is 0.25 s, as is `250`.
 fn fraction(digits: &str) -> Option<f64> {
     let is_number = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
     is_number.then(|| format!("0.{digits}").parse().ok())?
 }
 
-/// `+02:00` as seconds.
+/// Converts `+02:00` to seconds.
 fn offset(text: &str) -> Option<i64> {
     let (hours, minutes) = text.get(1..)?.split_once(':')?;
     let seconds = 3600 * hours.parse::<i64>().ok()? + 60 * minutes.parse::<i64>().ok()?;
@@ -273,7 +273,7 @@ mod tests {
         assert_eq!(lens_of(&block(true)), None);
     }
 
-    /// A phone that looks 247.5° clockwise from north.
+    /// A phone that points 247.5° clockwise from north.
     #[test]
     fn the_heading_is_read() {
         let block = |is_little: bool, reference: &[u8; 4], hundredths: u32, per: u32| {
@@ -293,7 +293,7 @@ mod tests {
             assert!((0..whole.len()).all(|length| heading_of(&whole[..length]).is_none()));
             let magnetic = heading_of(&block(is_little, b"M\0\0\0", 9, 1));
             assert_eq!(magnetic, Some(Heading { deg: 9.0, is_magnetic: true }));
-            // No number, and none of a circle.
+            // A fraction that is not a number, and one outside the circle.
             for (deg, per) in [(0, 0), (9, 0), (361, 1)] {
                 assert_eq!(heading_of(&block(is_little, b"T\0\0\0", deg, per)), None, "{deg}/{per}");
             }

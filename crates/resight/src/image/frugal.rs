@@ -1,4 +1,4 @@
-//! Large images decoded to grey without a copy of their colours: an image of 64 megapixels takes 64 MB, not 256.
+//! Decodes large images to grey without a copy of their colours: an image of 64 megapixels needs 64 MB, not 256.
 
 use super::{GrayImage, MAX_DECODED_BYTES};
 use zune_jpeg::JpegDecoder;
@@ -6,8 +6,8 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// A PNG: row by row, or, where its rows do not come in order (interlaced), from the whole, which then must be small. What it brings along besides
-/// its pixels stays packed.
+/// Decodes a PNG row by row or, where its rows are interlaced, as a whole, which then must be small. Other data besides its pixels are not
+/// unpacked.
 pub(super) fn png(bytes: &[u8]) -> Result<GrayImage, String> {
     let reported = |e: png::DecodingError| format!("not a readable PNG or JPEG image: {e}");
     let limits = png::Limits { bytes: MAX_DECODED_BYTES as usize };
@@ -39,7 +39,7 @@ pub(super) fn png(bytes: &[u8]) -> Result<GrayImage, String> {
     Ok(GrayImage { width_px: width, height_px: height, data })
 }
 
-/// The greys of a row.
+/// Appends the grey levels of a row.
 fn add_greys(data: &mut Vec<u8>, row: &[u8], channels: usize, depth: png::BitDepth) {
     match depth {
         png::BitDepth::Sixteen => {
@@ -60,13 +60,13 @@ fn add_greys(data: &mut Vec<u8>, row: &[u8], channels: usize, depth: png::BitDep
     }
 }
 
-/// Luma of a colour whose parts go up to `most`, weighed and rounded as by the crate `image`.
+/// Returns the luma of a colour with components up to `most`, weighted and rounded as in the crate `image`.
 fn luma([red, green, blue]: [u64; 3], most: u64) -> u8 {
     let (weighed, whole) = (2126 * red + 7152 * green + 722 * blue, 10_000 * most);
     ((weighed * 255 + whole / 2) / whole) as u8
 }
 
-/// The brightness of a JPEG, whose colours stay undecoded.
+/// Decodes the luma of a JPEG, and leaves its colours undecoded.
 pub(super) fn jpeg_luma(bytes: &[u8]) -> Result<GrayImage, String> {
     let reported = |e: &dyn std::fmt::Display| format!("not a readable PNG or JPEG image: {e}");
     let options = DecoderOptions::default()
@@ -83,7 +83,7 @@ pub(super) fn jpeg_luma(bytes: &[u8]) -> Result<GrayImage, String> {
     Ok(GrayImage { width_px: width as u32, height_px: height as u32, data })
 }
 
-/// Whether a decoder that forgives nothing finds every pixel of a JPEG.
+/// Returns whether a strict decoder finds every pixel of a JPEG.
 pub(super) fn has_all_pixels(bytes: &[u8]) -> bool {
     let options = DecoderOptions::default()
         .set_strict_mode(true)

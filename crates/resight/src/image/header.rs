@@ -1,9 +1,9 @@
-//! What a PNG or JPEG says of itself, read from its bytes alone: size, EXIF, whether it is whole. No decoder is asked, for one may unpack whatever
-//! an image brings along (a colour profile of a gigabyte in a file of a megabyte).
+//! Reads size, EXIF and completeness of a PNG or JPEG from its bytes alone. No decoder is used, because one may unpack any data in the image (a
+//! colour profile of a gigabyte in a file of a megabyte).
 
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// Columns and rows by the header.
+/// Returns columns and rows stated in the header.
 pub(super) fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {
     if bytes.starts_with(PNG) {
         let number = |at: usize| Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
@@ -14,7 +14,7 @@ pub(super) fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {
     Some((number(3)?, number(1)?))
 }
 
-/// The EXIF block, as its container holds it.
+/// Returns the EXIF block from its container.
 pub(super) fn exif(bytes: &[u8]) -> Option<&[u8]> {
     if bytes.starts_with(PNG) {
         return chunks(bytes).find(|(name, _)| *name == b"eXIf").map(|(_, data)| data);
@@ -23,7 +23,7 @@ pub(super) fn exif(bytes: &[u8]) -> Option<&[u8]> {
     segments(bytes).find(is_exif).map(|segment| &segment.data[6..])
 }
 
-/// Chunks of a PNG up to where it breaks off: name and contents.
+/// Iterates over the chunks of a PNG, up to where it is truncated: name and contents.
 fn chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
     let mut rest = &bytes[PNG.len().min(bytes.len())..];
     std::iter::from_fn(move || {
@@ -38,11 +38,11 @@ fn chunks(bytes: &[u8]) -> impl Iterator<Item = (&[u8], &[u8])> {
 struct Segment<'a> {
     marker: u8,
     data: &'a [u8],
-    /// Where the next one begins.
+    /// Position of the next segment.
     end: usize,
 }
 
-/// Segments of a JPEG up to the first scan, that one included.
+/// Iterates over the segments of a JPEG up to and including the first scan.
 fn segments(bytes: &[u8]) -> impl Iterator<Item = Segment<'_>> {
     let (mut at, mut is_over) = (if bytes.starts_with(&[0xff, 0xd8]) { 2 } else { bytes.len() }, false);
     std::iter::from_fn(move || {
@@ -52,7 +52,7 @@ fn segments(bytes: &[u8]) -> impl Iterator<Item = Segment<'_>> {
     })
 }
 
-/// The segment at a marker; fill bytes and markers without a length are passed over.
+/// Returns the segment at a marker; fill bytes and markers without a length are skipped.
 fn segment_at(bytes: &[u8], mut at: usize) -> Option<Segment<'_>> {
     loop {
         match bytes.get(at..at + 2)? {
@@ -69,23 +69,23 @@ fn segment_at(bytes: &[u8], mut at: usize) -> Option<Segment<'_>> {
     }
 }
 
-/// Whether a marker begins a frame, which says how large the image is.
+/// Returns whether a marker begins a frame, which states the size of the image.
 fn is_frame(marker: u8) -> bool {
     matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc)
 }
 
-/// Whether a JPEG comes in several passes, all of whose numbers must be held at once.
+/// Returns whether a JPEG is progressive, so that all of its numbers must be in memory at once.
 pub(super) fn is_progressive(bytes: &[u8]) -> bool {
     let frame = segments(bytes).find(|segment| is_frame(segment.marker));
     frame.is_some_and(|segment| matches!(segment.marker, 0xc2 | 0xc6 | 0xca | 0xce))
 }
 
-/// Whether a JPEG has its end: that of the image itself, not that of a preview in its head. A file that was torn off does not.
+/// Returns whether a JPEG has its end marker: that of the image itself, not that of a preview in its header. A truncated file does not.
 pub(super) fn has_end(bytes: &[u8]) -> bool {
     let Some(scan) = segments(bytes).find(|segment| segment.marker == 0xda) else { return false };
     let mut at = scan.end;
     loop {
-        // Pixels hold 0xff only before 0 and before the numbers of restarts; every other marker ends a scan.
+        // In pixels 0xff is followed only by 0 or by the numbers of restarts; every other marker ends a scan.
         let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|b| *b == 0xff)) else {
             return false;
         };
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!((dimensions(&whole), is_progressive(&whole)), (Some((64, 48)), false));
         assert_eq!(exif(&whole), Some(b"II*\0\xff\xd9\xff\xda".as_slice()));
         assert!((0..whole.len()).all(|length| !has_end(&whole[..length])));
-        // Torn, and the rest of the file filled with zeros, as an interrupted copy leaves it.
+        // The file is truncated and its rest filled with zeros, as after an interrupted copy.
         let half = whole.len() / 2;
         assert!(!has_end(&[&whole[..half], &vec![0; half]].concat()));
     }

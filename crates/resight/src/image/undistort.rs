@@ -1,23 +1,23 @@
-//! An image as a pinhole would have taken it.
+//! Removes distortion: converts an image to that of a pinhole camera.
 
 use crate::core::{Camera, CameraMatrix, Pixel, Point};
 use rayon::prelude::*;
 
-/// An 8-bit image of one or several channels: rows from the top, in each the pixels from the left, in each the channels.
+/// An 8-bit image of one or several channels, stored row by row from the top, pixel by pixel from the left, channel by channel.
 #[derive(Debug, Clone, Copy)]
 pub struct Channels<'a> {
     /// Columns.
     pub width_px: usize,
     /// Rows.
     pub height_px: usize,
-    /// Values of a pixel: 1, 3 or 4.
+    /// Values per pixel: 1, 3 or 4.
     pub n_channels: usize,
     /// `width_px * height_px * n_channels` values.
     pub data: &'a [u8],
 }
 
-/// The image that a pinhole with `matrix` would have taken from the same place, of the same size: each of its pixels is interpolated
-/// bilinearly where the lens sees the same ray, and 0 where it sees none, as of OpenCV's `undistort`.
+/// Returns the image, of the same size, that a pinhole with `matrix` would have taken from the same position. Each of its pixels is interpolated
+/// bilinearly where the lens images the same ray, and 0 where it does not, as in OpenCV's `undistort`.
 pub fn undistorted(image: &Channels, camera: &Camera, matrix: &CameraMatrix) -> Vec<u8> {
     let Channels { width_px, height_px, n_channels, .. } = *image;
     let row_of = |v: usize| {
@@ -34,7 +34,7 @@ pub fn undistorted(image: &Channels, camera: &Camera, matrix: &CameraMatrix) -> 
 }
 
 impl Channels<'_> {
-    /// Beyond the border all is 0.
+    /// Interpolates a pixel; outside the image all values are 0.
     fn interpolate(&self, at: &Pixel, into: &mut [u8]) {
         let (left, top) = (at.x.floor(), at.y.floor());
         let is_near =
@@ -75,7 +75,7 @@ mod tests {
         Camera { lens, size: None }
     }
 
-    /// A pinhole's image is itself, to the last bit; half a pixel aside, two neighbours are averaged.
+    /// The image of a pinhole is unchanged, to the last bit; half a pixel aside, two neighbours are averaged.
     #[test]
     fn without_distortion_nothing_changes() {
         let data: Vec<u8> = (0..80 * 60 * 3).map(|i| (i * 7 % 251) as u8).collect();
@@ -91,7 +91,7 @@ mod tests {
         );
     }
 
-    /// A ramp seen through a lens: what stands at a pixel of the pinhole is where the lens sees its ray, to rounding of the grey.
+    /// A ramp seen through a lens: the value at each pixel of the pinhole is that where the lens images its ray, except for rounding.
     #[test]
     fn each_pixel_is_where_the_lens_sees_its_ray() {
         let data: Vec<u8> = (0..60).flat_map(|v| (0..80).map(move |u| (u + v) as u8)).collect();

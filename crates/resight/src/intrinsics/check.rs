@@ -1,4 +1,4 @@
-//! Do given intrinsics fit new images?
+//! Tests whether given intrinsics fit new images.
 
 use super::IntrinsicsRequest;
 use super::gather::{CameraViews, gather};
@@ -11,10 +11,11 @@ use crate::core::{Camera, Correspondence};
 use crate::error::Error;
 use crate::formats::check_image_size;
 
-/// Whether the intrinsics of the request's `checked` cameras fit what their namesakes saw; a single camera is checked whatever the names.
+/// Tests whether the intrinsics of the request's `checked` cameras fit the observations of the cameras of the same names; a single camera is
+/// checked whatever the names.
 ///
 /// # Errors
-/// As of [`super::intrinsics()`]; a camera of which nothing was given.
+/// The errors of [`super::intrinsics()`]; a camera without observations.
 pub fn check_intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsCheckAnswer, Error> {
     let gathered = gather(request)?;
     let mut cameras = Vec::new();
@@ -76,7 +77,7 @@ fn answer(seen: &CameraViews, check: &IntrinsicsCheck) -> CameraCheck {
         sigma: p.sigma,
         blamed: is_blamed(p.name),
     };
-    // Of blamed kinds the offsets with only those kinds free, which are sharper.
+    // For the kinds that are blamed, the offsets are those with only these kinds free, which are more accurate.
     let blamed = check.blamed.iter().flat_map(|b| &b.parameters).map(offset);
     let others = check.tested.iter().filter(|p| !is_blamed(p.name)).map(offset);
     CameraCheck {
@@ -120,7 +121,7 @@ fn blame(blame: &Blame) -> String {
         .max_by(|a, b| (a.offset / a.sigma).abs().total_cmp(&(b.offset / b.sigma).abs()));
     match (blame.group, strongest) {
         (Group::FocalLength, Some(p)) => {
-            // What is given is too large where the views want less.
+            // The given value is too large where the views require a smaller one.
             let per_cent = |x: f64| 100.0 * x / p.given;
             format!("the {name} is off by {:+.2} % ± {:.2} %", per_cent(-p.offset), per_cent(p.sigma))
         }

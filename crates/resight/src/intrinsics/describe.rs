@@ -1,4 +1,4 @@
-//! From the core's answer to one with names.
+//! Converts the answer of the mathematics to one with names.
 
 use super::gather::{CameraViews, NamedView};
 use crate::answer::Status;
@@ -13,7 +13,7 @@ use crate::formats::NamedCamera;
 use crate::report::face::is_from_behind;
 use crate::rig::Collected;
 
-/// A camera that saw no target.
+/// Returns the answer for a camera that observed no target.
 pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
     let n = camera.left_out.iter().filter(|one| one.what == "frame").count();
     let seen = Collected::explanation(&camera.left_out, &camera.name);
@@ -25,7 +25,7 @@ pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
     unsolved(camera, Status::NotFound, message, Vec::new(), &[])
 }
 
-/// A camera whose views have too few points each, whatever the pose of the target.
+/// Returns the answer for a camera whose views have too few points each, for any pose of the target.
 pub(super) fn too_few_points(camera: &CameraViews, most: usize) -> CameraIntrinsics {
     let target = camera.views.iter().find_map(|view| view.target.as_ref()).map(Target::design);
     let instead = match target {
@@ -43,7 +43,7 @@ pub(super) fn too_few_points(camera: &CameraViews, most: usize) -> CameraIntrins
     unsolved(camera, Status::Degenerate, message, Vec::new(), &[])
 }
 
-/// Twelve tags of this size fit a sheet of A4 with their margins, metres.
+/// Twelve tags of this size with their margins fit on a sheet of A4, metres.
 const LARGEST_OF_SHEET_M: f64 = 0.035;
 
 pub(super) fn described(
@@ -135,7 +135,7 @@ fn good(solved: &SolvedIntrinsics) -> String {
     format!("the focal length is {focal:.2} ± {sigma:.2} px{known}")
 }
 
-/// Flat targets of ours have a face: a print that every view shows from behind is mirrored.
+/// Our flat targets have a front: a print seen from behind in every view is mirrored.
 fn mirrored(camera: &CameraViews, solved: &SolvedIntrinsics) -> Option<FindingObject> {
     let side = |view: &IntrinsicsView| -> Option<bool> {
         let NamedView { target, points, .. } = &camera.views[view.view];

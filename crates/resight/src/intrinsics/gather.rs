@@ -1,4 +1,4 @@
-//! What each camera saw, view by view: found in images or read from rows, without any intrinsics.
+//! Collects the observations of each camera, view by view, from images or from rows, without intrinsics.
 
 use super::{IntrinsicsRequest, IntrinsicsSource, NAMELESS};
 use crate::core::camera::{ImageSize, Pinhole};
@@ -14,7 +14,7 @@ use crate::rig::{
 /// One target in one image.
 #[derive(Debug, Clone)]
 pub(super) struct NamedView {
-    /// Its name; with that of the target where there are several.
+    /// Its name, combined with that of the target where there are several.
     pub name: String,
     /// Its target, where that is known.
     pub target: Option<Target>,
@@ -23,11 +23,11 @@ pub(super) struct NamedView {
     pub points: Vec<Correspondence>,
 }
 
-/// What one camera saw.
+/// The observations of one camera.
 #[derive(Debug, Clone)]
 pub(super) struct CameraViews {
     pub name: String,
-    /// None where nothing was found.
+    /// Size of the images; `None` where nothing was found.
     pub size: Option<ImageSize>,
     pub views: Vec<NamedView>,
     pub left_out: Vec<LeftOut>,
@@ -35,7 +35,8 @@ pub(super) struct CameraViews {
 }
 
 impl CameraViews {
-    /// Relative standard deviations of the printed target's lengths along x and y by its rulers; zeros where they were not measured.
+    /// Returns the relative standard deviations of the printed target's lengths along x and y, from its rulers; zero where these were not
+    /// measured.
     pub fn scale_sigma(&self) -> [f64; 2] {
         let scale = |view: &NamedView| Some(view.target.as_ref()?.printed_scale()?.relative_sigma());
         self.views.iter().find_map(scale).unwrap_or_default()
@@ -75,7 +76,7 @@ pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
     Ok(Gathered { cameras, remarks })
 }
 
-/// Names of all cameras: stated, or those of the detections.
+/// Returns the names of all cameras: those of the request, or those of the detections.
 fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
     let IntrinsicsSource::Detections { detections, .. } = &request.source else {
         return Ok(match request.cameras.is_empty() {
@@ -106,15 +107,15 @@ fn names(request: &IntrinsicsRequest) -> Result<Vec<String>, Error> {
     }
 }
 
-/// A camera whose intrinsics are sought. A correspondence has a bearing beside its pixel: this pinhole gives every pixel one, which neither
-/// detectors (`knows_lenses`) nor the adjustment read.
+/// Returns a camera whose intrinsics are unknown. A correspondence has a bearing beside its pixel: this pinhole gives every pixel one, which
+/// neither detectors (`knows_lenses`) nor the adjustment read.
 fn of_unknown_lens(name: &str) -> NamedCamera {
     let matrix = CameraMatrix { fx_px: 1e3, fy_px: 1e3, cx_px: 0.0, cy_px: 0.0 };
     let camera = Camera { lens: Pinhole { matrix }.into(), size: None };
     NamedCamera { name: name.to_string(), camera, placement: None, intrinsics_covariance: None }
 }
 
-/// One camera takes images of one size.
+/// Checks that the images of a camera have one size.
 fn check_sizes(collected: &Collected) -> Result<(), Error> {
     let odd: Vec<&LeftOut> = collected.left_out.iter().filter(|one| one.reason == OTHER_SIZE).collect();
     let Some(first) = odd.first() else { return Ok(()) };

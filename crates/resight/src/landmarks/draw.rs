@@ -1,4 +1,4 @@
-//! An image of what was found: where each landmark was and is, green where it agrees with the rotation, red where not.
+//! Draws the landmarks: the former and the current position of each, green where it agrees with the rotation, red where not.
 
 use super::{Found, LandmarkObservation};
 use crate::GrayImage;
@@ -12,7 +12,7 @@ const BLACK: [u8; 3] = [0, 0, 0];
 const RING_PX: f64 = 5.0;
 const CORNERS: usize = 12;
 
-/// The image with its landmarks.
+/// Draws the landmarks over the image.
 pub fn draw(image: &GrayImage, landmark_observation: &LandmarkObservation) -> Canvas {
     let mut canvas = Canvas::from_photograph(image, 1, 0, BLACK);
     let (used, others): (Vec<_>, Vec<_>) = landmark_observation
@@ -27,7 +27,7 @@ pub fn draw(image: &GrayImage, landmark_observation: &LandmarkObservation) -> Ca
     canvas
 }
 
-/// A ring where it is, and a line from where it was.
+/// Returns a ring at the current position, and a line from the former one.
 fn paths(found: &Found) -> [Path; 2] {
     let ring = |k: usize| {
         let angle = std::f64::consts::TAU * k as f64 / CORNERS as f64;

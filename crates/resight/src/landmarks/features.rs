@@ -1,6 +1,6 @@
-//! Landmarks found again wherever they are: FAST corners and BRIEF descriptors of the `imageproc` crate.
+//! Finds landmarks again anywhere in the image, by FAST corners and BRIEF descriptors of the `imageproc` crate.
 //!
-//! They are looked for in an image reduced to some 640 columns and tell the rotation to about a pixel of it; `patch` does the rest.
+//! The search uses an image reduced to about 640 columns and determines the rotation to about a pixel of it; `patch` refines it.
 
 use super::pyramid::Reduced;
 use crate::GrayImage;
@@ -12,23 +12,23 @@ use imageproc::point::Point;
 use imageproc::suppress::local_maxima;
 use nalgebra::Vector2;
 
-/// Corners described in each image, at most.
+/// Largest number of corners described in each image.
 const MOST: usize = 500;
-/// Contrasts at which corners are looked for, until there are enough: 8-bit greys.
+/// Contrasts at which corners are searched for, until there are enough: 8-bit grey levels.
 const CONTRASTS: [u8; 3] = [20, 10, 5];
-/// Enough of them.
+/// Number of corners that is enough.
 const ENOUGH: usize = 350;
-/// Corners keep this distance from each other, px.
+/// Smallest distance between corners, px.
 const APART_PX: u32 = 3;
-/// BRIEF looks this far; corners closer to the border cannot be described.
+/// Radius of BRIEF; corners closer to the border cannot be described.
 const BORDER_PX: u32 = 18;
-/// Bits of a descriptor.
+/// Number of bits of a descriptor.
 const BITS: usize = 256;
-/// Bits by which two descriptors of the same place may differ: chance alone makes it 128 ± 8.
+/// Largest number of differing bits for the same point: by chance it is 128 ± 8.
 const MOST_BITS_OFF: u32 = 72;
-/// Cells along each side: corners are taken from all of them alike.
+/// Number of cells along each side: corners are taken evenly from all of them.
 const CELLS: u32 = 8;
-/// The pattern of BRIEF: standard deviation of its places, px, as its paper has it.
+/// The pattern of BRIEF: standard deviation of its test points, px, as in its paper.
 const PATTERN_SIGMA_PX: f64 = 6.6;
 /// Side of its window, px.
 const WINDOW_PX: f64 = 31.0;
@@ -38,15 +38,15 @@ pub(super) struct Features {
     described: Vec<BriefDescriptor>,
 }
 
-/// The same place in two images, full-size pixels.
+/// The same point in two images, full-size pixels.
 pub(super) struct Match {
-    /// Number in the reference.
+    /// Index in the reference.
     pub reference: usize,
-    /// Where it is now.
+    /// Its current position.
     pub pixel: Vector2<f64>,
 }
 
-/// Where the tests of a descriptor are; the same in every run, so that images can be compared.
+/// The test points of a descriptor; the same in every run, so that images can be compared.
 pub(super) struct Pattern(Vec<TestPair>);
 
 impl Pattern {
@@ -66,7 +66,7 @@ impl Pattern {
 }
 
 impl Features {
-    /// Of a reduced image. Empty where it shows none.
+    /// Computes the features of a reduced image; empty where there are none.
     pub fn of(picture: &Reduced, pattern: &Pattern) -> Self {
         let none = Features { described: Vec::new() };
         let Some(image) = foreign(&picture.image) else { return none };
@@ -82,12 +82,12 @@ impl Features {
         self.described.len()
     }
 
-    /// Places, full-size pixels.
+    /// Returns the positions, full-size pixels.
     pub fn pixels(&self, picture: &Reduced) -> Vec<Vector2<f64>> {
         self.described.iter().map(|d| picture.full_size(place(d))).collect()
     }
 
-    /// Pairs that are each other's nearest, `self` being the reference.
+    /// Returns pairs that are mutual nearest neighbours, with `self` as the reference.
     pub fn matches(&self, now: &Features, picture: &Reduced) -> Vec<Match> {
         let mut of_own = vec![(MOST_BITS_OFF + 1, 0); self.len()];
         let mut of_others = vec![(MOST_BITS_OFF + 1, 0); now.len()];
@@ -110,12 +110,12 @@ fn place(described: &BriefDescriptor) -> Vector2<f64> {
     Vector2::new(f64::from(described.corner.x), f64::from(described.corner.y))
 }
 
-/// As the feature library has images.
+/// Converts an image to the type of the feature library.
 pub(super) fn foreign(image: &GrayImage) -> Option<image::GrayImage> {
     image::GrayImage::from_raw(image.width_px, image.height_px, image.data.clone())
 }
 
-/// The strongest corners of every cell, at the highest contrast that gives enough.
+/// Returns the strongest corners of every cell, at the highest contrast that gives enough.
 fn corners(image: &image::GrayImage) -> Vec<Corner> {
     let (width, height) = image.dimensions();
     if width <= 2 * BORDER_PX || height <= 2 * BORDER_PX {
@@ -136,7 +136,7 @@ fn corners(image: &image::GrayImage) -> Vec<Corner> {
     spread(found, width, height)
 }
 
-/// The best of each cell first, then the second best, until there are enough.
+/// Selects the best corner of each cell first, then the second best, until there are enough.
 fn spread(mut corners: Vec<Corner>, width: u32, height: u32) -> Vec<Corner> {
     corners.sort_by(|a, b| b.score.total_cmp(&a.score).then((a.y, a.x).cmp(&(b.y, b.x))));
     let mut taken = vec![0usize; (CELLS * CELLS) as usize];

@@ -1,11 +1,11 @@
-//! What uncertain intrinsics do to a rotation measured from landmarks: docs/math/turn.md eqs. (13) and (14).
+//! The effect of uncertain intrinsics on a rotation measured from landmarks: docs/math/turn.md eqs. (13) and (14).
 
 use super::Found;
 use crate::locate::IntrinsicsCovariance;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use resight_core::Camera;
 
-/// Its share of the covariance of a small left rotation, rad².
+/// Returns its contribution to the covariance of a small left rotation, rad².
 pub(super) fn covariance(
     used: &[&Found],
     now_from_reference: &Matrix3<f64>,
@@ -17,7 +17,7 @@ pub(super) fn covariance(
     let covariance = DMatrix::from_row_slice(n, n, &intrinsics.covariance(camera));
     let mut derivative = DMatrix::zeros(3, n);
     for i in 0..n {
-        // Small beside the uncertainty itself: its square root would leave the linear range of a wide lens.
+        // The step is small compared with the uncertainty itself, whose square root would exceed the linear range of a wide lens.
         let step = 1e-2 * covariance[(i, i)].max(0.0).sqrt();
         if step == 0.0 {
             continue;
@@ -35,7 +35,7 @@ pub(super) fn covariance(
     Matrix3::from_fn(|i, j| 0.5 * (added[(i, j)] + added[(j, i)]))
 }
 
-/// The small left rotation by which the landmarks, seen through another lens, ask to correct the one found, eq. (13).
+/// Returns the small left rotation by which the landmarks, seen through another lens, would correct the estimate, eq. (13).
 fn rotation(used: &[&Found], now_from_reference: &Matrix3<f64>, camera: &Camera) -> Option<Vector3<f64>> {
     let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
     for found in used {
@@ -58,12 +58,12 @@ mod tests {
     use resight_core::camera::ImageSize;
     use resight_core::statistics::SplitMix64;
 
-    /// Cameras drawn from the covariance of a nominal lens see a rotation of 2°, which is measured with the nominal lens.
+    /// Cameras drawn from the covariance of a nominal lens observe a rotation of 2°, which is measured with the nominal lens.
     #[test]
     fn the_covariance_of_a_nominal_lens_is_honest() {
         let size = ImageSize { width_px: 1280, height_px: 720 };
         let mut nominal = NominalLens::HorizontalFieldOfView(60.0).camera(size).expect("a camera");
-        // Half of the distortion: of the whole one lens in ten would fold within the image, which no lens does.
+        // Half of the distortion is used: with all of it, one lens in ten would fold within the image, which no real lens does.
         for c in nominal.intrinsics_covariance.iter_mut() {
             c[(4, 4)] *= 0.25;
         }
@@ -97,11 +97,12 @@ mod tests {
             }
             let error = Rotation3::from_matrix_unchecked(truth * measured.transpose()).scaled_axis();
             let share = covariance(&used, &measured, &nominal.camera, &known);
-            // Each axis by itself: with five errors the three angles are nearly of rank two.
+            // Each axis is tested separately: with five errors the three angles are nearly of rank two.
             sum += error.component_mul(&error).component_div(&share.diagonal());
         }
         let mean = sum / f64::from(draws);
-        // The mean of 300 squares of normal numbers is known to 0.08; four of that, and the curvature of so large errors.
+        // The mean of 300 squares of normal numbers is accurate to 0.08; the limits allow four times that, and the curvature of such large
+        // errors.
         assert!(mean.iter().all(|x| (0.7..1.4).contains(x)), "{mean}");
         let still = covariance(
             &[&Found { reference_px: Vector2::new(100.0, 50.0), now_px: Vector2::new(100.0, 50.0) }; 4],

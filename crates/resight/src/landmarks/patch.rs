@@ -1,7 +1,7 @@
-//! A small window of the reference, and where it is in another image to a fraction of a pixel.
+//! A small window of the reference, and its position in another image to a fraction of a pixel.
 //!
-//! Both images are read through the uniform cubic B-spline: it smooths a little, is twice continuously differentiable, and
-//! so has no preferred fractions of a pixel. Light is free: gain and offset are fitted with the shift.
+//! Both images are interpolated by the uniform cubic B-spline: it smooths slightly, is twice continuously differentiable, and so prefers no
+//! fraction of a pixel. The illumination may change: gain and offset are fitted with the shift.
 //!
 //! ```text
 //!   T(d)  template, mean removed   ·   ∇T  its gradient without what gain and offset explain   ·   M = Σ ∇T ∇Tᵀ
@@ -11,7 +11,7 @@
 use crate::GrayImage;
 use nalgebra::{Matrix2, Vector2};
 
-/// A window reaches this far from its centre, px.
+/// Radius of a window, px.
 pub(super) const RADIUS: i32 = 6;
 const SIDE: usize = 2 * RADIUS as usize + 1;
 const AREA: usize = SIDE * SIDE;
@@ -23,44 +23,44 @@ pub(super) struct Patch {
     template: Window,
     gradient_u: Window,
     gradient_v: Window,
-    /// Pixels that are saturated.
+    /// Number of saturated pixels.
     saturated: usize,
     /// Σ T².
     energy: f32,
     /// M⁻¹.
     inverse: Matrix2<f64>,
-    /// M⁻¹ W M⁻¹: covariance of the shift for a variance of one smoothed grey value squared, whose neighbours err alike.
+    /// M⁻¹ W M⁻¹: covariance of the shift for unit variance of the smoothed grey levels, whose errors are correlated between neighbours.
     spread: Matrix2<f64>,
-    /// M⁻¹ Σ ∇T T²: shift for a tone curve bent by one, px.
+    /// M⁻¹ Σ ∇T T²: shift for a unit curvature of the tone curve, px.
     bend: Vector2<f64>,
 }
 
-/// Where a window was found.
+/// A window found in an image.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aligned {
     /// Its centre, px of this image.
     pub pixel: Vector2<f64>,
-    /// Covariance of that from the grey values that the window leaves unexplained, px².
+    /// Covariance of the position from the residual grey levels of the window, px².
     pub covariance: Matrix2<f64>,
-    /// Where a tone curve bent by `BEND` puts it, px beside where it is.
+    /// Shift of the position for a tone curve with the curvature `BEND`, px.
     pub bent_px: Vector2<f64>,
 }
 
-/// Steps at most; most windows need two or three.
+/// Largest number of steps; most windows need two or three.
 const STEPS: usize = 8;
-/// A step below this ends the search, px: what it would still gain is smaller by its rate of convergence.
+/// A smaller step ends the search, px: the remaining error is smaller by its rate of convergence.
 const SMALL_STEP_PX: f64 = 0.02;
 /// Standard deviation expected of the tone curve's bend b in now = a T + a b T² + o, 1/grey: a gamma of 0.5 or 2 has 0.0025 at
 /// middle grey.
 const BEND: f64 = 0.005;
-/// Pixels of a window by which it may be more saturated than in the reference, or less, a tenth of it: with more, a clipped edge seems
-/// to lie elsewhere, in all of a skyline to the same side.
+/// Number of pixels by which the saturated ones may differ from those in the reference, a tenth of the window: with more, a clipped edge seems
+/// displaced, all along a skyline to the same side.
 const MOST_CLIPPED: usize = AREA / 10;
-/// Correlation with the template below which a window shows something else.
+/// Correlation with the template below which a window is rejected.
 const LEAST_CORRELATION: f32 = 0.75;
 
 impl Patch {
-    /// The window around a pixel; none at the border or where nothing fixes its place.
+    /// Takes the window around a pixel; `None` at the border or where the contrast does not determine a position.
     pub fn new(image: &GrayImage, u: u32, v: u32) -> Option<Self> {
         let inside = |x: u32, size: u32| RADIUS + 2 <= x as i32 && (x as i32) < size as i32 - RADIUS - 2;
         if !inside(u, image.width_px) || !inside(v, image.height_px) {
@@ -84,7 +84,7 @@ impl Patch {
         patch.finished()
     }
 
-    /// Without the mean, gradients without what gain and offset explain.
+    /// Removes the mean, and from the gradients what gain and offset explain.
     fn finished(mut self) -> Option<Self> {
         remove_mean(&mut self.template);
         self.energy = dot(&self.template, &self.template);
@@ -102,13 +102,13 @@ impl Patch {
         (0.0 < self.energy && 0.0 < self.inverse.trace()).then_some(self)
     }
 
-    /// Variance of the worst direction for a variance of one grey value squared, px².
+    /// Returns the variance in the worst direction for a unit variance of the grey levels, px².
     pub fn sensitivity(&self) -> f64 {
         self.inverse.trace()
     }
 
-    /// The window near `start`, whose neighbourhood is drawn by `slope` (pixels here by pixels of the reference). None where it
-    /// leaves the image, goes farther than `reach_px`, is clipped or shows something else.
+    /// Finds the window near `start`; `slope` is the affine map of its neighbourhood (pixels here by pixels of the reference). `None` where it
+    /// leaves the image, moves farther than `reach_px`, is clipped or shows something else.
     pub fn find(
         &self,
         image: &GrayImage,
@@ -142,7 +142,7 @@ impl Patch {
         (LEAST_CORRELATION <= correlation).then_some(Aligned { pixel, covariance, bent_px })
     }
 
-    /// Removes the mean; gain and correlation with the template.
+    /// Removes the mean; returns gain and correlation with the template.
     fn normalise(&self, window: &mut Window) -> Option<(f32, f32)> {
         remove_mean(window);
         let (both, own) = (dot(window, &self.template), dot(window, window));
@@ -150,20 +150,20 @@ impl Patch {
         (0.0 < gain && 0.0 < own).then(|| (gain, both / (self.energy * own).sqrt()))
     }
 
-    /// Σ ∇T (I/a − T).
+    /// Returns Σ ∇T (I/a − T).
     fn score(&self, window: &Window, gain: f32) -> Vector2<f32> {
         // Gradients are orthogonal to the template, which therefore drops out.
         Vector2::new(dot(window, &self.gradient_u), dot(window, &self.gradient_v)) / gain
     }
 
-    /// Variance of I/a − T over the window, less the four numbers fitted.
+    /// Returns the variance of I/a − T over the window, corrected for the four numbers fitted.
     fn unexplained(&self, window: &Window, gain: f32) -> f32 {
         let rest = dot(window, window) / (gain * gain) - self.energy;
         rest.max(0.0) / (AREA - 4) as f32
     }
 }
 
-/// W = Σ (Sᵀ∇T)(Sᵀ∇T)ᵀ/¼: what white noise of the pixels makes of Σ ∇T I, for a variance of one of the smoothed grey values; S, the
+/// Returns W = Σ (Sᵀ∇T)(Sᵀ∇T)ᵀ/¼, the covariance of Σ ∇T I for white noise of the pixels and unit variance of a smoothed grey level. S, the
 /// spline at its knots, smooths by [1 4 1]/6 along rows and columns and leaves a quarter of the noise's variance.
 fn spread(u: &Window, v: &Window) -> Matrix2<f64> {
     let (u, v) = (smeared(u), smeared(v));
@@ -174,7 +174,7 @@ fn spread(u: &Window, v: &Window) -> Matrix2<f64> {
 const WIDE: usize = SIDE + 2;
 type Smeared = [f32; WIDE * WIDE];
 
-/// A window spread over its pixels and those around them by [1 4 1]/6.
+/// Returns a window spread over its pixels and their neighbours by [1 4 1]/6.
 fn smeared(window: &Window) -> Smeared {
     let weights = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0];
     let mut out = [0.0; WIDE * WIDE];
@@ -189,7 +189,7 @@ fn smeared(window: &Window) -> Smeared {
     out
 }
 
-/// Pixels of a window that are black or white as images can be.
+/// Returns the number of pixels of a window that are completely black or white.
 fn saturated(image: &GrayImage, u: u32, v: u32) -> usize {
     let is_clipped = |(du, dv): &(i32, i32)| {
         let grey = image.at((u as i32 + du) as u32, (v as i32 + dv) as u32);
@@ -211,7 +211,7 @@ fn remove_mean(window: &mut Window) {
     window.iter_mut().for_each(|x| *x -= mean);
 }
 
-/// Value and slopes of the spline at a pixel's centre.
+/// Returns value and slopes of the spline at a pixel's centre.
 fn spline_at_knot(grey: impl Fn(i32, i32) -> f32) -> (f32, f32, f32) {
     let smooth = |a: f32, b: f32, c: f32| (a + 4.0 * b + c) / 6.0;
     let row = |y: i32| smooth(grey(-1, y), grey(0, y), grey(1, y));
@@ -219,7 +219,7 @@ fn spline_at_knot(grey: impl Fn(i32, i32) -> f32) -> (f32, f32, f32) {
     (smooth(row(-1), row(0), row(1)), 0.5 * (column(1) - column(-1)), 0.5 * (row(1) - row(-1)))
 }
 
-/// Weights of the four knots around a place a fraction `f` behind the second.
+/// Returns the weights of the four knots around a position a fraction `f` after the second.
 #[inline]
 fn weights(f: f32) -> [f32; 4] {
     let (g, f2) = (1.0 - f, f * f);
@@ -227,11 +227,10 @@ fn weights(f: f32) -> [f32; 4] {
     [g * g * g / 6.0, (4.0 - 6.0 * f2 + 3.0 * f3) / 6.0, (1.0 + 3.0 * (f + f2 - f3)) / 6.0, f3 / 6.0]
 }
 
-/// A neighbourhood drawn by less than this, px at the window's rim, is read as if it were not drawn: windows are symmetric, so that
-/// what is left out does not shift them.
+/// A window with less distortion than this, px at its rim, is read without it: windows are symmetric, so that the error does not shift them.
 const NOT_DRAWN_PX: f64 = 0.05;
 
-/// Reads the window around `pixel`; none where it leaves the image.
+/// Reads the window around `pixel`; `None` where it leaves the image.
 fn read(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &mut Window) -> Option<()> {
     let drawn = (slope - Matrix2::identity()).abs();
     let rim = f64::from(RADIUS);
@@ -247,7 +246,7 @@ fn read(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &m
     Some(())
 }
 
-/// Along rows first, then down: all have the same fraction.
+/// Interpolates along rows first, then down: all samples have the same fraction.
 fn read_straight(image: &GrayImage, pixel: Vector2<f64>, window: &mut Window) {
     let (left, top) = (pixel.x.floor(), pixel.y.floor());
     let (wu, wv) = (weights((pixel.x - left) as f32), weights((pixel.y - top) as f32));
@@ -269,7 +268,7 @@ fn read_straight(image: &GrayImage, pixel: Vector2<f64>, window: &mut Window) {
     }
 }
 
-/// Each sample with a fraction of its own.
+/// Interpolates each sample with a fraction of its own.
 fn read_drawn(image: &GrayImage, pixel: Vector2<f64>, slope: &Matrix2<f64>, window: &mut Window) {
     let stride = image.width_px as usize;
     for (value, (du, dv)) in window.iter_mut().zip(offsets()) {

@@ -4,18 +4,18 @@ use crate::GrayImage;
 use nalgebra::Vector2;
 use std::borrow::Cow;
 
-/// Columns that a reduced image has at most.
+/// Largest number of columns of a reduced image.
 const MOST_COLUMNS: u32 = 800;
 
-/// An image whose pixels are means of `factor` × `factor` ones.
+/// An image whose pixels are means of `factor` × `factor` original pixels.
 pub(super) struct Reduced<'a> {
-    /// That image itself where it is small enough.
+    /// The original image itself where it is small enough.
     pub image: Cow<'a, GrayImage>,
     pub factor: u32,
 }
 
 impl<'a> Reduced<'a> {
-    /// Halved until it is small enough.
+    /// Halves the image until it is small enough.
     pub fn new(image: &'a GrayImage) -> Self {
         let factor = factor(image.width_px);
         let halvings = 0..factor.trailing_zeros();
@@ -23,26 +23,26 @@ impl<'a> Reduced<'a> {
         Reduced { image, factor }
     }
 
-    /// A place of this image in the full-size one.
+    /// Converts a position in this image to the full-size one.
     pub fn full_size(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let factor = f64::from(self.factor);
         pixel.map(|x| factor * x + 0.5 * (factor - 1.0))
     }
 
-    /// A place of the full-size image in this one.
+    /// Converts a position in the full-size image to this one.
     pub fn reduced(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         let factor = f64::from(self.factor);
         pixel.map(|x| (x - 0.5 * (factor - 1.0)) / factor)
     }
 }
 
-/// A power of two.
+/// Returns a power of two.
 fn factor(width_px: u32) -> u32 {
     let halvings = (0..8).find(|k| width_px >> k <= MOST_COLUMNS).unwrap_or(8);
     1 << halvings
 }
 
-/// Means of two by two; an odd last row or column is left out.
+/// Returns the means of two by two pixels; an odd last row or column is left out.
 fn halved(image: &GrayImage) -> GrayImage {
     let (width, height) = (image.width_px as usize / 2, image.height_px as usize / 2);
     let stride = image.width_px as usize;

@@ -1,4 +1,4 @@
-//! Which places of the reference are landmarks: corners whose window fixes their place, spread over the image.
+//! Selects the landmarks of the reference: corners whose window determines a position, spread over the image.
 
 use super::features::foreign;
 use super::patch::Patch;
@@ -11,33 +11,33 @@ use resight_core::{Bearing, Camera};
 
 /// A landmark of the reference.
 pub(super) struct LandmarkPatch {
-    /// Where it is, px.
+    /// Its position, px.
     pub pixel: Vector2<f64>,
     pub bearing: Bearing,
-    /// What a pixel to the right, and one down, adds to the bearing.
+    /// Derivative of the bearing with respect to a pixel to the right, and one down.
     pub by_pixel: [Vector3<f64>; 2],
-    /// Landmarks of one part of the image, for errors that they may share.
+    /// The part of the image it is in; the landmarks of a part may share errors.
     pub neighbourhood: u32,
     /// Its window, full size.
     pub fine: Patch,
-    /// Its window in the reduced image, where that fixes its place too, and that window's centre, full-size px.
+    /// Its window in the reduced image, where that determines a position too, and the centre of that window, full-size px.
     pub coarse: Option<(Patch, Vector2<f64>)>,
 }
 
-/// Cells along the sides of the image; each gives a few landmarks.
+/// Number of cells along the sides of the image; each gives a few landmarks.
 const CELLS: [u32; 2] = [12, 9];
-/// Landmarks of a cell, at most.
+/// Largest number of landmarks in a cell.
 const IN_A_CELL: usize = 3;
-/// Neighbourhoods along the sides.
+/// Number of neighbourhoods along the sides.
 const NEIGHBOURHOODS: [u32; 2] = [4, 3];
 /// Least contrast of a corner, 8-bit greys.
 const CONTRAST: u8 = 8;
-/// Landmarks keep this distance, px.
+/// Smallest distance between landmarks, px.
 const APART_PX: u32 = 6;
-/// A variance of one grey value squared moves a landmark by this variance at most, px²: 0.3 px at two greys of noise.
+/// Largest variance of a landmark's position for a unit variance of the grey levels, px²: 0.3 px at a noise of two grey levels.
 const WORST_SENSITIVITY: f64 = 0.0225;
 
-/// The best corners of every cell.
+/// Selects the best corners of every cell.
 pub(super) fn select(picture: &GrayImage, reduced: &Reduced, camera: &Camera) -> Vec<LandmarkPatch> {
     let Some(image) = foreign(picture) else { return Vec::new() };
     let corners = local_maxima(&corners_fast9(&image, CONTRAST), APART_PX);
@@ -61,7 +61,7 @@ pub(super) fn select(picture: &GrayImage, reduced: &Reduced, camera: &Camera) ->
     cells.into_iter().flat_map(best).collect()
 }
 
-/// None where the lens has no direction.
+/// Returns a landmark; `None` where the lens gives no direction.
 fn mark(
     picture: &GrayImage,
     reduced: &Reduced,

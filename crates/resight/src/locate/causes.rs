@@ -1,7 +1,7 @@
-//! The likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels.
+//! Finds the likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels.
 //!
-//! Asked only where the answer cannot be relied on. Each cause is put right and solved as a whole, and named only where noise explains the residual
-//! that is left.
+//! This is tried only where the answer cannot be relied on. Each cause is corrected and the view solved again, and it is named only where noise
+//! explains the remaining residual.
 
 use resight_core::locate::consistency::{Consistency, is_unlikely};
 use resight_core::locate::{Config, PoseEstimate, locate};
@@ -20,16 +20,16 @@ pub struct PointsCause {
     message: String,
 }
 
-/// Points of which pairs of labels are tried: the worst ones.
+/// Number of points of which pairs of labels are tried: the worst ones.
 const MOST_LABELS: usize = 12;
-/// Of more points two exchanged labels are found by `--robust`.
+/// With more points, two exchanged labels are found by `--robust`.
 const MOST_POINTS: usize = 200;
-/// χ² must fall to this part of itself: a correction that fits a little better by chance is no cause.
+/// χ² must fall to this share: a correction that fits slightly better by chance is not a cause.
 const MOST_PART: f64 = 0.1;
-/// Causes that the sentence names.
+/// Largest number of causes named in the sentence.
 const MOST_NAMED: usize = 3;
 
-/// Returns the causes that explain a contradiction, the best first; none where the points agree, or where what is known besides them is at fault.
+/// Returns the causes that explain a contradiction, the best first; none where the points agree, or where the priors contradict them.
 pub(super) fn causes(
     solved: Result<&PoseEstimate, &MathError>,
     seen: &[Correspondence],
@@ -56,7 +56,7 @@ struct Contradiction<'a> {
     seen: &'a [Correspondence],
     camera: &'a Camera,
     config: &'a Config<'a>,
-    /// The pose that fits best; none where no pose was found at all.
+    /// The pose that fits best; `None` where no pose was found.
     pose: Option<&'a PoseEstimate>,
 }
 
@@ -104,7 +104,7 @@ impl Contradiction<'_> {
         tried.into_iter().filter_map(cause).collect()
     }
 
-    /// Two points whose pixels are exchanged.
+    /// Tries to exchange the pixels of two points.
     fn labels(&self, label: impl Fn(usize) -> String) -> Vec<PointsCause> {
         if MOST_POINTS < self.seen.len() {
             return Vec::new();
@@ -125,7 +125,7 @@ impl Contradiction<'_> {
         pairs.filter_map(cause).collect()
     }
 
-    /// Indices of the points with the largest residuals.
+    /// Returns the indices of the points with the largest residuals.
     fn worst(&self) -> Vec<usize> {
         let residual = |c: &Correspondence| {
             let predicted = self.pose.and_then(|e| self.camera.project(&(e.cam_from_target * c.x_in_target)));
@@ -137,7 +137,7 @@ impl Contradiction<'_> {
     }
 }
 
-/// Returns the sentence about the causes; none where there is none.
+/// Returns the sentence about the causes; `None` without causes.
 pub(super) fn sentence(causes: &[PointsCause]) -> Option<String> {
     let named: Vec<&str> = causes.iter().take(MOST_NAMED).map(|cause| cause.message.as_str()).collect();
     let which = match &named[..] {
@@ -155,7 +155,7 @@ mod tests {
     use resight_core::camera::{ImageSize, Pinhole};
     use resight_core::{Camera, CameraMatrix, Correspondence, Pixel, Point, Pose, Vector6};
 
-    /// The principal point is off the middle, so that a mirrored image differs from mirrored points.
+    /// A camera whose principal point is off the middle, so that a mirrored image differs from mirrored points.
     fn camera(f_px: f64) -> Camera {
         let matrix = CameraMatrix { fx_px: f_px, fy_px: f_px, cx_px: 655.0, cy_px: 441.0 };
         let size = ImageSize { width_px: 1280, height_px: 960 };
@@ -201,7 +201,7 @@ mod tests {
         assert!(message.starts_with("the points agree with u and v exchanged"), "{message}");
         let (found, message) = causes(&changed(|x, p| (x, Pixel::new(p.x, 959.0 - p.y))));
         assert_eq!(found, ["v_upwards"], "{message}");
-        // Exchanged axes and a reversed one differ by a rotation, which no image shows: both are named.
+        // Exchanged axes and a reversed one differ by a rotation, which no image determines: both are named.
         for points in
             [changed(|x, p| (Point::new(x.y, x.x, x.z), p)), changed(|x, p| (Point::new(x.x, x.y, -x.z), p))]
         {
@@ -221,7 +221,7 @@ mod tests {
         assert!(message.contains("the pixels of point 2 and point 7 exchanged"), "{message}");
     }
 
-    /// Right points have no cause, and neither have other faults: a wrong lens, a wrong point, a mirrored image and a wrong point.
+    /// Correct points have no cause, nor have other faults: a wrong lens, a wrong point, a mirrored image with a wrong point.
     #[test]
     fn other_faults_have_none_of_these_causes() {
         let answer = solved(&points(), &camera(900.0));

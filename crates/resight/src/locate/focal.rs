@@ -1,4 +1,4 @@
-//! Points of one view and no camera: pose and focal length together.
+//! Solves for pose and focal length together, from points of one view without a camera.
 
 use super::{PoseAnswer, mean_square_root, point_sigma_m};
 use crate::answer::{EstimatedFocal, Status};
@@ -8,7 +8,7 @@ use resight_core::locate::observability::Observability;
 use resight_core::locate::unknown_focal::{LensPrior, estimate_focal_of};
 use resight_core::{Camera, Correspondence};
 
-/// The answer, and the camera found with it.
+/// Returns the answer, and the camera found with it.
 pub(super) fn with_unknown_focal(
     view: &str,
     seen: &[Correspondence],
@@ -39,7 +39,7 @@ pub(super) fn with_unknown_focal(
     (answer, Some(found.camera))
 }
 
-/// A contradiction cannot be that of a camera's file: there is none.
+/// Returns the verdict; a contradiction cannot be due to a camera file, as there is none.
 fn verdict_of(pose: &resight_core::PoseEstimate, name_of: impl Fn(usize) -> String) -> Verdict {
     match pose.consistency {
         Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_point, worst_px, .. } => Verdict {

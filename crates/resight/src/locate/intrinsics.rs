@@ -1,4 +1,4 @@
-//! How well the intrinsics are known, and what that costs.
+//! The uncertainty of the intrinsics, and its effect on a pose.
 
 use crate::error::Error;
 use crate::formats::{NamedCamera, WriteError, own_file};
@@ -11,10 +11,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Our own camera file of a lens, with the covariance of its intrinsics where there is one.
+/// Writes our own camera file of a lens, with the covariance of its intrinsics where there is one.
 ///
 /// # Errors
-/// A model that has no place in it.
+/// A lens model that the format cannot hold.
 pub fn camera_file(
     name: &str,
     camera: &Camera,
@@ -33,22 +33,22 @@ pub fn camera_file(
     }])
 }
 
-/// The covariance of a camera's intrinsics, at the image size they were calibrated at.
+/// The covariance of a camera's intrinsics, for the image size of the calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntrinsicsCovariance {
     /// In the order of `Camera::parameters`.
     names: Vec<&'static str>,
     covariance: DMatrix<f64>,
-    /// fx of the camera file: images of another size have other pixels.
+    /// fx of the camera file, from which the scale for images of another size follows.
     stated_fx_px: Option<f64>,
 }
 
 impl IntrinsicsCovariance {
-    /// Standard deviations by name, as of `Camera::parameters` and in their units; they are independent of one another, and those not named
+    /// Builds a covariance from independent standard deviations by name, as in `Camera::parameters` and in their units; parameters without one
     /// are exact.
     ///
     /// # Errors
-    /// `Intrinsics` for a parameter that the camera does not have, and for what is no standard deviation.
+    /// `Intrinsics` for a parameter that the camera does not have, and for an invalid standard deviation.
     pub fn independent(sigma_by_name: &BTreeMap<String, f64>, camera: &Camera) -> Result<Self, Error> {
         let parameters = camera.parameters();
         let names: Vec<&'static str> = parameters.iter().map(|(name, _)| *name).collect();
@@ -69,7 +69,7 @@ impl IntrinsicsCovariance {
         Ok(IntrinsicsCovariance { names, covariance, stated_fx_px: camera.matrix().map(|k| k.fx_px) })
     }
 
-    /// What a camera file states; none where it states nothing.
+    /// Returns the covariance that a camera file states; `None` where it states none.
     pub fn of(camera: &NamedCamera) -> Option<Self> {
         let covariance = camera.intrinsics_covariance.clone()?;
         let names: Vec<&'static str> = camera.camera.parameters().iter().map(|(name, _)| *name).collect();
@@ -78,12 +78,12 @@ impl IntrinsicsCovariance {
         fits.then_some(IntrinsicsCovariance { names, covariance, stated_fx_px })
     }
 
-    /// Row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size of the camera given.
+    /// Returns the covariance row by row, in the order of `Camera::parameters`; parameters in pixels are scaled to the size of the given camera.
     pub fn covariance(&self, camera: &Camera) -> Vec<f64> {
         self.rows(camera, |_| true)
     }
 
-    /// The same of one kind of parameters alone; the others are exact.
+    /// Returns the covariance with only one kind of parameters uncertain; the others are exact.
     fn rows(&self, camera: &Camera, is_kept: impl Fn(&str) -> bool) -> Vec<f64> {
         let scale = match (self.stated_fx_px, camera.matrix()) {
             (Some(stated), Some(k)) => k.fx_px / stated,
@@ -99,14 +99,14 @@ impl IntrinsicsCovariance {
         (0..n * n).map(|k| self.covariance[(k / n, k % n)] * units[k / n] * units[k % n]).collect()
     }
 
-    /// The standard deviations that are not 0, by name, at the size of calibration.
+    /// Returns the standard deviations that are not 0, by name, for the image size of the calibration.
     pub fn sigmas(&self) -> BTreeMap<String, f64> {
         let sigma = |(i, name): (usize, &&str)| ((*name).to_owned(), self.covariance[(i, i)].max(0.0).sqrt());
         self.names.iter().enumerate().map(sigma).filter(|(_, sigma)| 0.0 < *sigma).collect()
     }
 
-    /// What the uncertain intrinsics cost a pose: that of the same points where it puts them, solved with other covariances of the
-    /// intrinsics. Without residuals nothing is widened because a lens explains too little; a print stays as uncertain as it is.
+    /// Returns how much the uncertain intrinsics add to the uncertainty of a pose: the predicted points are solved again with other covariances
+    /// of the intrinsics. Without residuals no sigma is widened for an inadequate lens; the uncertainty of a print is kept.
     pub(super) fn cost(
         &self,
         estimate: &PoseEstimate,
@@ -155,7 +155,7 @@ pub struct IntrinsicsCost {
 }
 
 impl IntrinsicsCost {
-    /// In a sentence, with the calibration that would help.
+    /// Describes the cost in a sentence, with the calibration that would reduce it.
     pub fn words(&self) -> String {
         let mm = |m: f64| crate::report::words::length(m);
         let (now, exact) = (mm(self.position_sigma_m), mm(self.with_exact_intrinsics_m));

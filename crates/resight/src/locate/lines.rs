@@ -1,4 +1,4 @@
-//! Lines, and points where there are any, to a pose: the answer about one view.
+//! Solves for a pose from lines, and points where there are any.
 
 use super::once::Once;
 use super::{NamedPoint, PointsOptions, PoseAnswer, mean_square_root, point_sigma_m};
@@ -14,20 +14,20 @@ use resight_core::{
     Camera, Correspondence, Error as MathError, Matrix6, Method, Point, Pose, PoseEstimate, Vector6,
 };
 
-/// A known line and two points of its image, as a person calls it.
+/// A known line and two points of its image, with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedLine {
     /// Its name: an id, or a number.
     pub name: String,
-    /// The line of the file that it stands in, where it comes from one.
+    /// Its line in the file from which it was read.
     pub line: Option<u64>,
-    /// What is known and seen of it.
+    /// The known line and its observation.
     pub seen: LineCorrespondence,
 }
 
-/// The pose of a camera from known lines, and points where there are any; `view` is their name in the answer.
+/// Solves for the pose of a camera from known lines and points; `view` is their name in the answer.
 ///
-/// Intrinsics that are uncertain widen the covariance: the pose is solved again with each parameter one standard deviation off.
+/// Uncertain intrinsics widen the covariance: the pose is solved again with each parameter one standard deviation off.
 pub fn locate_lines_and_points(
     view: &str,
     points: &[NamedPoint],
@@ -79,7 +79,7 @@ impl NamedLine {
     }
 }
 
-/// Too few is counted in lines here.
+/// Returns the verdict on an error; numbers of observations are counted in lines here.
 fn of_error(reason: &MathError, seen: &Seen) -> Verdict {
     let verdict = verdict::of_error(reason);
     match reason {
@@ -101,7 +101,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// Known points and a point of each line, for what is measured on where the target is.
+    /// Returns the known points and a point of each line, for figures that depend on where the target is.
     fn places(&self) -> Vec<Correspondence> {
         let of_line = |l: &LineCorrespondence| {
             let [pixel, _] = l.seen.ends_px;
@@ -144,7 +144,7 @@ impl Seen {
         let mut others = [None; 3];
         let mut probability = 1.0;
         if let Ambiguity::Ambiguous { other, .. } = &ambiguity {
-            // Of two that fit the lower χ² is the more probable; volumes of the two are alike.
+            // Of two poses that fit, the one with the lower χ² is more probable; their prior volumes are equal.
             let odds = (-0.5 * (other.chi2 - chi2) / scale).exp();
             probability = 1.0 / (1.0 + odds);
             others[0] = Some(Hypothesis {
@@ -202,7 +202,7 @@ impl Seen {
         Consistency::Inconsistent { chi2_per_degree_of_freedom, worst_point, worst_px, worst_prior: None }
     }
 
-    /// Σ D C Dᵀ, D the motion of the answer by each parameter, from differences over its standard deviation.
+    /// Returns Σ D C Dᵀ, with D the change of the answer with each parameter, from differences over its standard deviation.
     fn share_of_intrinsics(
         &self,
         cam_from_target: &Pose,
@@ -234,7 +234,7 @@ impl Seen {
         Ok((share + share.transpose()) * 0.5)
     }
 
-    /// The same pixels through another camera.
+    /// Returns the same pixels as seen by another camera.
     fn through(&self, camera: &Camera) -> Result<Seen, MathError> {
         let point = |c: &Correspondence| Ok(Correspondence { bearing: camera.bearing(&c.pixel)?, ..*c });
         let line = |l: &LineCorrespondence| {

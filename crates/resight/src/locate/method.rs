@@ -1,8 +1,8 @@
-//! What the solvers are called in flags and JSON.
+//! The names of the solvers in flags and JSON.
 
 use resight_core::locate::Method;
 
-/// The solvers by their names in flags and JSON; `Priors`, `UnknownFocal` and `Lines` are chosen by themselves alone.
+/// The solvers by their names in flags and JSON; `Priors`, `UnknownFocal` and `Lines` are chosen automatically only.
 pub const METHODS: [(&str, Method); 7] = [
     ("auto", Method::Auto),
     ("wang2004", Method::Wang2004),
@@ -13,7 +13,7 @@ pub const METHODS: [(&str, Method); 7] = [
     ("upright", Method::Upright),
 ];
 
-/// The name of a solver in flags and JSON.
+/// Returns the name of a solver in flags and JSON.
 pub fn method_name(method: Method) -> &'static str {
     let chosen_alone = match method {
         Method::Priors => "priors",

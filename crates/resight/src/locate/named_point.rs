@@ -1,13 +1,13 @@
-//! Known points with the names that people give them.
+//! Known points with names.
 
 use resight_core::Correspondence;
 
-/// A known point and where it was seen, as a person calls it.
+/// A known point and its observation, with a name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedPoint {
     /// Its name: an id, or a number.
     pub name: String,
-    /// The line of the file that it stands in, where it comes from one.
+    /// Its line in the file from which it was read.
     pub line: Option<u64>,
     /// Point, pixel and their standard deviations.
     pub seen: Correspondence,

@@ -1,4 +1,4 @@
-//! Equal observations count once: a row that repeats an earlier point and pixel takes no part, and the answer counts rows as they were given.
+//! Counts equal observations once: a row that repeats an earlier point and pixel takes no part, but the answer counts the rows as given.
 
 use super::NamedPoint;
 use crate::answer::PoseAnswer;
@@ -7,7 +7,7 @@ use resight_core::Correspondence;
 use resight_core::correspondence::first_of_equals;
 use resight_core::locate::consistency::Consistency;
 
-/// Observations some of which repeat others.
+/// Observations, some of which repeat others.
 pub(super) struct Once {
     /// For each observation the index of the first one that is equal to it.
     first: Vec<usize>,
@@ -16,14 +16,14 @@ pub(super) struct Once {
 }
 
 impl Once {
-    /// None where no observation repeats an earlier one.
+    /// Finds the repetitions; `None` where no observation repeats an earlier one.
     pub(super) fn of(seen: &[Correspondence]) -> Option<Self> {
         let first = first_of_equals(seen);
         let kept: Vec<usize> = (0..first.len()).filter(|i| first[*i] == *i).collect();
         (kept.len() < first.len()).then_some(Once { first, kept })
     }
 
-    /// Returns the answer from the observations that are left, with indices of the rows as they were given.
+    /// Converts the answer from the remaining observations to the indices of the given rows.
     pub(super) fn answered(
         &self,
         points: &[NamedPoint],
@@ -38,7 +38,7 @@ impl Once {
         }
         let consistency = answer.estimate.as_mut().map(|e| &mut e.consistency);
         if let Some(Consistency::Inconsistent { worst_point, .. }) = consistency {
-            // Lines follow the points.
+            // The indices of lines follow those of the points.
             *worst_point = self.kept.get(*worst_point).copied().unwrap_or(*worst_point + n_repeated);
         }
         let others = answer.names.split_off(self.kept.len().min(answer.names.len()));
@@ -93,10 +93,10 @@ mod tests {
         }
     }
 
-    /// The same point at another pixel is another observation.
+    /// The same point at another pixel is a separate observation.
     #[test]
     fn other_pixels_of_a_point_count_in_full() {
-        // Fewer than twelve: neighbours with equal errors count as shared ones from there on.
+        // Fewer than twelve points are used: from twelve on, equal errors of neighbours are treated as shared.
         let once = points()[..5].to_vec();
         let mut twice = once.clone();
         for mut point in once.clone() {

@@ -1,4 +1,4 @@
-//! Points as rows of numbers, as arrays hold them. A row without a pixel is a point that was not seen.
+//! Points as rows of numbers, as in arrays. A row without a pixel is a point that was not observed.
 
 use super::{NamedPoint, PointsOptions, locate_points};
 use crate::answer::PoseAnswer;
@@ -8,28 +8,28 @@ use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 /// Points in the target frame and their pixels, one row each.
 #[derive(Debug, Clone, Copy)]
 pub struct PointRows<'a> {
-    /// Places in the target frame, metres.
+    /// Positions in the target frame, metres.
     pub points_m: &'a [[f64; 3]],
-    /// Pixels; NaN in both coordinates where the point was not seen.
+    /// Pixels; NaN in both coordinates where the point was not observed.
     pub pixels: &'a [[f64; 2]],
     /// Standard deviation of each pixel coordinate.
     pub sigma_px: &'a [f64],
-    /// Standard deviation of each coordinate of the place, metres; 0 where it is exact.
+    /// Standard deviation of each coordinate of the position, metres; 0 where it is exact.
     pub sigma_m: &'a [f64],
-    /// What points are called; their row's number where none is given.
+    /// Names of the points; by default their row numbers.
     pub names: Option<&'a [String]>,
 }
 
-/// Why rows are no points: the kind where the mathematics refuses one, and a sentence that names the row.
+/// Why rows are not valid points: the kind of the error, where the mathematics refuses one, and a sentence that names the row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowFault {
     /// The refusal.
     pub kind: Option<MathError>,
-    /// Which row, what is wrong with it, and the way out.
+    /// The row, what is wrong with it, and the way out.
     pub message: String,
 }
 
-/// The points that were seen, and the rows they stand in.
+/// The points that were observed, and the indices of their rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeenRows {
     points: Vec<NamedPoint>,
@@ -37,16 +37,16 @@ pub struct SeenRows {
     names: Vec<String>,
 }
 
-/// Whether a point was not seen: both coordinates of its pixel are NaN, which is how arrays and tables mark what is missing.
+/// Returns whether a point was not observed: both coordinates of its pixel are NaN, as arrays and tables mark missing values.
 pub fn is_missing(pixel: &[f64; 2]) -> bool {
     pixel.iter().all(|x| x.is_nan())
 }
 
 impl PointRows<'_> {
-    /// The rows that were seen.
+    /// Returns the rows that were observed.
     ///
     /// # Errors
-    /// Columns of several lengths, half a pixel, a pixel that the lens does not have.
+    /// Columns of different lengths, a pixel with one coordinate missing, a pixel outside the field of the lens.
     pub fn seen(&self, camera: &Camera) -> Result<SeenRows, RowFault> {
         let n = self.points_m.len();
         let lengths = [self.pixels.len(), self.sigma_px.len(), self.sigma_m.len()];
@@ -82,17 +82,17 @@ impl PointRows<'_> {
 }
 
 impl SeenRows {
-    /// How many points were seen.
+    /// Returns the number of points observed.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether none was.
+    /// Returns whether no point was observed.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The pose from the points that were seen; rows in the answer are those given.
+    /// Solves for the pose from the observed points; row numbers in the answer are those of the input.
     pub fn locate(&self, view: &str, camera: &Camera, options: &PointsOptions) -> PoseAnswer {
         let mut answer = locate_points(view, &self.points, camera, options);
         let n_missing = self.names.len() - self.rows.len();
@@ -144,7 +144,7 @@ mod tests {
         PointRows { points_m, pixels, sigma_px: &ones, sigma_m: &zeros, names: None }.seen(&camera())
     }
 
-    /// What was not seen changes nothing but the count; a point without a place that was not seen is none either.
+    /// Points that were not observed change only the count, even if they have no position.
     #[test]
     fn rows_without_a_pixel_are_left_out() {
         let (mut points, mut pixels) = points();

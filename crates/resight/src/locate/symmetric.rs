@@ -1,4 +1,4 @@
-//! Boards that look the same after a rotation: every pose has others that fit as well, and nothing in the image chooses.
+//! Boards that look the same after a rotation: every pose has others that fit equally well, and the image does not decide between them.
 
 use crate::answer::{PoseAnswer, Status};
 use crate::report::words::percent;
@@ -6,7 +6,7 @@ use resight_core::locate::PoseEstimate;
 use resight_core::locate::choose::{Ambiguity, Hypothesis, Minimum};
 use resight_core::{Pose, Target};
 
-/// An answer that is `ok` or `ambiguous` with the poses that the board's symmetry allows besides; others are left as they are.
+/// Adds the poses that the board's symmetry allows to an answer that is `ok` or `ambiguous`; other answers are unchanged.
 pub(super) fn judged(mut answer: PoseAnswer, target: &Target) -> PoseAnswer {
     let symmetries = target.symmetries();
     let is_alike = matches!(answer.status(), Status::Ok | Status::Ambiguous);
@@ -31,7 +31,7 @@ pub(super) fn judged(mut answer: PoseAnswer, target: &Target) -> PoseAnswer {
     answer
 }
 
-/// The same estimate among those that rotations of the target's frame give, all equally probable; the rotated ones of this estimate come first.
+/// Returns the estimate with the poses that follow by rotations of the target's frame, all equally probable; those of this estimate come first.
 fn with_rotations(mut estimate: PoseEstimate, target_from_target: &[Pose]) -> PoseEstimate {
     let share = 1.0 / (1 + target_from_target.len()) as f64;
     let hypotheses: Vec<Hypothesis> = estimate.minima().collect();
@@ -47,7 +47,7 @@ fn with_rotations(mut estimate: PoseEstimate, target_from_target: &[Pose]) -> Po
         }
     }
     others.extend(hypotheses[1..].iter().map(|h| Hypothesis { probability: share * h.probability, ..*h }));
-    // The sort is stable: among equals the rotated poses of the answer come first.
+    // The sort is stable: of equals, the rotated poses of the answer stay first.
     others.sort_by(|a, b| {
         b.is_alternative.cmp(&a.is_alternative).then(b.probability.total_cmp(&a.probability))
     });

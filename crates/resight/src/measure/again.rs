@@ -1,24 +1,24 @@
-//! Answers that are known already: where scenes differ only in points that an answer does not depend on.
+//! Reuses answers of an earlier scene where the scenes differ only in points on which an answer does not depend.
 
 use super::scene::{NamedQuery, NamedScene};
 use crate::core::multiview::network::{Adjusted, Constraint, NetworkStatus};
 use std::collections::HashMap;
 
-/// What is known about one point, in a scene's order.
+/// The constraints on one point, in the order of the scene.
 type About<'a> = Vec<&'a Constraint>;
 
-/// A scene whose answers are known, as far as a new one is the same.
+/// A solved scene, whose answers are reused where a new scene agrees with it.
 pub(super) struct Known<'a> {
     now: Parts<'a>,
     before: Parts<'a>,
 }
 
-/// A scene by what its answers depend on.
+/// A scene, split into the parts on which its answers depend.
 struct Parts<'a> {
     scene: &'a NamedScene,
-    /// Which points nothing checks: whatever asks for other points does not depend on them.
+    /// Which points are not checked by any constraint: answers about other points do not depend on them.
     is_free: Vec<bool>,
-    /// What is known of each of them.
+    /// The constraints on each of them.
     about: Vec<About<'a>>,
 }
 
@@ -34,7 +34,7 @@ impl<'a> Parts<'a> {
         Parts { scene, is_free, about }
     }
 
-    /// What everything depends on.
+    /// Returns the constraints on which everything depends.
     fn base(&self) -> impl Iterator<Item = &'a Constraint> + '_ {
         let is_base = |f: &&Constraint| !f.points().into_iter().flatten().any(|p| self.is_free[p]);
         self.scene.constraints.iter().filter(is_base)
@@ -42,7 +42,7 @@ impl<'a> Parts<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// None where the scenes differ in what all answers depend on, or either says that something is wrong.
+    /// Compares two scenes; `None` where they differ in anything on which all answers depend, or where either has a fault.
     pub(super) fn new(
         scene: &'a NamedScene,
         adjusted: &Adjusted,
@@ -58,7 +58,7 @@ impl<'a> Known<'a> {
             && scene.planes == before.planes
             && scene.origin_m == before.origin_m;
         let (now, before) = (Parts::new(scene, adjusted), Parts::new(before, before_adjusted));
-        // Points have numbers, which differ where others came or went.
+        // Points are compared by name: their indices change when others are added or removed.
         let numbers: HashMap<&str, usize> =
             before.scene.points.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
         let moved = |f: &Constraint| {
@@ -69,7 +69,7 @@ impl<'a> Known<'a> {
         is_base_same.then_some(Known { now, before })
     }
 
-    /// The number of the question of before that has the same answer, where there is one.
+    /// Returns the index of the earlier query with the same answer, where there is one.
     pub(super) fn question(&self, query: &NamedQuery) -> Option<usize> {
         let at = self.before.scene.queries.iter().position(|q| q.name == query.name)?;
         let asked = &self.before.scene.queries[at];

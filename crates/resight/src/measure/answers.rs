@@ -1,4 +1,4 @@
-//! A scene solved: every question with its answer or its reason, and a verdict on all of them.
+//! Solves a scene: the answer to every query, or the reason why there is none, and a verdict on all of them.
 
 use super::again::Known;
 use super::scene::{NamedQuery, NamedScene, QueryKind};
@@ -11,42 +11,42 @@ use crate::core::multiview::network::{
 use crate::formats::plausible;
 use crate::report::verdict::Status;
 
-/// One question answered.
+/// The answer to one query.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QueryAnswer {
-    /// The question.
+    /// The query.
     pub query: NamedQuery,
-    /// The status of the answer: that of the network, unless it has no value or both solutions give the same.
+    /// The status of the answer: that of the network, unless it has no value or both solutions agree.
     pub status: NetworkStatus,
-    /// One value, three for a position; or why there is none.
+    /// One value, or three for a position; or the reason why there is none.
     pub result: Result<Vec<Measured>, String>,
     /// The answer of the second solution, where it is ambiguous.
     pub other: Option<Vec<Measured>>,
-    /// How well each value is checked; empty where there is none.
+    /// How well each value is checked; empty where there are no values.
     pub reliability: Vec<QueryReliability>,
 }
 
-/// A scene solved.
+/// A solved scene.
 #[derive(Debug, Clone)]
 pub struct Answers {
-    /// Places of everything.
+    /// The adjusted network.
     pub adjusted: Adjusted,
-    /// The word for the whole network.
+    /// The status of the whole network.
     pub status: NetworkStatus,
-    /// One a question, in order.
+    /// One answer for each query, in order.
     pub answers: Vec<QueryAnswer>,
-    /// The faults, to be read before any number: contradictions, second solutions, control points on a line.
+    /// Faults to be read before any number: contradictions, second solutions, control points on a line.
     pub verdict: Vec<String>,
-    /// Stated lengths that are hardly metres, in sentences: where there is one, an answer that is `ok` otherwise is `implausible`.
+    /// Stated lengths that are implausible in metres, in sentences: with one, an answer that would be `ok` is `implausible`.
     pub sizes: Vec<String>,
-    /// Remarks: what was left out, what cannot be checked.
+    /// Remarks: what was left out, and what cannot be checked.
     pub remarks: Vec<String>,
-    /// Each constraint and lens with the smallest error of it that would be noticed, in its own unit; none where nothing checks it.
+    /// Each constraint and lens with the smallest error of it that would be noticed, in its own unit; `None` where nothing checks it.
     pub smallest_noticed_errors: Vec<(ErrorSource, Option<f64>)>,
 }
 
 impl Answers {
-    /// Returns the status word of the network or of one of its answers: `implausible` where it is `ok` and a length is hardly one in metres.
+    /// Returns the status of the network or of one of its answers: `implausible` where it is `ok` and a length is implausible in metres.
     pub fn word(&self, status: NetworkStatus) -> Status {
         match Status::from(status) {
             Status::Ok if !self.sizes.is_empty() => Status::Implausible,
@@ -55,16 +55,16 @@ impl Answers {
     }
 }
 
-/// Why a scene has no answer at all.
+/// Why a scene has no answer.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Refusal {
-    /// The word for the network and all its answers; none where the scene file itself is wrong.
+    /// The status for the network and all its answers; `None` where the scene file itself is wrong.
     pub status: Option<NetworkStatus>,
     /// A sentence, with the scene's names.
     pub reason: String,
 }
 
-/// Solves a scene; answers that the scene before has already are taken over.
+/// Solves a scene; answers that are still valid are reused from the earlier scene.
 pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>) -> Result<Answers, Refusal> {
     let cameras = scene.network_cameras();
     let adjusted = adjust(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
@@ -90,7 +90,7 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
     Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
 }
 
-/// The remark about answers that depend on something that nothing checks; each answer names what.
+/// Returns the remark that answers depend on unchecked measurements; each answer names its own.
 fn unchecked_answers(answers: &[QueryAnswer]) -> Option<String> {
     let is_unchecked = |answer: &&QueryAnswer| {
         answer.reliability.iter().any(|r| !(r.unchecked.is_empty() && r.partly_checked.is_empty()))
@@ -130,7 +130,7 @@ fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query:
     let other = adjusted.second_solution().and_then(|second| self::values(scene, second, query).ok());
     let other = other.filter(|other| differ(&values, other));
     let status = match status {
-        // What was left out concerns this answer only if it asks for it.
+        // What was left out affects this answer only if the query includes it.
         NetworkStatus::Degenerate => NetworkStatus::Ok,
         NetworkStatus::Ambiguous if other.is_none() => NetworkStatus::Ok,
         status => status,
@@ -149,7 +149,7 @@ fn with_reliability(scene: &NamedScene, of: &NetworkReliability<'_>, mut answer:
     answer
 }
 
-/// Two solutions give one answer where they differ by less than this part of a standard deviation.
+/// Two solutions give the same answer where they differ by less than this share of a standard deviation.
 const SAME_SIGMAS: f64 = 0.1;
 
 fn differ(values: &[Measured], others: &[Measured]) -> bool {
@@ -166,12 +166,12 @@ fn values(scene: &NamedScene, adjusted: &Adjusted, query: &NamedQuery) -> Result
     scene.core_queries(query).into_iter().enumerate().map(value).collect()
 }
 
-/// Suspects named; the rest follow from the first.
+/// Largest number of suspects named; the others follow from the first.
 const MOST_SUSPECTS: usize = 3;
-/// Two statistics that differ by less than this part cannot be distinguished.
+/// Two statistics that differ by less than this share cannot be distinguished.
 const TIED: f64 = 0.01;
 
-/// The contradictions.
+/// Describes the contradictions.
 fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
     if let Some(exchange) = &adjusted.exchanged {
         let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
@@ -199,7 +199,7 @@ fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
     ))
 }
 
-/// The lines before the numbers.
+/// Returns the lines to be read before the numbers.
 fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     let mut verdict = Vec::new();
     verdict
@@ -219,7 +219,7 @@ fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
     verdict
 }
 
-/// Stated lengths that are hardly metres, in sentences.
+/// Lists stated lengths that are implausible in metres, in sentences.
 fn units(scene: &NamedScene) -> Vec<String> {
     if scene.lengths_are_metres {
         return Vec::new();

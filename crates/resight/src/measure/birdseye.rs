@@ -1,8 +1,8 @@
-//! The ground as seen from straight above: a photograph rectified onto the plane, with a metric grid and its own limits.
+//! Rectifies a photograph onto the ground plane: the ground seen vertically from above, with a metric grid and the limits of the photograph.
 //!
-//! Each pixel of the image is a place on the plane, sent through pose and lens to the photograph and read there. Hatched is where one
-//! pixel of the photograph covers more ground than a stated size, and where an image point would be off by more than a stated length (95 %, by
-//! the image point's sigma and what is not known of photograph, lens and plane).
+//! Each pixel of the image is a point of the plane; pose and lens map it to the photograph, where its grey level is read. Hatched areas are
+//! those where one pixel of the photograph covers more ground than a stated size, and those where an image point would be off by more than a
+//! stated length (95 %, from the image point's sigma and the uncertainty of photograph, lens and plane).
 
 use super::answers::Answers;
 use super::scene::NamedScene;
@@ -24,23 +24,23 @@ const COARSE: Color = [255, 150, 40];
 const UNSURE: Color = [240, 110, 255];
 /// Longer side of the rectified ground, px.
 const LONGER_SIDE_PX: f64 = 1300.0;
-/// Grey where the photograph does not reach.
+/// Grey level outside the photograph.
 const UNSEEN: u8 = 52;
-/// Ground shown beyond the outermost points, as a part of their extent.
+/// Margin of ground beyond the outermost points, as a part of their extent.
 const RIM: f64 = 0.35;
-/// The limits are computed at every so many pixels.
+/// Distance of the samples of the limits, px.
 const CELL_PX: usize = 6;
 /// Pixels between hatch lines.
 const HATCH_PX: usize = 26;
 const CAPTION_PX: u32 = 62;
 /// Length of the arrow to the north, px.
 const ARROW_PX: f64 = 56.0;
-/// The least level part of a line of sight of length one that has a direction: of a camera that looks 12° from straight down.
+/// Least horizontal part of a unit line of sight whose heading is defined: that of a camera that points 12° from vertically down.
 const LEAST_LEVEL: f64 = 0.2;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 
-/// The plane as a sheet: place = origin + s · right + t · ahead, t upwards in the image.
+/// The plane with its axes: point = origin + s · right + t · ahead, t upwards in the image.
 struct Ground {
     origin: Vector3<f64>,
     axes: Matrix3x2<f64>,
@@ -59,17 +59,17 @@ struct Source<'a> {
     sigma_px: f64,
 }
 
-/// The accuracy of one place of the ground.
+/// The accuracy of one point of the ground.
 #[derive(Clone, Copy)]
 struct Worth {
-    /// Ground that one pixel covers along its longer side, m.
+    /// Longer side of the ground that one pixel covers, m.
     pixel_m: f64,
     /// 95 % error of an image point, m.
     error_m: f64,
 }
 
-/// The rectified ground of a photograph; none where the plane or the photograph has no place, or fewer than three points lie on the plane.
-/// Where the camera's heading is known, an arrow shows north.
+/// Returns the rectified ground of a photograph; `None` where the plane or the photograph is not determined, or fewer than three points are on
+/// the plane. Where the camera's heading is known, an arrow shows north.
 pub fn birdseye(
     scene: &NamedScene,
     answers: &Answers,
@@ -108,7 +108,7 @@ pub fn birdseye(
 fn ground(scene: &NamedScene, answers: &Answers, source: &Source) -> Option<Ground> {
     let adjusted = &answers.adjusted;
     let (normal, offset_m) = adjusted.plane(0).filter(|_| scene.has_ground)?;
-    // World x runs to the right, as in the plan, unless the plane stands across it.
+    // World x points to the right, as in the plan, unless the plane is perpendicular to it.
     let x = Vector3::x() - normal * normal.x;
     let right = if 0.1 < x.norm() { x.normalize() } else { (Vector3::y() - normal * normal.y).normalize() };
     let axes = Matrix3x2::from_columns(&[right, normal.cross(&right)]);
@@ -133,14 +133,14 @@ impl Ground {
         self.origin + self.axes * flat
     }
 
-    /// Place of a pixel of the image.
+    /// Returns the point on the plane of a pixel of the image.
     fn at(&self, x: f64, y: f64) -> Vector3<f64> {
         let flat =
             Vector2::new(x, -y) / self.px_per_m + Vector2::new(self.least.x, self.least.y + self.size_m.y);
         self.place(&flat)
     }
 
-    /// Pixel of the image of a place on the plane.
+    /// Returns the pixel in the image of a point on the plane.
     fn px(&self, flat: &Vector2<f64>) -> Vector2<f64> {
         let p = (flat - self.least) * self.px_per_m;
         Vector2::new(p.x, self.size_m.y * self.px_per_m - p.y)
@@ -214,7 +214,7 @@ impl Field {
         }
     }
 
-    /// Where a quantity crosses a limit, as short lines (marching squares).
+    /// Returns the line where a quantity crosses a limit, as short segments (marching squares).
     fn contour(&self, of: impl Fn(&Worth) -> f64, limit: f64) -> Vec<Path> {
         let mut lines = Vec::new();
         for row in 0..self.rows.saturating_sub(1) {
@@ -238,7 +238,7 @@ impl Field {
         lines
     }
 
-    /// Diagonal lines over the part beyond a limit; `falling` to the right, or rising.
+    /// Returns diagonal lines over the part beyond a limit; `falling` to the right, or rising.
     fn hatch(&self, of: impl Fn(&Worth) -> f64, limit: f64, falling: bool) -> Vec<Path> {
         let (width, height) = ((self.columns - 1) * CELL_PX, (self.rows - 1) * CELL_PX);
         let beyond = |x: usize, y: usize| {
@@ -268,7 +268,7 @@ fn segment(a: (usize, usize), b: (usize, usize)) -> Path {
     [a, b].iter().map(|(x, y)| Vector2::new(*x as f64, *y as f64)).collect()
 }
 
-/// Hatching and outlines of both limits, each outline with its value.
+/// Draws hatching and outlines of both limits, each outline with its value.
 fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
     let pixel = |w: &Worth| w.pixel_m;
     let error = |w: &Worth| w.error_m;
@@ -309,7 +309,7 @@ fn write(canvas: &mut Canvas, text: &str, at: Vector2<f64>, height: f64, color: 
     canvas.stroke_with_rim(&strokes(text, at, height, anchor, 0.0), pen);
 }
 
-/// Lines of a round step, labelled in the scene's coordinates along the plane; the step.
+/// Draws grid lines with a round step, labelled in the scene's coordinates along the plane; returns the step.
 fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, height: u32) -> f64 {
     let step = round_down_125(130.0 / ground.px_per_m);
     let decimals = (-step.log10().floor()).max(0.0) as usize;
@@ -351,8 +351,8 @@ fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &An
     }
 }
 
-/// North on the ground, to the right and ahead, of length one: the line of sight turned back by the heading. None of a camera that looks
-/// straight down.
+/// Returns north on the ground as a unit vector (right, ahead): the line of sight rotated back by the heading. `None` for a camera that points
+/// vertically down.
 fn north(axes: &Matrix3x2<f64>, cam_from_world: &Pose, heading_deg: f64) -> Option<Vector2<f64>> {
     let sight = axes.tr_mul(&cam_from_world.rotation.row(2).transpose());
     let level = sight.try_normalize(LEAST_LEVEL)?;
@@ -419,7 +419,7 @@ mod tests {
     fn north_is_where_the_compass_says() {
         let axes = Matrix3x2::from_columns(&[Vector3::x(), Vector3::y()]);
         let [east, ahead, down] = [Vector3::x(), Vector3::y(), -Vector3::z()];
-        // A camera that faces north has north ahead; one that faces east along x has it along y; one that faces south along x has it behind.
+        // A camera that faces north has north ahead; facing east along x, north is along y; facing south along x, north is behind.
         for (sight, heading_deg, expected) in [
             (ahead, 0.0, [0.0, 1.0]),
             (ahead + 2.0 * down, 0.0, [0.0, 1.0]),

@@ -1,4 +1,4 @@
-//! Image points from a CSV file: `photo, point, u_px, v_px` and optionally `sigma_px`, columns by name in any order.
+//! Reads image points from a CSV file: `photo, point, u_px, v_px` and optionally `sigma_px`, columns by name in any order.
 
 use crate::FileError;
 use crate::input::table::Table;
@@ -19,13 +19,13 @@ pub struct ImagePoint {
     pub sigma_px: Option<f64>,
 }
 
-/// Rows accepted in one file: a person image points, no program does.
+/// Largest number of rows in one file: image points are marked by people, not by programs.
 const MAX_ROWS: usize = 20_000;
 
 /// Reads a file of image points.
 ///
 /// # Errors
-/// Unreadable files, missing columns, cells that are no numbers, each with its line.
+/// Unreadable files, missing columns, cells that are not numbers, each with its line.
 pub fn read_image_points(path: &Path) -> Result<Vec<ImagePoint>, FileError> {
     let table = Table::open(path, "photo,point,u_px,v_px")?;
     let need = |name: &str| table.need(name, None);

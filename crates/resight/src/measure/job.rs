@@ -1,23 +1,23 @@
-//! The job: a scene in, every question answered.
+//! The job that answers every query of a scene.
 
 use super::Answers;
 use super::answers::{Refusal, solve};
 use super::scene::NamedScene;
 use crate::answer::MeasureAnswer;
 
-/// Every query of a scene with its answer. The answer's status states what cannot be solved.
+/// Answers every query of a scene. The status of the answer states what cannot be solved.
 ///
 /// # Errors
-/// A scene that is wrong in itself: no length, an impossible camera or statement.
+/// A scene that is invalid in itself: no length, an impossible camera or constraint.
 pub fn measure(scene: &NamedScene) -> Result<MeasureAnswer, crate::Error> {
     measure_after(scene, None)
 }
 
-/// The same after another scene was measured: an answer that depends on nothing in which the scenes differ is taken over. What is answered is what
-/// [`measure`] answers.
+/// Answers every query after an earlier scene was measured: answers that do not depend on the differences between the scenes are reused. The
+/// result is that of [`measure`].
 ///
 /// # Errors
-/// As of [`measure`].
+/// The errors of [`measure`].
 pub fn measure_after(
     scene: &NamedScene,
     before: Option<(&NamedScene, &Answers)>,

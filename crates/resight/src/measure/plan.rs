@@ -23,17 +23,17 @@ const AXES: [Color; 2] = [[220, 50, 47], [40, 150, 60]];
 /// The drawing's longer side without its margins, px.
 const LONGER_SIDE_PX: f64 = 1200.0;
 const MARGIN_PX: f64 = 90.0;
-/// Room for the caption below.
+/// Height of the caption at the bottom, px.
 const CAPTION_PX: f64 = 86.0;
 const TEXT_PX: f64 = 11.0;
-/// Letters of a warning that fit across the sheet.
+/// Number of letters of a warning that fit across the drawing.
 const MOST_WARNING: usize = 150;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
-/// Semi-axis below which an ellipse cannot be seen, px.
+/// Smallest visible semi-axis of an ellipse, px.
 const VISIBLE_PX: f64 = 5.0;
 
-/// From metres to the sheet: `right` and `up` of the sheet are axes of the frame.
+/// The map from metres to the drawing; its axes `right` and `up` are axes of the frame.
 struct Sheet {
     right: usize,
     up: usize,
@@ -58,7 +58,7 @@ impl Sheet {
     }
 }
 
-/// Draws the plan; none where nothing has a place.
+/// Draws the plan; `None` where nothing has a position.
 pub fn plan(scene: &NamedScene, answers: &Answers, title: &str) -> Option<Drawing> {
     let sheet = sheet(scene, &answers.adjusted)?;
     let (w, h) = (sheet.width_px + 2.0 * MARGIN_PX, sheet.height_px + 2.0 * MARGIN_PX + CAPTION_PX);
@@ -93,7 +93,7 @@ fn sheet(scene: &NamedScene, adjusted: &Adjusted) -> Option<Sheet> {
     let (least, most) = all.iter().fold((first, first), |(a, b), x| (a.inf(x), b.sup(x)));
     let extent = (most - least).max().max(1e-3);
     let px_per_m = LONGER_SIDE_PX / extent;
-    // A scene along one line still gets a sheet of some width.
+    // A scene along one line still has a plan of some width.
     let room = Vector2::repeat(0.3 * extent);
     let short = (most - least).zip_map(&room, |have, need| f64::max(need - have, 0.0) * 0.5);
     let (least, most) = (least - short, most + short);
@@ -101,7 +101,7 @@ fn sheet(scene: &NamedScene, adjusted: &Adjusted) -> Option<Sheet> {
     Some(Sheet { right, up, least, px_per_m, width_px, height_px })
 }
 
-/// Lines of a round step over the whole sheet, labelled along the edges in the scene's own coordinates.
+/// Draws grid lines with a round step, labelled along the edges in the scene's own coordinates.
 fn grid(drawing: &mut Drawing, sheet: &Sheet, scene: &NamedScene) {
     let step = round_down_125(110.0 / sheet.px_per_m);
     let (left, right) = (0.4 * MARGIN_PX, sheet.width_px + 1.6 * MARGIN_PX);
@@ -117,7 +117,7 @@ fn grid(drawing: &mut Drawing, sheet: &Sheet, scene: &NamedScene) {
         let label = format!("{:.decimals$}", x + origin.x);
         drawing.text(&label, Vector2::new(u, top - 6.0), 8.0, DIM, Anchor::Middle);
     }
-    // Grid lines end at the sheet's rim.
+    // Grid lines end at the edge of the drawing.
     let height = |px: f64| sheet.least.y + (sheet.height_px + MARGIN_PX - px) / sheet.px_per_m;
     for i in first(height(bottom))..=height(top).div_euclid(step) as i64 {
         let y = i as f64 * step;
@@ -135,7 +135,7 @@ fn arrow(from: Vector2<f64>, to: Vector2<f64>, head_px: f64) -> Vec<Path> {
     vec![vec![from, to], vec![barb(1.0), to, barb(-1.0)]]
 }
 
-/// In the band below, where nothing else is.
+/// Draws the axes in the band at the bottom, where nothing else is.
 fn axes(drawing: &mut Drawing, sheet: &Sheet) {
     let names = ["x", "y", "z"];
     let corner = Vector2::new(f64::from(drawing.width_px) - 110.0, f64::from(drawing.height_px) - 24.0);
@@ -148,18 +148,18 @@ fn axes(drawing: &mut Drawing, sheet: &Sheet) {
     }
 }
 
-/// The places of text, so that no two overlap: the middle lines of texts, as points with a radius.
+/// The positions of texts, kept so that no two overlap: their middle lines, as points with a radius.
 struct Labels {
     /// Width and height of the sheet, px.
     sheet: Vector2<f64>,
     taken: Vec<(Vector2<f64>, f64)>,
 }
 
-/// A place a text may take: a point of its baseline, its anchor, its rotation.
+/// A possible position of a text: a point of its baseline, its anchor, its rotation.
 type Spot = (Vector2<f64>, Anchor, f64);
 
 impl Labels {
-    /// Points along a text, one for each of its letters' heights.
+    /// Returns points along a text, at distances of the letters' height.
     fn beads(text: &str, height: f64, (at, anchor, rotation_rad): Spot) -> Vec<Vector2<f64>> {
         let width = font::width(text, height);
         let back = match anchor {
@@ -182,7 +182,7 @@ impl Labels {
         beads.iter().all(|b| inside(b) && clear(b))
     }
 
-    /// Writes a text at the first free spot; at the first of all where none is free.
+    /// Writes a text at the first free position, or at the first of all where none is free.
     fn write(&mut self, drawing: &mut Drawing, text: &str, height: f64, color: Color, spots: &[Spot]) {
         let free = spots.iter().find(|spot| self.is_free(&Self::beads(text, height, **spot), height));
         let Some(spot) = free.or(spots.first()) else { return };
@@ -195,7 +195,7 @@ impl Labels {
     }
 }
 
-/// Beside a place: right above, left above, right below, left below, then farther off.
+/// Returns positions beside a point: right above, left above, right below, left below, then farther away.
 fn around(at: Vector2<f64>) -> Vec<Spot> {
     let ring = |far: f64| {
         [
@@ -211,7 +211,7 @@ fn around(at: Vector2<f64>) -> Vec<Spot> {
     [1.0, 1.7, 2.6, 3.6].iter().flat_map(|far| ring(*far)).collect()
 }
 
-/// Along a line, never upside down, above it or below, in the middle or towards its ends.
+/// Returns positions along a line, never upside down, above or below it, in the middle or towards its ends.
 fn along(a: Vector2<f64>, b: Vector2<f64>) -> Vec<Spot> {
     let (a, b) = if b.x < a.x { (b, a) } else { (a, b) };
     let rotation_rad = (b.y - a.y).atan2(b.x - a.x);
@@ -222,7 +222,7 @@ fn along(a: Vector2<f64>, b: Vector2<f64>) -> Vec<Spot> {
     near.chain(parts.into_iter().flat_map(|part| [spot(part, 22.0), spot(part, -22.0 - TEXT_PX)])).collect()
 }
 
-/// A triangle at the eye, open towards what it looks at, and its name.
+/// Draws each camera as a triangle, open towards what it looks at, with its name.
 fn photos(
     drawing: &mut Drawing,
     labels: &mut Labels,
@@ -249,7 +249,7 @@ fn photos(
     }
 }
 
-/// 95 % ellipses, magnified alike where most could not be seen; the factor.
+/// Draws the 95 % ellipses, all with one magnification where most would be invisible; returns the factor.
 fn ellipses(drawing: &mut Drawing, sheet: &Sheet, scene: &NamedScene, adjusted: &Adjusted) -> f64 {
     let axes = |p: usize| {
         let full = adjusted.point_covariance_m2(p)?;
@@ -279,7 +279,7 @@ fn arms(path: &Path) -> [Vector2<f64>; 2] {
     [path[0], path[2]].map(|end| path[1] + (end - path[1]).cap_magnitude(44.0))
 }
 
-/// The measured quantities, as lines.
+/// Draws the measured quantities as lines.
 fn lines(drawing: &mut Drawing, sheet: &Sheet, answer: &QueryAnswer, adjusted: &Adjusted) {
     let Some(mut path) = path_of(sheet, answer, adjusted) else { return };
     match answer.query.kind {
@@ -293,7 +293,7 @@ fn lines(drawing: &mut Drawing, sheet: &Sheet, answer: &QueryAnswer, adjusted: &
     }
 }
 
-/// From one arm of an angle to the other, the short way.
+/// Returns the arc from one arm of an angle to the other, along the smaller angle.
 fn arc(path: &Path) -> Path {
     let [a, b] = arms(path).map(|end| end - path[1]);
     let (from, turn) = (a.y.atan2(a.x), (a.x * b.y - a.y * b.x).atan2(a.dot(&b)));
@@ -304,7 +304,7 @@ fn arc(path: &Path) -> Path {
     (0..=24).map(at).collect()
 }
 
-/// The measured quantities, as text beside their lines.
+/// Writes the measured quantities beside their lines.
 fn lengths(
     drawing: &mut Drawing,
     labels: &mut Labels,
@@ -333,10 +333,10 @@ fn lengths(
     labels.write(drawing, &text, TEXT_PX, LENGTH, &spots);
 }
 
-/// Points nearer than this on the sheet share one name tag.
+/// Points nearer than this in the drawing share one label.
 const SAME_PX: f64 = 6.0;
 
-/// Control points as crossed squares, points as dots, names beside them; points above one another share a name tag.
+/// Draws control points as crossed squares and points as dots, with names; points above one another share a label.
 fn points(
     drawing: &mut Drawing,
     labels: &mut Labels,
@@ -368,7 +368,7 @@ fn points(
     }
 }
 
-/// The fault, above everything else.
+/// Writes the fault above everything else.
 fn warning(drawing: &mut Drawing, answers: &Answers) {
     if let Some(first) = answers.verdict.first() {
         let short: String = first.chars().take(MOST_WARNING).collect();

@@ -1,6 +1,6 @@
-//! The scene file (TOML): photographs, control points, distances, planes, uprights, questions; by name, every key with its unit.
+//! The scene file (TOML): photographs, control points, distances, planes, uprights and queries by name, every key with its unit.
 //!
-//! The keys are listed in docs/measuring.md. Unknown keys are refused, so that a slip is no silent default.
+//! The keys are listed in docs/measuring.md. Unknown keys are refused, so that a misspelling does not silently select a default.
 
 mod file;
 mod saved;
@@ -22,22 +22,22 @@ pub use rig::rig_scene;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum QueryKind {
-    /// Between two points.
+    /// The distance between two points.
     Distance,
-    /// Along points.
+    /// The length along points.
     Polyline,
-    /// At the second of three points.
+    /// The angle at the second of three points.
     Angle,
-    /// Of a polygon.
+    /// The area of a polygon.
     Area,
-    /// Of points above the plane.
+    /// The heights of points above the plane.
     Height,
-    /// Coordinates.
+    /// The coordinates of points.
     Position,
 }
 
 impl QueryKind {
-    /// As in the scene file.
+    /// Returns the name in the scene file.
     pub fn name(self) -> &'static str {
         match self {
             QueryKind::Distance => "distance",
@@ -50,12 +50,12 @@ impl QueryKind {
     }
 }
 
-/// A question with names.
+/// A query with the names of its points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedQuery {
     /// Its name in the table.
     pub name: String,
-    /// What is asked.
+    /// The kind of the query.
     pub kind: QueryKind,
     /// Indices of its points.
     pub points: Vec<usize>,
@@ -77,7 +77,7 @@ pub struct ScenePhoto {
 pub struct SceneCamera {
     /// The lens.
     pub camera: Camera,
-    /// Covariance of its parameters, row by row; none where exact.
+    /// Covariance of its parameters, row by row; `None` where they are exact.
     pub intrinsics_covariance: Option<Vec<f64>>,
 }
 
@@ -94,32 +94,32 @@ pub struct NamedScene {
     pub points: Vec<String>,
     /// Which points are control points: known by coordinates or mutual distances.
     pub is_control_point: Vec<bool>,
-    /// The ground plane, if any, is plane 0; a level plane that gravity gives, the last.
+    /// The planes: a ground plane, if any, is plane 0; a level plane given by gravity is the last.
     pub planes: Vec<Plane>,
     /// Whether plane 0 is a ground plane with points on it.
     pub has_ground: bool,
-    /// What is known.
+    /// Everything known about the scene.
     pub constraints: Vec<Constraint>,
-    /// What is asked.
+    /// The queries.
     pub queries: Vec<NamedQuery>,
-    /// Added to every coordinate shown: large coordinates are moved near zero for the computation, m.
+    /// Added to every coordinate shown, because large coordinates are shifted towards zero for the computation, m.
     pub origin_m: Point,
     /// Standard deviation of image points where none is stated, px.
     pub sigma_px: f64,
-    /// Bird's-eye images: size on the ground of one pixel beyond which they are hatched, m.
+    /// Limit for bird's-eye images: with a larger pixel size on the ground they are hatched, m.
     pub pixel_limit_m: f64,
-    /// Bird's-eye images: 95 % position error beyond which they are hatched, m.
+    /// Limit for bird's-eye images: with a larger 95 % position error they are hatched, m.
     pub error_limit_m: f64,
     /// Whether the frame is that of a camera (z forward, y down) instead of a ground (z up).
     pub is_camera_frame: bool,
-    /// Whether the file says that its lengths are metres, however large they are.
+    /// Whether the file declares that its lengths are metres, however large they are.
     pub lengths_are_metres: bool,
     /// Remarks on the files of the cameras, in sentences.
     pub remarks: Vec<String>,
 }
 
 impl NamedScene {
-    /// The cameras as input of the solver.
+    /// Returns the cameras as input of the solver.
     pub fn network_cameras(&self) -> Vec<NetworkCamera<'_>> {
         let mut cameras = Vec::with_capacity(self.cameras.len());
         for SceneCamera { camera, intrinsics_covariance } in &self.cameras {
@@ -128,7 +128,7 @@ impl NamedScene {
         cameras
     }
 
-    /// The input of the solver.
+    /// Returns the input of the solver.
     pub fn network<'a>(&'a self, cameras: &'a [NetworkCamera<'a>]) -> NetworkProblem<'a> {
         NetworkProblem {
             cameras,
@@ -139,7 +139,7 @@ impl NamedScene {
         }
     }
 
-    /// The core's questions behind one of ours; `position` is three.
+    /// Returns the solver's queries for one of the scene; a `position` is three.
     pub fn core_queries(&self, query: &NamedQuery) -> Vec<Query> {
         let p = &query.points;
         match query.kind {
@@ -156,7 +156,7 @@ impl NamedScene {
 /// Reads a scene file, its image points and its cameras; paths in it are relative to its folder.
 ///
 /// # Errors
-/// Unreadable or wrong files with their line, names that nothing has, numbers that cannot be right.
+/// Unreadable or invalid files with the line, unknown names, impossible numbers.
 pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
     let text = saved::without_session(&crate::input::read_text(path, Kind::Session)?);
     Kind::Scene.must_hold(path, text.len())?;

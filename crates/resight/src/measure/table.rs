@@ -1,11 +1,11 @@
-//! The answers as a table for spreadsheets.
+//! Writes the answers as a table for spreadsheets.
 
 use super::answers::Answers;
 use super::words;
 use crate::report::verdict::Status;
 
-/// Columns: name, kind, axis, value, unit, sigma, low_95, high_95, remark, status; one line a value. The remark of an answer that is not
-/// `ok` says why.
+/// Writes the columns name, kind, axis, value, unit, sigma, low_95, high_95, remark, status, with one line per value. The remark of an answer
+/// that is not `ok` states the reason.
 pub fn csv(answers: &Answers) -> String {
     let mut out = String::from("name,kind,axis,value,unit,sigma,low_95,high_95,remark,status\n");
     for answer in &answers.answers {
@@ -33,8 +33,8 @@ pub fn csv(answers: &Answers) -> String {
     out
 }
 
-/// A text as a cell of a table. Spreadsheets take what begins with =, +, −, @, a tab or a line's end for a formula, which may reach beyond the table:
-/// an apostrophe before it says that it is text.
+/// Writes a text as a cell of a table. Spreadsheets interpret a text that begins with =, +, −, @, a tab or a line end as a formula, which may
+/// access data outside the table: an apostrophe before it marks it as text.
 pub fn cell(text: &str) -> String {
     let is_formula = text.starts_with(['=', '+', '-', '−', '@', '\t', '\r', '\n']);
     let text = if is_formula { format!("'{text}") } else { text.to_owned() };

@@ -1,4 +1,4 @@
-//! What the solver says by index, said with the names of the scene; numbers with the digits that their intervals warrant.
+//! Describes the solver's results with the names of the scene, and numbers with the digits that their intervals justify.
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
@@ -6,7 +6,7 @@ use crate::core::multiview::network::{
     Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, QueryReliability, Suspect,
 };
 
-/// `point P`, `photo north`, `the plane`.
+/// Names an item: `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
     match item {
         Item::Photo(i) => format!("photo {}", scene.photos[i].name),
@@ -16,7 +16,7 @@ pub fn item(scene: &NamedScene, item: Item) -> String {
     }
 }
 
-/// `the image_point of P in north`, `the distance A–B`.
+/// Names a constraint: `the image_point of P in north`, `the distance A–B`.
 pub fn constraint(scene: &NamedScene, constraint: &Constraint) -> String {
     let point = |p: usize| scene.points[p].as_str();
     match constraint {
@@ -34,7 +34,7 @@ pub fn constraint(scene: &NamedScene, constraint: &Constraint) -> String {
     }
 }
 
-/// `the image_point of P in north is off by about 12.3 px (9.1 σ)`.
+/// Describes a suspect: `the image_point of P in north is off by about 12.3 px (9.1 σ)`.
 pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     let named = &scene.constraints[suspect.constraint];
     if let (Constraint::Distance { a, b, distance_m, .. }, Some(slip)) = (named, &suspect.slip) {
@@ -61,7 +61,7 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
 }
 
-/// `the image point of P in north`, `the focal length of north, south`.
+/// Names the source of an error: `the image point of P in north`, `the focal length of north, south`.
 pub fn source(scene: &NamedScene, source: ErrorSource) -> String {
     match source {
         ErrorSource::Constraint(i) => constraint(scene, &scene.constraints[i]),
@@ -73,12 +73,12 @@ pub fn source(scene: &NamedScene, source: ErrorSource) -> String {
     }
 }
 
-/// Returns the names of what an answer depends on and nothing checks.
+/// Returns the names of the measurements on which an answer depends and which nothing checks.
 pub fn unchecked(scene: &NamedScene, reliability: &[QueryReliability]) -> Vec<String> {
     named(scene, reliability.iter().flat_map(|r| &r.unchecked))
 }
 
-/// Returns the names of what an answer depends on and is checked in some directions only.
+/// Returns the names of the measurements on which an answer depends and which are checked in some directions only.
 pub fn partly_checked(scene: &NamedScene, reliability: &[QueryReliability]) -> Vec<String> {
     named(scene, reliability.iter().flat_map(|r| &r.partly_checked))
 }
@@ -93,16 +93,16 @@ fn named<'a>(scene: &NamedScene, sources: impl Iterator<Item = &'a ErrorSource>)
     names
 }
 
-/// Returns the largest error that stays unnoticed in an answer, in its own unit; none where something is not checked. Of a position the largest
-/// of the three.
+/// Returns the largest error that stays unnoticed in an answer, in its own unit; `None` where something is not checked. For a position, the
+/// largest of the three.
 pub fn largest_unnoticed_error(reliability: &[QueryReliability]) -> Option<f64> {
     reliability.iter().map(|r| r.largest_unnoticed_error).reduce(|a, b| Some(a?.max(b?))).flatten()
 }
 
-/// The names that the text of one answer lists.
+/// Largest number of names in the text of one answer.
 const MOST_NAMED: usize = 3;
 
-/// `a single error may go unnoticed up to 0.12 m`, or what nothing checks; none of an answer without values.
+/// Describes the reliability: `a single error may go unnoticed up to 0.12 m`, or what nothing checks; `None` for an answer without values.
 pub fn reliability(scene: &NamedScene, kind: QueryKind, reliability: &[QueryReliability]) -> Option<String> {
     let listed = |names: &[String]| {
         let more = names.len().saturating_sub(MOST_NAMED);
@@ -123,10 +123,10 @@ pub fn reliability(scene: &NamedScene, kind: QueryKind, reliability: &[QueryReli
     Some(format!("a single error may go unnoticed up to {value:.places$}{gap}{unit}"))
 }
 
-/// A focal length is hardly checked where an error of more than this part of it goes unnoticed.
+/// A focal length counts as hardly checked where a relative error of more than this goes unnoticed.
 const HARDLY_CHECKED: f64 = 0.05;
 
-/// The remarks about focal lengths that nothing checks, or hardly anything.
+/// Returns the remarks about focal lengths that are not checked, or hardly.
 pub(super) fn hardly_checked_lenses(scene: &NamedScene, reliability: &NetworkReliability<'_>) -> Vec<String> {
     let is_lens = |of: &ErrorSource| matches!(of, ErrorSource::Focal(_));
     let remark = |of: ErrorSource| match reliability.smallest_noticed_error(of) {
@@ -141,7 +141,7 @@ pub(super) fn hardly_checked_lenses(scene: &NamedScene, reliability: &NetworkRel
     reliability.sources().into_iter().filter(is_lens).filter_map(remark).collect()
 }
 
-/// The meaning of control points on one line.
+/// Explains what follows from control points on one line.
 pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {
     let [a, b] = line.ends.map(|p| scene.points[p].as_str());
     format!(
@@ -150,7 +150,7 @@ pub fn on_line(scene: &NamedScene, line: &OnLine) -> String {
     )
 }
 
-/// An error of the solver with names instead of indices.
+/// Describes an error of the solver with names instead of indices.
 pub fn error(scene: &NamedScene, error: &Error) -> String {
     match error {
         Error::Undetermined { what, index, reason, .. } => {
@@ -177,7 +177,7 @@ pub fn error(scene: &NamedScene, error: &Error) -> String {
     }
 }
 
-/// Decimals that show two figures of an uncertainty.
+/// Returns the number of decimals that shows two figures of an uncertainty.
 fn decimals(uncertainty: f64) -> usize {
     match uncertainty {
         u if 0.0 < u && u.is_finite() => (1.0 - u.log10().floor()).clamp(0.0, 6.0) as usize,
@@ -185,7 +185,7 @@ fn decimals(uncertainty: f64) -> usize {
     }
 }
 
-/// Unit of a kind of query as printed.
+/// Returns the printed unit of a kind of query.
 pub fn unit(kind: QueryKind) -> &'static str {
     match kind {
         QueryKind::Angle => "°",
@@ -194,7 +194,7 @@ pub fn unit(kind: QueryKind) -> &'static str {
     }
 }
 
-/// Value, low and high in the printed unit.
+/// Converts value, low and high to the printed unit.
 pub fn printed(kind: QueryKind, m: &Measured) -> Measured {
     let scale = if kind == QueryKind::Angle { 180.0 / std::f64::consts::PI } else { 1.0 };
     Measured {
@@ -206,7 +206,7 @@ pub fn printed(kind: QueryKind, m: &Measured) -> Measured {
     }
 }
 
-/// `5.023 ± 0.031 m`; where the interval is lopsided by more than a tenth, `22.4 m (20.1 … 25.6)`. 95 % either way.
+/// Writes a value: `5.023 ± 0.031 m`, or, where the interval is asymmetric by more than a tenth, `22.4 m (20.1 … 25.6)`. Both are 95 %.
 pub fn value(kind: QueryKind, measured: &Measured) -> String {
     let m = printed(kind, measured);
     let (below, above) = (m.value - m.low, m.high - m.value);
@@ -223,7 +223,7 @@ pub fn value(kind: QueryKind, measured: &Measured) -> String {
     }
 }
 
-/// One value, or three with their axes.
+/// Writes one value, or three with their axes.
 pub fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
     match values {
         [x, y, z] => {
@@ -234,7 +234,7 @@ pub fn values_in_words(kind: QueryKind, values: &[Measured]) -> String {
     }
 }
 
-/// Which frame positions are in.
+/// Names the frame of the positions.
 pub fn frame_words(scene: &NamedScene, frame: Frame) -> String {
     match frame {
         Frame::ControlPoints([a, b, c]) => {

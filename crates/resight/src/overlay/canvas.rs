@@ -1,7 +1,7 @@
 //! An RGB image with anti-aliased strokes.
 //!
-//! Canvas coordinates follow the project's rule: (0, 0) is the centre of the top-left pixel. A stroke's coverage is
-//! collected over all its segments first and blended once, so that joints of translucent lines do not show.
+//! Canvas coordinates follow the convention of the project: (0, 0) is the centre of the top-left pixel. The coverage of a stroke is accumulated
+//! over all its segments and blended once, so that joints of translucent lines are invisible.
 
 use crate::GrayImage;
 use nalgebra::Vector2;
@@ -20,26 +20,26 @@ pub struct Canvas {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Rows that strokes may touch, from the top; `height` unless set lower.
+    /// Number of rows, from the top, on which strokes are drawn; `height` unless set lower.
     pub open_rows: u32,
     rgb: Vec<u8>,
     coverage: Vec<f32>,
     touched: Vec<usize>,
 }
 
-/// How a line looks.
+/// The appearance of a line.
 #[derive(Debug, Clone, Copy)]
 pub struct Pen {
     /// Its colour.
     pub color: Color,
     /// Its width, canvas pixels.
     pub width: f64,
-    /// 1 opaque, 0 invisible.
+    /// Opacity: 1 opaque, 0 invisible.
     pub opacity: f64,
 }
 
 impl Canvas {
-    /// A photograph, each of its pixels `scale` by `scale`, above `margin` rows of `background`.
+    /// Creates a photograph, each of its pixels `scale` by `scale`, above `margin` rows of `background`.
     pub fn from_photograph(image: &GrayImage, scale: u32, margin: u32, background: Color) -> Self {
         let (width, photo_height) = (image.width_px * scale, image.height_px * scale);
         let height = photo_height + margin;
@@ -56,14 +56,14 @@ impl Canvas {
         Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
     }
 
-    /// One colour everywhere.
+    /// Creates a canvas of one colour.
     pub fn blank(width: u32, height: u32, color: Color) -> Self {
         let n = width as usize * height as usize;
         let rgb = color.iter().copied().cycle().take(3 * n).collect();
         Canvas { width, height, open_rows: height, rgb, coverage: vec![0.0; n], touched: Vec::new() }
     }
 
-    /// Gives one pixel a colour; outside the image nothing happens.
+    /// Sets the colour of one pixel; ignored outside the image.
     pub fn set(&mut self, x: u32, y: u32, color: Color) {
         if x < self.width && y < self.height {
             let i = 3 * (y as usize * self.width as usize + x as usize);
@@ -84,14 +84,14 @@ impl Canvas {
         self.blend(pen);
     }
 
-    /// As `stroke`, over a dark rim that keeps it readable on any photograph.
+    /// Draws as `stroke`, over a dark rim that keeps the line readable on any photograph.
     pub fn stroke_with_rim(&mut self, paths: &[Path], pen: Pen) {
         let rim = Pen { color: [0, 0, 0], width: 1.8 * pen.width + 1.2, opacity: 0.55 * pen.opacity };
         self.stroke(paths, rim);
         self.stroke(paths, pen);
     }
 
-    /// The image as PNG.
+    /// Encodes the image as PNG.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         use ::image::ImageEncoder;
         use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -102,7 +102,7 @@ impl Canvas {
         Ok(bytes)
     }
 
-    /// Colour of a pixel.
+    /// Returns the colour of a pixel.
     pub fn at(&self, x: u32, y: u32) -> Color {
         let i = 3 * (y as usize * self.width as usize + x as usize);
         [self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]]
@@ -117,7 +117,7 @@ impl Canvas {
         }
     }
 
-    /// Raises the coverage of the pixels near a segment to what the segment covers of them.
+    /// Raises the coverage of the pixels near a segment to that by the segment.
     fn cover(&mut self, a: Vector2<f64>, b: Vector2<f64>, width: f64) {
         let reach = 0.5 * width + 1.0;
         let range = |lo: f64, hi: f64, n: u32| {
@@ -152,7 +152,7 @@ impl Canvas {
         }
     }
 
-    /// The part of a segment inside the image widened by `margin` (Liang–Barsky).
+    /// Returns the part of a segment inside the image widened by `margin` (Liang–Barsky).
     fn clipped(&self, a: Vector2<f64>, b: Vector2<f64>, margin: f64) -> Option<(Vector2<f64>, Vector2<f64>)> {
         if !(a.iter().chain(b.iter()).all(|x| x.is_finite())) {
             return None;

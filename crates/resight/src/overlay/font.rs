@@ -53,10 +53,10 @@ const GLYPHS: &[Glyph] = &[
     ('χ', 6.0, "0c 60|00 6c"), ('²', 3.0, "0f 1g 2g 3f 3e 0b 3b"), ('→', 8.0, "0a 8a|5d 8a 57"), ('·', 0.5, "09 0a"),
 ];
 
-/// What a letter without an image looks like.
+/// Shown for characters without a glyph.
 const UNKNOWN: Glyph = ('\u{fffd}', 6.0, "0c 6c 64 04 0c");
 
-/// The strokes of a line of text whose baseline starts at `origin` (canvas pixels), capitals `height` pixels tall.
+/// Returns the strokes of a line of text whose baseline starts at `origin` (canvas pixels), with capitals `height` pixels tall.
 pub fn strokes(text: &str, origin: Vector2<f64>, height: f64) -> Vec<Path> {
     let unit = height / CAPITAL;
     let mut pen = 0.0;
@@ -72,7 +72,7 @@ pub fn strokes(text: &str, origin: Vector2<f64>, height: f64) -> Vec<Path> {
     paths
 }
 
-/// Width of a line of text, pixels, for capitals of `height` pixels.
+/// Returns the width of a line of text, pixels, for capitals of `height` pixels.
 pub fn width(text: &str, height: f64) -> f64 {
     let units: f64 = text.chars().map(|letter| glyph(letter).1 + GAP).sum();
     (units - GAP).max(0.0) * height / CAPITAL

@@ -1,15 +1,15 @@
-//! What is drawn, as curves in the target frame and in the image: outlines, grid, axes, ellipses.
+//! The elements of an overlay, as curves in the target frame and in the image: outlines, grid, axes, ellipses.
 
 use super::canvas::Path;
 use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
 use nalgebra::{Matrix2, Matrix2x3, Vector2};
 
-/// A curve in space is followed in this many steps, so that a lens bends it as it bends the world.
+/// Number of steps along a curve in space, so that it is drawn with the lens's distortion.
 const STEPS: usize = 48;
-/// Halvings when looking for the place where a curve leaves the lens's valid field.
+/// Number of bisections for the point where a curve leaves the lens's valid field.
 const HALVINGS: usize = 14;
 
-/// Image of the straight segment from `a` to `b` (target frame): the parts that the lens can see, pixels.
+/// Projects the straight segment from `a` to `b` (target frame): returns the parts in the lens's valid field, pixels.
 pub fn project_segment(camera: &Camera, cam_from_target: &Pose, a: &Point, b: &Point) -> Vec<Path> {
     let at = |t: f64| camera.project(&(cam_from_target * &(a + (b - a) * t)));
     let mut parts: Vec<Path> = Vec::new();
@@ -35,7 +35,7 @@ pub fn project_segment(camera: &Camera, cam_from_target: &Pose, a: &Point, b: &P
     parts
 }
 
-/// Between a visible parameter and a hidden one: the image of the last visible point.
+/// Finds the image of the last visible point between a visible parameter and a hidden one.
 fn last_visible(at: &impl Fn(f64) -> Option<Pixel>, mut visible: f64, mut hidden: f64) -> Option<Pixel> {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (visible + hidden);
@@ -44,7 +44,7 @@ fn last_visible(at: &impl Fn(f64) -> Option<Pixel>, mut visible: f64, mut hidden
     at(visible)
 }
 
-/// Smallest box in x and y around the target's points, metres: (least corner, greatest corner).
+/// Returns the smallest box in x and y around the target's points, metres: (least corner, greatest corner).
 pub fn bounds(target: &Target) -> (Point, Point) {
     let points: Vec<Point> =
         target.features().iter().filter_map(|f| target.point(*f)).map(|p| p.position).collect();
@@ -53,13 +53,13 @@ pub fn bounds(target: &Target) -> (Point, Point) {
     if points.is_empty() { (Point::zeros(), Point::zeros()) } else { (least, greatest) }
 }
 
-/// The largest of 1, 2, 5 × 10ⁿ that is not above `x`.
+/// Returns the largest of 1, 2, 5 × 10ⁿ that is not above `x`.
 pub fn round_down_125(x: f64) -> f64 {
     let decade = 10f64.powf(x.log10().floor());
     [5.0, 2.0].iter().map(|m| m * decade).find(|v| *v <= x * (1.0 + 1e-9)).unwrap_or(decade)
 }
 
-/// Edges of the target, target frame.
+/// Returns the edges of the target, target frame.
 pub fn outline(target: &Target) -> Vec<(Point, Point)> {
     if let Some(scale) = target.printed_scale() {
         let as_printed = |(a, b): (Point, Point)| (scale.apply(&a), scale.apply(&b));
@@ -93,7 +93,7 @@ fn board_lines(columns: u32, rows: u32, pitch_m: f64, (x0, y0): (f64, f64)) -> V
     down.chain(across).collect()
 }
 
-/// Lines of the plane z = 0 every `step_m`, over the target's box and once its size around it.
+/// Returns lines of the plane z = 0 every `step_m`, over the target's box and around it by its size.
 pub fn grid(least: &Point, greatest: &Point, step_m: f64) -> Vec<(Point, Point)> {
     let reach = (greatest - least).xy().max();
     let lines = |lo: f64, hi: f64| {
@@ -112,7 +112,7 @@ fn ends(sorted: &[f64]) -> Option<(f64, f64)> {
     Some((*sorted.first()?, *sorted.last()?))
 }
 
-/// Covariance of the image of a point (px²) from that of the pose: `A Σ Aᵀ` with `A = J [−[x]ₓ I]`.
+/// Returns the covariance of the image of a point (px²) due to that of the pose: `A Σ Aᵀ` with `A = J [−[x]ₓ I]`.
 pub fn pixel_covariance(
     camera: &Camera,
     x_in_cam: &Point,
@@ -125,13 +125,13 @@ pub fn pixel_covariance(
     Some((pixel, by_motion * covariance * by_motion.transpose()))
 }
 
-/// The ellipse at Mahalanobis distance `sigmas` of a 2×2 covariance, as its two semi-axes.
+/// Returns the ellipse at Mahalanobis distance `sigmas` of a 2×2 covariance, as its two semi-axes.
 pub fn semi_axes(covariance: &Matrix2<f64>, sigmas: f64) -> [Vector2<f64>; 2] {
     let eigen = nalgebra::SymmetricEigen::new(*covariance);
     [0, 1].map(|i| eigen.eigenvectors.column(i) * (sigmas * eigen.eigenvalues[i].max(0.0).sqrt()))
 }
 
-/// A closed ellipse from its centre and semi-axes.
+/// Returns a closed ellipse with this centre and these semi-axes.
 pub fn ellipse(centre: Vector2<f64>, axes: &[Vector2<f64>; 2]) -> Path {
     let at = |i: usize| {
         let (sin, cos) = (i as f64 * std::f64::consts::TAU / 40.0).sin_cos();
@@ -162,7 +162,7 @@ mod tests {
         }
     }
 
-    /// The derivative by the pose equals central differences of the projected point under small left motions.
+    /// The derivative with respect to the pose equals central differences of the projected point under small left motions.
     #[test]
     fn pixel_covariance_is_that_of_small_motions() {
         let camera = Camera::normalized();

@@ -1,4 +1,4 @@
-//! What a person sees of a pose in the photograph: a metric grid on the plane z = 0, the axes and the horizon, as curves through the lens.
+//! The ground of a pose in the photograph: a metric grid on the plane z = 0, the axes and the horizon, as curves through the lens.
 
 use super::geometry::{ellipse, grid, outline, pixel_covariance, project_segment, round_down_125, semi_axes};
 use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
@@ -8,26 +8,26 @@ use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
 pub struct GroundLines {
     /// Lines of the plane z = 0.
     pub grid: Vec<Vec<Pixel>>,
-    /// From one to the next, metres.
+    /// Distance between adjacent lines, metres.
     pub spacing_m: f64,
     /// x, y and z of the frame, from its origin.
     pub axes: Vec<(&'static str, Vec<Pixel>)>,
-    /// Where the plane z = 0 ends at infinity; none where the image does not show it.
+    /// The horizon of the plane z = 0; empty where it is not in the image.
     pub horizon: Vec<Vec<Pixel>>,
 }
 
-/// Curves go on beyond the image's edge by this part of its width.
+/// Curves continue beyond the image's edge by this part of its width.
 const RIM: f64 = 0.05;
-/// The grid reaches over the points by this many times their extent.
+/// The grid extends beyond the points by this multiple of their extent.
 const REACH: f64 = 1.5;
-/// Lines across the extent of the points, about.
+/// Approximate number of lines across the extent of the points.
 const LINES: f64 = 5.0;
-/// Steps of the horizon all around.
+/// Number of steps along the full horizon.
 const HORIZON_STEPS: usize = 240;
 /// √χ² of two degrees of freedom at 95 %.
 const SIGMAS_95: f64 = 2.447_746_830_680_816;
 
-/// Grid, axes and horizon of a pose whose points lie between `least` and `greatest`, target frame.
+/// Returns grid, axes and horizon for a pose whose points are between `least` and `greatest`, target frame.
 pub fn ground_lines(
     camera: &Camera,
     cam_from_target: &Pose,
@@ -55,7 +55,7 @@ pub fn ground_lines(
     }
 }
 
-/// The directions of the plane z = 0, all around.
+/// Returns the image of the directions in the plane z = 0.
 fn horizon(camera: &Camera, cam_from_target: &Pose) -> Vec<Vec<Pixel>> {
     let at = |i: usize| {
         let (sin, cos) = (i as f64 * std::f64::consts::TAU / HORIZON_STEPS as f64).sin_cos();
@@ -71,7 +71,7 @@ fn horizon(camera: &Camera, cam_from_target: &Pose) -> Vec<Vec<Pixel>> {
     within(camera, parts)
 }
 
-/// The 95 % ellipse of where the pose puts a point, closed; none where the lens does not show it.
+/// Returns the closed 95 % ellipse of the predicted image of a point; `None` where it is outside the lens's field.
 pub fn prediction_ellipse(
     camera: &Camera,
     cam_from_target: &Pose,
@@ -82,13 +82,13 @@ pub fn prediction_ellipse(
     Some(ellipse(pixel, &semi_axes(&spread, SIGMAS_95)))
 }
 
-/// Edges of a target through the lens, in the image or just beyond its edge.
+/// Returns the edges of a target through the lens, in the image or just beyond its edge.
 pub fn target_lines(camera: &Camera, cam_from_target: &Pose, target: &Target) -> Vec<Vec<Pixel>> {
     let shown = |(a, b): (Point, Point)| within(camera, project_segment(camera, cam_from_target, &a, &b));
     outline(target).into_iter().flat_map(shown).collect()
 }
 
-/// The parts of curves that the image shows.
+/// Returns the parts of curves inside the image.
 fn within(camera: &Camera, curves: Vec<Vec<Pixel>>) -> Vec<Vec<Pixel>> {
     let Some(size) = camera.size else { return curves };
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
@@ -117,7 +117,7 @@ fn within(camera: &Camera, curves: Vec<Vec<Pixel>>) -> Vec<Vec<Pixel>> {
     parts
 }
 
-/// The part of a segment within a box (Liang and Barsky); none where they do not meet.
+/// Returns the part of a segment inside a box (Liang and Barsky); `None` where they do not meet.
 fn clipped(a: Pixel, b: Pixel, least: [f64; 2], most: [f64; 2]) -> Option<[Pixel; 2]> {
     let d = b - a;
     let (mut from, mut to) = (0.0f64, 1.0f64);
@@ -149,7 +149,7 @@ mod tests {
         Camera::new(lens, Some(ImageSize { width_px: 640, height_px: 480 })).expect("a camera")
     }
 
-    /// Whatever is drawn is the image of a place on the plane, and lies in the image or on its rim.
+    /// Every drawn point is the image of a point on the plane, and is inside the image or on its margin.
     #[test]
     fn grid_lines_lie_on_the_plane() {
         let camera = camera();
@@ -169,7 +169,7 @@ mod tests {
         assert_eq!(lines.axes.len(), 3);
     }
 
-    /// A camera that looks level has the horizon in the middle of its image, straight across.
+    /// For a level camera the horizon is horizontal, in the middle of its image.
     #[test]
     fn a_level_camera_sees_the_horizon_in_the_middle() {
         let camera = camera();

@@ -1,4 +1,4 @@
-//! The image against the pose it claims to show.
+//! Compares overlays with the pose that they show.
 
 use super::*;
 use crate::core::camera::{ImageSize, Pinhole};

@@ -9,25 +9,25 @@ use crate::render::ink::{self, Ink, Sheet};
 use resight_core::Target;
 use resight_core::target::{LinePlusOne, Tag, TagMap};
 
-/// A target to be laid on pages.
+/// A target to be placed on pages.
 #[derive(Debug, Clone)]
 pub(super) struct Content {
     /// Kind, family, ids and sizes.
     pub title: String,
-    /// Whole sentences below the rulers.
+    /// Complete sentences below the rulers.
     pub words: Vec<String>,
     /// The ink, its box from (0, 0) to `size`.
     pub shapes: Vec<Shape>,
     /// Width and height of the ink.
     pub size: [f64; 2],
-    /// White around it: as much as is good, and as little as will do.
+    /// White around the ink: the recommended width, and the least.
     pub white: [f64; 2],
 }
 
-/// Ids are written below tags where this much white is free.
+/// Least width of free white in which ids are written below tags.
 const LEAST_LABEL_ROOM_MM: f64 = 3.0;
 
-/// One sheet; of a map whose tags hang apart, one for each.
+/// Returns one sheet; for a map whose tags are mounted separately, one for each tag.
 pub(super) fn contents(request: &PrintRequest) -> Result<Vec<Content>, Error> {
     let dot_diameter_m = request.dot_diameter_m;
     if let Some(seen) = dot_diameter_m.filter(|d| !(0.0 < *d && d.is_finite())) {
@@ -51,9 +51,9 @@ pub(super) fn contents(request: &PrintRequest) -> Result<Vec<Content>, Error> {
     }
 }
 
-/// Whether the tags of a map are to be printed together: they lie in one plane, and near each other.
+/// Returns whether the tags of a map should be printed together: in one plane, and near each other.
 fn is_one_sheet(map: &TagMap) -> bool {
-    /// Of the sheet, in areas of its tags: sparser ones are hung up tag by tag.
+    /// Largest area of the sheet, in areas of its tags: the tags of sparser maps are mounted separately.
     const SPARSE: f64 = 16.0;
     let (low, high) = ink::bounds(map.tags.iter().map(|tag| {
         let t = tag.world_from_tag.translation;
@@ -121,7 +121,7 @@ impl Content {
     }
 }
 
-/// The number below each tag of a sheet, where neither its rim nor the next one's is in the way.
+/// Returns the number below each tag of a sheet, where neither its rim nor that of the next tag is in the way.
 fn ids(target: &Target, page: &dyn Fn([f64; 2]) -> [f64; 2]) -> Vec<Shape> {
     let Target::TagMap(map) = target else { return Vec::new() };
     let one = |tag: &resight_core::target::MapTag| {
@@ -143,7 +143,7 @@ fn ids(target: &Target, page: &dyn Fn([f64; 2]) -> [f64; 2]) -> Vec<Shape> {
     map.tags.iter().filter_map(one).collect()
 }
 
-/// As much white as a detector wants, and as little as will do, mm.
+/// Returns the recommended white for a detector, and the least, mm.
 fn white(target: &Target, sheet: &Sheet) -> [f64; 2] {
     let (low, high) = sheet.ink_bounds();
     let rim_m = [
@@ -154,7 +154,7 @@ fn white(target: &Target, sheet: &Sheet) -> [f64; 2] {
     ];
     let rim = 1e3 * rim_m.into_iter().fold(0.0, f64::max);
     match target {
-        // Where the board ends decides which corner is the first: docs/math/print.md section 3.
+        // The end of the board decides which corner is the first: docs/math/print.md section 3.
         Target::Chessboard(t) => [(500.0 * t.square_m).max(5.0), 5.0],
         Target::LinePlusOne(_) => {
             let radius = sheet
@@ -169,7 +169,7 @@ fn white(target: &Target, sheet: &Sheet) -> [f64; 2] {
     }
 }
 
-/// Millimetres of a length in metres, without a tail of zeros.
+/// Writes a length, given in metres, as millimetres without trailing zeros.
 fn mm(metres: f64) -> String {
     super::shape::number((1e3 * metres * 1e4).round() / 1e4)
 }

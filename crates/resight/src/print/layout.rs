@@ -1,4 +1,4 @@
-//! The layout of a page: rulers beside the target or below it, upright or turned, with as much white as there is room for.
+//! The layout of a page: rulers beside the target or below it, upright or rotated, with as much white as fits.
 
 use super::content::Content;
 use super::paper::Paper;
@@ -9,12 +9,12 @@ use super::text::wrapped;
 use super::tiles;
 use crate::error::Error;
 
-/// Most printers leave so much of the paper's edge blank.
+/// Blank edge of the paper on most printers.
 const MARGIN_MM: f64 = 5.0;
-/// Shorter rulers are poor ones: other places are tried first.
+/// Shorter rulers are inaccurate: other positions are tried first.
 const GOOD_RULER_MM: f64 = 100.0;
 
-/// On one page where it fits, else on several.
+/// Arranges the target on one page where it fits, otherwise on several.
 pub(super) fn lay(content: &Content, paper: &Paper) -> Result<Laid, Error> {
     for least_ruler in [GOOD_RULER_MM, 0.0] {
         for white in content.white {
@@ -38,7 +38,7 @@ pub(super) fn lay(content: &Content, paper: &Paper) -> Result<Laid, Error> {
 
 type Placed = (Vec<Shape>, [f64; 2]);
 
-/// The ruler along y to the left, the one along x below, words below that.
+/// Places the ruler along y to the left, the one along x below, and the text below that.
 fn beside(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Placed> {
     let [w, h] = content.size;
     let edge = white.max(MARGIN_MM);
@@ -67,7 +67,7 @@ fn beside(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Pl
     Some((shapes, [x_mm, y_mm]))
 }
 
-/// The ruler along y below the target at the left, the other and the words to its right.
+/// Places the ruler along y below the target at the left, and the other ruler and the text to its right.
 fn below(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Placed> {
     let [w, h] = content.size;
     let edge = white.max(MARGIN_MM);
@@ -87,7 +87,7 @@ fn below(content: &Content, white: f64, [width, height]: [f64; 2]) -> Option<Pla
     Some((shapes, [x_mm, y_mm]))
 }
 
-/// Without the cut marks that white up to the paper's edge leaves no room for.
+/// Leaves out the cut marks for which white up to the paper's edge leaves no room.
 fn on_page(shapes: Vec<Shape>, page: [f64; 2]) -> Vec<Shape> {
     let inside = |p: &[f64; 2]| (0..2).all(|i| 1.0 <= p[i] && p[i] <= page[i] - 1.0);
     let shows = |shape: &Shape| match shape {

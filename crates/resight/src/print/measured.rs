@@ -1,4 +1,4 @@
-//! The scale of a printed sheet by its measured rulers.
+//! The scale of a printed sheet, from its measured rulers.
 
 use crate::error::Error;
 use resight_core::Target;
@@ -16,7 +16,7 @@ pub struct MeasuredRulers {
 }
 
 impl MeasuredRulers {
-    /// The target with the scale of its print.
+    /// Returns the target with the scale of its print.
     pub(super) fn applied(
         &self,
         target: &Target,

@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 
-/// A paper, upright.
+/// A paper format, upright.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Paper {
     /// Width, millimetres.
@@ -20,7 +20,7 @@ const NAMED: [(&str, Paper); 6] = [
     ("letter", Paper { width_mm: 215.9, height_mm: 279.4 }),
 ];
 
-/// Narrower paper has no place for a ruler beside a target.
+/// Narrower paper has no room for a ruler beside a target.
 const LEAST_MM: f64 = 50.0;
 /// PDF readers take pages of up to 14,400 points.
 const MOST_MM: f64 = 5000.0;
@@ -33,10 +33,10 @@ impl Paper {
     /// US letter.
     pub const LETTER: Paper = NAMED[5].1;
 
-    /// `A4`, `A3`, … , `letter`, or `WIDTHxHEIGHT` in millimetres.
+    /// Parses `A4`, `A3`, … , `letter`, or `WIDTHxHEIGHT` in millimetres.
     ///
     /// # Errors
-    /// The known papers, or the allowed sides of one.
+    /// The known formats, or the allowed sides.
     pub fn parse(word: &str) -> Result<Paper, Error> {
         if let Some((_, paper)) = NAMED.iter().find(|(name, _)| name.eq_ignore_ascii_case(word)) {
             return Ok(*paper);
@@ -53,7 +53,7 @@ impl Paper {
         paper.check().map(|()| paper)
     }
 
-    /// Its name, or its sides in millimetres.
+    /// Returns its name, or its sides in millimetres.
     pub fn name(&self) -> String {
         match NAMED.iter().find(|(_, paper)| paper == self) {
             Some((name, _)) => (*name).to_owned(),
@@ -61,7 +61,7 @@ impl Paper {
         }
     }
 
-    /// Upright, then turned by a quarter.
+    /// Returns the sides upright, then rotated by a quarter turn.
     pub(super) fn both_ways(&self) -> [[f64; 2]; 2] {
         [[self.width_mm, self.height_mm], [self.height_mm, self.width_mm]]
     }

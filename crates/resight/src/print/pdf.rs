@@ -1,16 +1,16 @@
-//! Pages as PDF 1.4: few objects, no compression, Helvetica without embedding, and a note to the viewer not to scale.
+//! Writes pages as PDF 1.4: few objects, no compression, Helvetica without embedding, and a request to the viewer not to scale.
 //!
-//! One transform at the head of each page makes a unit a millimetre with y down, so that the numbers are those of the SVG.
+//! A transform at the head of each page makes the unit a millimetre with y down, so that the numbers are those of the SVG.
 
 use super::shape::{Group, Page, Shape, number};
 use std::fmt::Write as _;
 
 /// 72 points an inch of 25.4 mm.
 const POINTS_PER_MM: f64 = 72.0 / 25.4;
-/// Arcs of a circle: the cubic of an eighth strays from it by 4e-6 of the radius.
+/// Number of arcs of a circle: the cubic for an eighth deviates from it by 4e-6 of the radius.
 const ARCS: usize = 8;
 
-/// All pages in one file.
+/// Writes all pages to one file.
 pub(super) fn document(pages: &[&Page]) -> Vec<u8> {
     let mut objects: Vec<Vec<u8>> = Vec::new();
     objects.push(b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>".to_vec());
@@ -37,7 +37,7 @@ pub(super) fn document(pages: &[&Page]) -> Vec<u8> {
     file(&objects)
 }
 
-/// Objects, numbered from 1, with the table of their offsets.
+/// Writes the objects, numbered from 1, with the table of their offsets.
 fn file(objects: &[Vec<u8>]) -> Vec<u8> {
     let mut out = b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n".to_vec();
     let mut table = format!("xref\n0 {}\n0000000000 65535 f \n", objects.len() + 1);
@@ -95,7 +95,7 @@ fn shape_into(shape: &Shape, out: &mut Vec<u8>) {
         }
         Shape::Text { at, size, text } => {
             let [x, y] = at.map(number);
-            // The font's own y runs up.
+            // In the font, y points up.
             out.extend(format!("BT /F1 {} Tf 1 0 0 -1 {x} {y} Tm (", number(*size)).into_bytes());
             for c in text.chars() {
                 match u8::try_from(u32::from(c)).unwrap_or(b'?') {

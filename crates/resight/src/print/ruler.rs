@@ -1,25 +1,25 @@
-//! Rulers: lines of a known length with a mark at either end, by which the print is measured.
+//! Rulers: lines of a known length with a mark at each end, with which the print is measured.
 
 use super::shape::Shape;
 use super::text::width_mm;
 
-/// Lengths of rulers, mm. Neighbours differ by a fifth and more, so that the one is not taken for the other within the 5 % that a print may err.
+/// Lengths of rulers, mm. Neighbours differ by a fifth and more, so that one is not mistaken for another within the allowed error of 5 %.
 const LENGTHS_MM: [f64; 14] =
     [2000.0, 1500.0, 1000.0, 800.0, 600.0, 500.0, 400.0, 300.0, 250.0, 200.0, 150.0, 100.0, 50.0, 20.0];
-/// Thin enough that its middle is known to a few hundredths of a millimetre.
+/// Width of the strokes: thin enough that the middle is visible to a few hundredths of a millimetre.
 const STROKE_MM: f64 = 0.15;
 const LABEL_MM: f64 = 2.2;
-/// From the line to the end of the labels: below a level ruler, beside an upright one.
+/// Distance from the line to the end of the labels: below a horizontal ruler, beside a vertical one.
 pub(super) const DEPTH_MM: [f64; 2] = [5.5, 7.0];
-/// The last label and the words reach so far beyond the end.
+/// Length by which the last label and the text extend beyond the end.
 pub(super) const SLACK_MM: f64 = 4.0;
 
-/// The longest ruler that has room; none below 20 mm.
+/// Returns the longest ruler that fits; `None` below 20 mm.
 pub(super) fn longest_mm(room_mm: f64) -> Option<f64> {
     LENGTHS_MM.into_iter().find(|length| *length <= room_mm)
 }
 
-/// Along x (axis 0) with its marks below, or along y (axis 1) with its marks to the left, from a point.
+/// Draws a ruler along x (axis 0) with its marks below, or along y (axis 1) with its marks to the left, from a point.
 pub(super) fn ruler(axis: usize, from: [f64; 2], length: f64) -> Vec<Shape> {
     let at = |along: f64, across: f64| match axis {
         0 => [from[0] + along, from[1] + across],
@@ -36,7 +36,7 @@ pub(super) fn ruler(axis: usize, from: [f64; 2], length: f64) -> Vec<Shape> {
             _ if mm.is_multiple_of(5) => 1.5,
             _ => 1.0,
         };
-        // The end marks stand out on both sides of the line.
+        // The end marks extend to both sides of the line.
         let above = if mm == 0 || along == length { -1.2 } else { 0.0 };
         shapes.push(line(at(along, above), at(along, depth)));
         if mm.is_multiple_of(labelled) || along == length {

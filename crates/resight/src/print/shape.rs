@@ -1,9 +1,9 @@
-//! The shapes of a page: the one list that both writers draw.
+//! The shapes of a page, which both writers draw.
 
-/// Something black. Millimetres from the top left of the page, y down.
+/// A black shape. Millimetres from the top left of the page, y down.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
-    /// Closed outlines of one area: black is what lies inside an odd number of them.
+    /// Closed outlines of one area: points inside an odd number of them are black.
     Area(Vec<Vec<[f64; 2]>>),
     /// A disc.
     Disc {
@@ -14,11 +14,11 @@ pub enum Shape {
     },
     /// A straight stroke with square ends at its end points.
     Line {
-        /// From here.
+        /// One end.
         from: [f64; 2],
-        /// To here.
+        /// The other end.
         to: [f64; 2],
-        /// So wide.
+        /// Its width.
         width: f64,
     },
     /// A line of Helvetica.
@@ -32,12 +32,12 @@ pub enum Shape {
     },
 }
 
-/// Shapes, and the box outside of which they are cut off: least and greatest x and y.
+/// Shapes, and the box to which they are clipped: least and greatest x and y.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Group {
-    /// The box; none: the page.
+    /// The box; `None` for the whole page.
     pub clip: Option<[[f64; 2]; 2]>,
-    /// Drawn in order.
+    /// The shapes in drawing order.
     pub shapes: Vec<Shape>,
 }
 
@@ -46,12 +46,12 @@ pub struct Group {
 pub struct Page {
     /// Width and height.
     pub size_mm: [f64; 2],
-    /// Drawn in order.
+    /// The groups in drawing order.
     pub groups: Vec<Group>,
 }
 
 impl Shape {
-    /// The same elsewhere.
+    /// Returns the shape, shifted.
     pub fn moved(&self, by: [f64; 2]) -> Shape {
         let place = |p: &[f64; 2]| [p[0] + by[0], p[1] + by[1]];
         match self {
@@ -66,7 +66,7 @@ impl Shape {
         }
     }
 
-    /// The part of it that may show in a box: outlines that lie wholly outside are left out.
+    /// Returns the part that may be visible in a box: outlines completely outside are left out.
     pub(super) fn within(&self, window: &[[f64; 2]; 2]) -> Option<Shape> {
         let meets = |points: &[[f64; 2]], reach: f64| {
             let (low, high) = crate::render::ink::bounds(points.iter().copied());
@@ -87,7 +87,7 @@ impl Shape {
     }
 }
 
-/// A number of millimetres as both formats take it, to 10 nm.
+/// Writes a number of millimetres in the syntax of both formats, to 10 nm.
 pub(super) fn number(x: f64) -> String {
     let text = format!("{x:.5}");
     let short = text.trim_end_matches('0').trim_end_matches('.');

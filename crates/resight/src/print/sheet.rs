@@ -1,13 +1,13 @@
-//! The part that one page and several share: a target with its cut marks, lines of words, and the pages they end on.
+//! What single and several pages share: a target with its cut marks, and lines of text.
 
 use super::content::Content;
 use super::shape::{Page, Shape};
 
-/// From the white around the target to a ruler: cut marks lie between.
+/// Distance between the white around the target and a ruler: cut marks are in between.
 pub(super) const TO_RULER_MM: f64 = 4.5;
 pub(super) const FONT_MM: f64 = 2.4;
 pub(super) const LINE_MM: f64 = 3.2;
-/// Cut marks: from here to there, off the corner of the white.
+/// Range of the cut marks, from the corner of the white.
 pub(super) const CUT_MARK_MM: [f64; 2] = [0.8, 3.4];
 pub(super) const CUT_STROKE_MM: f64 = 0.15;
 
@@ -21,7 +21,7 @@ pub(super) struct Laid {
     pub tiles: Option<[usize; 2]>,
 }
 
-/// The target with its ink from `origin` on, and marks along which its white is cut out.
+/// Returns the target with its ink starting at `origin`, and marks along which its white is cut.
 pub(super) fn placed(content: &Content, origin: [f64; 2], white: f64) -> Vec<Shape> {
     let mut shapes: Vec<Shape> = content.shapes.iter().map(|shape| shape.moved(origin)).collect();
     let [w, h] = content.size;

@@ -1,4 +1,4 @@
-//! A page as SVG: sides in millimetres, a unit of the view box a millimetre.
+//! Writes a page as SVG: its sides in millimetres, the unit of the view box a millimetre.
 
 use super::shape::{Group, Page, Shape, number};
 use std::fmt::Write as _;

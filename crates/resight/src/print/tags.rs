@@ -1,4 +1,4 @@
-//! A range of tags on one sheet, as a map of tags.
+//! Arranges a range of tags on one sheet, as a map of tags.
 
 use crate::error::Error;
 use crate::render::family::cells;
@@ -10,11 +10,11 @@ const MOST_TAGS: u32 = 10_000;
 /// White between the rims of neighbouring tags, in sizes: room for the number below each.
 const BETWEEN_RIMS: f64 = 0.15;
 
-/// A sheet of tags with ids from `first` to `last`, row by row in `columns` columns (as square as may be where none are given), the gap between
-/// two `spacing_ratio` times the size (as much as their white rims need where none is given). The frame is that of the first tag.
+/// Returns a sheet of tags with ids from `first` to `last`, row by row in `columns` columns (by default about square), with gaps of
+/// `spacing_ratio` times the size (by default as much as their white rims need). The frame is that of the first tag.
 ///
 /// # Errors
-/// Families and ids that are not there; sizes that cannot be; a gap that leaves the rims no room.
+/// Unknown families and ids; invalid sizes; a gap that leaves the rims no room.
 pub fn sheet_of_tags(
     family: &str,
     (first, last): (u32, u32),
@@ -33,7 +33,7 @@ pub fn sheet_of_tags(
     if !(0.0 < size_m && size_m.is_finite()) {
         return Err(Error::request(format!("size_m is {size_m}; it must be positive, in metres")));
     }
-    // The cells around the square that is size_m wide, on both sides.
+    // The cells outside the square of width size_m, on both sides.
     let rims = (tag.per_side - tag.per_size) as f64 / tag.per_size as f64;
     let spacing = spacing_ratio.unwrap_or(rims + BETWEEN_RIMS);
     let possible = rims <= spacing && spacing.is_finite();

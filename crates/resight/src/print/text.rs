@@ -1,6 +1,6 @@
 //! Text on a sheet: its width and its line breaks.
 
-/// Advance widths of Helvetica's printable ASCII, from the space on, thousandths of the font's size (Adobe's font metrics).
+/// Advance widths of Helvetica's printable ASCII, starting with the space, in thousandths of the font size (Adobe's font metrics).
 const WIDTHS: [u16; 95] = [
     278, 278, 355, 556, 556, 889, 667, 191, 333, 333, 389, 584, 278, 333, 278, 278, 556, 556, 556, 556, 556,
     556, 556, 556, 556, 556, 278, 278, 584, 584, 584, 556, 1015, 667, 667, 722, 722, 667, 611, 778, 722, 278,
@@ -8,10 +8,10 @@ const WIDTHS: [u16; 95] = [
     556, 333, 556, 556, 500, 556, 556, 278, 556, 556, 222, 222, 500, 222, 833, 556, 556, 556, 556, 333, 500,
     278, 556, 500, 722, 500, 500, 500, 334, 260, 334, 584,
 ];
-/// Of the few other characters: × ± and letters with accents.
+/// Width assumed for the few other characters: × ± and letters with accents.
 const OTHER_WIDTH: u16 = 611;
 
-/// How wide a line of text is.
+/// Returns the width of a line of text.
 pub(super) fn width_mm(text: &str, size: f64) -> f64 {
     let width = |c: char| {
         let index = u32::from(c).wrapping_sub(32) as usize;
@@ -20,7 +20,7 @@ pub(super) fn width_mm(text: &str, size: f64) -> f64 {
     text.chars().map(width).sum::<f64>() * size / 1000.0
 }
 
-/// Sentences in lines of at most a width; a word that is longer has a line of its own.
+/// Breaks sentences into lines of at most a width; a longer word has a line of its own.
 pub(super) fn wrapped(sentences: &[String], size: f64, most_mm: f64) -> Vec<String> {
     let mut lines = Vec::new();
     for sentence in sentences {
@@ -38,7 +38,7 @@ pub(super) fn wrapped(sentences: &[String], size: f64, most_mm: f64) -> Vec<Stri
     lines
 }
 
-/// As Helvetica without embedding can show it: Latin 1; of anything else a question mark.
+/// Converts to Latin 1, which Helvetica without embedding can show; other characters become question marks.
 pub(super) fn latin(text: &str) -> String {
     let shown = |c: char| !c.is_control() && u32::from(c) < 256;
     text.chars().map(|c| if shown(c) { c } else { '?' }).collect()

@@ -1,4 +1,4 @@
-//! A target larger than its paper: pages that overlap, with marks by which they are put together.
+//! Divides a target larger than its paper into overlapping pages, with marks for joining them.
 
 use super::content::Content;
 use super::paper::Paper;
@@ -9,21 +9,21 @@ use super::text::{width_mm, wrapped};
 use super::{MOST_PAGES, too_many_pages};
 use crate::error::Error;
 
-/// Blank edge of each page, in which the marks stand.
+/// Blank edge of each page, with the marks.
 const MARGIN_MM: f64 = 12.0;
 /// The overlap of neighbouring pages.
 const OVERLAP_MM: f64 = 10.0;
-/// Marks of a joint: from here to there, off the part that belongs to the target.
+/// Range of the marks of a joint, from the part that belongs to the target.
 const MARK_MM: [f64; 2] = [1.0, 6.0];
 
-/// The whole sheet, as large as it is.
+/// The whole sheet at its full size.
 struct Whole {
     shapes: Vec<Shape>,
     size: [f64; 2],
     ruler_mm: [f64; 2],
 }
 
-/// The pages across and down, and the part of the sheet that each shows.
+/// The numbers of pages across and down, and the part of the sheet on each page.
 struct Tiling {
     page: [f64; 2],
     window: [f64; 2],
@@ -80,12 +80,12 @@ impl Tiling {
         let window = page.map(|side| side - 2.0 * MARGIN_MM);
         let step = window.map(|side| side - OVERLAP_MM);
         let usable = step.iter().all(|side| OVERLAP_MM <= *side);
-        // A float past the range of usize saturates, and is refused as too many pages.
+        // A float beyond the range of usize saturates, and is refused as too many pages.
         let count = |i: usize| (((sheet[i] - OVERLAP_MM) / step[i]).ceil().max(1.0)) as usize;
         usable.then(|| Tiling { page, window, columns: count(0), rows: count(1) })
     }
 
-    /// From the first point of one page's window to the next one's.
+    /// Returns the distance between the windows of neighbouring pages.
     fn step(&self, axis: usize) -> f64 {
         self.window[axis] - OVERLAP_MM
     }
@@ -101,7 +101,7 @@ impl Tiling {
         Page { size_mm: self.page, groups: vec![part, marks] }
     }
 
-    /// In the margins: the marks of the joints, and the page's number.
+    /// Draws the marks of the joints and the page's number in the margins.
     fn marks(&self, row: usize, column: usize, title: &str) -> Vec<Shape> {
         let counts = [self.columns, self.rows];
         let at = [column, row];
@@ -128,7 +128,7 @@ impl Tiling {
         shapes
     }
 
-    /// In the bottom margin, between the marks of the joints; shortened where it is too long.
+    /// Writes a line in the bottom margin, between the marks of the joints, shortened where it is too long.
     fn line_of_words(&self, text: &str) -> Option<Shape> {
         let size = 0.9 * FONT_MM;
         let room = self.window[0] - 2.0 * OVERLAP_MM;
@@ -138,7 +138,7 @@ impl Tiling {
     }
 }
 
-/// Across `axis` at `along`, off an edge of the window.
+/// Returns the mark across `axis` at `along`, outside an edge of the window.
 fn joint_mark(axis: usize, along: f64, edge: f64, outward: f64) -> Shape {
     let at = |across: f64| if axis == 0 { [along, across] } else { [across, along] };
     let [near, far] = MARK_MM.map(|off| edge + outward * off);

@@ -1,4 +1,4 @@
-//! Spots that belong to no target.
+//! Spots that are not part of a target.
 
 use super::Pcg;
 use resight_core::Pixel;
@@ -16,7 +16,7 @@ pub struct Blob {
     pub grey: f64,
 }
 
-/// Random round-ish dots: `n` of them over the image, radii from `radius_px[0]` to `radius_px[1]`, up to 2:1 elongated.
+/// Returns `n` random roundish dots over the image, with radii from `radius_px[0]` to `radius_px[1]`, elongated by up to 2:1.
 pub fn dots(n: usize, size_px: [u32; 2], radius_px: [f64; 2], grey: f64, seed: u64) -> Vec<Blob> {
     let mut pcg = Pcg::new(seed);
     (0..n)
@@ -32,7 +32,7 @@ pub fn dots(n: usize, size_px: [u32; 2], radius_px: [f64; 2], grey: f64, seed: u
         .collect()
 }
 
-/// Lines of letter-like strokes: `n` words of short thin strokes with dots among them.
+/// Returns lines of letter-like strokes: `n` words of short thin strokes with dots between them.
 pub fn words(n: usize, size_px: [u32; 2], letter_px: f64, grey: f64, seed: u64) -> Vec<Blob> {
     let mut pcg = Pcg::new(seed);
     let mut strokes = Vec::new();
@@ -57,7 +57,7 @@ pub fn words(n: usize, size_px: [u32; 2], letter_px: f64, grey: f64, seed: u64) 
     strokes
 }
 
-/// Paints each blob over what is there, 4×4 samples per pixel.
+/// Paints each blob over the image, with 4×4 samples per pixel.
 pub(super) fn draw(blobs: &[Blob], grey: &mut [f32], width: usize, height: usize) {
     const SAMPLES: u32 = 4;
     for blob in blobs {

@@ -1,8 +1,8 @@
-//! The print inside a tag: black and white cells, taken from the detectors' own code tables.
+//! The print inside a tag: black and white cells, from the detectors' own code tables.
 //!
-//! AprilTag families come from the C library's generator, OpenCV's `DICT_…` from calib-targets; no table of codes is
-//! kept here. Both are upright as their own makers draw them, which a test proves by detecting; OpenCV draws its
-//! `DICT_APRILTAG_…` half a turn from the AprilTag originals.
+//! AprilTag families come from the C library's generator, OpenCV's `DICT_…` from calib-targets; there is no other table of codes here. Both are
+//! upright as in the original drawings, which a test verifies by detection; OpenCV draws its `DICT_APRILTAG_…` rotated by half a turn against
+//! the AprilTag originals.
 
 use super::RenderError;
 use crate::detect::apriltag::{Drawing, drawing};
@@ -20,12 +20,12 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Whether a cell is white.
+    /// Returns whether a cell is white.
     pub fn is_white(&self, row: usize, column: usize) -> bool {
         self.white.get(row * self.per_side + column).copied().unwrap_or(true)
     }
 
-    /// The same code in a black frame `bits` wide instead of 1; only for tags whose outermost printed ring is black.
+    /// Returns the same code in a black frame of `bits` cells instead of 1; only for tags whose outermost printed ring is black.
     pub fn with_border(&self, bits: u32) -> Cells {
         let code = self.per_size.saturating_sub(2);
         let first = (self.per_side - code) / 2;
@@ -43,7 +43,7 @@ impl Cells {
         Cells { per_side, per_size: code + 2 * bits as usize, white }
     }
 
-    /// Whether the ring inside the detected square is black all round, so that `with_border` applies.
+    /// Returns whether the ring inside the detected square is completely black, so that `with_border` applies.
     pub fn has_black_frame(&self) -> bool {
         let first = (self.per_side - self.per_size) / 2;
         let last = first + self.per_size - 1;
@@ -54,7 +54,7 @@ impl Cells {
     }
 }
 
-/// Cells of a tag: `family` is an AprilTag name (`tag36h11`) or an OpenCV dictionary (`DICT_4X4_50`).
+/// Returns the cells of a tag: `family` is an AprilTag name (`tag36h11`) or an OpenCV dictionary (`DICT_4X4_50`).
 pub fn cells(family: &str, id: u32) -> Result<Cells, RenderError> {
     if let Some(drawing) = drawing(family, id) {
         let Drawing { per_side, per_size, white } = drawing.map_err(|count| unknown_id(family, id, count))?;

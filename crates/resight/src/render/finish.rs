@@ -8,14 +8,14 @@ pub struct Pcg {
 }
 
 impl Pcg {
-    /// A generator; equal seeds give equal sequences.
+    /// Creates a generator; equal seeds give equal sequences.
     pub fn new(seed: u64) -> Self {
         let mut pcg = Pcg { state: seed.wrapping_add(0x853c_49e6_748f_ea9b), spare: None };
         pcg.next_u32();
         pcg
     }
 
-    /// 32 random bits.
+    /// Returns 32 random bits.
     pub fn next_u32(&mut self) -> u32 {
         let old = self.state;
         self.state = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -23,17 +23,17 @@ impl Pcg {
         shifted.rotate_right((old >> 59) as u32)
     }
 
-    /// Uniform in [0, 1).
+    /// Returns a uniform number in [0, 1).
     pub fn uniform(&mut self) -> f64 {
         self.next_u32() as f64 / 4_294_967_296.0
     }
 
-    /// Uniform in [low, high).
+    /// Returns a uniform number in [low, high).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }
 
-    /// Standard normal, by Marsaglia's polar method.
+    /// Returns a standard normal number, by Marsaglia's polar method.
     pub fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
@@ -79,7 +79,7 @@ pub(super) fn vignette(grey: &mut [f32], width: usize, loss: f64) {
     }
 }
 
-/// Gaussian blur, separable, cut at 4 sigma, the border pixel repeated outwards.
+/// Applies a separable Gaussian blur, cut at 4 sigma; the border pixels are repeated outside.
 pub(super) fn blur(grey: &mut [f32], width: usize, sigma_px: f64) {
     if !(0.0 < sigma_px) || width == 0 {
         return;
@@ -115,7 +115,7 @@ fn gaussian(sigma_px: f64) -> Vec<f32> {
     weights.iter().map(|w| (w / sum) as f32).collect()
 }
 
-/// Adds noise, rounds, clips to 0…255.
+/// Adds noise, rounds, and clips to 0…255.
 pub(super) fn expose(grey: &[f32], noise_sigma: f64, seed: u64) -> Vec<u8> {
     let mut pcg = Pcg::new(seed);
     let noisy = 0.0 < noise_sigma;

@@ -1,16 +1,16 @@
-//! The print of a flat target, as outlines: the pattern that [`render`](super::render) draws sample by sample, for printers.
+//! The print of a flat target as outlines, for printers: the pattern that [`render`](super::render) samples.
 //!
-//! Black cells that share an edge become one outline, so that no hairline shows between them.
+//! Black cells that share an edge become one outline, so that no thin gap is visible between them.
 
 use super::family::Cells;
 use super::pattern::{self, Extent, Pattern};
 use super::{RenderError, Style};
 use resight_core::{Point, Pose, Target};
 
-/// Black on white.
+/// A black shape on white.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ink {
-    /// Closed outlines of one area, metres: black is what lies inside an odd number of them.
+    /// Closed outlines of one area, metres: points inside an odd number of them are black.
     Area(Vec<Vec<[f64; 2]>>),
     /// A disc.
     Disc {
@@ -24,20 +24,20 @@ pub enum Ink {
 /// The print of a target in its plane z = 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sheet {
-    /// Least x and y of what belongs to the pattern, a tag's white rim included, metres.
+    /// Least x and y of the pattern, including a tag's white rim, metres.
     pub low_m: [f64; 2],
     /// Greatest x and y.
     pub high_m: [f64; 2],
-    /// Whether y runs up as the viewer sees it.
+    /// Whether y points up for the viewer.
     pub is_y_up: bool,
-    /// Everything black.
+    /// All black shapes.
     pub ink: Vec<Ink>,
 }
 
-/// The print of a flat target as designed; `style` gives the width of a tag's frame and the diameter of dots.
+/// Returns the print of a flat target as designed; `style` states the width of a tag's frame and the diameter of dots.
 ///
 /// # Errors
-/// Dimensions, families and ids that cannot be; surveyed points, and maps whose tags lie in more than one plane.
+/// Invalid dimensions, families and ids; surveyed points, and maps whose tags are in more than one plane.
 pub fn sheet(target: &Target, style: &Style) -> Result<Sheet, RenderError> {
     let target = target.design();
     target.check()?;
@@ -67,7 +67,7 @@ impl Sheet {
         Sheet { low_m: *low_m, high_m: *high_m, is_y_up, ink: ink(pattern, *low_m, *high_m) }
     }
 
-    /// The same at another pose within the plane.
+    /// Returns the sheet moved within the plane.
     fn moved(self, plane_from_tag: &Pose) -> Self {
         let place = |[x, y]: [f64; 2]| {
             let p = *plane_from_tag * Point::new(x, y, 0.0);
@@ -89,7 +89,7 @@ impl Sheet {
         Sheet { low_m, high_m, is_y_up, ink: parts.into_iter().flat_map(|p| p.ink).collect() }
     }
 
-    /// The box around everything black, metres: least and greatest x and y.
+    /// Returns the box around all black shapes, metres: least and greatest x and y.
     pub fn ink_bounds(&self) -> ([f64; 2], [f64; 2]) {
         let corners = self.ink.iter().flat_map(|ink| match ink {
             Ink::Area(outlines) => outlines.concat(),
@@ -99,7 +99,7 @@ impl Sheet {
     }
 }
 
-/// Least and greatest of each coordinate.
+/// Returns the least and greatest value of each coordinate.
 pub(crate) fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> ([f64; 2], [f64; 2]) {
     let none = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
     points.into_iter().fold(none, |(low, high), p| {
@@ -125,7 +125,7 @@ fn ink(pattern: &Pattern, low: [f64; 2], high: [f64; 2]) -> Vec<Ink> {
         Pattern::Grid { tags, columns, size_m, gap_m } => grid(tags, *columns, *size_m, *gap_m),
         Pattern::Chess { square_m } => {
             let count = |i: usize| ((high[i] - low[i]) / square_m).round() as usize;
-            // The outer corner lies at one square before corner 0, where squares of even sum are black.
+            // The outer corner is one square before corner 0, where squares of even sum are black.
             let is_black = |row: usize, column: usize| (row + column).is_multiple_of(2);
             let (columns, rows) = (count(0), count(1));
             vec![Lattice { origin: low, step: [*square_m; 2], columns, rows, is_black: &is_black }.outlined()]
@@ -152,7 +152,7 @@ fn ink(pattern: &Pattern, low: [f64; 2], high: [f64; 2]) -> Vec<Ink> {
     }
 }
 
-/// The cells of a tag but for `cut` rings; `origin` is the corner of the whole.
+/// Returns the cells of a tag without its `cut` outer rings; `origin` is the corner of the whole tag.
 fn of_cells(cells: &Cells, origin: [f64; 2], step: [f64; 2], cut: usize) -> Ink {
     let n = cells.per_side.saturating_sub(2 * cut);
     let is_black = |row: usize, column: usize| !cells.is_white(row + cut, column + cut);
@@ -160,7 +160,7 @@ fn of_cells(cells: &Cells, origin: [f64; 2], step: [f64; 2], cut: usize) -> Ink 
     Lattice { origin, step, columns: n, rows: n, is_black: &is_black }.outlined()
 }
 
-/// Kalibr's grid, y up: tags without their rim, and a square at each crossing of gaps.
+/// Returns Kalibr's grid, y up: tags without their rim, and a square at each crossing of gaps.
 fn grid(tags: &[Cells], columns: usize, size_m: f64, gap_m: f64) -> Vec<Ink> {
     let pitch = size_m + gap_m;
     let rows = tags.len() / columns.max(1);
@@ -176,13 +176,13 @@ fn grid(tags: &[Cells], columns: usize, size_m: f64, gap_m: f64) -> Vec<Ink> {
         let origin = [at(i % (columns + 1)), at(i / (columns + 1))];
         Lattice { origin, step: [gap_m; 2], columns: 1, rows: 1, is_black: &|_, _| true }.outlined()
     };
-    // One area: some rasterisers move a path that is a lone rectangle to whole pixels.
+    // All are one area: some rasterisers move a path that is a single rectangle to whole pixels.
     let all = tags.iter().enumerate().map(tag).chain((0..(columns + 1) * (rows + 1)).map(square));
     let outlines = all.flat_map(|ink| if let Ink::Area(outlines) = ink { outlines } else { Vec::new() });
     vec![Ink::Area(outlines.collect())]
 }
 
-/// Sides of a cell: towards greater column, greater row, lesser column, lesser row; each turns into the next by a right turn.
+/// Sides of a cell: towards greater column, greater row, lesser column, lesser row; a right turn leads from each to the next.
 const STEPS: [(isize, isize); 4] = [(1, 0), (0, 1), (-1, 0), (0, -1)];
 
 impl Lattice<'_> {
@@ -191,7 +191,7 @@ impl Lattice<'_> {
         inside && (self.is_black)(row as usize, column as usize)
     }
 
-    /// Whether black begins on the right of the edge that leaves a node along a side, and ends on its left.
+    /// Returns whether the edge that leaves a node along a side has black on its right, and white on its left.
     fn is_edge(&self, (x, y): (isize, isize), side: usize) -> bool {
         let (right, left) = match side {
             0 => ((y, x), (y - 1, x)),
@@ -202,7 +202,7 @@ impl Lattice<'_> {
         self.is_inked(right.0, right.1) && !self.is_inked(left.0, left.1)
     }
 
-    /// Outlines of the black cells, black on their right; cells that touch at a corner only are apart.
+    /// Returns outlines of the black cells, with black on their right; cells that touch at a corner only are separate.
     fn outlined(&self) -> Ink {
         let mut outlines = Vec::new();
         let width = self.columns + 1;
@@ -217,17 +217,17 @@ impl Lattice<'_> {
         Ink::Area(outlines)
     }
 
-    /// Once around; only the nodes where it turns.
+    /// Follows one outline, and returns only the nodes where it turns.
     fn walk(&self, start: (isize, isize), walked: &mut [bool]) -> Vec<[f64; 2]> {
         let (mut node, mut side) = (start, 0);
         let mut outline = Vec::new();
-        // No outline is longer than all edges there are.
+        // An outline is no longer than the number of all edges.
         for _ in 0..4 * walked.len() {
             if side == 0 {
                 walked[node.1 as usize * (self.columns + 1) + node.0 as usize] = true;
             }
             node = (node.0 + STEPS[side].0, node.1 + STEPS[side].1);
-            // The right turn first: it stays with the same cell where two touch.
+            // The right turn is tried first: it stays with the same cell where two touch.
             let Some(next) =
                 [1, 0, 3].map(|turn| (side + turn) % 4).into_iter().find(|s| self.is_edge(node, *s))
             else {

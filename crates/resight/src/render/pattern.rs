@@ -6,12 +6,12 @@ use nalgebra::Matrix3;
 use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoint, PrintedScale, Target};
 use resight_core::{Point, Pose};
 
-/// One thing a ray can meet.
+/// An object that a ray can hit.
 #[allow(clippy::large_enum_variant)] // A scene has a handful; indirection would cost every sample.
 pub(super) enum Patch {
     /// A flat pattern.
     Plane(Plane),
-    /// A ball of one grey: a surveyed point drawn so that it is seen from everywhere.
+    /// A ball of one grey level: a surveyed point, drawn so that it is visible from everywhere.
     Ball { centre_in_cam: Point, radius_m: f64, grey: f64 },
 }
 
@@ -59,7 +59,7 @@ pub(super) enum Pattern {
 }
 
 impl Patch {
-    /// The same patch of a print that is a little longer along the target's axes: what was at x in the target's frame is at S x.
+    /// Returns the patch of a print that is slightly longer along the target's axes: the point x of the target's frame is at S x.
     fn printed_at(self, cam_from_target: &Pose, scale: &PrintedScale) -> Patch {
         let Patch::Plane(plane) = self else { return self };
         let target_from_cam = cam_from_target.inverse();
@@ -74,7 +74,7 @@ impl Patch {
         Patch::Plane(Plane { plane_from_ray, ..plane })
     }
 
-    /// (inverse depth along the ray, grey); none when the ray misses it.
+    /// Returns (inverse depth along the ray, grey level); `None` when the ray misses the patch.
     pub fn hit(&self, ray: &Point) -> Option<(f64, f64)> {
         match self {
             Patch::Plane(plane) => plane.hit(ray),
@@ -86,7 +86,7 @@ impl Patch {
         }
     }
 
-    /// Centres (camera frame, metres) and radii of all dots.
+    /// Returns the centres (camera frame, metres) and radii of all dots.
     pub fn dots_in_cam(&self) -> Vec<(Point, f64)> {
         match self {
             Patch::Ball { centre_in_cam, radius_m, .. } => vec![(*centre_in_cam, *radius_m)],
@@ -152,13 +152,13 @@ impl Pattern {
     }
 }
 
-/// Coordinates in cells from the top-left corner.
+/// Evaluates the cells at coordinates in cells from the top-left corner.
 fn ink_in_cells(cells: &Cells, x: f64, y: f64) -> bool {
     let inside = |t: f64| 0.0 <= t && t < cells.per_side as f64;
     inside(x) && inside(y) && !cells.is_white(y as usize, x as usize)
 }
 
-/// Kalibr's grid in its own frame (y up): tags, and a black square of the gap's size at each crossing of gaps.
+/// Evaluates Kalibr's grid in its own frame (y up): tags, and a black square of the gap's size at each crossing of gaps.
 fn grid_ink(tags: &[Cells], columns: usize, size_m: f64, gap_m: f64, x: f64, y: f64) -> bool {
     let pitch = size_m + gap_m;
     let (column, row) = ((x / pitch).floor(), (y / pitch).floor());
@@ -175,7 +175,7 @@ fn grid_ink(tags: &[Cells], columns: usize, size_m: f64, gap_m: f64, x: f64, y: 
     ink_in_cells(cells, dx / cell_m + rim, (size_m - dy) / cell_m + rim)
 }
 
-/// The planes and balls of a placed target.
+/// Returns the planes and balls of a placed target.
 pub(super) fn patches(placed: &Placed) -> Result<Vec<Patch>, RenderError> {
     placed.target.check()?;
     let style = &placed.style;
@@ -216,7 +216,7 @@ pub(super) fn patches(placed: &Placed) -> Result<Vec<Patch>, RenderError> {
     })
 }
 
-/// `facing`: 1 when the plane's z points into the surface, -1 when towards the viewer.
+/// `facing` is 1 when the plane's z points into the surface, -1 when towards the viewer.
 fn plane_patch(
     cam_from_plane: Pose,
     low: [f64; 2],
@@ -249,12 +249,12 @@ fn plane_patch(
     }))
 }
 
-/// A checkered pattern must not run on into the rim: that is a blank sheet of its own just behind it.
+/// Adds a blank sheet just behind a checkered pattern, which must not continue into the rim.
 fn board_on_sheet(at: Pose, (low, high, pattern): Extent, style: &Style) -> Vec<Patch> {
     let exact = Style { margin_m: Some(0.0), ..*style };
     let blank = Pattern::Dots { centres: Vec::new(), radius_m: 0.0 };
     let paper = Style { paper: Some(style.paper.unwrap_or(255.0 - style.ink)), ..*style };
-    // Behind by a millionth of the distance: far less than a pixel, enough to order the two.
+    // The sheet is behind by a millionth of the distance: far less than a pixel, but enough to order the two.
     let behind = Pose::new(at.rotation, at.translation * (1.0 + 1e-6));
     let sheet = plane_patch(behind, low, high, blank, 1.0, &paper);
     plane_patch(at, low, high, pattern, 1.0, &exact).into_iter().chain(sheet).collect()
@@ -311,7 +311,7 @@ pub(super) fn chessboard(t: &Chessboard) -> Extent {
     ([-t.square_m; 2], [extent(t.columns), extent(t.rows)], Pattern::Chess { square_m: t.square_m })
 }
 
-/// As OpenCV: the top-left square is black, in the legacy pattern with an even number of rows it is white.
+/// As in OpenCV, the top-left square is black; in the legacy pattern with an even number of rows it is white.
 pub(super) fn charuco(t: &Charuco) -> Result<Extent, RenderError> {
     let odd = usize::from(t.legacy_pattern && t.rows.is_multiple_of(2));
     let mut id = 0;

@@ -1,18 +1,18 @@
-//! Which side of a flat target a camera sees: a print has one face, so a view from behind is a mirrored print or a mirrored image.
+//! Determines which side of a flat target a camera sees: a print has one front, so a view from behind means a mirrored print or image.
 
 use super::verdict::{Status, Verdict};
 use crate::core::correspondence::Detection;
 use crate::core::{Correspondence, Pixel, Point, Pose, Target};
 use nalgebra::Matrix2;
 
-/// Whether the camera stands behind the printed face; none of targets that have no face.
+/// Returns whether the camera is behind the printed front; `None` for targets without a front.
 pub fn is_from_behind(target: &Target, cam_from_target: &Pose, points: &[Correspondence]) -> Option<bool> {
     let sign = facing(target)?;
     let middle = points.iter().map(|c| c.x_in_target).sum::<Point>() / points.len().max(1) as f64;
     Some(sign * cam_from_target.rotation.column(2).dot(&(*cam_from_target * middle)) < 0.0)
 }
 
-/// 1 where z runs into the surface, −1 of Kalibr's grid, whose z points to the viewer; none of targets that have no face.
+/// Returns 1 where z points into the surface, −1 for Kalibr's grid, whose z points to the viewer; `None` for targets without a front.
 fn facing(target: &Target) -> Option<f64> {
     match target.design() {
         Target::Chessboard(_) | Target::Charuco(_) | Target::Tag(_) | Target::LinePlusOne(_) => Some(1.0),
@@ -21,8 +21,8 @@ fn facing(target: &Target) -> Option<f64> {
     }
 }
 
-/// Whether points in an image run round the other way than on the printed face, by the affine map that fits them best: no lens changes that.
-/// None of targets that have no face, and of points on one line.
+/// Returns whether points in an image are mirrored against the printed front, by the affine map that fits them best, which no lens changes.
+/// `None` for targets without a front, and for points on one line.
 pub fn is_mirrored(target: &Target, detections: &[Detection]) -> Option<bool> {
     let sign = facing(target)?;
     let known = detections.iter().filter_map(|d| Some((target.point(d.feature)?.position.xy(), d.pixel)));
@@ -44,7 +44,7 @@ pub fn is_mirrored(target: &Target, detections: &[Detection]) -> Option<bool> {
 pub const MIRRORED: &str = "is seen mirrored; the image or the print is mirrored: switch off the mirror mode of the camera, or print the target again \
     without mirroring (only of a board that is printed on both sides is it its back)";
 
-/// A pose behind the sheet is not to be relied on: the mirror image of the true one fits its pixels exactly as well.
+/// Rejects a pose behind the sheet: the mirror image of the true pose fits its pixels equally well.
 pub fn judged(
     verdict: Verdict,
     target: &Target,

@@ -1,10 +1,10 @@
-//! A page that needs no network: text, tables and images in one file.
+//! Writes a page that needs no network: text, tables and images in one file.
 
 use super::verdict::Status;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 
-/// A page being written.
+/// A page under construction.
 pub struct Page {
     title: String,
     style: String,
@@ -30,12 +30,12 @@ th,figcaption,.cards dt{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous{color:#f0c04a
 @media(max-width:40rem){body{margin:1rem auto}.cards{gap:.4rem 1.2rem}pre{font-size:.72rem;padding:.6rem}}";
 
 impl Page {
-    /// An empty page.
+    /// Creates an empty page.
     pub fn new(title: &str) -> Self {
         Page { title: escaped(title), style: STYLE.into(), top: String::new(), body: String::new() }
     }
 
-    /// What the page begins with, whenever it is known: the status, a sentence, and the key figures with their names.
+    /// Sets the beginning of the page, at any time: the status, a sentence, and the key figures with their names.
     pub fn verdict(&mut self, status: Status, sentence: &str, figures: &[(&str, String)]) -> &mut Self {
         let role = if status == Status::Ok { "" } else { " role=\"alert\"" };
         let (name, word) = (status.name(), status.name().to_uppercase().replace('_', " "));
@@ -50,33 +50,33 @@ impl Page {
         self
     }
 
-    /// A heading.
+    /// Adds a heading.
     pub fn heading(&mut self, text: &str) -> &mut Self {
         self.push(format!("<h2>{}</h2>\n", escaped(text)))
     }
 
-    /// Markup of our own, as it is: every text in it must have gone through `escaped`.
+    /// Adds our own markup unchanged: every text in it must have been passed to `escaped`.
     pub fn markup(&mut self, markup: &str) -> &mut Self {
         self.push(format!("{markup}\n"))
     }
 
-    /// Rules beside those that every page has.
+    /// Adds style rules to those of every page.
     pub fn style(&mut self, rules: &str) -> &mut Self {
         self.style.push_str(rules);
         self
     }
 
-    /// A paragraph.
+    /// Adds a paragraph.
     pub fn paragraph(&mut self, text: &str) -> &mut Self {
         self.push(format!("<p>{}</p>\n", escaped(text)))
     }
 
-    /// Text as a program printed it.
+    /// Adds preformatted text.
     pub fn preformatted(&mut self, text: &str) -> &mut Self {
         self.push(format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// Images side by side: PNG bytes and a caption each; they become part of the page.
+    /// Adds images side by side, each given as PNG bytes and a caption; they are embedded in the page.
     pub fn pictures(&mut self, pictures: &[(&[u8], &str)]) -> &mut Self {
         let figure = |(png, caption): &(&[u8], &str)| {
             let (data, caption) = (base64(png), escaped(caption));
@@ -87,7 +87,7 @@ impl Page {
         self.push(format!("<div class=\"row\">{}</div>\n", pictures.iter().map(figure).collect::<String>()))
     }
 
-    /// A table; a cell that is a status word is coloured as one.
+    /// Adds a table; a cell that is a status word is coloured accordingly.
     pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) -> &mut Self {
         let head: String = head.iter().map(|cell| format!("<th>{}</th>", escaped(cell))).collect();
         let cell = |text: &String| match STATUS_WORDS.contains(&text.as_str()) {
@@ -99,7 +99,7 @@ impl Page {
         self.push(format!("<table><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table>\n"))
     }
 
-    /// The whole document.
+    /// Returns the whole document.
     pub fn html(&self) -> String {
         format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -117,12 +117,12 @@ impl Page {
 
 const STATUS_WORDS: [&str; 6] = ["ok", "ambiguous", "degenerate", "inconsistent", "not_found", "error"];
 
-/// Text that cannot be taken for markup, in elements and in attributes between double quotes.
+/// Escapes text so that it is not interpreted as markup, in elements and in attributes between double quotes.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Bytes as an address may carry them.
+/// Encodes bytes in base64.
 pub(crate) fn base64(bytes: &[u8]) -> String {
     BASE64_STANDARD.encode(bytes)
 }

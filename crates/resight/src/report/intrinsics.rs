@@ -1,17 +1,17 @@
-//! The page about a camera's intrinsics: coverage, residuals and projection uncertainty over the image.
+//! The page about a camera's intrinsics: coverage, residuals, and projection uncertainty over the image.
 
 use super::html::{Page, escaped};
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer, IntrinsicsObject};
 use std::fmt::Write;
 
-/// Width of a picture, units of its own.
+/// Width of a drawing, in its own units.
 const WIDTH: f64 = 480.0;
-/// Residuals are drawn this many times their size.
+/// Magnification of the residuals.
 const ARROWS: f64 = 60.0;
-/// Arrows at most: more are a black spot.
+/// Largest number of arrows: more would be a black area.
 const MOST_ARROWS: usize = 4000;
 
-/// A self-contained page (HTML).
+/// Returns a self-contained page (HTML).
 pub fn intrinsics_page(answer: &IntrinsicsAnswer) -> String {
     let names: Vec<&str> = answer.cameras.iter().map(|camera| camera.name.as_str()).collect();
     let mut page = Page::new(&format!("Intrinsics of {}", names.join(", ")));
@@ -111,7 +111,8 @@ fn figure(found: &IntrinsicsObject, content: &str, caption: &str) -> String {
     )
 }
 
-/// Cells of a grid, darker where the value is larger; `overlap` 1: values are of places from corner to corner, each the middle of its cell.
+/// Draws the cells of a grid, darker for larger values; with `overlap` 1, values are at positions from corner to corner, each the centre of its
+/// cell.
 fn cells(
     found: &IntrinsicsObject,
     columns: usize,
@@ -137,7 +138,7 @@ fn cells(
     text
 }
 
-/// Residuals as arrows.
+/// Draws the residuals as arrows.
 fn arrows(found: &IntrinsicsObject) -> String {
     let all: Vec<&[f64; 4]> = found.views.iter().flat_map(|view| &view.residuals_px).collect();
     let mut lengths: Vec<f64> = all.iter().map(|[_, _, u, v]| u.hypot(*v)).collect();

@@ -1,7 +1,7 @@
-//! A rig's page: one file with the cameras' poses, their uncertainty and the data behind them, without a network.
+//! The page of a rig: one file with the cameras' poses, their uncertainty and the data behind them, without a network.
 //!
-//! Everything on it is there without scripts too: tables, drawings and an image in space. With scripts the image turns and every
-//! single residual can be looked at. Same run, same bytes.
+//! Everything is shown without scripts too: tables, drawings and a three-dimensional view. With scripts the view can be rotated and every single
+//! residual inspected. The same run gives the same bytes.
 
 mod cameras;
 mod data;
@@ -23,7 +23,7 @@ pub use sentences::{rejection_sentence, rig_headline, scale_sentences, weakest_l
 pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict_sentence};
 
 const STYLE: &str = include_str!("rig/page.css");
-/// One script: the parts share one scope and nothing else on the page.
+/// The parts of one script, which share one scope and nothing else on the page.
 const SCRIPTS: [&str; 5] = [
     include_str!("rig/data.js"),
     include_str!("rig/view.js"),
@@ -32,7 +32,7 @@ const SCRIPTS: [&str; 5] = [
     include_str!("rig/controls.js"),
 ];
 
-/// The data that several parts of the page share, computed once.
+/// Data shared by several parts of the page, computed once.
 struct Drawn<'a> {
     run: &'a RigRun,
     targets: Vec<TargetInView>,
@@ -53,7 +53,7 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// The whole page as HTML: what `--report FILE.html` writes.
+/// Returns the whole page as HTML: the file that `--report FILE.html` writes.
 pub fn rig_page(run: &RigRun) -> String {
     let drawn = Drawn::new(run);
     let packed = residuals::packed(run);
@@ -82,7 +82,7 @@ fn judged(run: &RigRun) -> String {
     }
 }
 
-/// The key figures of the run.
+/// Returns the key figures of the run.
 fn summary(run: &RigRun) -> [(&'static str, String); 6] {
     let s = &run.solution;
     let share = 100.0 * s.n_used as f64 / s.n_seen.max(1) as f64;
@@ -97,7 +97,7 @@ fn summary(run: &RigRun) -> [(&'static str, String); 6] {
     ]
 }
 
-/// One choice of view for image and residuals alike; shown once scripts run.
+/// Returns the controls of the view, for the three-dimensional image and the residuals; shown once scripts run.
 fn controls() -> &'static str {
     "<div class=\"bar\" id=\"bar\" hidden><label>View <select id=\"view\"></select></label>\
      <button type=\"button\" id=\"before\" aria-label=\"view before\">◀</button>\
@@ -105,7 +105,7 @@ fn controls() -> &'static str {
      <span id=\"said\" role=\"status\"></span></div>"
 }
 
-/// `12 345`, with narrow spaces.
+/// Writes a number with narrow spaces: `12 345`.
 fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut text = String::new();

@@ -1,4 +1,4 @@
-//! An answer beside the truth, in units of its own error bar.
+//! Compares an answer with the truth, in units of its own uncertainty.
 
 use crate::core::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{Matrix3, Matrix3x6};
@@ -6,18 +6,18 @@ use nalgebra::{Matrix3, Matrix3x6};
 /// χ² with 6 degrees of freedom stays below this in 99 % of cases.
 pub const CHI2_6_99: f64 = 16.81;
 
-/// How far an answer is from the truth.
+/// The error of an answer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruthCheck {
     /// Angle between the two rotations, radians.
     pub angle_rad: f64,
-    /// Distance between the two places of frame b's origin in frame a (for `cam_from_target`: of the camera), metres.
+    /// Distance between the two positions of frame b's origin in frame a (for `cam_from_target`: of the camera), metres.
     pub distance_m: f64,
-    /// ξᵀ Σ⁻¹ ξ with Exp(ξ) = found · truth⁻¹: 6 on average when the covariance Σ is honest.
+    /// ξᵀ Σ⁻¹ ξ with Exp(ξ) = found · truth⁻¹: 6 on average when the covariance Σ is correct.
     pub normalized_squared: f64,
 }
 
-/// Compares `b_from_a` with the truth; none where the covariance cannot be inverted.
+/// Compares `b_from_a` with the truth; `None` where the covariance cannot be inverted.
 pub fn check(b_from_a: &Pose, covariance: &Matrix6, truth: &Pose) -> Option<TruthCheck> {
     let xi: Vector6 = (*b_from_a * truth.inverse()).log();
     let inverse = covariance.cholesky()?.inverse();
@@ -28,7 +28,7 @@ pub fn check(b_from_a: &Pose, covariance: &Matrix6, truth: &Pose) -> Option<Trut
     })
 }
 
-/// Covariance of the place of a point known in frame a, seen in frame b: `J Σ Jᵀ` with `J = [−[x]ₓ I]`, metres².
+/// Returns the covariance of the position in frame b of a point known in frame a: `J Σ Jᵀ` with `J = [−[x]ₓ I]`, metres².
 pub fn point_covariance(x_in_b: &Point, covariance: &Matrix6) -> Matrix3<f64> {
     let mut by_motion = Matrix3x6::zeros();
     by_motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&-x_in_b.cross_matrix());

@@ -1,14 +1,14 @@
-//! Small motions in words, and the rotation since a reference image in words and as JSON.
+//! Small motions in words, and the rotation since a reference image, in words and as JSON.
 
 use crate::core::Vector6;
 use crate::landmarks::LandmarkObservation;
 use nalgebra::Vector2;
 
-/// About x right, y down, z forward: the sign of a rotation or shift, and its opposite.
+/// Words for the directions of a rotation or shift and their opposites, about x right, y down, z forward.
 const TURNS: [[&str; 2]; 3] = [["up", "down"], ["right", "left"], ["clockwise", "counter-clockwise"]];
 const SHIFTS: [[&str; 2]; 3] = [["right", "left"], ["down", "up"], ["forward", "backward"]];
 
-/// `right 0.420° ± 0.030°, …`; zeros are left out.
+/// Describes a motion: `right 0.420° ± 0.030°, …`; zeros are left out.
 pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
     let part = |i: usize| {
         let (words, scale, unit) =
@@ -20,7 +20,7 @@ pub fn parts(motion: &Vector6, sigma: impl Fn(usize) -> Option<f64>) -> String {
     (0..6).filter_map(part).collect::<Vec<_>>().join(", ")
 }
 
-/// Why the rotation is no answer: most of what was found contradicts it.
+/// Explains why the rotation cannot be used: most of the landmarks contradict it.
 pub fn contradiction(landmark_observation: &LandmarkObservation) -> Option<String> {
     let (agree, found) =
         (landmark_observation.relative_rotation.used.len(), landmark_observation.relative_rotation.given);
@@ -31,8 +31,8 @@ pub fn contradiction(landmark_observation: &LandmarkObservation) -> Option<Strin
     })
 }
 
-/// `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. A rotation that most of what was found
-/// contradicts is reported as that first.
+/// Describes a rotation: `turned up 0.0011° ± 0.0020°, …; image shifted 8.00 px left, 0.02 px up; 310 of 320 landmarks agree`. If most of the
+/// landmarks contradict the rotation, the description begins with that.
 pub fn words(landmark_observation: &LandmarkObservation) -> String {
     let turned = rotation_words(landmark_observation);
     match contradiction(landmark_observation) {

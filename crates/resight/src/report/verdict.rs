@@ -1,4 +1,4 @@
-//! The meaning of an estimate, or of the lack of one: a status word and a sentence with the way out.
+//! The status of an estimate, or of a missing one, with a sentence that explains it and the way out.
 
 use crate::core::Error;
 use crate::core::locate::choose::Ambiguity;
@@ -36,7 +36,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// The word in JSON.
+    /// Returns the word used in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Status::Ok => "ok",
@@ -51,7 +51,7 @@ impl Status {
         }
     }
 
-    /// Whether a pose comes with it.
+    /// Returns whether an answer of this status has a pose.
     pub fn has_pose(self) -> bool {
         matches!(self, Status::Ok | Status::Ambiguous | Status::Inconsistent | Status::Implausible)
     }
@@ -71,14 +71,14 @@ impl From<NetworkStatus> for Status {
 /// A status and its sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
-    /// The word.
+    /// The status.
     pub status: Status,
-    /// The sentence: what is so, the number seen, the number needed, what to do.
+    /// The sentence: the current state, the number seen, the number needed, what to do.
     pub message: String,
 }
 
 impl Verdict {
-    /// Turns `ok` into `implausible` where there is a remark about stated sizes; the message then begins with the first one.
+    /// Changes `ok` to `implausible` where there is a remark about stated sizes; the message then begins with the first one.
     pub fn with_sizes(self, remarks: &[String]) -> Self {
         match (self.status, remarks.first()) {
             (Status::Ok, Some(remark)) => {
@@ -89,7 +89,7 @@ impl Verdict {
     }
 }
 
-/// Judges an estimate. `name_of` names the point of an index; `unit` is that of the residual, e.g. `px`.
+/// Judges an estimate. `name_of` returns the name of the point at an index; `unit` is that of the residual, e.g. `px`.
 pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, unit: &str) -> Verdict {
     let uniqueness = uniqueness(estimate);
     match (&estimate.consistency, &estimate.ambiguity) {
@@ -136,7 +136,8 @@ pub fn of_estimate(estimate: &PoseEstimate, name_of: impl Fn(usize) -> String, u
     }
 }
 
-/// Judges a view of a target. As `of_estimate`; of a map of tags it says besides which tags were left out, and which contradict each other.
+/// Judges a view of a target, as `of_estimate`; for a map of tags it also names the tags that were left out, and those that contradict each
+/// other.
 pub fn of_target(found: &TargetPose, name_of: impl Fn(usize) -> String) -> Verdict {
     let verdict = match &found.estimate {
         Ok(e) if !found.contradicting.is_empty() => {
@@ -153,7 +154,7 @@ pub fn of_target(found: &TargetPose, name_of: impl Fn(usize) -> String) -> Verdi
     Verdict { message, ..verdict }
 }
 
-/// "tag 7 is 41 mm from where the map says (limit 12 mm); left out".
+/// Describes a displaced tag: "tag 7 is 41 mm from where the map says (limit 12 mm); left out".
 fn tag_out_of_place(tag: &DisplacedTag) -> String {
     let id = tag.id;
     let (Some(distance_m), Some(rotation_rad), Some(limit_m)) =
@@ -173,7 +174,7 @@ fn tag_out_of_place(tag: &DisplacedTag) -> String {
     )
 }
 
-/// Less is not worth a word beside the distance.
+/// Smallest rotation that is mentioned beside the distance.
 const TURNED_RAD: f64 = 0.05;
 
 fn length(m: f64) -> String {
@@ -200,7 +201,7 @@ fn contradiction(ids: &[u32], e: &PoseEstimate) -> String {
     }
 }
 
-/// Judges a refusal.
+/// Judges an error.
 pub fn of_error(error: &Error) -> Verdict {
     let status = match error {
         Error::TooFewPoints { .. }
@@ -248,7 +249,7 @@ fn uniqueness(estimate: &PoseEstimate) -> String {
     }
 }
 
-/// `two points`: the few that a pose can rest on without redundancy.
+/// Writes a small number of points in words: `two points`.
 fn points(n: usize) -> String {
     match n {
         2 => "two points".into(),
@@ -257,7 +258,7 @@ fn points(n: usize) -> String {
     }
 }
 
-/// What makes a view weak, as the key of its JSON object, the number seen and the number needed.
+/// Describes what makes a view weak: the key of its JSON object, the number seen and the number needed.
 pub fn weakness_figures(weakness: &Weakness) -> (&'static str, f64, f64) {
     match weakness {
         Weakness::CriticalPlane { separation_sigma, needed_sigma } => {
@@ -282,7 +283,7 @@ fn way_out(weakness: Option<&Weakness>) -> String {
     }
 }
 
-/// Three figures, without an exponent where that stays short.
+/// Writes three significant figures, without an exponent where that is short.
 pub fn figures(x: f64) -> String {
     match x.abs() {
         a if a != 0.0 && !(1e-3..1e5).contains(&a) => format!("{x:.1e}"),

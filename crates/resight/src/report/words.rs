@@ -1,6 +1,6 @@
-//! Numbers as a person reads them: a unit that fits, the digits that the uncertainty warrants.
+//! Numbers for people: a unit that fits, and the digits that the uncertainty justifies.
 //!
-//! Degrees and millimetres appear here and nowhere else in the library.
+//! Degrees and millimetres are used here and nowhere else in the library.
 
 use super::truth::point_covariance;
 use crate::core::locate::PoseEstimate;
@@ -8,12 +8,12 @@ use crate::core::locate::observability::{Axis, Observability};
 use crate::core::{Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Distance from the camera to the target's origin and its standard deviation, metres.
+/// Returns the distance from the camera to the target's origin and its standard deviation, metres.
 pub fn distance_with_sigma_m(estimate: &PoseEstimate) -> (f64, f64) {
     distance_sigma_m(&estimate.cam_from_target, &estimate.covariance)
 }
 
-/// Distance from the camera to the origin of frame a and its standard deviation, metres, of `cam_from_a` and its covariance.
+/// Returns the distance from the camera to the origin of frame a and its standard deviation, metres, from `cam_from_a` and its covariance.
 ///
 /// To first order a small motion ν moves the camera by −Rᵀν, so the distance changes by t·ν/|t|.
 pub fn distance_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> (f64, f64) {
@@ -24,27 +24,27 @@ pub fn distance_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> (f64, f64) {
     (distance_m, (along.transpose() * translation * along)[(0, 0)].max(0.0).sqrt())
 }
 
-/// The camera's position in the target frame and the standard deviation along each axis of that frame, metres.
+/// Returns the camera's position in the target frame and the standard deviation along each axis of that frame, metres.
 pub fn position_with_sigma_m(estimate: &PoseEstimate) -> (Point, Vector3<f64>) {
     let sigma_m = position_sigma_m(&estimate.cam_from_target, &estimate.covariance);
     (estimate.cam_from_target.origin(), sigma_m)
 }
 
-/// Standard deviation of the camera's position along each axis of frame a, metres, of `cam_from_a` and its covariance.
+/// Returns the standard deviation of the camera's position along each axis of frame a, metres, from `cam_from_a` and its covariance.
 pub fn position_sigma_m(cam_from_a: &Pose, covariance: &Matrix6) -> Vector3<f64> {
     let r = &cam_from_a.rotation;
     let translation: Matrix3<f64> = covariance.fixed_view::<3, 3>(3, 3).into();
     (r.transpose() * translation * r).diagonal().map(|x| x.max(0.0).sqrt())
 }
 
-/// Standard deviation of each number of the translation of b_from_a, along the axes of frame b, metres: to first order a small motion
-/// (ω, ν) changes t by ω × t + ν, so a rotation of frame b is part of it. The third of [`sigmas`], beside it, is of ν alone.
+/// Returns the standard deviation of each component of the translation of b_from_a, along the axes of frame b, metres. To first order a small
+/// motion (ω, ν) changes t by ω × t + ν, so a rotation of frame b is part of it, whereas the last three of [`sigmas`] are those of ν alone.
 pub fn translation_sigma_m(b_from_a: &Pose, covariance: &Matrix6) -> [f64; 3] {
     let of_translation = point_covariance(&b_from_a.translation, covariance);
     [0, 1, 2].map(|i| of_translation[(i, i)].max(0.0).sqrt())
 }
 
-/// The remark about observations that repeat others to the last digit; none where none does.
+/// Returns the remark about observations that repeat others in all digits; `None` where none does.
 pub fn repeated(n_repeated: usize, n: usize) -> Option<String> {
     let (rows, they) =
         if n_repeated == 1 { ("row repeats", "it counts") } else { ("rows repeat", "they count") };
@@ -55,27 +55,27 @@ pub fn repeated(n_repeated: usize, n: usize) -> Option<String> {
     })
 }
 
-/// Yaw, pitch, roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
+/// Returns yaw, pitch and roll, radians, of `cam_from_target` = R_z(roll) R_x(pitch) R_y(yaw); for display only.
 ///
-/// Yaw turns about the target's y, roll about the optical axis; pitch = ±90° leaves yaw and roll undetermined.
+/// Yaw is a rotation about the target's y, roll about the optical axis; at pitch = ±90° yaw and roll are undetermined.
 pub fn yaw_pitch_roll_rad(cam_from_target: &Pose) -> [f64; 3] {
     let r = &cam_from_target.rotation;
     [(-r[(2, 0)]).atan2(r[(2, 2)]), r[(2, 1)].clamp(-1.0, 1.0).asin(), (-r[(0, 1)]).atan2(r[(1, 1)])]
 }
 
-/// Standard deviations of the rotation about the camera's x, y, z, radians, and of its place along them, metres.
+/// Returns the standard deviations of the rotation about the camera's x, y, z, radians, and of its position along them, metres.
 pub fn sigmas(covariance: &crate::core::Matrix6) -> ([f64; 3], [f64; 3]) {
     let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
     ([sigma(0), sigma(1), sigma(2)], [sigma(3), sigma(4), sigma(5)])
 }
 
-/// `0.5123 m ± 0.3 mm`: a length with its standard deviation, each in the unit that reads best.
+/// Writes a length with its standard deviation, each in the unit that fits best: `0.5123 m ± 0.3 mm`.
 pub fn with_sigma(value_m: f64, sigma_m: f64) -> String {
     let decimals = if 0.0 < sigma_m { (1.0 - sigma_m.log10().floor()).clamp(0.0, 6.0) as usize } else { 6 };
     format!("{value_m:.decimals$} m ± {}", length(sigma_m))
 }
 
-/// `+123.4 ± 0.2 mm`: a coordinate with its standard deviation in one unit.
+/// Writes a coordinate with its standard deviation in one unit: `+123.4 ± 0.2 mm`.
 pub fn coordinate(value_m: f64, sigma_m: f64) -> String {
     let (scale, unit) = if 10.0 <= value_m.abs() || 1.0 <= sigma_m { (1.0, "m") } else { (1e3, "mm") };
     let (value, sigma) = (value_m * scale, sigma_m * scale);
@@ -83,7 +83,7 @@ pub fn coordinate(value_m: f64, sigma_m: f64) -> String {
     format!("{value:+.decimals$} ± {sigma:.decimals$} {unit}")
 }
 
-/// A length in the unit that reads best: two figures when it is small.
+/// Writes a length in the unit that fits best: two figures when it is small.
 pub fn length(x_m: f64) -> String {
     let (value, unit) = match x_m.abs() {
         0.0 => (0.0, "mm"),
@@ -96,14 +96,14 @@ pub fn length(x_m: f64) -> String {
     format!("{value:.decimals$} {unit}")
 }
 
-/// `0.021°` from radians, two figures.
+/// Writes an angle, given in radians, in degrees with two figures: `0.021°`.
 pub fn degrees(angle_rad: f64) -> String {
     let degrees = angle_rad.to_degrees();
     let decimals = decimals(degrees.abs());
     format!("{degrees:.decimals$}°")
 }
 
-/// The rotation and the shift that the points show least, `0.8°` and `12 mm`, the weaker first.
+/// Describes the rotation and the shift that the points determine least, `0.8°` and `12 mm`, the weaker first.
 pub fn weakest(o: &Observability) -> String {
     let shift = format!("{}, ± {}", shift_words(&o.shift_axis), length(o.sigma_m));
     let turn = match o.sigma_rad {
@@ -129,7 +129,7 @@ fn shift_words(axis: &Axis) -> String {
     }
 }
 
-/// A rotation about an axis that lies rather across the sight tilts the target, one along it spins its image.
+/// Describes a rotation: about an axis across the line of sight it tilts the target, about one along it, it rotates the image.
 fn rotation_words(axis: &Axis) -> String {
     match axis {
         Axis::LineOfSight => "rotation about the line of sight".into(),
@@ -147,12 +147,12 @@ fn rotation_words(axis: &Axis) -> String {
     }
 }
 
-/// Two thirds of a right angle: from here an axis reads better by its direction in the image.
+/// From this angle to the line of sight on, an axis is described by its direction in the image: two thirds of a right angle.
 const ACROSS_RAD: f64 = std::f64::consts::FRAC_PI_3;
 
-/// A time to so many decimals of a second: `2026-05-28 20:26:40.25 UTC` where seconds since 1970 can be one of our days, else `12.35 s`.
+/// Writes a time with `decimals` of a second: `2026-05-28 20:26:40.25 UTC` if it is a plausible number of seconds since 1970, else `12.35 s`.
 pub fn moment(t_s: f64, decimals: usize) -> String {
-    // 1990 to 2200.
+    // The range from 1990 to 2200.
     if !(6.3e8..7.3e9).contains(&t_s) {
         return format!("{t_s:.decimals$} s");
     }
@@ -167,7 +167,7 @@ pub fn moment(t_s: f64, decimals: usize) -> String {
     format!("{year}-{month:02}-{day:02} {h:02}:{min:02}:{s:02}{fraction} UTC")
 }
 
-/// Year, month and day of a number of days since 1970, by the civil calendar's 400-year cycle.
+/// Returns year, month and day of a number of days since 1970, by the civil calendar's 400-year cycle.
 fn date(days: i64) -> (i64, i64, i64) {
     let shifted = days + 719_468;
     let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
@@ -178,7 +178,7 @@ fn date(days: i64) -> (i64, i64, i64) {
     (year + era * 400 + i64::from(month <= 2), month, of_year - (153 * m + 2) / 5 + 1)
 }
 
-/// `1 view`, `2 views`: how many of what, by its singular.
+/// Writes a number with a noun, given in the singular: `1 view`, `2 views`.
 pub fn counted(n: usize, what: &str) -> String {
     match n {
         1 => format!("1 {what}"),
@@ -186,7 +186,7 @@ pub fn counted(n: usize, what: &str) -> String {
     }
 }
 
-/// `27 %` of a probability; neither 0 nor 100 where it is not.
+/// Writes a probability as a percentage, such as `27 %`; 0 and 100 only where they are exact.
 pub fn percent(probability: f64) -> String {
     match 100.0 * probability {
         p if p < 1.0 => "< 1 %".into(),
@@ -195,7 +195,7 @@ pub fn percent(probability: f64) -> String {
     }
 }
 
-/// Decimals that show two figures of a standard deviation, at most 6.
+/// Returns the number of decimals that show two figures of a standard deviation, at most 6.
 pub fn decimals(sigma: f64) -> usize {
     if 0.0 < sigma && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize } else { 3 }
 }
@@ -274,7 +274,7 @@ mod tests {
         assert!((yaw - 0.5).abs() + (pitch + 0.4).abs() + (roll - 0.3).abs() < 1e-12);
     }
 
-    /// To first order: a motion of 1e-5 changes the translation by what its standard deviation says, to 1e-9.
+    /// To first order, a motion of 1e-5 changes the translation as its standard deviation states, to 1e-9.
     #[test]
     fn translation_sigma_is_that_of_small_motions() {
         let pose = Pose::exp(&Vector6::new(0.7, 0.1, -0.4, 0.3, 0.2, 2.0));
@@ -287,7 +287,7 @@ mod tests {
         }
     }
 
-    /// σ of the camera's position and distance are those of the places that small motions of one σ lead to.
+    /// σ of the camera's position and distance equal the changes under small motions of one σ.
     #[test]
     fn place_and_distance_sigmas_match_small_motions() {
         use crate::core::locate::{Config, locate};

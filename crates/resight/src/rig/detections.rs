@@ -1,4 +1,4 @@
-//! Points that a detector found already, from rows in memory or CSV files, gathered into frames.
+//! Collects detections, from rows in memory or CSV files, into frames.
 
 pub(crate) mod table;
 
@@ -14,39 +14,39 @@ use crate::report::words;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Sigma of a pixel where neither row nor request states one.
+/// Default standard deviation of a pixel, where neither row nor request states one.
 const ASSUMED_SIGMA_PX: f64 = 0.5;
-/// Squares of larger numbers, and their products, leave the range of numbers.
+/// Squares of larger numbers, and their products, overflow.
 const LARGEST: f64 = 1e60;
-/// Name of the only target where no row names one.
+/// Name of the only target, where no row states one.
 const NAMELESS: &str = "target";
 
-/// One point in one frame of one camera. `Default` leaves out what may be missing.
+/// One point in one frame of one camera. `Default` fills in the optional fields.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DetectionRow<'a> {
     /// Name of the camera.
     pub camera: &'a str,
-    /// Name of the frame: frames of one name are one view, unless times decide.
+    /// Name of the frame: frames of the same name are one view, unless times decide.
     pub view: &'a str,
     /// When the frame was taken, seconds, on a clock that all cameras share.
     pub t_s: Option<f64>,
-    /// Name of the target; none where there is one only.
+    /// Name of the target; `None` if there is only one.
     pub target: Option<&'a str>,
     /// The body that the target is mounted on: targets of one body move together.
     pub body: Option<&'a str>,
-    /// Which point of the target.
+    /// Identifier of the point in the target.
     pub id: Option<&'a str>,
-    /// Which corner of the tag `id`, counted from 0.
+    /// Index of the corner of the tag `id`, counted from 0.
     pub corner: Option<&'a str>,
-    /// The point's position in the target's frame, metres; none where the request's target has it.
+    /// Position of the point in the target's frame, metres; `None` if the request's target states it.
     pub position_m: Option<[f64; 3]>,
     /// `[u, v]`, pixels.
     pub image_px: [f64; 2],
-    /// Standard deviation of each image coordinate, pixels; none: that of [`Detections`].
+    /// Standard deviation of each image coordinate, pixels; by default that of [`Detections`].
     pub sigma_px: Option<f64>,
-    /// Standard deviation of the position along each axis, metres; none: that of the target.
+    /// Standard deviation of the position along each axis, metres; by default that of the target.
     pub sigma_m: Option<f64>,
-    /// Line of the file that the row comes from; none: rows are counted from 1.
+    /// Line of the file that the row comes from; by default the number of the row, counted from 1.
     pub line: Option<u64>,
 }
 
@@ -64,17 +64,17 @@ pub enum DetectionSource<'a> {
 pub struct Detections<'a> {
     /// The rows.
     pub source: DetectionSource<'a>,
-    /// Standard deviation of each image coordinate, pixels, where a row has none; none: 0.5 is assumed and remarked on.
+    /// Standard deviation of each image coordinate, pixels, for rows without one; by default 0.5, with a remark.
     pub sigma_px: Option<f64>,
 }
 
 impl<'a> Detections<'a> {
-    /// Of CSV files.
+    /// Reads detections from CSV files.
     pub fn files(paths: &'a [PathBuf]) -> Self {
         Detections { source: DetectionSource::Files(paths), sigma_px: None }
     }
 
-    /// Of rows in memory.
+    /// Takes detections from rows in memory.
     pub fn rows(rows: &'a [DetectionRow<'a>]) -> Self {
         Detections { source: DetectionSource::Rows(rows), sigma_px: None }
     }
@@ -92,24 +92,24 @@ impl RowFault {
     }
 }
 
-/// Turns rows into frames.
+/// Converts rows to frames.
 struct Reader<'a> {
     collected: &'a mut Collected,
     cameras: HashMap<String, usize>,
     targets: HashMap<String, usize>,
-    /// A target of each body that rows name.
+    /// One target of each body named in the rows.
     bodies: HashMap<String, usize>,
     /// Frames by camera and name.
     frames: HashMap<(usize, String), usize>,
     sigma_px: f64,
     assumes_sigma: bool,
-    /// The observations so far of each target in each frame.
+    /// The observations of each target in each frame.
     observed: HashMap<(usize, usize), Observations>,
     n_rows: usize,
     n_repeated: usize,
 }
 
-/// Turns detections into frames, and the targets that they name into `collected.targets`.
+/// Converts detections to frames, and adds the targets named in them to `collected.targets`.
 pub(crate) fn collect(detections: &Detections, collected: &mut Collected) -> Result<(), Error> {
     if let Some(sigma) = detections.sigma_px
         && !(0.0 < sigma && sigma <= LARGEST)
@@ -223,7 +223,7 @@ impl<'a> Reader<'a> {
         Ok(found)
     }
 
-    /// The frame of a row, its time checked against that of its earlier rows.
+    /// Returns the frame of a row, and checks that its time agrees with that of its earlier rows.
     fn frame(&mut self, row: &DetectionRow, camera: usize) -> Result<usize, RowFault> {
         let t_s = row.t_s.map(|t_s| checked(t_s, "t_s")).transpose()?;
         if row.view.is_empty() {
@@ -243,7 +243,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// From the row's own position where it states one, else from the target.
+    /// Returns the point: the row's own position where it states one, else that in the target.
     fn known(&self, row: &DetectionRow, target: usize, name: &str) -> Result<KnownPoint, RowFault> {
         if let Some(sigma_m) = row.sigma_m
             && !(0.0..=LARGEST).contains(&sigma_m)
@@ -286,7 +286,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A number that can be squared.
+/// Checks that a number can be squared.
 fn checked(x: f64, column: &'static str) -> Result<f64, RowFault> {
     if !x.is_finite() {
         return Err(RowFault::new(column, format!("is {x}; remove the row or correct it")));
@@ -298,7 +298,7 @@ fn checked(x: f64, column: &'static str) -> Result<f64, RowFault> {
     Ok(x)
 }
 
-/// `id`, with the corner of a tag; the line where there is no id.
+/// Returns the name of a point: `id`, with the corner of a tag; the line number where there is no id.
 fn point_name(row: &DetectionRow) -> String {
     match (row.id, row.corner) {
         (Some(id), Some(corner)) => format!("{id}.{corner}"),
@@ -307,7 +307,7 @@ fn point_name(row: &DetectionRow) -> String {
     }
 }
 
-/// The point of a target that `id` (and `corner`) name; named points go by their names.
+/// Returns the point of a target with this `id` (and `corner`); named points are found by their names.
 fn feature(target: &Target, row: &DetectionRow) -> Option<Feature> {
     let id = row.id?;
     let number = match target {

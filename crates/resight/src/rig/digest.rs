@@ -1,16 +1,16 @@
-//! SHA-256, which names the exact bytes an answer rests on.
+//! SHA-256 digests, which identify the exact files on which an answer depends.
 
 use crate::FileError;
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::Path;
 
-/// Of bytes, hexadecimal.
+/// Returns the digest of bytes, hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
     hexadecimal(Sha256::digest(bytes).as_slice())
 }
 
-/// Of a file, hexadecimal, read piece by piece.
+/// Returns the digest of a file, hexadecimal; reads it piece by piece.
 pub fn sha256_of_file(path: &Path) -> Result<String, FileError> {
     let failed = |e: std::io::Error| FileError::of_system(path, &e);
     let mut file = std::fs::File::open(path).map_err(failed)?;

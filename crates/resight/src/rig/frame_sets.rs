@@ -1,19 +1,19 @@
-//! Which frames were taken at the same time, by name or by time stamp: synchronised frame sets, the views of a rig.
+//! Finds frames that were taken at the same time, by name or by time stamp: synchronised frame sets, the views of a rig.
 
 use super::observed::Frame;
 use super::synchronise::{TimedFrame, by_time};
 use crate::error::Error;
 use std::collections::HashMap;
 
-/// How it went.
+/// The result of the matching.
 pub(super) struct FrameSets {
-    /// Frames that no other camera has a counterpart of.
+    /// Number of frames without a counterpart from another camera.
     pub n_alone: usize,
-    /// A remark on it.
+    /// Remarks about the matching.
     pub remarks: Vec<String>,
 }
 
-/// Gives the frames of one view one name: with a tolerance that of their time, else the name they have.
+/// Gives the frames of one view the same name: with a tolerance, the name of their time, otherwise their own.
 pub(super) fn name_views(frames: &mut [Frame], tolerance_s: Option<f64>) -> Result<FrameSets, Error> {
     let n_timed = frames.iter().filter(|frame| frame.t_s.is_some()).count();
     let mut remarks = Vec::new();

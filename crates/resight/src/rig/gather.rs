@@ -1,4 +1,4 @@
-//! The observations, in the canonical order of a [`NamedRig`].
+//! Brings observations into the canonical order of a [`NamedRig`].
 
 use super::names::natural;
 use super::{NamedRig, NamedTarget};
@@ -11,11 +11,11 @@ use std::collections::BTreeMap;
 /// The points of one target in one frame of one camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NamedObservation {
-    /// Which camera, index into the cameras given.
+    /// Index into the given cameras.
     pub camera: usize,
     /// Name of its view.
     pub view: String,
-    /// Which target, index into the targets given.
+    /// Index into the given targets.
     pub target: usize,
     /// Its points by name, in any order.
     pub points: Vec<(String, Correspondence)>,
@@ -24,17 +24,17 @@ pub struct NamedObservation {
 /// A rig, and the names of its indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gathered {
-    /// Ready for the solver.
+    /// The rig, as input of the solver.
     pub rig: NamedRig,
-    /// For each observation the view it was taken in (that of a target at rest is not the rig's view of it).
+    /// For each observation: the view in which it was taken (that of a target at rest is not the rig's view of it).
     pub taken_in: Vec<String>,
-    /// For each observation the names of its points.
+    /// For each observation: the names of its points.
     pub points: Vec<Vec<String>>,
     /// The view that holds all observations of the target at rest.
     pub world_view: Option<usize>,
 }
 
-/// An observation on its way: whose it is by the new numbers, and its points.
+/// An observation with its new indices, and its points.
 struct Found {
     view: usize,
     camera: usize,
@@ -43,10 +43,10 @@ struct Found {
     points: Vec<(String, Correspondence)>,
 }
 
-/// Everything by name: the same rig, to the bit, whatever order cameras, targets, observations and points come in.
+/// Sorts everything by name: the rig is the same, to the bit, for any order of cameras, targets, observations and points.
 ///
-/// Observations of one camera, view and target are joined; those without points are dropped. The target `world` stands still beside
-/// the cameras, so all its observations belong to one view of its own, after all others.
+/// Observations of the same camera, view and target are joined; those without points are dropped. The target `world` does not move relative to
+/// the cameras, so that all its observations form one view of its own, after all others.
 pub fn gather(
     cameras: Vec<NamedCamera>,
     targets: Vec<NamedTarget>,
@@ -101,7 +101,7 @@ impl Gathered {
     }
 }
 
-/// Sorted by name, and the new number of each old one.
+/// Returns the items sorted by name, and the new index of each old one.
 fn sorted<T>(items: Vec<T>, name: impl Fn(&T) -> &str) -> (Vec<T>, Vec<usize>) {
     let mut numbered: Vec<(usize, T)> = items.into_iter().enumerate().collect();
     numbered.sort_by(|a, b| natural(name(&a.1), name(&b.1)));
@@ -110,7 +110,7 @@ fn sorted<T>(items: Vec<T>, name: impl Fn(&T) -> &str) -> (Vec<T>, Vec<usize>) {
     (numbered.into_iter().map(|(_, item)| item).collect(), numbers)
 }
 
-/// Bodies numbered as their first targets come.
+/// Numbers the bodies in the order of their first targets.
 fn bodies_in_order(targets: Vec<NamedTarget>) -> Vec<NamedTarget> {
     let mut numbers = BTreeMap::new();
     let renumbered = targets.into_iter().map(|target| {
@@ -121,7 +121,7 @@ fn bodies_in_order(targets: Vec<NamedTarget>) -> Vec<NamedTarget> {
     renumbered.collect()
 }
 
-/// Views in order, and the number of each name; observations of the target at rest need none.
+/// Returns the views in order, and the index of each name; observations of the target at rest need none.
 fn view_numbers(seen: &[NamedObservation], world: Option<usize>) -> (Vec<String>, BTreeMap<String, usize>) {
     let moving = seen.iter().filter(|observation| Some(observation.target) != world);
     let mut views: Vec<String> = moving.map(|observation| observation.view.clone()).collect();
@@ -131,7 +131,7 @@ fn view_numbers(seen: &[NamedObservation], world: Option<usize>) -> (Vec<String>
     (views, numbers)
 }
 
-/// `world`, or as near to it as the other views leave free.
+/// Returns `world`, or a similar name that is not that of another view.
 fn unused_name(views: &[String]) -> String {
     let mut name = "world".to_string();
     while views.contains(&name) {
@@ -140,7 +140,7 @@ fn unused_name(views: &[String]) -> String {
     name
 }
 
-/// By view, camera, target and frame; the points of one frame joined and in order.
+/// Sorts by camera, view, target and frame; the points of one frame are joined and sorted.
 fn in_order(mut found: Vec<Found>) -> Vec<Found> {
     let key = |f: &Found| (f.view, f.camera, f.target);
     found.sort_by(|a, b| key(a).cmp(&key(b)).then_with(|| natural(&a.taken_in, &b.taken_in)));

@@ -1,4 +1,4 @@
-//! The mounting of a camera (or rig) from a robot's poses and the camera's observations: the job behind `resight hand-eye`.
+//! Solves for the mounting of a camera (or rig) from a robot's poses and the camera's observations: the job of `resight hand-eye`.
 
 use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
@@ -11,10 +11,10 @@ use crate::error::Error;
 use crate::report::rig::rig_verdict_sentence;
 use nalgebra::{DMatrix, DVector};
 
-/// The observations of a camera or rig while the robot moved.
+/// The observations of a camera or rig during the robot's motions.
 #[derive(Debug, Clone)]
 pub enum HandEyeViews {
-    /// Poses of the target found already, in the frame of one camera.
+    /// Known poses of the target in the frame of one camera.
     Poses(Vec<ViewPoses>),
     /// Points of one target; a rig of several cameras is solved first.
     Points(Box<ObservedRig>),
@@ -27,14 +27,14 @@ pub struct HandEyeRequest {
     pub robot: Vec<RobotPose>,
     /// The observations of the camera or rig.
     pub views: HandEyeViews,
-    /// What is on the gripper, and a coordinate of the camera that is known otherwise.
+    /// Whether camera or target is on the gripper, and coordinates of the camera that are known otherwise.
     pub config: HandEyeConfig,
 }
 
-/// The pose of a camera or rig on a robot or vehicle, and that of the target.
+/// Solves for the pose of a camera or rig on a robot or vehicle, and for that of the target.
 ///
-/// An answer without these poses has a status: `Degenerate` where the robot's motions do not determine them, `Inconsistent` where the
-/// views contradict each other, that of the rig where there is none, else `Error`.
+/// An answer without poses has a status: `Degenerate` where the robot's motions do not determine them, `Inconsistent` where the views contradict
+/// each other, the rig's own status where there is no rig, else `Error`.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -70,7 +70,7 @@ pub fn hand_eye(request: HandEyeRequest) -> Result<HandEyeAnswer, Error> {
     }
 }
 
-/// With points of one target; a rig that contradicts itself is no basis for a success.
+/// Solves from points of one target; if the rig contradicts itself, the answer is not a success.
 fn from_points(
     robot: Vec<RobotPose>,
     observed: ObservedRig,
@@ -102,7 +102,7 @@ fn from_points(
     Ok(answer(solution, named))
 }
 
-/// Hand–eye of a rig whose cameras are at known places in it.
+/// Solves the hand–eye calibration of a rig whose cameras have known poses in it.
 fn mounted(
     rig: &NamedRig,
     cam_from_rig: &[Pose],
@@ -116,7 +116,7 @@ fn mounted(
             camera: &rig.lenses[s.camera],
             cam_from_rig: cam_from_rig[s.camera],
             cam_from_rig_covariance: None,
-            // One error for all views: `lens_share` adds it once, at the end.
+            // The error is common to all views: `lens_share` adds it once, at the end.
             intrinsics_covariance: None,
             seen: &s.seen,
         });
@@ -127,8 +127,8 @@ fn mounted(
     solve_hand_eye(&views, config)
 }
 
-/// What the uncertain intrinsics of each camera add, docs/math/hand_eye.md eq. (28): the rig and its mounting are found again through other
-/// lenses of it.
+/// Returns the contribution of each camera's uncertain intrinsics, docs/math/hand_eye.md eq. (28): the rig and its mounting are solved again
+/// with other lenses.
 fn lens_share(
     found: &HandEye,
     observed: &ObservedRig,
@@ -152,7 +152,7 @@ fn lens_share(
     sum
 }
 
-/// The same points through another lens of one camera; none where one of them lies beyond its field.
+/// Returns the same points as seen through another lens of one camera; `None` where one of them is outside its field.
 fn through(observed: &ObservedRig, camera: usize, lens: &Camera) -> Option<ObservedRig> {
     let mut again = observed.clone();
     let rig = &mut again.gathered.rig;
@@ -163,12 +163,12 @@ fn through(observed: &ObservedRig, camera: usize, lens: &Camera) -> Option<Obser
             *c = Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c };
         }
     }
-    // What a lens does to the places needs no covariance of them.
+    // The effect of a lens on the poses needs no covariance of them.
     rig.cameras.iter_mut().for_each(|camera| camera.intrinsics_covariance = None);
     Some(again)
 }
 
-/// The cameras' poses in their rig, and what contradicts in it; a single camera is its own rig.
+/// Returns the cameras' poses in their rig, and what contradicts in it; a single camera is its own rig.
 fn cameras(observed: ObservedRig) -> Result<(Vec<Pose>, Option<String>), Unsolved> {
     if let [_] = &observed.gathered.rig.cameras[..] {
         return Ok((vec![Pose::identity()], None));

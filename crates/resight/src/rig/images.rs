@@ -1,4 +1,4 @@
-//! Targets found in images and videos, gathered into frames.
+//! Detects targets in images and videos, and collects them into frames.
 
 mod times;
 mod views;
@@ -36,18 +36,18 @@ enum ImageSource {
 }
 
 impl CameraImage {
-    /// The image or the video of a file. Images of one name, without its ending, are one view.
+    /// Takes the image or the video of a file. Images of the same name, without the extension, are one view.
     pub fn file(camera: impl Into<String>, path: impl Into<PathBuf>) -> Self {
         CameraImage { camera: camera.into(), frame: ImageSource::File { path: path.into(), pattern: None } }
     }
 
-    /// The same of a file that a pattern matches: what its wildcards stand for names the view where the cameras' file names differ.
+    /// Takes a file that matches a pattern: where the cameras' file names differ, the text matched by the wildcards is the name of the view.
     pub fn matched(camera: impl Into<String>, path: impl Into<PathBuf>, pattern: impl Into<String>) -> Self {
         let frame = ImageSource::File { path: path.into(), pattern: Some(pattern.into()) };
         CameraImage { camera: camera.into(), frame }
     }
 
-    /// An image in memory; images of one `view` are one view.
+    /// Takes an image in memory; images of the same `view` are one view.
     pub fn in_memory(camera: impl Into<String>, view: impl Into<String>, image: GrayImage) -> Self {
         CameraImage { camera: camera.into(), frame: ImageSource::Memory { view: view.into(), image } }
     }
@@ -56,19 +56,19 @@ impl CameraImage {
 /// The images with their times, and the settings of the detectors.
 #[derive(Debug, Clone, Default)]
 pub struct ImageOptions {
-    /// When each frame was taken; none: names alone say which frames are one view.
+    /// The time of each frame; `None` if only names decide which frames are one view.
     pub times: Option<FrameTimes>,
-    /// The refinement of corners of chessboards and ChArUco boards.
+    /// The window in which corners of chessboards and ChArUco boards are refined.
     pub corner_window: CornerWindow,
 }
 
-/// Why a frame is left out whose size differs.
+/// The reason for leaving out a frame of another size.
 pub(crate) const OTHER_SIZE: &str = "its size is not that of the camera's other frames";
 
 /// A camera and its video file.
 type CameraVideo = (usize, PathBuf);
 
-/// A frame to look at.
+/// A frame to search.
 struct Job<'a> {
     camera: usize,
     name: String,
@@ -82,7 +82,7 @@ enum Pixels<'a> {
 }
 
 impl Pixels<'_> {
-    /// The image, or why it cannot be read.
+    /// Returns the image, or why it cannot be read.
     fn read(&self) -> Result<Cow<'_, GrayImage>, String> {
         match self {
             Pixels::Given(image) => Ok(Cow::Borrowed(image)),
@@ -91,7 +91,7 @@ impl Pixels<'_> {
         }
     }
 
-    /// The same for later: a file is read again.
+    /// Returns the pixels for later use: a file will be read again.
     fn kept(&self) -> Pixels<'static> {
         match self {
             Pixels::Given(image) => Pixels::Decoded((*image).clone()),
@@ -101,24 +101,24 @@ impl Pixels<'_> {
     }
 }
 
-/// What was found in one frame.
+/// The detections in one frame.
 struct FrameResult {
     camera: usize,
     name: String,
     found: Result<FoundTargets, String>,
 }
 
-/// Targets in an image of a certain size.
+/// The targets in an image of a certain size.
 struct FoundTargets {
-    /// The camera at the image's size.
+    /// The camera, scaled to the size of the image.
     lens: Camera,
     targets: Vec<(usize, Vec<(String, Correspondence)>)>,
     skipped: Vec<(String, String)>,
-    /// Why targets could not be distinguished, such as several copies in view.
+    /// Why targets are not unique, such as several copies in view.
     failed: Vec<String>,
 }
 
-/// Looks for every target in every frame.
+/// Searches every frame for every target.
 pub(crate) fn collect(
     images: &[CameraImage],
     options: &ImageOptions,
@@ -145,7 +145,7 @@ pub(crate) fn collect(
     options.times.as_ref().map_or(Ok(()), |times| times.stamp(collected))
 }
 
-/// Images in the order of cameras and views, and videos; a video belongs to one camera.
+/// Sorts images by camera and view, and separates videos, of which a camera has one.
 fn jobs<'a>(
     images: &'a [CameraImage],
     options: &ImageOptions,
@@ -185,7 +185,7 @@ fn jobs<'a>(
 }
 
 impl CameraImage {
-    /// As the command line has it.
+    /// Returns the name used in the command line.
     fn given_as(&self) -> String {
         match &self.frame {
             ImageSource::File { path, pattern: None } => format!("{}={}", self.camera, path.display()),
@@ -208,18 +208,18 @@ fn one_video_each(videos: &mut [CameraVideo], names: &[String]) -> Result<(), Er
     }
 }
 
-/// The search for targets, and its results.
+/// The search for targets, with its results.
 struct Search<'a> {
     options: &'a ImageOptions,
-    /// Each camera at the size of its images, once one was looked at.
+    /// Each camera, scaled to the size of its images, once one was read.
     lenses: Vec<Option<Camera>>,
-    /// Of each camera the first frame that shows no target, and its place in `left_out`.
+    /// For each camera: the first frame that shows no target, and its index in `left_out`.
     without: Vec<Option<(usize, Pixels<'static>)>>,
     collected: &'a mut Collected,
 }
 
 impl Search<'_> {
-    /// Frames of a video, a block at a time: memory stays bounded.
+    /// Searches the frames of a video block by block, so that memory stays bounded.
     fn video(&mut self, camera: usize, path: &Path) -> Result<(), Error> {
         let mut frames = Video::open(path)?.enumerate();
         let size = 4 * rayon::current_num_threads();
@@ -237,7 +237,7 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Looks for every target in a list of frames, on all cores.
+    /// Searches a list of frames for every target, on all cores.
     fn frames(&mut self, jobs: &[Job]) -> Result<(), Error> {
         let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
         let cameras: Vec<Camera> = self.collected.cameras.iter().map(|c| c.camera.clone()).collect();
@@ -257,7 +257,7 @@ impl Search<'_> {
         })
     }
 
-    /// Files what a frame shows; all frames of a camera must have one size.
+    /// Stores the results of a frame; all frames of a camera must have one size.
     fn take(&mut self, result: FrameResult, image: &Pixels) {
         let FrameResult { camera, name, found } = result;
         let found = match found {
@@ -283,7 +283,7 @@ impl Search<'_> {
         self.collected.frames.push(Frame { camera, name, t_s: None, targets: found.targets });
     }
 
-    /// Explains, for each camera that saw nothing at all, what its first frame shows instead, in the words of every command that looks for targets.
+    /// For each camera that observed no target, explains what its first frame shows instead, in the same words as other commands.
     fn explain(&mut self) {
         let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
         for (camera, without) in std::mem::take(&mut self.without).into_iter().enumerate() {
@@ -303,7 +303,7 @@ impl Search<'_> {
     }
 }
 
-/// The next so many; none at the end. A block in which nothing could be decoded is not the end.
+/// Returns the next block of frames; `None` at the end. A block in which nothing could be decoded is not the end.
 fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>> {
     let block: Vec<T> = frames.take(size).collect();
     (!block.is_empty()).then_some(block)
@@ -361,7 +361,7 @@ fn feature_name(target: &Target, feature: Feature) -> String {
 mod tests {
     use super::*;
 
-    /// Eight damaged frames in a row are a whole block; what follows them belongs to the video all the same.
+    /// Eight damaged frames in succession are a whole block; the frames after them still belong to the video.
     #[test]
     fn a_block_of_damaged_frames_is_not_the_end() {
         let mut frames = (0..21).map(|i| if (4..14).contains(&i) { Err(i) } else { Ok(i) });

@@ -1,4 +1,4 @@
-//! From images or detections to a rig: the jobs behind `resight rig`.
+//! Solves for a rig from images or detections: the jobs of `resight rig`.
 
 use super::detections::{self, Detections};
 use super::frame_sets::{FrameSets, name_views};
@@ -15,7 +15,7 @@ use crate::error::Error;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// The rig of cameras from images or videos of targets that they see together.
+/// Solves for the rig of cameras from images or videos of targets that they observe together.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -34,12 +34,12 @@ use std::path::{Path, PathBuf};
 /// # }
 /// ```
 ///
-/// An answer without a rig has a status: `NotConnected` where no chain of shared views joins the cameras, `Error` where they do not
-/// determine it.
+/// An answer without a rig has a status: `NotConnected` where no chain of shared views connects the cameras, `Error` where they do not determine
+/// it.
 ///
 /// # Errors
-/// A file that cannot be read, a target that cannot be detected, a request that names what is not there or lacks something. An image
-/// that cannot be used is left out, and the answer names it.
+/// A file that cannot be read, a target that cannot be detected, a request that is incomplete or names something unknown. An image that cannot
+/// be used is left out, and the answer names it.
 pub fn rig_from_images(
     images: &[CameraImage],
     options: &ImageOptions,
@@ -48,7 +48,7 @@ pub fn rig_from_images(
     Ok(ObservedRig::from_images(images, options, request)?.solve())
 }
 
-/// The rig of cameras from points that a detector found in their images already.
+/// Solves for the rig of cameras from points that were already detected in their images.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -66,19 +66,19 @@ pub fn rig_from_images(
 /// ```
 ///
 /// # Errors
-/// As of [`rig_from_images`]; a row that no mathematics can be done with.
+/// The errors of [`rig_from_images`]; a row with numbers that cannot be used.
 pub fn rig_from_detections(detections: &Detections, request: &RigRequest) -> Result<RigAnswer, Error> {
     Ok(ObservedRig::from_detections(detections, request)?.solve())
 }
 
-/// Cameras, targets and what was observed, checked and in canonical order: ready to be solved.
+/// Cameras, targets and observations, checked and in canonical order: the input of the solver.
 #[derive(Debug, Clone)]
 pub struct ObservedRig {
     /// The observations by camera, view and target.
     pub gathered: Gathered,
-    /// Observations that took no part from the beginning.
+    /// Observations that never took part, with the reasons.
     pub left_out: Vec<LeftOut>,
-    /// Frames that no other camera has a counterpart of.
+    /// Number of frames without a counterpart from another camera.
     pub n_alone: usize,
     /// Remarks on files and observations.
     pub remarks: Vec<String>,
@@ -87,15 +87,15 @@ pub struct ObservedRig {
     inputs: Vec<InputFile>,
     command: Option<String>,
     joint_covariance: bool,
-    /// Whether names say which frames were taken at one time; times do otherwise.
+    /// Whether frames taken at the same time are matched by name, rather than by time.
     is_named: bool,
 }
 
 impl ObservedRig {
-    /// Looks for the request's targets in images and videos, on all cores.
+    /// Searches images and videos for the request's targets, on all cores.
     ///
     /// # Errors
-    /// As of [`rig_from_images`].
+    /// The errors of [`rig_from_images`].
     pub fn from_images(
         images: &[CameraImage],
         options: &ImageOptions,
@@ -106,10 +106,10 @@ impl ObservedRig {
         Self::of(collected, request)
     }
 
-    /// Takes points that a detector found.
+    /// Takes points that were already detected.
     ///
     /// # Errors
-    /// As of [`rig_from_detections`].
+    /// The errors of [`rig_from_detections`].
     pub fn from_detections(detections: &Detections, request: &RigRequest) -> Result<Self, Error> {
         let mut collected = Collected::new(request)?;
         detections::collect(detections, &mut collected)?;
@@ -142,7 +142,7 @@ impl ObservedRig {
         })
     }
 
-    /// Checks that shared views join the cameras, then solves.
+    /// Checks that shared views connect the cameras, then solves.
     pub fn solve(self) -> RigAnswer {
         let shared = shared_views(&self.gathered.rig.problem());
         if 1 < shared.groups.len() {
@@ -163,7 +163,7 @@ impl ObservedRig {
         let Gathered { rig, taken_in, points, world_view } = self.gathered;
         let intrinsics: Vec<_> =
             rig.cameras.iter().map(|camera| camera.intrinsics_covariance.clone()).collect();
-        // Poses between two cameras need what all have in common.
+        // Poses between two cameras need the joint covariance.
         let config = RigConfig {
             reference: self.reference,
             joint_covariance: true,
@@ -194,8 +194,8 @@ impl ObservedRig {
     }
 }
 
-/// What the printed scales leave open of all lengths together, docs/math/printed_scale.md eq. (6); of several prints the largest, as if all were
-/// wrong alike.
+/// Returns the common uncertainty of all lengths that the printed scales leave, docs/math/printed_scale.md eq. (6); for several prints the
+/// largest, as if all had the same error.
 fn scale_sigma(targets: &[NamedTarget]) -> f64 {
     let of_target = |target: &NamedTarget| {
         let [x, y] = target.target.as_ref()?.printed_scale()?.relative_sigma();
@@ -208,7 +208,7 @@ fn camera_names(rig: &NamedRig) -> Vec<String> {
     rig.cameras.iter().map(|camera| camera.name.clone()).collect()
 }
 
-/// Each file once, in order of its path, with its digest.
+/// Lists each file once, sorted by path, with its digest.
 fn inputs(files: &[PathBuf]) -> Result<Vec<InputFile>, Error> {
     let mut files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     files.sort();
@@ -219,7 +219,7 @@ fn inputs(files: &[PathBuf]) -> Result<Vec<InputFile>, Error> {
     files.into_iter().map(digest).collect()
 }
 
-/// A refusal of the solver, with names for numbers.
+/// Describes an error of the solver with names instead of indices.
 fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> String {
     let camera = |i: usize| rig.cameras[i].name.as_str();
     let target = |i: usize| rig.targets[i].name.as_str();
@@ -257,7 +257,7 @@ fn in_names(reason: &MathError, rig: &NamedRig, points: &[Vec<String>]) -> Strin
     }
 }
 
-/// That no view of one camera is one of a camera of another group by name, as where files or rows are named after their camera.
+/// Explains that cameras of different groups have no view names in common, as where files or rows are named after their camera.
 fn views_apart(shared: &SharedViews, rig: &NamedRig) -> Option<String> {
     let mut seeing = shared
         .groups
@@ -277,7 +277,7 @@ fn views_apart(shared: &SharedViews, rig: &NamedRig) -> Option<String> {
     })
 }
 
-/// Groups of cameras that no chain of shared views joins.
+/// Returns the answer for groups of cameras that no chain of shared views connects.
 fn not_connected(shared: &SharedViews, rig: &NamedRig, is_named: bool, left_out: &[LeftOut]) -> Unsolved {
     let names = camera_names(rig);
     let of_group = |group: &Vec<usize>| group.iter().map(|camera| names[*camera].clone()).collect();

@@ -1,8 +1,8 @@
-//! The order of names: as a person lists them, `cam2` before `cam10`, and the same for any order they came in.
+//! Sorts names naturally, `cam2` before `cam10`, and equally for any order of the input.
 
 use std::cmp::Ordering;
 
-/// Runs of digits by their value, everything else by its letters; names that differ in leading zeros only, by their text.
+/// Compares runs of digits by value, everything else by characters; names that differ only in leading zeros, by their text.
 pub fn natural(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a, b);
     loop {
@@ -23,7 +23,7 @@ pub fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// The leading digits without their zeros, and what follows.
+/// Returns the leading digits without zeros, and the rest.
 fn digits(text: &str) -> (&str, &str) {
     let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
     (text[..end].trim_start_matches('0'), &text[end..])
@@ -40,7 +40,7 @@ mod tests {
         assert_eq!(names, ["", "a3", "a3x", "a03y", "b", "cam", "cam02", "cam2", "cam10", "ü1"]);
     }
 
-    /// A total order, or sorting would depend on the order things came in.
+    /// The order is total; otherwise the result of sorting would depend on the order of the input.
     #[test]
     fn only_equal_names_are_equal() {
         let names = ["1", "01", "001", "1a", "01a", "a", "a0", "a00", "a1"];

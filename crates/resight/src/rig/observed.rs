@@ -9,23 +9,23 @@ use crate::formats::NamedCamera;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Why a frame takes no part that shows no target; of the first frame of a camera that saw none it is said what is there instead.
+/// The reason for leaving out a frame without a target; for the first frame of a camera that observed none, what it shows instead is added.
 pub(super) const NO_TARGET: &str = "no target in this image";
 
-/// The observations of one frame.
+/// The observations in one frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Frame {
-    /// Index into the cameras given.
+    /// Index into the given cameras.
     pub camera: usize,
-    /// Its view, or the number of the frame.
+    /// Its view, or the index of the frame.
     pub name: String,
     /// When it was taken.
     pub t_s: Option<f64>,
-    /// Targets (index into those given) and their points.
+    /// The targets (indices into those given) and their points.
     pub targets: Vec<(usize, Vec<(String, Correspondence)>)>,
 }
 
-/// Something that took no part, and why.
+/// An input that took no part, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
     /// Name of the camera.
@@ -38,11 +38,11 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// All that was observed.
+/// All observations.
 #[derive(Debug)]
 pub(crate) struct Collected {
     pub cameras: Vec<NamedCamera>,
-    /// Whether their intrinsics are known; where those are sought, detectors look without a lens.
+    /// Whether the intrinsics are known; where they are to be estimated, detectors work without a lens.
     pub knows_lenses: bool,
     pub targets: Vec<NamedTarget>,
     pub frames: Vec<Frame>,
@@ -52,7 +52,7 @@ pub(crate) struct Collected {
 }
 
 impl Collected {
-    /// Nothing observed yet.
+    /// Starts without observations.
     pub fn new(request: &RigRequest) -> Result<Self, Error> {
         request.check()?;
         Ok(Collected {
@@ -66,13 +66,13 @@ impl Collected {
         })
     }
 
-    /// What the first frame of a camera shows instead of a target, where the camera saw none.
+    /// Returns what the first frame of a camera shows instead of a target, if the camera observed none.
     pub fn explanation(left_out: &[LeftOut], camera: &str) -> Option<String> {
         let of_frame = left_out.iter().filter(|one| one.camera == camera && one.what == "frame");
         of_frame.map(|one| &one.reason).find(|reason| *reason != NO_TARGET).cloned()
     }
 
-    /// Two points of one name in one frame: one of them is mislabelled, and nobody can say which.
+    /// Refuses two points of the same name in one frame: one of them is mislabelled, and it is unknown which.
     pub fn check_duplicates(&self) -> Result<(), Error> {
         for frame in &self.frames {
             for (target, points) in &frame.targets {
@@ -92,7 +92,7 @@ impl Collected {
         Ok(())
     }
 
-    /// Two cameras that show every point they share in the same pixel, to the last digit, are one: their images were given twice.
+    /// Refuses two cameras with every shared point at the same pixel, in all digits: the same images were given twice.
     pub fn check_copies(&self) -> Result<(), Error> {
         let mut by_camera: Vec<BTreeMap<Seen<'_>, &Pixel>> = vec![BTreeMap::new(); self.cameras.len()];
         for frame in &self.frames {
@@ -121,13 +121,13 @@ impl Collected {
     }
 }
 
-/// Fewer points may be in the same pixels by chance, where pixels are whole numbers.
+/// With fewer points, equal pixels may be a coincidence, where pixels are whole numbers.
 const LEAST_SHARED: usize = 4;
 
-/// A point of a target in a view: the names of view and point, and which target.
+/// A point of a target in a view: the names of view and point, and the index of the target.
 type Seen<'a> = (&'a str, usize, &'a str);
 
-/// Frames target by target, as they are gathered.
+/// Splits frames by target, as input of the sorting.
 pub(super) fn observations(frames: Vec<Frame>) -> Vec<NamedObservation> {
     let of_frame = |frame: Frame| {
         let Frame { camera, name, targets, .. } = frame;

@@ -1,4 +1,4 @@
-//! Relative poses of pairs of cameras: our own CSV, and Caliscope's stereograph JSON.
+//! Reads relative poses of pairs of cameras: our own CSV, and Caliscope's stereograph JSON.
 //!
 //! ```text
 //! a,b,qw,qx,qy,qz,x_m,y_m,z_m,sigma_deg,sigma_mm     x_in_b = b_from_a · x_in_a; or a column rmse instead of the sigmas, or neither
@@ -15,12 +15,12 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Pairs of cameras, read.
+/// Pairs of cameras from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairFile {
-    /// The cameras' names as a person lists them: the pairs' indices count in this order.
+    /// The cameras' names in natural order; the pairs' indices refer to it.
     pub cameras: Vec<String>,
-    /// In the order of the file.
+    /// The pairs, in the order of the file.
     pub pairs: Vec<RelativePose>,
 }
 
@@ -32,7 +32,7 @@ struct Row {
     noise: PairNoise,
 }
 
-/// A quaternion is unit to this, or it is none: six digits leave 1e-6, a typing error far more.
+/// Largest deviation of a quaternion from unit length: six digits leave 1e-6, a typing error far more.
 const MAX_LENGTH_DEFECT: f64 = 1e-3;
 /// Largest entry of RᵀR − 1 of a rotation matrix.
 const MAX_ROTATION_DEFECT: f64 = 1e-5;
@@ -40,16 +40,16 @@ const MAX_ROTATION_DEFECT: f64 = 1e-5;
 /// Reads pairs, recognising the format by its first character.
 ///
 /// # Errors
-/// With line or key: columns that are missing, a quaternion whose order is not named or that is not unit, numbers that are none.
+/// With line or key: missing columns, a quaternion whose order is not stated or that is not unit, invalid numbers.
 pub fn read_pairs(path: &Path) -> Result<PairFile, FileError> {
     let bytes = crate::input::read(path, crate::input::Kind::Literal)?;
     pairs_from_bytes(path, &bytes)
 }
 
-/// As `read_pairs`, from bytes in memory; `path` serves messages only.
+/// Reads as `read_pairs`, from bytes in memory; `path` is used in messages only.
 ///
 /// # Errors
-/// As `read_pairs`.
+/// The errors of `read_pairs`.
 pub fn pairs_from_bytes(path: &Path, bytes: &[u8]) -> Result<PairFile, FileError> {
     let text = std::str::from_utf8(bytes).map_err(|_| FileError::new(path, "not UTF-8 text"))?;
     let text = text.trim_start_matches('\u{feff}');
@@ -171,10 +171,10 @@ fn positive(name: &str, x: f64) -> Result<f64, String> {
     if 0.0 < x { Ok(x) } else { Err(format!("column `{name}` is {x}; it must be positive")) }
 }
 
-/// From `[qw, qx, qy, qz, x_m, y_m, z_m]`.
+/// Converts `[qw, qx, qy, qz, x_m, y_m, z_m]` to a pose.
 ///
 /// # Errors
-/// A quaternion that is not unit to three digits, in words.
+/// A sentence, for a quaternion that is not unit to three digits.
 pub fn pose_from_numbers(v: &[f64; 7]) -> Result<Pose, String> {
     let [w, x, y, z, ..] = *v;
     let length = (w * w + x * x + y * y + z * z).sqrt();
@@ -184,13 +184,13 @@ pub fn pose_from_numbers(v: &[f64; 7]) -> Result<Pose, String> {
     Ok(Pose::from_quaternion_wxyz([w, x, y, z], Vector3::new(v[4], v[5], v[6])))
 }
 
-/// One standard deviation for every turn and one for every shift, squared.
+/// Returns the covariance with one standard deviation for all rotations and one for all shifts.
 pub fn isotropic(sigma_rad: f64, sigma_m: f64) -> Matrix6 {
     let (r, t) = (sigma_rad * sigma_rad, sigma_m * sigma_m);
     Matrix6::from_diagonal(&Vector6::new(r, r, r, t, t, t))
 }
 
-/// As Caliscope writes a pair.
+/// A pair as Caliscope writes it.
 #[derive(Deserialize)]
 struct StereoPair {
     rotation: [[f64; 3]; 3],
@@ -199,7 +199,7 @@ struct StereoPair {
     rmse: Option<f64>,
 }
 
-/// A list, or a column.
+/// A translation, written as a list or as a column.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Translation {
@@ -235,7 +235,7 @@ fn stereo_pair(key: &str, value: serde_json::Value) -> Result<Row, String> {
     Ok(Row { a, b, b_from_a: Pose::new(r, Vector3::from(t)), noise: PairNoise::Error(rmse) })
 }
 
-/// `stereo_1_10`; names with underscores come in two halves of as many words.
+/// Splits `stereo_1_10`; names with underscores are split into halves with equal numbers of words.
 fn names(key: &str) -> Option<(String, String)> {
     let words: Vec<&str> = key.strip_prefix("stereo_")?.split('_').collect();
     let (a, b) = words.split_at_checked(words.len() / 2).filter(|_| words.len().is_multiple_of(2))?;

@@ -1,39 +1,39 @@
-//! The poses of a file's cameras in one frame, however the file chains them.
+//! Computes the poses of a file's cameras in one frame, however the file chains them.
 
 use crate::core::temporal::compare::{Correlation, RigPoses};
 use crate::core::{Matrix6, Pose};
 use crate::formats::{NamedCamera, Placement};
 use nalgebra::DMatrix;
 
-/// A camera's position in the frame that a file's cameras have in common.
+/// A camera with its pose in the common frame of a file's cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedCamera {
     /// Its name.
     pub name: String,
     /// x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
-    /// 6×6 covariance of its small left motion, camera frame; zero where the camera's frame is the common one; none where the
-    /// file states none for a pose on the way.
+    /// 6×6 covariance of its small left motion, camera frame; zero where the camera's frame is the common one; `None` where the file states none
+    /// for a pose in the chain.
     pub covariance: Option<Matrix6>,
 }
 
-/// Cameras in one frame, as one calibration has them.
+/// The cameras of one calibration in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedRig {
-    /// Their places.
+    /// The cameras with their poses.
     pub cameras: Vec<PlacedCamera>,
-    /// Covariance of all together, 6 rows a camera in their order, where it is known.
+    /// Joint covariance, 6 rows per camera in their order, where it is known.
     pub joint: Option<DMatrix<f64>>,
-    /// Where the noise behind the covariances was estimated along: from how many redundant numbers.
+    /// Degrees of freedom of the noise, where it was estimated together with the covariances.
     pub noise_degrees_of_freedom: Option<f64>,
 }
 
 impl PlacedRig {
-    /// With the covariance of all cameras together: `rows` of `names` in their own order.
+    /// Sets the joint covariance; the rows are in the order of `names`.
     ///
     /// # Errors
-    /// A sentence, when an uncertain camera is missing in `names`, the rows are not six numbers a camera, all finite, or they contradict
-    /// the covariance of a camera alone.
+    /// A sentence, when an uncertain camera is missing in `names`, when the matrix does not have six rows per camera, all finite, or when it
+    /// contradicts the covariance of a single camera.
     pub fn with_joint(
         cameras: Vec<PlacedCamera>,
         names: &[String],
@@ -73,9 +73,9 @@ impl PlacedRig {
         Ok(PlacedRig { cameras, joint: Some(joint), noise_degrees_of_freedom: None })
     }
 
-    /// These cameras in this order, as `compare_rigs` takes them. Without a joint covariance the correlations of a file's own covariances
-    /// are unknown; cameras of a file that states none get `stated`, independent of each other. None where neither is there, or a camera
-    /// of that name.
+    /// Returns these cameras in this order, as input of `compare_rigs`. Without a joint covariance the correlations of a file's own covariances
+    /// are unknown; cameras of a file that states none get `stated`, independent of each other. `None` where there is neither, or no camera of a
+    /// name.
     pub fn places(&self, names: &[String], stated: Option<&Matrix6>) -> Option<RigPoses> {
         let at = |name: &String| self.cameras.iter().position(|camera| camera.name == *name);
         let order: Vec<usize> = names.iter().map(at).collect::<Option<_>>()?;
@@ -98,29 +98,29 @@ impl PlacedRig {
         Some(RigPoses { cam_from_rig, covariance, correlation, noise_degrees_of_freedom })
     }
 
-    /// Whether every camera has a covariance: a file may give it for some of them only.
+    /// Returns whether every camera has a covariance: a file may state it for some of them only.
     pub fn has_covariances(&self) -> bool {
         self.cameras.iter().all(|camera| camera.covariance.is_some())
     }
 }
 
-/// A frame that has been reached: frame_from_rig, and its covariance.
+/// A frame that was reached, with frame_from_rig and its covariance.
 type Reached = (String, Pose, Option<Matrix6>);
 
-/// The cameras' places in the frame that the first placement maps from. Poses of a chain count as independent.
+/// Computes the cameras' poses in the frame from which the first placement maps. Poses in a chain are assumed to be independent.
 ///
 /// # Errors
-/// A sentence, when no pose is stated or a camera is joined to the others by none.
+/// A sentence, when no pose is stated or a camera is not connected to the others.
 pub fn placed(cameras: &[NamedCamera]) -> Result<Vec<PlacedCamera>, String> {
     let placements: Vec<&Placement> = cameras.iter().filter_map(|camera| camera.placement.as_ref()).collect();
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
     placed_among(&names, &placements)
 }
 
-/// The places of the frames that poses alone state, as `pose-graph` writes them without lenses, in the frame that the first one maps from.
+/// Computes the poses of frames that a file states without lenses, as `pose-graph` writes them, in the frame from which the first one maps.
 ///
 /// # Errors
-/// A sentence, when no pose is stated or a frame is joined to the others by none.
+/// A sentence, when no pose is stated or a frame is not connected to the others.
 pub fn placed_frames(relations: &[Placement]) -> Result<Vec<PlacedCamera>, String> {
     let mut names: Vec<&str> = Vec::new();
     for name in relations.iter().map(|relation| relation.b.as_str()) {
@@ -145,7 +145,7 @@ fn placed_among(names: &[&str], placements: &[&Placement]) -> Result<Vec<PlacedC
     names.iter().map(place).collect()
 }
 
-/// Every frame that placements join to the root, nearest first.
+/// Returns every frame that placements connect to the root, nearest first.
 fn reach(root: &str, placements: &[&Placement]) -> Vec<Reached> {
     let mut reached = vec![(root.to_owned(), Pose::identity(), Some(Matrix6::zeros()))];
     let mut next = 0;

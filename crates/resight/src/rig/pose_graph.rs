@@ -1,4 +1,4 @@
-//! From relative poses of pairs of cameras to a rig: the job behind `resight pose-graph`.
+//! Solves for a rig from relative poses of pairs of cameras: the job of `resight pose-graph`.
 
 use super::pairs::PairFile;
 use super::request::number_of;
@@ -9,33 +9,33 @@ use crate::core::multiview::pose_graph::{
 };
 use crate::error::Error;
 
-/// How the cameras are found from pairs of them.
+/// How the cameras' poses are computed from pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PoseGraphMethod {
-    /// All pairs weighed together; pairs that contradict the others are named.
+    /// All pairs are adjusted together; pairs that contradict the others are named.
     #[default]
     Joint,
-    /// Every camera by the chain of pairs whose errors add up to least; nothing is checked.
+    /// Every camera is placed by the chain of pairs with the smallest sum of errors; nothing is checked.
     Chain,
 }
 
-/// Relative poses of pairs of cameras, and how they are put together.
+/// Relative poses of pairs of cameras, and how they are combined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseGraphRequest {
     /// The cameras' names and their pairs, as [`super::pairs::read_pairs`] reads them.
     pub pairs: PairFile,
-    /// The camera whose frame is the rig's; none: the first.
+    /// The camera whose frame is the frame of the rig; by default the first.
     pub reference: Option<String>,
-    /// How they are put together.
+    /// How the pairs are combined.
     pub method: PoseGraphMethod,
-    /// Standard deviations of a pair of median error; none: estimated from how well loops of pairs close.
+    /// Standard deviations of a pair of median error; by default estimated from the closure errors of loops.
     pub median_sigma: Option<PairSigma>,
     /// Whether the answer's JSON holds the covariance of all cameras together, which grows with the square of their number.
     pub joint_covariance: bool,
 }
 
 impl PoseGraphRequest {
-    /// All pairs together, the first camera as the reference.
+    /// Creates a request for the joint adjustment of all pairs, with the first camera as the reference.
     pub fn new(pairs: PairFile) -> Self {
         PoseGraphRequest {
             pairs,
@@ -68,7 +68,7 @@ impl PoseGraphRequest {
     }
 }
 
-/// The poses of several cameras in one frame, from relative poses of pairs of them.
+/// Solves for the poses of several cameras in one frame, from relative poses of pairs.
 ///
 /// ```
 /// use resight::core::multiview::pose_graph::{PairNoise, RelativePose};
@@ -83,11 +83,11 @@ impl PoseGraphRequest {
 /// # Ok::<(), resight::Error>(())
 /// ```
 ///
-/// An answer without poses has a status: `NotConnected` where no chain of pairs joins the cameras, `Error` where the pairs do not
-/// determine them.
+/// An answer without poses has a status: `NotConnected` where no chain of pairs connects the cameras, `Error` where the pairs do not determine
+/// them.
 ///
 /// # Errors
-/// A request that names what is not there or holds no usable number.
+/// A request that names something unknown or has no usable number.
 pub fn pose_graph(request: &PoseGraphRequest) -> Result<PoseGraphAnswer, Error> {
     request.check()?;
     let PairFile { cameras, pairs } = &request.pairs;
@@ -103,7 +103,7 @@ pub fn pose_graph(request: &PoseGraphRequest) -> Result<PoseGraphAnswer, Error> 
     })
 }
 
-/// Groups of cameras that no chain of pairs joins.
+/// Returns the answer for groups of cameras that no chain of pairs connects.
 fn not_connected(groups: &[Vec<usize>], cameras: &[String]) -> Unsolved {
     let name = |i: &usize| cameras[*i].clone();
     let groups: Vec<Vec<String>> = groups.iter().map(|group| group.iter().map(name).collect()).collect();
@@ -129,7 +129,7 @@ fn solved(
         PoseGraphMethod::Joint => {
             let config = PoseGraphConfig { reference_camera: reference, median_sigma: request.median_sigma };
             let solution = solve_pose_graph(graph, &config)?;
-            // Without a loop nothing says how well the pairs are known.
+            // Without a loop, the uncertainty of the pairs cannot be estimated.
             let is_known = solution.noise_degrees_of_freedom != Some(0);
             let covariance =
                 |c: &crate::core::multiview::pose_graph::CameraInGraph| is_known.then_some(c.covariance);

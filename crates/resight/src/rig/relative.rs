@@ -1,4 +1,4 @@
-//! The poses of a solved rig in other frames than its own: between two cameras, and in a surveyed world.
+//! The poses of a solved rig in other frames: between two cameras, and in the frame of a target at rest.
 
 use crate::core::multiview::rig::{RigConfig, RigProblem, RigSolution, solve_rig};
 use crate::core::{Error, Matrix6, Pose};
@@ -8,12 +8,12 @@ use crate::core::{Error, Matrix6, Pose};
 pub struct UncertainPose {
     /// x_in_b = b_from_a · x_in_a.
     pub b_from_a: Pose,
-    /// Of a small motion on the left, frame b.
+    /// Covariance of a small motion on the left, frame b.
     pub covariance: Matrix6,
 }
 
 impl UncertainPose {
-    /// `a_from_b`.
+    /// Returns `a_from_b`.
     pub fn inverse(&self) -> Self {
         UncertainPose {
             b_from_a: self.b_from_a.inverse(),
@@ -22,10 +22,10 @@ impl UncertainPose {
     }
 }
 
-/// Camera b's frame from camera a's: b_from_a = b_from_rig · rig_from_a. What the two have in common cancels, so this needs the
-/// covariance of all cameras together; none without it.
+/// Returns camera b's frame from camera a's: b_from_a = b_from_rig · rig_from_a. The common part of their errors cancels, so that this needs the
+/// joint covariance of all cameras; `None` without it.
 ///
-/// The left motions add up as ξ = ξ_b − Ad ξ_a with Ad of b_from_a, so Σ = Σ_bb + Ad Σ_aa Adᵀ − Σ_ba Adᵀ − Ad Σ_ab.
+/// The left motions are combined as ξ = ξ_b − Ad ξ_a with Ad of b_from_a, so that Σ = Σ_bb + Ad Σ_aa Adᵀ − Σ_ba Adᵀ − Ad Σ_ab.
 pub fn between(solution: &RigSolution, a: usize, b: usize) -> Option<UncertainPose> {
     let joint = solution.joint_covariance.as_ref()?;
     let block = |i: usize, j: usize| -> Matrix6 { joint.fixed_view::<6, 6>(6 * i, 6 * j).into() };
@@ -45,13 +45,13 @@ pub struct InWorld {
     pub world_from_cam: Vec<UncertainPose>,
 }
 
-/// The rig and each camera in the frame of the target that alone is seen in `view`.
+/// Computes the poses of the rig and of each camera in the frame of the target that alone is observed in `view`.
 ///
-/// The covariance of a camera in the world is not the sum of its covariance in the rig and the rig's in the world: both rest on
-/// the same points. Solved once more with that camera as the reference, its frame is the rig's and the covariance comes whole.
+/// The covariance of a camera in the world is not the sum of its covariance in the rig and the rig's in the world, because both depend on the
+/// same points. The rig is solved again with that camera as the reference: then its frame is the frame of the rig, with its full covariance.
 ///
 /// # Errors
-/// As `solve_rig`; `NoSolution` when no observation of the view took part.
+/// The errors of `solve_rig`; `NoSolution` when no observation of the view took part.
 pub fn in_world(
     problem: &RigProblem,
     config: &RigConfig,

@@ -1,4 +1,4 @@
-//! What a rig is to be solved from, besides what its cameras observed.
+//! The request for a rig, except for what its cameras observed.
 
 use super::NamedTarget;
 use crate::core::Target;
@@ -7,33 +7,33 @@ use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
 use std::path::{Path, PathBuf};
 
-/// The cameras and targets of a rig, and all that is known of them.
+/// The cameras and targets of a rig, and all prior knowledge about them.
 ///
 /// Cameras and targets come from files ([`RigRequest::read_camera`], [`RigRequest::read_target`]) or from memory
 /// ([`RigRequest::add_camera`], [`RigRequest::add_target`]).
 #[derive(Debug, Clone, Default)]
 pub struct RigRequest {
-    /// The cameras; no two of one name. Their placements are not used.
+    /// The cameras, with unique names. Their placements are not used.
     pub cameras: Vec<NamedCamera>,
-    /// The targets by name; no two of one name. Detections that state each point's position need none.
+    /// The targets, with unique names. Detections that state each point's position need none.
     pub targets: Vec<(String, Target)>,
-    /// Names of targets that are mounted on one body, a list for each body. Their poses relative to each other are not known but stay.
+    /// Names of targets that are mounted on one body, a list for each body. Their poses relative to each other are unknown, but constant.
     pub fixed_together: Vec<Vec<String>>,
-    /// The target that stands still beside the cameras and whose frame is the world.
+    /// The target that does not move relative to the cameras, and whose frame is the world.
     pub world: Option<String>,
-    /// The camera whose frame is the rig's; none: the first by name.
+    /// The camera whose frame is the frame of the rig; by default the first by name.
     pub reference: Option<String>,
     /// Distances between the centres of two cameras, measured otherwise.
     pub known_distances: Vec<CameraDistance>,
-    /// Frames within this time of each other, seconds, are one view, whatever their names; none: frames of one name are one view.
+    /// Frames within this time of each other, seconds, are one view, whatever their names; by default frames of the same name are one view.
     pub sync_tolerance_s: Option<f64>,
     /// Whether the answer's JSON holds the covariance of all cameras together, which grows with the square of their number.
     pub joint_covariance: bool,
-    /// Files that the cameras and targets were read from: the answer names them with their digests.
+    /// Files from which the cameras and targets were read: the answer lists them with their digests.
     pub files: Vec<PathBuf>,
     /// Remarks on those files.
     pub remarks: Vec<String>,
-    /// The command line that asks, where one does: the answer, its page and its scene repeat it.
+    /// The command line, if the job was run from one: the answer, its page and its scene repeat it.
     pub command: Option<String>,
 }
 
@@ -51,7 +51,7 @@ pub struct CameraDistance {
 }
 
 impl RigRequest {
-    /// A camera by its name.
+    /// Adds a camera under this name.
     pub fn add_camera(&mut self, name: impl Into<String>, camera: crate::core::Camera) {
         self.cameras.push(NamedCamera {
             name: name.into(),
@@ -61,16 +61,16 @@ impl RigRequest {
         });
     }
 
-    /// A target by its name.
+    /// Adds a target under this name.
     pub fn add_target(&mut self, name: impl Into<String>, target: Target) {
         self.targets.push((name.into(), target));
     }
 
-    /// A camera of a file in any supported format, under this name; without a name all cameras of the file under their own.
-    /// `FILE#NAME` picks one of several.
+    /// Adds a camera of a file in any supported format under this name; without a name, all cameras of the file under their own names.
+    /// `FILE#NAME` selects one of several.
     ///
     /// # Errors
-    /// What is wrong with the file, and where; a name that another camera has.
+    /// What is wrong with the file, and where; a name that another camera already has.
     pub fn read_camera(&mut self, name: Option<&str>, file: &str) -> Result<(), Error> {
         let picked = file.rsplit_once('#').filter(|_| !Path::new(file).exists());
         let path = PathBuf::from(picked.map_or(file, |(path, _)| path));
@@ -88,10 +88,10 @@ impl RigRequest {
         check_camera_names(&self.cameras)
     }
 
-    /// The target of a file, under this name; without a name under the file's, without its ending.
+    /// Adds the target of a file under this name, by default that of the file without its extension.
     ///
     /// # Errors
-    /// What is wrong with the file, and where; a name that another target has.
+    /// What is wrong with the file, and where; a name that another target already has.
     pub fn read_target(&mut self, name: Option<&str>, path: &Path) -> Result<(), Error> {
         let file = formats::read_target_with(path, &TagOptions::default())?;
         let remark = |warning: &String| format!("warning: {}: {warning}", path.display());
@@ -103,7 +103,7 @@ impl RigRequest {
         self.check_target_names()
     }
 
-    /// Refuses cameras and targets that share a name, and numbers that are none.
+    /// Refuses cameras and targets that share a name, and invalid numbers.
     pub(super) fn check(&self) -> Result<(), Error> {
         if self.cameras.is_empty() {
             return Err(Error::request("no camera is given: the cameras' intrinsics are needed"));
@@ -127,7 +127,7 @@ impl RigRequest {
         }
     }
 
-    /// The targets, each a body of its own.
+    /// Returns the targets, each on a body of its own.
     pub(super) fn named_targets(&self) -> Vec<NamedTarget> {
         let target = |(body, (name, target)): (usize, &(String, Target))| NamedTarget {
             name: name.clone(),
@@ -153,7 +153,7 @@ impl RigRequest {
         Ok(())
     }
 
-    /// The target at rest, index.
+    /// Returns the index of the target at rest.
     pub(super) fn world_target(&self, targets: &[NamedTarget]) -> Result<Option<usize>, Error> {
         let Some(name) = &self.world else { return Ok(None) };
         let target = target_number(targets, name, "--world")?;
@@ -166,12 +166,12 @@ impl RigRequest {
         }
     }
 
-    /// The reference camera among cameras in canonical order, index.
+    /// Returns the index of the reference camera among cameras in canonical order.
     pub(super) fn reference_among(&self, names: &[String]) -> Result<usize, Error> {
         number_of(self.reference.as_deref(), names)
     }
 
-    /// The known distances between cameras in canonical order, and themselves in an order that does not depend on the request's.
+    /// Returns the known distances between cameras in canonical order, sorted independently of the request's order.
     pub(super) fn distances_among(&self, names: &[String]) -> Result<Vec<KnownDistance>, Error> {
         let known = self.known_distances.iter().map(|distance| distance.among(names));
         let mut known = known.collect::<Result<Vec<_>, _>>()?;
@@ -200,14 +200,14 @@ impl CameraDistance {
     }
 }
 
-/// The camera of this name, index; without a name the first.
+/// Returns the index of the camera with this name; without a name, of the first.
 pub(super) fn number_of(reference: Option<&str>, names: &[String]) -> Result<usize, Error> {
     let Some(name) = reference else { return Ok(0) };
     let found = names.iter().position(|known| known == name);
     found.ok_or_else(|| Error::request(format!("--reference {name}: {}", not_among(name, "camera", names))))
 }
 
-/// Refuses two cameras of one name.
+/// Refuses two cameras with the same name.
 pub(super) fn check_camera_names(cameras: &[NamedCamera]) -> Result<(), Error> {
     match duplicate(cameras.iter().map(|camera| camera.name.as_str())) {
         Some(name) => Err(Error::request(format!(
@@ -217,13 +217,13 @@ pub(super) fn check_camera_names(cameras: &[NamedCamera]) -> Result<(), Error> {
     }
 }
 
-/// A name that comes a second time.
+/// Returns a name that occurs a second time.
 fn duplicate<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let mut seen = std::collections::BTreeSet::new();
     names.find(|name| !seen.insert(*name))
 }
 
-/// Tolerances of a map are not part of a rig's answer.
+/// Remarks that the tolerances of a map are not used in a rig.
 fn tolerance_remark(path: &Path, target: &Target) -> Option<String> {
     let Target::TagMap(map) = target.design() else { return None };
     let widest_m = map.tags.iter().map(|tag| tag.sigma_m).fold(0.0, f64::max);
@@ -241,7 +241,7 @@ fn too_few_to_fix(names: &[String]) -> Error {
     Error::request(format!("--fixed-together {names}: two names or more are needed, separated by commas"))
 }
 
-/// Makes the bodies of two targets one.
+/// Joins the bodies of two targets.
 pub(super) fn join(targets: &mut [NamedTarget], a: usize, b: usize) {
     let (kept, gone) = (targets[a].body, targets[b].body);
     targets.iter_mut().filter(|target| target.body == gone).for_each(|target| target.body = kept);
@@ -254,7 +254,7 @@ fn target_number(targets: &[NamedTarget], name: &str, flag: &str) -> Result<usiz
     })
 }
 
-/// The message about an unknown name.
+/// Returns the message about an unknown name.
 pub fn not_among(name: &str, kind: &str, names: &[String]) -> String {
     let hint = crate::input::nearest(name, names.iter().cloned());
     let hint = hint.map(|nearest| format!("; did you mean `{nearest}`?")).unwrap_or_default();

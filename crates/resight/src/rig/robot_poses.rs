@@ -1,4 +1,4 @@
-//! Poses of the robot from a CSV file, poses of the target from `locate`'s JSON Lines, joined by the name of the view.
+//! Reads poses of the robot from a CSV file and poses of the target from `locate`'s JSON Lines, and matches them by the name of the view.
 
 use super::pairs::{isotropic, pose_from_numbers};
 use crate::answer::PoseAnswer;
@@ -20,16 +20,16 @@ pub struct RobotPose {
     pub view: String,
     /// x_in_base = base_from_gripper · x_in_gripper.
     pub base_from_gripper: Pose,
-    /// 6×6 covariance of its small left motion, base frame; zero when exact; none: the views themselves show how exact the robot is.
+    /// 6×6 covariance of its small left motion, base frame; zero when exact; `None` to estimate the robot's noise from the views.
     pub covariance: Option<Matrix6>,
 }
 
 impl RobotPose {
-    /// Poses of the gripper by the name of their view, all as inexact as `noise` says; without it the views themselves show how exact the
-    /// robot is.
+    /// Creates poses of the gripper by the name of their view, all with the covariance of `noise`; without it the robot's noise is estimated
+    /// from the views.
     ///
     /// # Errors
-    /// A view that comes twice.
+    /// A view that occurs twice.
     pub fn named(poses: Vec<(String, Pose)>, noise: Option<GripperNoise>) -> Result<Vec<Self>, Error> {
         let covariance = noise.map(|noise| isotropic(noise.sigma_rad, noise.sigma_m));
         let mut views = BTreeSet::new();
@@ -42,22 +42,22 @@ impl RobotPose {
 }
 
 impl ViewPoses {
-    /// One pose of the target, with the 6×6 covariance of its small left motion, camera frame.
+    /// Creates the candidates of a view from one pose of the target, with the 6×6 covariance of its small left motion, camera frame.
     pub fn of_pose(view: String, cam_from_target: Pose, covariance: Matrix6) -> Self {
         ViewPoses { view, candidates: vec![Candidate { cam_from_target, covariance, delta_chi2: 0.0 }] }
     }
 
-    /// From a line of `locate` or `solve`.
+    /// Reads a line of `locate` or `solve`.
     ///
     /// # Errors
-    /// Text that is no such object, a quaternion that is not unit.
+    /// Text that is not such an object, a quaternion that is not unit.
     pub fn of_line(line: &str) -> Result<Self, String> {
         let pose: PoseLine = serde_json::from_str(line).map_err(|reason| reason.to_string())?;
         let candidates = candidates(&pose)?;
         Ok(ViewPoses { view: pose.view, candidates })
     }
 
-    /// Every pose of an answer that fits its view; none where it has none.
+    /// Takes every pose of an answer that fits its view; none where it has none.
     pub fn of_answer(view: String, answer: &PoseAnswer) -> Self {
         let fitting = answer.estimate.iter().flat_map(PoseEstimate::minima);
         let fitting = fitting.filter(|h| h.is_alternative || h.delta_chi2 == 0.0);
@@ -75,20 +75,20 @@ impl ViewPoses {
 pub struct ViewPoses {
     /// Name of the view.
     pub view: String,
-    /// Poses of the target in the camera; empty where the view shows none.
+    /// Poses of the target in the camera frame; empty where the view shows no target.
     pub candidates: Vec<Candidate>,
 }
 
-/// The robot's pose and what the camera observed.
+/// The robot's pose and the camera's observations in one view.
 pub(super) struct RobotView {
-    /// The view's name as the camera has it.
+    /// The view's name in the camera's input.
     pub view: String,
     robot: RobotPose,
     candidates: Vec<Candidate>,
 }
 
 impl RobotView {
-    /// The input of the solver.
+    /// Returns the input of the solver.
     pub fn view<'a>(&self, seen: &'a [RigView<'a>]) -> HandEyeView<'a> {
         HandEyeView {
             base_from_gripper: self.robot.base_from_gripper,
@@ -99,10 +99,10 @@ impl RobotView {
     }
 }
 
-/// Reads `view,qw,qx,qy,qz,x_m,y_m,z_m` and optionally `sigma_deg,sigma_mm`; `noise` where these are missing.
+/// Reads `view,qw,qx,qy,qz,x_m,y_m,z_m` and optionally `sigma_deg,sigma_mm`; `noise` is used where these are missing.
 ///
 /// # Errors
-/// With its line: a quaternion whose order is not named or that is not unit, a view that comes twice, numbers that are none.
+/// With its line: a quaternion whose order is not stated or that is not unit, a view that occurs twice, invalid numbers.
 pub fn read_robot_poses(path: &Path, noise: Option<GripperNoise>) -> Result<Vec<RobotPose>, FileError> {
     let table = Table::open(path, "view,qw,qx,qy,qz,x_m,y_m,z_m")?;
     let order = "the order of the quaternion must be named: qw is its scalar";
@@ -137,7 +137,7 @@ pub fn read_robot_poses(path: &Path, noise: Option<GripperNoise>) -> Result<Vec<
     Ok(poses)
 }
 
-/// The keys of the pose object that matter here.
+/// The keys of the pose object that are used here.
 #[derive(Deserialize)]
 struct PoseLine {
     view: String,
@@ -160,10 +160,10 @@ struct MinimumLine {
     within_gate: bool,
 }
 
-/// Reads the JSON Lines of `locate` and `solve`; views without a pose come without candidates.
+/// Reads the JSON Lines of `locate` and `solve`; views without a pose have no candidates.
 ///
 /// # Errors
-/// With its line: text that is no such object, a view that comes twice, a quaternion that is not unit.
+/// With its line: text that is not such an object, a view that occurs twice, a quaternion that is not unit.
 pub fn read_view_poses(path: &Path) -> Result<Vec<ViewPoses>, FileError> {
     let text = crate::input::read_text(path, crate::input::Kind::Results)?;
     let (mut poses, mut views) = (Vec::new(), BTreeSet::new());
@@ -178,7 +178,7 @@ pub fn read_view_poses(path: &Path) -> Result<Vec<ViewPoses>, FileError> {
     Ok(poses)
 }
 
-/// Every minimum within the gate; the answer alone where none are listed.
+/// Returns every minimum within the gate; the answer alone where none are listed.
 fn candidates(line: &PoseLine) -> Result<Vec<Candidate>, String> {
     let candidate = |pose: &TransformLine, covariance: &[[f64; 6]; 6], delta_chi2: f64| {
         let ([w, x, y, z], [tx, ty, tz]) = (pose.rotation_wxyz, pose.translation_m);
@@ -196,7 +196,7 @@ fn candidates(line: &PoseLine) -> Result<Vec<Candidate>, String> {
     }
 }
 
-/// Views that both know, by name: as written, else by the file's name, else without its ending. What has no counterpart is named.
+/// Matches views by name: as written, else by the file's name, else without its extension. Views without a counterpart are listed.
 pub(super) fn joined(
     mut robot: Vec<RobotPose>,
     observed: Vec<ViewPoses>,

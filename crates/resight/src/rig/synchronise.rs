@@ -1,19 +1,19 @@
-//! Frames that were taken at the same time, found by their time stamps.
+//! Finds frames that were taken at the same time, by their time stamps.
 
 use std::collections::BTreeSet;
 
 /// One frame of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedFrame {
-    /// Which camera.
+    /// Index of the camera.
     pub camera: usize,
     /// When it was taken, s, on a clock that all cameras share.
     pub t_s: f64,
 }
 
-/// The view of each frame, views counted in the order of time: a view holds frames of different cameras, all within
-/// `tolerance_s` of each other. Neighbours in time are joined, the closest first, so that a frame between two others goes to the
-/// nearer; the answer does not depend on the order of the frames.
+/// Returns the view of each frame, with views numbered in the order of time. A view has frames of different cameras, all within `tolerance_s` of
+/// each other. Neighbours in time are joined, the closest first, so that a frame between two others is joined to the nearer one; the result does
+/// not depend on the order of the frames.
 ///
 /// `t_s` and `tolerance_s` must be finite.
 pub fn by_time(frames: &[TimedFrame], tolerance_s: f64) -> Vec<usize> {
@@ -37,11 +37,11 @@ pub fn by_time(frames: &[TimedFrame], tolerance_s: f64) -> Vec<usize> {
 struct Runs<'a> {
     frames: &'a [TimedFrame],
     order: &'a [usize],
-    /// For the first and the last place of a run: the other end.
+    /// For the first and the last position of a run: the other end.
     end: Vec<usize>,
-    /// Cameras of a run, kept at its first place.
+    /// Cameras of a run, stored at its first position.
     cameras: Vec<BTreeSet<usize>>,
-    /// Whether a run starts at this place.
+    /// Whether a run starts at this position.
     starts: Vec<bool>,
 }
 
@@ -93,13 +93,13 @@ mod tests {
         assert_eq!(views(&[], 1.0), Vec::<usize>::new());
     }
 
-    /// A frame between two of another camera goes to the nearer one, although both are within the tolerance.
+    /// A frame between two of another camera is joined to the nearer one, although both are within the tolerance.
     #[test]
     fn the_nearer_frame_wins() {
         assert_eq!(views(&[(0, 0.0), (1, 0.6), (0, 1.0), (1, 1.6)], 0.9), [0, 1, 1, 2]);
     }
 
-    /// Neighbours may chain, but no view is longer than the tolerance, and none holds a camera twice.
+    /// Neighbours may form chains, but no view is longer than the tolerance, and none has a camera twice.
     #[test]
     fn no_view_is_longer_than_the_tolerance() {
         let chain: Vec<(usize, f64)> = (0..10).map(|i| (i, 0.006 * i as f64)).collect();

@@ -1,21 +1,21 @@
-//! The share of one camera's uncertain intrinsics in an answer, which is computed again with other ones: docs/math/hand_eye.md section 9.
+//! The contribution of one camera's uncertain intrinsics to an answer, which is solved again with other ones: docs/math/hand_eye.md section 9.
 
 use crate::core::Camera;
 use crate::formats::NamedCamera;
 use nalgebra::{DMatrix, DVector};
 
-/// Size of the steps, standard deviations: within the linear range, and far above where an iteration ends.
+/// Size of the steps, standard deviations: within the linear range, and far above the tolerance of an iteration.
 const STEP: f64 = 0.3;
 
-/// The share of the intrinsics in the covariance of an answer, D C Dᵀ by central differences along the principal directions of C. `with` gives
-/// the change of the answer through another lens; none where it has none.
+/// Returns the contribution of the intrinsics to the covariance of an answer, D C Dᵀ by central differences along the principal directions of C.
+/// `with` returns the change of the answer with another lens; `None` where there is no answer.
 pub(crate) fn share(
     camera: &NamedCamera,
     with: impl Fn(&Camera) -> Option<DVector<f64>>,
 ) -> Option<DMatrix<f64>> {
     let covariance = camera.intrinsics_covariance.as_ref()?;
     let values: Vec<f64> = camera.camera.parameters().iter().map(|(_, value)| *value).collect();
-    // In units of the parameters' own standard deviations: pixels stand beside pure numbers.
+    // In units of the parameters' own standard deviations, because some are pixels and others dimensionless.
     let sigma = covariance.diagonal().map(|x| x.max(0.0).sqrt());
     let unit = |i: usize| if sigma[i] == 0.0 { 1.0 } else { sigma[i] };
     let n = values.len();

@@ -1,4 +1,4 @@
-//! The table of points: columns of `solve` and the camera that sees each.
+//! Reads the table of points: the columns of `solve`, and the camera of each.
 
 use super::KnownCamera;
 use crate::core::Point;
@@ -13,7 +13,7 @@ use std::path::Path;
 pub struct RigPoint {
     /// Line in the file, counted from 1.
     pub line: u64,
-    /// The camera, an index of the rig.
+    /// Index of the camera in the rig.
     pub camera: usize,
     /// Column `id`, or the row's number within its view.
     pub name: String,
@@ -36,7 +36,7 @@ pub struct RigPointsView {
     pub rows: Vec<RigPoint>,
 }
 
-/// The views of a table in the order in which each first appears; rows of a view need not be adjacent.
+/// Reads the views of a table in the order of first appearance; rows of a view need not be adjacent.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line; a camera that the rig does not have.
@@ -83,7 +83,7 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
     Ok(views)
 }
 
-/// Returns a remark where the coordinates of the points are hardly metres.
+/// Returns a remark where the coordinates of the points are implausible in metres.
 pub fn unit_remark(views: &[RigPointsView]) -> Option<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
     let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));

@@ -1,4 +1,4 @@
-//! One view: rows to correspondences, the pose, what uncertain intrinsics add, and the verdict.
+//! Solves one view: rows to correspondences, the pose, the contribution of uncertain intrinsics, and the verdict.
 
 use super::KnownCamera;
 use super::read::{RigPoint, RigPointsView};
@@ -12,17 +12,17 @@ use crate::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
 use crate::report::verdict::{self, figures};
 use crate::report::words::{self, sigmas};
 
-/// Squares of larger numbers, and their products, leave the range of numbers.
+/// Squares of larger numbers, and their products, overflow.
 const LARGEST: f64 = 1e60;
-/// A camera with fewer rows may lose most of them to wrong correspondences.
+/// A camera with fewer rows may lose most of them to wrong correspondences without being judged.
 const ROWS_TO_JUDGE: usize = 6;
 
-/// How poses of a rig are found.
+/// Settings of [`rig_poses`](super::rig_poses).
 #[derive(Debug, Clone, Copy)]
 pub struct RigPoseRequest {
     /// Standard deviation of u and v where a row states none, px.
     pub sigma_px: f64,
-    /// How far off a point may be to agree with the pose, px; none where every point is taken as right.
+    /// Largest distance of a point that agrees with the pose, px; `None` where every point is trusted.
     pub robust_threshold_px: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Default for RigPoseRequest {
 struct Seen {
     points: Vec<Vec<Correspondence>>,
     rows: Vec<Vec<usize>>,
-    /// How many rows repeat an earlier one.
+    /// Number of rows that repeat an earlier one.
     n_repeated: usize,
 }
 
@@ -156,8 +156,8 @@ fn correspondence(
         .map_err(|reason| format!("line {}: {reason}", row.line))
 }
 
-/// Standard deviations of the rig's position if all intrinsics were exact: those of the same points where the pose puts them, so that no
-/// residual widens them which the lenses explain. None where every lens that sees anything is exact.
+/// Returns the standard deviations of the rig's position for exact intrinsics: the predicted points are solved again, so that no residual due to
+/// the lenses widens them. `None` where every lens in use is exact.
 fn sigma_with_exact_lenses(
     rig: &[KnownCamera],
     kept: &[Vec<Correspondence>],
@@ -203,7 +203,7 @@ fn fit(
     }
 }
 
-/// The status in one place: contradiction, then loss, then a second pose.
+/// Determines the status in one place: contradiction first, then loss of a camera's rows, then a second pose.
 fn judged(
     e: &RigPoseEstimate,
     answer: &RigPoseAnswer,
@@ -268,7 +268,7 @@ fn judged(
     }
 }
 
-/// A refusal that counts cameras names them.
+/// Names the cameras in an error that refers to their indices.
 fn named(reason: &MathError, rig: &[KnownCamera]) -> String {
     match reason {
         MathError::InvalidRig { camera, .. } | MathError::InvalidRigPoint { camera, .. } => {

@@ -1,4 +1,4 @@
-//! Cameras around one target, as a viewer draws them: fields of view, ellipsoids of their positions, the target. Frame of the target.
+//! Cameras around one target, for viewers: fields of view, ellipsoids of their positions, and the target, in the target's frame.
 
 use super::geometry::{self, Area, CHI2_3_95};
 use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
@@ -6,7 +6,7 @@ use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A camera and where it is.
+/// A camera and its pose.
 #[derive(Debug, Clone)]
 pub struct CameraAround<'a> {
     /// Its name.
@@ -15,9 +15,9 @@ pub struct CameraAround<'a> {
     pub camera: &'a Camera,
     /// x_in_cam = cam_from_target · x_in_target.
     pub cam_from_target: Pose,
-    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    /// Covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Matrix6,
-    /// It is where the camera was, not where it is.
+    /// Whether this is the reference pose instead of the current one.
     pub is_reference: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct DrawnCamera {
     half_axes_m: Vec<[f64; 3]>,
 }
 
-/// The cameras around a target.
+/// Returns the cameras around a target.
 pub fn cameras_around(name: &str, target: &Target, cameras: &[CameraAround<'_>]) -> AroundScene {
     let points: Vec<Point> =
         target.features().into_iter().filter_map(|feature| Some(target.point(feature)?.position)).collect();

@@ -1,6 +1,6 @@
-//! What stands where in a rig: the one place that scene files and report pages take their shapes from.
+//! The geometry of a rig's drawing, from which scene files and report pages take their shapes.
 //!
-//! Every curve is the image border or the target itself sent through lens and pose; sizes that are chosen for the eye say so.
+//! Every curve is the image border or the target itself, projected through lens and pose; sizes chosen for visibility are documented as such.
 
 use crate::core::{Camera, Matrix6, Pixel, Point, Pose};
 use crate::rig::{NamedRig, RigRun};
@@ -11,12 +11,12 @@ use std::collections::BTreeMap;
 pub(crate) const CHI2_2_95: f64 = 5.991_464_547_107_98;
 /// χ² with three degrees of freedom stays below this in 95 % of cases.
 pub(crate) const CHI2_3_95: f64 = 7.814_727_903_251_18;
-/// Points along each side of the image border: enough for a strongly bent one to look smooth.
+/// Number of points along each side of the image border: enough for a strongly bent one to look smooth.
 const BORDER_STEPS: usize = 8;
-/// Beyond 70° from the axis the border leaves the plane z = 1 for a cone: the plane would run off to infinity.
+/// Beyond 70° from the axis the border is drawn on a cone instead of the plane z = 1, on which it would extend to infinity.
 const LEAST_DEPTH: f64 = 0.34;
 
-/// Part of the image plane that a camera's drawings cover: u and v from least to greatest, px or the camera's own unit.
+/// The part of the image plane that a camera's drawings cover: least and greatest u and v, px or the camera's own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Area {
     pub least: Pixel,
@@ -33,7 +33,7 @@ impl Area {
     }
 }
 
-/// The image; where the camera has no image size, the part of the plane in which it saw anything.
+/// Returns the image; for a camera without an image size, the part of the plane with observations.
 pub(crate) fn image_area(rig: &NamedRig, camera: usize) -> Area {
     if let Some(size) = rig.lenses[camera].size {
         let greatest = Pixel::new(size.width_px as f64 - 0.5, size.height_px as f64 - 0.5);
@@ -53,7 +53,8 @@ pub(crate) fn image_area(rig: &NamedRig, camera: usize) -> Area {
     }
 }
 
-/// The image border in the camera frame: on the plane z = 1 m, wide fields on a cone; a closed line, empty where nothing is valid.
+/// Returns the image border in the camera frame, on the plane z = 1 m or, for wide fields, on a cone: a closed line, empty where nothing is
+/// valid.
 pub(crate) fn border_in_cam(camera: &Camera, area: &Area) -> Vec<Point> {
     let centre = (area.least + area.greatest) * 0.5;
     border_pixels(area)
@@ -75,7 +76,7 @@ fn border_pixels(area: &Area) -> Vec<Pixel> {
     (0..4).flat_map(side).collect()
 }
 
-/// The pixel itself, or the last one on the way to it from the centre that the lens model still has a ray for.
+/// Returns the pixel itself, or the last one between the centre and it for which the lens model has a ray.
 fn outermost_valid(camera: &Camera, centre: Pixel, pixel: Pixel) -> Option<Pixel> {
     if camera.bearing(&pixel).is_ok() {
         return Some(pixel);
@@ -92,7 +93,7 @@ fn outermost_valid(camera: &Camera, centre: Pixel, pixel: Pixel) -> Option<Pixel
     Some(centre + (pixel - centre) * valid)
 }
 
-/// The points of each target that were seen at all, each once, in order of their coordinates.
+/// Returns the points of each target that were observed in any view, each once, sorted by coordinates.
 pub(crate) fn target_points(rig: &NamedRig) -> Vec<Vec<Point>> {
     let mut points: Vec<BTreeMap<[u64; 3], Point>> = vec![BTreeMap::new(); rig.targets.len()];
     for observation in &rig.observations {
@@ -104,13 +105,13 @@ pub(crate) fn target_points(rig: &NamedRig) -> Vec<Vec<Point>> {
     points.into_iter().map(|of_target| of_target.into_values().collect()).collect()
 }
 
-/// Bits whose unsigned order is that of the numbers; −0 counts as 0.
+/// Returns bits whose unsigned order is that of the numbers; −0 counts as 0.
 fn ordered(x: f64) -> u64 {
     let bits = (x + 0.0).to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
 }
 
-/// Corners of the convex hull of a flat target in order, indices into `points`; empty where the points do not lie in one plane z.
+/// Returns the corners of the convex hull of a flat target in order, as indices into `points`; empty where the points are not in one plane z.
 pub(crate) fn outline(points: &[Point]) -> Vec<usize> {
     let flat = points.windows(2).all(|w| (w[0].z - w[1].z).abs() < 1e-9);
     if !flat || points.len() < 2 {
@@ -127,7 +128,7 @@ pub(crate) fn outline(points: &[Point]) -> Vec<usize> {
     hull
 }
 
-/// One chain of Andrew's convex hull.
+/// Returns one chain of Andrew's convex hull.
 fn half_hull(points: &[Point], order: impl Iterator<Item = usize>) -> Vec<usize> {
     let mut chain: Vec<usize> = Vec::new();
     for i in order {
@@ -143,7 +144,7 @@ fn half_hull(points: &[Point], order: impl Iterator<Item = usize>) -> Vec<usize>
     chain
 }
 
-/// Where a target stood in a view.
+/// The pose of a target in a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct TargetInView {
     pub view: usize,
@@ -151,7 +152,7 @@ pub(crate) struct TargetInView {
     pub rig_from_target: Pose,
 }
 
-/// Every target that a camera saw in a view and whose body was placed there, by view, then target.
+/// Returns every target that a camera observed in a view and whose body was placed there, sorted by view, then target.
 pub(crate) fn targets_in_views(run: &RigRun) -> Vec<TargetInView> {
     let bodies: BTreeMap<(usize, usize), Pose> =
         run.solution.bodies.iter().map(|b| ((b.view, b.body), b.rig_from_body)).collect();
@@ -167,7 +168,7 @@ pub(crate) fn targets_in_views(run: &RigRun) -> Vec<TargetInView> {
         .collect()
 }
 
-/// Cameras whose observation of a target in a view took part, and their places in the rig. Observations are sorted by view.
+/// Returns the cameras whose observation of a target in a view took part, with their positions in the rig. Observations are sorted by view.
 pub(crate) fn cameras_that_saw(run: &RigRun, view: usize, target: usize) -> Vec<(usize, Point)> {
     let observations = &run.rig.observations;
     let first = observations.partition_point(|s| s.view < view);
@@ -178,13 +179,13 @@ pub(crate) fn cameras_that_saw(run: &RigRun, view: usize, target: usize) -> Vec<
         .collect()
 }
 
-/// Covariance of a camera's position along the axes of the rig, m²: Rᵀ Σ_νν R, since a small motion ν moves it by −Rᵀν.
+/// Returns the covariance of a camera's position along the axes of the rig, m²: Rᵀ Σ_νν R, since a small motion ν moves it by −Rᵀν.
 pub(crate) fn position_covariance(cam_from_rig: &Pose, covariance: &Matrix6) -> Matrix3<f64> {
     let r = &cam_from_rig.rotation;
     r.transpose() * covariance.fixed_view::<3, 3>(3, 3) * r
 }
 
-/// Half axes of an ellipsoid as columns, each as long as `scale` standard deviations along it, the longest first.
+/// Returns the half axes of an ellipsoid as columns, each `scale` standard deviations long, the longest first.
 pub(crate) fn half_axes(covariance: &Matrix3<f64>, scale: f64) -> Matrix3<f64> {
     let eigen = SymmetricEigen::new((covariance + covariance.transpose()) * 0.5);
     let mut order = [0, 1, 2];
@@ -197,7 +198,7 @@ pub(crate) fn half_axes(covariance: &Matrix3<f64>, scale: f64) -> Matrix3<f64> {
     Matrix3::from_columns(&order.map(column))
 }
 
-/// Half axes, m, and the direction of the longer, rad, of the ellipse of `scale` standard deviations.
+/// Returns the half axes, m, and the direction of the longer, rad, of the ellipse of `scale` standard deviations.
 pub(crate) fn ellipse(covariance: &Matrix2<f64>, scale: f64) -> (f64, f64, f64) {
     let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
     let (mean, spread) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
@@ -205,26 +206,26 @@ pub(crate) fn ellipse(covariance: &Matrix2<f64>, scale: f64) -> (f64, f64, f64) 
     (scale * (mean + spread).max(0.0).sqrt(), scale * (mean - spread).max(0.0).sqrt(), direction_rad)
 }
 
-/// Middle and reach of everything: all cameras, and the nearer 95 % of the targets' places, m, rig frame.
+/// Centre and radius of the scene: all cameras, and the nearest 95 % of the targets, m, rig frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Extent {
     pub centre: Point,
     pub radius_m: f64,
 }
 
-/// One target thrown far off must not shrink the rest to a dot: hence 95 %.
+/// Computes the extent; the 95 % prevent one distant target from shrinking the rest to a dot.
 pub(crate) fn extent(run: &RigRun, targets: &[TargetInView]) -> Extent {
     let cameras: Vec<Point> = run.solution.cameras.iter().map(|c| c.cam_from_rig.origin()).collect();
     extent_of(&cameras, targets.iter().map(|t| t.rig_from_target.translation).collect())
 }
 
-/// Of places of cameras and targets, rig frame.
+/// Computes the extent from positions of cameras and targets, rig frame.
 pub(crate) fn extent_of(cameras: &[Point], mut targets: Vec<Point>) -> Extent {
     let middle = mean(cameras);
     targets.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
     targets.truncate((targets.len() * 95).div_ceil(100));
     targets.extend(cameras);
-    // The middle of the box, not the mean: where most targets were held must not push the cameras out of the image.
+    // The centre of the box is used, not the mean, so that frequent target positions do not move the cameras out of the image.
     let centre = middle_of_box(&targets);
     let radius_m = targets.iter().map(|x| (x - centre).norm()).fold(0.0, f64::max);
     Extent { centre, radius_m: if 1e-6 < radius_m && radius_m.is_finite() { radius_m } else { 1.0 } }
@@ -237,17 +238,18 @@ fn middle_of_box(points: &[Point]) -> Point {
     (least + greatest) * 0.5
 }
 
-/// Mean of places; the origin for none.
+/// Returns the mean of positions; the origin for none.
 pub(crate) fn mean(points: &[Point]) -> Point {
     points.iter().sum::<Point>() / points.len().max(1) as f64
 }
 
-/// Depth at which a camera's pyramid is drawn, m: an eighth of the reach, chosen for the eye.
+/// Returns the depth at which a camera's pyramid is drawn, m: an eighth of the radius, chosen for visibility.
 pub(crate) fn pyramid_depth_m(extent: &Extent) -> f64 {
     extent.radius_m / 8.0
 }
 
-/// Magnification 1, 2 or 5 times a power of ten that brings `largest` near `wanted` without passing it; 1 where there is nothing to magnify.
+/// Returns the magnification 1, 2 or 5 times a power of ten that brings `largest` near `wanted` without exceeding it; 1 where nothing is
+/// magnified.
 pub(crate) fn magnification(largest: f64, wanted: f64) -> f64 {
     let ratio = wanted / largest;
     if !(ratio.is_finite() && 0.0 < ratio) {
@@ -265,7 +267,7 @@ pub(crate) fn magnification(largest: f64, wanted: f64) -> f64 {
         }
 }
 
-/// One magnification for all cameras: the longest half axis becomes a sixth of the reach.
+/// Returns one magnification for all cameras, with which the longest half axis is a sixth of the radius.
 pub(crate) fn ellipse_magnification(run: &RigRun, extent: &Extent) -> f64 {
     let longest = |c: &crate::core::multiview::rig::CameraInRig| {
         half_axes(&position_covariance(&c.cam_from_rig, &c.covariance), CHI2_3_95.sqrt()).column(0).norm()
@@ -298,7 +300,7 @@ mod tests {
         assert_eq!(ordered(-0.0), ordered(0.0));
     }
 
-    /// The corner of a 90° pinhole lies at (1, 0.75, 1); a fisheye's corner beyond its field ends where the field ends.
+    /// The corner of a 90° pinhole is at (1, 0.75, 1); the corner of a fisheye beyond its field is at the limit of the field.
     #[test]
     fn borders_are_the_image_through_the_lens() {
         let matrix = CameraMatrix { fx_px: 320.0, fy_px: 320.0, cx_px: 319.5, cy_px: 239.5 };
@@ -316,7 +318,8 @@ mod tests {
         assert!(border.iter().all(|x| x.norm().is_finite() && x.norm() < 1.0 / LEAST_DEPTH + 1e-9));
     }
 
-    /// A hundred thousand small motions drawn from Σ move the camera as `position_covariance` says; the ellipse holds 95 % of a plane of it.
+    /// A hundred thousand small motions drawn from Σ move the camera as `position_covariance` states; the ellipse contains 95 % of a plane
+    /// section.
     #[test]
     fn places_scatter_as_their_covariance_says() {
         let pose = Pose::exp(&Vector6::new(0.4, -1.1, 0.3, 0.2, -0.5, 1.4));
@@ -337,13 +340,13 @@ mod tests {
             );
             inside += ((along / long).powi(2) + (across / short).powi(2) < 1.0) as usize;
         }
-        // A variance of n draws has a relative standard deviation √(2/n) = 0.45 %; five of them.
+        // The variance of n draws has a relative standard deviation of √(2/n) = 0.45 %; the limit is five of them.
         assert!((sum / n as f64 - expected).norm() < 0.0225 * expected.norm());
-        // A share of 0.95 over n draws has σ = 0.07 %; five of them.
+        // A share of 0.95 over n draws has σ = 0.07 %; the limit is five of them.
         assert!((inside as f64 / n as f64 - 0.95).abs() < 0.0035, "{inside}");
     }
 
-    /// A Aᵀ is the covariance scaled, the columns at right angles, the longest first.
+    /// A Aᵀ is the scaled covariance, and the columns are orthogonal, the longest first.
     #[test]
     fn half_axes_make_up_the_covariance() {
         let root = Matrix3::new(1.0, 0.2, -0.4, 0.0, 0.3, 0.7, 0.5, 0.0, 0.1);

@@ -1,9 +1,9 @@
-//! Protocol Buffers as they lie on the wire: just what the messages of a scene need.
+//! Writes the wire format of Protocol Buffers, as far as the messages of a scene need it.
 //!
-//! Format: protobuf.dev/programming-guides/encoding. A field is its number and wire type, then its value; fields that hold
-//! their default (0, false, empty) are left out, as proto3 asks.
+//! Format: protobuf.dev/programming-guides/encoding. A field is its number and wire type, then its value; fields with their default value (0,
+//! false, empty) are left out, as in proto3.
 
-/// A message being written.
+/// A message under construction.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Message {
     bytes: Vec<u8>,
@@ -15,17 +15,17 @@ const WITH_LENGTH: u64 = 2;
 const FOUR_BYTES: u64 = 5;
 
 impl Message {
-    /// An empty message.
+    /// Creates an empty message.
     pub fn new() -> Self {
         Message::default()
     }
 
-    /// What goes into a file.
+    /// Returns the encoded bytes.
     pub fn into_bytes(self) -> Vec<u8> {
         self.bytes
     }
 
-    /// int32, int64, uint32, bool or enum; nothing below zero occurs in a scene.
+    /// Writes an int32, int64, uint32, bool or enum; a scene has no negative values.
     pub fn integer(mut self, field: u64, value: u64) -> Self {
         if value != 0 {
             self.key(field, VARINT);
@@ -34,12 +34,12 @@ impl Message {
         self
     }
 
-    /// bool.
+    /// Writes a bool.
     pub fn flag(self, field: u64, value: bool) -> Self {
         self.integer(field, value.into())
     }
 
-    /// double, rounded to 1e-9 (a nanometre, a nanoradian) so that the last bits of a library's sines do not reach the file.
+    /// Writes a double, rounded to 1e-9 (a nanometre, a nanoradian) so that the file does not depend on the last bits of a library's sines.
     pub fn double(mut self, field: u64, value: f64) -> Self {
         let value = rounded(value);
         if value != 0.0 {
@@ -49,7 +49,7 @@ impl Message {
         self
     }
 
-    /// fixed32.
+    /// Writes a fixed32.
     pub fn fixed(mut self, field: u64, value: u32) -> Self {
         if value != 0 {
             self.key(field, FOUR_BYTES);
@@ -58,18 +58,18 @@ impl Message {
         self
     }
 
-    /// Packed repeated double, every bit: intrinsics are given, not computed.
+    /// Writes packed repeated doubles without rounding: intrinsics are given, not computed.
     pub fn doubles(self, field: u64, values: &[f64]) -> Self {
         let packed: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
         self.bytes(field, &packed)
     }
 
-    /// string.
+    /// Writes a string.
     pub fn text(self, field: u64, value: &str) -> Self {
         self.bytes(field, value.as_bytes())
     }
 
-    /// bytes.
+    /// Writes bytes.
     pub fn bytes(mut self, field: u64, value: &[u8]) -> Self {
         if !value.is_empty() {
             self.with_length(field, value);
@@ -77,13 +77,13 @@ impl Message {
         self
     }
 
-    /// A message in a field; written even when empty, because a present message differs from none.
+    /// Writes a message in a field, even when it is empty, because a present message differs from none.
     pub fn message(mut self, field: u64, value: &Message) -> Self {
         self.with_length(field, &value.bytes);
         self
     }
 
-    /// Several messages in a repeated field.
+    /// Writes several messages in a repeated field.
     pub fn messages(self, field: u64, values: impl IntoIterator<Item = Message>) -> Self {
         values.into_iter().fold(self, |whole, part| whole.message(field, &part))
     }
@@ -98,7 +98,7 @@ impl Message {
         self.varint(field << 3 | wire_type);
     }
 
-    /// Seven bits a byte, the lowest first; the top bit says that more follow.
+    /// Writes seven bits per byte, the lowest first; the top bit means that more bytes follow.
     fn varint(&mut self, mut value: u64) {
         while 0x7f < value {
             self.bytes.push(value as u8 | 0x80);
@@ -108,7 +108,7 @@ impl Message {
     }
 }
 
-/// To 1e-9; what is not finite has no place in an image and becomes 0.
+/// Rounds to 1e-9; a number that is not finite cannot be drawn and becomes 0.
 pub(super) fn rounded(value: f64) -> f64 {
     let rounded = (value * 1e9).round() / 1e9;
     if rounded.is_finite() { rounded + 0.0 } else { 0.0 }

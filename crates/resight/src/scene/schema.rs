@@ -1,4 +1,4 @@
-//! Foxglove's message types as a table, and the descriptors that a reader needs to understand them.
+//! Foxglove's message types as a table, and the descriptors with which readers decode them.
 //!
 //! Names, numbers and types are those of the public foxglove.* schemas (docs.foxglove.dev/docs/sdk/schemas): they are the interface.
 //! scripts/judges/mcap_scene.py compares every field with the schemas that Foxglove publishes as a package.
@@ -223,7 +223,7 @@ const MESSAGES: [(&str, &[Field]); 22] = [
     ),
 ];
 
-/// Message that holds it, name, values counted from 0.
+/// The message that contains the enumeration, its name, and its values counted from 0.
 const CHOICES: [(&str, &str, &[&str]); 3] = [
     ("SceneEntityDeletion", "Type", &["MATCHING_ID", "ALL"]),
     ("LinePrimitive", "Type", &["LINE_STRIP", "LINE_LOOP", "LINE_LIST"]),
@@ -234,7 +234,7 @@ const CHOICES: [(&str, &str, &[&str]); 3] = [
     ),
 ];
 
-/// `foxglove.ROOT` and all that it is made of, as a `FileDescriptorSet`.
+/// Returns `foxglove.ROOT` and all types that it contains, as a `FileDescriptorSet`.
 pub(super) fn descriptor_set(root: &str) -> Vec<u8> {
     let google = GOOGLE.map(|(file, name)| {
         let file = Message::new().text(1, file).text(2, "google.protobuf");
@@ -247,7 +247,7 @@ pub(super) fn descriptor_set(root: &str) -> Vec<u8> {
     Message::new().messages(1, google).message(1, &own.text(12, "proto3")).into_bytes()
 }
 
-/// Rows of `MESSAGES` that `root` is made of, itself first.
+/// Returns the rows of `MESSAGES` for all types that `root` contains, itself first.
 fn reachable(root: &str) -> Vec<usize> {
     let row = |name: &str| MESSAGES.iter().position(|(n, _)| *n == name);
     let mut found: Vec<usize> = row(root).into_iter().collect();
@@ -265,7 +265,7 @@ fn reachable(root: &str) -> Vec<usize> {
     found
 }
 
-/// `DescriptorProto`.
+/// Returns a `DescriptorProto`.
 fn descriptor(name: &str, fields: &[Field]) -> Message {
     let choices = CHOICES.iter().filter(|(holder, _, _)| *holder == name).map(|(_, name, values)| {
         let value = |(i, text): (usize, &&str)| Message::new().text(1, text).integer(2, i as u64);
@@ -274,7 +274,7 @@ fn descriptor(name: &str, fields: &[Field]) -> Message {
     Message::new().text(1, name).messages(2, fields.iter().map(field)).messages(4, choices)
 }
 
-/// `FieldDescriptorProto`; label 1 is optional, 3 repeated.
+/// Returns a `FieldDescriptorProto`; label 1 is optional, 3 repeated.
 fn field(&(name, number, kind, is_repeated): &Field) -> Message {
     let label = if is_repeated { 3 } else { 1 };
     Message::new()
@@ -289,7 +289,7 @@ fn field(&(name, number, kind, is_repeated): &Field) -> Message {
 mod tests {
     use super::*;
 
-    /// A type that a field names but the table lacks would make the whole schema unreadable.
+    /// A type that a field names but that is missing in the table would make the whole schema unreadable.
     #[test]
     fn every_named_type_is_in_the_table() {
         for (_, fields) in MESSAGES {

@@ -7,7 +7,7 @@ use crate::core::{Camera, Point, Pose};
 /// Red, green, blue and opacity, 0 to 1.
 pub(super) type Rgba = [f64; 4];
 
-/// Okabe and Ito's colours without black: distinguished with every kind of colour vision. The report page uses the same.
+/// Okabe and Ito's colours without black, which can be distinguished with every kind of colour vision. The report page uses the same.
 pub(super) const COLORS: [[f64; 3]; 7] = [
     [0.0, 0.447, 0.698],
     [0.835, 0.369, 0.0],
@@ -18,7 +18,7 @@ pub(super) const COLORS: [[f64; 3]; 7] = [
     [0.780, 0.740, 0.120],
 ];
 
-/// The colour of a camera.
+/// Returns the colour of a camera.
 pub(super) fn color_of(camera: usize, opacity: f64) -> Rgba {
     let [r, g, b] = COLORS[camera % COLORS.len()];
     [r, g, b, opacity]
@@ -47,7 +47,7 @@ fn color(rgba: Rgba) -> Message {
     (1..).zip(rgba).fold(Message::new(), |color, (field, value)| color.double(field, value))
 }
 
-/// `FrameTransform`: translation and rotation of the child frame in the parent, so x_in_parent = parent_from_child · x_in_child.
+/// Returns a `FrameTransform`: translation and rotation of the child frame in the parent, so x_in_parent = parent_from_child · x_in_child.
 pub(super) fn transform(time_ns: u64, parent: &str, child: &str, parent_from_child: &Pose) -> Message {
     Message::new()
         .message(1, &timestamp(time_ns))
@@ -57,7 +57,7 @@ pub(super) fn transform(time_ns: u64, parent: &str, child: &str, parent_from_chi
         .message(5, &quaternion(parent_from_child))
 }
 
-/// What a `SceneEntity` is made of here.
+/// The primitives of a `SceneEntity`.
 #[derive(Default)]
 pub(super) struct Shapes {
     pub spheres: Vec<Message>,
@@ -65,7 +65,7 @@ pub(super) struct Shapes {
     pub texts: Vec<Message>,
 }
 
-/// A `SceneUpdate` with one entity, which replaces the earlier one of the same name.
+/// Returns a `SceneUpdate` with one entity, which replaces the earlier one of the same name.
 pub(super) fn scene_update(time_ns: u64, frame: &str, id: &str, shapes: Shapes) -> Message {
     let entity = Message::new()
         .message(1, &timestamp(time_ns))
@@ -78,14 +78,14 @@ pub(super) fn scene_update(time_ns: u64, frame: &str, id: &str, shapes: Shapes) 
     Message::new().message(2, &entity)
 }
 
-/// How a `LinePrimitive` joins its points.
+/// How the points of a `LinePrimitive` are connected.
 #[derive(Clone, Copy)]
 pub(super) enum Join {
     Loop = 1,
     Pairs = 2,
 }
 
-/// `LinePrimitive`, 2 px wide at any distance; points in the frame of the pose.
+/// Returns a `LinePrimitive`, 2 px wide at any distance; points in the frame of the pose.
 pub(super) fn line(join: Join, frame_from_shape: &Pose, points: &[Point], rgba: Rgba) -> Message {
     Message::new()
         .integer(1, join as u64)
@@ -96,7 +96,7 @@ pub(super) fn line(join: Join, frame_from_shape: &Pose, points: &[Point], rgba: 
         .message(6, &color(rgba))
 }
 
-/// `SpherePrimitive`: an ellipsoid with these diameters along the axes of its pose, m.
+/// Returns a `SpherePrimitive`: an ellipsoid with these diameters along the axes of its pose, m.
 pub(super) fn ellipsoid(frame_from_shape: &Pose, diameters_m: &Point, rgba: Rgba) -> Message {
     Message::new()
         .message(1, &pose(frame_from_shape))
@@ -104,7 +104,7 @@ pub(super) fn ellipsoid(frame_from_shape: &Pose, diameters_m: &Point, rgba: Rgba
         .message(3, &color(rgba))
 }
 
-/// `TextPrimitive` that always faces the viewer, 14 px high.
+/// Returns a `TextPrimitive` that always faces the viewer, 14 px high.
 pub(super) fn text(place: &Point, text: &str, rgba: Rgba) -> Message {
     Message::new()
         .message(1, &pose(&Pose { translation: *place, ..Pose::identity() }))
@@ -115,7 +115,7 @@ pub(super) fn text(place: &Point, text: &str, rgba: Rgba) -> Message {
         .text(6, text)
 }
 
-/// `PointCloud` of x, y, z as 32-bit floats.
+/// Returns a `PointCloud` of x, y, z as 32-bit floats.
 pub(super) fn point_cloud(time_ns: u64, frame: &str, points: &[Point]) -> Message {
     const FLOAT32: u64 = 7;
     let field =
@@ -131,7 +131,7 @@ pub(super) fn point_cloud(time_ns: u64, frame: &str, points: &[Point]) -> Messag
         .bytes(6, &data)
 }
 
-/// `CameraCalibration`; none for a camera without image size and for lens models that the schema has no word for.
+/// Returns a `CameraCalibration`; `None` for a camera without an image size, and for lens models that the schema cannot express.
 pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Option<Message> {
     let (model, coefficients) = match &camera.lens {
         Lens::Pinhole(_) => ("plumb_bob", vec![0.0; 5]),
@@ -155,7 +155,7 @@ pub(super) fn calibration(time_ns: u64, frame: &str, camera: &Camera) -> Option<
     Some(message)
 }
 
-/// Five coefficients are called `plumb_bob`, eight `rational_polynomial`; thin prism and tilt have no name there.
+/// Names the model: five coefficients are `plumb_bob`, eight `rational_polynomial`; thin prism and tilt have no name there.
 fn brown_conrady(coefficients: &[f64]) -> Option<(&'static str, Vec<f64>)> {
     let (used, beyond) = coefficients.split_at(coefficients.len().min(8));
     if beyond.iter().any(|c| *c != 0.0) {

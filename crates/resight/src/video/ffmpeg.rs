@@ -1,11 +1,11 @@
-//! The system's `ffmpeg` as a decoder: grey frames through one pipe, what it says of them through another; no library of its, no
-//! temporary file.
+//! Uses the system's `ffmpeg` as a decoder: grey frames arrive through one pipe, messages about them through another; none of its libraries and
+//! no temporary file is used.
 //!
-//! Frames arrive as YUV4MPEG2 on stdout: one header line (`YUV4MPEG2 W1280 H720 F30:1 … Cmono`), then for each frame a line `FRAME` and
-//! W × H bytes. The filter `showinfo` says on stderr, before each frame goes out, when it was taken (its stamp, exact, in units of the
-//! stream's time base) and how large it was. Behind that filter frames are stamped 0, 1, 2, … and passed through, so that nothing drops
-//! or doubles one: the n-th line is that of the n-th frame. Containers that carry stamps (NUT, Matroska) do not do: their muxers round
-//! to a time base of their own, refuse a stamp that goes back, and the image's size is stated only once.
+//! Frames arrive as YUV4MPEG2 on stdout: one header line (`YUV4MPEG2 W1280 H720 F30:1 … Cmono`), then for each frame a line `FRAME` and W × H
+//! bytes. The filter `showinfo` reports on stderr, before each frame is written, its time (its stamp, exact, in units of the stream's time base)
+//! and its size. After that filter, frames are stamped 0, 1, 2, … and passed through, so that none is dropped or duplicated: the n-th line
+//! belongs to the n-th frame. Containers with stamps (NUT, Matroska) are not suitable: their muxers round to a time base of their own, refuse
+//! decreasing stamps, and state the image's size only once.
 
 mod release;
 mod torn;
@@ -26,64 +26,64 @@ use words::Reported;
 
 /// Largest frame accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
-/// How far the decoder's priority is below ours: a tenth of the processor where both want it.
+/// Amount by which the decoder's priority is below ours: it gets a tenth of the processor where both need it.
 const BEHIND: &str = "10";
-/// A longer line is no header.
+/// Longest header line, bytes.
 const MAX_HEADER_BYTES: u64 = 1024;
-/// A longer line of ffmpeg's words is cut.
+/// Longest message of ffmpeg, bytes; longer ones are cut.
 const MAX_WORDS_BYTES: u64 = 1 << 16;
-/// What the entry of a playlist may be opened by.
+/// Protocols that the entry of a playlist may use.
 const PROTOCOLS: &str = "pipe,fd,crypto,data,http,https,httpproxy,tcp,tls,udp,rtp,srtp,rtsp,rtsps,rtmp,rtmps,rtmpt,rtmpe,rtmpte,rtmpts,srt,rist,ftp,sftp,mmsh,mmst";
-/// Decoded frames waiting to be taken; then ffmpeg waits.
+/// Number of decoded frames that are buffered; then ffmpeg waits.
 const WAITING: usize = 2;
-/// The line about a frame is written before the frame; it only has to be read.
+/// The line about a frame is written before the frame, so that it only has to be read.
 const LINE_PATIENCE: Duration = Duration::from_secs(1);
-/// How long ffmpeg may take to end after its last word.
+/// Time that ffmpeg may need to end after its last message.
 const ENDING: Duration = Duration::from_secs(2);
-/// The last frames may come this long after ffmpeg has said why no more will.
+/// Longest time between ffmpeg's message that no more frames will come and the last frames.
 const AHEAD: Duration = Duration::from_secs(2);
 
 /// An `ffmpeg` that is installed.
 #[derive(Debug, Clone, Copy)]
 pub struct Ffmpeg {
-    /// Options are spelt differently.
+    /// The release, because the spelling of options differs.
     pub release: Release,
 }
 
-/// What came out of a decoder.
+/// An item from a decoder.
 #[derive(Debug)]
 pub enum Decoded {
     /// A frame.
     Frame(Shot),
-    /// What could not be decoded, in ffmpeg's words.
+    /// Data that could not be decoded, with ffmpeg's message.
     Damaged(String),
     /// A frame of another size than the first.
     Resized {
-        /// Columns and rows of the first.
+        /// Columns and rows of the first frame.
         from_px: [u32; 2],
-        /// And of this one.
+        /// Columns and rows of this frame.
         to_px: [u32; 2],
     },
     /// Nothing yet.
     Nothing,
-    /// No more will come; ffmpeg's last words where something went wrong.
+    /// The end, with ffmpeg's last message where something went wrong.
     End(Option<String>),
 }
 
 /// A decoded frame.
 #[derive(Debug)]
 pub struct Shot {
-    /// Presentation time, seconds of the stream's own clock; none where the stream states none.
+    /// Presentation time, seconds of the stream's own clock; `None` where the stream states none.
     pub time_s: Option<f64>,
-    /// The unit of such times, seconds: of an input without any, the one in which ffmpeg counts frames instead.
+    /// The unit of such times, seconds; for an input without times, the unit in which ffmpeg counts frames instead.
     pub tick_s: Option<f64>,
-    /// When its last byte came out of the decoder.
+    /// The time when its last byte came out of the decoder.
     pub arrived: Instant,
     /// The frame.
     pub image: GrayImage,
 }
 
-/// A running `ffmpeg`; dropped, it is killed.
+/// A running `ffmpeg`, which is killed when this is dropped.
 #[derive(Debug)]
 pub struct Decoder {
     process: Child,
@@ -104,7 +104,7 @@ fn command() -> Command {
     }
 }
 
-/// What ffmpeg complained of.
+/// The messages with which ffmpeg complained.
 #[derive(Debug, Clone)]
 struct Words {
     said: Instant,
@@ -112,10 +112,10 @@ struct Words {
 }
 
 impl Ffmpeg {
-    /// Looks for it.
+    /// Finds the installed `ffmpeg`.
     ///
     /// # Errors
-    /// Not installed (how to get it is said), or it does not run.
+    /// It is not installed (with how to get it), or it does not run.
     pub fn find() -> Result<Self, String> {
         let reported =
             Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output().map_err(cannot_start)?;
@@ -130,8 +130,8 @@ impl Ffmpeg {
         self.start(input_options, input, &input.to_string_lossy(), None)
     }
 
-    /// The same of an input that holds a password, which every user of the machine could read in the list of processes: ffmpeg gets it
-    /// through its stdin, as a playlist of one entry. `shown` is what stands in its words otherwise.
+    /// Starts to decode an input whose address has a password, which every user of the machine could read in the list of processes: ffmpeg
+    /// receives it through its stdin, as a playlist with one entry. `shown` replaces it in messages.
     ///
     /// # Errors
     /// It cannot be started, or is too old for this address.
@@ -153,7 +153,7 @@ impl Ffmpeg {
         self.start(&options, OsStr::new("pipe:0"), input, Some(playlist))
     }
 
-    /// Whether its TLS verifies certificates when asked to.
+    /// Returns whether its TLS can verify certificates.
     pub fn verifies_certificates(&self) -> bool {
         let reported = Command::new("ffmpeg")
             .args(["-hide_banner", "-h", "protocol=tls"])
@@ -187,7 +187,7 @@ impl Ffmpeg {
             .spawn()
             .map_err(cannot_start)?;
         if let (Some(playlist), Some(mut stdin)) = (playlist, process.stdin.take()) {
-            // Far below what a pipe holds. An ffmpeg that has ended already says why itself.
+            // The playlist is far shorter than the capacity of a pipe. If ffmpeg has ended already, it reports the reason itself.
             let _ = stdin.write_all(playlist.as_bytes());
         }
         let pipes = (process.stdout.take(), process.stderr.take());
@@ -211,7 +211,7 @@ impl Ffmpeg {
 }
 
 impl Decoder {
-    /// What comes next, waiting at most about `patience` for it.
+    /// Returns the next item, waiting at most about `patience` for it.
     pub fn next(&mut self, patience: Duration) -> Decoded {
         match self.decoded.recv_timeout(patience) {
             Ok(Decoded::End(Some(reason))) => Decoded::End(Some(reason)),
@@ -221,18 +221,18 @@ impl Decoder {
         }
     }
 
-    /// Takes back an image whose memory may hold one to come.
+    /// Returns the memory of an image for reuse.
     pub fn reuse(&mut self, spent: GrayImage) {
         // The reader may have ended.
         let _ = self.to_reader.send(spent);
     }
 
-    /// What ffmpeg last complained of.
+    /// Returns ffmpeg's last complaint.
     pub fn last_words(&self) -> Option<String> {
         self.words().map(|last| last.words)
     }
 
-    /// The same, unless it went on well afterwards: `alive` is when it last gave something.
+    /// Returns ffmpeg's last complaint, unless it was followed by frames: `alive` is the time of its last output.
     pub fn last_words_since(&self, alive: Instant) -> Option<String> {
         self.words().filter(|last| alive <= last.said + AHEAD).map(|last| last.words)
     }
@@ -241,7 +241,7 @@ impl Decoder {
         self.last_words.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Why it ended; none where all went well.
+    /// Waits for the end, and returns its reason; `None` where nothing went wrong.
     fn end(&mut self) -> Option<String> {
         let is_well = self.status().is_some_and(|status| status.success());
         let words = self.last_words();
@@ -263,13 +263,13 @@ impl Decoder {
 
 impl Drop for Decoder {
     fn drop(&mut self) {
-        // A decoder that is no longer read would wait for ever. It may have ended already.
+        // A decoder whose output is no longer read would wait for ever. It may have ended already.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
 }
 
-/// Hands on what ffmpeg says of an input, until it says no more.
+/// Passes on ffmpeg's messages about an input until there are no more.
 fn listen(
     stderr: ChildStderr,
     input: &str,
@@ -299,17 +299,17 @@ fn listen(
 struct ImageFiles {
     pipe: BufReader<ChildStdout>,
     to_taker: SyncSender<Decoded>,
-    /// Images that were looked at.
+    /// Images whose memory can be reused.
     spent: Receiver<GrayImage>,
     /// Columns and rows, once the header has come.
     size_px: Option<[u32; 2]>,
-    /// Frames so far, and how many there were when ffmpeg began to count.
+    /// Index of the next frame, and the index at which ffmpeg began to count.
     next_number: u64,
     first_number: u64,
-    /// What was said of a later frame.
+    /// A message about a later frame.
     kept: Option<Reported>,
     time_base_s: Option<f64>,
-    /// Frames that are not to be trusted.
+    /// Frames with damaged data.
     torn: Torn,
 }
 
@@ -329,8 +329,8 @@ impl ImageFiles {
         }
     }
 
-    /// Passes on every frame with ffmpeg's messages about it, until the pipe ends or the reader stops. The pipe of frames leads: ffmpeg waits while it
-    /// is full, whatever became of a line.
+    /// Passes on every frame with ffmpeg's messages about it, until the pipe ends or the reader stops. The pipe of frames determines the pace:
+    /// ffmpeg waits while it is full, whatever happened to a line.
     fn read(mut self, reported: Receiver<Reported>) {
         loop {
             let decoded = match self.frame(&reported) {
@@ -341,14 +341,14 @@ impl ImageFiles {
             if is_over {
                 self.said_of_next(&reported); // What was said after the last frame.
             }
-            // The taker may be gone.
+            // The receiver may have ended.
             if self.to_taker.send(decoded).is_err() || is_over {
                 return;
             }
         }
     }
 
-    /// The next frame; an error, with or without a reason of its own, where the pipe ends instead.
+    /// Reads the next frame; an error, with or without a reason of its own, where the pipe ends instead.
     fn frame(&mut self, reported: &Receiver<Reported>) -> Result<Decoded, Option<String>> {
         let size_px = match self.size_px {
             Some(size_px) => size_px,
@@ -378,19 +378,19 @@ impl ImageFiles {
         Ok(Decoded::Frame(Shot { time_s, tick_s: self.time_base_s, arrived, image }))
     }
 
-    /// Stamp and size of the next frame; none where its line was not understood, because those of several threads ran into each other.
+    /// Returns stamp and size of the next frame; `None` where its line was not understood, because lines of several threads were mixed.
     fn said_of_next(&mut self, reported: &Receiver<Reported>) -> Option<(Option<i64>, [u32; 2])> {
         loop {
             let next = self.kept.take().or_else(|| reported.recv_timeout(LINE_PATIENCE).ok())?;
             match next {
-                // Numbers begin again with every configuration of the filter.
+                // Numbers start again with every configuration of the filter.
                 Reported::TimeBase { seconds } => {
                     (self.time_base_s, self.first_number) = (Some(seconds), self.next_number);
                 }
                 Reported::CorruptFrame(words) => self.torn.complain(words),
                 Reported::Decoded { time_s } => self.torn.name(time_s),
                 Reported::NoFrame(words) => {
-                    // The taker may be gone.
+                    // The receiver may have ended.
                     let _ = self.to_taker.send(Decoded::Damaged(words));
                 }
                 Reported::Frame { number, ticks, size_px } => {
@@ -447,7 +447,7 @@ fn cannot_start(reason: std::io::Error) -> String {
     }
 }
 
-/// W and H of a YUV4MPEG2 header; none where it is not one of grey frames.
+/// Returns W and H of a YUV4MPEG2 header; `None` where it is not one of grey frames.
 fn size(header: &str) -> Option<[u32; 2]> {
     let fields = header.strip_prefix("YUV4MPEG2 ")?;
     let field = |letter: char| fields.split(' ').find_map(|field| field.strip_prefix(letter));

@@ -1,4 +1,4 @@
-//! How watched cameras are, as pages and programs get it.
+//! The state of watched cameras, as pages and programs receive it.
 
 use resight::core::Vector6;
 use resight::core::locate::PoseEstimate;

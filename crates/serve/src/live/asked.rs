@@ -1,11 +1,11 @@
-//! What is asked about a camera: which, and of which stretch of time.
+//! The parameters of a request about a camera: the camera and the period.
 
 use crate::error::Problem;
 use resight_watch::board::strip::Stretch;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Parts of a strip by default, and at most.
+/// Number of parts of a strip, by default and at most.
 const BINS: usize = 240;
 const MOST_BINS: usize = 1000;
 
@@ -19,7 +19,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// The stretch, from these times where it does not say others.
+    /// Returns the period, with these times as the defaults.
     pub(super) fn stretch(&self, first_s: f64, last_s: f64) -> Stretch {
         let to_s = self.to_s.unwrap_or(last_s);
         let from_s = self.from_s.unwrap_or(first_s).min(to_s - 1e-3);

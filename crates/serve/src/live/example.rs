@@ -1,5 +1,5 @@
-//! The example of the tab Live: two cameras that look at a tag, drawn by the program itself, so that it works without a camera and without a network. After
-//! a while somebody knocks against one of them, and an alarm waits to be acknowledged.
+//! The example of the tab Live: two cameras that look at a tag, rendered by the program itself, so that it needs neither a camera nor a network.
+//! After a while one of them is moved suddenly, and an alarm waits to be acknowledged.
 
 use super::{Live, run};
 use anyhow::Result;
@@ -17,11 +17,11 @@ use std::time::{Duration, Instant};
 
 const SIZE_PX: [u32; 2] = [640, 480];
 const FOCAL_PX: f64 = 600.0;
-/// A camera gives an image in this time.
+/// Time between two images of a camera.
 const PERIOD: Duration = Duration::from_millis(200);
 /// Readings from which a reference is learned: four seconds.
 const LEARN_READINGS: usize = 20;
-/// When the one camera is moved, and by what: a knock that nobody sees in the image.
+/// When one camera is moved, and by how much: a motion that is invisible to the eye.
 const MOVES_AFTER: Duration = Duration::from_secs(12);
 const MOVES_DEG: f64 = 0.5;
 /// Images of a pose, each with noise of its own.
@@ -53,7 +53,7 @@ fn tag() -> Target {
     Target::Tag(Tag { family: "tag36h11".to_owned(), id: 3, size_m: 0.16 })
 }
 
-/// A camera that sees the tag, turned about its upright edge.
+/// Creates a camera that sees the tag, rotated about the vertical.
 fn camera(name: &str, turn_rad: f64, moves: bool) -> Result<LiveCamera> {
     let [width_px, height_px] = SIZE_PX;
     let middle = |n: u32| 0.5 * f64::from(n) - 0.5;
@@ -105,7 +105,7 @@ impl Source for Drawn {
         }
         let is_moved = MOVES_AFTER <= since && !self.after.is_empty();
         let film = if is_moved { &self.after } else { &self.still };
-        // In an order of no pattern, so that noise does not repeat itself.
+        // The order is irregular, so that the noise does not repeat.
         let image = film[(self.number.wrapping_mul(2_654_435_761) >> 7) as usize % film.len()].clone();
         let number = self.number;
         self.number += 1;

@@ -1,7 +1,7 @@
-//! The WebSocket of watched cameras: states four times a second, events as they come, and one picture after each acknowledgement.
+//! The WebSocket of watched cameras: states four times a second, events as they occur, and one picture after each acknowledgement.
 //!
-//! Each page has a task of its own, which waits for its page alone. What a page does not take in time is not kept for it: it gets the newest
-//! picture when it is ready, and is left when it takes nothing for long.
+//! Each page has a task of its own, which waits for its page alone. Pictures that a page does not take in time are not kept for it: it gets the
+//! newest one when it is ready, and is disconnected when it takes nothing for long.
 
 use super::Live;
 use super::pictures::{Message as Picture, Size};
@@ -22,16 +22,16 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
-/// How often states are sent.
+/// Interval between states.
 const STATES: Duration = Duration::from_millis(250);
 /// For a client to take a message.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// A message of a page.
 const MESSAGE_BYTES: usize = 4096;
-/// What is written at once; a page's picture is larger.
+/// Size of a single write; a page's picture is larger.
 const WRITE_BYTES: usize = 8 << 10;
 
-/// Its route.
+/// Returns its route.
 pub fn routes() -> Router<App> {
     Router::new().route("/ws/live", any(open))
 }
@@ -69,14 +69,14 @@ pub struct Looker {
 }
 
 impl Looker {
-    /// Of all cameras, small.
+    /// Creates a feed of all cameras, small.
     pub fn all(live: &Arc<Live>) -> Self {
         let mut looker = Looker { live: Arc::clone(live), shown: Vec::new(), next: 0 };
         looker.show(None);
         looker
     }
 
-    /// Of one camera.
+    /// Creates a feed of one camera.
     pub fn one(live: &Arc<Live>, camera: usize, size: Size) -> Self {
         let mut looker = Looker { live: Arc::clone(live), shown: Vec::new(), next: 0 };
         looker.look([(camera, size)]);
@@ -172,7 +172,7 @@ fn picture(looker: &mut Looker, is_ready: &mut bool) -> Option<Message> {
     Some(Message::Binary(picture))
 }
 
-/// Whether a picture was acknowledged.
+/// Returns whether a message acknowledged a picture.
 fn heard(text: &str, live: &Live, looker: &mut Looker) -> bool {
     let Ok(PageMessage { ack, show }) = serde_json::from_str(text) else { return false };
     if let Some(camera) = show {

@@ -21,7 +21,7 @@ use tokio::time::timeout;
 /// For a client to take a picture.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Its route.
+/// Returns its route.
 pub fn routes() -> Router<App> {
     Router::new().route("/cameras.mjpg", get(stream))
 }

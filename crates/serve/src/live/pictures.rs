@@ -1,5 +1,5 @@
-//! Pictures of watched cameras: taken where frames are read, kept until the session has looked at them, encoded aside. Each is encoded once,
-//! and all pages share its bytes.
+//! Pictures of watched cameras: taken where frames are read, kept until the session has processed them, encoded on another thread. Each is
+//! encoded once, and all pages share its bytes.
 
 use super::small::{message, reduced};
 use axum::body::Bytes;
@@ -18,12 +18,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
 
-/// Longer side of a picture in the grid of cameras, px, and of the one shown at full size.
+/// Longer side of a picture in the grid of cameras, px, and of a single large one.
 const SMALL_PX: u32 = 640;
 const LARGE_PX: u32 = 1920;
 /// Pictures of one camera, at most ten a second.
 const APART: Duration = Duration::from_millis(95);
-/// Frames that wait until the session has looked at them.
+/// Number of frames that wait until the session has processed them.
 const WAITING: usize = 3;
 /// Pictures that wait to be encoded; further ones are left out.
 const ENCODING: usize = 4;
@@ -32,12 +32,12 @@ const QUALITY: u8 = 75;
 /// A frame as pages get it: length of the header (u32, little end first), header, JPEG.
 pub type Message = Bytes;
 
-/// Which picture of a camera.
+/// The size of a camera's picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
-    /// In the grid of cameras.
+    /// Small, in the grid of cameras.
     Small = 0,
-    /// One camera alone.
+    /// Large, for one camera alone.
     Large = 1,
 }
 
@@ -95,7 +95,7 @@ struct OneCamera {
     newest: [watch::Sender<Option<Message>>; 2],
 }
 
-/// All cameras' pictures.
+/// The pictures of all cameras.
 pub struct Pictures {
     cameras: Vec<OneCamera>,
     jobs: Mutex<SyncSender<Job>>,
@@ -123,12 +123,12 @@ impl Pictures {
         Pictures { cameras, jobs: Mutex::new(sender), news }
     }
 
-    /// How many cameras there are.
+    /// Returns the number of cameras.
     pub fn n_cameras(&self) -> usize {
         self.cameras.len()
     }
 
-    /// Says that there is a picture, of any camera.
+    /// Returns a receiver that is notified of every new picture, of any camera.
     pub fn news(&self) -> watch::Receiver<u64> {
         self.news.subscribe()
     }
@@ -138,7 +138,7 @@ impl Pictures {
         self.cameras.get(camera).map(|one| one.newest[size as usize].subscribe())
     }
 
-    /// One more page looks at this picture, or one less.
+    /// Records that one more or one fewer page shows this picture.
     pub fn look(&self, camera: usize, size: Size, more: bool) {
         let Some(one) = self.cameras.get(camera) else { return };
         match more {
@@ -157,7 +157,7 @@ impl Pictures {
         Some(receiver)
     }
 
-    /// A frame was read: kept small, if anybody looks on and the last was long enough ago.
+    /// Takes a frame: keeps it, reduced, if a page shows it and the last one was long enough ago.
     fn read(&self, camera: usize, number: u64, image: &GrayImage) {
         let Some(one) = self.cameras.get(camera) else { return };
         let wants = [Size::Small, Size::Large].map(|s| 0 < one.lookers[s as usize].load(Ordering::Relaxed));
@@ -189,7 +189,7 @@ impl Pictures {
         kept.waiting.push_back(waiting);
     }
 
-    /// The session has looked at a frame for one target: after the last one its picture goes out with all that was found in it.
+    /// Records that the session has processed a frame for one target: after the last target its picture is sent with everything found in it.
     pub fn observed(&self, camera: usize, target: usize, observation: &Observation) {
         let Some(one) = self.cameras.get(camera) else { return };
         let size_px = {
@@ -303,7 +303,7 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// Of this camera.
+    /// Wraps the source of this camera.
     pub fn new(source: Box<dyn Source>, camera: usize, pictures: Arc<Pictures>) -> Self {
         Tap { source, camera, pictures }
     }

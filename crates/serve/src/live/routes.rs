@@ -25,9 +25,9 @@ use tokio::time::timeout;
 const MOST_EVENTS: usize = 5000;
 /// A body that names a camera, bytes.
 const NAMING_BYTES: usize = 64 << 10;
-/// A strip is of a day, if nobody says of how much; seconds.
+/// Default length of a strip, seconds: a day.
 const DAY_S: f64 = 86_400.0;
-/// For the next frame of a camera; slow ones give one a minute.
+/// Time to wait for the next frame of a camera; slow ones have one per minute.
 const FRAME_PATIENCE: Duration = Duration::from_secs(20);
 
 /// Names a camera.
@@ -83,7 +83,7 @@ async fn named(app: &App, request: Request) -> Result<(usize, Named), Problem> {
     Ok((number(live, &asked.camera)?, asked))
 }
 
-/// What looks at the board or changes it waits for its turn on a thread of its own.
+/// Runs a request that reads or changes the board on a thread of its own, once it can lock the board.
 async fn ask<T: Send + 'static>(
     app: &App,
     of: impl FnOnce(&Live) -> T + Send + 'static,
@@ -224,7 +224,7 @@ async fn history(
     Ok(Json(read.await?.map_err(unreadable)?))
 }
 
-/// Its message names the file, which pages need not know.
+/// Reports an unreadable history; its own message names the file, which pages need not know.
 fn unreadable(_: HistoryError) -> Problem {
     Problem::new(StatusCode::SERVICE_UNAVAILABLE, "history", "The history cannot be read now.")
 }

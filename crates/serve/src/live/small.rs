@@ -53,7 +53,7 @@ pub fn message(header: &impl serde::Serialize, image: &GrayImage, quality: u8) -
     Some(message)
 }
 
-/// Where the JPEG of a message begins.
+/// Returns where the JPEG of a message begins.
 pub fn jpeg_at(message: &[u8]) -> Option<usize> {
     let length = u32::from_le_bytes(message.get(..4)?.try_into().ok()?) as usize;
     Some(4 + length).filter(|at| *at < message.len())

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-/// A method of a path.
+/// The operation of a method on a path.
 pub(super) struct Operation {
     pub method: &'static str,
     pub path: &'static str,
@@ -56,7 +56,7 @@ impl Operation {
         self
     }
 
-    /// Its binary messages: what they are, and the schema of their headers.
+    /// Adds its binary messages: a description, and the schema of their headers.
     pub fn sends_binary(mut self, description: &str, header: Value) -> Self {
         if let Some(messages) = &mut self.messages {
             messages["binary"] = json!({ "description": description, "header": header });
@@ -64,7 +64,7 @@ impl Operation {
         self
     }
 
-    /// As OpenAPI has it.
+    /// Returns the OpenAPI object.
     pub fn object(self, error: &Value) -> Value {
         let mut responses = Map::new();
         match &self.messages {

@@ -1,5 +1,5 @@
-//! Schemas of what comes in and of what goes out. A type that does both may look different: a key with a default need not be given, but is
-//! always answered. Then the given one is called `NAMEGiven`.
+//! Schemas of inputs and answers. A type that is both may look different: a key with a default may be omitted in the input, but is always in the
+//! answer. The input is then called `NAMEGiven`.
 
 use schemars::JsonSchema;
 use schemars::generate::{SchemaGenerator, SchemaSettings};
@@ -23,12 +23,12 @@ impl Schemas {
         }
     }
 
-    /// Of what is answered.
+    /// Returns the schema of an answer.
     pub fn answer<T: JsonSchema>(&mut self) -> Value {
         self.answers.subschema_for::<T>().to_value()
     }
 
-    /// Of what is sent in; marked, so that `components` finds it.
+    /// Returns the schema of an input, marked so that `components` finds it.
     pub fn given<T: JsonSchema>(&mut self) -> Value {
         marked(self.given.subschema_for::<T>().to_value())
     }
@@ -53,7 +53,7 @@ impl Schemas {
         keys.iter().map(parameter).collect()
     }
 
-    /// All of them by name; references in `paths` are put right.
+    /// Returns all schemas by name; references in `paths` are corrected.
     pub fn components(mut self, paths: &mut Map<String, Value>) -> Map<String, Value> {
         let mut all: Map<String, Value> = self.answers.take_definitions(true).into_iter().collect();
         let given: Map<String, Value> = self.given.take_definitions(true).into_iter().collect();

@@ -10,21 +10,21 @@ use std::collections::VecDeque;
 const WITHIN_S: f64 = 0.5;
 /// And no more of them than this.
 const MOST: usize = 32;
-/// What is smaller than so many standard deviations is not stated.
+/// Components smaller than this many standard deviations are not stated.
 const CLEAR_SIGMAS: f64 = 2.0;
 
-/// Where a camera is now.
+/// The current pose of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Present {
-    /// Where it is in its own frame of the reference, `[rotation_rad; translation_m]` about and along x right, y down, z forward.
+    /// Its pose in its own frame of the reference, `[rotation_rad; translation_m]` about and along x right, y down, z forward.
     pub old_from_new: Vector6,
-    /// Its covariance: that of one reading, of the reference, and the scatter of the readings that were joined, which is large while the
-    /// camera moves. Several readings are not taken for more, because their errors may be correlated.
+    /// Its covariance: that of one reading, of the reference, and the scatter of the readings that were averaged, which is large while the
+    /// camera moves. Averaging does not reduce it, because the errors of readings may be correlated.
     pub covariance: Matrix6,
 }
 
 impl Present {
-    /// How a camera is moved from one reference to another.
+    /// Returns the motion of a camera from one reference to another.
     pub fn between(old: &Reference, new: &Reference) -> Self {
         Present {
             old_from_new: (old.a_from_b * new.a_from_b.inverse()).log(),
@@ -47,19 +47,19 @@ impl Present {
     }
 }
 
-/// Three coordinates of a motion from one on; none where all are zero.
+/// Describes three components of a motion, starting at an index; `None` where all are zero.
 fn said(verb: &str, from: usize, motion: &Vector6, sigma: &Vector6) -> Option<String> {
     let own = Vector6::from_fn(|i, _| if (from..from + 3).contains(&i) { motion[i] } else { 0.0 });
     let words = parts(&own, |i| Some(sigma[i]));
     (!words.is_empty()).then(|| format!("{verb} {words}"))
 }
 
-/// What puts a camera back.
+/// The motion that returns a camera to its reference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WayBack {
-    /// `[rotation_rad; translation_m]`; zero where nothing stands out of its error, and where the alarm found no motion.
+    /// `[rotation_rad; translation_m]`; zero where nothing exceeds its error, and where the alarm found no motion.
     pub motion: Vector6,
-    /// Standard deviations of what was looked at, zero of the rest.
+    /// Standard deviations of the components considered, zero for the others.
     pub sigma: Vector6,
     /// `rotate left 0.507° ± 0.010°`.
     pub words: String,
@@ -85,7 +85,7 @@ impl Recent {
         self.motions.push_back((t_s, old_from_new, covariance));
     }
 
-    /// Their mean; none before the first.
+    /// Returns the mean; `None` before the first reading.
     pub fn present(&self) -> Option<Present> {
         let n = self.motions.len() as f64;
         let mean = self.motions.iter().map(|(_, motion, _)| motion).sum::<Vector6>() / n;
@@ -100,13 +100,13 @@ impl Recent {
     }
 }
 
-/// Whether two motions are that far apart that their errors would hardly be it; not where those are unknown.
+/// Returns whether two motions differ by more than their errors would explain; false where those are unknown.
 fn differ(by: &Vector6, covariance: &Matrix6) -> bool {
     covariance.cholesky().is_some_and(|root| is_unlikely(by.dot(&root.solve(by)), 6))
 }
 
-/// What puts a camera back from where it is. The alarm says which motion it is (about one axis, a rotation alone, all six coordinates); the
-/// rest is taken for zero, as it was there.
+/// Returns the motion that returns a camera to its reference. The alarm states the kind of motion (about one axis, a rotation alone, all six
+/// components); the other components are taken as zero, as in the alarm.
 pub fn way_back(drift: &Drift, now: &Present) -> WayBack {
     let (motion, sigma) = as_found(drift, now);
     let is_clear = |i: usize| CLEAR_SIGMAS * sigma[i] < motion[i].abs();

@@ -1,4 +1,4 @@
-//! How one camera and one of its targets are.
+//! The state of one camera and one of its targets.
 
 use super::Instants;
 use super::motion::{Present, Recent, WayBack, way_back};
@@ -10,15 +10,15 @@ use resight::core::Pose;
 use resight::core::temporal::monitor::{Reading, Reference, rotation_alone};
 use std::collections::VecDeque;
 
-/// Changes of state that are kept: the strip of a session without a history.
+/// Number of state changes that are kept: the strip of a session without a history.
 const CHANGES: usize = 500;
-/// Frames whose points are kept.
+/// Number of frames whose points are kept.
 const FRAMES: usize = 60;
 
 /// One camera and one target.
 #[derive(Debug, Clone)]
 pub struct PairBoard {
-    /// As last reported.
+    /// The last reported state.
     pub state: Option<State>,
     /// When that state was reported.
     reported_up_s: f64,
@@ -26,7 +26,7 @@ pub struct PairBoard {
     pub changes: VecDeque<(f64, &'static str)>,
     /// Readings since learning began.
     learned: usize,
-    /// Of the last frames, microseconds: waiting for a free thread,
+    /// For the last frames, microseconds: the time until a thread was free,
     pub waited_us: Rolling,
     /// looking for the target,
     pub detect_us: Rolling,
@@ -38,28 +38,28 @@ pub struct PairBoard {
     pub latency_us: Rolling,
     /// Frames a second.
     pub rate: Rate,
-    /// How far the poses of the last frames scatter.
+    /// The scatter of the poses of the last frames.
     pub spread: Spread,
     /// Turns of the camera, seen from its reference: the rotation alone, and beside a shift.
     trails: [Trail; 2],
     recent: Recent,
     /// When the last frame came.
     seen_up_s: f64,
-    /// What it is compared with.
+    /// The current reference.
     pub reference: Option<Learnt>,
-    /// What it was compared with before.
+    /// The previous reference.
     pub earlier: Option<Learnt>,
     /// The last frame.
     pub last: Option<Observation>,
-    /// Whether that goes by landmarks: rotations since an image, not poses against the target.
+    /// Whether the reference is an image of landmarks: then rotations since the image are compared, not poses relative to the target.
     by_landmarks: bool,
     /// The last frame without a pose, and why.
     pub last_reason: Option<(String, String)>,
-    /// Of the last frames, oldest first: points found, and those that agree with the pose.
+    /// For the last frames, oldest first: numbers of points found, and of points that agree with the pose.
     pub points: VecDeque<Points>,
     /// Frames since the last reset, and those with a pose.
     pub frames: u64,
-    /// Those with a pose.
+    /// Number of frames with a pose.
     pub poses: u64,
 }
 
@@ -68,7 +68,7 @@ pub struct PairBoard {
 pub struct Learnt {
     /// The pose and its noise.
     pub reference: Reference,
-    /// When it was learned, seconds since 1970; none where it was given.
+    /// Time when it was learned, seconds since 1970; `None` where it was given.
     pub unix_s: Option<f64>,
 }
 
@@ -79,7 +79,7 @@ pub struct Points {
     pub frame: u64,
     /// Found.
     pub found: usize,
-    /// Those that agree with the pose; none without a pose.
+    /// Number of points that agree; `None` without a pose.
     pub agree: Option<usize>,
 }
 
@@ -163,25 +163,25 @@ impl PairBoard {
         self.trails[1].push(reading.t_s, &turn);
     }
 
-    /// Where it is now against its reference, from the readings of the last half second; none without both.
+    /// Returns its current pose relative to its reference, from the readings of the last half second; `None` without both.
     pub fn present(&self) -> Option<Present> {
         self.recent.present()
     }
 
-    /// What puts the camera back, while it is where it should not be: from its last readings, or from the alarm where readings say nothing
-    /// (of a rig whose target is hand-held).
+    /// Returns the motion that returns a moved camera to its reference: from its last readings, or from the alarm where there are none (as for a
+    /// rig whose target is hand-held).
     pub fn way_back(&self) -> Option<WayBack> {
         let Some(State::Drifted(drift)) = &self.state else { return None };
         let found = Present { old_from_new: drift.old_from_new, covariance: drift.covariance };
         Some(way_back(drift, &self.present().unwrap_or(found)))
     }
 
-    /// The rotation through time: as if it only turned, which is known much better, until it is known that it shifted too.
+    /// Returns the rotation over time: for a pure rotation, which is much more certain, until it is known that the camera shifted too.
     pub fn trail(&self) -> &Trail {
         &self.trails[usize::from(self.has_shifted())]
     }
 
-    /// The state says that the camera did not only turn.
+    /// Returns whether the state reports more than a rotation.
     pub fn has_shifted(&self) -> bool {
         matches!(&self.state, Some(State::Drifted(drift)) if drift.pure_rotation().is_none())
     }
@@ -197,12 +197,12 @@ impl PairBoard {
         self.last.as_ref().map(|_| (now.up_s - self.seen_up_s).max(0.0))
     }
 
-    /// Whether the last frame is not longer ago than a few frames are apart.
+    /// Returns whether the last frame is not older than a few intervals between frames.
     pub fn is_fresh(&self, now: Instants) -> bool {
         self.age_s(now).is_some_and(|age_s| age_s <= self.rate.patience_s())
     }
 
-    /// A stage that was not reached took no time; that says nothing of how long it takes.
+    /// Records the durations of the stages; a stage that was not reached is left out.
     fn timed(&mut self, observation: &Observation) {
         let times = &observation.times;
         let latency_us = times.waited_us + times.detect_us + times.solve_us + times.decide_us;
@@ -254,7 +254,7 @@ impl PairBoard {
         (self.frames, self.poses) = (0, 0);
     }
 
-    /// The state in words, as of now: a session tells changes only, not each reading learned nor each second of blindness.
+    /// Describes the current state: a session reports changes only, not each reading or each second without one.
     pub fn words(&self, now: Instants) -> String {
         match &self.state {
             None => "waiting for the first frame".to_string(),

@@ -1,4 +1,4 @@
-//! Rolling statistics of what the last frames of a camera said. Time enters as data.
+//! Rolling statistics over the last frames of a camera. Time is an input.
 
 use nalgebra::Vector6;
 use resight::core::Pose;
@@ -46,12 +46,12 @@ impl Rolling {
 
 /// Arrivals remembered: about a second of a camera's frames.
 const ARRIVALS: usize = 32;
-/// After so many mean intervals without an arrival nothing comes any more.
+/// After this many mean intervals without an arrival the rate is zero.
 const SILENT_AFTER: f64 = 3.0;
 /// A network pauses for as long now and then, seconds.
 const LEAST_PATIENCE_S: f64 = 2.0;
 
-/// How often something arrives.
+/// The rate of arrivals.
 #[derive(Debug, Clone, Default)]
 pub struct Rate {
     arrivals_s: VecDeque<f64>,
@@ -110,7 +110,7 @@ impl Spread {
         keep(&mut self.poses, self.capacity, a_from_b);
     }
 
-    /// Whether none is remembered.
+    /// Returns whether there are no values.
     pub fn is_empty(&self) -> bool {
         self.poses.is_empty()
     }
@@ -120,8 +120,8 @@ impl Spread {
         self.poses.len()
     }
 
-    /// Standard deviations of the small left motions from the mean pose, `[rotation_rad; translation_m]` in frame a, the sample's
-    /// (n − 1); none for fewer than two poses.
+    /// Returns the standard deviations of the small left motions from the mean pose, `[rotation_rad; translation_m]` in frame a, with (n − 1) as
+    /// for a sample; `None` for fewer than two poses.
     pub fn sigma(&self) -> Option<Vector6<f64>> {
         let freedom = self.poses.len().checked_sub(1).filter(|n| 0 < *n)? as f64;
         let mut mean = *self.poses.back()?;

@@ -1,4 +1,4 @@
-//! What is made of events.
+//! Tests of the state built from events.
 
 use super::*;
 use crate::live::{CheckingReason, Observation};
@@ -29,7 +29,7 @@ fn reference() -> Reference {
     Reference { a_from_b: Pose::exp(&Vector6::new(0.2, 0.1, 0.0, 0.3, 0.1, 2.0)), noise }
 }
 
-/// A reading of a camera that is rotated right by so much.
+/// A reading of a camera that is rotated to the right by this angle.
 fn reading(t_s: f64, right_rad: f64) -> Event {
     let old_from_new = Pose::exp(&Vector6::new(0.0, right_rad, 0.0, 0.0, 0.0, 0.0));
     let a_from_b = old_from_new.inverse() * reference().a_from_b;

@@ -1,12 +1,12 @@
-//! The rotation against the reference through a whole session, in few numbers: bins of time that double when they run out.
+//! The rotation relative to the reference through a whole session, in few numbers: bins of time whose length doubles when there are too many.
 
 use nalgebra::Vector3;
 
-/// Bins of a trail; at most twice as many columns as a terminal has.
+/// Number of bins of a trail: at most twice the number of columns of a terminal.
 const BINS: usize = 512;
 /// Width of a bin at the start, seconds.
 const FIRST_WIDTH_S: f64 = 0.1;
-/// A pause of more than so many mean intervals between readings is a gap.
+/// A pause of more mean intervals than this between readings is a gap.
 const GAP_INTERVALS: f64 = 3.0;
 
 /// Mean turns of bins of time.
@@ -81,7 +81,7 @@ impl Trail {
         self.bins.last().and_then(Bin::angle_rad)
     }
 
-    /// Mean turn between two times, radians; none where nothing was seen.
+    /// Returns the mean rotation between two times, radians; `None` where there were no readings.
     pub fn mean_rad(&self, from_s: f64, to_s: f64) -> Option<f64> {
         let place = |t_s: f64| Some(((t_s - self.first_s?) / self.width_s).max(0.0) as usize);
         if !self.first_s.is_some_and(|first_s| first_s < to_s) {
@@ -90,7 +90,7 @@ impl Trail {
         self.column(place(from_s)?, place(to_s)?)
     }
 
-    /// Mean turns, radians, of so many equal parts of the time up to `until_s`; none where nothing was seen.
+    /// Returns mean rotations, radians, of `n` equal parts of the time up to `until_s`; `None` where there were no readings.
     pub fn columns(&self, n: usize, until_s: f64) -> Vec<Option<f64>> {
         let since_s = self.first_s.map_or(0.0, |first_s| until_s - first_s);
         let bins = self.bins.len().max((since_s / self.width_s) as usize);

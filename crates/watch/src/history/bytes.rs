@@ -11,7 +11,7 @@ pub(super) fn of_matrix<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<u8> 
     triangle(N).flat_map(|place| matrix[place].to_le_bytes()).collect()
 }
 
-/// None where the bytes are no such triangle.
+/// Returns `None` where the bytes are not such a triangle.
 pub(super) fn to_matrix<const N: usize>(bytes: &[u8]) -> Option<SMatrix<f64, N, N>> {
     let numbers = numbers(bytes, N * (N + 1) / 2)?;
     let mut matrix = SMatrix::zeros();
@@ -25,7 +25,7 @@ pub(super) fn of_vector<const N: usize>(vector: &SVector<f64, N>) -> Vec<u8> {
     vector.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
-/// None where the bytes are not N numbers.
+/// Returns `None` where the bytes are not N numbers.
 pub(super) fn to_vector<const N: usize>(bytes: &[u8]) -> Option<SVector<f64, N>> {
     numbers(bytes, N).map(SVector::from_iterator)
 }

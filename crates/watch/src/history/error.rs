@@ -1,10 +1,10 @@
-//! Why a history cannot be read or written, and whether waiting helps.
+//! Why a history cannot be read or written, and whether a retry may succeed.
 
 use rusqlite::ErrorCode;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Why not.
+/// Why a history cannot be read or written.
 #[derive(Debug, Error)]
 pub enum HistoryError {
     /// The disk is full, slow or failing, or another program holds the file: the same may work later.
@@ -12,15 +12,15 @@ pub enum HistoryError {
     NotNow {
         /// The file.
         path: PathBuf,
-        /// As SQLite says it.
+        /// The message of SQLite.
         reason: String,
     },
-    /// There is no such file or folder, or it may not be written.
+    /// The file or folder does not exist, or must not be written.
     #[error("{}: {reason}; give a file in a folder that exists and can be written", path.display())]
     NoAccess {
         /// The file.
         path: PathBuf,
-        /// As SQLite says it.
+        /// The message of SQLite.
         reason: String,
     },
     /// The file is damaged, or no database.
@@ -28,7 +28,7 @@ pub enum HistoryError {
     Corrupt {
         /// The file.
         path: PathBuf,
-        /// As SQLite says it.
+        /// The message of SQLite.
         reason: String,
     },
     /// A database of another program.
@@ -42,7 +42,7 @@ pub enum HistoryError {
     Newer {
         /// The file.
         path: PathBuf,
-        /// Its version.
+        /// The version of the file.
         seen: i64,
         /// The last one known here.
         known: i64,
@@ -50,12 +50,12 @@ pub enum HistoryError {
 }
 
 impl HistoryError {
-    /// Whether the same may work later, without anybody doing something about this file.
+    /// Returns whether a retry may succeed later, without any change to this file.
     pub fn may_pass(&self) -> bool {
         matches!(self, HistoryError::NotNow { .. })
     }
 
-    /// What SQLite said of a file.
+    /// Converts an error of SQLite for a file.
     pub(super) fn of(path: &Path, error: &rusqlite::Error) -> Self {
         let (path, reason) = (path.to_path_buf(), error.to_string());
         match error.sqlite_error_code() {

@@ -1,5 +1,5 @@
-//! A history as a table for other programs: CSV, or Parquet where the file is called so. Rows go through one after the other, so that the
-//! length of a history does not matter.
+//! Exports a history as a table for other programs: CSV, or Parquet if the file name has that extension. Rows are streamed, so that the length
+//! of a history does not matter.
 
 mod cells;
 mod csv;
@@ -14,19 +14,19 @@ use std::path::Path;
 
 pub use cells::Table;
 
-/// Why not.
+/// Why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// Of the history.
+    /// An error of the history.
     #[error(transparent)]
     History(#[from] HistoryError),
-    /// Of the file to be written.
+    /// An error of the file to be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Of the file's name.
+    /// An unknown extension of the file name.
     #[error("{name}: a table ends in .csv or .parquet; rename it")]
     Kind {
-        /// As given.
+        /// The name given.
         name: String,
     },
 }

@@ -13,7 +13,7 @@ use resight_core::{Pose, Vector6};
 /// Newton steps on the mean; each squares the error, which starts at the scatter's square.
 const STEPS: usize = 8;
 
-/// What a small motion of N coordinates, applied on the left, leads from one to another.
+/// A state with small motions of N components, applied on the left.
 pub(super) trait Place<const N: usize>: Copy {
     /// Log(self · other⁻¹).
     fn motion_from(&self, other: &Self) -> SVector<f64, N>;
@@ -59,17 +59,17 @@ impl Place<3> for Rotation {
     }
 }
 
-/// One reading, or several as one.
+/// One reading, or the mean of several.
 pub(super) struct Reading<P, const N: usize> {
-    /// How many they are.
+    /// The number of readings that it represents.
     pub weight: f64,
     pub place: P,
-    /// Of one, on average.
+    /// Mean covariance of one reading.
     pub covariance: SMatrix<f64, N, N>,
     pub spread: Spread<N>,
 }
 
-/// How readings lie about their mean; one alone lies on it.
+/// The scatter of readings about their mean; zero for a single one.
 pub(super) struct Spread<const N: usize> {
     pub scatter: SMatrix<f64, N, N>,
     pub least: SVector<f64, N>,
@@ -82,7 +82,7 @@ impl<const N: usize> Spread<N> {
     }
 }
 
-/// All as one; none where there are none.
+/// Combines all readings into one; `None` without readings.
 pub(super) fn joined<P: Place<N>, const N: usize>(readings: &[Reading<P, N>]) -> Option<Reading<P, N>> {
     let weight: f64 = readings.iter().map(|one| one.weight).sum();
     let place = mean(readings, weight)?;

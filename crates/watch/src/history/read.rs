@@ -1,4 +1,4 @@
-//! Reading: summaries, and rows one after the other.
+//! Reads histories: summaries, and rows one after the other.
 
 use super::columns::{self, count};
 use super::rows::{EventRow, StoredEvent, StoredRow};
@@ -6,24 +6,24 @@ use super::{HistoryError, schema};
 use rusqlite::{Connection, OpenFlags, Row, ToSql, params};
 use std::path::{Path, PathBuf};
 
-/// A history open for reading, also while a session writes it.
+/// A history opened for reading, even while a session writes it.
 pub struct History {
     connection: Connection,
     path: PathBuf,
 }
 
-/// Which rows.
+/// A selection of rows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Selection {
-    /// Of these cameras; of all where empty.
+    /// Names of the cameras; empty for all.
     pub cameras: Vec<String>,
-    /// From this time on, seconds.
+    /// First time, seconds.
     pub from_s: Option<f64>,
     /// Before this time, seconds.
     pub to_s: Option<f64>,
 }
 
-/// What a history holds of a camera and a target.
+/// The contents of a history for a camera and a target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairSummary {
     /// The camera.
@@ -36,7 +36,7 @@ pub struct PairSummary {
     pub rows: [u64; 3],
     /// Root mean square of the reprojection error, pixels.
     pub rms_px: Option<f64>,
-    /// By state.
+    /// The time in each state.
     pub states: Vec<StateShare>,
 }
 
@@ -47,9 +47,9 @@ pub struct StateShare {
     pub state: String,
     /// Frames in it.
     pub frames: u64,
-    /// Those with a pose.
+    /// Number of frames with a pose.
     pub readings: u64,
-    /// Those with a rotation.
+    /// Number of frames with a rotation.
     pub rotations: u64,
 }
 
@@ -83,7 +83,7 @@ impl History {
         self.reported(self.connection.query_row(select, [], |row| Ok((count(row, 0)?, count(row, 1)?))))
     }
 
-    /// What there is of each camera and target, by name.
+    /// Returns a summary for each camera and target, by name.
     ///
     /// # Errors
     /// A damaged file.
@@ -91,8 +91,8 @@ impl History {
         self.reported(self.try_pairs())
     }
 
-    /// Hands on the selected rows, pair by pair, in order of time; memory does not grow with their number. Rows stored meanwhile do not
-    /// show up. False from `take` ends it.
+    /// Passes the selected rows to `take`, pair by pair, in order of time; memory does not grow with their number. Rows stored meanwhile are not
+    /// included. If `take` returns false, the reading ends.
     ///
     /// # Errors
     /// A damaged file.
@@ -129,7 +129,7 @@ impl History {
         self.reported(schema::number(&self.connection, pragma))
     }
 
-    /// Of the tables as they are now: a session that begins meanwhile may bring them up to date.
+    /// Returns the current version of the tables: a session that begins meanwhile may migrate them.
     fn version(&self) -> rusqlite::Result<i64> {
         schema::number(&self.connection, "user_version")
     }
@@ -175,7 +175,7 @@ impl History {
         take: &mut impl FnMut(StoredRow) -> bool,
     ) -> rusqlite::Result<()> {
         let (condition, values) = condition(selection, &[]);
-        // By pair, then by the index on time: nothing is sorted in memory.
+        // The order is by pair, then by the index on time, so that nothing is sorted in memory.
         let select = format!(
             "{} FROM pair JOIN frame ON pair.id = frame.pair WHERE pair.id = ?1 AND {condition} ORDER BY t_s",
             columns::select(self.version()?)
@@ -243,7 +243,7 @@ fn connect(path: &Path) -> Result<Connection, HistoryError> {
     }
 }
 
-/// A condition whose values are numbered from 2 on.
+/// Returns a condition whose parameters are numbered from 2.
 fn condition(selection: &Selection, kinds: &[&str]) -> (String, Vec<Box<dyn ToSql>>) {
     let (mut parts, mut values) = (vec!["1".to_string()], Vec::<Box<dyn ToSql>>::new());
     let mut is_one_of = |column: &str, names: Vec<String>, values: &mut Vec<Box<dyn ToSql>>| {

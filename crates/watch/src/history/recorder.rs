@@ -1,4 +1,4 @@
-//! From the session to the disk: a bounded queue that never makes the session wait, and the writer that empties it.
+//! Passes rows from the session to the disk: a bounded queue that never makes the session wait, and the writer that empties it.
 
 use super::rows::{EventRow, FrameRow};
 use super::store::{Opened, Store};
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How a session is recorded.
+/// The settings of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     /// The file.
@@ -21,7 +21,7 @@ pub struct Recording {
     pub waiting: usize,
     /// After a failure the writer tries again this often, seconds.
     pub retry_s: f64,
-    /// How long rows are kept.
+    /// The retention of rows.
     pub retention: Retention,
 }
 
@@ -34,10 +34,10 @@ pub struct NotStored {
     pub events: u64,
 }
 
-/// What is on the disk, of this session.
+/// The rows of this session that are on the disk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stored {
-    /// Its number in the history.
+    /// Number of the session in the history.
     pub session: i64,
     /// Frames stored so far.
     pub frames: u64,
@@ -49,7 +49,7 @@ pub struct Stored {
     pub through_s: Vec<Option<f64>>,
 }
 
-/// What the writer has to say.
+/// Reports of the writer.
 #[derive(Debug)]
 pub enum Reported {
     /// More rows are on the disk, for good.
@@ -75,10 +75,10 @@ pub struct Writer {
     recording: Recording,
     queue: Arc<Queue>,
     store: Option<Store>,
-    /// In the file that is open.
+    /// The rows stored in the current file.
     stored: Stored,
     is_degraded: bool,
-    /// As they were when it was last said that rows are stored.
+    /// The numbers when it was last reported that rows are stored.
     said: NotStored,
     next_saying: Instant,
     next_thinning: Instant,
@@ -102,7 +102,7 @@ struct Inner {
 const BATCH: usize = 4096;
 /// Rows that are not waited for longer: a commit is worth its price.
 const WORTH_A_COMMIT: usize = 1024;
-/// How often it is looked whether rows have become old.
+/// Interval in which old rows are searched for.
 const THINNING: Duration = Duration::from_secs(10);
 /// A disk that is too slow all the time is not reported all the time.
 const SAYING: Duration = Duration::from_secs(10);
@@ -174,7 +174,7 @@ impl Recorder {
 }
 
 impl Queue {
-    /// A thread that panicked while it held the lock left a queue that is still whole.
+    /// If a thread panics while it holds the lock, the queue is still consistent.
     fn lock(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -322,7 +322,7 @@ impl Writer {
         reported(Reported::Stored(self.stored.clone()));
     }
 
-    /// The history itself says what is missing in it.
+    /// Records in the history itself which rows are missing.
     fn recovered(&mut self, reported: &mut impl FnMut(Reported)) {
         let now = self.stored.not_stored;
         let missing =
@@ -346,7 +346,7 @@ impl Writer {
             Ok(false) => self.next_thinning = Instant::now() + THINNING,
             Err(error) => {
                 self.next_thinning = Instant::now() + THINNING;
-                // What needs room to make room waits for the next commit to tell how the disk is.
+                // A step that needs disk space to free some waits until the next commit shows whether there is any.
                 if !error.may_pass() {
                     self.store = None;
                     self.degraded(error, reported);

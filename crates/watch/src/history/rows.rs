@@ -3,14 +3,14 @@
 use nalgebra::{Matrix3, Vector3};
 use resight_core::{Matrix6, Pose, Vector6};
 
-/// What one frame said of a camera and one of its targets.
+/// The result of one frame for a camera and one of its targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameRow {
-    /// Which of the session's pairs.
+    /// Index of the pair in the session.
     pub pair: usize,
     /// When the frame was taken, seconds.
     pub t_s: f64,
-    /// Its number in the source.
+    /// Number of the frame in the source.
     pub number: u64,
     /// The state of the pair, as last known.
     pub state: &'static str,
@@ -18,9 +18,9 @@ pub struct FrameRow {
     pub n_points: usize,
     /// The pose of this frame alone.
     pub measured: Option<Measured>,
-    /// The rotation since the reference image, where natural landmarks were looked at.
+    /// The rotation since the reference image, where natural landmarks were used.
     pub rotated: Option<StoredRotation>,
-    /// Why there is neither.
+    /// The reason why there is neither a pose nor a rotation.
     pub reason: Option<String>,
 }
 
@@ -35,7 +35,7 @@ pub struct Measured {
     pub rms_px: f64,
 }
 
-/// How a camera has rotated since the reference image of its natural landmarks, as `watch --json --frames` says it.
+/// The rotation of a camera since the reference image of its natural landmarks, as in `watch --json --frames`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StoredRotation {
     /// Rotation vector of old_from_new, where the camera is now in its own frame of the reference image: radians about x right, y down,
@@ -43,7 +43,7 @@ pub struct StoredRotation {
     pub rotation_rad: Vector3<f64>,
     /// Its 3×3 covariance, rad²: of the small rotation ω in Exp(ω) · old_from_new, about the same axes.
     pub covariance_rad2: Matrix3<f64>,
-    /// Landmarks that agree with it; on average, where it stands for several frames.
+    /// Number of landmarks that agree with it; the mean if it represents several frames.
     pub n_landmarks: f64,
 }
 
@@ -60,13 +60,13 @@ pub struct EventRow {
     pub kind: String,
     /// The new state, of a change of state.
     pub state: Option<&'static str>,
-    /// Which of the session's pairs changed its state.
+    /// Index of the pair that changed its state.
     pub pair: Option<usize>,
-    /// All that is known of it, as a JSON object.
+    /// All details, as a JSON object.
     pub detail: String,
 }
 
-/// What a stored row stands for.
+/// The period that a stored row represents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Span {
     /// One frame.
@@ -96,8 +96,8 @@ impl Span {
     }
 }
 
-/// What the readings of a minute or an hour have in common. Motions are relative to the mean, `[rotation_rad; translation_m]`, left, in
-/// the camera frame.
+/// Statistics of the readings of a minute or an hour. Motions are relative to the mean, `[rotation_rad; translation_m]`, left, in the camera
+/// frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
     /// Covariance of the readings about their mean, as they were seen.
@@ -110,7 +110,7 @@ pub struct Summary {
     pub most_rms_px: f64,
 }
 
-/// The same of turns: small turns from the mean turn, about the axes of the camera in the reference image.
+/// Statistics of rotations: small rotations from the mean rotation, about the axes of the camera in the reference image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RotationSummary {
     /// Covariance of the turns about their mean, as they were seen, rad².
@@ -132,13 +132,13 @@ pub struct StoredRow {
     pub session: i64,
     /// When the frame was taken, or the minute or hour began, seconds.
     pub t_s: f64,
-    /// What it stands for.
+    /// The period that it represents.
     pub span: Span,
     /// Frames in it.
     pub frames: u64,
-    /// Those with a pose.
+    /// Number of frames with a pose.
     pub readings: u64,
-    /// Those with a rotation.
+    /// Number of frames with a rotation.
     pub rotations: u64,
     /// The state in which the frame left the pair; a minute in two states has two rows.
     pub state: String,
@@ -146,13 +146,13 @@ pub struct StoredRow {
     pub n_points: f64,
     /// The pose, or the mean of those; `covariance` is that of a single frame, on average, and rms_px the root of the mean square.
     pub measured: Option<Measured>,
-    /// How several readings lie about their mean.
+    /// Scatter of several readings about their mean.
     pub summary: Option<Summary>,
     /// The rotation, or the mean of those; its covariance is that of a single frame, on average.
     pub rotated: Option<StoredRotation>,
-    /// How several turns lie about their mean.
+    /// Scatter of several rotations about their mean.
     pub rotation_summary: Option<RotationSummary>,
-    /// Why there is neither a pose nor a rotation.
+    /// The reason why there is neither a pose nor a rotation.
     pub reason: Option<String>,
 }
 
@@ -163,7 +163,7 @@ pub struct StoredEvent {
     pub session: i64,
     /// When it was reported, seconds since 1970.
     pub unix_s: f64,
-    /// What it was; `pair` is none.
+    /// The event; its `pair` is `None`.
     pub row: EventRow,
     /// The new state, of a change of state.
     pub state: Option<String>,

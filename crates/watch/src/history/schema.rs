@@ -7,16 +7,16 @@ use std::time::Duration;
 
 /// Version of the tables: 2 keeps turns beside the poses.
 pub(super) const VERSION: i64 = 2;
-/// "RSGT": tells a history from databases of other programs.
+/// "RSGT", which distinguishes a history from databases of other programs.
 const APPLICATION: i64 = 0x5253_4754;
 /// Another program may hold the file for a moment.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// A file that small is checked whole when it is opened.
+/// A file up to this size is checked completely when it is opened.
 const CHECKED_BYTES: u64 = 64 << 20;
 /// The write-ahead log is cut back to this after it was longer.
 const LOG_BYTES: i64 = 16 << 20;
 
-/// All but that of frames, which `columns` spells.
+/// All tables except that of frames, which `columns` defines.
 const TABLES: &str = "
 CREATE TABLE session (
     id INTEGER PRIMARY KEY, began_unix_s REAL NOT NULL, ended_unix_s REAL, program TEXT NOT NULL);
@@ -37,7 +37,7 @@ pub(super) fn open(path: &Path) -> Result<Connection, HistoryError> {
     Ok(connection)
 }
 
-/// What is committed is on the disk, not in its cache: that is what `stored` promises.
+/// Committed rows are on the disk, not in its cache, as `stored` guarantees.
 fn prepare(connection: &mut Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "auto_vacuum", "INCREMENTAL")?;
     connection.pragma_update_and_check(None, "journal_mode", "WAL", |_| Ok(()))?;
@@ -58,7 +58,7 @@ fn prepare(connection: &mut Connection) -> rusqlite::Result<()> {
     transaction.commit()
 }
 
-/// Whether a file is a history that this program can read, or empty.
+/// Checks that a file is empty, or a history that this program can read.
 pub(super) fn check(connection: &Connection, path: &Path) -> Result<(), HistoryError> {
     let reported = |e: rusqlite::Error| HistoryError::of(path, &e);
     let tables: i64 =
@@ -86,7 +86,7 @@ pub(super) fn number(connection: &Connection, pragma: &str) -> rusqlite::Result<
     connection.pragma_query_value(None, pragma, |row| row.get(0))
 }
 
-/// Puts a damaged file aside, with what belongs to it, and says where it is now.
+/// Renames a damaged file and those that belong to it, and returns its new path.
 pub(super) fn quarantine(path: &Path, unix_s: f64) -> Result<PathBuf, HistoryError> {
     let with = |suffix: &str| {
         let mut name = path.as_os_str().to_os_string();

@@ -22,7 +22,7 @@ pub struct Store {
 pub struct Opened {
     /// The history.
     pub store: Store,
-    /// Where a damaged file of this name is now, and what was wrong with it.
+    /// The new path of a damaged file with this name, and its fault.
     pub put_aside: Option<(PathBuf, String)>,
 }
 
@@ -58,7 +58,7 @@ impl Store {
         Ok(Store { connection, path: path.to_path_buf(), session, pairs, file: identity(path) })
     }
 
-    /// Puts a damaged history aside and says where it is now.
+    /// Renames a damaged history, and returns its new path.
     ///
     /// # Errors
     /// A folder that cannot be written.
@@ -94,10 +94,10 @@ impl Store {
         stored.map_err(|e| HistoryError::of(&self.path, &e))
     }
 
-    /// Says in the history that this run ended in good order.
+    /// Records in the history that this run ended in good order.
     ///
     /// # Errors
-    /// As `append`.
+    /// The errors of `append`.
     pub fn end(&mut self) -> Result<(), HistoryError> {
         let ended = "UPDATE session SET ended_unix_s = ?2 WHERE id = ?1";
         let done = self.connection.execute(ended, params![self.session, unix_s()]);
@@ -105,7 +105,7 @@ impl Store {
     }
 }
 
-/// A transaction that holds the file from the start: one that begins by reading could be refused when it comes to write.
+/// Starts a transaction that locks the file from the start: one that begins by reading could be refused when it writes.
 pub(super) fn write<T>(
     connection: &mut Connection,
     work: impl FnOnce(&Transaction) -> rusqlite::Result<T>,

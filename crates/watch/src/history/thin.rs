@@ -1,4 +1,4 @@
-//! What becomes of rows as they age: every frame, then one row a minute, then one an hour, then none. Events stay for good.
+//! Thins rows with age: every frame, then one row per minute, then one per hour, then none. Events are kept for good.
 
 use super::columns::{self, Written};
 use super::join::join;
@@ -8,7 +8,7 @@ use super::{HistoryError, schema};
 use rusqlite::{Transaction, params};
 use std::collections::BTreeMap;
 
-/// How long rows are kept, and how finely.
+/// The retention and resolution of rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Retention {
     /// Every frame, this long; seconds.
@@ -17,7 +17,7 @@ pub struct Retention {
     pub minutes_s: f64,
     /// Then a row an hour until this age, seconds; older ones go.
     pub keep_s: f64,
-    /// Beyond this size of the file the oldest rows age early, bytes.
+    /// Size of the file, bytes, beyond which the oldest rows are thinned early.
     pub largest_bytes: Option<u64>,
 }
 
@@ -40,11 +40,11 @@ const BUCKETS: usize = 10;
 const PAGES: i64 = 2000;
 
 impl Store {
-    /// Joins or removes some of the rows that are old enough; true while there is more to do. Age is counted back from the newest row of
-    /// each pair, as far as that is not in the future: a recording of another year ages by its own clock.
+    /// Combines or removes some of the rows that are old enough; returns true while there is more to do. Age is counted back from the newest row
+    /// of each pair, unless that is in the future: a recording of another year is thinned by its own clock.
     ///
     /// # Errors
-    /// As `append`.
+    /// The errors of `append`.
     pub fn thin(&mut self, keep: &Retention) -> Result<bool, HistoryError> {
         self.thin_some(keep).map_err(|e| HistoryError::of(&self.path, &e))
     }
@@ -66,7 +66,7 @@ impl Store {
         Ok(is_more)
     }
 
-    /// One page a step: the statement must be run to its end.
+    /// Each step frees one page: the statement must be run to its end.
     fn give_back(&mut self) -> rusqlite::Result<()> {
         let mut vacuum = self.connection.prepare(&format!("PRAGMA incremental_vacuum({PAGES})"))?;
         let mut pages = vacuum.query([])?;
@@ -97,7 +97,7 @@ impl Store {
         Ok(((number("page_count")? - number("freelist_count")?) * number("page_size")?) as u64)
     }
 
-    /// The oldest of what is finest, as if it were old enough; the newest minute of frames is never touched.
+    /// Thins the oldest of the finest rows as if they were old enough; the newest minute of frames is never changed.
     fn press(&mut self, pairs: &[i64]) -> rusqlite::Result<bool> {
         for (span, next) in [(Span::Frame, Span::Minute), (Span::Minute, Span::Hour)] {
             let mut is_more = false;
@@ -155,7 +155,7 @@ impl Store {
     }
 }
 
-/// One minute (hour): a row for each session and state in it takes the place of those there were.
+/// Combines one minute (or hour): one row for each session and state in it replaces the existing ones.
 fn join_one(
     transaction: &Transaction,
     pair: i64,

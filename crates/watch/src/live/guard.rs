@@ -1,4 +1,4 @@
-//! A thread that panics takes its camera with it, not the session: the others go on, and what the camera was is no longer said of it.
+//! Limits a panic of a thread to its camera: the session continues with the others, and the camera's last state is not reported any more.
 
 use super::state::StateFile;
 use std::any::Any;
@@ -6,9 +6,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// # Errors
-/// The words of a panic.
+/// Runs a function, and returns the message of a panic as an error.
 pub(super) fn guarded(run: impl FnOnce()) -> Result<(), String> {
-    // What was half changed is not used again: the caller only tells that it is gone.
+    // State that may be inconsistent is not used again: the caller only reports that it is lost.
     catch_unwind(AssertUnwindSafe(run)).map_err(|panic| words(panic.as_ref()))
 }
 
@@ -18,7 +18,7 @@ fn words(panic: &(dyn Any + Send)) -> String {
     format!("the program failed here: {}; please report it", text.as_deref().unwrap_or("no words"))
 }
 
-/// However the thread that hears all events ends, the others do too: they would wait for each other for ever.
+/// Ends the other threads when the thread that receives all events ends, however it does: they would wait for each other for ever.
 pub(super) struct Ending<'a> {
     pub stop: &'a AtomicBool,
     pub state: Option<&'a StateFile>,

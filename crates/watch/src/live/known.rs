@@ -1,11 +1,11 @@
-//! What cameras are compared with, before their session begins.
+//! The references of cameras before their session begins.
 
 use super::look::{CameraWatcher, CameraWatcherError};
 use super::{LiveCamera, LiveConfig, StateFile};
 use resight_core::temporal::monitor::Reference;
 
-/// What a camera is compared with, target by target, where that is known when its session begins: what it brings with it, or what an earlier
-/// session learned and left in a state that it continues from.
+/// Returns the reference for each target, where it is known when the session begins: from the camera's settings, or from the state of an earlier
+/// session that is continued.
 ///
 /// # Errors
 /// A camera that cannot be watched.

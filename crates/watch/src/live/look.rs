@@ -1,4 +1,4 @@
-//! What is done with each frame of one camera, for every target that it watches.
+//! Processes each frame of one camera, for every target that it watches.
 
 mod disagreement;
 mod expect;
@@ -20,7 +20,7 @@ use resight_core::temporal::monitor::{Deviation, Monitor, Reference, Unsettled};
 use resight_core::{Camera, Error, Target};
 use std::time::Instant;
 
-/// Looks at the frames of one camera, in order.
+/// Processes the frames of one camera, in order.
 pub struct CameraWatcher {
     camera: Camera,
     pairs: Vec<Pair>,
@@ -31,17 +31,17 @@ pub struct CameraWatcher {
     resumed_s: Option<f64>,
 }
 
-/// What a frame changed for one target.
+/// The result of a frame for one target.
 pub struct FrameResult {
-    /// What it said.
+    /// The observation.
     pub observation: Observation,
-    /// How things stand now.
+    /// The current state.
     pub state: State,
     /// The reference, where this frame completed it.
     pub learned: Option<Box<Reference>>,
-    /// What was learned of its noise with it.
+    /// The noise that was learned with this frame.
     pub promise: Option<Box<Promise>>,
-    /// How the camera moved amid the readings that were to be the reference, where this frame showed it.
+    /// A motion of the camera during the readings that were to be the reference, where this frame showed it.
     pub unsettled: Option<Box<Unsettled>>,
 }
 
@@ -65,17 +65,17 @@ impl CameraWatcher {
         })
     }
 
-    /// What each target is compared with, where that is known.
+    /// Returns the reference of each target, where it is known.
     pub(super) fn references(&self) -> impl Iterator<Item = Option<Reference>> {
         self.pairs.iter().map(Pair::reference)
     }
 
-    /// What watches each target, where that has begun.
+    /// Returns the monitor of each target, where it has started.
     pub(super) fn monitors(&self) -> impl Iterator<Item = Option<Monitor>> {
         self.pairs.iter().map(|pair| pair.monitor().cloned())
     }
 
-    /// All that a restart needs, after a frame taken at `last_s` that came `ago_s` before now.
+    /// Returns everything that a restart needs, after a frame taken at `last_s` that arrived `ago_s` before now.
     pub(super) fn record(&self, name: &str, last_s: f64, ago_s: f64) -> CameraRecord {
         CameraRecord {
             name: name.to_string(),
@@ -87,8 +87,8 @@ impl CameraWatcher {
         }
     }
 
-    /// Goes on where another session stopped; true where there was something to go on from. `refused` receives which target begins anew,
-    /// by its place, and why.
+    /// Continues from the state of an earlier session; returns true where there was one. `refused` receives the indices of targets that start
+    /// again, with the reasons.
     pub(super) fn restore(&mut self, record: &CameraRecord, mut refused: impl FnMut(usize, String)) -> bool {
         let mut is_any = false;
         for (target, pair) in self.pairs.iter_mut().enumerate() {
@@ -111,7 +111,7 @@ impl CameraWatcher {
         is_any
     }
 
-    /// What can be promised now of targets where that has become another.
+    /// Returns the promises of targets whose promise has changed.
     pub(super) fn promised(&mut self, t_s: f64) -> Vec<(usize, Promise)> {
         let pairs = self.pairs.iter_mut().enumerate();
         pairs.filter_map(|(target, pair)| Some((target, pair.promised(t_s)?))).collect()
@@ -128,13 +128,13 @@ impl CameraWatcher {
         self.resumed_s = Some(last_s);
     }
 
-    /// Whether an earlier session took the frame in already.
+    /// Returns whether an earlier session processed the frame already.
     pub(super) fn is_old(&self, frame: &Frame) -> bool {
         let is_readable = !matches!(frame.content, Content::Unreadable(_));
         is_readable && self.resumed_s.is_some_and(|resumed_s| frame.capture_s <= resumed_s)
     }
 
-    /// An old frame says nothing of how things stand: they stand as at `now_s` without it.
+    /// Handles an old frame, which does not affect the states: they are those at `now_s` without it.
     pub(super) fn passed_over(&self, frame: &Frame, waited_us: f64, now_s: f64) -> Vec<FrameResult> {
         let states = self.states(now_s).into_iter();
         let reason = Some(format!(
@@ -175,13 +175,13 @@ impl CameraWatcher {
         looked
     }
 
-    /// Where the camera is beside the references that the session began with, as far as that has not been said.
+    /// Returns the deviations of the camera from the references of the session's start, unless reported before.
     pub(super) fn compared(&mut self, is_end: bool) -> Vec<(usize, Deviation)> {
         let pairs = self.pairs.iter_mut().enumerate();
         pairs.filter_map(|(target, pair)| Some((target, pair.compared(is_end)?))).collect()
     }
 
-    /// How things stand for each target at a time, also when no frame has come.
+    /// Returns the state for each target at a time, even when no frame has arrived.
     pub fn states(&self, t_s: f64) -> Vec<State> {
         let targets = self.pairs.iter().map(|pair| pair.state(t_s)).collect();
         match &self.landmarks {
@@ -243,7 +243,7 @@ fn micros(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e6
 }
 
-/// FNV-1a over 32 bytes at a time, in four lanes: one alone would wait for its multiplications.
+/// Computes FNV-1a over 32 bytes at a time, in four lanes, because a single one would wait for its multiplications.
 fn fingerprint(data: &[u8]) -> u64 {
     const PRIME: u64 = 0x0000_0100_0000_01b3;
     let mut lanes = [0xcbf2_9ce4_8422_2325, 1, 2, 3];

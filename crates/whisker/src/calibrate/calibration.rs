@@ -8,7 +8,7 @@ use crate::estimate::Mode;
 use crate::{Cell, PlanarPose, Rod, Sample};
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
-/// The rig as calibrated: turns readings into loads at the clamp, and says how much its own uncertainty moves a contact.
+/// The calibrated rig: converts readings to loads at the clamp, and computes the contribution of its own uncertainty to a contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// The rod as it was given, before [`Parameter::Stiffness`] and [`Parameter::Curvature`].
@@ -37,7 +37,7 @@ impl Calibration {
         self.values[parameter.index()]
     }
 
-    /// Its standard deviation; 0 where it was held.
+    /// Its standard deviation; 0 where it was fixed.
     pub fn sigma(&self, parameter: Parameter) -> f64 {
         self.covariance[(parameter.index(), parameter.index())].sqrt()
     }

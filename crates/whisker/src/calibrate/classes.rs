@@ -80,7 +80,7 @@ fn touches(job: &Job, before: &Outcome) -> Vec<Touch> {
         let meant = calibration.apply(sample);
         let seen = estimate(&rod, &cell, &meant, job.options.method);
         let touch = Touch::from_estimate(sample.sweep, meant.load.mz_n_m, &seen, &rod)?;
-        // The role was decided along the whole sweep, the estimate's own mode and status from one sample.
+        // The role was decided along the whole sweep, whereas the estimate's own mode and status use one sample.
         Some(Touch { mode, status: Status::Ok, ..touch })
     };
     job.samples.iter().zip(&before.roles).filter_map(touch).collect()

@@ -36,7 +36,7 @@ pub enum Role {
 pub enum Outlined {
     /// Nothing: no object, or a tip too near a corner.
     Not,
-    /// Its tangent supports the outline, and it is where the outline has that normal.
+    /// Its tangent supports the outline, and the contact is the point of the outline with that normal.
     Supports,
     /// It lies on the line of a face, be it on the face itself or at either of its corners.
     OnFace(usize),
@@ -44,41 +44,41 @@ pub enum Outlined {
     On,
 }
 
-/// Which equations a sample gives: decided before a fit, so that their number stays through it.
+/// The equations of a sample, selected before a fit, so that their number does not change during it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Plan {
     /// Its role.
     pub role: Role,
-    /// What it says of the outline.
+    /// Its relation to the outline.
     pub outlined: Outlined,
-    /// The unknown that turns the hub during its stretch; none where no equation depends on the hub.
+    /// The unknown that rotates the hub during its stretch; `None` where no equation depends on the hub.
     pub stretch: Option<Stretch>,
 }
 
 /// Samples over which the encoder's rounding has something in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stretch {
-    /// Which unknown.
+    /// Index of the unknown.
     pub unknown: usize,
-    /// Whether the angle read does not change: then the rounding is that unknown and nothing besides.
+    /// Whether the reading of the angle does not change: then that unknown is the whole rounding error.
     pub is_still: bool,
 }
 
 /// One scalar equation at one sample.
 #[derive(Debug, Clone)]
 pub struct Constraint {
-    /// Its value, 0 where it holds.
+    /// Its value, 0 where it is satisfied.
     pub value: f64,
-    /// By what was observed.
+    /// Derivatives with respect to the observations.
     pub by_observed: RowSVector<f64, 6>,
-    /// By the rig's parameters.
+    /// Derivatives with respect to the rig's parameters.
     pub by_parameters: RowSVector<f64, COUNT>,
-    /// By the object's free parameters.
+    /// Derivatives with respect to the object's free parameters.
     pub by_object: Vec<f64>,
 }
 
 impl State {
-    /// At `values`, object and encoder as they are said to be.
+    /// Starts at `values`, with object and encoder as stated.
     pub fn at(values: Values) -> Self {
         State { values, object: DVector::zeros(0), rotations_rad: DVector::zeros(0) }
     }
@@ -91,7 +91,7 @@ pub struct State {
     pub values: Values,
     /// The object's, from its start.
     pub object: DVector<f64>,
-    /// By how much the encoder's rounding turns the hub during each stretch, radians.
+    /// The rotation of the hub during each stretch by the encoder's rounding, radians.
     pub rotations_rad: DVector<f64>,
 }
 
@@ -104,9 +104,9 @@ pub struct Setting<'a> {
     pub gravity: Option<&'a Gravity>,
     /// The object, where one is used.
     pub outline: Option<&'a Outline>,
-    /// How contacts are found.
+    /// The method for computing contacts.
     pub method: Method,
-    /// Whether the intrinsic curvature is free; its derivative costs two more contacts.
+    /// Whether the intrinsic curvature is free; its derivative needs two more contacts.
     pub curvature_is_free: bool,
 }
 
@@ -115,7 +115,7 @@ pub struct Posed<'a> {
     setting: Setting<'a>,
     state: &'a State,
     rod: Rod,
-    /// The same rod bent by ± the step of [`CURVATURE_STEP_RAD`].
+    /// The same rod with its curvature changed by ± the step of [`CURVATURE_STEP_RAD`].
     bent: [Rod; 2],
     shape: Option<Shape>,
 }
@@ -123,15 +123,15 @@ pub struct Posed<'a> {
 /// A contact under a state, with all that residuals need.
 #[derive(Debug, Clone)]
 pub struct Touched {
-    /// What the instruments meant.
+    /// The corrected readings of the instruments.
     pub meant: Meant,
     /// The contact in the hub frame.
     pub at: HubContact,
-    /// By the load.
+    /// Derivatives with respect to the load.
     pub by_load: ByLoad,
     /// `[x, y, θ, s, φ]` by ln EI.
     pub by_stiffness: SVector<f64, 5>,
-    /// The same by the intrinsic curvature.
+    /// Derivatives with respect to the intrinsic curvature.
     pub by_curvature: SVector<f64, 5>,
 }
 
@@ -160,12 +160,12 @@ impl<'a> Posed<'a> {
         rotated
     }
 
-    /// What `sample` means here.
+    /// Returns the corrected readings of `sample`.
     pub fn meant(&self, sample: &Sample) -> Meant {
         meant(&self.state.values, self.setting.gravity, sample)
     }
 
-    /// The contact of `sample`; none where its load has none.
+    /// Returns the contact of `sample`; `None` where its load has none.
     pub fn touched(&self, sample: &Sample) -> Option<Touched> {
         let meant = self.meant(sample);
         let (at, by_load) = contact_with_derivatives(&self.rod, &meant.load, self.setting.method).ok()?;
@@ -198,7 +198,7 @@ impl<'a> Posed<'a> {
             .collect()
     }
 
-    /// What a contact must fulfil: the constraint of its role, then, with an object, those of the outline.
+    /// Returns the constraints on a contact: that of its role, then, with an object, those of the outline.
     pub fn contact(&self, sample: &Sample, plan: &Plan) -> Option<Vec<Constraint>> {
         let touched = self.touched(sample)?;
         let mut constraints =
@@ -217,7 +217,7 @@ impl<'a> Posed<'a> {
         Some(constraints)
     }
 
-    /// What a contact in `role` can say of the outline; nothing where its force is below `least_force_n`.
+    /// Returns the relation of a contact in `role` to the outline; none where its force is below `least_force_n`.
     pub fn outlined(&self, sample: &Sample, role: Role, least_force_n: f64) -> Outlined {
         let (Some(shape), Some(touched)) = (&self.shape, self.touched(sample)) else { return Outlined::Not };
         match role {

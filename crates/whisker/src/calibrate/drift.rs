@@ -1,4 +1,4 @@
-//! Whether the rig has changed, between two calibrations or along a record.
+//! Tests whether the rig has changed, between two calibrations or along a record.
 //!
 //! ```text
 //!   U  the directions of the parameters (in units of their prior σ, D) that the data determine · d = Uᵀ D⁻¹ (new − old) · V = Cov d
@@ -17,16 +17,16 @@ use crate::{Cell, Error, Sample};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use resight_core::statistics::chi_square::tail;
 
-/// The change of one parameter that would explain everything by itself.
+/// The change of one parameter that alone would explain everything.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
-    /// Which.
+    /// The parameter.
     pub parameter: Parameter,
-    /// By how much, in its unit.
+    /// The change, in its unit.
     pub change: f64,
     /// Standard deviation of that.
     pub sigma: f64,
-    /// Probability of what is left unexplained, were this the only change.
+    /// Probability of the remaining misfit, if this were the only change.
     pub p_value_of_rest: f64,
 }
 
@@ -35,17 +35,17 @@ pub struct Change {
 pub struct Drift {
     /// χ² of no change at all.
     pub chi2: f64,
-    /// Its degrees of freedom: how many combinations of parameters the data determine.
+    /// Its degrees of freedom: the number of combinations of parameters that the data determine.
     pub degrees_of_freedom: usize,
     /// Probability of as large a χ² without any change.
     pub p_value: f64,
-    /// Whether that is below the false-alarm rate.
+    /// Whether it is below the false-alarm rate.
     pub has_drifted: bool,
     /// Every parameter as the only one that changed, the most likely first.
     pub changes: Vec<Change>,
 }
 
-/// How to look for change.
+/// The settings of the test.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriftOptions {
     /// Probability of an alarm, per test, while nothing changes.
@@ -65,7 +65,7 @@ impl Default for DriftOptions {
 /// A direction is determined where the data leave less than this part of its prior variance: half its standard deviation.
 const DETERMINED: f64 = 0.25;
 
-/// Whether the rig of `new` is that of `old`: both from records of their own, with priors alike.
+/// Tests whether the rig of `new` is that of `old`; both come from records of their own, with equal priors.
 pub fn drift(old: &Calibrated, new: &Calibrated, options: &DriftOptions) -> Drift {
     let free = shared(old, new);
     let scaled = |covariance: &Covariance| scaled(covariance, &free);
@@ -127,7 +127,7 @@ fn verdict(
     for (i, (parameter, scale)) in free.iter().enumerate() {
         let a = basis.row(i).transpose() / *scale;
         let information = a.dot(&factor.solve(&a));
-        // A parameter whose own change would not show cannot be the one.
+        // A parameter whose own change would be invisible cannot be the cause.
         if information * scale * scale * DETERMINED < 1.0 {
             continue;
         }
@@ -160,8 +160,8 @@ pub enum Watch {
     Drifted(Drift),
 }
 
-/// Watches a record, window by window, for a rig that is no longer as calibrated. Without an object: what moves clamp and object
-/// alike stays unseen; [`drift`] between two calibrations with a known object sees that, too.
+/// Tests a record, window by window, for a rig that does not agree with its calibration any more. Without an object, motions of clamp and object
+/// together are invisible; [`drift`] between two calibrations with a known object detects these, too.
 #[derive(Debug, Clone)]
 pub struct DriftMonitor {
     reference: Calibrated,

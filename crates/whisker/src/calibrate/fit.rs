@@ -16,47 +16,47 @@ use resight_core::least_squares::dense::{DenseEquations, minimize_dense};
 const PROJECTIONS: usize = 10;
 /// … and are settled when they move by less than this part of a σ: the cost then errs by its square.
 const SETTLED: f64 = 1e-5;
-/// How far an object may be from where it was said to be: σ of each of its free parameters, metres or radians. Wide enough to say
-/// nothing, it keeps the equations solvable where nothing is said of one.
+/// Prior of the object's pose: σ of each of its free parameters, metres or radians. It is wide enough to have no effect, and keeps the equations
+/// solvable where no other prior is given.
 const OBJECT_SIGMA: f64 = 1.0;
 
-/// What is fitted.
+/// The problem to be fitted.
 pub struct Problem<'a> {
     /// Rod, gravity, object.
     pub setting: Setting<'a>,
     /// All samples.
     pub samples: &'a [Sample],
-    /// Which equations each gives.
+    /// The equations of each sample.
     pub plans: &'a [Plan],
-    /// How exact what is observed is.
+    /// The noise of the observations.
     pub noise: Noise,
     /// The prior of the parameters, about `centre`.
     pub priors: &'a Priors,
-    /// Where the priors are centred.
+    /// The centre of the priors, and the start.
     pub centre: Values,
     /// Whether some roles may be wrong.
     pub roles_are_doubtful: bool,
 }
 
-/// How exact what is observed is.
+/// The noise of the observations.
 #[derive(Debug, Clone, Copy)]
 pub struct Noise {
-    /// Covariance of what is observed while the hub turns.
+    /// Covariance of the observations while the hub rotates.
     pub moving: Matrix6<f64>,
-    /// The same where the angle stands still, without the encoder's rounding.
+    /// Covariance while the angle is constant, without the encoder's rounding.
     pub still: Matrix6<f64>,
     /// The rounding's standard deviation, radians.
     pub rounding_rad: f64,
 }
 
 impl Noise {
-    /// Covariance of what is observed at a sample.
+    /// Returns the covariance of the observations at a sample.
     pub fn of(&self, plan: &Plan) -> &Matrix6<f64> {
         if plan.stretch.is_some_and(|stretch| stretch.is_still) { &self.still } else { &self.moving }
     }
 }
 
-/// Where it ends.
+/// The end of a fit.
 pub struct Fitted {
     /// The parameters.
     pub state: State,
@@ -71,7 +71,7 @@ pub struct Fitted {
 }
 
 impl Problem<'_> {
-    /// The minimum from `start`; none where the equations have no solution.
+    /// Finds the minimum from `start`; `None` where the equations have no solution.
     pub fn solve(&self, start: &State) -> Option<Fitted> {
         let layout = Layout::of(self, start);
         let solution = minimize_dense(
@@ -94,7 +94,7 @@ impl Problem<'_> {
         let (from, object) = (layout.free.len(), state.object.len());
         let object_covariance = inverse.view((from, from), (object, object)) * (OBJECT_SIGMA * OBJECT_SIGMA);
         let equations = self.equations_at(&state);
-        // Every unknown has unit variance beforehand: what is left of it tells how much of it the samples determined.
+        // Every unknown has unit prior variance: the remaining share shows how much of it the samples determined.
         let determined = (inverse.nrows() as f64 - inverse.trace()).round() as usize;
         let degrees_of_freedom = equations - determined.min(equations);
         Fitted { state, covariance, object_covariance, chi2, degrees_of_freedom }
@@ -195,8 +195,8 @@ impl Layout {
     }
 }
 
-/// The constraints of a sample at its corrected reading, whitened: their values independent and of unit variance where they hold.
-/// None where the sample has no contact.
+/// Returns the constraints of a sample at its corrected reading, whitened: independent and of unit variance where they hold. `None` where the
+/// sample has no contact.
 pub fn projected(posed: &Posed, sample: &Sample, plan: &Plan, noise: &Noise) -> Option<Vec<Constraint>> {
     let noise = noise.of(plan);
     let (rows, correction) = settled(posed, &posed.rotated(sample, plan), plan, noise)?;

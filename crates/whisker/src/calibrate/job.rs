@@ -39,7 +39,7 @@ impl Outcome {
         tail(self.fitted.degrees_of_freedom, self.fitted.chi2)
     }
 
-    /// Whether it fits, and the object explains all but a few of the contacts.
+    /// Whether the model fits, and the object explains all but a few of the contacts.
     pub fn is_consistent(&self, false_alarm_rate: f64) -> bool {
         let kept = self.roles.iter().filter(|role| matches!(role, Role::Mid | Role::Tip)).count();
         let contacts = (kept + self.contradicted) as f64;
@@ -58,15 +58,15 @@ pub struct Job<'a> {
     pub cell: &'a Cell,
     /// All samples.
     pub samples: &'a [Sample],
-    /// As asked for.
+    /// The requested settings.
     pub options: &'a Options,
-    /// As asked for, a μ that is given held.
+    /// The requested priors, with a given μ fixed.
     pub priors: Priors,
-    /// Where the priors are centred, and the fits start.
+    /// The centre of the priors, and the start of the fits.
     pub centre: Values,
-    /// How exact what is observed is.
+    /// The noise of the observations.
     pub noise: Noise,
-    /// To which stretch of the hub's angle each sample belongs.
+    /// The stretch of the hub's angle to which each sample belongs.
     pub stretches: Vec<Stretch>,
 }
 
@@ -97,7 +97,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// From `from`, with the equations that `from` makes possible.
+    /// Fits from `from`, with the equations that are possible there.
     fn fit(
         &self,
         outline: Option<&Outline>,
@@ -130,7 +130,7 @@ impl<'a> Job<'a> {
     fn plans(&self, outline: Option<&Outline>, roles: &[Role], state: &State) -> Vec<Plan> {
         let posed = Posed::new(self.setting(outline), state);
         let rows = self.samples.iter().zip(roles).zip(&self.stretches);
-        // Without an object no equation depends on the hub, so no sample tells how it was turned.
+        // Without an object no equation depends on the hub, so that no sample determines its rotation.
         let turns = outline.is_some();
         let least_force_n = OUTLINE_FORCE_SIGMAS * self.noise.moving[(0, 0)].sqrt();
         rows.map(|((sample, role), stretch)| Plan {
@@ -170,7 +170,7 @@ impl<'a> Job<'a> {
         Ok(Outcome { fitted, roles, contradicted: 0 })
     }
 
-    /// From the fit `before`, with an object besides.
+    /// Fits with an object, starting from the fit `before`.
     pub fn with_object(
         &self,
         outline: &Outline,
@@ -196,7 +196,7 @@ impl<'a> Job<'a> {
         Ok(Outcome { fitted, roles, contradicted })
     }
 
-    /// Leaves out contacts whose equations miss by more than the gate of roles does.
+    /// Leaves out contacts whose equations miss by more than the limit of the roles.
     fn gated(&self, outline: &Outline, fitted: &Fitted, roles: &[Role]) -> Vec<Role> {
         let posed = Posed::new(self.setting(Some(outline)), &fitted.state);
         let plans = self.plans(Some(outline), roles, &fitted.state);

@@ -33,7 +33,7 @@ pub fn unit_weight(gravity: &Gravity, hub_angle_rad: f64) -> Vector3<f64> {
 pub struct Meant {
     /// Load of the object on the whisker.
     pub load: HubLoad,
-    /// Where the clamp is.
+    /// The pose of the clamp.
     pub world_from_hub: PlanarPose,
     /// ∂load/∂reading.
     pub load_by_reading: Matrix3<f64>,

@@ -27,7 +27,7 @@ enum Freedom {
 const STEP: f64 = 1e-6;
 
 impl Outline {
-    /// The outline of `object`; none of an object that is unknown altogether.
+    /// Returns the outline of `object`; `None` for an object that is completely unknown.
     pub fn of(object: &Object) -> Option<Self> {
         let (start, freedom) = match object {
             Object::Unknown | Object::Unclassified => return None,
@@ -47,7 +47,7 @@ impl Outline {
         }
     }
 
-    /// Whether it has no corner.
+    /// Returns whether it has no corner.
     pub fn is_smooth(&self) -> bool {
         self.start.corners_m().is_empty()
     }
@@ -126,8 +126,8 @@ impl Outline {
     }
 }
 
-/// Where the outline has the outward normal of direction `angle_rad`, and its radius of curvature there, metres: of a polygon the
-/// corner that lies farthest out, of no radius.
+/// Returns the point of the outline with the outward normal of direction `angle_rad`, and the radius of curvature there, metres: for a polygon
+/// the corner that is farthest out, with radius zero.
 pub fn supporting_point(shape: &Shape, angle_rad: f64) -> (Vector2<f64>, f64) {
     let out = |corner: &Vector2<f64>| unit(angle_rad).dot(corner);
     let corner =

@@ -19,7 +19,7 @@ pub enum Parameter {
     Stiffness,
     /// The cell's reading along the clamped whisker with nothing touched, newtons.
     ForceXZero,
-    /// Its reading across, newtons.
+    /// Its transverse force reading, newtons.
     ForceYZero,
     /// Its torque reading, newton metres.
     TorqueZero,
@@ -48,7 +48,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// All of them, in the order of [`Values`].
+    /// All parameters, in the order of [`Values`].
     pub const ALL: [Parameter; COUNT] = [
         Parameter::Stiffness,
         Parameter::ForceXZero,
@@ -67,12 +67,12 @@ impl Parameter {
         Parameter::Weight,
     ];
 
-    /// Its place in [`Values`].
+    /// Returns its index in [`Values`].
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Its name in files and messages, ending in its unit.
+    /// Returns its name in files and messages, which ends in its unit.
     pub fn name(self) -> &'static str {
         match self {
             Parameter::Stiffness => "ln_stiffness",
@@ -94,7 +94,7 @@ impl Parameter {
     }
 }
 
-/// How well each parameter is known beforehand: a standard deviation about the start, 0 for one that is held.
+/// The prior of each parameter: a standard deviation about the start, 0 for a fixed one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Priors(Values);
 
@@ -128,7 +128,7 @@ impl Priors {
         Priors(Values::zeros())
     }
 
-    /// The same with another standard deviation for one parameter; 0 holds it.
+    /// Returns the priors with another standard deviation for one parameter; 0 fixes it.
     pub fn with(mut self, parameter: Parameter, sigma: f64) -> Self {
         self.0[parameter.index()] = sigma;
         self
@@ -139,7 +139,7 @@ impl Priors {
         self.0[parameter.index()]
     }
 
-    /// All standard deviations.
+    /// Returns all standard deviations.
     pub fn sigmas(&self) -> &Values {
         &self.0
     }

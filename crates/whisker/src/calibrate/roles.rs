@@ -1,4 +1,4 @@
-//! Which sample touches nothing, which touches between clamp and tip, which at the tip: the likeliest sequence along each sweep.
+//! Decides for each sample whether it touches nothing, between clamp and tip, or at the tip: the most probable sequence along each sweep.
 //!
 //! Every role has a misfit d², in units of the noise and of what the parameters are uncertain by; changing role costs, so that one
 //! sample that fits two roles takes its neighbours'. docs/math/whisker_calibrate.md section 5.
@@ -30,12 +30,12 @@ const SURELY_NOT_MID: f64 = 12.0;
 
 const ROLES: [Role; 4] = [Role::Free, Role::Mid, Role::Tip, Role::Unused];
 
-/// Whether a sample in `role` gives equations.
+/// Returns whether a sample in `role` gives equations.
 pub fn is_used(role: Role) -> bool {
     role != Role::Unused
 }
 
-/// How badly a sample fits each role.
+/// The misfit of a sample in each role.
 #[derive(Debug, Clone, Copy)]
 struct Misfit {
     free: f64,
@@ -44,7 +44,7 @@ struct Misfit {
     is_light: bool,
 }
 
-/// The role of every sample, under `posed` whose parameters have `covariance`; `noise` is that of what is observed.
+/// Returns the role of every sample, under `posed` whose parameters have `covariance`; `noise` is that of the observations.
 pub fn assign(posed: &Posed, covariance: &Covariance, noise: &Matrix6<f64>, samples: &[Sample]) -> Vec<Role> {
     let misfits: Vec<Misfit> = samples.iter().map(|s| misfit(posed, covariance, noise, s)).collect();
     let mut roles = Vec::with_capacity(samples.len());
@@ -134,7 +134,7 @@ fn likeliest(misfits: &[Misfit]) -> Vec<Role> {
     roles
 }
 
-/// Leaves out what stands too near a change of role, and what is too light.
+/// Leaves out samples that are too near a change of role, and those with too small a force.
 fn guarded(roles: &[Role], misfits: &[Misfit]) -> Vec<Role> {
     let near = |i: usize, reach: usize, other: &dyn Fn(Role) -> bool| {
         let end = (i + reach + 1).min(roles.len());

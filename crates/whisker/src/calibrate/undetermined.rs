@@ -11,7 +11,7 @@ pub struct Undetermined {
     pub combination: Vec<(Parameter, f64)>,
     /// Its standard deviation after the record over that before, 0.5 to 1.
     pub left: f64,
-    /// Why, and what would determine it.
+    /// The reason, and the data that would determine it.
     pub reason: &'static str,
 }
 

@@ -36,7 +36,7 @@ pub fn zero(ei_n_m2: f64, curvature_per_m: f64, load: &HubLoad, later: usize) ->
     bent.clamp.contact(&bent.reach(later).arc())
 }
 
-/// The same with its derivatives by the load.
+/// Returns the contact with its derivatives with respect to the load.
 pub fn zero_with_derivatives(
     ei_n_m2: f64,
     curvature_per_m: f64,
@@ -80,7 +80,7 @@ impl Bent {
         State { g: self.clamp.g, h: self.clamp.h, c: self.clamp.c }
     }
 
-    /// From the clamp to the zero after `later` others.
+    /// Integrates from the clamp to the zero after `later` others.
     fn reach(&self, later: usize) -> Reach {
         let (u, p) = self.between(&self.start(), &self.end);
         let mut reach = Reach { bent: *self, end: self.end, u, p, rotation_rad: self.turned() };
@@ -98,7 +98,7 @@ impl Bent {
         self.clamp.m * (self.clamp.c + self.clamp.z)
     }
 
-    /// The angle turned from clamp to first contact, eq. (31).
+    /// Returns the angle from clamp to first contact, eq. (31).
     fn turned(&self) -> f64 {
         let (from, to) = (self.start(), self.end);
         let (one, other) = (to.g * from.h, from.g * to.h);
@@ -132,7 +132,7 @@ impl Bent {
         (u, k2 * d + from.g * to.g * sn)
     }
 
-    /// The state at the zero of the moment after the one at `from`.
+    /// Returns the state at the next zero of the moment after `from`.
     fn next_zero(&self, from: &State) -> State {
         let swings = 0.0 < self.complement2;
         let turns_back = swings || ((0.0 < from.g * from.h) == (from.c < 0.0));
@@ -202,7 +202,7 @@ impl Reach {
     }
 }
 
-/// Where κ first falls to κ₀, eq. (8), (30): a pendulum that swings (k < 1) or turns over.
+/// Returns where κ first falls to κ₀, eq. (8), (30): for a pendulum that swings (k < 1) or rotates.
 fn first_zero(clamp: &Clamp, swings: bool) -> Result<State, NoZero> {
     let Clamp { g, h, m, c, z, .. } = *clamp;
     let lift = m * (c + z);
@@ -216,7 +216,7 @@ fn first_zero(clamp: &Clamp, swings: bool) -> Result<State, NoZero> {
     Ok(State { g: sign * g_end2.sqrt(), h: sign * h_end2.sqrt(), c: z })
 }
 
-/// The angle turned between two states, in (−2π, 2π].
+/// Returns the angle between two states, in (−2π, 2π].
 fn turned(from: &State, to: &State) -> f64 {
     2.0 * (to.g * from.h - from.g * to.h).atan2(from.h * to.h + from.g * to.g)
 }

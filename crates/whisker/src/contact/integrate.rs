@@ -1,5 +1,5 @@
-//! The contact of any whisker by integrating the elastica from the hub until the bending moment vanishes: the method of
-//! Scholz and Rahn, by Taylor series of high order.
+//! Computes the contact of any whisker by integrating the elastica from the hub until the bending moment vanishes: the method of Scholz and
+//! Rahn, by Taylor series of high order.
 //!
 //! ```text
 //!   F force, φ its direction in the hub frame, e along it, n = (e_y, −e_x)
@@ -22,13 +22,13 @@ use piece::{Piece, Units};
 use series::{Series, State};
 use variation::Variation;
 
-/// How many whisker lengths are searched. A contact further out is a load without force, and says nothing.
+/// Number of whisker lengths searched. A contact farther out belongs to a load without force, and is meaningless.
 const REACH: f64 = 32.0;
 
 /// Steps to one zero before giving up, besides those that a profile's knots ask for; a contact within the whisker takes 2 to 5.
 const MOST_STEPS: usize = 256;
 
-/// The first zero of the moment.
+/// Returns the first zero of the moment.
 ///
 /// The modulus of a non-uniform whisker is no constant of the motion: `modulus_squared` is (1 + sin friction)/2 at the contact.
 pub fn contact(rod: &Rod, load: &HubLoad) -> Result<HubContact, NoZero> {

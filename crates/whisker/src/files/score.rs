@@ -1,4 +1,4 @@
-//! Contacts beside the truth: errors, whether the error bars hold, modes, what was missed.
+//! Compares contacts with the truth: errors, calibration of the error bars, modes, and missed contacts.
 
 use super::contacts::ContactRow;
 use super::truth::{TruthContact, TruthRow};

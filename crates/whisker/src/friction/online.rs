@@ -1,5 +1,5 @@
-//! The same sample by sample, each answered before the next: the chain's filter instead of its smoother, the friction angle as it is
-//! known by then. docs/math/whisker_friction.md eqs. (20), (21).
+//! Friction sample by sample, each answered before the next: the chain's filter instead of its smoother, and the friction angle as known at that
+//! time. docs/math/whisker_friction.md eqs. (20), (21).
 
 use super::modes::{TO_TIP_UNKNOWN, filter, log_evidence, to_tip};
 use super::record::{HUBER_CHI2, checked};

@@ -1,4 +1,4 @@
-//! The same smoother as samples come: a window of the last contacts, what went before summed up in one quadratic form.
+//! The smoother of sweeps as an online method: a window of the last contacts, with all earlier ones represented by one quadratic form.
 //!
 //! Every sample is answered at once (filtered) and again when it leaves the window (settled). Memory and time per sample are
 //! constant. Derivation: docs/math/whisker_sweep.md, section 7.

@@ -1,5 +1,5 @@
-//! What the fixed-lag smoother keeps: the nodes of its window, each with its last derivatives, and the quadratic form that sums
-//! up all before.
+//! The memory of the fixed-lag smoother: the nodes of its window, each with its last derivatives, and the quadratic form that represents all
+//! earlier ones.
 
 use super::batch::{Prior, TOUCH_SLIDE, add_pair};
 use super::chain::{Chain, Local};

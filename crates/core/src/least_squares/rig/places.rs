@@ -1,59 +1,59 @@
-//! The unknowns of a rig, and how an observation hangs on them: docs/math/rig.md eqs. (1), (3)–(7).
+//! The unknowns of a rig, and the dependence of an observation on them: docs/math/rig.md eqs. (1), (3)–(7).
 
 use crate::least_squares::PivotedPose;
 use crate::{Matrix6, Point, Pose, Vector6};
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// Where everything is.
+/// The poses of all cameras, targets and bodies.
 #[derive(Debug, Clone)]
 pub struct RigPoses {
-    /// One a camera.
+    /// One for each camera.
     pub cam_from_rig: Vec<Pose>,
-    /// One a target, held by the target's pivot.
+    /// One for each target, stored with the target's pivot.
     pub body_from_target: Vec<PivotedPose>,
-    /// One a body in a view, held by the body's pivot.
+    /// One for each body in a view, stored with the body's pivot.
     pub rig_from_body: Vec<PivotedPose>,
 }
 
-/// Which observation touches what.
+/// The unknowns on which each observation depends.
 #[derive(Debug, Clone)]
 pub struct RigGraph {
-    /// The observations, those of one body in one view side by side and in the order of `RigPoses::rig_from_body`.
+    /// The observations, those of one body in one view adjacent and in the order of `RigPoses::rig_from_body`.
     pub links: Vec<RigLink>,
-    /// Block of unknowns of each camera; none for the reference.
+    /// Block of unknowns of each camera; `None` for the reference.
     pub block_of_camera: Vec<Option<usize>>,
-    /// Block of unknowns of each target; none where it carries its body's frame.
+    /// Block of unknowns of each target; `None` where its frame is that of its body.
     pub block_of_target: Vec<Option<usize>>,
-    /// How many blocks of six unknowns are shared by all views.
+    /// Number of blocks of six unknowns that all views share.
     pub n_blocks: usize,
     /// Pivot of each body in a view, body frame.
     pub pivot_in_body: Vec<Point>,
-    /// Bodies in views that take part.
+    /// Whether each body in a view takes part.
     pub is_active: Vec<bool>,
 }
 
 /// One observation.
 #[derive(Debug, Clone, Copy)]
 pub struct RigLink {
-    /// Which camera.
+    /// Index of the camera.
     pub camera: usize,
-    /// Which target.
+    /// Index of the target.
     pub target: usize,
-    /// Which body in which view.
+    /// Index of the body in a view.
     pub body: usize,
 }
 
-/// A pose held by a pivot and the pose itself, unrolled: how an observation's points hang on all three places.
+/// A pose stored with a pivot, and the chain of poses behind it: the dependence of an observation's points on all three poses.
 pub(super) struct Chain {
     pub(super) place: PivotedPose,
     /// Body to camera.
     body_rotation: Matrix3<f64>,
-    /// From the body's pivot to the target's, rig frame.
+    /// Vector from the body's pivot to the target's, rig frame.
     arm: Vector3<f64>,
 }
 
 impl RigPoses {
-    /// cam_from_target of an observation, held by the target's pivot.
+    /// Returns cam_from_target of an observation, stored with the target's pivot.
     pub fn of_link(&self, link: &RigLink, graph: &RigGraph) -> PivotedPose {
         self.chain(link, graph).place
     }
@@ -71,7 +71,7 @@ impl RigPoses {
         }
     }
 
-    /// A motion for each body in a view, and six numbers of `change` for each shared block.
+    /// Applies a motion of each body in a view, and six numbers of `change` for each shared block.
     pub(super) fn moved(&self, motions: &[Vector6], change: &DVector<f64>, graph: &RigGraph) -> Self {
         let change = |block: usize| -> Vector6 { change.fixed_rows::<6>(6 * block).into() };
         let camera = |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |b| pose.moved(&change(b)));
@@ -86,7 +86,8 @@ impl RigPoses {
     }
 }
 
-/// R and an arm d: the motion [ω; ν] about one point, seen in another frame and about a point d farther, docs/math/rig.md eqs. (3)–(4).
+/// Returns the matrix for R and an arm d: the motion [ω; ν] about one point, in another frame and about a point d away, docs/math/rig.md eqs.
+/// (3)–(4).
 fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
@@ -96,7 +97,7 @@ fn carried(rotation: &Matrix3<f64>, arm: &Vector3<f64>) -> Matrix6 {
 }
 
 impl Chain {
-    /// The observation's motion by that of each of its places, docs/math/rig.md eqs. (5)–(7).
+    /// Returns the observation's motion with that of each of its poses, docs/math/rig.md eqs. (5)–(7).
     pub(super) fn by_camera(&self) -> Matrix6 {
         carried(&Matrix3::identity(), &self.place.pivot_in_cam)
     }

@@ -1,15 +1,15 @@
-//! What each view says about the shared blocks, its bodies' places eliminated: docs/math/clustered.md eq. (1).
+//! The information of each view about the shared blocks, with its bodies' poses eliminated: docs/math/clustered.md eq. (1).
 
 use super::{Eliminated, RigEquations, RigGraph, RigPoses};
 use crate::least_squares::clustered::Cluster;
 use crate::{Matrix6, Vector6};
 use nalgebra::{DMatrix, DVector};
 
-/// A shared block that an observation touches: where it stands in the cluster, and the observation's motion by its own.
+/// A shared block on which an observation depends: its position in the cluster, and the observation's motion with its own.
 type Touched = Vec<(usize, Matrix6)>;
 
 impl RigEquations {
-    /// One cluster a view with observations that take part and touch a shared block; `view_of_body` ascends.
+    /// Returns one cluster for each view with observations that take part and depend on a shared block; `view_of_body` ascends.
     pub(crate) fn clusters(
         &self,
         eliminated: &Eliminated,
@@ -57,7 +57,7 @@ impl RigEquations {
         }
         bodies.dedup();
         bodies.into_iter().for_each(|body| self.eliminate(&mut cluster, eliminated, body));
-        // The equations stand one vanishing step before the minimum.
+        // The equations belong to the state one vanishing step before the minimum.
         for (i, block) in cluster.blocks.clone().into_iter().enumerate() {
             let by = cluster.information.columns(6 * i, 6) * left.rows(6 * block, 6);
             cluster.score -= by;
@@ -65,7 +65,7 @@ impl RigEquations {
         (0 < n).then_some(cluster)
     }
 
-    /// S = H − C A⁻¹ Cᵀ and s = h − C A⁻¹ a of one body.
+    /// Computes S = H − C A⁻¹ Cᵀ and s = h − C A⁻¹ a for one body.
     fn eliminate(&self, cluster: &mut Cluster, eliminated: &Eliminated, body: usize) {
         let (inverse, gradient) = (&eliminated.inverses[body], &self.bodies[body].gradient);
         let couplings = self.couplings_of(body);
@@ -92,7 +92,7 @@ fn touched(blocks: &[usize], places: &RigPoses, graph: &RigGraph, i: usize) -> T
     camera.into_iter().chain(target).filter_map(place).collect()
 }
 
-/// An observation's own sums, before its body is eliminated.
+/// Adds an observation's own sums, before its body is eliminated.
 fn add(cluster: &mut Cluster, touched: &Touched, information: &Matrix6, gradient: &Vector6) {
     for (row, by_row) in touched {
         let mut rows = cluster.score.fixed_rows_mut::<6>(6 * row);

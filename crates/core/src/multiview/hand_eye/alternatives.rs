@@ -1,6 +1,6 @@
-//! Mistakes that would explain why views disagree: other sizes, hands inverted, quaternions in another order, rows shifted.
+//! Mistakes that would explain why views disagree: other sizes, inverted gripper poses, another order of quaternions, shifted rows.
 //!
-//! Tried only where the answer is inconsistent: each alternative is solved whole, and named where it lowers the noise.
+//! They are tried only where the answer is inconsistent: each alternative is solved completely, and named where it reduces the noise.
 
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled, settled};
@@ -9,16 +9,16 @@ use super::{Candidate, HandEyeConfig, HandEyeView, MAX_GRIPPER_SIGMA_BY_REACH, M
 use crate::Pose;
 use crate::locate::consistency::loses_too_many;
 
-/// An alternative must lower the noise to this part.
+/// An alternative must reduce the noise to this share.
 const MAX_PART: f64 = 0.5;
-/// Rounds of correcting a size: each squares the error.
+/// Number of corrections of a size: each squares the error.
 const SIZE_ROUNDS: usize = 6;
-/// Ratios to start from: as given, and millimetres for metres on either side.
+/// Initial ratios: as given, and millimetres instead of metres on either side.
 const UNIT_STARTS: [f64; 3] = [1.0, 1e-3, 1e3];
-/// The size has settled.
+/// Relative change of the size below which it has converged.
 const SETTLED_SIZE: f64 = 1e-4;
 
-/// The likely cause: the alternative with the least noise, where one is far better than the input.
+/// Returns the likely cause: the alternative with the least noise, where one is far better than the input.
 pub(super) fn alternatives(
     views: &[HandEyeView],
     found: &Settled,
@@ -27,7 +27,7 @@ pub(super) fn alternatives(
     of_known(views, &found.known, config)
 }
 
-/// The same for views that give no answer.
+/// Returns the likely cause for views that give no answer.
 pub(super) fn of_unsettled(views: &[HandEyeView], config: &HandEyeConfig) -> Option<HandEyeCause> {
     of_known(views, &located(views, config).ok()?.0, config)
 }
@@ -50,7 +50,7 @@ fn of_known(views: &[HandEyeView], known: &[Known], config: &HandEyeConfig) -> O
     best.filter(|(noise, _)| *noise < f64::min(1.0, MAX_PART * given)).map(|(_, cause)| cause)
 }
 
-/// The size with which the views agree, starting from a proven error; as it is where that leads nowhere.
+/// Returns the size with which the views agree; the proven error itself where none is found.
 pub(super) fn resized(
     views: &[HandEyeView],
     found: &Settled,
@@ -62,7 +62,7 @@ pub(super) fn resized(
     cause.unwrap_or(HandEyeCause::Size { ratio: 1.0 + larger.part, sigma: larger.sigma })
 }
 
-/// Views with poses only, their noise open.
+/// Returns the views with poses only, and with unknown noise.
 fn plain(views: &[HandEyeView], known: &[Known]) -> Vec<HandEyeView<'static>> {
     let view = |known: &Known| HandEyeView {
         base_from_gripper: views[known.index].base_from_gripper,
@@ -81,14 +81,14 @@ fn with_hands(plain: &[HandEyeView<'static>], hand: impl Fn(usize) -> Pose) -> V
     plain.iter().enumerate().map(view).collect()
 }
 
-/// The quaternion's numbers moved around by so many places.
+/// Rotates the order of the quaternion's numbers.
 fn reordered(pose: &Pose, by: usize) -> Pose {
     let mut numbers = pose.quaternion_wxyz();
     numbers.rotate_left(by);
     Pose::from_quaternion_wxyz(numbers, pose.translation)
 }
 
-/// Each view with the gripper pose so many rows on; the ends have none.
+/// Returns each view with the gripper pose `by` rows later; the ends have none.
 fn shifted(plain: &[HandEyeView<'static>], by: isize) -> Vec<HandEyeView<'static>> {
     let of =
         |i: usize| i.checked_add_signed(by).and_then(|at| plain.get(at)).map(|view| view.base_from_gripper);
@@ -98,8 +98,8 @@ fn shifted(plain: &[HandEyeView<'static>], by: isize) -> Vec<HandEyeView<'static
     plain.iter().enumerate().filter_map(pair).collect()
 }
 
-/// An alternative may leave out this part of the views: among seven rows in disorder four may be in step by chance, and with two of six left
-/// out the four would stand for all.
+/// Largest share of views that an alternative may leave out: among seven rows in disorder four may agree by chance, and with two of six left out
+/// the four would represent all.
 const MAX_LEFT_OUT: f64 = 0.2;
 
 fn brings_together(settled: &Settled) -> bool {
@@ -111,7 +111,7 @@ fn badness_of_alternative(views: &[HandEyeView], config: &HandEyeConfig) -> Opti
     settled(views, config).ok().filter(brings_together).map(|settled| badness(&settled))
 }
 
-/// How badly views agree: the noise in units of the largest plausible one, infinite where many views contradict.
+/// Returns the disagreement of the views: the noise in units of the largest plausible one, infinite where many views contradict each other.
 fn badness(settled: &Settled) -> f64 {
     let (n_views, n_used) = (settled.known.len(), settled.used().len());
     let Some([sigma_rad, sigma_m]) = settled.sigmas() else { return f64::INFINITY };
@@ -121,7 +121,7 @@ fn badness(settled: &Settled) -> f64 {
     (sigma_rad / MAX_GRIPPER_SIGMA_RAD).hypot(sigma_m / (MAX_GRIPPER_SIGMA_BY_REACH * settled.reach_m()))
 }
 
-/// A ratio of sizes with which the views agree, and how well they then do.
+/// Finds a ratio of sizes with which the views agree, and their agreement then.
 fn size_from(
     plain: &[HandEyeView<'static>],
     start: f64,
@@ -145,7 +145,7 @@ fn size_from(
     None
 }
 
-/// The target so many times as large.
+/// Returns the views with the target scaled by a ratio.
 fn scaled(plain: &[HandEyeView<'static>], ratio: f64) -> Vec<HandEyeView<'static>> {
     let candidate = |candidate: &Candidate| {
         let mut scaled = *candidate;

@@ -9,56 +9,56 @@ use core::fmt;
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum HandEyeCause {
-    /// The target is `ratio` times as large as stated, or the gripper's positions are in another unit, or the focal length is off by as much:
-    /// with this ratio the views agree.
+    /// The target is `ratio` times as large as stated, or the gripper's positions are in another unit, or the focal length is wrong by this
+    /// factor: with this ratio the views agree.
     Size {
-        /// True over stated.
+        /// True size divided by stated size.
         ratio: f64,
         /// Its standard deviation.
         sigma: f64,
     },
-    /// The pixels contradict the intrinsics given.
+    /// The pixels contradict the given intrinsics.
     Intrinsics {
-        /// Which of them, the most significant first.
+        /// The wrong groups, the most significant first.
         groups: Vec<Group>,
-        /// Corrected over given focal length, where it is among them.
+        /// Corrected divided by given focal length, where it is among them.
         focal_ratio: Option<f64>,
     },
-    /// With every pose of the gripper inverted the views agree.
+    /// The views agree if every pose of the gripper is inverted.
     InvertedGripper,
-    /// With the numbers of the quaternion in another order the views agree.
+    /// The views agree if the numbers of the quaternion are in another order.
     QuaternionOrder,
-    /// With every view given the gripper pose of its neighbour (so many rows on) the views agree.
+    /// The views agree if every view has the gripper pose of its neighbour (this many rows later).
     ShiftedRows(isize),
-    /// The gripper's noise would have to be larger than any robot's.
+    /// The gripper's noise would have to be larger than that of any robot.
     LargeNoise {
         /// Of its orientation, rad.
         sigma_rad: f64,
         /// Of its position, m.
         sigma_m: f64,
-        /// How far it went, or how far the target is away, m.
+        /// The gripper's travel, or the distance of the target, m.
         reach_m: f64,
     },
     /// The stated noise of the gripper does not explain the views' disagreement, which is `ratio` times as large.
     StatedNoise {
-        /// Root of χ² of the poses per degree of freedom.
+        /// Square root of χ² of the poses per degree of freedom.
         ratio: f64,
     },
-    /// In the views themselves the pixels do not fit the target: `ratio` times the stated sigma.
+    /// The pixels of single views do not fit the target: their residuals are `ratio` times the stated sigma.
     Pixels {
-        /// Root of χ² of the pixels per degree of freedom.
+        /// Square root of χ² of the pixels per degree of freedom.
         ratio: f64,
     },
-    /// More views contradict the others than a few wrong ones would.
+    /// More views contradict the others than expected of a few wrong ones.
     ManyContradict {
-        /// Views that contradict.
+        /// Number of views that contradict.
         n_rejected: usize,
-        /// Of so many with a pose.
+        /// Number of views with a pose.
         n_views: usize,
     },
 }
 
-/// Noise beyond any robot's.
+/// Reports noise beyond that of any robot.
 pub(super) fn large_noise(settled: &Settled) -> Option<HandEyeCause> {
     let ([sigma_rad, sigma_m], reach_m) = (settled.sigmas()?, settled.reach_m());
     let is_large = MAX_GRIPPER_SIGMA_RAD < sigma_rad || MAX_GRIPPER_SIGMA_BY_REACH * reach_m < sigma_m;
@@ -113,7 +113,7 @@ impl fmt::Display for HandEyeCause {
     }
 }
 
-/// Ratios that units make.
+/// Ratios between units.
 const UNITS: [(f64, &str); 5] = [
     (1e-3, "the target (or the gripper) is given in millimetres where metres are needed"),
     (1e-2, "the target (or the gripper) is given in centimetres where metres are needed"),
@@ -121,7 +121,7 @@ const UNITS: [(f64, &str); 5] = [
     (1e3, "the gripper's positions are given in millimetres where metres are needed"),
     (1e2, "the gripper's positions are given in centimetres where metres are needed"),
 ];
-/// A ratio this near to that of two units is theirs.
+/// A ratio this near to that of two units is attributed to them.
 const UNIT_TOLERANCE: f64 = 0.05;
 
 fn size(f: &mut fmt::Formatter, ratio: f64, sigma: f64) -> fmt::Result {

@@ -1,4 +1,4 @@
-//! X and Z from a few views, in closed form: docs/math/hand_eye.md eqs. (4)–(9).
+//! Solves for X and Z from a few views, in closed form: docs/math/hand_eye.md eqs. (4)–(9).
 //!
 //! ```text
 //!   C = A_i A_j⁻¹ = X M X⁻¹,  M = H_i H_j⁻¹   ·   c, m  vector parts of their quaternions:  c = ± R m
@@ -20,7 +20,7 @@ pub(super) struct ViewCandidate {
     pub carrier_from_holder: Pose,
 }
 
-/// A motion between two views, seen by the camera and by the gripper.
+/// A motion between two views, as seen by the camera and by the gripper.
 struct Motion {
     by_camera: Pose,
     by_carrier: Pose,
@@ -28,22 +28,22 @@ struct Motion {
     c: Vector3<f64>,
     /// m.
     m: Vector3<f64>,
-    /// Near a half turn noise decides the sign of the quaternion: both are tried.
+    /// Whether the sign of the quaternion is certain: near a half turn noise decides it, and both signs are tried.
     has_sign: bool,
 }
 
-/// Below this cosine of half the angle (turns above 168°) a sign may be wrong.
+/// Below this cosine of half the angle (rotations above 168°) a sign may be wrong.
 const SURE_OF_SIGN: f64 = 0.1;
-/// Two directions closer than this (sine of the angle between them, times their lengths) fix no rotation.
+/// Two directions closer than this (sine of the angle between them, times their lengths) do not determine a rotation.
 const MIN_SPREAD: f64 = 1e-4;
 
-/// What to solve for when all axes are parallel.
+/// Settings for parallel axes.
 #[derive(Clone, Copy)]
 pub(super) struct Parallel {
     pub height: Height,
 }
 
-/// Every solution that the robot poses allow: one, or one for each choice of signs of the half turns.
+/// Returns every solution for the robot poses: one, or one for each choice of signs of the half turns.
 pub(super) fn closed_forms(view_candidates: &[ViewCandidate], parallel: Option<&Parallel>) -> Vec<Poses> {
     let motions = motions(view_candidates);
     let unsure: Vec<usize> = (0..motions.len()).filter(|i| !motions[*i].has_sign).collect();
@@ -77,7 +77,7 @@ fn motions(view_candidates: &[ViewCandidate]) -> Vec<Motion> {
     motions
 }
 
-/// Rotation first, eq. (5); then translation, eq. (6).
+/// Solves for the rotation first, eq. (5); then for the translation, eq. (6).
 fn about_many_axes(motions: &[Motion], signs: &[f64]) -> Option<Pose> {
     let outer = motions.iter().zip(signs).map(|(motion, sign)| motion.c * motion.m.transpose() * *sign);
     let rotation = nearest_rotation(&outer.sum())?;
@@ -91,13 +91,13 @@ fn about_many_axes(motions: &[Motion], signs: &[f64]) -> Option<Pose> {
     translation.iter().all(|x| x.is_finite()).then_some(Pose::new(rotation, translation))
 }
 
-/// R_C − I and R t_M − t_C.
+/// Returns R_C − I and R t_M − t_C.
 fn translation_rows(motion: &Motion, rotation: &Matrix3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
     let right = rotation * motion.by_carrier.translation - motion.by_camera.translation;
     (motion.by_camera.rotation - Matrix3::identity(), right)
 }
 
-/// The rotation with the largest tr(Rᵀ S): Kabsch's, from two singular directions; none where the second is missing.
+/// Returns the rotation with the largest tr(Rᵀ S), by Kabsch's method from two singular directions; `None` where the second is missing.
 fn nearest_rotation(s: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let svd = s.svd(true, true);
     let (u, v_t) = (svd.u?, svd.v_t?);
@@ -114,8 +114,8 @@ fn nearest_rotation(s: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(left * right.transpose())
 }
 
-/// All axes parallel: the rotation φ about them and the place across them, linearly in (t, cos φ, sin φ), eqs. (7)–(8); the place along them from
-/// the height, eq. (9).
+/// Solves for parallel axes: the rotation φ about them and the position perpendicular to them, linearly in (t, cos φ, sin φ), eqs. (7)–(8); the
+/// position along them follows from the height, eq. (9).
 fn about_one_axis(motions: &[Motion], signs: &[f64], parallel: &Parallel) -> Option<Pose> {
     let largest = motions.iter().map(|x| x.m).max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
     let towards = |m: &Vector3<f64>| if m.dot(&largest) < 0.0 { -1.0 } else { 1.0 };
@@ -135,7 +135,7 @@ fn about_one_axis(motions: &[Motion], signs: &[f64], parallel: &Parallel) -> Opt
     missing.is_finite().then_some(Pose::new(rotation, across + axis_in_cam * missing))
 }
 
-/// Any rotation that takes one unit vector onto another.
+/// Returns a rotation that maps one unit vector to another.
 fn turned_onto(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
     let frame = |x: &Vector3<f64>| {
         let y = x.cross(&Vector3::ith(x.iamin(), 1.0)).normalize();
@@ -144,13 +144,13 @@ fn turned_onto(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
     frame(to) * frame(from).transpose()
 }
 
-/// cos φ (I − ccᵀ) + sin φ [c]× + ccᵀ.
+/// Returns cos φ (I − ccᵀ) + sin φ [c]× + ccᵀ.
 fn about(axis: &Vector3<f64>, cosine: f64, sine: f64) -> Matrix3<f64> {
     let along = axis * axis.transpose();
     (Matrix3::identity() - along) * cosine + axis.cross_matrix() * sine + along
 }
 
-/// cos φ and sin φ by linear least squares together with the place, then made of length one.
+/// Solves for cos φ and sin φ by linear least squares together with the position, and normalises them.
 fn turn_about(motions: &[Motion], axis: &Vector3<f64>, first: &Matrix3<f64>) -> Option<(f64, f64)> {
     let along = axis * axis.transpose();
     let (mut information, mut gradient) = (DMatrix::zeros(5, 5), DVector::zeros(5));
@@ -164,7 +164,7 @@ fn turn_about(motions: &[Motion], axis: &Vector3<f64>, first: &Matrix3<f64>) -> 
         information += rows.transpose() * &rows;
         gradient += rows.transpose() * DVector::from_column_slice(right.as_slice());
     }
-    // The place along the axis is settled elsewhere: any value does.
+    // The position along the axis is determined elsewhere: any value will do.
     let mut own = information.fixed_view_mut::<3, 3>(0, 0);
     own += along;
     let solution = information.cholesky()?.solve(&gradient);
@@ -172,7 +172,7 @@ fn turn_about(motions: &[Motion], axis: &Vector3<f64>, first: &Matrix3<f64>) -> 
     (0.0 < length && length.is_finite()).then(|| (solution[3] / length, solution[4] / length))
 }
 
-/// The place across the axis for a known rotation.
+/// Solves for the position perpendicular to the axis for a known rotation.
 fn place_across(motions: &[Motion], axis: &Vector3<f64>, rotation: &Matrix3<f64>) -> Option<Vector3<f64>> {
     let (mut information, mut gradient) = (axis * axis.transpose(), Vector3::zeros());
     for motion in motions {
@@ -184,7 +184,7 @@ fn place_across(motions: &[Motion], axis: &Vector3<f64>, rotation: &Matrix3<f64>
     Some(place - axis * axis.dot(&place))
 }
 
-/// Z from every robot pose, averaged.
+/// Averages Z over every robot pose.
 fn mean_holder(view_candidates: &[ViewCandidate], cam_from_carrier: &Pose) -> Option<Pose> {
     let one = |s: &ViewCandidate| (*cam_from_carrier * s.carrier_from_holder).inverse() * s.cam_from_target;
     let all: Vec<Pose> = view_candidates.iter().map(one).collect();
@@ -218,7 +218,7 @@ mod tests {
         x.max((found.holder_from_target * poses().holder_from_target.inverse()).log().amax())
     }
 
-    /// Three robot poses with turns about different axes; no adjustment follows that could hide a slip.
+    /// Three robot poses with rotations about different axes; no adjustment follows that could hide an error.
     #[test]
     fn exact_stations_give_the_exact_poses() {
         let view_candidates = [
@@ -231,7 +231,7 @@ mod tests {
         assert!(found.len() == 1 && off(&found[0]) < 1e-12, "{:?}", found.first().map(off));
     }
 
-    /// A rotation of π about z between the first two: among the signs tried is the right one.
+    /// The first two differ by a rotation of π about z: the right sign is among those tried.
     #[test]
     fn a_half_turn_is_tried_with_both_signs() {
         let view_candidates = [
@@ -244,7 +244,7 @@ mod tests {
         assert!(2 <= found.len() && found.iter().any(|poses| off(poses) < 1e-12));
     }
 
-    /// Turns about the carrier's z only, the camera's height along it known.
+    /// All rotations are about the carrier's z, and the camera's height along it is known.
     #[test]
     fn parallel_axes_and_a_height_give_the_exact_poses() {
         let view_candidates = [

@@ -1,7 +1,7 @@
-//! The views that agree, and a start: closed forms of three views each, and the one that most views agree with.
+//! Finds the views that agree, and a start: closed forms of three views each, and the one with which most views agree.
 //!
-//! Least trimmed squares (P. J. Rousseeuw and K. Van Driessen, "Computing LTS regression for large data sets", 2006), then every view against
-//! what the others predict. docs/math/hand_eye.md section 5.
+//! Least trimmed squares (P. J. Rousseeuw and K. Van Driessen, "Computing LTS regression for large data sets", 2006), then a test of every view
+//! against the prediction from the others. docs/math/hand_eye.md section 5.
 
 use super::closed_form::{Parallel, ViewCandidate, closed_forms};
 use super::cost::{Fit, Level, besides, fit, nearest, spread};
@@ -13,39 +13,39 @@ use crate::Error;
 use crate::statistics::SplitMix64;
 use nalgebra::DMatrix;
 
-/// The views that agree, each with the candidate that does.
+/// The views that agree, with their candidates.
 pub(super) struct Consensus {
     pub poses: Poses,
-    /// For each view its candidate; none where it contradicts the others.
+    /// The candidate of each view; `None` where it contradicts the others.
     pub candidate: Vec<Option<usize>>,
 }
 
 impl Consensus {
-    /// Pairs of view and candidate.
+    /// Returns pairs of view and candidate.
     pub fn used(&self) -> Vec<(usize, usize)> {
         self.candidate.iter().enumerate().filter_map(|(view, c)| c.map(|c| (view, c))).collect()
     }
 }
 
-/// Triples tried: with half of the views wrong and two candidates in each of the rest, one in 64 is right, and all 600 miss with a
-/// chance of 8e-5.
+/// Number of triples tried: with half of the views wrong and two candidates in each of the others, one in 64 is right, and all 600 are wrong
+/// with a probability of 8e-5.
 const MAX_TRIPLES: usize = 600;
-/// Views that a triple is tried on.
+/// Number of views on which a triple is tested.
 const MAX_TRIED: usize = 60;
-/// Triples carried on to the trimmed fit.
+/// Number of triples that enter the trimmed fit.
 const FINALISTS: usize = 5;
-/// Rounds of fitting the best half and choosing it anew.
+/// Number of rounds of fitting the best half and selecting it again.
 const TRIMMING_ROUNDS: usize = 4;
 /// χ² with six degrees of freedom that a good view exceeds once in ten thousand.
 const GATE_CHI2: f64 = 27.86;
 /// Median of χ² with six degrees of freedom.
 const MEDIAN_CHI2: f64 = 5.348;
-/// Rounds of taking views in and out.
+/// Number of rounds of including and excluding views.
 const MAX_ROUNDS: usize = 20;
 /// Seed of the triples: the same views give the same answer.
 const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// X, Z and the views that agree; where the gripper's noise is open, what the views that agree say it is.
+/// Returns X, Z and the views that agree; where the gripper's noise is unknown, it is estimated from these views.
 ///
 /// # Errors
 /// `NotConverged` when no triple leads to an answer.
@@ -55,7 +55,7 @@ pub(super) fn consensus(known: &mut [Known], config: &HandEyeConfig) -> Result<C
     agreeing(known, best, config)
 }
 
-/// The best half of the views, from triples.
+/// Returns the best half of the views, from triples.
 fn started(known: &[Known], config: &HandEyeConfig) -> Result<Fit, Error> {
     let parallel = parallel(known, config);
     let mut found: Vec<(f64, Poses)> = Vec::new();
@@ -78,14 +78,14 @@ fn started(known: &[Known], config: &HandEyeConfig) -> Result<Fit, Error> {
     Ok(best.1)
 }
 
-/// How to solve triples when all turns have one axis.
+/// Returns the settings for triples if all rotations have one axis.
 fn parallel(known: &[Known], config: &HandEyeConfig) -> Option<Parallel> {
     let height = config.height.filter(|_| are_parallel(known))?;
     let height_m = centre(known).height_m(&height.direction_in_carrier.normalize(), height.height_m);
     Some(Parallel { height: Height { height_m, ..height } })
 }
 
-/// χ² of each view (every `stride`-th) with the candidate that agrees best, in ascending order.
+/// Returns χ² of each view (every `stride`-th) with the candidate that agrees best, in ascending order.
 fn distances(known: &[Known], poses: &Poses, stride: usize) -> Vec<(f64, usize, usize)> {
     let distance = |view: usize| {
         let (candidate, chi2) = nearest(&known[view], poses);
@@ -96,17 +96,17 @@ fn distances(known: &[Known], poses: &Poses, stride: usize) -> Vec<(f64, usize, 
     all
 }
 
-/// The number of views in the trimmed fit: a little more than half.
+/// Returns the number of views in the trimmed fit: slightly more than half.
 fn majority(n: usize) -> usize {
     n.min((n + 3) / 2)
 }
 
-/// χ² of the worst of the better half.
+/// Returns χ² of the worst view of the better half.
 fn trimmed(sorted: &[(f64, usize, usize)]) -> f64 {
     sorted.get(majority(sorted.len()).saturating_sub(1)).map_or(f64::INFINITY, |d| d.0)
 }
 
-/// Fits the best half, chooses it anew, and so on.
+/// Alternates between fitting the best half and selecting it.
 fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Result<(f64, Fit), Error> {
     let mut poses = *start;
     for round in 1.. {
@@ -124,8 +124,8 @@ fn concentrated(known: &[Known], start: &Poses, config: &HandEyeConfig) -> Resul
     Err(Error::NotConverged { steps: 0 })
 }
 
-/// Includes every view that agrees with the others, until nothing changes. Where the gripper's noise is open it is first what the middle residuals
-/// say, then what the views that agree do.
+/// Includes every view that agrees with the others, until nothing changes. Where the gripper's noise is unknown, it is first estimated from the
+/// middle residuals, then from the views that agree.
 fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<Consensus, Error> {
     let mut best = start;
     if is_open(known) {
@@ -168,25 +168,26 @@ fn agreeing(known: &mut [Known], start: Fit, config: &HandEyeConfig) -> Result<C
     Ok(Consensus { poses: best.poses, candidate })
 }
 
-/// Rounds in which the middle residuals estimate the gripper's noise.
+/// Number of rounds in which the middle residuals estimate the gripper's noise.
 const ROUGH_ROUNDS: usize = 3;
 
 fn middle_noise(known: &[Known], poses: &Poses) -> Variances {
     from_middle(known, poses, |view| nearest(view, poses).0, majority(known.len()).saturating_sub(1))
 }
 
-/// The gate of a view that took no part in estimating the noise, eq. (17): a variance from few views is itself uncertain, and χ² becomes an F.
+/// Returns the limit for a view that did not take part in estimating the noise, eq. (17): a variance from few views is uncertain, and χ² becomes
+/// an F.
 fn gate_outside(n_used: usize) -> f64 {
     let redundancy = f64::max(3.0, 3.0 * n_used as f64 - 6.0);
     redundancy * (GATE_CHI2 / redundancy).exp_m1()
 }
 
-/// Rounds of X, Z and the gripper's noise in turn: each changes the other to second order.
+/// Number of rounds that alternate between X, Z and the gripper's noise: each changes the other to second order.
 const NOISE_ROUNDS: usize = 12;
-/// The noise has settled when no variance changes by more than this part of the largest of its kind.
+/// The noise has converged when no variance changes by more than this share of the largest of its kind.
 const SETTLED_NOISE: f64 = 1e-4;
 
-/// The minimum over the views used, with the noise of the gripper that these views show (left in `known`) where it is open.
+/// Returns the minimum over the views used, with the gripper's noise estimated from them (stored in `known`) where it is unknown.
 pub(super) fn fit_with_noise(
     start: &Poses,
     known: &mut [Known],
@@ -215,8 +216,8 @@ pub(super) fn fit_with_noise(
     Ok((best, Some(theta)))
 }
 
-/// The candidate of a view that agrees with the fit. A view that took no part is compared with what the others predict, whose own doubt
-/// counts.
+/// Returns the candidate of a view that agrees with the fit. A view that took no part is compared with the prediction from the others, whose
+/// uncertainty is included.
 fn agrees(view: &Known, fit: &Fit, took_part: bool, [inside, outside]: [f64; 2]) -> Option<usize> {
     let (candidate, chi2) = nearest(view, &fit.poses);
     if took_part {
@@ -234,7 +235,7 @@ fn agrees(view: &Known, fit: &Fit, took_part: bool, [inside, outside]: [f64; 2])
     (chi2 <= outside).then_some(candidate)
 }
 
-/// All triples of views with all their candidates where they are few, else seeded ones.
+/// Returns all triples of views with all their candidates if they are few, else seeded random ones.
 fn triples(known: &[Known]) -> Vec<[(usize, usize); 3]> {
     let all: Vec<(usize, usize)> =
         known.iter().enumerate().flat_map(|(v, k)| (0..k.candidates.len()).map(move |c| (v, c))).collect();

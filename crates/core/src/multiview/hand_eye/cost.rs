@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 pub(super) enum Level {
     /// Its pose.
     Poses,
-    /// Its pixels, where it has points, their variances so many times the stated ones.
+    /// Its pixels, where it has points, with their variances multiplied by `pixel_scale`.
     Points { pixel_scale: f64 },
 }
 
@@ -34,19 +34,19 @@ pub(super) struct Fit {
     pub degrees_of_freedom: usize,
 }
 
-/// The information of one view on its T: residual cost, gradient and information of its left motion.
+/// The information of one view about its T: cost, gradient and information of its left motion.
 struct Share {
     chi2: f64,
     gradient: Vector6,
     information: Matrix6,
 }
 
-/// The weights of poses follow X, which the gripper's noise is carried by; each round changes them to second order only.
+/// The weights of poses depend on X, by which the gripper's noise is transformed; each round changes them to second order only.
 const MAX_ROUNDS: usize = 10;
-/// The weights have settled when a round changes χ² by less than this.
+/// The weights have converged when a round changes χ² by less than this.
 const SETTLED_CHI2: f64 = 1e-6;
 
-/// The minimum over the views used, each with the candidate named.
+/// Finds the minimum over the views used, each with the given candidate.
 pub(super) fn fit(
     start: &Poses,
     known: &[Known],
@@ -95,13 +95,13 @@ fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, 
     (all + usize::from(config.height.is_some())).saturating_sub(12)
 }
 
-/// S.
+/// Returns S.
 fn gripper_noise(view: &Known, poses: &Poses) -> Option<Matrix6> {
     let ad = poses.cam_from_carrier.adjoint();
     view.covariance.map(|covariance| ad * covariance * ad.transpose())
 }
 
-/// Covariance of Log(A T⁻¹): of the measured pose and of the gripper's.
+/// Returns the covariance of Log(A T⁻¹): that of the measured pose plus that of the gripper.
 pub(super) fn spread(view: &Known, candidate: usize, poses: &Poses) -> Matrix6 {
     let own = view.candidates[candidate].covariance;
     gripper_noise(view, poses).map_or(own, |hand| own + hand)
@@ -115,7 +115,7 @@ fn weights(known: &[Known], used: &[(usize, usize)], poses: &Poses) -> Result<Ve
     used.iter().map(weight).collect()
 }
 
-/// The candidate that agrees best with X and Z, and its χ² (how much worse it fits its own view included).
+/// Returns the candidate that agrees best with X and Z, and its χ² (including how much worse it fits its own view).
 pub(super) fn nearest(view: &Known, poses: &Poses) -> (usize, f64) {
     let predicted = poses.cam_from_target(view);
     let chi2 = |candidate: usize| {
@@ -153,7 +153,7 @@ fn equations(
     equations.chi2.is_finite().then_some(equations)
 }
 
-/// Eq. (13): Ad(X H) takes a motion of Z to one of T.
+/// Adds a view by eq. (13): Ad(X H) maps a motion of Z to one of T.
 fn add(equations: &mut DenseEquations, share: &Share, by_holder: &Matrix6) {
     equations.chi2 += share.chi2;
     let across = share.information * by_holder;
@@ -173,15 +173,15 @@ fn add(equations: &mut DenseEquations, share: &Share, by_holder: &Matrix6) {
     }
 }
 
-/// The pose itself, eq. (12).
+/// Returns the contribution of the pose itself, eq. (12).
 fn of_pose(view: &Known, candidate: usize, weight: &Matrix6, poses: &Poses) -> Share {
     let (r, jacobian) = residual(&view.candidates[candidate].cam_from_target, &poses.cam_from_target(view));
     let weighted: Matrix6 = jacobian.transpose() * weight;
     Share { chi2: r.dot(&(weight * r)), gradient: weighted * r, information: weighted * jacobian }
 }
 
-/// The pixels of all cameras, their variances `pixel_scale` times the stated ones, the gripper's motion eliminated about its most probable
-/// value m, eqs. (14)–(15).
+/// Returns the contribution of the pixels of all cameras, with variances `pixel_scale` times the stated ones and the gripper's motion eliminated
+/// about its most probable value m, eqs. (14)–(15).
 fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
     let cost = RigCost::new(view.seen);
     let pivot = cost.pivot();
@@ -208,7 +208,7 @@ fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) ->
     })
 }
 
-/// The information of the height on the effects.
+/// Returns the information of the height about the effects.
 pub(super) fn besides(poses: &Poses, known: &[Known], config: &HandEyeConfig) -> Besides {
     let mut equations = DenseEquations::new(12);
     if let Some(height) = &config.height {
@@ -221,7 +221,7 @@ pub(super) fn besides(poses: &Poses, known: &[Known], config: &HandEyeConfig) ->
     besides
 }
 
-/// The known coordinate of the camera's centre −Rᵀt: to first order d·(−Rᵀν), eq. (16).
+/// Adds the known coordinate of the camera's centre −Rᵀt: to first order d·(−Rᵀν), eq. (16).
 fn add_height(equations: &mut DenseEquations, height: &Height, poses: &Poses, known: &[Known]) {
     let direction = height.direction_in_carrier.normalize();
     let stated_m = centre(known).height_m(&direction, height.height_m);

@@ -7,28 +7,28 @@ use super::{HandEyeConfig, MAX_GRIPPER_SIGMA_RAD, Mounting};
 use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 
-/// Smaller rotations are not used: at 0.01 rad a place is known a hundred times worse than the target's pose.
+/// Smaller rotations are not used: at 0.01 rad a position is a hundred times less certain than the target's pose.
 pub(crate) const MIN_ROTATION_RAD: f64 = 0.01;
 /// … nor are rotations within the noise of the motions.
 const NOISE_FACTOR: f64 = 5.0;
-/// Views beyond this number are compared with a part of the others only.
+/// Above this number, each view is compared with a part of the others only.
 const ALL_PAIRS_UP_TO: usize = 60;
-/// Least cosine between the height's direction and the common axis: farther off the height leaves the open direction open.
+/// Least cosine between the height's direction and the common axis: farther off, the height does not determine the open direction.
 const MIN_COSINE: f64 = 0.1;
 
-/// Principal axes of the turning: root mean square turns, rad, the largest first, and the main axis in the carrier frame.
+/// Principal axes of the rotations: root mean square angles, rad, the largest first, and the main axis in the carrier frame.
 pub(super) struct Turning {
     pub rotations_rad: [f64; 3],
     pub main_axis: Vector3<f64>,
 }
 
-/// Vector part of the unit quaternion with w ≥ 0: sin(θ/2) times the axis.
+/// Returns the vector part of the unit quaternion with w ≥ 0: sin(θ/2) times the axis.
 pub(super) fn half_rotation(motion: &Pose) -> Vector3<f64> {
     let [_, x, y, z] = motion.quaternion_wxyz();
     Vector3::new(x, y, z)
 }
 
-/// Of all pairs of views, or of each with as many others as make the work linear.
+/// Analyses all pairs of views, or each view with as many others as keep the work linear.
 pub(super) fn turning(views: &[Known]) -> Turning {
     let n = views.len();
     let stride = n.div_ceil(ALL_PAIRS_UP_TO).max(1);
@@ -49,11 +49,11 @@ pub(super) fn turning(views: &[Known]) -> Turning {
     }
 }
 
-/// The smallest rotation that is used.
+/// Returns the smallest rotation that is used.
 pub(super) fn needed_rad(views: &[Known]) -> f64 {
     let variance = |view: &Known| {
         let variance = view.covariance.map_or(0.0, |c| c.fixed_view::<3, 3>(0, 0).trace() / 3.0);
-        // Of an estimated noise no more than a hand can have: what is beyond that has another cause.
+        // An estimated noise is limited to that of a real robot: anything beyond it has another cause.
         if view.parts.is_some() {
             variance.min(MAX_GRIPPER_SIGMA_RAD * MAX_GRIPPER_SIGMA_RAD)
         } else {
@@ -64,12 +64,12 @@ pub(super) fn needed_rad(views: &[Known]) -> f64 {
     f64::max(MIN_ROTATION_RAD, NOISE_FACTOR * (2.0 * mean).sqrt())
 }
 
-/// Whether all rotations are about one direction.
+/// Returns whether all rotations are about one direction.
 pub(super) fn are_parallel(views: &[Known]) -> bool {
     turning(views).rotations_rad[1] < needed_rad(views)
 }
 
-/// The rotations, refused where they leave the answer undetermined.
+/// Returns the rotations, and refuses those that do not determine the answer.
 pub(super) fn check(views: &[Known], config: &HandEyeConfig) -> Result<[f64; 3], Error> {
     let (turning, needed) = (turning(views), needed_rad(views));
     let turns = turning.rotations_rad;

@@ -1,4 +1,4 @@
-//! The accuracy of the gripper's motions, from the data: variance components by restricted maximum likelihood.
+//! Estimates the accuracy of the gripper's motions: variance components by restricted maximum likelihood.
 //!
 //! Paper: D. A. Harville, "Maximum likelihood approaches to variance component estimation and to related problems", 1977; small samples:
 //! M. G. Kenward and J. H. Roger, "Small sample inference for fixed effects from restricted maximum likelihood", 1997.
@@ -15,7 +15,7 @@ use crate::multiview::relative::residual;
 use crate::{Matrix6, Pose, Vector6};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-/// X, Z and one effect more.
+/// X, Z and one more effect.
 pub(super) const EFFECTS: usize = 13;
 
 pub(super) type Effects = SVector<f64, EFFECTS>;
@@ -30,9 +30,9 @@ pub(super) struct Row {
     pub residual: Vector6,
     /// D.
     pub design: Design,
-    /// Σ, and the gripper's noise where it is stated.
+    /// Σ, including the gripper's noise where it is stated.
     pub known: Matrix6,
-    /// Vₖ; none where the gripper's noise is stated.
+    /// Vₖ; `None` where the gripper's noise is stated.
     pub parts: Option<[Matrix6; KINDS]>,
 }
 
@@ -52,15 +52,15 @@ pub(super) struct Reml {
     pub effects: Effects,
     /// Φ.
     pub phi: Normal,
-    /// The share of the uncertain θ in Φ, eq. (24).
+    /// The contribution of the uncertain θ to Φ, eq. (24).
     pub widening: Normal,
 }
 
-/// Scoring steps: each squares the distance; a variance that goes to zero takes a few more.
+/// Number of scoring steps: each squares the error; a variance that tends to zero needs a few more.
 const MAX_STEPS: usize = 40;
 /// A step that promises less in the log-likelihood is the last.
 const TOLERANCE: f64 = 1e-8;
-/// Halvings of a step.
+/// Number of halvings of a step.
 const MAX_HALVINGS: usize = 12;
 
 /// The likelihood at one θ.
@@ -80,9 +80,9 @@ struct Slope {
     m: [Normal; KINDS],
 }
 
-/// Restricted maximum likelihood of θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). None where V or M is singular.
+/// Maximises the restricted likelihood over θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). `None` where V or M is singular.
 ///
-/// Rotations about the base take part only where they raise the likelihood; elsewhere they would widen the answer.
+/// Rotations about the base take part only where they increase the likelihood; elsewhere they would widen the answer.
 pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
     let without = maximum(rows, besides, &[start[0], 0.0, start[2]], &[0, 2])?;
     let start = if 0.0 < start[1] { *start } else { without.reml.variances };
@@ -98,12 +98,12 @@ pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option
     })
 }
 
-/// … and any noise at all, in the covariance: half of all exact hands would otherwise seem noisy.
+/// … for any noise at all in the covariance: half of all exact robots would otherwise seem noisy.
 const NEEDED_GAIN_OF_ANY: f64 = 1.0;
-/// … and in the weights: an exact gripper weighed by what chance leaves of its residuals costs a twentieth of the efficiency with eight views.
+/// … and in the weights: weighting an exact gripper by random residuals costs a twentieth of the efficiency with eight views.
 const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
 
-/// The weights of an exact gripper with the covariance that these have if the noise is what it seems to be, eq. (27).
+/// Returns the weights of an exact gripper with the covariance for the noise that it seems to have, eq. (27).
 fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
     let at = evaluate(rows, besides, &exact.variances)?;
     let m = slope(rows, &at).m;
@@ -112,16 +112,16 @@ fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Rem
     Some(Reml { widening: (widening + widening.transpose()) * 0.5, ..exact })
 }
 
-/// A maximum and the likelihood there.
+/// A maximum and its likelihood.
 struct Maximum {
     reml: Reml,
     log_likelihood: f64,
 }
 
-/// The gain in the log-likelihood that one more kind of noise must bring: chance gives it once in forty.
+/// The gain in the log-likelihood that one more kind of noise must give: by chance this happens once in forty.
 const NEEDED_GAIN: f64 = 2.0;
 
-/// The maximum over some kinds, the others as they are at the start.
+/// Maximises over some kinds, with the others fixed at the start.
 fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) -> Option<Maximum> {
     let mut variances = *start;
     let mut at = evaluate(rows, besides, &variances)?;
@@ -150,14 +150,14 @@ fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) 
     Some(Maximum { reml: concluded(rows, &at, &slope, &variances, kinds), log_likelihood })
 }
 
-/// Variances that may move: those above zero, and those that the likelihood draws away from it.
+/// Returns the variances that may change: those above zero, and those for which the likelihood increases away from it.
 fn free(slope: &Slope, variances: &Variances, kinds: &[usize]) -> Vec<usize> {
     let moves =
         |k: &usize| 0.0 < slope.information[(*k, *k)] && (0.0 < variances[*k] || 0.0 < slope.score[*k]);
     kinds.iter().copied().filter(moves).collect()
 }
 
-/// Inverse of F among some variances, zero elsewhere; scaled, as rad² and m² differ by orders.
+/// Returns the inverse of F for some variances, zero elsewhere; scaled, because rad² and m² differ by orders of magnitude.
 fn inverse_of(information: &Matrix3<f64>, free: &[usize]) -> Matrix3<f64> {
     let scale = |k: usize| information[(k, k)].sqrt().recip();
     let mut scaled = Matrix3::identity();
@@ -174,7 +174,7 @@ fn inverse_of(information: &Matrix3<f64>, free: &[usize]) -> Matrix3<f64> {
     Matrix3::from_fn(entry)
 }
 
-/// F⁻¹ times the score, and what it promises. A variance that the step takes below zero ends there, and the others are asked again.
+/// Returns F⁻¹ times the score, and its promise. A variance that the step would make negative is set to zero, and the others are solved again.
 fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector3<f64>, f64) {
     let mut free = free(slope, variances, kinds);
     loop {
@@ -186,12 +186,12 @@ fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vecto
     }
 }
 
-/// What the uncertain θ adds to Φ, eq. (24): Qₖₗ needs the rows once more.
+/// Computes the contribution of the uncertain θ to Φ, eq. (24): Qₖₗ needs the rows once more.
 fn concluded(rows: &[Row], at: &At, slope: &Slope, variances: &Variances, kinds: &[usize]) -> Reml {
     let is_inside = |k: &usize| 0.0 < variances[*k] && 0.0 < slope.information[(*k, *k)];
     let inside: Vec<usize> = kinds.iter().copied().filter(is_inside).collect();
     let all = inverse_of(&slope.information, &inside);
-    // Nearer to zero than its own standard deviation the expansion about a variance says nothing.
+    // Within its own standard deviation of zero, the expansion about a variance is meaningless.
     let free: Vec<usize> =
         inside.into_iter().filter(|k| all[(*k, *k)] < variances[*k] * variances[*k]).collect();
     let covariance = inverse_of(&slope.information, &free);
@@ -212,7 +212,7 @@ fn concluded(rows: &[Row], at: &At, slope: &Slope, variances: &Variances, kinds:
     Reml { variances: *variances, effects: at.effects, phi: at.phi, widening }
 }
 
-/// Eqs. (19), (20).
+/// Evaluates eqs. (19), (20).
 fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At> {
     let mut weights = Vec::with_capacity(rows.len());
     let (mut m, mut b, mut log_det, mut rr) = (besides.information, besides.gradient, 0.0, besides.chi2);
@@ -225,7 +225,7 @@ fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At
         rr += row.residual.dot(&(w * row.residual));
         weights.push(w);
     }
-    // An effect that nothing depends on stays zero.
+    // An effect on which nothing depends stays zero.
     if m[(EFFECTS - 1, EFFECTS - 1)] == 0.0 {
         m[(EFFECTS - 1, EFFECTS - 1)] = 1.0;
     }
@@ -236,7 +236,7 @@ fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At
     log_likelihood.is_finite().then_some(At { log_likelihood, weights, phi, effects })
 }
 
-/// Eqs. (21), (22).
+/// Evaluates eqs. (21), (22).
 fn slope(rows: &[Row], at: &At) -> Slope {
     let mut slope =
         Slope { score: Vector3::zeros(), information: Matrix3::zeros(), m: [Normal::zeros(); KINDS] };
@@ -266,7 +266,7 @@ fn slope(rows: &[Row], at: &At) -> Slope {
     slope
 }
 
-/// V.
+/// Returns V.
 fn total(row: &Row, variances: &Variances) -> Matrix6 {
     let Some(parts) = &row.parts else { return row.known };
     parts.iter().zip(variances).fold(row.known, |sum, (part, variance)| sum + part * *variance)
@@ -282,7 +282,7 @@ pub(super) fn assume(known: &mut [Known], variances: &Variances) {
     }
 }
 
-/// Whether any view leaves its noise open.
+/// Returns whether the noise of any view is unknown.
 pub(super) fn is_open(known: &[Known]) -> bool {
     known.iter().any(|view| view.parts.is_some())
 }
@@ -290,7 +290,8 @@ pub(super) fn is_open(known: &[Known]) -> bool {
 /// A tenth of a degree, in rad.
 const NOMINAL_RAD: f64 = 1.7e-3;
 
-/// To begin with: a tenth of a degree, and as much of the target's distance or of the gripper's way, whichever is larger.
+/// Returns initial variances: a tenth of a degree, and the corresponding share of the target's distance or the gripper's travel, whichever is
+/// larger.
 pub(super) fn nominal(known: &[Known]) -> Variances {
     let distance2 =
         |view: &Known| view.candidates.first().map_or(0.0, |c| c.cam_from_target.translation.norm_squared());
@@ -303,8 +304,8 @@ pub(super) fn nominal(known: &[Known]) -> Variances {
 /// Median of χ² with three degrees of freedom.
 const MEDIAN_CHI2: f64 = 2.366;
 
-/// Orientation and position from the middle residuals: right with up to half of the views wrong, exact to a third with ten.
-/// `candidate` names a view's pose, `place` which of the ascending residuals counts.
+/// Estimates orientation and position noise from the middle residuals: correct with up to half of the views wrong, accurate to a third with ten.
+/// `candidate` selects a view's pose, `place` the index among the ascending residuals.
 pub(super) fn from_middle(
     known: &[Known],
     poses: &Poses,
@@ -325,7 +326,7 @@ pub(super) fn from_middle(
     [middle(turns), 0.0, middle(shifts)]
 }
 
-/// Variance of orientation and position as one view has it, were its residual in the middle; what the camera's noise explains is taken off.
+/// Returns the variances of orientation and position for one view as the median, less what the camera's noise explains.
 fn of_one(view: &Known, candidate: usize, poses: &Poses) -> [f64; 2] {
     let candidate = &view.candidates[candidate];
     let back = poses.cam_from_carrier.inverse();
@@ -344,7 +345,7 @@ fn of_one(view: &Known, candidate: usize, poses: &Poses) -> [f64; 2] {
     [turn.norm_squared() / MEDIAN_CHI2 - share(0), shift.norm_squared() / MEDIAN_CHI2 - share(3)]
 }
 
-/// Rows of the views used, linear in small motions of X and Z; the thirteenth effect is a larger target, eq. (25), where `with_size`.
+/// Returns rows of the views used, linear in small motions of X and Z; with `with_size`, the thirteenth effect is a larger target, eq. (25).
 pub(super) fn rows(poses: &Poses, known: &[Known], used: &[(usize, usize)], with_size: bool) -> Vec<Row> {
     let ad = poses.cam_from_carrier.adjoint();
     let row = |&(view, candidate): &(usize, usize)| {

@@ -1,4 +1,4 @@
-//! From the views to X, Z and the gripper's noise, on the level of poses: consensus, variance components, effects in doubt.
+//! Solves for X, Z and the gripper's noise from the views' poses: consensus, variance components, and doubtful effects.
 
 use super::consensus::{Consensus, consensus, fit_with_noise};
 use super::cost::{Fit, besides};
@@ -8,15 +8,15 @@ use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
 use crate::Error;
 use nalgebra::{DMatrix, SVector};
 
-/// The answer of the poses.
+/// The answer based on poses.
 pub(super) struct Settled<'a> {
     pub known: Vec<Known<'a>>,
     pub results: Vec<HandEyeViewResult>,
     pub agreed: Consensus,
     pub fit: Fit,
-    /// The gripper's noise; none where every view states its own.
+    /// The estimated noise of the gripper; `None` where every view states its own.
     pub variances: Option<Variances>,
-    /// The share of the uncertain noise in the covariance, 12×12.
+    /// The contribution of the uncertain noise to the covariance, 12×12.
     pub widening: DMatrix<f64>,
     pub rotations_rad: [f64; 3],
 }
@@ -31,7 +31,7 @@ pub(super) struct Larger {
     pub shift: SVector<f64, 12>,
 }
 
-/// Consensus and the noise.
+/// Finds the consensus and the noise.
 pub(super) fn settled<'a>(
     views: &'a [HandEyeView<'a>],
     config: &HandEyeConfig,
@@ -47,7 +47,7 @@ pub(super) fn settled<'a>(
         return Err(Error::TooFewMotions { seen: used.len(), needed: 3 });
     }
     let (fit, variances) = fit_with_noise(&agreed.poses, &mut known, &used, config)?;
-    // A wrong gripper pose can look like a rotation about another axis: asked again without those rejected.
+    // A wrong gripper pose can look like a rotation about another axis, so the test is repeated without the rejected views.
     let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
     let rotations_rad = motions::check(&kept, config)?;
     let mut settled =
@@ -69,7 +69,7 @@ impl Settled<'_> {
         noise::reml(&rows, &besides(&self.fit.poses, &self.known, config), &start)
     }
 
-    /// The target's size as one more effect, with the noise estimated along, eq. (25).
+    /// Estimates the target's size as one more effect, together with the noise, eq. (25).
     pub fn larger(&self, config: &HandEyeConfig) -> Option<Larger> {
         let found = self.reml(config, true)?;
         let last = EFFECTS - 1;
@@ -82,7 +82,8 @@ impl Settled<'_> {
         })
     }
 
-    /// Standard deviations of the gripper's orientation (rad) and position (m), per axis, over the views used; those about the base count for both.
+    /// Returns the standard deviations of the gripper's orientation (rad) and position (m), per axis, over the views used; noise about the base
+    /// is in both.
     pub fn sigmas(&self) -> Option<[f64; 2]> {
         let [turn, base, position] = self.variances?;
         let used = self.used();
@@ -91,7 +92,7 @@ impl Settled<'_> {
         Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
     }
 
-    /// How far the gripper went, root mean square from the middle, or how far away the target is, whichever is larger, m.
+    /// Returns the gripper's root mean square distance from its mean position, or the target's distance, whichever is larger, m.
     pub fn reach_m(&self) -> f64 {
         let used = self.used();
         let mean =

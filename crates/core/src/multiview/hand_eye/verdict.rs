@@ -1,4 +1,4 @@
-//! Whether the answer is consistent, and if not, why. docs/math/hand_eye.md section 7.
+//! Decides whether the answer is consistent, and if not, why. docs/math/hand_eye.md section 7.
 
 use super::alternatives::{alternatives, resized};
 use super::causes::{HandEyeCause, large_noise};
@@ -10,24 +10,24 @@ use crate::multiview::intrinsics_check::{IntrinsicsCheck, check_intrinsics};
 use crate::multiview::rig_pose::RigCost;
 use crate::{Camera, Correspondence, Lens};
 
-/// A size that is off by less does not make the answer wrong: its share enters the covariance.
+/// Smaller errors of size do not make the answer wrong: their contribution enters the covariance.
 pub(crate) const MAX_SIZE_ERROR: f64 = 0.005;
-/// χ² with one degree of freedom, 4.5 standard deviations: chance 7e-6.
+/// χ² with one degree of freedom, 4.5 standard deviations: a probability of 7e-6.
 const SIZE_CHI2: f64 = 20.25;
-/// Intrinsics whose correction moves the rays by less (root mean square, of the focal length) do not make the answer wrong.
+/// Corrections of intrinsics that move the rays by less (root mean square, relative to the focal length) do not make the answer wrong.
 const MAX_RAY_SHIFT: f64 = 1e-3;
-/// Chance of blaming good intrinsics here: below that of the check itself, which warns.
+/// Probability of blaming correct intrinsics here: below that of the check itself, which only warns.
 const MAX_INTRINSICS_P: f64 = 1e-5;
 
-/// The causes, the likely one first, and the target's size as the gripper measures it.
+/// The causes, the most likely first, and the target's size as measured by the gripper.
 pub(super) struct Verdict {
     pub causes: Vec<HandEyeCause>,
     pub size: Option<TargetSize>,
-    /// An error of size that is proven but small.
+    /// An error of size that is proven, but small.
     pub small: Option<Larger>,
 }
 
-/// χ² of the poses by the noise as stated or estimated.
+/// χ² of the poses for the stated or estimated noise.
 pub(super) struct Residuals {
     pub poses: (f64, usize),
     pub pixels: (f64, usize),
@@ -69,7 +69,7 @@ pub(super) fn judged(
     Verdict { causes, size, small: proven.filter(|_| wrong.is_none()) }
 }
 
-/// A stated noise that is too small makes the size look surer than it is.
+/// Widens the uncertainty of the size where the stated noise is too small.
 fn widened(larger: Larger, settled: &Settled, residuals: &Residuals) -> Larger {
     let scale = match settled.variances {
         Some(_) => 1.0,
@@ -78,14 +78,14 @@ fn widened(larger: Larger, settled: &Settled, residuals: &Residuals) -> Larger {
     Larger { sigma: larger.sigma * scale.sqrt(), ..larger }
 }
 
-/// Larger than chance makes it; with few views the noise is uncertain itself, and t takes the place of the normal, eq. (26).
+/// Returns whether the error exceeds chance; with few views the noise itself is uncertain, and t replaces the normal distribution, eq. (26).
 fn is_proven(larger: &Larger, settled: &Settled) -> bool {
     let redundancy = f64::max(1.0, 3.0 * settled.used().len() as f64 - 7.0);
     let t = larger.part / larger.sigma;
     SIZE_CHI2 < redundancy * (t * t / redundancy).ln_1p()
 }
 
-/// χ² and redundancy of the views by themselves: each with a pose of its own.
+/// Returns χ² and redundancy of single views, each with a pose of its own.
 pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
     let of_view = |(view, candidate): &(usize, usize)| {
         let view = &settled.known[*view];
@@ -98,7 +98,7 @@ pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
     all.iter().filter_map(of_view).fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
 }
 
-/// The intrinsics, where one camera saw every view and its pixels contradict them by as much as matters.
+/// Tests the intrinsics where one camera saw every view, and reports them if the pixels contradict them significantly.
 fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
     let mut camera: Option<&Camera> = None;
     let mut frames: Vec<&[Correspondence]> = Vec::new();
@@ -110,7 +110,7 @@ fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
         camera = Some(only.camera);
         frames.push(only.seen);
     }
-    // A lens said to have no distortion is asked for one.
+    // A lens without distortion is tested for distortion too.
     let with_distortion = match &camera?.lens {
         Lens::Pinhole(pinhole) => BrownConrady::new(pinhole.matrix, &[0.0; 4]).ok(),
         _ => None,
@@ -134,7 +134,7 @@ fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
     Some(HandEyeCause::Intrinsics { groups, focal_ratio })
 }
 
-/// By how much the blamed offsets move the pixels, root mean square, of the focal length.
+/// Returns the root mean square motion of the pixels due to the blamed offsets, relative to the focal length.
 fn ray_shift(settled: &Settled, camera: &Camera, check: &IntrinsicsCheck) -> f64 {
     let parameters = camera.parameters();
     let blamed: Vec<_> = check.blamed.iter().flat_map(|blame| &blame.parameters).collect();

@@ -1,7 +1,7 @@
-//! The data of each view, in one form for both mounts, with coordinates of moderate size.
+//! The data of each view, in one form for both mountings, with coordinates of moderate size.
 //!
-//! A vehicle's base may be a map with coordinates of millions of metres: the moving side's origin is put in the middle of the robot poses, so that
-//! no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
+//! A vehicle's base may be a map with coordinates of millions of metres: the origin of the moving side is moved to the mean of the robot poses,
+//! so that no lever arm is longer than the scene. docs/math/hand_eye.md eqs. (2), (3).
 
 use super::{Candidate, HandEyeConfig, HandEyeView, HandEyeViewResult, Mounting, RejectedView};
 use crate::covariance::is_covariance;
@@ -17,13 +17,13 @@ pub(super) const KINDS: usize = 3;
 /// A view with at least one candidate.
 #[derive(Clone)]
 pub(super) struct Known<'a> {
-    /// Its place in the list given.
+    /// Its index in the given list.
     pub index: usize,
     /// H, shifted.
     pub carrier_from_holder: Pose,
-    /// Of its left motion, carrier frame, shifted: stated, or what is assumed so far.
+    /// Covariance of its left motion, carrier frame, shifted: the stated one, or the current estimate.
     pub covariance: Option<Matrix6>,
-    /// Where no noise is stated: the covariance by each kind at a variance of one.
+    /// For views without stated noise: the covariance of each kind of noise for unit variance.
     pub parts: Option<[Matrix6; KINDS]>,
     pub candidates: Vec<Candidate>,
     pub seen: &'a [RigView<'a>],
@@ -31,7 +31,7 @@ pub(super) struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// A pose of the carrier as `base_from_gripper` (shifted), the covariance of its left motion there, and `base_from_gripper` as reported.
+    /// Returns a carrier pose as `base_from_gripper` (shifted), the covariance of its left motion there, and `base_from_gripper` as reported.
     pub fn in_base(&self, carrier_from_holder: &Pose, covariance: &Matrix6) -> (Pose, Matrix6, Pose) {
         match self.centre.mounting {
             Mounting::TargetOnGripper => (*carrier_from_holder, *covariance, self.carrier_from_holder),
@@ -46,12 +46,12 @@ impl Known<'_> {
         }
     }
 
-    /// Variance of the gripper's position, per axis, by a variance of one of turns about the base's origin, m².
+    /// Returns the variance of the gripper's position, per axis, for unit variance of rotations about the base's origin, m².
     pub fn base_lever2(&self) -> f64 {
         2.0 / 3.0 * (self.gripper_in_base() + self.centre.centre_in_base).norm_squared()
     }
 
-    /// The gripper's origin in the shifted base.
+    /// Returns the gripper's origin in the shifted base.
     pub fn gripper_in_base(&self) -> Vector3<f64> {
         match self.centre.mounting {
             Mounting::TargetOnGripper => self.carrier_from_holder.translation,
@@ -68,13 +68,13 @@ pub(super) struct Poses {
 }
 
 impl Poses {
-    /// T = X H Z.
+    /// Returns T = X H Z.
     pub fn cam_from_target(&self, view: &Known) -> Pose {
         self.cam_from_carrier * view.carrier_from_holder * self.holder_from_target
     }
 }
 
-/// The shift of the base's origin, metres, and which frame it belongs to.
+/// The shift of the base's origin, metres, and the frame to which it belongs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Centre {
     centre_in_base: Vector3<f64>,
@@ -87,13 +87,13 @@ impl Centre {
         if self.mounting == Mounting::CameraOnGripper { shifted.inverse() } else { shifted }
     }
 
-    /// Covariance of the left motion of the shifted H from that of `base_from_gripper`.
+    /// Returns the covariance of the left motion of the shifted H from that of `base_from_gripper`.
     fn carried(&self, base_from_gripper: &Pose, covariance: &Matrix6) -> Matrix6 {
         let ad = shift(-self.centre_in_base).adjoint();
         self.carried_from_shifted(base_from_gripper, &(ad * covariance * ad.transpose()))
     }
 
-    /// The same from that in the shifted base.
+    /// Returns the same covariance from that in the shifted base.
     fn carried_from_shifted(&self, base_from_gripper: &Pose, shifted: &Matrix6) -> Matrix6 {
         match self.mounting {
             Mounting::TargetOnGripper => *shifted,
@@ -103,14 +103,14 @@ impl Centre {
         }
     }
 
-    /// What each kind of noise adds to the covariance of a hand that states none.
+    /// Returns the contribution of each kind of noise to the covariance of a gripper pose without a stated one.
     fn parts(&self, base_from_gripper: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
         let hand = base_from_gripper.translation - self.centre_in_base;
         parts_in_base(&hand, &-self.centre_in_base, spread_m)
             .map(|part| self.carried_from_shifted(base_from_gripper, &part))
     }
 
-    /// Poses and covariance for the base as it was given.
+    /// Returns poses and covariance for the base as given.
     pub fn undone(&self, poses: &Poses, covariance: &DMatrix<f64>) -> (Poses, DMatrix<f64>) {
         let back = shift(self.centre_in_base);
         if self.mounting == Mounting::TargetOnGripper {
@@ -123,7 +123,7 @@ impl Centre {
         (Poses { holder_from_target, ..*poses }, &ad * covariance * ad.transpose())
     }
 
-    /// The height as the shifted carrier has it.
+    /// Returns the height in the shifted carrier.
     pub fn height_m(&self, direction: &Vector3<f64>, height_m: f64) -> f64 {
         match self.mounting {
             Mounting::CameraOnGripper => height_m,
@@ -132,7 +132,7 @@ impl Centre {
     }
 }
 
-/// That of all views.
+/// Returns the centre of all views.
 pub(super) fn centre(known: &[Known]) -> Centre {
     let nowhere = Centre { centre_in_base: Vector3::zeros(), mounting: Mounting::CameraOnGripper };
     known.first().map_or(nowhere, |view| view.centre)
@@ -142,7 +142,7 @@ fn shift(by: Vector3<f64>) -> Pose {
     Pose::new(Matrix3::identity(), by)
 }
 
-/// Views with a pose, and an entry for every view that says why where there is none.
+/// Returns the views with a pose, and for each view without one the reason.
 pub(super) fn located<'a>(
     views: &'a [HandEyeView<'a>],
     config: &HandEyeConfig,
@@ -176,7 +176,7 @@ pub(super) fn located<'a>(
     Ok((known, results))
 }
 
-/// As given, or as determined by the points.
+/// Returns the given candidates, or those determined by the points.
 fn candidates(view: &HandEyeView) -> Result<Vec<Candidate>, Error> {
     if !view.candidates.is_empty() {
         return Ok(view.candidates.clone());
@@ -189,13 +189,13 @@ fn candidates(view: &HandEyeView) -> Result<Vec<Candidate>, Error> {
         RigAmbiguity::Ambiguous { other: o, .. } => Some(candidate(o.rig_from_target, o.covariance, o.chi2)),
         RigAmbiguity::Unique { .. } => None,
     };
-    // The answer of one camera is the more probable pose, whose χ² need not be the lower one.
+    // The answer of a single camera is the more probable pose, whose χ² need not be the lowest.
     let lowest = other.as_ref().map_or(best.delta_chi2, |o| o.delta_chi2.min(best.delta_chi2));
     let above = |c: Candidate| Candidate { delta_chi2: c.delta_chi2 - lowest, ..c };
     Ok([Some(best), other].into_iter().flatten().map(above).collect())
 }
 
-/// Every number of every view.
+/// Checks every number of every view.
 fn check(views: &[HandEyeView], config: &HandEyeConfig) -> Result<(), Error> {
     for (index, view) in views.iter().enumerate() {
         check_pose("view", index, &view.base_from_gripper)?;
@@ -236,7 +236,7 @@ fn check(views: &[HandEyeView], config: &HandEyeConfig) -> Result<(), Error> {
     Ok(())
 }
 
-/// A motion may be exact in some directions: no negative eigenvalue beyond rounding is all that is asked.
+/// A motion may be exact in some directions: only negative eigenvalues beyond rounding are refused.
 fn check_gripper_covariance(index: usize, covariance: &Matrix6) -> Result<(), Error> {
     let invalid = |what, seen, needed| Err(Error::InvalidPose { item: "view", index, what, seen, needed });
     if let Some(&seen) = covariance.iter().find(|x| !x.is_finite()) {
@@ -257,10 +257,10 @@ fn check_gripper_covariance(index: usize, covariance: &Matrix6) -> Result<(), Er
     Ok(())
 }
 
-/// A base farther from the robot poses than this many times their spread is the origin of a map: no rotation is about it.
+/// A base farther from the robot poses than this multiple of their spread is the origin of a map, about which nothing rotates.
 const MAX_BASE_DISTANCE: f64 = 30.0;
 
-/// Vₖ for left motions of `base_from_gripper`, at a hand at `hand` of a base whose own origin is at `origin`, eq. (18).
+/// Returns Vₖ for left motions of `base_from_gripper`, for a gripper at `hand` and a base whose own origin is at `origin`, eq. (18).
 fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; KINDS] {
     let turning_about = |p: &Vector3<f64>| {
         let mut g = SMatrix::<f64, 6, 3>::zeros();

@@ -1,4 +1,4 @@
-//! The joint adjustment of every pose, the intrinsics and, where wanted, the shape of a flat target: docs/math/intrinsics.md section 2.
+//! The joint adjustment of every pose, the intrinsics and, on request, the shape of a flat target: docs/math/intrinsics.md section 2.
 
 use super::model::Direction;
 use super::prior;
@@ -17,22 +17,22 @@ use nalgebra::{DMatrix, DVector, Matrix2x6, Vector2};
 /// A view in the adjustment.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// Index of the view as given.
+    /// Its index in the input.
     pub(super) view: usize,
     pub(super) points: Vec<Correspondence>,
-    /// Weight of each point; 0 takes no part.
+    /// Weight of each point; points with 0 take no part.
     pub(super) weights: Vec<f64>,
     pub(super) pivot: Point,
     pub(super) cam_from_target: Pose,
-    /// Whether another pose came near to it when it was located.
+    /// Whether another pose was nearly as good when the view was located.
     pub(super) has_rival: bool,
 }
 
-/// Another pose is near below this many times the residual sum of squares.
+/// Largest ratio of the residual sums of squares for which another pose counts as nearly as good.
 const RIVAL: f64 = 25.0;
 
 impl Seen {
-    /// A view with its pose under a camera, from those of its points that take part.
+    /// Locates a view under a camera, from those of its points that take part.
     pub(super) fn located(
         view: usize,
         points: &[Correspondence],
@@ -53,7 +53,7 @@ impl Seen {
     }
 }
 
-/// The pose of a view's points under a camera; bearings are derived anew, points outside the camera's field are left out.
+/// Locates a view's points under a camera; bearings are recomputed, points outside the camera's field are left out.
 pub(super) fn located(
     points: &[Correspondence],
     weights: &[f64],
@@ -74,14 +74,14 @@ pub(super) struct Shape {
     pub(super) half_m: [f64; 2],
     /// stretch, bend_x (m), bend_y (m).
     pub(super) values: [f64; 3],
-    /// Standard deviation of the stretch by the rulers on the print; none where they were not measured.
+    /// Standard deviation of the stretch from the rulers on the print; `None` where they were not measured.
     pub(super) stretch_sigma: Option<f64>,
-    /// Whether the bends are estimated too; else they are zero.
+    /// Whether the bends are estimated too; otherwise they are zero.
     pub(super) is_bent: bool,
 }
 
 impl Shape {
-    /// Of points in one plane z = constant; none where they are not, or lie on a line.
+    /// Creates the shape of points in one plane z = constant; `None` where they are not, or are on a line.
     pub(super) fn of<'a>(points: impl Iterator<Item = &'a Correspondence> + Clone) -> Option<Self> {
         let fold = |best: fn(f64, f64) -> f64| {
             points.clone().map(|c| c.x_in_target).reduce(|a, b| a.zip_map(&b, best))
@@ -98,7 +98,7 @@ impl Shape {
         })
     }
 
-    /// The number of values that are estimated.
+    /// Returns the number of values that are estimated.
     pub(super) fn n(&self) -> usize {
         if self.is_bent { 3 } else { 1 }
     }
@@ -107,13 +107,13 @@ impl Shape {
         [(x.x - self.centre.x) / self.half_m[0], (x.y - self.centre.y) / self.half_m[1]]
     }
 
-    /// The position of a point of the target.
+    /// Returns the position of a point of the target.
     fn at(&self, x: &Point) -> Point {
         let ([u, v], [stretch, bend_x, bend_y]) = (self.unit(x), self.values);
         x + Point::new(0.0, stretch * v * self.half_m[1], bend_x * (1.0 - u * u) + bend_y * (1.0 - v * v))
     }
 
-    /// Its derivatives by the three values.
+    /// Returns its derivatives with respect to the three values.
     fn derivatives(&self, x: &Point) -> [Point; 3] {
         let [u, v] = self.unit(x);
         let along_z = |z: f64| Point::new(0.0, 0.0, z);
@@ -121,14 +121,14 @@ impl Shape {
     }
 }
 
-/// What all views share.
+/// The unknowns that all views share.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
     pub(super) camera: Camera,
-    /// Estimated where there is one.
+    /// The shape, if it is estimated.
     pub(super) shape: Option<Shape>,
     pub(super) directions: Vec<Direction>,
-    /// Variance of the noise in units of the stated one, against which what is known of every lens is weighed; 0 weighs nothing.
+    /// Variance of the noise in units of the stated one, against which the prior of the lens is weighted; 0 disables the prior.
     pub(super) noise: f64,
 }
 
@@ -137,7 +137,7 @@ impl Shared {
         self.directions.len() + self.shape.map_or(0, |shape| shape.n())
     }
 
-    /// After a change along the directions, then of the shape.
+    /// Returns the state after a change along the directions, then of the shape.
     fn changed(&self, change: &DVector<f64>) -> Result<Shared, Error> {
         let mut values: Vec<f64> = self.camera.parameters().iter().map(|(_, value)| *value).collect();
         for (direction, change) in self.directions.iter().zip(change.iter()) {
@@ -159,7 +159,7 @@ impl Shared {
     }
 }
 
-/// The normal equations of all views; none where a point that takes part leaves the camera's field.
+/// Returns the normal equations of all views; `None` where a point that takes part leaves the camera's field.
 pub(super) fn equations(seen: &[Seen], places: &[PivotedPose], shared: &Shared) -> Option<SharedEquations> {
     let mut sums = SharedEquations::new(shared.n());
     for (view, place) in seen.iter().zip(places) {
@@ -205,7 +205,7 @@ fn add(
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub(super) shared: Shared,
-    /// The views at their poses.
+    /// The views with their poses.
     pub(super) seen: Vec<Seen>,
     pub(super) equations: SharedEquations,
     /// Whether it is a minimum: a loop that ended early moved along an undetermined direction.
@@ -213,12 +213,12 @@ pub(super) struct Fit {
 }
 
 impl Fit {
-    /// Of the corners alone.
+    /// Returns χ² of the corners alone.
     pub(super) fn chi2(&self) -> f64 {
         self.equations.chi2 - self.equations.prior_chi2
     }
 
-    /// Two numbers a point that takes part.
+    /// Returns the number of observations: two for each point that takes part.
     pub(super) fn n_numbers(&self) -> usize {
         2 * self.seen.iter().map(Seen::n_used).sum::<usize>()
     }
@@ -227,12 +227,12 @@ impl Fit {
         self.n_numbers().saturating_sub(6 * self.seen.len() + self.shared.n())
     }
 
-    /// Of the shared unknowns, every pose eliminated.
+    /// Returns the equations of the shared unknowns, with every pose eliminated.
     pub(super) fn reduced(&self) -> Option<Reduced> {
         self.equations.reduced()
     }
 
-    /// The information of each view on the shared unknowns, at the common minimum.
+    /// Returns the information of each view about the shared unknowns, at the common minimum.
     pub(super) fn reduced_by_view(&self) -> Vec<Option<Reduced>> {
         let alone = |view: &Seen| {
             let place = PivotedPose::new(&view.cam_from_target, &view.pivot);
@@ -241,17 +241,18 @@ impl Fit {
         self.seen.iter().map(alone).collect()
     }
 
-    /// Covariances of the poses' motions about the pivots.
+    /// Returns the covariances of the poses' motions about the pivots.
     pub(super) fn pose_covariances(&self, covariance: &DMatrix<f64>) -> Option<Vec<Matrix6>> {
         self.equations.pose_covariances(covariance)
     }
 
-    /// Residuals of every point, used or not: observed − predicted, and squared in units of its covariance; none out of the field.
+    /// Returns the residuals of every point, used or not: observed − predicted, and squared in units of its covariance; `None` outside the
+    /// field.
     pub(super) fn residuals(&self, view: &Seen) -> Vec<Option<(Vector2<f64>, f64)>> {
         let of_point = |c: &Correspondence| {
             let x = self.shared.shape.map_or(c.x_in_target, |shape| shape.at(&c.x_in_target));
             let (pixel, jacobian) = self.shared.camera.project_with_jacobian(&(view.cam_from_target * x))?;
-            // `information` takes the derivative by the target's point, whose noise is the same in every direction.
+            // `information` takes the derivative with respect to the target's point, whose noise is isotropic.
             let e = c.pixel - pixel;
             Some((e, e.dot(&(information(c, &jacobian) * e))))
         };
@@ -259,7 +260,7 @@ impl Fit {
     }
 }
 
-/// The joint minimum near the views' poses and what they share; none where the start has no cost.
+/// Finds the joint minimum near the views' poses and shared unknowns; `None` where the start has no cost.
 pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let place = |view: &Seen| PivotedPose::new(&view.cam_from_target, &view.pivot);
     let start = seen.iter().map(place).collect();
@@ -284,7 +285,7 @@ pub(super) fn fit(mut seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     Some(Fit { shared, seen, equations: found.equations, converged })
 }
 
-/// The measured rulers determine the stretch of the print: docs/math/intrinsics.md section 2.
+/// Adds the measured rulers, which determine the stretch of the print: docs/math/intrinsics.md section 2.
 fn add_rulers(sums: &mut SharedEquations, shared: &Shared) {
     let Some((shape, sigma)) = shared.shape.and_then(|shape| Some((shape, shape.stretch_sigma?))) else {
         return;
@@ -293,7 +294,7 @@ fn add_rulers(sums: &mut SharedEquations, shared: &Shared) {
     sums.add_known(-shape.values[0], shared.noise / (sigma * sigma), &by_shared);
 }
 
-/// Each pose at its own minimum, what the views share being fixed.
+/// Moves each pose to its own minimum, with the shared unknowns fixed.
 fn settled(seen: &[Seen], mut state: SharedState, shared: &Shared) -> SharedState {
     let Ok(changed) = shared.changed(&state.change) else { return state };
     let shape = changed.shape;
@@ -312,8 +313,8 @@ fn settled(seen: &[Seen], mut state: SharedState, shared: &Shared) -> SharedStat
     state
 }
 
-/// The same minimum with views solved again under its camera where that fits them better: wrong intrinsics can turn a view of a plane to its
-/// second solution, where that came near.
+/// Repeats the adjustment with views located again under its camera where that fits them better: wrong intrinsics can move a view of a plane to
+/// its second solution, if that was nearly as good.
 pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Option<Fit> {
     let mut found = fit(seen, shared)?;
     for _ in 0..MAX_ROUNDS {
@@ -326,7 +327,7 @@ pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Opti
             let Some(alone) = equations(std::slice::from_ref(&changed), &[place], &found.shared) else {
                 continue;
             };
-            // A pose beside the joint one may only be better by what the shared unknowns gain from it.
+            // A pose of a single view may only be better by as much as the shared unknowns gain.
             if alone.chi2 < MUCH_BETTER * chi2 && MUCH < chi2 {
                 *view = changed;
                 any = true;
@@ -340,9 +341,9 @@ pub(super) fn fit_with_second_solutions(seen: Vec<Seen>, shared: Shared) -> Opti
     Some(found)
 }
 
-/// Rounds of looking for second solutions, a bound on the work.
+/// Largest number of rounds of the search for second solutions.
 const MAX_ROUNDS: usize = 3;
-/// A view alone is worth a new start below this part of its χ², where that is …
+/// A single view justifies a new start if its χ² falls below this share, and if it is …
 const MUCH_BETTER: f64 = 0.7;
 /// … larger than this.
 const MUCH: f64 = 10.0;

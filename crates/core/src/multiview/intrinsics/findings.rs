@@ -1,4 +1,4 @@
-//! Faults and weaknesses of views and answer: each with the number seen, the number needed and a remedy.
+//! Faults and weaknesses of views and answer, each with the number seen, the number needed and a remedy.
 
 use super::groups::TwoGroups;
 
@@ -127,7 +127,7 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// How much it weighs.
+    /// Returns the severity.
     pub fn severity(&self) -> Severity {
         match self {
             Finding::FewViews { .. }
@@ -150,7 +150,7 @@ impl Finding {
         }
     }
 
-    /// A word for it, as in JSON.
+    /// Returns its word in JSON.
     pub fn name(&self) -> &'static str {
         match self {
             Finding::FewViews { .. } => "few_views",
@@ -170,7 +170,7 @@ impl Finding {
         }
     }
 
-    /// In a sentence; `name_of` names the view of an index.
+    /// Describes it in a sentence; `name_of` returns the name of the view at an index.
     pub fn message(&self, name_of: impl Fn(usize) -> String) -> String {
         let degrees = f64::to_degrees;
         match self {

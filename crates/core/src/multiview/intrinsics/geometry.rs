@@ -5,17 +5,17 @@ use crate::camera::ImageSize;
 use crate::{Correspondence, Pixel};
 use std::collections::HashMap;
 
-/// Two views of one target with corners closer than this (root mean square) are one pose: the target did not move between them.
+/// Largest root mean square distance, px, of the corners of two views with the same pose, between which the target did not move …
 const SAME_PLACE_PX: f64 = 2.0;
 /// … if they share at least this part of their corners.
 const SHARED: f64 = 0.8;
-/// Corners of exact copies.
+/// Largest distance of corners of exact copies, px.
 const COPY_PX: f64 = 1e-6;
 
 /// Columns and rows of the grid in which corners are counted.
 pub const COVERAGE_GRID: [usize; 2] = [10, 8];
 
-/// How many corners fall into each cell of a grid over the image, row by row.
+/// The number of corners in each cell of a grid over the image, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Coverage {
     /// Cells in a row.
@@ -41,16 +41,16 @@ impl Coverage {
         Coverage { columns, rows, counts }
     }
 
-    /// Cells with a corner over all cells.
+    /// Returns the share of cells with a corner.
     pub fn share(&self) -> f64 {
         self.counts.iter().filter(|n| 0 < **n).count() as f64 / self.counts.len().max(1) as f64
     }
 }
 
-/// Which views repeat an earlier one.
+/// The views that repeat an earlier one.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Copies {
-    /// Views that are exact copies of an earlier one, and of which.
+    /// Pairs of a view that is an exact copy, and the earlier view.
     pub copies: Vec<(usize, usize)>,
     /// Number of views between which target or camera moved.
     pub n_distinct: usize,
@@ -85,7 +85,8 @@ fn places(points: &[Correspondence]) -> HashMap<[u64; 3], Pixel> {
     points.iter().map(|c| (key(c), c.pixel)).collect()
 }
 
-/// Root mean square distance of the corners that two views share; none where they share few. Ends at the first corner that is far off.
+/// Returns the root mean square distance of the corners that two views share; `None` where they share few. Stops at the first corner that is far
+/// off.
 fn apart_px(points: &[Correspondence], places: &HashMap<[u64; 3], Pixel>) -> Option<f64> {
     let limit = SAME_PLACE_PX.powi(2) * points.len() as f64;
     let (mut sum, mut n) = (0.0, 0usize);
@@ -110,7 +111,7 @@ pub struct Tilts {
     pub spread_rad: f64,
 }
 
-/// None where a target is not flat, z constant.
+/// Returns the tilts; `None` where a target is not flat, z constant.
 pub(super) fn tilts(seen: &[Seen]) -> Option<Tilts> {
     let is_flat = |view: &Seen| {
         let z = view.points.first().map_or(0.0, |c| c.x_in_target.z);
@@ -119,7 +120,7 @@ pub(super) fn tilts(seen: &[Seen]) -> Option<Tilts> {
     if seen.is_empty() || !seen.iter().all(is_flat) {
         return None;
     }
-    // The axis of either face: its sign does not count.
+    // The normal of either side: its sign does not matter.
     let normals: Vec<_> =
         seen.iter().map(|view| view.cam_from_target.rotation.column(2).into_owned()).collect();
     let angle = |c: f64| c.abs().min(1.0).acos();

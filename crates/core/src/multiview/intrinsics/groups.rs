@@ -1,5 +1,5 @@
-//! Whether all views are of one camera. Views of two cameras, or of one before and after its zoom changed, contradict each other: two groups
-//! fit far better apart than together. docs/math/intrinsics.md section 8.
+//! Tests whether all views are of one camera. Views of two cameras, or of one before and after its zoom changed, contradict each other: two
+//! groups fit far better separately than together. docs/math/intrinsics.md section 8.
 //!
 //!   S, s  a view's information and score at the common answer   ·   gain  by how much χ² falls when a group has an answer of its own
 
@@ -12,28 +12,28 @@ use nalgebra::{DMatrix, DVector};
 /// Two groups of views that contradict each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TwoGroups {
-    /// Views of the one, as numbered in the input.
+    /// Views of the first group, as numbered in the input.
     pub first: Vec<usize>,
-    /// Views of the other.
+    /// Views of the second group.
     pub second: Vec<usize>,
-    /// Whether the one ends where the other begins: the zoom, the focus or the camera was changed half-way.
+    /// Whether the second group follows the first: zoom, focus or camera were changed in between.
     pub in_sequence: bool,
-    /// Residual variance of the common answer over that of two answers.
+    /// Residual variance of the common answer divided by that of two answers.
     pub times: f64,
 }
 
-/// Variance that two answers must save before the views are called contradictory: views of one camera with a bent board save up to 1.3.
+/// Least reduction of the variance by two answers before the views are called contradictory: views of one camera with a bent board reach 1.3.
 pub const LEAST_TIMES: f64 = 1.6;
-/// Chance of such a split among all that are compared.
+/// Probability of such a split among all that are compared.
 const CHANCE: f64 = 1e-6;
-/// Chance that views of one camera seem to contradict each other.
+/// Probability that views of one camera seem to contradict each other.
 const WITHIN: f64 = 0.01;
-/// Rounds in which views are assigned to the group that fits them better; a bound on the work.
+/// Largest number of rounds in which views are reassigned to the group that fits them better.
 const MAX_ROUNDS: usize = 20;
-/// A group has at least so many views.
+/// Least number of views in a group.
 const LEAST_VIEWS: usize = 2;
 
-/// The split that saves most, if it is beyond chance.
+/// Returns the split that reduces χ² most, if it exceeds chance.
 pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let by_view = scores(fit, &inverse);
@@ -41,7 +41,7 @@ pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {
         return None;
     }
     let (n, k) = (by_view.len(), inverse.nrows());
-    // Ridge: a group may leave a direction open, in which it then agrees with all views.
+    // Ridge: a group may leave a direction open, and then agrees with all views in it.
     let ridge: DMatrix<f64> = inverse.clone().try_inverse()? * 1e-3;
     let judge = Judge { by_view: &by_view, ridge: &ridge };
     let cuts = (LEAST_VIEWS..=n - LEAST_VIEWS).map(|at| (0..n).map(|i| i < at).collect::<Vec<bool>>());
@@ -50,7 +50,7 @@ pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {
     let mixed = starts.map(|split| (judge.gain(&split), split, false));
     let (gain, split, in_sequence) = sequences.chain(mixed).filter(|(_, split, _)| is_fair(split)).fold(
         (0.0, Vec::new(), false),
-        // A cut in the sequence is the simpler story: another split must be better by its freedom of choice.
+        // A cut in the sequence is the simpler explanation: another split must be better by its freedom of choice.
         |best, next| if best.0 + if next.2 { 0.0 } else { 2.0 * n as f64 } < next.0 { next } else { best },
     );
     let (chi2, degrees) = (fit.chi2(), fit.degrees_of_freedom());
@@ -80,7 +80,7 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Information and score of one side.
+    /// Returns information and score of one side.
     fn side(&self, split: &[bool], side: bool) -> (DMatrix<f64>, DVector<f64>) {
         let k = self.ridge.nrows();
         let members = self.by_view.iter().zip(split).filter(|(_, s)| **s == side);
@@ -89,13 +89,13 @@ impl Judge<'_> {
         })
     }
 
-    /// How far a side's own answer is from the common one.
+    /// Returns the difference between a side's own answer and the common one.
     fn offset(&self, split: &[bool], side: bool) -> DVector<f64> {
         let (information, score) = self.side(split, side);
         (information + self.ridge).cholesky().map_or_else(|| DVector::zeros(score.len()), |c| c.solve(&score))
     }
 
-    /// Σ over both sides of 2 sᵀδ − δᵀSδ.
+    /// Returns Σ over both sides of 2 sᵀδ − δᵀSδ.
     fn gain(&self, split: &[bool]) -> f64 {
         let of_side = |side: bool| {
             let (information, score) = self.side(split, side);
@@ -105,7 +105,7 @@ impl Judge<'_> {
         of_side(true) + of_side(false)
     }
 
-    /// Whether views contradict each other, but not within the groups.
+    /// Returns whether views contradict each other, but not within the groups.
     fn explains(&self, split: &[bool], inverse: &DMatrix<f64>, noise: f64) -> bool {
         let Some(factor) = inverse.clone().cholesky().map(|c| c.l()) else { return false };
         let offsets = [self.offset(split, false), self.offset(split, true)];
@@ -128,7 +128,7 @@ impl Judge<'_> {
         limit(k) < before && after < limit(2 * k)
     }
 
-    /// Splits by the sign of each view's score along the directions that matter most: P^½ s.
+    /// Splits by the sign of each view's score along the most significant directions: P^½ s.
     fn starts(&self, inverse: &DMatrix<f64>) -> Vec<Vec<bool>> {
         let Some(factor) = inverse.clone().cholesky().map(|c| c.l()) else { return Vec::new() };
         let whitened: Vec<DVector<f64>> =
@@ -145,7 +145,7 @@ impl Judge<'_> {
         order.iter().take(3).map(split).collect()
     }
 
-    /// Views are assigned to the side whose answer fits them better, until nothing changes.
+    /// Reassigns views to the side whose answer fits them better, until nothing changes.
     fn settled(&self, mut split: Vec<bool>) -> Vec<bool> {
         for _ in 0..MAX_ROUNDS {
             let offsets = [self.offset(&split, false), self.offset(&split, true)];

@@ -1,23 +1,23 @@
-//! The prediction of views that took no part: each half of the views is predicted by the other half's camera.
+//! Cross-validation: each half of the views is predicted by the camera of the other half.
 
 use super::adjust::{Fit, Seen, Shared, fit};
 use crate::statistics::chi_square::tail;
 
-/// Two halves, every other view each.
+/// The results for two halves, which have every other view each.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeldOut {
-    /// Residuals of views under the camera of the other half, only their poses being free: root mean square, px of one coordinate.
+    /// Residuals of views under the camera of the other half, with only their poses free: root mean square, px of one coordinate.
     pub rms_px: f64,
-    /// The same views' residuals under the camera of all.
+    /// Residuals of the same views under the camera of all views.
     pub with_all_px: f64,
-    /// Chance that two halves of one camera's views differ as much, by their covariances.
+    /// Probability that two halves of one camera's views differ as much, according to their covariances.
     pub p: f64,
 }
 
 /// Fewer views are not divided.
 const LEAST_VIEWS: usize = 6;
 
-/// `widening`: the factor on the inverse information of the answer. None with few views, or where a half leaves a direction open.
+/// Compares both halves; `widening` is the factor on the inverse information of the answer. `None` with few views, or an undetermined half.
 pub(super) fn held_out(whole: &Fit, widening: f64) -> Option<HeldOut> {
     if whole.seen.len() < LEAST_VIEWS {
         return None;
@@ -27,7 +27,7 @@ pub(super) fn held_out(whole: &Fit, widening: f64) -> Option<HeldOut> {
     let mut sum = 0.0;
     for (camera_of, views_of) in [(0, 1), (1, 0)] {
         let shared = Shared { directions: Vec::new(), ..halves[camera_of].shared.clone() };
-        // Its shape, if estimated, stays free: it belongs to the target. The camera does not.
+        // The target's shape, if estimated, remains free, because it belongs to the target; the camera is fixed.
         let predicted = fit(half(views_of), shared)?;
         sum += squared(&predicted);
     }

@@ -1,4 +1,4 @@
-//! The answer of a fit, with its faults and weaknesses.
+//! Builds the answer from a fit, with its faults and weaknesses.
 
 use super::adjust::{Fit, Seen, Shape, Shared, fit};
 use super::findings::Finding;
@@ -17,24 +17,24 @@ use crate::multiview::intrinsics_check::{MAX_RELATIVE_SIGMA, SkippedFrame};
 use crate::{Correspondence, Matrix6, Pixel, Point};
 use nalgebra::DMatrix;
 
-/// Tilts and differences of orientation below this separate focal length and distance only by noise.
+/// With smaller tilts and differences of orientation, only noise separates focal length and distance.
 const LEAST_TILT_RAD: f64 = 0.26;
 const LEAST_SPREAD_RAD: f64 = 0.17;
-/// A focal length known worse than this is remarked on.
+/// A larger relative uncertainty of the focal length is reported.
 const GOOD_FOCAL: f64 = 0.01;
-/// Corners in a smaller part of the image's cells are remarked on.
+/// A smaller share of the image's cells with corners is reported.
 const GOOD_COVERAGE: f64 = 0.6;
-/// A stretch is real beyond so many standard deviations, and if it exceeds that of paper in damp air.
+/// A stretch is real beyond this many standard deviations, and if it exceeds that of paper in damp air.
 const REAL_SIGMAS: f64 = 5.0;
 const LEAST_STRETCH: f64 = 1.5e-3;
-/// A stretch beyond so many standard deviations of the rulers contradicts them.
+/// A stretch beyond this many standard deviations of the rulers contradicts them.
 const RULER_SIGMAS: f64 = 3.0;
-/// A bend is remarked on beyond this part of the target's half width.
+/// A larger bend, relative to the target's half width, is reported.
 const LEAST_BEND: f64 = 2e-3;
-/// Contradiction between views that is worth a remark: variances twice those of the noise.
+/// A larger contradiction between views is reported: variances twice those of the noise.
 const LEAST_CONTRADICTION: f64 = 2.0;
 
-/// The data of the answer besides the fit.
+/// The data of the answer in addition to the fit.
 pub(super) struct Context<'a> {
     pub(super) size: ImageSize,
     pub(super) config: &'a IntrinsicsConfig,
@@ -44,7 +44,7 @@ pub(super) struct Context<'a> {
     pub(super) skipped: &'a [SkippedFrame],
 }
 
-/// None where the covariance does not exist.
+/// Returns the answer; `None` where the covariance does not exist.
 pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsics> {
     let found = &clean.fit;
     let spread = spread(found, context.config.noise)?;
@@ -87,7 +87,7 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
     })
 }
 
-/// Why views determine no camera: the first reason that applies, from the fit nearest to an answer.
+/// Returns the reason why views determine no camera: the first that applies, from the fit nearest to an answer.
 pub(super) fn why_undetermined(views: &[(usize, &[Correspondence])], fit: Option<&Fit>) -> Vec<Finding> {
     let n_views = views.len();
     let Some(fit) = fit else { return vec![Finding::NoCamera { n_views, n_posed: 0 }] };
@@ -113,7 +113,7 @@ fn used_pixels(view: &Seen) -> impl Iterator<Item = Pixel> + '_ {
     view.points.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight).map(|(c, _)| c.pixel)
 }
 
-/// From the free directions to all parameters: D Σ Dᵀ.
+/// Returns the covariance of all parameters from that of the free directions: D Σ Dᵀ.
 fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let n = fit.shared.camera.parameters().len();
     let mut map = DMatrix::zeros(n, covariance.nrows());
@@ -126,7 +126,7 @@ fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&all + all.transpose())
 }
 
-/// The covariance of the parameters with the share of the model's choice: docs/math/intrinsics.md eq. (8).
+/// Returns the covariance of the parameters, including the choice of the model: docs/math/intrinsics.md eq. (8).
 fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
     let own = of_parameters(fit, &spread.covariance);
     let names = fit.shared.camera.parameters();
@@ -148,7 +148,7 @@ fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
     own * (1.0 - weight_of_others).max(0.0) + total
 }
 
-/// Parameters of another choice of the family by the names of this one; a coefficient that it does not have is zero.
+/// Returns the parameters of another choice of the family, by the names of this one; a missing coefficient is zero.
 fn in_terms_of(names: &[&str], local: &Local) -> Vec<f64> {
     let value =
         |name: &&str| local.names.iter().position(|known| known == name).map_or(0.0, |i| local.values[i]);
@@ -183,7 +183,7 @@ fn views(fit: &Fit, spread: &Spread) -> Option<Vec<IntrinsicsView>> {
     Some(fit.seen.iter().zip(&poses).map(of_view).collect())
 }
 
-/// The covariance of the left motion from that about the pivot: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
+/// Returns the covariance of the left motion from that about the pivot: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
 fn about_camera(about_pivot: &Matrix6, pivot_in_cam: &Point) -> Matrix6 {
     let mut to_camera = Matrix6::identity();
     to_camera.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_cam.cross_matrix());
@@ -220,7 +220,7 @@ fn findings(
     let relative = covariance[(0, 0)].max(0.0).sqrt() / focal;
     if GOOD_FOCAL < relative {
         found.push(Finding::RoughFocal { relative, needed: GOOD_FOCAL });
-        // What is known of every lens carries such an answer: it may not be relied on.
+        // The prior of the lens dominates such an answer, which may not be relied on.
         let one_orientation = tilts(&fit.seen).filter(|tilts| tilts.spread_rad < LEAST_SPREAD_RAD);
         found.extend(one_orientation.map(|tilts| Finding::OneOrientation {
             spread_rad: tilts.spread_rad,
@@ -249,7 +249,7 @@ fn many_bad(clean: &Clean) -> Option<Finding> {
     too_many.then_some(Finding::ManyBadViews { n, of, n_corners, of_corners })
 }
 
-/// Residuals far above the stated noise, by the rule of `consistency`.
+/// Reports residuals far above the stated noise, by the rule of `consistency`.
 fn noisy(fit: &Fit, spread: &Spread) -> Option<Finding> {
     let stated: f64 = fit.seen.iter().flat_map(|view| &view.points).map(|c| c.sigma_px * c.sigma_px).sum();
     let n: usize = fit.seen.iter().map(|view| view.points.len()).sum();
@@ -258,7 +258,7 @@ fn noisy(fit: &Fit, spread: &Spread) -> Option<Finding> {
         .then(|| Finding::Noisy { seen_px: stated_px * spread.noise.sqrt(), stated_px })
 }
 
-/// Views of two cameras: either both are in the fit, or one of them is among the bad views.
+/// Reports views of two cameras: either both are in the fit, or one of them is among the bad views.
 fn two_cameras(clean: &Clean) -> Option<Finding> {
     let groups = two_groups(&clean.fit).or_else(|| second_camera(clean))?;
     let focal = |views: &[usize]| {
@@ -273,7 +273,7 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
     Some(Finding::TwoCameras { groups, focal_px })
 }
 
-/// Bad views that have a camera of their own which explains them about as well as the good ones.
+/// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {
     if clean.bad.len() < super::LEAST_VIEWS {
         return None;
@@ -296,10 +296,10 @@ fn second_camera(clean: &Clean) -> Option<TwoGroups> {
     (super::LEAST_TIMES < times).then_some(TwoGroups { first, second: own, in_sequence, times })
 }
 
-/// A second camera's residual variance is at most this many times the first's.
+/// Largest ratio of a second camera's residual variance to the first's.
 const SAME_QUALITY: f64 = 4.0;
 
-/// Residual variance of views under the first camera, only their poses being free.
+/// Returns the residual variance of views under the first camera, with only their poses free.
 fn common_variance(clean: &Clean, views: &[usize]) -> f64 {
     let seen: Vec<Seen> =
         clean.bad.iter().map(|(view, _)| view).filter(|view| views.contains(&view.view)).cloned().collect();
@@ -307,7 +307,7 @@ fn common_variance(clean: &Clean, views: &[usize]) -> f64 {
     fit(seen, shared).map_or(f64::INFINITY, |fit| fit.chi2() / fit.degrees_of_freedom().max(1) as f64)
 }
 
-/// One adjustment with the target's shape free tells whether it is stretched or bent.
+/// Tests with one more adjustment, with a free target shape, whether the target is stretched or bent.
 fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Finding> {
     let is_free = found.shared.shape.is_some_and(|shape| shape.is_bent);
     let Some(shape) = shape.filter(|_| !is_free) else { return Vec::new() };
@@ -319,12 +319,12 @@ fn shape_findings(found: &Fit, shape: Option<Shape>, noise: Noise) -> Vec<Findin
         return Vec::new();
     };
     let mut found_out = deformed(values, shape.half_m, LEAST_STRETCH, false);
-    // A stretch that is estimated already needs no further adjustment.
+    // A stretch that is already estimated needs no further adjustment.
     found_out.retain(|finding| found.shared.shape.is_none() || matches!(finding, Finding::Bent { .. }));
     found_out
 }
 
-/// The deformations of a target that were estimated and taken into account, as far as the rulers on it do not explain them.
+/// Reports estimated deformations of a target, unless its rulers explain them.
 pub(super) fn deformations(solved: &SolvedIntrinsics, stretch_sigma: Option<f64>) -> Vec<Finding> {
     let least = LEAST_STRETCH.max(RULER_SIGMAS * stretch_sigma.unwrap_or(0.0));
     solved.target_shape.map_or_else(Vec::new, |(values, half_m)| deformed(values, half_m, least, true))

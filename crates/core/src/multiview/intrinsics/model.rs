@@ -1,4 +1,4 @@
-//! The lens models that are tried, and in which order their coefficients become free: docs/math/intrinsics.md section 3.
+//! The lens models that are tried, and the order in which their coefficients are freed: docs/math/intrinsics.md section 3.
 
 use crate::camera::{
     BrownConrady, Camera, DoubleSphere, Eucm, Fov, ImageSize, KannalaBrandt, Omni, Parameters, Pinhole,
@@ -10,7 +10,7 @@ use arrayvec::ArrayVec;
 /// One free number as a direction in the space of the intrinsics: (index, change per unit) of each parameter that takes part.
 pub(super) type Direction = ArrayVec<(usize, f64), 2>;
 
-/// A lens model and those of its coefficients that are estimated; the others are zero (or as a new model has them).
+/// A lens model with its estimated coefficients; the others are zero (or have the default of the model).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LensChoice {
     /// The model's name, as in camera.toml.
@@ -19,19 +19,19 @@ pub struct LensChoice {
     pub coefficients: &'static [&'static str],
 }
 
-/// Which lens models are tried.
+/// The lens models that are tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Models {
     /// Pinhole, Brown–Conrady and Kannala–Brandt, each with as many coefficients as the evidence supports.
     #[default]
     ByEvidence,
-    /// The models of one name, with as many coefficients as the evidence supports.
+    /// The models with this name, with as many coefficients as the evidence supports.
     Named(&'static str),
     /// One model with these coefficients.
     Only(LensChoice),
 }
 
-/// Every choice, those of one family in the order in which coefficients are added.
+/// All choices, those of one family in the order in which coefficients are added.
 pub const CHOICES: [LensChoice; 15] = [
     LensChoice { model: Pinhole::NAME, coefficients: &[] },
     LensChoice { model: BrownConrady::NAME, coefficients: &["k1"] },
@@ -58,7 +58,7 @@ pub fn model_names() -> Vec<&'static str> {
 }
 
 impl Models {
-    /// The choices, family by family: a pinhole is a Brown–Conrady lens without coefficients.
+    /// Returns the choices by family: a pinhole is a Brown–Conrady lens without coefficients.
     pub(super) fn families(self) -> Vec<Vec<LensChoice>> {
         let of = |names: &[&str]| -> Vec<LensChoice> {
             CHOICES.iter().filter(|choice| names.contains(&choice.model)).copied().collect()
@@ -72,7 +72,7 @@ impl Models {
 }
 
 impl LensChoice {
-    /// The camera of this choice nearest to `from`: its camera matrix, and its coefficients where names and model agree.
+    /// Returns the camera of this choice nearest to `from`: its camera matrix, and its coefficients where names and model agree.
     pub(super) fn camera(&self, from: &Camera) -> Result<Camera, Error> {
         let matrix = from.matrix().unwrap_or(CameraMatrix { fx_px: 1.0, fy_px: 1.0, cx_px: 0.0, cy_px: 0.0 });
         let new = Camera { lens: self.lens(matrix)?, size: from.size };
@@ -88,7 +88,7 @@ impl LensChoice {
         new.with_parameters(&values)
     }
 
-    /// The model with a camera matrix; coefficients as a search may start from.
+    /// Returns the model with a camera matrix, and coefficients with which a search can start.
     pub(super) fn lens(&self, matrix: CameraMatrix) -> Result<Lens, Error> {
         Ok(match self.model {
             BrownConrady::NAME => {
@@ -105,17 +105,17 @@ impl LensChoice {
         })
     }
 
-    /// Whether a parameter of the model is estimated.
+    /// Returns whether a parameter of the model is estimated.
     pub(super) fn is_free(&self, parameter: &str) -> bool {
         Group::of(parameter) != Group::Distortion || self.coefficients.contains(&parameter)
     }
 
-    /// The directions of everything that is estimated.
+    /// Returns the directions of all estimated parameters.
     pub(super) fn directions(&self, camera: &Camera) -> Vec<Direction> {
         single(&camera.parameters(), |name| self.is_free(name))
     }
 
-    /// In words: `brown_conrady k1 k2`.
+    /// Describes the choice in words: `brown_conrady k1 k2`.
     pub fn label(&self) -> String {
         let mut words = vec![self.model];
         words.extend(self.coefficients);
@@ -123,19 +123,19 @@ impl LensChoice {
     }
 }
 
-/// A direction for each parameter that is wanted.
+/// Returns a direction for each wanted parameter.
 pub(super) fn single(parameters: &Parameters, wanted: impl Fn(&str) -> bool) -> Vec<Direction> {
     let indices = (0..parameters.len()).filter(|i| wanted(parameters[*i].0));
     indices.map(|i| Direction::from_iter([(i, 1.0)])).collect()
 }
 
-/// fx and fy in proportion, per unit of fx.
+/// Returns the direction of fx and fy in proportion, per unit of fx.
 pub(super) fn common_focal(parameters: &Parameters) -> Direction {
     let first = parameters[0].1;
     (0..2).map(|i| (i, parameters[i].1 / first)).collect()
 }
 
-/// Square pixels, principal point at the image's centre.
+/// Returns the matrix with square pixels and the principal point at the image's centre.
 pub(super) fn central_matrix(size: ImageSize, focal_px: f64) -> CameraMatrix {
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
     CameraMatrix { fx_px: focal_px, fy_px: focal_px, cx_px: 0.5 * (width - 1.0), cy_px: 0.5 * (height - 1.0) }

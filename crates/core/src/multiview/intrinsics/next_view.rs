@@ -1,5 +1,5 @@
-//! The view to take next: of flat targets at some places, distances and tilts, the one after which the projection is known best over the
-//! image. docs/math/intrinsics.md section 9.
+//! Selects the view to take next: among views of flat targets at several positions, distances and tilts, the one after which the projection over
+//! the image is most certain. docs/math/intrinsics.md section 9.
 
 use super::adjust::{Fit, Seen, equations};
 use super::projection::{Projection, grid};
@@ -11,32 +11,33 @@ use nalgebra::{DMatrix, Vector3};
 /// A recommended view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NextView {
-    /// Where the middle of the target should be in the image.
+    /// Position of the target's centre in the image.
     pub centre: Pixel,
     /// The angle by which it should be tilted, rad, about …
     pub tilt_rad: f64,
-    /// … this axis in the image, rad from the u axis towards the v axis: a tilt about v (90°) turns the target's left or right edge to the camera.
+    /// … this axis in the image, rad from the u axis towards the v axis: a tilt about v (90°) moves the target's left or right edge towards the
+    /// camera.
     pub axis_rad: f64,
     /// Its distance, metres.
     pub distance_m: f64,
-    /// Projection uncertainty, root mean square over the image, px: now …
+    /// Root mean square projection uncertainty over the image, px: now …
     pub now_px: f64,
     /// … and with this view.
     pub then_px: f64,
 }
 
-/// Places in the image, as parts of its sides.
+/// Positions in the image, as parts of its sides.
 const PLACES: [f64; 3] = [0.2, 0.5, 0.8];
 /// Tilts, rad.
 const TILTS_RAD: [f64; 2] = [0.0, 0.7];
-/// Directions of the tilt axis.
+/// Number of directions of the tilt axis.
 const AXES: usize = 4;
 /// Sizes of the target in the image, as parts of its shorter side.
 const SIZES: [f64; 2] = [0.35, 0.7];
 /// A view counts if at least this part of the target is in the image.
 const VISIBLE: f64 = 0.7;
 
-/// The best of the grid of views; none where no view shows the target, or the fit has no covariance.
+/// Returns the best of the grid of views; `None` where no view shows the target, or the fit has no covariance.
 pub(super) fn next_view(
     fit: &Fit,
     size: ImageSize,
@@ -100,7 +101,8 @@ fn candidates(size: ImageSize) -> impl Iterator<Item = (Pixel, f64, f64, f64)> {
     })
 }
 
-/// The view of the target with its middle at a pixel, tilted, so far that it fills a part of the image; none where too little of it is seen.
+/// Returns the view of the target with its centre at a pixel, tilted, at the distance where it fills a part of the image; `None` if hardly
+/// visible.
 fn imagined(
     fit: &Fit,
     model: &Seen,

@@ -1,5 +1,5 @@
-//! The prior of every lens: pixels are about square, the principal point is near the middle, the distortion is bounded. Wide
-//! enough to have no effect where the views determine the lens. docs/math/intrinsics.md section 3.
+//! The prior of every lens: pixels are nearly square, the principal point is near the centre, the distortion is bounded. It is wide enough to
+//! have no effect where the views determine the lens. docs/math/intrinsics.md section 3.
 
 use super::model::Direction;
 use crate::Camera;
@@ -7,17 +7,18 @@ use crate::camera::{BrownConrady, KannalaBrandt};
 use crate::least_squares::shared::SharedEquations;
 use nalgebra::DVector;
 
-/// One standard deviation of fy/fx − 1, of the principal point in parts of the width, of tangential coefficients.
+/// Standard deviations of fy/fx − 1, of the principal point in parts of the width, of tangential coefficients, …
 const ASPECT: f64 = 0.008;
 const CENTRE: f64 = 0.04;
 const TANGENTIAL: f64 = 0.005;
-/// … of what a radial term moves the corner of the image by, in parts of its radius, at this horizontal field of view; in proportion at others.
+/// … of the displacement of the image's corner by a radial term, in parts of its radius, at this horizontal field of view; in proportion at
+/// others.
 const RADIAL: f64 = 0.3;
 const FIELD_RAD: f64 = 1.2217;
-/// Radial coefficients in order; the rational model's denominators are left free.
+/// Radial coefficients in order; the denominators of the rational model have no prior.
 const RADIALS: [&str; 4] = ["k1", "k2", "k3", "k4"];
 
-/// Σ by·parameter is `mean` ± `sigma`.
+/// States that Σ by·parameter is `mean` ± `sigma`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Known {
     along: [(usize, f64); 2],
@@ -25,7 +26,7 @@ pub(super) struct Known {
     sigma: f64,
 }
 
-/// The prior of a camera of this model, size and approximate focal length; none without an image size.
+/// Returns the prior for a camera of this model, size and approximate focal length; empty without an image size.
 pub(super) fn known(camera: &Camera) -> Vec<Known> {
     let (Some(size), Some(matrix)) = (camera.size, camera.matrix()) else { return Vec::new() };
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));

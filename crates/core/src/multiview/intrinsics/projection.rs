@@ -1,7 +1,7 @@
 //! The uncertainty of a camera's projection over its image, and the difference of two cameras: docs/math/intrinsics.md section 7.
 //!
 //! A small rotation of the camera looks like a shift of its principal point. The uncertainty of a projection is therefore computed after
-//! the rotation that keeps the observed corners in place best has been taken out, as mrcal does.
+//! removing the rotation that best keeps the observed corners in place, as in mrcal.
 
 use crate::camera::ImageSize;
 use crate::{Bearing, Camera, Pixel};
@@ -9,51 +9,51 @@ use nalgebra::{DMatrix, Dyn, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Vector3
 
 type Rows = OMatrix<f64, U2, Dyn>;
 
-/// Standard deviation of the projection at one place of the image.
+/// Standard deviation of the projection at one position of the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProjectionSigma {
-    /// Where.
+    /// The position.
     pub pixel: Pixel,
-    /// Along the worse direction, px; none outside the lens model's field.
+    /// In the worse direction, px; `None` outside the lens model's field.
     pub sigma_px: Option<f64>,
 }
 
-/// Standard deviations of the projection over a grid of `columns` × `rows` places, row by row, from corner to corner of the image.
+/// Standard deviations of the projection over a grid of `columns` × `rows` positions, row by row, from corner to corner of the image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProjectionUncertainty {
-    /// Places in a row.
+    /// Number of positions in a row.
     pub columns: usize,
     /// Rows.
     pub rows: usize,
-    /// Every place.
+    /// All positions.
     pub places: Vec<ProjectionSigma>,
 }
 
 impl ProjectionUncertainty {
-    /// Root mean square over the image, px; none where no place is in the field.
+    /// Returns the root mean square over the image, px; `None` where no position is in the field.
     pub fn rms_px(&self) -> Option<f64> {
         let known: Vec<f64> = self.places.iter().filter_map(|place| place.sigma_px).collect();
         let sum: f64 = known.iter().map(|sigma| sigma * sigma).sum();
         (!known.is_empty()).then(|| (sum / known.len() as f64).sqrt())
     }
 
-    /// The largest, px.
+    /// Returns the largest, px.
     pub fn largest_px(&self) -> Option<f64> {
         self.places.iter().filter_map(|place| place.sigma_px).reduce(f64::max)
     }
 }
 
-/// The inputs of the projection's covariance: the intrinsics' covariance and the corners that hold the camera's rotation.
+/// The inputs of the projection's covariance: the covariance of the intrinsics, and the corners that fix the camera's rotation.
 pub struct Projection<'a> {
     camera: &'a Camera,
     covariance: &'a DMatrix<f64>,
-    /// The rotation that best undoes a change of the intrinsics, 3 × n: docs/math/intrinsics.md eq. (9).
+    /// The rotation that best compensates a change of the intrinsics, 3 × n: docs/math/intrinsics.md eq. (9).
     rotation_of_change: DMatrix<f64>,
 }
 
 impl<'a> Projection<'a> {
-    /// `covariance`: of all parameters, in the order of `Camera::parameters`. `corners`: where the targets' points were seen; those outside the
-    /// field do not count.
+    /// Prepares the covariance; `covariance` is that of all parameters, in the order of `Camera::parameters`, and `corners` are the pixels of
+    /// the targets' points, of which those outside the field are ignored.
     pub fn new(
         camera: &'a Camera,
         covariance: &'a DMatrix<f64>,
@@ -76,19 +76,19 @@ impl<'a> Projection<'a> {
         }
     }
 
-    /// Covariance of the projection at a pixel, px²; none outside the field.
+    /// Returns the covariance of the projection at a pixel, px²; `None` outside the field.
     pub fn covariance_px2(&self, pixel: &Pixel) -> Option<nalgebra::Matrix2<f64>> {
         let d = self.by_parameters(pixel)?;
         Some(&d * self.covariance * d.transpose())
     }
 
-    /// Derivative of the projection by the parameters, the rotation taken out; none outside the field.
+    /// Returns the derivative of the projection with respect to the parameters, without the rotation; `None` outside the field.
     pub fn by_parameters(&self, pixel: &Pixel) -> Option<Rows> {
         let (by_rotation, by_parameters) = derivatives(self.camera, pixel)?;
         Some(by_parameters + by_rotation * &self.rotation_of_change)
     }
 
-    /// Over a grid of the image.
+    /// Evaluates a grid over the image.
     pub fn over_image(&self, size: ImageSize, columns: usize, rows: usize) -> ProjectionUncertainty {
         let places = grid(size, columns, rows).map(|pixel| {
             let largest = |c: nalgebra::Matrix2<f64>| {
@@ -102,7 +102,7 @@ impl<'a> Projection<'a> {
     }
 }
 
-/// Places from corner to corner of an image, row by row.
+/// Returns positions from corner to corner of an image, row by row.
 pub fn grid(size: ImageSize, columns: usize, rows: usize) -> impl Iterator<Item = Pixel> {
     let along =
         |n: usize, i: usize, side: u32| f64::from(side.saturating_sub(1)) * i as f64 / (n.max(2) - 1) as f64;
@@ -114,7 +114,7 @@ pub fn grid(size: ImageSize, columns: usize, rows: usize) -> impl Iterator<Item 
     })
 }
 
-/// Of the pixel of a far point seen there: by a rotation of the camera frame's points, and by the parameters.
+/// Returns the derivatives of the pixel of a distant point with respect to a rotation of the camera frame's points, and to the parameters.
 fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)> {
     let x: Vector3<f64> = camera.bearing(pixel).ok()?.into_inner();
     let (_, jacobian) = camera.project_with_jacobian(&x)?;
@@ -126,20 +126,21 @@ fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)>
 /// The difference of two cameras' projections over the image of the first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProjectionDifference {
-    /// Root mean square over the places compared, px.
+    /// Root mean square over the positions compared, px.
     pub rms_px: f64,
     /// The largest, px.
     pub largest_px: f64,
-    /// Places compared, of `of`: those in the fields of both.
+    /// Number of positions compared, of `of`: those in the fields of both cameras.
     pub n: usize,
-    /// Places of the grid.
+    /// Number of positions of the grid.
     pub of: usize,
 }
 
-/// Steps of the search for the rotation; it converges quadratically from a small angle.
+/// Largest number of steps of the search for the rotation, which converges quadratically from a small angle.
 const MAX_STEPS: usize = 20;
 
-/// The difference left by the best rotation between the two cameras; none where their fields hardly overlap (three places are needed).
+/// Returns the difference that remains after the best rotation between two cameras; `None` where their fields hardly overlap (three positions
+/// needed).
 pub fn projection_difference(a: &Camera, b: &Camera, size: ImageSize) -> Option<ProjectionDifference> {
     let places: Vec<Pixel> = grid(size, 24, 18).collect();
     let seen: Vec<(Pixel, Bearing)> =

@@ -1,24 +1,24 @@
-//! The corners and views that take part: gross errors are found from the residuals of a fit that they hardly affect, and named.
+//! Selects the corners and views that take part: gross errors are found from the residuals of a fit that they hardly affect, and named.
 //! docs/math/intrinsics.md section 4.
 
 use super::adjust::{Fit, Seen, Shared, fit, fit_with_second_solutions};
 use nalgebra::Vector2;
 
-/// A corner beyond this many standard deviations (of the noise that the residuals show) is a gross error: three in ten million good ones are.
+/// A corner beyond this many standard deviations (of the residuals' noise) is a gross error; three in ten million good ones are.
 pub const GROSS_SIGMAS: f64 = 5.5;
-/// A view whose corners scatter this many times as much as the others' is bad as a whole …
+/// A view whose corners scatter by this factor more than the others is bad as a whole …
 pub const BAD_VIEW_TIMES: f64 = 3.0;
 /// … as is one that keeps less than this part of its corners …
 const LEAST_SHARE: f64 = 0.6;
 /// … or fewer corners than this: a pose absorbs most of their information.
 pub const LEAST_POINTS: usize = 6;
-/// Rounds at most, of weighing and of rejecting.
+/// Largest number of rounds of weighting and of rejection.
 const MAX_ROUNDS: usize = 6;
 /// Median of χ² with two degrees of freedom.
 const MEDIAN_CHI2: f64 = 1.386_294_361_119_890_6;
-/// Corners half as far as a gross error already lose weight while weights are sought: (1 + d²/c²)⁻² with c in standard deviations.
+/// While weights are sought, corners half as far as a gross error lose weight already: (1 + d²/c²)⁻² with c in standard deviations.
 const SOFT: f64 = 3.0;
-/// Weights that change by less than this have settled.
+/// Weights that change by less than this have converged.
 const SETTLED: f64 = 0.02;
 
 /// Why a view takes no part.
@@ -28,14 +28,14 @@ pub enum BadView {
     Scatters {
         /// Root mean square of its residuals, px.
         rms_px: f64,
-        /// The most accepted, px.
+        /// The largest accepted, px.
         needed_px: f64,
     },
     /// Too many of its corners are gross errors.
     GrossErrors {
-        /// Corners that are.
+        /// Number of gross errors.
         n: usize,
-        /// Of so many.
+        /// Number of corners.
         of: usize,
     },
 }
@@ -44,11 +44,11 @@ pub enum BadView {
 #[derive(Debug, Clone)]
 pub(super) struct Clean {
     pub(super) fit: Fit,
-    /// Bad views, as they were seen last.
+    /// Bad views in their last state.
     pub(super) bad: Vec<(Seen, BadView)>,
 }
 
-/// Fits, weighing corners down that lie far off if there are any, then rejects gross errors until none is left and none comes back.
+/// Fits the views: first reduces the weight of corners that are far off, if any, then rejects gross errors until the selection is stable.
 pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     let found = weighed(fit_with_second_solutions(seen, shared)?)?;
     let limit = (GROSS_SIGMAS * noise(&found)).powi(2);
@@ -57,7 +57,7 @@ pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     without_gross_errors(if any { softly(found)? } else { found })
 }
 
-/// From an answer that gross errors hardly affect: rejects them, and restores those that are none.
+/// Starts from an answer that gross errors hardly affect: rejects these, and restores corners that are good.
 pub(super) fn cleaned_from(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     without_gross_errors(fit(seen, shared)?)
 }
@@ -67,7 +67,7 @@ fn without_gross_errors(mut found: Fit) -> Option<Clean> {
     for _ in 0..MAX_ROUNDS {
         let sigma = noise(&found);
         let (mut kept, mut changed) = (Vec::new(), false);
-        // Bad views may come back under a better camera.
+        // Bad views may be good under a better camera.
         let back: Vec<Seen> = std::mem::take(&mut bad).into_iter().map(|(view, _)| view).collect();
         let n_in = found.seen.len();
         for (number, view) in found.seen.iter().chain(&back).enumerate() {
@@ -94,7 +94,7 @@ fn without_gross_errors(mut found: Fit) -> Option<Clean> {
     Some(Clean { fit: found, bad })
 }
 
-/// A fit in which the prior of every lens is weighted by the noise of the residuals.
+/// Repeats a fit with the prior of the lens weighted by the noise of the residuals.
 fn weighed(found: Fit) -> Option<Fit> {
     let variance = noise(&found).powi(2);
     let times = variance / found.shared.noise;
@@ -107,7 +107,7 @@ fn weighed(found: Fit) -> Option<Fit> {
 /// Variances within this factor give equal weights.
 const SAME_NOISE: f64 = 1.5;
 
-/// A fit with weights that follow the residuals.
+/// Repeats a fit with weights that depend on the residuals.
 fn softly(mut found: Fit) -> Option<Fit> {
     for _ in 0..MAX_ROUNDS {
         let scale = (SOFT * noise(&found)).powi(2);
@@ -132,7 +132,7 @@ fn softly(mut found: Fit) -> Option<Fit> {
 /// Keeps a far corner from losing all weight.
 const LEAST_WEIGHT: f64 = 1e-6;
 
-/// The residuals' standard deviation in units of the stated ones, by their median: half of them may be gross errors.
+/// Returns the residuals' standard deviation in units of the stated ones, from their median: half of them may be gross errors.
 fn noise(fit: &Fit) -> f64 {
     let mut squared: Vec<f64> = fit
         .seen
@@ -142,13 +142,13 @@ fn noise(fit: &Fit) -> f64 {
         .collect();
     squared.sort_by(f64::total_cmp);
     let median = squared.get(squared.len() / 2).copied().unwrap_or(0.0);
-    // What the poses and the shared unknowns took up.
+    // Corrects for the unknowns, which absorbed a part of the residuals.
     let n = fit.n_numbers().max(1) as f64;
     let left = (fit.degrees_of_freedom().max(1) as f64 / n).min(1.0);
     (median / MEDIAN_CHI2 / left).sqrt().clamp(f64::MIN_POSITIVE.sqrt(), 1e150)
 }
 
-/// A view with gross errors at weight 0 and all others at 1, and the fault of the whole view.
+/// Returns a view with weight 0 for gross errors and 1 for the others, and the fault of the whole view.
 fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
     let residuals = fit.residuals(view);
     let is_gross =
@@ -168,7 +168,7 @@ fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
     } else {
         None
     };
-    // A bad view keeps the weights it had: all of its corners may come back.
+    // A bad view gets full weights: all of its corners may be accepted later.
     let weights = if reason.is_some() { vec![1.0; of] } else { weights };
     (Seen { weights, ..view.clone() }, reason)
 }

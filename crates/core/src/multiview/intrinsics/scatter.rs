@@ -7,38 +7,38 @@ use crate::locate::consistency::noise_scale;
 use crate::statistics::chi_square::quantile;
 use nalgebra::DMatrix;
 
-/// Where the noise of the corners comes from.
+/// The source of the noise of the corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Noise {
-    /// From the residuals; the stated sigmas are weights.
+    /// The residuals; the stated sigmas are weights.
     #[default]
     Estimated,
-    /// The stated sigmas; larger where the residuals prove them too small.
+    /// The stated sigmas, increased where the residuals prove them too small.
     Stated,
 }
 
 /// The covariance of the shared unknowns, and its parts.
 #[derive(Debug, Clone)]
 pub(super) struct Spread {
-    /// Of the free directions and the shape.
+    /// The covariance of the free directions and the shape.
     pub(super) covariance: DMatrix<f64>,
     /// Factor on the stated variances.
     pub(super) noise: f64,
-    /// Factor by which variances grew further, because views contradict each other; 1 where they do not.
+    /// Further factor on the variances, because views contradict each other; 1 where they do not.
     pub(super) contradiction: f64,
 }
 
-/// With fewer redundant numbers the stated sigmas are used.
+/// With less redundancy the stated sigmas are used.
 const LEAST_REDUNDANCY: usize = 30;
-/// A view's leverage is kept this far below one.
+/// The leverage of a view is kept at least this far below one.
 const RIDGE: f64 = 1e-6;
-/// Directions that a view shows to less than this part of its share of what all show are not compared: there the score follows the noise of the
-/// view's own pose (a frontal view says nothing of the focal length, but seems to), docs/math/frames.md section 3.
+/// Directions in which a view has less than this part of its share of the information are not compared: there the score is dominated by the
+/// noise of the view's own pose (a frontal view seems to determine the focal length, but does not), docs/math/frames.md section 3.
 const SEEN: f64 = 0.05;
-/// One in a hundred: the chance that views without a shared error seem to contradict each other.
+/// Probability that views without a shared error seem to contradict each other.
 const CHANCE: f64 = 0.01;
 
-/// None where a direction is undetermined.
+/// Computes the covariance; `None` where a direction is undetermined.
 pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let noise = noise_factor(fit, stated);
@@ -58,7 +58,7 @@ fn noise_factor(fit: &Fit, stated: Noise) -> f64 {
     }
 }
 
-/// The information of each view at the minimum: the equations are one vanishing step before it.
+/// Returns the information of each view at the minimum: the equations belong to the state one vanishing step before it.
 pub(super) fn scores(fit: &Fit, inverse: &DMatrix<f64>) -> Vec<Reduced> {
     let mut by_view: Vec<Reduced> = fit.reduced_by_view().into_iter().flatten().collect();
     let Some(total) = fit.reduced() else { return by_view };
@@ -78,7 +78,7 @@ struct Scatter {
 }
 
 impl Scatter {
-    /// None where the views do not contradict each other.
+    /// Computes the scatter; `None` where the views do not contradict each other.
     fn of(inverse: &DMatrix<f64>, by_view: &[Reduced], base: f64) -> Option<Self> {
         let k = inverse.nrows();
         let factor = inverse.clone().cholesky()?.l();
@@ -114,7 +114,7 @@ impl Scatter {
         Some(Scatter { moved, whitened, fourth, n_views: by_view.len() })
     }
 
-    /// docs/math/clustered.md eqs. (6) to (10) for one block; and its trace over that of `base` P.
+    /// Computes docs/math/clustered.md eqs. (6) to (10) for one block, and its trace over that of `base` P.
     fn covariance(&self, inverse: &DMatrix<f64>, base: f64) -> (DMatrix<f64>, f64) {
         let p = inverse.nrows() as f64;
         let sum = self.whitened.trace();
@@ -135,7 +135,8 @@ impl Scatter {
     }
 }
 
-/// How far a view's own answer is from the common one, sᵀ S⁻¹ s, and in how many directions: those that S shows, in units of L of P = L Lᵀ.
+/// Returns sᵀ S⁻¹ s, the distance of a view's own answer from the common one, and the number of directions that S determines, in units of L, P =
+/// L Lᵀ.
 pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>, n_views: usize) -> (f64, usize) {
     let information = factor.transpose() * &one.information * factor;
     let score = factor.transpose() * &one.gradient;

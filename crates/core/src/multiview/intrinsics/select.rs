@@ -1,26 +1,26 @@
-//! The number of coefficients that the data support: every choice of a family is fitted to the same corners, and the evidence (AIC) picks the one that is
-//! expected to predict further views best. docs/math/intrinsics.md section 5.
+//! Selects the number of coefficients that the data support: every choice of a family is fitted to the same corners, and the evidence (AIC)
+//! selects the one expected to predict further views best. docs/math/intrinsics.md section 5.
 
 use super::adjust::{Fit, Seen, Shared, fit};
 use super::model::LensChoice;
 use crate::multiview::intrinsics_check::{Group, MAX_RELATIVE_SIGMA, focal_length, weakest};
 use nalgebra::{DMatrix, DVector};
 
-/// A choice of another family must be better by this much (odds of 20 to 1): of two that fit about equally well the first stays.
+/// A choice of another family must be better by this much (odds of 20 to 1): of two that fit about equally well the first is kept.
 pub const FAMILY_MARGIN: f64 = 6.0;
 /// A choice with less than this weight does not enter the covariance.
 const LEAST_WEIGHT: f64 = 1e-3;
 
-/// The fit of a choice.
+/// The evidence for a choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
-    /// Which.
+    /// The choice.
     pub choice: LensChoice,
-    /// Root mean square of the residuals, px of one coordinate; none where there is no fit.
+    /// Root mean square of the residuals, px of one coordinate; `None` without a fit.
     pub rms_px: Option<f64>,
-    /// Akaike's information criterion, less that of the choice taken; none where there is no fit, or it is undetermined.
+    /// Akaike's information criterion, less that of the selected choice; `None` without a fit, or where it is undetermined.
     pub aic: Option<f64>,
-    /// A parameter that the views leave open, and its relative standard deviation.
+    /// A parameter that the views do not determine, and its relative standard deviation.
     pub undetermined: Option<(&'static str, f64)>,
 }
 
@@ -28,13 +28,13 @@ pub struct Evidence {
 #[derive(Debug, Clone)]
 pub(super) struct Tried {
     pub(super) evidence: Evidence,
-    /// Its minimum, where it was sought.
+    /// Its minimum, where it was computed.
     pub(super) fit: Option<Fit>,
-    /// Its parameters; none where it has no answer.
+    /// Its parameters; `None` where it has no answer.
     pub(super) local: Option<Local>,
 }
 
-/// Parameters of a choice and their covariance for noise as stated.
+/// Parameters of a choice and their covariance for the stated noise.
 #[derive(Debug, Clone)]
 pub(super) struct Local {
     pub(super) names: Vec<&'static str>,
@@ -46,7 +46,7 @@ pub(super) struct Local {
 }
 
 impl Local {
-    /// Of a minimum; none where a direction is undetermined.
+    /// Takes the parameters of a minimum; `None` where a direction is undetermined.
     fn of(fit: &Fit) -> Option<Self> {
         let inverse = fit.reduced()?.information.cholesky()?.inverse();
         let n = fit.shared.directions.len();
@@ -64,12 +64,12 @@ impl Local {
         Some(Local { names, values, covariance: inverse.view((0, 0), (n, n)).into_owned(), known, means })
     }
 
-    /// Parameters that the prior leaves to the views: docs/math/intrinsics.md eq. (14).
+    /// Returns the number of parameters that the views, rather than the prior, determine: docs/math/intrinsics.md eq. (14).
     fn n_effective(&self) -> f64 {
         self.names.len() as f64 - self.known.component_mul(&self.covariance).sum()
     }
 
-    /// The distance of the parameters from the prior.
+    /// Returns χ² of the parameters' distance from the prior.
     fn prior_chi2(&self) -> f64 {
         let off = DVector::from_iterator(
             self.values.len(),
@@ -78,7 +78,7 @@ impl Local {
         off.dot(&(&self.known * &off))
     }
 
-    /// With the coefficients that a smaller choice lacks held at zero, to second order; and by how much the cost grows:
+    /// Returns the parameters with the coefficients that a smaller choice lacks fixed at zero, to second order, and the increase of the cost:
     /// docs/math/intrinsics.md eq. (12).
     fn without(&self, choice: &LensChoice) -> Option<(Self, f64)> {
         let (keep, drop): (Vec<usize>, Vec<usize>) =
@@ -101,15 +101,15 @@ impl Local {
     }
 }
 
-/// Every choice of a family. Where a fit of a large choice is at hand, the evidence of smaller ones follows from it, and only the best of them
-/// is fitted; larger ones are fitted.
+/// Compares every choice of a family. Where a large choice has been fitted, the evidence of smaller ones follows from its fit, and only the best
+/// of them is fitted; larger ones are fitted.
 pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> Option<Vec<Tried>> {
     let own = Local::of(fit)?;
     let is_within = |choice: &LensChoice| choice.coefficients.iter().all(|c| large.coefficients.contains(c));
     let mut tried = Vec::with_capacity(family.len());
     for choice in family {
         if !is_within(choice) {
-            // More coefficients are worth a search only where all of the large choice's are needed.
+            // More coefficients are tried only where all of the large choice's are needed.
             let lowest =
                 tried.iter().filter_map(|one: &Tried| one.evidence.aic).fold(f64::INFINITY, f64::min);
             if tried.iter().any(|one| one.evidence.choice == *large && one.evidence.aic == Some(lowest)) {
@@ -120,7 +120,7 @@ pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> 
         }
         let n_dropped = large.coefficients.len() - choice.coefficients.len();
         let (local, grown) = if n_dropped == 0 { (own.clone(), 0.0) } else { own.without(choice)? };
-        // Of the corners alone: what the smaller choice no longer is off from what is known was no misfit of theirs.
+        // χ² of the corners alone: the distance of the omitted coefficients from the prior was not a misfit of the corners.
         let chi2 = (fit.equations.chi2 + grown - local.prior_chi2()).max(fit.chi2());
         let times = (chi2 / fit.chi2().max(f64::MIN_POSITIVE)).sqrt();
         let aic = aic_of(fit.n_numbers(), chi2, local.n_effective());
@@ -131,7 +131,7 @@ pub(super) fn compared(family: &[LensChoice], large: &LensChoice, fit: &Fit) -> 
     Some(tried)
 }
 
-/// The minimum of a choice that was compared only, from that of a larger one.
+/// Returns the minimum of a choice that was only compared, starting from that of a larger one.
 pub(super) fn fit_of(one: &Tried, fit: &Fit) -> Option<Fit> {
     if let Some(known) = &one.fit {
         return Some(known.clone());
@@ -149,7 +149,7 @@ fn with_fit(choice: &LensChoice, found: Option<Fit>) -> Tried {
     Tried { evidence, fit, local }
 }
 
-/// Every choice of a family, the next from where the one before ended, until one is undetermined.
+/// Fits every choice of a family, each starting where the previous one ended, until one is undetermined.
 pub(super) fn ladder(family: &[LensChoice], seen: &[Seen], shared: &Shared) -> Vec<Tried> {
     let (mut tried, mut views, mut from): (Vec<Tried>, Vec<Seen>, Shared) =
         (Vec::new(), seen.to_vec(), shared.clone());
@@ -173,7 +173,7 @@ fn fitted(choice: &LensChoice, seen: Vec<Seen>, from: &Shared) -> Option<Fit> {
     fit(seen, Shared { camera, directions, ..from.clone() })
 }
 
-/// Akaike's weights of a family's choices, of those that have a fit: docs/math/intrinsics.md eq. (7).
+/// Returns Akaike's weights of those of a family's choices that have a fit: docs/math/intrinsics.md eq. (7).
 pub(super) fn weights(tried: &[Tried]) -> Vec<f64> {
     let lowest = tried.iter().filter_map(|one| one.evidence.aic).fold(f64::INFINITY, f64::min);
     let raw = |one: &Tried| one.evidence.aic.map_or(0.0, |aic| (-0.5 * (aic - lowest)).exp());
@@ -191,14 +191,14 @@ fn judged(choice: &LensChoice, fit: Option<&Fit>) -> (Evidence, bool) {
     (evidence, is_usable)
 }
 
-/// The parameter that the views leave open, if any: docs/math/frames.md eq. (9).
+/// Returns the parameter that the views do not determine, if any: docs/math/frames.md eq. (9).
 pub(super) fn undetermined(fit: &Fit) -> Option<(&'static str, f64)> {
     let parameters = fit.shared.camera.parameters();
     let Some(reduced) = fit.reduced() else { return Some((parameters[0].0, f64::INFINITY)) };
     let degrees = fit.degrees_of_freedom().max(1) as f64;
     let information = reduced.information / (fit.chi2() / degrees).max(f64::MIN_POSITIVE);
     let mut scales: Vec<f64> = scales(fit);
-    // What the target's shape is known to: a tenth of its size is undetermined too.
+    // A target's shape with an uncertainty above a tenth of its size is undetermined too.
     if let Some(shape) = &fit.shared.shape {
         scales.extend(&[1.0, shape.half_m[0], shape.half_m[1]][..shape.n()]);
     }
@@ -207,7 +207,7 @@ pub(super) fn undetermined(fit: &Fit) -> Option<(&'static str, f64)> {
     (!(relative <= MAX_RELATIVE_SIGMA)).then_some((name, relative))
 }
 
-/// The scale of each direction, as docs/math/frames.md eq. (9).
+/// Returns the scale of each direction, as in docs/math/frames.md eq. (9).
 fn scales(fit: &Fit) -> Vec<f64> {
     let parameters = fit.shared.camera.parameters();
     let mut reach = vec![0.0f64; parameters.len()];
@@ -228,7 +228,7 @@ fn scales(fit: &Fit) -> Vec<f64> {
     fit.shared.directions.iter().map(|d| scale(d[0].0)).collect()
 }
 
-/// Root mean square of the residuals that take part, px of one coordinate.
+/// Returns the root mean square of the residuals that take part, px of one coordinate.
 pub(super) fn rms_px(fit: &Fit) -> f64 {
     let (mut sum, mut n) = (0.0, 0usize);
     for view in &fit.seen {
@@ -242,13 +242,13 @@ pub(super) fn rms_px(fit: &Fit) -> f64 {
     (sum / n.max(1) as f64).sqrt()
 }
 
-/// Akaike's information criterion with the noise estimated, docs/math/intrinsics.md eq. (6).
+/// Returns Akaike's information criterion for estimated noise, docs/math/intrinsics.md eq. (6).
 fn aic_of(n_numbers: usize, chi2: f64, n_parameters: f64) -> f64 {
     let n = n_numbers.max(1) as f64;
     n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_parameters
 }
 
-/// The best of the families: index into them all. Evidence is counted from it.
+/// Returns the index of the best of all families, from which the evidence is counted.
 pub(super) fn best(families: &mut [Vec<Tried>]) -> Option<(usize, usize)> {
     let lowest = |tried: &[Tried]| -> Option<(usize, f64)> {
         let known = tried.iter().enumerate().filter_map(|(i, one)| Some((i, one.evidence.aic?)));

@@ -1,5 +1,5 @@
-//! A first camera from nothing: focal lengths by the homographies of flat targets and from a grid, each with poses by the closed forms,
-//! the best of them after a short adjustment. docs/math/intrinsics.md section 1.
+//! Finds a first camera without a start: focal lengths from the homographies of flat targets and from a grid, each with poses by the closed
+//! forms; the best of them is selected after a short adjustment. docs/math/intrinsics.md section 1.
 
 use super::adjust::{Fit, Seen, Shared, fit, located};
 use super::model::{LensChoice, central_matrix, common_focal};
@@ -8,16 +8,16 @@ use crate::locate::refine::centroid;
 use crate::{Camera, CameraMatrix, Correspondence, Lens, Pixel};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-/// Views that starts are tried on, spread over the order given.
+/// Number of views on which starts are tried, spread over the given order.
 const MAX_VIEWS: usize = 12;
 /// Focal lengths tried, in units of the image's longer side: from a fisheye to a telephoto lens, each 1.7 times the one before.
 const FOCALS: [f64; 8] = [0.2, 0.33, 0.55, 0.9, 1.5, 2.6, 4.4, 8.0];
-/// The adjustment begins from so many of them.
+/// Number of focal lengths from which the adjustment starts.
 const TRIED: usize = 3;
-/// Median residual of views that have no pose: larger than any other.
+/// Residual of views without a pose: larger than any other.
 const NO_POSE: f64 = f64::INFINITY;
 
-/// The best camera of a choice, adjusted on some of the views; none where no focal length gives most of them a pose.
+/// Returns the best camera of a choice, adjusted to some of the views; `None` where no focal length gives most of them a pose.
 pub(super) fn start(views: &[&[Correspondence]], size: ImageSize, choice: &LensChoice) -> Option<Camera> {
     let step = views.len().div_ceil(MAX_VIEWS).max(1);
     let some: Vec<&[Correspondence]> = views.iter().copied().step_by(step).collect();
@@ -27,7 +27,7 @@ pub(super) fn start(views: &[&[Correspondence]], size: ImageSize, choice: &LensC
         let lens: Lens = choice.lens(central_matrix(size, focal_px)).ok()?;
         Some(Camera { lens, size: Some(size) })
     };
-    // Where the homographies lead to an answer that fits, nothing else has to be tried.
+    // If the homographies lead to an answer that fits, nothing else is tried.
     let first = by_homographies.and_then(camera).and_then(|camera| adjusted(&some, camera, choice));
     if let Some((_, camera)) = first.filter(|(badness, _)| *badness < good_px(&some, side)) {
         return Some(camera);
@@ -44,14 +44,14 @@ pub(super) fn start(views: &[&[Correspondence]], size: ImageSize, choice: &LensC
     best.map(|(_, camera)| camera)
 }
 
-/// A start that fits this well is taken: five standard deviations of the corners, at most a thousandth of the image's side.
+/// Returns the residual with which a start is accepted: five standard deviations of the corners, at most a thousandth of the image's side.
 fn good_px(views: &[&[Correspondence]], side: f64) -> f64 {
     let mut sigmas: Vec<f64> = views.iter().flat_map(|points| points.iter()).map(|c| c.sigma_px).collect();
     sigmas.sort_by(f64::total_cmp);
     sigmas.get(sigmas.len() / 2).map_or(0.0, |sigma| (5.0 * sigma).min(1e-3 * side))
 }
 
-/// Median over the views of the root mean square residual, px: half of the views may be bad.
+/// Returns the median over the views of the root mean square residual, px: half of the views may be bad.
 fn badness(views: &[&[Correspondence]], camera: &Camera) -> f64 {
     let mut rms: Vec<f64> = views.iter().map(|points| rms_px(points, camera).unwrap_or(NO_POSE)).collect();
     rms.sort_by(f64::total_cmp);
@@ -68,7 +68,7 @@ fn rms_px(points: &[Correspondence], camera: &Camera) -> Option<f64> {
     Some((sum? / points.len() as f64).sqrt())
 }
 
-/// After the focal length alone, then with the first coefficient, were free; with its median residual.
+/// Returns the camera after adjusting the focal length alone, then with the first coefficient; with its median residual.
 fn adjusted(views: &[&[Correspondence]], camera: Camera, choice: &LensChoice) -> Option<(f64, Camera)> {
     let located = |(view, points): (usize, &&[Correspondence])| {
         Seen::located(view, points, vec![1.0; points.len()], &camera).ok()
@@ -95,8 +95,8 @@ fn lower(next: Option<Fit>, before: Fit) -> Fit {
     }
 }
 
-/// The focal length for which the columns of the homographies of flat targets are best perpendicular and of one length, square pixels and a
-/// principal point at the centre granted: docs/math/intrinsics.md eqs. (1) to (3). None where no view is tilted, or targets are not flat.
+/// Returns the focal length for which the columns of the homographies of flat targets are best perpendicular and of equal length, with square
+/// pixels and a central principal point: docs/math/intrinsics.md eqs. (1) to (3). `None` where no view is tilted, or targets are not flat.
 pub(super) fn focal_of_homographies(views: &[&[Correspondence]], size: ImageSize) -> Option<f64> {
     let centre = central_matrix(size, 1.0);
     let side = f64::from(size.width_px.max(size.height_px));
@@ -118,8 +118,8 @@ pub(super) fn focal_of_homographies(views: &[&[Correspondence]], size: ImageSize
     (0.0 < w && focal.is_finite()).then_some(focal)
 }
 
-/// From the target's plane z = constant to the image, in units of its side about the centre; of one scale over all views (mean square of the
-/// first two columns 1).
+/// Returns the homography from the target's plane z = constant to the image, in units of its side about the centre, with one scale over all
+/// views (mean square of the first two columns 1).
 fn homography(points: &[Correspondence], centre: &CameraMatrix, side: f64) -> Option<Matrix3<f64>> {
     let first = points.first()?;
     if points.len() < 4 || points.iter().any(|c| 1e-9 < (c.x_in_target.z - first.x_in_target.z).abs()) {

@@ -1,4 +1,4 @@
-//! Maps of where the next board of a rig may go.
+//! Maps of possible positions of the next board of a rig.
 
 use super::{cells, image_cells, is_inside};
 use crate::advise::heat::{Figure, HeatMap, MapMarker, MapMarkerKind, Under};
@@ -6,27 +6,27 @@ use crate::core::advise::board::{RigCamera, RigInformation, RigPlan};
 use crate::core::{Pixel, Point, Pose};
 use nalgebra::Vector3;
 
-/// A rig whose next board is sought.
+/// The question for each cell: the next board of a rig.
 pub struct BoardMaps<'a> {
     /// The rig.
     pub plan: &'a RigPlan<'a>,
-    /// What its views so far say.
+    /// The information from the views so far.
     pub so_far: &'a RigInformation,
     /// Names of its cameras.
     pub names: &'a [String],
-    /// Boards seen already.
+    /// Boards observed already.
     pub boards: &'a [Pose],
     /// Boards advised, best first.
     pub best: &'a [Pose],
-    /// How far from the cameras boards are held.
+    /// Shortest and longest distance between the cameras and a board.
     pub distance_m: [f64; 2],
 }
 
-/// How boards are held in the maps.
+/// Tilt of the boards in the maps.
 const BOARD_TILT_RAD: f64 = 0.5;
 
 impl BoardMaps<'_> {
-    /// 2σ of the place of the camera known worst, with a board centred there; none where two cameras do not see it.
+    /// Returns 2σ of the position of the least certain camera, with a board centred there; `None` where fewer than two cameras see the board.
     fn value(&self, centre_in_rig: &Point) -> Option<f64> {
         let board = self.plan.rig_from_board_at(centre_in_rig, BOARD_TILT_RAD, 0.8, 0.3);
         let (information, _) = self.plan.with(self.so_far, &board)?;
@@ -39,7 +39,7 @@ impl BoardMaps<'_> {
         board * &self.plan.board.centre()
     }
 
-    /// From above: x to the right and z forward of the rig, at the height of the best board.
+    /// Returns a map from above: x to the right and z forward of the rig, at the height of the best board.
     pub fn from_above(&self) -> HeatMap {
         let (least_m, greatest_m) = self.floor();
         let y = self.best.first().or(self.boards.first()).map_or(0.0, |b| self.centre(b).y);
@@ -63,7 +63,7 @@ impl BoardMaps<'_> {
         }
     }
 
-    /// The box in x and z around cameras, what they look at, and boards.
+    /// Returns the box in x and z around the cameras, the points they look at, and the boards.
     fn floor(&self) -> ([f64; 2], [f64; 2]) {
         let far = self.distance_m[1];
         let reach = self.plan.cameras.iter().map(|c| c.cam_from_rig).flat_map(|c| {
@@ -101,7 +101,7 @@ impl BoardMaps<'_> {
         seen.chain(cameras).chain(self.best_marks(|p| Some(flat(p)))).collect()
     }
 
-    /// Over the image of one camera: the board's centre at the pixel, at the middle distance.
+    /// Returns a map over the image of one camera: the board's centre is at the pixel, at the middle distance.
     pub fn over_image(&self, camera: usize) -> Option<HeatMap> {
         let own = self.plan.cameras.get(camera)?;
         let (columns, centres, under) = image_cells(own.camera)?;

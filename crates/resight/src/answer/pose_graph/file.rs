@@ -9,11 +9,11 @@ use crate::rig::{RIG_FRAME, not_among};
 use serde::Serialize;
 
 impl SolvedPoseGraph {
-    /// The file that other commands read (TOML), its status in the first line: with lenses where `cameras` hold those of all, else
-    /// poses alone.
+    /// Writes the file that other commands read (TOML), with the status in its first line. It has lenses where `cameras` hold those of all
+    /// cameras, else only poses.
     ///
     /// # Errors
-    /// A camera of the pairs that `cameras` lack; a lens that the format cannot hold.
+    /// A camera of the pairs that is missing in `cameras`; a lens that the format cannot hold.
     pub fn file(&self, cameras: &[NamedCamera]) -> Result<String, Error> {
         let file = if cameras.is_empty() { self.poses_only()? } else { self.with_lenses(cameras)? };
         Ok(with_status(&file, self.contradiction().as_deref()))
@@ -43,7 +43,7 @@ impl SolvedPoseGraph {
         Ok(own_rig_file(&all, self.joint())?)
     }
 
-    /// Of all cameras, where it is known.
+    /// Returns the covariance of all cameras together, where it is known.
     fn joint(&self) -> Option<JointCovariance> {
         self.known().map(|s| JointCovariance {
             noise_degrees_of_freedom: s.noise_degrees_of_freedom.map(|degrees| degrees as f64),
@@ -52,7 +52,7 @@ impl SolvedPoseGraph {
     }
 }
 
-/// `[[relation]]` tables of our own file: no lens is known. `convert` joins them with files that have lenses.
+/// `[[relation]]` tables of our own file, which has no lenses. `convert` joins it with files that have them.
 #[derive(Serialize)]
 struct PlacesOnly {
     relation: Vec<PlaceOnly>,

@@ -1,4 +1,4 @@
-//! What took no part in a rig, and why.
+//! The frames, observations and points that took no part in a rig, with the reasons.
 
 use super::{SolvedRig, camera_name, target_name};
 use crate::core::multiview::rig::ObservationResult;
@@ -21,7 +21,7 @@ pub(super) struct RejectedObject {
     reason: String,
 }
 
-/// Frames and points that never took part, then what the solver left out.
+/// Returns the frames and points that never took part, then what the solver left out.
 pub(super) fn rejected(solved: &SolvedRig) -> Vec<RejectedObject> {
     let before = solved.left_out.iter().map(|left_out| {
         let id = left_out.what.strip_prefix("point ").map(str::to_string);

@@ -1,4 +1,4 @@
-//! What each view of a rig shows.
+//! The observations of each view of a rig.
 
 use super::{SolvedRig, camera_name, first_target};
 use crate::answer::TransformObject;
@@ -48,7 +48,7 @@ pub(super) fn views(solved: &SolvedRig) -> Vec<ViewObject> {
         sums[observation.view].add(sum);
         let of_camera =
             views[observation.view].cameras.entry(camera_name(solved, observation.camera)).or_default();
-        // Two targets of one camera in one view: squares add up.
+        // If one camera sees two targets in a view, their squared residuals are added.
         let earlier = of_camera.rms_px.map_or(0.0, |rms| rms * rms * of_camera.n_used as f64);
         let total = Sums {
             n_seen: of_camera.n_seen + sum.n_seen,
@@ -71,7 +71,7 @@ fn empty_view(name: &str) -> ViewObject {
     ViewObject { view: name.to_string(), n_seen: 0, n_used: 0, rms_px: None, cameras, bodies }
 }
 
-/// What residuals add up to.
+/// Sums over residuals.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     n_seen: usize,

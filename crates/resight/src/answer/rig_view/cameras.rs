@@ -78,7 +78,7 @@ pub(super) fn rows(b_from_a: &Pose) -> [[f64; 3]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| b_from_a.rotation[(i, j)]))
 }
 
-/// One for all cameras: the longest half axis becomes a sixth of the reach.
+/// Returns one magnification for all cameras, with which the longest half axis is a sixth of the radius.
 pub(super) fn magnification(cameras: &[Placed], radius_m: f64) -> f64 {
     let longest = |camera: &Placed| camera.half_axes().first().map_or(0.0, |[x, y, z]| x.hypot(*y).hypot(*z));
     geometry::magnification(cameras.iter().map(longest).fold(0.0, f64::max), radius_m / 6.0)

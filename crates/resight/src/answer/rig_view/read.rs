@@ -1,4 +1,4 @@
-//! Files of a rig, distinguished by their contents; impossible numbers are refused here.
+//! Reads the files of a rig, distinguishes them by their contents, and refuses impossible numbers.
 
 use super::Status;
 use crate::FileError;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Metres: no rig is larger than the Earth, and squares of what is smaller are numbers.
+/// Metres: no rig is larger than the Earth, and squares of smaller numbers do not overflow.
 const MOST_M: f64 = 1e8;
 
 /// What the files hold.
@@ -23,7 +23,7 @@ pub(super) struct Source {
 pub(super) struct Placed {
     pub name: String,
     pub cam_from_rig: Pose,
-    /// Of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    /// Covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Option<Matrix6>,
     pub counts: CameraIn,
 }
@@ -41,7 +41,7 @@ pub struct RejectedRow {
     pub(super) reason: String,
 }
 
-/// The JSON object of `resight rig`, as far as it is shown.
+/// The parts of the JSON object of `resight rig` that are shown.
 #[derive(Debug, Deserialize)]
 pub(super) struct Answer {
     pub status: Status,
@@ -78,7 +78,7 @@ pub(super) struct PlacedIn {
     counts: CameraIn,
 }
 
-/// What is counted and judged of a camera.
+/// Counts and judgements of one camera.
 #[derive(Debug, Clone, Default, Deserialize)]
 pub(super) struct CameraIn {
     pub status: Option<Status>,
@@ -96,7 +96,7 @@ pub(super) struct TransformIn {
 }
 
 impl TransformIn {
-    /// As a pose; a sentence where it is none.
+    /// Converts to a pose; the error is a sentence.
     pub fn pose(&self, what: &str) -> Result<Pose, String> {
         let norm = self.rotation_wxyz.iter().map(|q| q * q).sum::<f64>().sqrt();
         if !((norm - 1.0).abs() < 1e-3) {
@@ -183,7 +183,7 @@ impl Source {
         Ok(())
     }
 
-    /// Of the first file, for messages about all.
+    /// Returns the name of the first file, for messages about all files.
     pub fn name(&self) -> &str {
         let answer = self.answer.as_ref().map(|(name, _)| name);
         answer.or(self.files.first().map(|(name, _)| name)).map_or("", String::as_str)
@@ -208,14 +208,14 @@ impl Source {
     }
 }
 
-/// A name without folders, and short enough for a message.
+/// Returns a name without folders, short enough for a message.
 fn plain(name: &str) -> String {
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let kept: String = last.chars().filter(|c| !c.is_control()).take(80).collect();
     if kept.is_empty() { "file".to_owned() } else { kept }
 }
 
-/// Only answers are JSON objects with a status.
+/// Recognises an answer: no other JSON object has a status.
 fn is_answer(text: &str) -> bool {
     #[derive(Deserialize)]
     struct Any {
@@ -227,7 +227,7 @@ fn is_answer(text: &str) -> bool {
 }
 
 impl Answer {
-    /// Its cameras with their poses.
+    /// Returns the cameras with their poses.
     pub fn placed(&self) -> Result<Vec<Placed>, String> {
         let one = |(name, camera): (&String, &PlacedIn)| {
             let what = format!("camera {}", plain(name));
@@ -242,7 +242,7 @@ impl Answer {
     }
 }
 
-/// Symmetric and not negative on its diagonal, or a sentence.
+/// Returns the matrix if it is symmetric and has no negative diagonal element; the error is a sentence.
 pub(super) fn covariance(rows: &[[f64; 6]; 6], what: &str) -> Result<Matrix6, String> {
     let c = Dense::from_fn(|i, j| rows[i][j]);
     let is_sound = c.iter().all(|x| x.abs() < MOST_M * MOST_M)
@@ -266,7 +266,7 @@ impl Lenses<'_> {
         self.by_name.get(name).copied()
     }
 
-    /// The frame of the rig, the cameras placed in it, and the names of the others.
+    /// Returns the frame of the rig, the cameras placed in it, and the names of the other cameras.
     pub fn placed(&self) -> Result<(String, Vec<Placed>, Vec<String>), FileError> {
         let [(name, first), rest @ ..] = self.files else { return Ok(Default::default()) };
         let mut rig = first.clone();
@@ -281,7 +281,7 @@ impl Lenses<'_> {
                 unplaced.push(camera.name.clone());
                 continue;
             };
-            // Of the camera in this frame, and not of another frame in it.
+            // Keeps the covariance of the camera in this frame, not that of another frame in the camera's.
             let is_its_own = |p: &&Placement| p.b == camera.name && p.a == placed.reference;
             cameras.push(Placed {
                 name: camera.name.clone(),

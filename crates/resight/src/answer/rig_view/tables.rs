@@ -1,4 +1,4 @@
-//! Tables of a rig: views, pairs, what took no part; and targets where they stood.
+//! Tables of a rig: views, pairs, and what took no part; and the poses of the targets.
 
 use super::cameras::rows;
 use super::read::{Answer, RejectedRow, SeenIn, covariance};
@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Cells of views and cameras; beyond, the views with the smallest share of points used.
+/// Largest number of cells (views times cameras); beyond it only the views with the smallest share of points used are shown.
 const MOST_CELLS: usize = 24_000;
 const MOST_TARGETS: usize = 6_000;
 const MOST_PAIRS: usize = 300;
@@ -63,7 +63,7 @@ pub struct TargetPlace {
     rotation: [[f64; 3]; 3],
 }
 
-/// Those that are shown, and where all are.
+/// The targets that are shown, and the positions of all.
 pub(super) struct Targets {
     pub shown: Vec<TargetPlace>,
     pub one_in: usize,
@@ -109,7 +109,7 @@ pub(super) fn views(answer: &Answer) -> Vec<ViewRow> {
     chosen.into_iter().map(row).collect()
 }
 
-/// Those with the most shared views, and how many others there are.
+/// Returns the pairs with the most shared views, and the number of the others.
 pub(super) fn pairs(answer: &Answer) -> Result<(Vec<PairRow>, usize), String> {
     let mut all: Vec<_> = answer.pairs.iter().collect();
     all.sort_by_key(|pair| std::cmp::Reverse(pair.n_shared_views));
@@ -118,7 +118,8 @@ pub(super) fn pairs(answer: &Answer) -> Result<(Vec<PairRow>, usize), String> {
         let b_from_a = pair.b_from_a.pose("a pair of cameras")?;
         let covariance = pair.covariance.map(|rows| covariance(&rows, "a pair of cameras")).transpose()?;
         let distance_m = b_from_a.translation.norm();
-        // A small left rotation moves b's origin at right angles to the line between the two: only the shift changes the distance.
+        // A small left rotation moves the origin of b perpendicular to the line between the two, so that only the translation changes the
+        // distance.
         let along = b_from_a.translation / distance_m;
         let part = |at: usize| covariance.map(|c| Matrix3::from(c.fixed_view::<3, 3>(at, at)));
         let distance_sigma_m = part(3).map(|c| along.dot(&(c * along)).max(0.0).sqrt());
@@ -136,7 +137,7 @@ pub(super) fn pairs(answer: &Answer) -> Result<(Vec<PairRow>, usize), String> {
     Ok((all.iter().take(MOST_PAIRS).map(row).collect::<Result<_, _>>()?, left_out))
 }
 
-/// What took no part whole, then the points farthest off; and how much is left out.
+/// Returns what was rejected as a whole, then the points with the largest residuals; and how many rows are left out.
 pub(super) fn rejected(answer: &Answer) -> (Vec<RejectedRow>, usize) {
     let mut all = answer.rejected.clone();
     let key =

@@ -1,4 +1,4 @@
-//! A ChArUco board that is not there as stated: exchanged rows and columns, the other pattern, markers of another size, another dictionary.
+//! A ChArUco board that differs from the stated one: exchanged rows and columns, the other pattern, another marker size or dictionary.
 
 use super::tags::{self, Wanted, named};
 use super::{last_id, shows};
@@ -9,7 +9,7 @@ use crate::detect::tags::FoundTag;
 use resight_core::target::Charuco;
 use resight_core::{Pixel, Target};
 
-/// What an image shows instead of a board.
+/// Describes what an image shows instead of a board.
 pub(super) fn instead(board: &Charuco, image: &GrayImage) -> Option<String> {
     let count = board.rows * board.columns / 2;
     let wanted = Wanted {
@@ -50,12 +50,12 @@ pub(super) fn instead(board: &Charuco, image: &GrayImage) -> Option<String> {
     })
 }
 
-/// The stated dictionary where its markers are there, else that of those that are.
+/// Returns the stated dictionary if its markers were found, else the dictionary of the markers that were.
 fn dictionary_of(board: &Charuco, markers: &FamilyTags) -> String {
     if markers.family.starts_with("DICT") { markers.family.clone() } else { board.dictionary.clone() }
 }
 
-/// Boards that these markers may be, each with the change of the file that it takes; the stated one first.
+/// Returns the boards that may have these markers, each with the change of the file that it needs; the stated one first.
 fn candidates(board: &Charuco, markers: &FamilyTags) -> Vec<(Charuco, String)> {
     let (rows, columns) = (board.rows, board.columns);
     let swapped = Charuco { rows: columns, columns: rows, ..board.clone() };
@@ -78,7 +78,7 @@ fn candidates(board: &Charuco, markers: &FamilyTags) -> Vec<(Charuco, String)> {
         all.push((other, what));
     }
     let Some(ratio) = shape.marker_squares else { return all };
-    // To half a per cent of a square: what a view tells of it.
+    // A view determines the ratio to half a per cent of a square.
     let marker_m = (200.0 * ratio).round() / 200.0 * board.square_m;
     let with_marker = |(other, what): &(Charuco, String)| {
         let what = if what.is_empty() { String::new() } else { format!("{what}, ") };
@@ -89,17 +89,17 @@ fn candidates(board: &Charuco, markers: &FamilyTags) -> Vec<(Charuco, String)> {
     all
 }
 
-/// Three figures.
+/// Rounds to three significant figures.
 fn rounded(x: f64) -> String {
     let scale = 10f64.powi(2 - x.abs().log10().floor() as i32);
     format!("{}", (x * scale).round() / scale)
 }
 
-/// What the markers alone say of their board.
+/// Properties of the board that follow from the markers alone.
 struct Shape {
-    /// Squares a row: by how much ids grow from a marker to the one two squares below.
+    /// Squares per row: the difference between the ids of a marker and the one two squares below.
     columns: Option<u32>,
-    /// Edge of a marker over that of a square.
+    /// Edge of a marker divided by the edge of a square.
     marker_squares: Option<f64>,
 }
 
@@ -131,7 +131,7 @@ impl Shape {
     }
 }
 
-/// From the image to a marker's own plane, in its edges from its middle, y down.
+/// Returns the map from the image to the plane of a marker, in its edges, with the origin at its centre and y down.
 fn frame(tag: &FoundTag) -> Option<Homography> {
     let square = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)];
     let pairs: Vec<_> =

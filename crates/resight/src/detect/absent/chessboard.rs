@@ -1,4 +1,4 @@
-//! A chessboard that is not there as stated: a grid of another size, or a board whose squares bear tags.
+//! A chessboard that differs from the stated one: another number of corners, or tags in its squares.
 
 use super::shows;
 use super::tags::named;
@@ -9,12 +9,12 @@ use crate::detect::joints::CornerWindow;
 use resight_core::Target;
 use resight_core::target::Chessboard;
 
-/// What an image shows instead of a board.
+/// Describes what an image shows instead of a board.
 pub(super) fn instead(board: &Chessboard, image: &GrayImage) -> Option<String> {
     tags_on_board(image).or_else(|| other_grid(board, image))
 }
 
-/// A chessboard of another size.
+/// Looks for a chessboard of another size.
 fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
     let finder = ChessboardFinder::new(board, CornerWindow::Clear).ok()?;
     let (places, rows, columns) = match finder.look(image) {
@@ -26,7 +26,7 @@ fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
     };
     let wanted = (board.rows.min(board.columns), board.rows.max(board.columns));
     let seen = format!("a grid of {rows} × {columns} inner corners is there");
-    // A part of the board shows no edges on some sides; it is no board of its own.
+    // A part of the board has no edges on some sides, and is not a board of another size.
     let is_whole = places == 0
         && (rows, columns) != wanted
         && shows(&Target::Chessboard(Chessboard { rows, columns, ..*board }), image);
@@ -46,10 +46,10 @@ fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
     Some(format!("{seen}; {hint}"))
 }
 
-/// Fewer tags are no board.
+/// Fewer tags than this do not indicate a board.
 const LEAST_TAGS: usize = 3;
 
-/// Tags in the squares of what should be a plain chessboard.
+/// Looks for tags in the squares of a board that should be a plain chessboard.
 fn tags_on_board(image: &GrayImage) -> Option<String> {
     let found = EveryTagFinder::new("any").ok()?.find(image);
     let most = found.first().filter(|most| LEAST_TAGS <= most.tags.len())?;

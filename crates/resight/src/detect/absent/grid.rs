@@ -1,4 +1,4 @@
-//! An AprilGrid that is not there as stated: its tags say how they are laid out.
+//! An AprilGrid that differs from the stated one: the ids and positions of its tags show its layout.
 
 use super::tags::{self, Wanted, named};
 use super::{INVERTED, MIRRORED, inverted, last_id, mirrored, shows};
@@ -9,14 +9,14 @@ use crate::detect::tags::FoundTag;
 use resight_core::Target;
 use resight_core::target::AprilGrid;
 
-/// The same codes in OpenCV's dictionaries are turned by half against those of AprilTag.
+/// OpenCV's dictionaries hold the codes of AprilTag rotated by half a turn.
 const TURNED: [(&str, &str); 3] = [
     ("tag36h11", "DICT_APRILTAG_36h11"),
     ("tag25h9", "DICT_APRILTAG_25h9"),
     ("tag16h5", "DICT_APRILTAG_16h5"),
 ];
 
-/// What an image shows instead of a grid.
+/// Describes what an image shows instead of a grid.
 pub(super) fn instead(grid: &AprilGrid, image: &GrayImage) -> Option<String> {
     let count = grid.rows * grid.columns;
     let wanted = Wanted {
@@ -52,7 +52,7 @@ pub(super) fn instead(grid: &AprilGrid, image: &GrayImage) -> Option<String> {
     }
 }
 
-/// Tags of the family are there: other ids, or another layout.
+/// Tags of the right family were found, but other ids or another layout.
 fn of_family(grid: &AprilGrid, wanted: &Wanted, own: &FamilyTags, image: &GrayImage) -> String {
     let has_wanted = own.tags.iter().any(|tag| wanted.ids.contains(&tag.id));
     let steps = Steps::of(&own.tags, 1.0 + grid.tag_spacing_ratio);
@@ -89,7 +89,7 @@ fn none_of(wanted: &Wanted, own: &FamilyTags) -> String {
     format!("tags of {} are there, but none with {}: {}", wanted.family, wanted.named, named(own))
 }
 
-/// Grids that these tags may be, each with the change of the file that it takes.
+/// Returns the grids that may have these tags, each with the change of the file that it needs.
 fn candidates(grid: &AprilGrid, own: &FamilyTags, steps: Option<Steps>) -> Vec<(AprilGrid, String)> {
     let ids = || own.tags.iter().map(|tag| tag.id);
     let lowest = ids().min().unwrap_or(0);
@@ -138,7 +138,7 @@ fn other_convention(family: &str) -> Option<&'static str> {
     TURNED.iter().find_map(of)
 }
 
-/// How ids grow from a tag to the one on its right and the one above it, by the tag's own upright.
+/// The differences between the ids of a tag, of the tag on its right and of the tag above it, as seen with the tag upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Steps {
     right: i64,
@@ -146,7 +146,7 @@ struct Steps {
 }
 
 impl Steps {
-    /// The commonest steps; none where too few tags have neighbours. `pitch` is in tag edges.
+    /// Returns the most common steps; `None` where too few tags have neighbours. `pitch` is in tag edges.
     fn of(tags: &[FoundTag], pitch: f64) -> Option<Self> {
         let (mut right, mut up) = (Vec::new(), Vec::new());
         for tag in tags {
@@ -172,7 +172,7 @@ impl Steps {
     }
 }
 
-/// A neighbour is this near to where it is expected, pitches; what the grid's spacing is stated wrongly by counts too.
+/// Largest distance between a neighbour and its expected position, in pitches; it has to allow for a wrongly stated spacing.
 const NEXT: f64 = 0.35;
 
 fn commonest(mut steps: Vec<i64>) -> Option<i64> {

@@ -1,20 +1,20 @@
-//! Single tags and maps of tags that are not there.
+//! Single tags and maps of tags that were not found.
 
 use super::{INVERTED, MIRRORED, inverted, mirrored};
 use crate::GrayImage;
 use crate::detect::every_tag::{EveryTagFinder, FamilyTags};
 use resight_core::target::{Tag, TagMap};
 
-/// Ids named in a sentence.
+/// Largest number of ids named in a sentence.
 const MOST_NAMED: usize = 8;
 
-/// Which tags are looked for, and what their file calls them.
+/// The tags that are searched for, and their names in the file.
 pub(super) struct Wanted<'a> {
     pub family: &'a str,
     pub ids: Vec<u32>,
-    /// What the ids are called: `id 7`.
+    /// The name of the ids: `id 7`.
     pub named: String,
-    /// How another family is stated.
+    /// How to state another family in the file.
     pub way_out: &'static str,
 }
 
@@ -34,7 +34,7 @@ impl<'a> Wanted<'a> {
     }
 }
 
-/// Tags of the family with other ids, the wanted ones mirrored or inverted, or else tags of another family.
+/// Looks for tags of the family with other ids, for the wanted tags mirrored or inverted, and else for tags of another family.
 pub(super) fn instead(wanted: &Wanted, image: &GrayImage) -> Option<String> {
     let family = wanted.family;
     let mut finder = EveryTagFinder::new(family).ok()?;
@@ -44,7 +44,7 @@ pub(super) fn instead(wanted: &Wanted, image: &GrayImage) -> Option<String> {
     of_whole_image(wanted, &mut finder, image).or_else(|| other_family(wanted, image))
 }
 
-/// Whether tags of the family show in the mirrored or inverted image.
+/// Checks whether the mirrored or inverted image shows tags of the family.
 pub(super) fn of_whole_image(
     wanted: &Wanted,
     finder: &mut EveryTagFinder,
@@ -65,7 +65,7 @@ fn reversed(what: &str) -> &'static str {
     if what == MIRRORED { "mirrored, and with other ids" } else { "inverted, and with other ids" }
 }
 
-/// Tags of another family, and whether they are the ids that are wanted.
+/// Looks for tags of another family, and checks whether they have the wanted ids.
 fn other_family(wanted: &Wanted, image: &GrayImage) -> Option<String> {
     let found = EveryTagFinder::new("any").ok()?.find(image);
     let other = found.first()?;
@@ -78,7 +78,7 @@ fn other_family(wanted: &Wanted, image: &GrayImage) -> Option<String> {
     ))
 }
 
-/// A few ids.
+/// Names a few of the ids.
 pub(super) fn named(family: &FamilyTags) -> String {
     let mut ids: Vec<u32> = family.tags.iter().map(|tag| tag.id).collect();
     ids.sort_unstable();

@@ -1,8 +1,8 @@
-//! Which of the tags that were read are one grid: each tag says where the others should be.
+//! Selects the decoded tags that form one grid: each tag predicts the positions of the others.
 //!
-//! The homography of a tag's own four corners predicts its neighbours to a fraction of a pitch, a layout that is not the stated one (exchanged rows
-//! and columns, tags printed in the other convention, a second grid beside the first) is off by a pitch or more. Tags that predict each other
-//! are joined, so a lens may bend the grid from one end to the other.
+//! The homography of a tag's four corners predicts its neighbours to a fraction of a pitch, whereas a different layout (exchanged rows and
+//! columns, tags printed in the other convention, a second grid beside the first) is off by a pitch or more. Tags that predict each other are
+//! joined, so that the lens may bend the grid from one end to the other.
 
 use super::super::apriltag::DecodedTag;
 use super::super::homography::{Homography, PlanePoint};
@@ -10,27 +10,27 @@ use super::super::sigma;
 use super::print::GridPrint;
 use resight_core::Pixel;
 
-/// What the tags of an image say of the grid.
+/// How the decoded tags of an image relate to the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Layout {
-    /// These tags lie as the grid has them, or there is none.
+    /// The tags that have the layout of the grid; empty if there are none.
     Grid(Vec<DecodedTag>),
-    /// The grid is there so often.
+    /// The number of grids in view.
     Copies(usize),
-    /// Most tags do not lie as the grid has them.
+    /// Most tags do not have the layout of the grid.
     Otherwise,
 }
 
-/// A tag lies where another one says to this share of the distance between the two, in tag edges,
+/// A tag agrees with another's prediction to within this share of their distance, in tag edges,
 const AGREES: f64 = 0.35;
-/// and to so many edges: a misread id and another layout are off by a pitch, more than one.
+/// and within this many edges: a misread id or another layout is off by a pitch, which is more than one edge.
 const AGREES_EDGES: f64 = 0.6;
-/// A tag does not predict tags farther away than this, in tag edges: its corners are not known well enough.
+/// A tag does not predict tags farther away than this, in tag edges, because its corners are not accurate enough.
 const REACH_EDGES: f64 = 4.5;
-/// A second group of so many tags is another grid; one alone is a tag of its own, or misread.
+/// A second group of at least this many tags is another grid; one alone is a separate tag, or misread.
 const LEAST_OF_COPY: usize = 2;
 
-/// The tags of one border, of which the same place may have been read twice.
+/// Analyses tags of one border width; a position may have been read twice.
 pub(super) fn of(tags: Vec<DecodedTag>, print: &GridPrint) -> Layout {
     let tags = one_a_place(tags);
     let mut groups = groups(&tags, print);
@@ -44,7 +44,7 @@ pub(super) fn of(tags: Vec<DecodedTag>, print: &GridPrint) -> Layout {
     if 0 < n_copies && LEAST_OF_COPY <= main.len() {
         return Layout::Copies(1 + n_copies);
     }
-    // Beyond a gap, tags of the same grid have no neighbour that was read.
+    // Beyond a gap, tags of the same grid have no decoded neighbour.
     let mut grid: Vec<usize> = main;
     for group in &groups[1..] {
         let fits = group.iter().all(|i| is_predicted(&tags, &grid, *i, print));
@@ -63,7 +63,7 @@ pub(super) fn of(tags: Vec<DecodedTag>, print: &GridPrint) -> Layout {
     Layout::Grid(grid)
 }
 
-/// Of several readings of one square the clearest.
+/// Keeps the clearest of several readings of one square.
 fn one_a_place(mut tags: Vec<DecodedTag>) -> Vec<DecodedTag> {
     tags.sort_by(|a, b| a.id.cmp(&b.id).then(b.margin_gray.total_cmp(&a.margin_gray)));
     let mut kept: Vec<DecodedTag> = Vec::with_capacity(tags.len());
@@ -85,7 +85,7 @@ fn centre(tag: &DecodedTag) -> Pixel {
     tag.corners.iter().sum::<Pixel>() / 4.0
 }
 
-/// The middle of a tag on the grid, in tag edges.
+/// Returns the centre of a tag on the grid, in tag edges.
 fn place(id: u32, print: &GridPrint) -> PlanePoint {
     print.place(id, 3) + PlanePoint::new(0.5, 0.5)
 }
@@ -94,7 +94,7 @@ fn pairs(tag: &DecodedTag, print: &GridPrint) -> [(PlanePoint, Pixel); 4] {
     [0, 1, 2, 3].map(|k: u8| (print.place(tag.id, k), tag.corners[k as usize]))
 }
 
-/// Indices of tags that say of each other where they are, joined.
+/// Returns groups of indices of tags that predict each other's positions.
 fn groups(tags: &[DecodedTag], print: &GridPrint) -> Vec<Vec<usize>> {
     let maps: Vec<Option<Homography>> = tags.iter().map(|tag| Homography::fit(&pairs(tag, print))).collect();
     let mut group: Vec<usize> = (0..tags.len()).collect();
@@ -111,7 +111,7 @@ fn groups(tags: &[DecodedTag], print: &GridPrint) -> Vec<Vec<usize>> {
     (0..tags.len()).map(of).filter(|members| !members.is_empty()).collect()
 }
 
-/// Whether one tag puts another where it is, all corners.
+/// Checks whether one tag predicts all corners of another.
 fn agrees(map: Option<&Homography>, from: &DecodedTag, to: &DecodedTag, print: &GridPrint) -> bool {
     let apart = (place(from.id, print) - place(to.id, print)).norm();
     let Some(map) = map.filter(|_| apart <= REACH_EDGES) else { return false };
@@ -121,7 +121,7 @@ fn agrees(map: Option<&Homography>, from: &DecodedTag, to: &DecodedTag, print: &
         .all(|(x, pixel)| (map.at(x) - pixel).norm() < (AGREES * apart).min(AGREES_EDGES) * edge_px)
 }
 
-/// Whether the nearest tags of a grid put another one where it is, to half a pitch.
+/// Checks whether the nearest tags of a grid predict another tag to within half a pitch.
 fn is_predicted(tags: &[DecodedTag], grid: &[usize], other: usize, print: &GridPrint) -> bool {
     let at = place(tags[other].id, print);
     let mut near: Vec<&DecodedTag> = grid.iter().map(|i| &tags[*i]).collect();

@@ -1,7 +1,7 @@
-//! Corners of an AprilGrid whose tag was not read, or that are no saddle point of their own: laid on the image with all that is printed there.
+//! Refines corners of an AprilGrid whose tag was not decoded, or that are not saddle points, by fitting the known print to the image.
 //!
-//! A few tags that were read tell where every corner of the grid is. What is printed around one (the tag's border and bits, the corner square)
-//! says whether it is there and where: of tags too small, too blurred or partly covered all corners that are visible count.
+//! A few decoded tags determine where every corner of the grid is. The print around a corner (the tag's border and bits, the corner square)
+//! shows whether the corner is visible, and where. So all visible corners of tags too small, too blurred or partly covered are used.
 
 use super::super::DetectError;
 use super::super::families::{MarkerPattern, marker_pattern};
@@ -14,37 +14,37 @@ use resight_core::Pixel;
 use resight_core::target::{AprilGrid, Feature};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Least share of the variance that the print explains.
+/// Least share of the variance that the print has to explain.
 const EXPLAINED: f64 = 0.6;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
-/// The print is compared this far around a corner, in tag edges,
+/// Radius around a corner in which the print is compared, in tag edges,
 const PRINT_EDGES: f64 = 0.25;
 /// within these bounds, pixels.
 const PRINT_PX: (f64, f64) = (4.0, 8.0);
-/// A corner is looked for this far from its prediction, in tag edges,
+/// Radius around its prediction in which a corner is searched for, in tag edges,
 const SEARCH_EDGES: f64 = 0.08;
 /// within these bounds, pixels: nearer than the far corner of a corner square.
 const SEARCH_PX: (f64, f64) = (1.5, 4.0);
-/// Shortest edge of a tag whose print shows, pixels.
+/// Shortest edge of a tag at which its print is visible, pixels.
 const LEAST_EDGE_PX: f64 = 8.0;
 /// Blurs that are tried, standard deviations in pixels.
 const BLURS_PX: [f64; 4] = [0.8, 1.3, 2.0, 3.2];
-/// Corners that the blur is chosen by.
+/// Number of corners from which the blur is estimated.
 const BLUR_CORNERS: usize = 6;
-/// Known corners that a prediction rests on.
+/// Number of known corners from which a position is predicted.
 const NEAREST: usize = 12;
-/// They may be this far away, in tag edges.
+/// Largest distance of these, in tag edges.
 const REACH_EDGES: f64 = 2.5;
-/// Rounds of looking beside what was found in the last one.
+/// Largest number of rounds, each of which searches beside the corners found in the last.
 const MOST_ROUNDS: usize = 20;
 
 /// The print of a grid.
 pub(super) struct GridPrint {
     grid: AprilGrid,
-    /// Tags and spaces to a tag's edge.
+    /// Tags and spaces per edge of a tag.
     per_pitch: f64,
-    /// Of each tag, with a border of one cell.
+    /// The pattern of each tag, with a border of one cell.
     patterns: Vec<MarkerPattern>,
 }
 
@@ -59,7 +59,7 @@ impl GridPrint {
         Ok(GridPrint { grid: grid.clone(), per_pitch, patterns })
     }
 
-    /// A tag corner on the grid, in tag edges, y upwards.
+    /// Returns the position of a tag corner on the grid, in tag edges, y upwards.
     pub fn place(&self, id: u32, corner: u8) -> PlanePoint {
         let index = id - self.grid.first_id;
         let pitch = 1.0 + self.grid.tag_spacing_ratio;
@@ -68,12 +68,12 @@ impl GridPrint {
         PlanePoint::new(column as f64 * pitch + dx, row as f64 * pitch + dy)
     }
 
-    /// −1 where the grid is black and 1 where it is white, at a place in tag edges.
+    /// Returns −1 where the grid is black and 1 where it is white, at a position in tag edges.
     fn ink(&self, x: PlanePoint, border_cells: usize) -> f32 {
         let (pitch, spacing) = (1.0 + self.grid.tag_spacing_ratio, self.grid.tag_spacing_ratio);
         let per_pitch = self.per_pitch;
         let cell = |x: f64, n: u32| {
-            // Spaces belong to the tag after them; the last one has no tag.
+            // A space belongs to the tag after it; the last space has no tag.
             let index = floor((x + spacing) * per_pitch);
             (0..=n as i32).contains(&index).then_some((index as u32, x - index as f64 * pitch))
         };
@@ -90,7 +90,7 @@ impl GridPrint {
         }
     }
 
-    /// The same inside a tag, from its top-left corner.
+    /// Returns the ink inside a tag, at a position relative to its top-left corner.
     fn tag_ink(&self, index: usize, (x, y): (f64, f64), border_cells: usize) -> f32 {
         let pattern = &self.patterns[index];
         let single = pattern.width_cells - 2 * pattern.inset_cells;
@@ -104,7 +104,7 @@ impl GridPrint {
         if is_white { 1.0 } else { -1.0 }
     }
 
-    /// Adds the corners whose print is seen to those known, and moves those in `doubtful` to where it lies.
+    /// Adds the corners whose print is visible, and moves those in `doubtful` to the position of their print.
     pub fn complete(
         &self,
         image: &GrayImage,
@@ -135,8 +135,8 @@ impl GridPrint {
         }
     }
 
-    /// The corners, those picked as their print places them, and the blur. One whose print does not show is covered, and left out, but for those in `doubtful`, which rest on the edges of
-    /// their tag: there a corner square is missing.
+    /// Returns the corners, the picked ones at the position of their print, and the blur. A corner without a visible print is covered and left
+    /// out, except for those in `doubtful`, which rest on the edges of their tag: there a corner square is missing.
     pub fn measured(
         &self,
         image: &GrayImage,
@@ -154,7 +154,7 @@ impl GridPrint {
             let edge_px = edge_px(&map, &place)?;
             let ink = move |x: PlanePoint| self.ink(x, border_cells);
             let spacing = self.grid.tag_spacing_ratio;
-            // Beyond the gap around the outer tags anything may be.
+            // Beyond the gap around the outer tags the background is unknown.
             let outer_px = (0.7 * spacing * edge_px - 0.5).max(3.0);
             let clear_px = if self.is_outer(&place) { outer_px } else { f64::INFINITY };
             let square_px = (2.0 * spacing).min(1.0) * edge_px;
@@ -179,13 +179,13 @@ impl GridPrint {
         (measured, blur_px)
     }
 
-    /// Whether a place lies on the outline of the grid.
+    /// Checks whether a position is on the outline of the grid.
     fn is_outer(&self, x: &PlanePoint) -> bool {
         let last = |n: u32| (n - 1) as f64 * (1.0 + self.grid.tag_spacing_ratio) + 0.5;
         x.x < 0.5 || x.y < 0.5 || last(self.grid.columns) < x.x || last(self.grid.rows) < x.y
     }
 
-    /// A tag and those up to so many columns and rows away.
+    /// Iterates over a tag and the tags up to `reach` columns and rows away.
     fn tags_near(&self, id: u32, reach: u32) -> impl Iterator<Item = u32> + use<> {
         let AprilGrid { rows, columns, first_id, .. } = self.grid;
         let (column, row) = ((id - first_id) % columns, (id - first_id) / columns);
@@ -193,7 +193,7 @@ impl GridPrint {
         around(row, rows).flat_map(move |r| around(column, columns).map(move |c| first_id + r * columns + c))
     }
 
-    /// The blur that explains the known corners best.
+    /// Returns the blur that explains the known corners best.
     fn blur_px(&self, image: &GrayImage, noise_gray: f64, border_cells: usize, known: &Corners) -> f64 {
         let every = (known.len() / BLUR_CORNERS).max(1);
         let explained = |blur_px: f64| -> f64 {
@@ -207,7 +207,7 @@ impl GridPrint {
     }
 }
 
-/// Length of a tag's edge in the image at a place, where it is shortest, pixels.
+/// Returns the shortest length of a tag's edge in the image at a position, in pixels.
 fn edge_px(map: &Homography, place: &PlanePoint) -> Option<f64> {
     let beside = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
     let at = map.at(place);
@@ -219,7 +219,7 @@ fn printed(fit: &Fit) -> Joint {
     Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
 }
 
-/// The print that every corner of an image is compared with.
+/// What the print is compared with at every corner of an image.
 struct CameraWatcher<'a> {
     print: &'a GridPrint,
     image: &'a GrayImage,
@@ -229,7 +229,7 @@ struct CameraWatcher<'a> {
 }
 
 impl CameraWatcher<'_> {
-    /// The print around a corner where it explains the image.
+    /// Fits the print around a corner; `None` where it does not explain the image.
     fn at(&self, known: &Corners, feature: Feature) -> Option<Fit> {
         let place = self.print.place(feature.id, feature.corner);
         let map = self.map_near(known, feature.id, &place)?;
@@ -248,7 +248,7 @@ impl CameraWatcher<'_> {
         (EXPLAINED <= fit.explained && CONTRAST_GRAY <= fit.contrast_gray).then_some(fit)
     }
 
-    /// The homography of the corners known around a place.
+    /// Returns the homography of the corners known around a position.
     fn map_near(&self, known: &Corners, id: u32, place: &PlanePoint) -> Option<Homography> {
         let features =
             self.print.tags_near(id, 2).flat_map(|id| (0..4).map(move |corner| Feature { id, corner }));

@@ -1,8 +1,8 @@
-//! The inner corners of a ChArUco board whose markers are known.
+//! Finds the inner corners of a ChArUco board whose markers are known.
 //!
-//! Each is predicted by the markers around it, laid on the image with all that is printed around it, and believed when the print explains what
-//! the image shows. On 48 frames of four webcams the corners then fit a plane to 0.04–0.07 px in the median; refined in windows that stay clear
-//! of the markers (an eighth of a square) they leave 0.11–0.13 px, in 11 px windows that take the markers' edges for their own 0.16–0.45 px.
+//! Each corner is predicted from the markers around it, and the print around it is fitted to the image; it is accepted if the print explains the
+//! image. On 48 frames of four webcams the corners then fit a plane to 0.04–0.07 px in the median. Refined in windows that exclude the markers
+//! (an eighth of a square) they leave 0.11–0.13 px, in 11 px windows, which confuse the markers' edges with the corner's, 0.16–0.45 px.
 
 use super::CharucoFinder;
 use crate::GrayImage;
@@ -18,44 +18,44 @@ use resight_core::correspondence::Detection;
 use resight_core::target::Feature;
 use std::collections::BTreeSet;
 
-/// A corner is looked for this far, in squares, from its prediction. The nearest saddle points that are not corners
-/// lie in the markers, at least a margin and a border cell away (0.2 squares on common boards).
+/// Radius around its prediction in which a corner is searched for, in squares. The nearest saddle points that are not corners lie in the
+/// markers, at least a margin and a border cell away (0.2 squares on common boards).
 const SEARCH_SQUARES: f64 = 0.1;
-/// and at least this far, pixels.
+/// but at least this radius, pixels.
 const SEARCH_PX: f64 = 2.0;
-/// The print is compared this far around a corner, in squares,
+/// Radius around a corner in which the print is compared, in squares,
 const PRINT_SQUARES: f64 = 0.45;
 /// within these bounds, pixels.
 const PRINT_PX: (f64, f64) = (4.0, 7.0);
-/// Least share of the variance that the print explains where it is (noise aside).
+/// Least share of the variance that the print has to explain (apart from noise).
 const EXPLAINED: f64 = 0.6;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
 
-/// So many markers that agree are believed without more,
+/// At least this many markers that agree need no further evidence;
 const VOUCHING_MARKERS: usize = 3;
-/// of fewer most corners beside them must be explained this well.
+/// with fewer, the print has to explain most corners beside them this well.
 const CLEARLY_EXPLAINED: f64 = 0.8;
 
-/// Blurs that are tried, standard deviations in pixels; the first where nothing can be compared.
+/// Blurs that are tried, standard deviations in pixels; the first is used where nothing can be compared.
 const BLURS_PX: [f64; 6] = [0.7, 0.35, 1.1, 1.6, 2.2, 3.0];
-/// Corners that the blur is chosen by.
+/// Number of corners from which the blur is estimated.
 const BLUR_CORNERS: usize = 4;
 
-/// A corner before it is looked for.
+/// A predicted corner.
 struct Expected {
     id: u32,
     place: PlanePoint,
     map: Homography,
     at: Pixel,
-    /// Shortest edge of the squares around it, pixels.
+    /// Shortest edge of the squares around the corner, pixels.
     square_px: f64,
-    /// The radius around `at` of the search, pixels.
+    /// Radius of the search around `at`, pixels.
     reach_px: f64,
 }
 
 impl CharucoFinder {
-    /// The inner corners that are seen, by id.
+    /// Finds the visible inner corners, sorted by id.
     pub(super) fn corners(
         &self,
         markers: &[DecodedTag],
@@ -73,12 +73,12 @@ impl CharucoFinder {
         if is_vouched { corners } else { Vec::new() }
     }
 
-    /// Whether all corners are among these.
+    /// Returns whether all corners are among the detections.
     pub fn is_whole(&self, seen: &[Detection]) -> bool {
         seen.iter().map(|d| d.feature.id).eq(0..(self.board.rows - 1) * (self.board.columns - 1))
     }
 
-    /// Those corners of a whole board that are picked, by what is printed around the places given for all.
+    /// Measures the corners of a whole board that are picked, by the print around the given positions of all.
     pub fn measured_near(
         &self,
         image: &GrayImage,
@@ -94,7 +94,7 @@ impl CharucoFinder {
         (look.corners(&expected, blur_px), blur_px)
     }
 
-    /// A corner where it was, in the plane of those beside it.
+    /// Predicts a corner at its position in the plane of those beside it.
     fn expected_again(&self, seen: &[Detection], corner: &Detection) -> Option<Expected> {
         let place = |d: &Detection| self.corner_place(d.feature.id);
         let at = place(corner);
@@ -104,7 +104,7 @@ impl CharucoFinder {
         Some(Expected { at: corner.pixel, reach_px: SEARCH_PX, ..expected })
     }
 
-    /// An inner corner on the board, in squares from its top-left corner.
+    /// Returns the position of an inner corner on the board, in squares from the board's top-left corner.
     fn corner_place(&self, id: u32) -> PlanePoint {
         let columns = self.board.columns - 1;
         PlanePoint::new((id % columns + 1) as f64, (id / columns + 1) as f64)
@@ -181,12 +181,12 @@ impl Comparison<'_> {
         measured.map(|(corner, (fit, sigma_px))| self.corner(corner, fit, sigma_px)).collect()
     }
 
-    /// The blur that explains the corners best.
+    /// Returns the blur that explains the corners best.
     fn blur_px(&self, expected: &[Expected]) -> f64 {
         let every = (expected.len() / BLUR_CORNERS).max(1);
         let mut shares = [0.0; BLURS_PX.len()];
         for corner in expected.iter().skip(every / 2).step_by(every) {
-            // Where one blur shows the print the others begin.
+            // Once one corner's print fits with a blur, the others start with it.
             let mut seen = None;
             for (share, blur_px) in shares.iter_mut().zip(BLURS_PX) {
                 let start = seen.unwrap_or_else(|| self.start(corner, blur_px));
@@ -205,7 +205,7 @@ impl Comparison<'_> {
         let by_print = (fit.pixel, sigma_px);
         let (pixel, sigma_px) = match self.finder.window {
             CornerWindow::Clear => by_print,
-            // How well all edges in the window meet says nothing of this corner's: every corner weighs the same.
+            // In a fixed window the residual says nothing about this corner alone, so that every corner has the same sigma.
             CornerWindow::Half(half_px) => {
                 let refined = refine_corner(self.image, &fit.pixel, half_px, half_px as f64);
                 refined.map_or(by_print, |c| (c.pixel, sigma::WINDOW_PX))
@@ -215,7 +215,7 @@ impl Comparison<'_> {
         Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
     }
 
-    /// The print around a corner where it explains the image.
+    /// Fits the print around a corner; `None` where it does not explain the image.
     fn print(&self, corner: &Expected, blur_px: f64) -> Option<Fit> {
         let ink = |x: PlanePoint| self.finder.ink(x);
         let (window, reach_px) = (self.window(corner, blur_px), corner.reach_px);
@@ -230,7 +230,7 @@ impl Comparison<'_> {
         EXPLAINED <= explained && CONTRAST_GRAY <= contrast_gray
     }
 
-    /// The start of the search of a corner: a blurred print draws it in from further away.
+    /// Returns the start of the search for a corner: with more blur, the fit converges from farther away.
     fn start(&self, corner: &Expected, blur_px: f64) -> Pixel {
         let reach_px = corner.reach_px;
         let is_far = SEARCH_PX < reach_px;

@@ -1,9 +1,9 @@
-//! A piece of a checker pattern grown to all of the board that is visible, each node vouched for by its print.
+//! Grows a piece of a checker pattern to the visible part of the board; the print confirms each node.
 //!
-//! The nodes that are known predict their neighbours through a homography; where the print explains what the image shows there, the neighbour
-//! is one more node. Angles, lengths and gaps do not matter, so this finds what a library's rules about them give up: boards in strong
-//! perspective, smeared by motion, partly hidden. At the outer edge of the board the print is another one (squares on one side, the white
-//! margin on the other), which shows where the board ends. Derived in docs/math/print.md, section 3.
+//! The known nodes predict their neighbours through a homography; where the print explains the image, the neighbour becomes a node. Angles,
+//! lengths and gaps do not matter, so that this finds boards that the library's rules about them exclude: boards in strong perspective, blurred
+//! by motion, partly hidden. At the outer edge of the board the print differs (squares on one side, the white margin on the other), which shows
+//! where the board ends. Derived in docs/math/print.md, section 3.
 
 use super::super::homography::{PlanePoint, floor};
 use super::super::joints::{Joint, nearest};
@@ -16,43 +16,43 @@ use crate::GrayImage;
 use resight_core::Pixel;
 use std::collections::BTreeMap;
 
-/// Least share of the variance that the print explains. Where the board ends its inner print explains a third.
+/// Least share of the variance that the print has to explain. At the end of the board, its inner print explains a third.
 const EXPLAINED: f64 = 0.6;
 /// Least contrast of a print, grey levels.
 const CONTRAST_GRAY: f64 = 10.0;
-/// A node is looked for this far from its prediction, in squares,
+/// Radius around its prediction in which a node is searched for, in squares,
 const SEARCH_SQUARES: f64 = 0.2;
 /// within these bounds, pixels.
 const SEARCH_PX: (f64, f64) = (2.0, 4.0);
-/// The print is compared this far around a node, in squares,
+/// Radius around a node in which the print is compared, in squares,
 const PRINT_SQUARES: f64 = 0.45;
 /// within these bounds, pixels.
 const PRINT_PX: (f64, f64) = (4.0, 8.0);
-/// A lens may bend the rows of a board by this much from square to square, in squares: a saddle point so near to a prediction is tried first.
+/// Bending of the rows by the lens from square to square, in squares: a saddle point this near to a prediction is tried first.
 const JOINT_SQUARES: f64 = 0.3;
-/// The print lies within this of its saddle point, pixels.
+/// Largest distance between the print and its saddle point, pixels.
 const JOINT_PX: f64 = 2.0;
-/// Squares with a shorter edge show no print.
+/// Shortest edge of a square with a visible print.
 const LEAST_SQUARE_PX: f64 = 4.0;
-/// A joint further than this from where its print lies is another, pixels.
+/// A joint farther than this from the position of its print, in pixels, is another one.
 const SAME_PX: f64 = 1.5;
 /// Blurs that are tried, standard deviations in pixels.
 const BLURS_PX: [f64; 4] = [0.8, 1.3, 2.0, 3.2];
-/// Nodes that the blur is chosen by.
+/// Number of nodes from which the blur is estimated.
 const BLUR_NODES: usize = 6;
-/// Nodes that are looked for again once this many more of their neighbours are known.
+/// A node is searched for again once this many more of its neighbours are known.
 const MORE_KNOWN: usize = 3;
-/// Most nodes looked for beyond gaps.
+/// Largest number of nodes searched for beyond gaps.
 const MOST_LOOKS: usize = 2000;
-/// A lattice of more nodes is not grown: each takes a tenth of a millisecond, and boards have hundreds.
+/// Larger lattices are not grown: each node takes a tenth of a millisecond, and boards have hundreds.
 pub(super) const MOST_NODES: usize = 4000;
-/// A black square outside of the outermost corners is looked at within its outer edge and beyond it, squares from the corners,
+/// A black square outside the outermost corners is sampled within its outer edge and beyond it, squares from the corners,
 const INSIDE: f64 = 0.8;
 const BEYOND: f64 = 1.2;
-/// and is still black, and no longer, by these shares of the contrast.
+/// and has to be black there, and no longer black, to within these shares of the contrast.
 const STILL_BLACK: f64 = 0.15;
 const NO_LONGER_BLACK: f64 = 0.2;
-/// Fewest nodes that show the edge of the board on one side.
+/// Smallest number of nodes that show the edge of the board on one side.
 const LEAST_AT_EDGE: usize = 2;
 
 /// A checker pattern in an image.
@@ -61,18 +61,18 @@ pub(super) struct Pattern<'a> {
     /// The saddle points of the image.
     joints: &'a [Joint],
     pub noise_gray: f64,
-    /// 0 where squares whose first node has an even u + v are black, 1 where the others are.
+    /// Colour of the squares: 0 if those whose first node has an even u + v are black, 1 if the others are.
     pub dark: i32,
     blur_px: f64,
     /// The part of the lattice that the board covers, once it is known.
     board: Option<Extent>,
 }
 
-/// On which side of a node the board ends: the step that leads out of it.
+/// The side on which the board ends at a node: the step that leads out of the board.
 type Outside = Option<Node>;
 
 impl<'a> Pattern<'a> {
-    /// The pattern that explains most of a lattice's nodes best.
+    /// Returns the pattern that explains most of a lattice's nodes best.
     pub fn new(
         image: &'a GrayImage,
         joints: &'a [Joint],
@@ -91,7 +91,7 @@ impl<'a> Pattern<'a> {
         Pattern { image, joints, noise_gray, dark, blur_px: BLURS_PX[best.unwrap_or(0)], board: None }
     }
 
-    /// Removes nodes whose print does not show, and moves the others to their print.
+    /// Removes nodes without a visible print, and moves the others to their print.
     pub fn keep_vouched(&self, lattice: &mut Lattice) {
         let vouched = |(node, joint): (&Node, &Joint)| {
             let fit = self.look(lattice, *node, None)?;
@@ -100,7 +100,7 @@ impl<'a> Pattern<'a> {
         lattice.nodes = lattice.nodes.iter().filter_map(vouched).collect();
     }
 
-    /// Adds neighbours of nodes as long as their print is seen, in a lattice of at most `most` columns and rows.
+    /// Adds neighbours of nodes as long as their print is visible, up to `most` columns and rows.
     pub fn grow(&self, lattice: &mut Lattice, most: i32) {
         let mut tried: BTreeMap<Node, usize> = BTreeMap::new();
         for _ in 0..2 * most {
@@ -126,7 +126,7 @@ impl<'a> Pattern<'a> {
         trim(lattice);
     }
 
-    /// Looks for all nodes of the board, beyond gaps too, and again for those beside its outer squares, which small ones have in their window.
+    /// Searches for all nodes of the board, beyond gaps too, and again for those beside its outer squares, whose window may contain the margin.
     pub fn complete(&mut self, lattice: &mut Lattice, board: Extent, nodes: impl Iterator<Item = Node>) {
         self.board = Some(board);
         let Extent { u, v } = board;
@@ -146,7 +146,7 @@ impl<'a> Pattern<'a> {
 
     fn add(&self, lattice: &mut Lattice, node: Node) -> bool {
         let Some(fit) = self.look(lattice, node, None) else { return false };
-        // A second name of one place leads to a lattice that is folded over.
+        // A second node at the same position would lead to a lattice that is folded over.
         if lattice.nodes.values().any(|joint| (joint.pixel - fit.pixel).norm() < LEAST_SQUARE_PX) {
             return false;
         }
@@ -154,7 +154,7 @@ impl<'a> Pattern<'a> {
         true
     }
 
-    /// On which sides the print of the board's outer edge is seen.
+    /// Returns the sides on which the print of the board's outer edge is visible.
     pub fn ends(&self, lattice: &Lattice) -> Ends {
         let Some(extent) = lattice.extent() else { return Ends::default() };
         let is_end = |outside: Node| {
@@ -170,8 +170,8 @@ impl<'a> Pattern<'a> {
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
-    /// On which sides the board probably ends: its outer squares end there, before a white margin or at their full length. Something in front of the
-    /// board may look so by chance, so this says where a board does not continue, and not where it is.
+    /// Returns the sides on which the board probably ends: its outer squares end there, before a white margin or at their full length. An object
+    /// in front of the board may look the same by chance, so that this shows where a board does not continue, but not where it is.
     pub fn likely_ends(&self, lattice: &Lattice) -> Ends {
         let Some(extent) = lattice.extent() else { return Ends::default() };
         let is_end = |outside: Node| {
@@ -181,14 +181,14 @@ impl<'a> Pattern<'a> {
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
-    /// Whether the black squares outside of an outermost line end a square further out, as those of a board with a narrow margin do: all along
-    /// the line, where the edge of something in front of the board would have to run by chance.
+    /// Checks whether the black squares outside an outermost line end one square farther out, as with a narrow margin: all along the line, where
+    /// the edge of an object in front of the board would run only by chance.
     fn squares_end(&self, lattice: &Lattice, outside: Node, is_outermost: impl Fn(&Node) -> bool) -> bool {
         let along = if outside.0 == 0 { (1, 0) } else { (0, 1) };
         let (mut ends, mut n) = (0, 0);
         for &node in lattice.nodes.keys().filter(|n| is_outermost(n)) {
             let next = (node.0 + along.0, node.1 + along.1);
-            // The square between the two nodes, outside of the line.
+            // The square between the two nodes, outside the line.
             let first = (node.0 + outside.0.min(0), node.1 + outside.1.min(0));
             let is_black = (first.0 + first.1).rem_euclid(2) == self.dark;
             let Some(map) = lattice.map_near(node).filter(|_| is_black && lattice.at(next).is_some()) else {
@@ -201,7 +201,7 @@ impl<'a> Pattern<'a> {
                 );
                 squares::gray(self.image, map.at(&place))
             };
-            // Inside of the line the square is white.
+            // Inside the line the square is white.
             let seen = gray(-0.5).zip(gray(0.5)).zip(gray(INSIDE).zip(gray(BEYOND)));
             let Some(((white, black), (inside, beyond))) = seen else { continue };
             n += 1;
@@ -211,7 +211,7 @@ impl<'a> Pattern<'a> {
         LEAST_AT_EDGE <= ends && 3 * n <= 4 * ends
     }
 
-    /// The print around a node where it explains the image.
+    /// Fits the print around a node; `None` where it does not explain the image.
     fn look(&self, lattice: &Lattice, node: Node, outside: Outside) -> Option<Fit> {
         let map = lattice.map_near(node)?;
         let zero = PlanePoint::zeros();
@@ -237,7 +237,7 @@ impl<'a> Pattern<'a> {
         if at_joint.is_some() {
             return at_joint;
         }
-        // A blurred print draws a corner in from further away.
+        // With more blur, the fit converges from farther away.
         let far_px = self.blur_px.max(0.4 * reach_px);
         let window = Window { half_px, blur_px: far_px, noise_gray: self.noise_gray, redrawn_px: REDRAWN_PX };
         let printed = Printed { ink, image_from_plane: &map, place: &zero };
@@ -247,13 +247,13 @@ impl<'a> Pattern<'a> {
         near.or_else(|| far.and_then(|_| lay(at, at, reach_px, far_px))).filter(shows)
     }
 
-    /// The saddle point of a node: that of a known one, or the nearest one to where it should be.
+    /// Returns the saddle point of a node: that of a known node, or the nearest one to its predicted position.
     fn joint_of(&self, lattice: &Lattice, node: Node, at: Pixel, square_px: f64) -> Option<Pixel> {
         let known = lattice.at(node).map(|joint| joint.pixel);
         known.or_else(|| nearest(self.joints, &at, JOINT_SQUARES * square_px).map(|joint| joint.pixel))
     }
 
-    /// −1 where the board is black and 1 where it is white, in squares from a node.
+    /// Returns −1 where the board is black and 1 where it is white, in squares from a node.
     fn ink(&self, node: Node, x: PlanePoint, outside: Outside) -> f32 {
         if outside.is_some_and(|(u, v)| 0.0 < x.x * u as f64 + x.y * v as f64) {
             return 1.0;
@@ -274,7 +274,7 @@ fn printed(fit: &Fit) -> Joint {
     Joint { pixel: fit.pixel, sigma_px: fit.sigma_px() }
 }
 
-/// Nodes beside the known ones, with how many of their eight neighbours are known.
+/// Returns the nodes beside the known ones, each with the number of its eight neighbours that are known.
 fn rim(lattice: &Lattice) -> Vec<(Node, usize)> {
     let mut known: BTreeMap<Node, usize> = BTreeMap::new();
     for &(u, v) in lattice.nodes.keys() {
@@ -289,7 +289,7 @@ fn fits_within(lattice: &Lattice, node: Node, most: i32) -> bool {
     u.1.max(node.0) - u.0.min(node.0) < most && v.1.max(node.1) - v.0.min(node.1) < most
 }
 
-/// Takes outer columns and rows of one node away: by that one alone the place of a board is not reported.
+/// Removes outer columns and rows with a single node, which is not enough to report the place of a board.
 fn trim(lattice: &mut Lattice) {
     while let Some(Extent { u, v }) = lattice.extent() {
         let single = |is_on: &dyn Fn(&Node) -> bool| {

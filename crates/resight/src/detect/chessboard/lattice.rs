@@ -1,4 +1,4 @@
-//! A piece of a checker pattern: its nodes by lattice place, wherever in the board that may be.
+//! A piece of a checker pattern: nodes by their position in a lattice, whose place in the board may be unknown.
 
 use super::super::homography::{Homography, PlanePoint};
 use super::super::joints::Joint;
@@ -7,22 +7,22 @@ use calib_targets_chessboard::ChessboardDetection;
 use resight_core::Pixel;
 use std::collections::BTreeMap;
 
-/// A place in a lattice.
+/// A position in a lattice.
 pub(super) type Node = (i32, i32);
 
-/// Nodes that belong together.
+/// A set of connected nodes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lattice {
     pub nodes: BTreeMap<Node, Joint>,
 }
 
-/// Nodes that a local homography rests on: enough to average, few enough to follow a lens's distortion.
+/// Number of nodes from which a local homography is estimated: enough to average, few enough to follow the distortion of a lens.
 const NEAREST: usize = 12;
-/// Further away than this, in squares, the distortion of a lens is no longer the same.
+/// Beyond this distance, in squares, the distortion of a lens is not the same any more.
 const LOCAL_SQUARES: i32 = 4;
 
 impl Lattice {
-    /// The corners that the library has labelled.
+    /// Builds a lattice of the corners that the library has labelled.
     pub fn labelled(found: &ChessboardDetection) -> Self {
         let nodes = found.corners.iter().map(|c| {
             let pixel = Pixel::new(c.position.x as f64, c.position.y as f64);
@@ -36,13 +36,13 @@ impl Lattice {
         self.nodes.get(&node).copied()
     }
 
-    /// First and last column, first and last row; none of an empty lattice.
+    /// Returns the first and last columns and rows; `None` for an empty lattice.
     pub fn extent(&self) -> Option<Extent> {
         let (u, v) = (self.nodes.keys().map(|n| n.0), self.nodes.keys().map(|n| n.1));
         Some(Extent { u: (u.clone().min()?, u.max()?), v: (v.clone().min()?, v.max()?) })
     }
 
-    /// Without outer lines of which less than this share carries nodes: what the background adds by chance.
+    /// Removes outer lines with a smaller share of nodes than `least`, which the background adds by chance.
     pub fn without_sparse_lines(mut self, least: f64) -> Self {
         while let Some(Extent { u, v }) = self.extent() {
             type Line<'a> = (&'a dyn Fn(&Node) -> bool, (i32, i32));
@@ -58,14 +58,14 @@ impl Lattice {
         self
     }
 
-    /// The homography from lattice places, relative to `around`, to the image near there; none where the nodes do not determine it.
+    /// Returns the homography from lattice positions, relative to `around`, to the image near there; `None` where the nodes do not determine it.
     pub fn map_near(&self, around: Node) -> Option<Homography> {
         let squares = |n: &Node| (n.0 - around.0).pow(2) + (n.1 - around.1).pow(2);
         let window = -LOCAL_SQUARES..=LOCAL_SQUARES;
         let columns = window.clone().flat_map(|u| window.clone().map(move |v| (around.0 + u, around.1 + v)));
         let mut near: Vec<(Node, Joint)> = columns.filter_map(|n| Some((n, self.at(n)?))).collect();
         if near.len() < 4 {
-            // Beyond a gap there is nothing nearby.
+            // Beyond a gap there are no nodes nearby, so all are used.
             near = self.nodes.iter().map(|(n, joint)| (*n, *joint)).collect();
         }
         near.sort_by_key(|(n, _)| (squares(n), *n));
@@ -80,7 +80,7 @@ impl Lattice {
     }
 }
 
-/// Columns and rows of a lattice that hold nodes, first and last.
+/// The first and last columns and rows of a lattice that have nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Extent {
     pub u: (i32, i32),
@@ -93,7 +93,7 @@ impl Extent {
         within(self.u, other.u) && within(self.v, other.v)
     }
 
-    /// Whether a node lies on the outermost line of the side that the step `outside` leads out of.
+    /// Returns whether a node is on the outermost line of the side to which the step `outside` leads.
     pub fn is_outermost(&self, node: &Node, outside: Node) -> bool {
         match outside {
             (-1, _) => node.0 == self.u.0,
@@ -103,7 +103,7 @@ impl Extent {
         }
     }
 
-    /// Columns and rows.
+    /// Returns the numbers of columns and rows.
     pub fn size(&self) -> (i32, i32) {
         (self.u.1 - self.u.0 + 1, self.v.1 - self.v.0 + 1)
     }

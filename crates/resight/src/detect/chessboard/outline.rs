@@ -8,7 +8,7 @@ use resight_core::target::Chessboard;
 pub(super) struct Outline(Vec<Pixel>);
 
 impl Outline {
-    /// The convex hull of a board's inner corners, widened by its outer squares.
+    /// Returns the convex hull of a board's inner corners, widened by its outer squares.
     pub fn around(found: &[Detection], board: &Chessboard) -> Self {
         let middle = found.iter().map(|d| d.pixel).sum::<Pixel>() / found.len().max(1) as f64;
         let squares = board.rows.min(board.columns).saturating_sub(1).max(1) as f64;
@@ -20,14 +20,14 @@ impl Outline {
         Outline(hull)
     }
 
-    /// Whether a place lies inside.
+    /// Returns whether a position is inside.
     pub fn holds(&self, at: &Pixel) -> bool {
         let n = self.0.len();
         2 < n && (0..n).all(|k| 0.0 <= cross(&self.0[k], &self.0[(k + 1) % n], at))
     }
 }
 
-/// One chain of the hull, without its last point (A. M. Andrew, Information Processing Letters, 1979).
+/// Returns one chain of the hull, without its last point (A. M. Andrew, Information Processing Letters, 1979).
 fn half<'a>(points: impl Iterator<Item = &'a Pixel>) -> Vec<Pixel> {
     let mut chain: Vec<Pixel> = Vec::new();
     for point in points {
@@ -40,7 +40,7 @@ fn half<'a>(points: impl Iterator<Item = &'a Pixel>) -> Vec<Pixel> {
     chain
 }
 
-/// Positive where c lies to the right of the way from a to b, in an image whose rows go down.
+/// Is positive where c is to the right of the line from a to b, in an image whose rows go down.
 fn cross(a: &Pixel, b: &Pixel, c: &Pixel) -> f64 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }

@@ -5,7 +5,7 @@ use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::target::Chessboard;
 
-/// A way to lay the board over the lattice: board (column, row) → lattice (u, v).
+/// A possible placement of the board on the lattice: board (column, row) → lattice (u, v).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Placement {
     origin: Node,
@@ -22,13 +22,13 @@ impl Placement {
         )
     }
 
-    /// The part of the lattice that the board covers.
+    /// Returns the part of the lattice that the board covers.
     pub fn extent(&self, board: &Chessboard) -> Extent {
         let (a, b) = (self.node(0, 0), self.node(board.columns as i32 - 1, board.rows as i32 - 1));
         Extent { u: (a.0.min(b.0), a.0.max(b.0)), v: (a.1.min(b.1), a.1.max(b.1)) }
     }
 
-    /// Every (column, row) of a board, row by row.
+    /// Iterates over every (column, row) of a board, row by row.
     pub fn cells(board: &Chessboard) -> impl Iterator<Item = (i32, i32)> + Clone + use<> {
         let (rows, columns) = (board.rows as i32, board.columns as i32);
         (0..rows).flat_map(move |row| (0..columns).map(move |column| (column, row)))
@@ -47,7 +47,7 @@ const WAYS: [(Node, Node); 8] = [
     ((0, -1), (-1, 0)),
 ];
 
-/// On which sides of the seen nodes the print of the board's outer edge is seen: before the first column, after the last, and of rows.
+/// The sides on which the print of the board's outer edge is visible: before the first column or row, after the last.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Ends {
     pub u: (bool, bool),
@@ -57,11 +57,11 @@ pub(super) struct Ends {
 /// A lattice's possible places in the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Place {
-    /// There alone, up to a rotation that the colours of the board do not show.
+    /// The only possible place, up to a rotation that the colours of the board do not distinguish.
     Known(Placement),
-    /// In one of so many places.
+    /// One of this many places.
     OneOf(usize),
-    /// This is not the board.
+    /// The lattice is not part of the board.
     Nowhere,
 }
 
@@ -72,21 +72,22 @@ pub(super) struct Observed<'a> {
     extent: Extent,
     /// Sums of the steps in the image from node to node along u and along v.
     steps: (Pixel, Pixel),
-    /// 0 where squares whose first node has an even u + v are the dark ones, 1 where the others are; none where only one colour is seen.
+    /// Colour of the squares: 0 if those whose first node has an even u + v are dark, 1 if the others are; `None` where only one colour is
+    /// visible.
     dark: Option<i32>,
     size_px: Pixel,
 }
 
-/// What could be more of the board, or a board with a line less, is in one of so many places at least.
+/// Least number of places reported for a lattice that may be part of a larger board, or a board with a line less.
 const LEAST_PLACES: usize = 2;
 
-/// At least this share of the corners must carry a label where nothing else vouches for a place,
+/// Least share of the corners that must be labelled where there is no other evidence for a place,
 pub(super) const MIN_LABELLED: f64 = 0.9;
-/// and this share of each outer row and column: a few wrong labels there would shift the board.
+/// and of each outer row and column: a few wrong labels there would shift the board.
 const MIN_OUTER: f64 = 0.5;
 
 impl<'a> Observed<'a> {
-    /// None of a lattice without a step in either direction.
+    /// Collects the data; `None` for a lattice without a step in either direction.
     pub fn new(lattice: &'a Lattice, board: &'a Chessboard, image: &GrayImage) -> Option<Self> {
         let sum = |du: i32, dv: i32| -> Option<Pixel> {
             let nodes = lattice.nodes.iter();
@@ -105,8 +106,8 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// The place in which each node is one of the board's corners, the colours are right and the board ends where its edge is seen (`ends`); nowhere
-    /// where it would continue beyond a side on which it probably ends (`likely`).
+    /// Determines the place in which each node is a corner of the board, the colours are right, and the board ends where its edge is visible
+    /// (`ends`). There is none where the board would continue beyond a side on which it probably ends (`likely`).
     pub fn place(&self, ends: Ends, likely: Ends) -> Place {
         let fits: Vec<Placement> = self
             .placements()
@@ -125,7 +126,7 @@ impl<'a> Observed<'a> {
         place
     }
 
-    /// Whether a placement has no line of the board beyond the sides on which it ends.
+    /// Returns whether a placement has no line of the board beyond the sides on which it ends.
     fn ends_at(&self, p: &Placement, ends: Ends) -> bool {
         let (seen, window) = (self.extent, p.extent(self.board));
         let side = |is_end: bool, seen: i32, window: i32| !is_end || seen == window;
@@ -135,8 +136,8 @@ impl<'a> Observed<'a> {
             && side(ends.v.1, seen.v.1, window.v.1)
     }
 
-    /// Whether an edge of the board is seen along each direction in which whole lines of it are missing inside of the image: else nothing but the stated
-    /// size says that they are hidden, and a board with a line less looks the same.
+    /// Returns whether an edge of the board is visible along each direction in which whole lines are missing inside the image. Without it, only
+    /// the stated size says that they are hidden, and a board with a line less looks the same.
     fn is_anchored(&self, p: &Placement, ends: Ends) -> bool {
         let (seen, window) = (self.extent, p.extent(self.board));
         let sides = [
@@ -150,7 +151,7 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// Whether most of the line beyond the outermost one on a side would lie inside the image.
+    /// Returns whether most of the line beyond the outermost one on a side would be inside the image.
     fn is_inside_beyond(&self, outside: Node) -> bool {
         let is_outermost = |n: &Node| self.extent.is_outermost(n, outside);
         let beyond = self.lattice.nodes.iter().filter(|(n, _)| is_outermost(n)).filter_map(|(n, joint)| {
@@ -162,7 +163,7 @@ impl<'a> Observed<'a> {
         all < 2 * inside
     }
 
-    /// The place of a lattice that has nearly all of the board's corners. It may be larger than the board where the background continues
+    /// Determines the place of a lattice with nearly all corners of the board. It may be larger than the board where the background continues
     /// the pattern by chance.
     pub fn place_whole(&self) -> Place {
         let needed = MIN_LABELLED * (self.board.rows * self.board.columns) as f64;
@@ -180,7 +181,7 @@ impl<'a> Observed<'a> {
         self.most_upright(&best)
     }
 
-    /// Every window of the lattice as large as the board, or of the board as large as the lattice, in every orientation.
+    /// Iterates over every window of the lattice as large as the board, or of the board as large as the lattice, in every orientation.
     fn placements(&self) -> impl Iterator<Item = Placement> {
         let seen = self.extent;
         WAYS.into_iter().flat_map(move |(column_step, row_step)| {
@@ -196,8 +197,7 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// Whether the board is seen from its front, x to the right and y down turning clockwise in the image, and the square inside corner 0
-    /// is black.
+    /// Returns whether the board is seen from its front (x to y is clockwise in the image), and the square inside corner 0 is black.
     fn is_possible(&self, p: &Placement) -> bool {
         let (x, y) = (self.along(p.column_step), self.along(p.row_step));
         let (a, b) = (p.node(0, 0), p.node(1, 1));
@@ -209,7 +209,7 @@ impl<'a> Observed<'a> {
         self.steps.0 * step.0 as f64 + self.steps.1 * step.1 as f64
     }
 
-    /// Of placements that cover the same part of the lattice, the one whose rows go down the most.
+    /// Selects, among placements that cover the same part of the lattice, the one whose rows go down the most.
     fn most_upright(&self, fits: &[Placement]) -> Place {
         let mut windows: Vec<Extent> = fits.iter().map(|p| p.extent(self.board)).collect();
         windows.sort_by_key(|w| (w.u, w.v));
@@ -222,7 +222,7 @@ impl<'a> Observed<'a> {
         }
     }
 
-    /// How many of the board's corners on some lines carry labels, and of how many.
+    /// Counts the labelled corners of the board on some lines, and all corners on them.
     fn n_labelled(&self, p: &Placement, is_on: impl Fn(i32, i32) -> bool) -> (usize, usize) {
         let on_line = Placement::cells(self.board).filter(|&(c, r)| is_on(c, r));
         on_line.fold((0, 0), |(seen, all), (c, r)| {
@@ -230,7 +230,7 @@ impl<'a> Observed<'a> {
         })
     }
 
-    /// Whether the pattern continues beyond the board by a whole line: then it is a larger board, and this one could be several parts of it.
+    /// Returns whether the pattern continues beyond the board by a whole line: it is then a larger board, of which this could be several parts.
     fn continues_beyond(&self, p: &Placement) -> bool {
         let (rows, columns) = (self.board.rows as i32, self.board.columns as i32);
         let is_line = |nodes: &mut dyn Iterator<Item = (i32, i32)>, length: i32| {
@@ -241,7 +241,7 @@ impl<'a> Observed<'a> {
             || [-1, rows].into_iter().any(|r| is_line(&mut (0..columns).map(|c| (c, r)), columns))
     }
 
-    /// Whether enough of the first and last row and column carry labels.
+    /// Returns whether enough corners of the first and last rows and columns are labelled.
     fn outer_lines_are_seen(&self, p: &Placement) -> bool {
         let (last_row, last_column) = (self.board.rows as i32 - 1, self.board.columns as i32 - 1);
         let is_seen = |(seen, all): (usize, usize)| MIN_OUTER * all as f64 <= seen as f64;
@@ -252,7 +252,7 @@ impl<'a> Observed<'a> {
     }
 }
 
-/// Which squares are darker: those whose first node has an even u + v (0) or the others (1).
+/// Determines which squares are darker: those whose first node has an even u + v (0) or the others (1).
 pub(super) fn dark(lattice: &Lattice, image: &GrayImage) -> Option<i32> {
     let mut sums = [0.0; 2];
     let mut counts = [0.0; 2];
@@ -263,11 +263,11 @@ pub(super) fn dark(lattice: &Lattice, image: &GrayImage) -> Option<i32> {
         sums[parity] += sample(image, &((a.pixel + b.pixel + c.pixel + d.pixel) / 4.0));
         counts[parity] += 1.0;
     }
-    // A 2 × 2 board has one square only: nothing to compare with, and every numbering is as good.
+    // A 2 × 2 board has only one square, so that nothing can be compared and every numbering is equally good.
     (!counts.contains(&0.0)).then(|| (sums[1] / counts[1] <= sums[0] / counts[0]) as i32)
 }
 
-/// Grey value at the nearest pixel.
+/// Returns the grey level of the nearest pixel.
 fn sample(image: &GrayImage, pixel: &Pixel) -> f64 {
     let clamp = |x: f64, n: u32| x.round().clamp(0.0, (n - 1) as f64) as u32;
     image.at(clamp(pixel.x, image.width_px), clamp(pixel.y, image.height_px)) as f64

@@ -1,7 +1,8 @@
 //! Black squares between saddle points, from which the rest of a board is found.
 //!
-//! Where a square's edge leads from one saddle point to the next, it has black on one side all the way; beyond the next one the colours are
-//! exchanged. Edges with black on their right go around black squares, two of them from each node. No angle and no length is asked
+//! Along an edge that leads from one saddle point to the next, black is on one side all the way; beyond the next one the colours are exchanged.
+//! Edges with black on their right go around black squares, two of them from each node. No angle or length is required, so that squares are
+//! found in strong perspective too, where the axes of a board nearly coincide in the image.
 //! for, so squares are found in strong perspective too, where the axes of a board nearly coincide in the image.
 
 use super::super::joints::Joint;
@@ -11,23 +12,23 @@ use resight_core::Pixel;
 /// Corners of a black square, clockwise in the image.
 pub(in super::super) type Square = [usize; 4];
 
-/// Saddle points that are looked at, the strongest: a board has hundreds, noise and foliage have thousands.
+/// Number of saddle points considered, the strongest first: a board has hundreds, noise and foliage have thousands.
 const MOST_JOINTS: usize = 1500;
-/// Neighbours that an edge may lead to. At a tilt of 75° a dozen nodes lie nearer than the next one along the long edges, and as many of
-/// the background beside them.
+/// Number of neighbours to which an edge may lead. At a tilt of 75° a dozen nodes are nearer than the next one along the long edges, and about
+/// as many saddle points of the background.
 const NEIGHBOURS: usize = 24;
-/// Edges with black on their right that lead away from a node: two, and some by chance.
+/// Largest number of edges with black on their right that start at a node: two, and some by chance.
 const MOST_EDGES: usize = 4;
 /// Shortest edge, pixels.
 const LEAST_EDGE_PX: f64 = 5.0;
 /// Least difference of grey levels across an edge, whatever the noise.
 const LEAST_STEP_GRAY: f64 = 5.0;
-/// Across an edge the grey levels differ alike in all its parts; of an edge that ends half-way they do not.
+/// Least share of the full contrast in each part of an edge; an edge that ends half-way has less in some part.
 const LEAST_SHARE: f64 = 0.3;
-/// Parts of an edge at which its sides are compared.
+/// Positions along an edge at which its two sides are compared.
 const PARTS: [f64; 5] = [0.2, 0.35, 0.5, 0.65, 0.8];
 
-/// Black squares among saddle points, `joints` in order of their strength, those that share corners with most others first.
+/// Finds black squares among the saddle points `joints`, given in order of strength; those that share corners with most others come first.
 pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Square> {
     let joints = &joints[..joints.len().min(MOST_JOINTS)];
     let edges = edges(joints, image, noise_gray);
@@ -37,7 +38,7 @@ pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise
             for &c in edges[b].iter().filter(|&&c| c != a) {
                 for &d in edges[c].iter().filter(|&&d| d != b && d != a) {
                     let square = [a, b, c, d];
-                    // Each square is met at all its corners; the first one counts.
+                    // Each square is found from all its corners; the first one counts.
                     let is_first = a < b && a < c && a < d;
                     if is_first && edges[d].contains(&a) && is_convex(square.map(|k| joints[k].pixel)) {
                         squares.push(square);
@@ -52,7 +53,7 @@ pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise
     squares
 }
 
-/// From each joint to the ends of edges with black on their right.
+/// Returns, for each joint, the ends of the edges with black on their right.
 fn edges(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Vec<usize>> {
     let least_gray = LEAST_STEP_GRAY.max(noise_gray);
     let from = |a: &Joint| {
@@ -72,7 +73,7 @@ fn edges(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Vec<usize>
     joints.iter().map(from).collect()
 }
 
-/// Whether the line from a to b is darker on its right all along.
+/// Returns whether the line from a to b is darker on its right along its whole length.
 fn has_black_on_its_right(image: &GrayImage, a: Pixel, b: Pixel, least_gray: f64) -> bool {
     let along = b - a;
     let length_px = along.norm();
@@ -87,7 +88,7 @@ fn has_black_on_its_right(image: &GrayImage, a: Pixel, b: Pixel, least_gray: f64
     least_gray <= mean && LEAST_SHARE * most <= least
 }
 
-/// Mean of 2 × 2 pixels around a place, weighed by their nearness; none outside.
+/// Interpolates between the 2 × 2 pixels around a position; `None` outside the image.
 pub(super) fn gray(image: &GrayImage, at: Pixel) -> Option<f64> {
     let inside = |x: f64, n: u32| 0.0 <= x && x + 1.0 < n as f64;
     if !inside(at.x, image.width_px) || !inside(at.y, image.height_px) {
@@ -101,7 +102,7 @@ pub(super) fn gray(image: &GrayImage, at: Pixel) -> Option<f64> {
     )
 }
 
-/// Whether four corners turn clockwise in the image at each.
+/// Returns whether the polygon of four corners is clockwise in the image at each corner.
 fn is_convex(corners: [Pixel; 4]) -> bool {
     (0..4).all(|k| {
         let (a, b, c) = (corners[k], corners[(k + 1) % 4], corners[(k + 2) % 4]);

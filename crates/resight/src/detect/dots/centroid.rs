@@ -1,4 +1,4 @@
-//! The exact position of a dot: centroid of the coverage around a region, its standard deviation, and its shape.
+//! Measures the position of a dot: the centroid of the coverage around a region, its standard deviation, and the dot's shape.
 //!
 //! Notation: I grey, b(x) plane through the surroundings, f(x) plane through the inside, w = (I − b)/(f − b) the part of
 //! a pixel that the dot covers, C = f − b the contrast, S = Σw the area; docs/math/dots.md eqs. (1)–(6).
@@ -11,15 +11,15 @@ use crate::GrayImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use resight_core::Pixel;
 
-/// A dot: position, its uncertainty, and shape.
+/// A dot: its position, the uncertainty of that, and its shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
     /// Centroid of its image, pixels (not corrected for perspective).
     pub centroid: Pixel,
     /// Standard deviation of each coordinate of the centroid, px.
     pub sigma_px: f64,
-    /// Second central moments of its image, px²; a disc seen flat on has radius²/4 on the diagonal, plus what blur and
-    /// the pixel's own width add.
+    /// Second central moments of its image, px²; for a disc seen frontally the diagonal is radius²/4, plus the contributions of blur and of the
+    /// pixel's own width.
     pub moments_px2: Matrix2<f64>,
     /// Standard deviation of each entry of the moments by noise, px².
     pub moments_sigma_px2: f64,
@@ -38,9 +38,9 @@ impl Dot {
 
 /// Width of the ring of surroundings, px.
 const RING_PX: f64 = 3.0;
-/// Dots known worse than this are of no use for a pose and match anything.
+/// Dots with a larger standard deviation are useless for a pose, and would match anything.
 const MAX_SIGMA_PX: f64 = 0.3;
-/// What lies in part of the ring reaches into the rim of the dot too: px of centroid for a ring all foreign.
+/// Foreign pixels in the ring reach into the rim of the dot too: error of the centroid, px, for a completely foreign ring.
 const FOREIGN_PX: f64 = 0.15;
 /// Recentring steps of the window; the shift shrinks about tenfold each.
 const STEPS: usize = 4;
@@ -63,13 +63,13 @@ impl Window {
         Window { centre, along: eigen.eigenvectors.column(0).into(), semi_px: [semi(0), semi(1)] }
     }
 
-    /// Half the width of the band around the edge in which pixels are mixed: blur of σ ≤ 1.5 px fits.
+    /// Returns half the width of the band around the edge in which pixels are mixed: it allows for a blur of σ ≤ 1.5 px.
     fn margin_px(&self) -> f64 {
         let small = self.semi_px[0].min(self.semi_px[1]);
         (0.8 * small).clamp(2.0, 4.0)
     }
 
-    /// Whether `x` (from the centre) lies within the ellipse grown by `by_px`; a shrunk-away ellipse holds nothing.
+    /// Returns whether `x` (from the centre) is inside the ellipse enlarged by `by_px`; nothing is inside an ellipse that has shrunk to nothing.
     fn holds(&self, x: &Vector2<f64>, by_px: f64) -> bool {
         let (a, b) = (self.semi_px[0] + by_px, self.semi_px[1] + by_px);
         if a <= 0.0 || b <= 0.0 {
@@ -86,14 +86,14 @@ struct GreyPlane {
     p: Vector3<f64>,
     /// Standard deviation of the pixels around it.
     sigma: f64,
-    /// Σx² + Σy² over its pixels: how well it knows its slope.
+    /// Σx² + Σy² over its pixels, which determines the accuracy of its slope.
     spread: f64,
-    /// Part of the pixels that did not fit.
+    /// Share of the pixels that did not fit.
     foreign: f64,
 }
 
-/// Fits a plane to the pixels near their median, then again to those within 3 σ of it: an edge of the sheet or a
-/// neighbour's light in part of the ring must not tilt it.
+/// Fits a plane to the pixels near their median, then again to those within 3 σ of it, so that an edge of the sheet or the light of a neighbour
+/// in part of the ring does not tilt it.
 fn fit_plane(pixels: &[(Vector2<f64>, f64)]) -> Option<GreyPlane> {
     let middle = median(pixels.iter().map(|p| p.1))?;
     let spread = median(pixels.iter().map(|p| (p.1 - middle).abs()))?;
@@ -110,7 +110,7 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
 
-/// Least squares over the pixels within 3 σ of an earlier plane.
+/// Fits a plane by least squares to the pixels within 3 σ of an earlier plane.
 fn fit_near(pixels: &[(Vector2<f64>, f64)], earlier: &GreyPlane) -> Option<GreyPlane> {
     let (mut n, mut sums, mut rhs) = (0.0, Matrix3::zeros(), Vector3::zeros());
     let near = |p: &&(Vector2<f64>, f64)| (p.1 - earlier.at(&p.0)).abs() <= 3.0 * earlier.sigma.max(0.5);
@@ -145,7 +145,7 @@ pub(super) struct Scratch {
     inside: Vec<(Vector2<f64>, f64)>,
 }
 
-/// Measures one region; none when it is not the image of a disc, or its surroundings leave the image.
+/// Measures one region; `None` when it is not the image of a disc, or its surroundings leave the image.
 pub(super) fn measure(
     image: &GrayImage,
     classes: &[u8],
@@ -178,8 +178,8 @@ pub(super) fn measure(
 }
 
 impl Scratch {
-    /// Sorts the pixels around a window; returns the part of the window's rim that belongs to another region of the
-    /// same class. None when the ring leaves the image.
+    /// Sorts the pixels around a window, and returns the share of the window's rim that belongs to another region of the same class; `None` when
+    /// the ring leaves the image.
     fn collect(&mut self, image: &GrayImage, classes: &[u8], class: u8, window: &Window) -> Option<f64> {
         self.ring.clear();
         self.band.clear();
@@ -220,7 +220,7 @@ impl Scratch {
     }
 }
 
-/// Contrast inside minus outside, and how pixels turn into coverage.
+/// The contrast between inside and outside, and the conversion of pixels to coverage.
 struct Coverage {
     around: GreyPlane,
     /// Plane of the inside where there is one.
@@ -311,20 +311,20 @@ fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma:
 }
 
 impl Coverage {
-    /// Noise of a pixel: the larger of what the whole image and the surroundings of this dot show.
+    /// Returns the noise of a pixel: the larger of the estimates from the whole image and from the surroundings of this dot.
     fn noise(&self, image_sigma: f64) -> f64 {
         let inside = self.inside.as_ref().map_or(0.0, |f| f.sigma);
         image_sigma.max(self.around.sigma).max(inside)
     }
 }
 
-/// The moments must be positive and the region as large as their ellipse (rounding of its rim allowed for).
+/// Returns whether the moments are positive and the region is as large as their ellipse (with a tolerance for the rounding of its rim).
 fn is_disc(dot: &Dot, component: &Component) -> bool {
     let [long, short] = dot.semi_axes_px();
     let area = std::f64::consts::PI * long * short;
     // A blurred spot is wider than its half-height region: up to 2.9 times in area for a Gaussian (σ² against 2 ln 2 σ²/4).
     let most = if short < 6.0 { 3.5 } else { 1.25 };
-    // Restless surroundings (text, texture) make sigma large: then neither place nor shape says anything.
+    // Structured surroundings (text, texture) make sigma large; then neither position nor shape is meaningful.
     let clean = dot.sigma_px < MAX_SIGMA_PX && dot.moments_sigma_px2 < 0.25 * dot.moments_px2.trace();
     clean
         && 0.2 < short

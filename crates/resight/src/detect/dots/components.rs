@@ -1,25 +1,25 @@
-//! Connected regions of one class, as runs joined by union–find: one pass, memory and time linear in the runs.
+//! Connected regions of one class, built from runs joined by union–find: one pass, memory and time linear in the runs.
 
 use super::threshold::NEITHER;
 
-/// A connected region: counts, box and second moments, enough to say whether it may be the image of a disc.
+/// A connected region: area, box and second moments, enough to decide whether it may be the image of a disc.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Component {
     /// `DARK` or `LIGHT`.
     pub class: u8,
-    /// Pixels.
+    /// Number of pixels.
     pub area: f64,
     /// Mean column and row, pixels.
     pub mean: [f64; 2],
     /// Second central moments uu, uv, vv, px², of the pixels as unit squares.
     pub moments: [f64; 3],
-    /// Whether it reaches the edge of the image: then part of it may be outside.
+    /// Whether it reaches the edge of the image, so that part of it may be outside.
     pub at_border: bool,
 }
 
 #[derive(Clone, Copy)]
 struct Run {
-    /// Of a root, once all are joined: which region it is.
+    /// For a root, after all runs are joined: the index of its region.
     region: u32,
     start: u32,
     end: u32,
@@ -40,11 +40,11 @@ struct Sums {
     class: u8,
 }
 
-/// Most runs, of twenty bytes each, and most regions, of seventy. More is noise with contrast, in which no dot could be reported.
+/// Largest number of runs (twenty bytes each) and of regions (seventy each). More come from noise with contrast, in which no dot is reported.
 const MAX_RUNS: usize = 3_000_000;
 const MAX_REGIONS: usize = 500_000;
 
-/// Reused between images so that a stream does not allocate.
+/// Buffers that are reused between images, so that a stream does not allocate.
 #[derive(Default)]
 pub(super) struct Labeller {
     runs: Vec<Run>,
@@ -53,9 +53,8 @@ pub(super) struct Labeller {
 }
 
 impl Labeller {
-    /// Regions with `min_area ≤ area ≤ max_area`. Dark pixels join through their sides, light ones also through corners,
-    /// so that a thin light line separates. None of an image with more runs or regions than could be reported
-    /// apart: nothing in it stands out.
+    /// Returns the regions with `min_area ≤ area ≤ max_area`. Dark pixels are connected through their sides, light ones also through corners, so
+    /// that a thin light line separates. An image with more runs or regions than the limits gives none, because nothing in it is conspicuous.
     pub fn components(
         &mut self,
         classes: &[u8],
@@ -75,7 +74,7 @@ impl Labeller {
         self.sums.iter().filter(wanted).map(Component::of).collect()
     }
 
-    /// Whether they are few enough to go on.
+    /// Finds the runs; returns whether there are few enough.
     fn find_runs(&mut self, classes: &[u8], width: usize) -> bool {
         self.runs.clear();
         self.row_starts.clear();
@@ -108,8 +107,8 @@ impl Labeller {
                 if a.class == b.class && a.start < b.end + reach && b.start < a.end + reach {
                     self.unite(above as u32, here as u32);
                 }
-                // On a tie the next run above still touches this one through a corner, so only one side may advance;
-                // the skipped corner (below-left) is met from the other side.
+                // On a tie the next run above still touches this one through a corner, so only one side may advance; the skipped corner
+                // (below-left) is handled from the other side.
                 if a.end < b.end {
                     above += 1;
                 } else if b.end < a.end {
@@ -149,7 +148,7 @@ impl Labeller {
         self.runs[high as usize].parent = low;
     }
 
-    /// Gives each region its number and its sums; whether they are few enough.
+    /// Gives each region its number and its sums; returns whether there are few enough.
     fn number_regions(&mut self) -> bool {
         let mut regions = 0;
         for i in 0..self.runs.len() {
@@ -177,7 +176,7 @@ impl Labeller {
     }
 }
 
-/// The number of leading bytes that equal `class`; eight at a time.
+/// Returns the number of leading bytes that equal `class`; compares eight at a time.
 fn run_length(row: &[u8], class: u8) -> usize {
     let mut n = 0;
     for chunk in row.chunks_exact(8) {
@@ -213,8 +212,8 @@ impl Component {
         Component { class: s.class, area: s.n, mean: [u, v], moments, at_border: s.at_border }
     }
 
-    /// Area over that of the ellipse of equal second moments: 1 for an ellipse, less for anything else
-    /// (rectangle 0.955, ring and letter far less).
+    /// Returns the area divided by that of the ellipse of equal second moments: 1 for an ellipse, less for any other shape (0.955 for a
+    /// rectangle, far less for rings and letters).
     pub fn ellipse_fill(&self) -> f64 {
         let [uu, uv, vv] = self.moments;
         self.area / (4.0 * std::f64::consts::PI * (uu * vv - uv * uv).max(1e-9).sqrt())
@@ -227,7 +226,7 @@ mod tests {
     use super::*;
     use crate::render::Pcg;
 
-    /// Area of each component of a class by flood fill: slow, simple, independent.
+    /// Returns the area of each component of a class by flood fill: a slow, simple, independent method.
     fn flooded(classes: &[u8], width: usize, class: u8) -> Vec<usize> {
         let height = classes.len() / width;
         let mut seen = vec![false; classes.len()];

@@ -1,9 +1,9 @@
-//! The four dots that are the target: every explanation is tested, and accepted only if chance would hardly produce it.
+//! Identifies the four dots of the target: every explanation is tested, and accepted only if it is unlikely to arise by chance.
 //!
-//! A simple ratio on a line is not kept by perspective, so nothing is thrown away on the ratio alone: it tells the depth
-//! ratio k of the line's ends, which must be plausible and must agree with the dots' shapes. What counts in the end is
-//! the number of false alarms (A. Desolneux, L. Moisan, J.-M. Morel, 2000): how many explanations as good as this one
-//! this many dots of such shapes would give when strewn at random; dots.md eqs. (18)–(20).
+//! Perspective does not preserve a simple ratio on a line, so that no triple is rejected for its ratio alone: the ratio gives the depth ratio k
+//! of the line's ends, which must be plausible and must agree with the dots' shapes. The final criterion is the number of false alarms (A.
+//! Desolneux, L. Moisan, J.-M. Morel, 2000): the number of explanations as good as this one that as many dots of such shapes would give if
+//! distributed at random; dots.md eqs. (18)–(20).
 //! Cost: at most `MAX_DOTS` dots of a polarity, so at most MAX_DOTS³/2 triples, `MAX_TRIPLES` of which are tried with
 //! every fourth dot, `MAX_FITS` of these in full.
 
@@ -12,21 +12,21 @@ use super::view::View;
 use nalgebra::Matrix2;
 use resight_core::Pixel;
 
-/// Dots of one polarity that take part, the most conspicuous first.
+/// Number of dots of one polarity that take part, the most conspicuous first.
 pub(super) const MAX_DOTS: usize = 160;
 const MAX_TRIPLES: usize = 1500;
 const MAX_FITS: usize = 2500;
 
-/// Depth of one dot over that of another on the line, and over the line's own depth.
+/// Largest logarithm of the ratio of the depths of two dots on the line, and of any dot to the line.
 const MAX_LN_DEPTH: f64 = 0.9;
-/// Largest χ² of the shapes, 9 degrees of freedom: exceeded by 1 in 15 if the tolerances were independent errors; they
-/// are bounds on what all four dots share.
+/// Largest χ² of the shapes, 9 degrees of freedom: 1 in 15 would exceed it if the tolerances were independent errors; they are bounds on errors
+/// that all four dots share.
 const MAX_SHAPE_CHI2: f64 = 16.0;
-/// Largest χ² of a place against line or circle: 4 σ.
+/// Largest χ² of a position against line or circle: 4 σ.
 const MAX_PLACE_CHI2: f64 = 16.0;
-/// Another explanation of the same dots within this many decades: then nothing can be said.
+/// If another explanation of the same dots is within this many decades, neither is reported.
 const ALTERNATIVE_DECADES: f64 = 1.5;
-/// Straight lines in an image of an unknown lens bow by up to this part of their length.
+/// Straight lines in images of an unknown lens are bent by up to this part of their length.
 const UNKNOWN_LENS_BOW: f64 = 0.003;
 
 /// Four dots explained as the target.
@@ -36,9 +36,9 @@ pub(super) struct Explanation {
     pub dots: [usize; 4],
     /// log₁₀ of the number of such explanations expected by chance in this image.
     pub log10_false_alarms: f64,
-    /// The same, worsened by the misfit: for ranking.
+    /// The same number increased by the misfit, for ranking.
     pub score: f64,
-    /// Place and shape.
+    /// Position and shape.
     pub fit: Fit,
 }
 
@@ -47,7 +47,7 @@ struct Triple {
     ends: [usize; 2],
     middle: usize,
     off_px: f64,
-    /// k with the ends in this order and in the other; none where the perspective would be absurd.
+    /// k with the ends in this order, and in the other; `None` where the perspective would be implausible.
     depths: [Option<f64>; 2],
 }
 
@@ -60,7 +60,7 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// All acceptable explanations that contradict no other, best first. `dots` are of one polarity.
+    /// Returns all acceptable explanations that contradict no other, best first. `dots` are of one polarity.
     pub fn explanations(&self, dots: &[ViewDot]) -> Vec<Explanation> {
         let dots = &dots[..dots.len().min(MAX_DOTS)];
         let mut found = Vec::new();
@@ -97,7 +97,7 @@ impl Search<'_> {
                         continue;
                     }
                     let off_px = along.perp(&from_start).abs() / length * b.scale_px;
-                    // The middle's own place and the line's place there: together at most √2 of a single sigma.
+                    // The position of the middle dot and the line's position there have together at most √2 of a single sigma.
                     let sigma = std::f64::consts::SQRT_2 * b.position_sigma_px() + bow * length * b.scale_px;
                     if MAX_PLACE_CHI2 * sigma * sigma < off_px * off_px || !alike(a, b) || !alike(b, c) {
                         continue;
@@ -109,13 +109,13 @@ impl Search<'_> {
                 }
             }
         }
-        // The straightest first, so that a limit costs the least likely.
+        // The straightest come first, so that a limit discards the least likely.
         triples.sort_by(|a, b| a.off_px.total_cmp(&b.off_px));
         triples.truncate(MAX_TRIPLES);
         triples
     }
 
-    /// k for a line from `start` through `middle`, a part t of the way, to `end`; none when depths or areas forbid it.
+    /// Returns k for a line from `start` through `middle`, a part t of the way, to `end`; `None` when depths or areas exclude it.
     fn end_depth(&self, start: &ViewDot, middle: &ViewDot, end: &ViewDot, t: f64) -> Option<f64> {
         let k = layout::end_depth(self.layout.r, t);
         let w1 = 1.0 - self.layout.r + self.layout.r * k;
@@ -126,13 +126,13 @@ impl Search<'_> {
         possible.then_some(k)
     }
 
-    /// The order of the dots in which the target is seen from its front, and k; none when the distance of the fourth
-    /// would need an absurd perspective.
+    /// Returns the order of the dots in which the target is seen from its front, and k; `None` when the distance of the fourth dot would need an
+    /// implausible perspective.
     fn order(&self, dots: &[ViewDot], triple: &Triple, fourth: usize) -> Option<([usize; 4], f64)> {
         let [i, j] = triple.ends;
         let along = dots[j].y - dots[i].y;
         let side = along.perp(&(dots[fourth].y - dots[i].y));
-        // Seen from the front x × y of the target points away from the camera, as u × v of the image does.
+        // Seen from the front, x × y of the target points away from the camera, like u × v of the image.
         let forward = 0.0 < side * self.layout.off[1];
         let (start, end, k) = if forward { (i, j, triple.depths[0]?) } else { (j, i, triple.depths[1]?) };
         let across = side.abs() / along.norm_squared() / self.layout.off[1].abs();
@@ -180,7 +180,7 @@ impl Search<'_> {
         let crowd = Crowd::around(four);
         let strangers =
             dots.iter().filter(|d| crowd.holds(d) && alike(d, &four[0])).count().saturating_sub(4) as f64;
-        // Dots per px² that could be taken for dot i: over the image, or among its neighbours where they are denser.
+        // Dots per px² that could be mistaken for dot i: over the image, or among its neighbours where they are denser.
         let density =
             |i: usize, own: usize| (count(i, own) / self.image_area_px2).max(strangers / crowd.area_px2());
         let px = |a: usize, b: usize| (four[a].dot.centroid - four[b].dot.centroid).norm();
@@ -201,7 +201,7 @@ impl Search<'_> {
         f64::log10(2.0 * count(0, 0) * count(2, 1) * middle * density(1, 2) * fourth * density(3, 3))
     }
 
-    /// Best first; of explanations that share dots only the best, and none if a second solution is nearly as good.
+    /// Keeps the best of explanations that share dots, best first, and none if a second one is nearly as good.
     fn without_alternatives(&self, mut found: Vec<Explanation>) -> Vec<Explanation> {
         found.sort_by(|a, b| a.score.total_cmp(&b.score));
         let mut kept: Vec<(Explanation, bool)> = Vec::new();
@@ -224,7 +224,7 @@ impl Search<'_> {
     }
 }
 
-/// The neighbourhood of four dots: text and textures are crowded where they are, whatever the rest of the image shows.
+/// The density of the dots around the four: text and textures are dense locally, whatever the rest of the image shows.
 struct Crowd {
     centre: Pixel,
     radius_px: f64,
@@ -246,19 +246,19 @@ impl Crowd {
     }
 }
 
-/// Whether two dots may belong to one target at all: brightness within 3:1, area within 16:1.
+/// Returns whether two dots may belong to one target: brightness within 3:1, area within 16:1.
 fn alike(a: &ViewDot, b: &ViewDot) -> bool {
     let within = |x: f64, y: f64, ratio: f64| x <= ratio * y && y <= ratio * x;
     within(a.dot.contrast.abs(), b.dot.contrast.abs(), 3.0) && within(a.radius_px, b.radius_px, 4.0)
 }
 
-/// Whether two areas fit a ratio of depths.
+/// Returns whether two areas fit a ratio of depths.
 fn areas_agree(near: &ViewDot, far: &ViewDot, ln_depth: f64) -> bool {
     areas_near(near, far, ln_depth, 0.0)
 }
 
-/// Whether two areas fit a ratio of depths within `range` of e^`ln_depth`: the area of a disc's image goes with depth⁻³,
-/// less the share of the blur.
+/// Returns whether two areas fit a ratio of depths within `range` of e^`ln_depth`: the area of a disc's image is proportional to depth⁻³, less
+/// the contribution of the blur.
 fn areas_near(near: &ViewDot, far: &ViewDot, ln_depth: f64, range: f64) -> bool {
     let seen = 2.0 * (near.radius_px * far.scale_px / (far.radius_px * near.scale_px)).ln();
     // Blur of σ ≤ 1.6 px makes up to 4 σ² of radius².
@@ -270,7 +270,7 @@ fn areas_near(near: &ViewDot, far: &ViewDot, ln_depth: f64, range: f64) -> bool 
     low.min(sharp * low) - tolerance < seen && seen < high.max(sharp * high) + tolerance
 }
 
-/// Whether chance could have taken this dot for another: moments within 4 tolerances, contrast within 2:1.
+/// Returns whether this dot could be mistaken for another: moments within 4 tolerances, contrast within 2:1.
 fn same_shape(dot: &ViewDot, model: &ViewDot, moments: &Matrix2<f64>) -> bool {
     let ratio = dot.dot.contrast / model.dot.contrast;
     let off = dot.dot.moments_px2 - moments;

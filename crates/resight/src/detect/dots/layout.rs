@@ -12,13 +12,13 @@ use nalgebra::{Matrix2, Matrix3, Vector2};
 use resight_core::target::LinePlusOne;
 use resight_core::{Pixel, Point};
 
-/// Shape of an image moment that the model may be off by: printing, defocus, overexposure; part of the moment.
+/// Error of an image moment that the model does not explain (printing, defocus, overexposure), as a part of the moment.
 const SHAPE_TOLERANCE: f64 = 0.04;
-/// The same in px², for dots of a pixel or two.
+/// The same error in px², for dots of a pixel or two.
 const SHAPE_TOLERANCE_PX2: f64 = 0.2;
-/// ln λ is searched this far to either side of the depth of the line below the fourth dot.
+/// Range of the search for ln λ, to either side of the depth of the line below the fourth dot.
 pub(super) const LN_DEPTH_RANGE: f64 = 0.7;
-/// Standard deviation of ln k and ln λ expected before looking: dots at depths differing by a factor 1.5 are common.
+/// Standard deviation of ln k and ln λ expected a priori: dots at depths differing by a factor 1.5 are common.
 const LN_DEPTH_SIGMA: f64 = 0.4;
 
 /// The target, scaled to a line of length 1.
@@ -48,17 +48,17 @@ impl Layout {
         }
     }
 
-    /// Places of the four dots.
+    /// Returns the positions of the four dots.
     pub fn points(&self) -> [[f64; 2]; 4] {
         [[0.0, 0.0], [self.r, 0.0], [1.0, 0.0], self.off]
     }
 }
 
-/// A dot as the geometry sees it.
+/// A dot with the quantities that the geometry needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ViewDot {
     pub dot: Dot,
-    /// On the plane z = 1.
+    /// Its position on the plane z = 1.
     pub y: Vector2<f64>,
     /// ∂pixel/∂y.
     pub pixel_by_view: Matrix2<f64>,
@@ -83,51 +83,52 @@ impl ViewDot {
         })
     }
 
-    /// How far its centroid may be from the image of its centre: noise, lens, and a part of perspective's shift.
+    /// Returns the largest expected distance between its centroid and the image of its centre: noise, lens, and a part of the shift by
+    /// perspective.
     pub fn position_sigma_px(&self) -> f64 {
         (self.dot.sigma_px.powi(2) + 0.1f64.powi(2) + (0.01 * self.radius_px).powi(2)).sqrt()
     }
 
-    /// Standard deviation of each entry of its moments, model error included.
+    /// Returns the standard deviation of each entry of its moments, model error included.
     fn shape_sigma_px2(&self) -> f64 {
         let model = SHAPE_TOLERANCE * 0.5 * self.dot.moments_px2.trace();
         (model.powi(2) + SHAPE_TOLERANCE_PX2.powi(2) + self.dot.moments_sigma_px2.powi(2)).sqrt()
     }
 }
 
-/// k from the place t of the middle dot between the ends (0…1), eq. (8).
+/// Computes k from the position t of the middle dot between the ends (0…1), eq. (8).
 pub(super) fn end_depth(r: f64, t: f64) -> f64 {
     (1.0 - r) / r * t / (1.0 - t)
 }
 
-/// The image of the line: h₁ and h₃.
+/// Returns the columns of the homography that belong to the line, h₁ and h₃.
 pub(super) fn line_columns(start: &Vector2<f64>, end: &Vector2<f64>, k: f64) -> (Point, Point) {
     let (p0, p2) = (start.push(1.0), end.push(1.0));
     (p2 * k - p0, p0)
 }
 
-/// The homography that explains places and shapes best.
+/// The homography that explains positions and shapes best.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
     pub view_from_target: Matrix3<f64>,
     /// ρ²/4, layout units.
     pub q: f64,
-    /// Misfit of the shapes, 12 moments less 3 unknowns.
+    /// χ² of the shapes: 12 moments less 3 unknowns.
     pub chi2: f64,
-    /// Part of its shape by which a dot's image is known: small when resolved, above 1 when only the blur is seen.
+    /// Relative uncertainty of the shape of a dot's image: small when the dot is resolved, above 1 when only the blur is visible.
     pub resolution: f64,
-    /// Moments of each dot's image by the fit, px².
+    /// Moments of each dot's image according to the fit, px².
     pub moments_px2: [Matrix2<f64>; 4],
 }
 
-/// Largest ratio of the axes of J: a disc rotated by 83°,
+/// Largest ratio of the axes of J: for a disc rotated by 83°,
 const MAX_ELONGATION: f64 = 8.0;
-/// and one rotated by 78°. Beyond, a row of letters passes for a target seen edge-on, unless its images are seen to be so long themselves,
+/// and by 78°. Beyond this ratio, a row of letters could pass for a target seen edge-on, unless its images are measured to be so elongated,
 const CERTAIN_ELONGATION: f64 = 5.0;
-/// their shape known to this part of it.
+/// with their shape known to this relative accuracy.
 const ELONGATED_RESOLUTION: f64 = 0.3;
 
-/// Finds λ (and ρ, blur) from the shapes; dots in the order of `Layout::ids`. None when no λ puts all four in front.
+/// Finds λ (and ρ, blur) from the shapes; dots in the order of `Layout::ids`. `None` when no λ puts all four in front of the camera.
 pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option<Fit> {
     let line = line_columns(&dots[0].y, &dots[2].y, k);
     let below = line.0.z * layout.off[0] + line.1.z;
@@ -142,14 +143,14 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
     let h = LN_DEPTH_RANGE / STEPS as f64;
     let round = (-STEPS..=STEPS).map(|i| i as f64 * h);
     let nearest = round.map(|ln| (cost(ln), ln)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    // 0.618¹⁰ h: λ to a thousandth, hundreds of times better than the shapes know it.
+    // 0.618¹⁰ h: this determines λ to a thousandth, hundreds of times better than the shapes do.
     let dip = deepest(nearest.1, h, 10, &cost);
     let ln = if dip.0 < nearest.0 { dip.1 } else { nearest.1 };
     shapes_at(layout, dots, &line, below * ln.exp())
 }
 
-/// A quick look before `fit_shapes`: at the depth that the areas tell (the area of a dot's image goes with depth⁻³), or
-/// with that of the line, is the misfit below a limit?
+/// Tests quickly, before `fit_shapes`, whether the misfit can be below a limit, at the depth that follows from the areas (the area of a dot's
+/// image is proportional to depth⁻³) or at the depth of the line.
 pub(super) fn shapes_may_fit(layout: &Layout, dots: &[ViewDot; 4], k: f64, max_chi2: f64) -> bool {
     let line = line_columns(&dots[0].y, &dots[2].y, k);
     let below = line.0.z * layout.off[0] + line.1.z;
@@ -159,7 +160,7 @@ pub(super) fn shapes_may_fit(layout: &Layout, dots: &[ViewDot; 4], k: f64, max_c
     0.05 < below && (fits(by_area) || fits(below))
 }
 
-/// J of eq. (10) at a target point, and its image.
+/// Returns J of eq. (10) at a point of the target.
 fn derivative(h: &Matrix3<f64>, x: &[f64; 2]) -> Option<Matrix2<f64>> {
     let p = h * Point::new(x[0], x[1], 1.0);
     if !(1e-6 < p.z) {
@@ -200,7 +201,7 @@ fn shapes_at(layout: &Layout, dots: &[ViewDot; 4], line: &(Point, Point), lambda
     is_certain.then_some(Fit { view_from_target: h, q, chi2, resolution, moments_px2 })
 }
 
-/// Least squares for M ≈ q J Jᵀ + s² 1, eq. (11), with 0 ≤ q and 0 ≤ s².
+/// Solves M ≈ q J Jᵀ + s² 1, eq. (11), by least squares, with 0 ≤ q and 0 ≤ s².
 fn disc_and_blur(layout: &Layout, dots: &[ViewDot; 4], shapes: &[Matrix2<f64>; 4]) -> (f64, f64) {
     let (mut aa, mut ab, mut bb, mut am, mut bm) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (dot, shape) in dots.iter().zip(shapes) {
@@ -217,7 +218,7 @@ fn disc_and_blur(layout: &Layout, dots: &[ViewDot; 4], shapes: &[Matrix2<f64>; 4
         return (q, ((bm - q * ab) / bb).max(0.0));
     }
     let det = aa * bb - ab * ab;
-    // Frontal lamps: disc and blur look alike; then all is given to the disc, which changes nothing else.
+    // For lamps seen frontally, disc and blur have the same effect; then everything is attributed to the disc, which changes nothing else.
     let (q, s2) = if 1e-9 * aa * bb < det {
         ((am * bb - bm * ab) / det, (bm * aa - am * ab) / det)
     } else {
@@ -230,9 +231,9 @@ fn disc_and_blur(layout: &Layout, dots: &[ViewDot; 4], shapes: &[Matrix2<f64>; 4
     }
 }
 
-/// Shift of the centroid of each dot's image away from the image of its centre, px: dots.md eqs. (12)–(14).
+/// Returns the shift of the centroid of each dot's image from the image of its centre, px: dots.md eqs. (12)–(14).
 ///
-/// By the area centroid of the projected rim, so that it holds for every lens.
+/// Uses the area centroid of the projected rim, so that it is valid for every lens.
 pub(super) fn centroid_shifts(layout: &Layout, fit: &Fit, view: &View) -> Option<[Pixel; 4]> {
     let radius = 2.0 * fit.q.max(0.0).sqrt();
     let mut shifts = [Pixel::zeros(); 4];
@@ -244,8 +245,7 @@ pub(super) fn centroid_shifts(layout: &Layout, fit: &Fit, view: &View) -> Option
     Some(shifts)
 }
 
-/// Area centroid, relative to `origin`, of the polygon through 48 points of the rim (its area is 0.3 % short, its
-/// shift by 0.6 %).
+/// Returns the area centroid, relative to `origin`, of the polygon through 48 points of the rim (its area is 0.3 % too small, its shift 0.6 %).
 fn rim_centroid(radius: f64, place: &dyn Fn(f64, f64) -> Option<Pixel>, origin: Pixel) -> Option<Pixel> {
     const POINTS: usize = 48;
     let point = |i: usize| {
@@ -265,7 +265,7 @@ fn rim_centroid(radius: f64, place: &dyn Fn(f64, f64) -> Option<Pixel>, origin: 
     Some(if area.abs() < 1e-9 { Pixel::zeros() } else { sum / (3.0 * area) })
 }
 
-/// The distance of the fourth dot from the possible positions of a rigid target's, dots.md eqs. (15)–(17).
+/// The distance of the fourth dot from the positions that are possible for a rigid target, dots.md eqs. (15)–(17).
 pub(super) struct RigidCheck {
     /// Distance in the image, px.
     pub distance_px: f64,
@@ -273,7 +273,7 @@ pub(super) struct RigidCheck {
     pub chi2: f64,
 }
 
-/// The line fixes the target but for a rotation about it: the fourth dot must lie on the image of a circle.
+/// Checks rigidity: the line determines the target except for a rotation about it, so that the fourth dot must be on the image of a circle.
 pub(super) fn rigid_check(layout: &Layout, dots: &[ViewDot; 4], view: &View) -> Option<RigidCheck> {
     let places = [dots[0].y, dots[1].y, dots[2].y];
     let circle = Circle::of(layout, &places)?;
@@ -311,15 +311,15 @@ impl Circle {
         }
         let (h1, h3) = line_columns(start, end, end_depth(layout.r, t));
         let radius = layout.off[1].abs() * h1.norm();
-        // The axis least along the line, fixed for small changes of the line.
+        // The coordinate axis along which the line has its smallest component, which is stable for small changes of the line.
         let least = h1.iamin();
         let across = h1.cross(&Point::ith(least, 1.0)).try_normalize(1e-12)?;
         let second = h1.cross(&across).try_normalize(1e-12)?;
         Some(Circle { centre: h1 * layout.off[0] + h3, first: across * radius, second: second * radius })
     }
 
-    /// The angle whose image is nearest to a pixel. A ray can pass two places of the circle, so every dip of a coarse
-    /// round is followed to its bottom.
+    /// Returns the angle whose image is nearest to a pixel. A ray can pass near two positions of the circle, so that every minimum of a coarse
+    /// search is refined.
     fn nearest_angle(&self, seen: &Pixel, view: &View) -> Option<f64> {
         const STEPS: usize = 24;
         let step = std::f64::consts::TAU / STEPS as f64;
@@ -343,7 +343,7 @@ impl Circle {
     }
 }
 
-/// Bottom of a dip between `middle` ± `width`, by golden section: (depth, place).
+/// Refines a minimum between `middle` ± `width` by golden section; returns (depth, position).
 fn deepest(middle: f64, width: f64, steps: usize, depth: &dyn Fn(f64) -> f64) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_8;
     let (mut low, mut high) = (middle - width, middle + width);
@@ -368,7 +368,7 @@ mod tests {
     use super::*;
     use crate::render::Pcg;
 
-    /// The rim's area centroid is the ellipse's centre: dots.md eq. (13), to the 0.6 % that 48 points cost.
+    /// The area centroid of the rim is the ellipse's centre, dots.md eq. (13), to within the 0.6 % by which 48 points are too few.
     #[test]
     fn shift_is_that_of_the_closed_form() {
         let layout = Layout { ids: [0, 1, 2, 3], r: 0.5, off: [0.1, 0.6], diameter: None };

@@ -1,9 +1,8 @@
-//! Black or white: a threshold that follows the illumination and the size of the features.
+//! Classifies pixels as black or white, with a threshold that adapts to the illumination and to the size of the features.
 //!
-//! Tiles of 8×8 pixels keep their darkest and brightest value; a pyramid of 2×2 tiles follows. A tile takes the finest
-//! level whose 3×3 neighbourhood shows contrast, so a lamp of two pixels is judged against its surroundings of 24 pixels
-//! and the inside of a disc of 200 against its far rim. Where no level shows contrast nothing is said (`NEITHER`).
-//! Cost: one pass over the pixels, independent of what they show.
+//! Tiles of 8×8 pixels keep their darkest and brightest value; a pyramid of 2×2 tiles follows. A tile uses the finest level whose 3×3
+//! neighbourhood has contrast, so that a lamp of two pixels is compared with its surroundings of 24 pixels, and the inside of a disc of 200 with
+//! its far rim. Pixels without contrast at any level are `NEITHER`. The cost is one pass over the pixels, whatever they show.
 
 use crate::GrayImage;
 
@@ -15,7 +14,7 @@ pub(super) const LIGHT: u8 = 1;
 pub(super) const NEITHER: u8 = 2;
 
 const TILE: usize = 8;
-/// A finer level is trusted when it shows this part of the next coarser level's contrast; less is the tail of an edge.
+/// A finer level is used when it has this share of the next coarser level's contrast; less is the tail of an edge.
 const KEPT_CONTRAST: f32 = 0.25;
 
 /// Darkest and brightest value of each tile of one level.
@@ -26,8 +25,8 @@ struct Level {
     high: Vec<u8>,
 }
 
-/// Standard deviation of the noise, grey levels: median of |I(u−1) − 2 I(u) + I(u+1)| (whose sigma is √6 σ) on every
-/// fourth row. At least 0.29, that of rounding.
+/// Returns the standard deviation of the noise, grey levels: the median of |I(u−1) − 2 I(u) + I(u+1)| (whose sigma is √6 σ) on every fourth row,
+/// but at least 0.29, that of rounding.
 pub(super) fn noise_sigma(image: &GrayImage) -> f64 {
     let width = image.width_px as usize;
     let mut counts = [0u32; 1024];
@@ -43,7 +42,7 @@ pub(super) fn noise_sigma(image: &GrayImage) -> f64 {
     for (value, count) in counts.iter().enumerate() {
         let next = below + count;
         if n < 2 * next {
-            // Within the median's bin the values are spread evenly over ±1/2.
+            // Within the median's bin the values are assumed to be uniform over ±1/2.
             let within = (0.5 * n as f64 - below as f64) / (*count).max(1) as f64 - 0.5;
             let median = (value as f64 + within).max(0.0);
             return (median / (0.6745 * 6f64.sqrt())).max(0.29);
@@ -53,7 +52,7 @@ pub(super) fn noise_sigma(image: &GrayImage) -> f64 {
     0.29
 }
 
-/// Class of each pixel, row by row; `out` is resized to the image.
+/// Classifies each pixel, row by row; `out` is resized to the image.
 pub(super) fn classify(image: &GrayImage, min_contrast: f64, out: &mut Vec<u8>) {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
     out.clear();
@@ -113,7 +112,7 @@ fn finest(image: &GrayImage) -> Level {
     level
 }
 
-/// One threshold per finest tile: a pixel brighter than it is light.
+/// Returns one threshold per finest tile: a brighter pixel is light.
 fn thresholds(levels: &[Level], min_contrast: f32) -> Vec<Option<u8>> {
     // (contrast, threshold) of the level above, inherited where the finer one shows too little.
     let mut above: Vec<(f32, Option<u8>)> = vec![(0.0, None)];
@@ -137,7 +136,7 @@ fn thresholds(levels: &[Level], min_contrast: f32) -> Vec<Option<u8>> {
 }
 
 impl Level {
-    /// Darkest and brightest of the 3×3 tiles around one.
+    /// Returns the darkest and the brightest value of the 3×3 tiles around one.
     fn around(&self, x: usize, y: usize) -> (u8, u8) {
         let (mut low, mut high) = (255u8, 0u8);
         for row in y.saturating_sub(1)..(y + 2).min(self.rows) {

@@ -5,9 +5,9 @@ use resight_core::{Camera, Pixel, Point};
 
 /// Maps between pixels and the plane z = 1.
 pub(super) enum View<'a> {
-    /// Lens known: bearings.
+    /// The lens is known: bearings.
     Calibrated(&'a Camera),
-    /// Lens unknown, taken as free of distortion: (pixel − centre)/scale. The scale only conditions the numbers.
+    /// The lens is unknown and assumed free of distortion: (pixel − centre)/scale. The scale only conditions the numbers.
     Nominal {
         /// Middle of the image.
         centre: Pixel,
@@ -17,12 +17,12 @@ pub(super) enum View<'a> {
 }
 
 impl View<'_> {
-    /// Whether angles mean anything.
+    /// Returns whether angles are meaningful.
     pub fn is_calibrated(&self) -> bool {
         matches!(self, View::Calibrated(_))
     }
 
-    /// (x/z, y/z) of a pixel; none outside the valid field or 90° and more off the axis.
+    /// Returns (x/z, y/z) of a pixel; `None` outside the valid field, or 90° and more off the axis.
     pub fn ray(&self, pixel: &Pixel) -> Option<Vector2<f64>> {
         match self {
             View::Calibrated(camera) => {
@@ -33,7 +33,7 @@ impl View<'_> {
         }
     }
 
-    /// Pixel of a homogeneous point; none behind the camera or outside the valid field.
+    /// Returns the pixel of a homogeneous point; `None` behind the camera or outside the valid field.
     pub fn pixel(&self, x: &Point) -> Option<Pixel> {
         match self {
             View::Calibrated(camera) => camera.project(x),
@@ -43,7 +43,7 @@ impl View<'_> {
         }
     }
 
-    /// Derivative of the pixel by (x/z, y/z), px.
+    /// Returns the derivative of the pixel with respect to (x/z, y/z), px.
     pub fn pixel_by_view(&self, y: &Vector2<f64>) -> Option<Matrix2<f64>> {
         match self {
             View::Calibrated(camera) => {

@@ -1,10 +1,11 @@
-//! A board from image to image: its corners where they were, the part of the image that held it, and the whole image once it is not there.
+//! Follows a board: searches for its corners at their last positions, in the part of the image that contained it, and in the whole image.
 //!
-//! A board that was whole is first measured where it was: every corner must be within a pixel or two of its place, which no other place of the board
-//! satisfies, for its outermost squares have nothing of the kind beside them. Its ids are read again twice a second.
+//! A board that was complete is first measured at its last position: every corner must be within a pixel or two of it. No other position of the
+//! board satisfies this, because its outermost squares have no equal squares beside them. Its ids are decoded again twice a second.
 //!
-//! The whole image is looked through at half its size, a third of the time or less, and the board measured at full size where that shows it. What
-//! shows at full size only (squares of few pixels) is looked for more seldom, so that a camera without its board costs little more than one with it.
+//! The whole image is searched at half its size, in a third of the time or less, and the board is measured at full size where it is found.
+//! Boards that are found only at full size (squares of few pixels) are searched for less often, so that a camera without its board costs little
+//! more.
 
 use super::{Absence, BOARD_EVERY_S, Extent, SOON_S, TAG_EVERY_S, UNTIMED_S};
 use crate::GrayImage;
@@ -23,28 +24,28 @@ use std::collections::BTreeSet;
 /// Follows a chessboard, a ChArUco board or an AprilGrid.
 pub(super) struct BoardFollower {
     detector: Detector,
-    /// Width of what the board has around its features, of the larger side of their bounding box.
+    /// Width of the board's rim around its features, relative to the larger side of their bounding box.
     rim_share: f64,
     /// The last detection.
     seen: Vec<Detection>,
-    /// Since the ids were read, seconds.
+    /// Time since the ids were decoded, seconds.
     unread_s: f64,
     absence: Absence,
-    /// Since the whole image was looked through at full size, seconds.
+    /// Time since the whole image was searched at full size, seconds.
     full_s: f64,
-    /// The part searched last; its memory is used again.
+    /// The part searched last; its memory is reused.
     part: GrayImage,
 }
 
-/// A board is sought this far around where it is expected, pixels.
+/// A board is searched for this far around its expected position, pixels.
 const REACH_PX: f64 = 24.0;
-/// A part of more than this share of the image saves nothing.
+/// Searching a part larger than this share of the image saves no time.
 const MOST_OF_IT: f64 = 0.8;
-/// About so many corners determine the motion of a board.
+/// Approximate number of corners that determine the motion of a board.
 const SCOUTS: usize = 12;
-/// The ids of a board that stays are read once in this time, seconds; so long it cannot be exchanged or turned unseen.
+/// Interval in which the ids of a board at rest are decoded, seconds; it cannot be exchanged or rotated unnoticed for longer.
 const READ_EVERY_S: f64 = 0.5;
-/// A board lost just now is looked for in the whole image at full size once in this time, seconds, at half the size in every image.
+/// Interval in which a board that was just lost is searched for in the whole image at full size, seconds; at half the size, in every image.
 const FULL_EVERY_S: f64 = 0.25;
 
 impl BoardFollower {
@@ -98,9 +99,9 @@ impl BoardFollower {
         Ok((found, extent))
     }
 
-    /// The board where it was, in the part of the image that held it; none unless it was whole and is.
+    /// Measures the board at its last position, in the part of the image that contained it; `None` unless it was and is complete.
     ///
-    /// A few corners say how all have moved: a search that begins where it ends takes half of the time.
+    /// A few corners determine how all have moved: a search that starts near its end takes half of the time.
     fn measured_again(&mut self, image: &GrayImage) -> Option<Vec<Detection>> {
         if READ_EVERY_S - UNTIMED_S < self.unread_s || !self.detector.is_whole_board(&self.seen) {
             return None;
@@ -128,13 +129,13 @@ impl BoardFollower {
         (found.len() == seen.len()).then(|| found.iter().map(|d| moved(d, region.origin())).collect())
     }
 
-    /// Whether this is much less of the board than was seen last, or nothing was.
+    /// Returns whether much less of the board is visible than was last, or nothing was.
     fn is_lost(&self, found: &[Detection]) -> bool {
         self.seen.is_empty() || self.is_less(found)
     }
 
-    /// What the whole image shows: where half its size shows the board, else, when that is due, at full size. Images that come seldom are always
-    /// searched at full size.
+    /// Searches the whole image: if the board is found at half the size, or else, when that is due, at full size. Images that arrive rarely are
+    /// always searched at full size.
     fn elsewhere(
         &mut self,
         image: &GrayImage,
@@ -155,10 +156,10 @@ impl BoardFollower {
         self.detector.detect(image)
     }
 
-    /// The board at full size, where half the size of the whole image shows it.
+    /// Finds the board at full size if it is found at half the size of the whole image.
     fn by_half(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DetectError> {
         let reduced = self.detector.detect(&halved(image))?;
-        // The middle of a pixel of the reduced image is the corner of four.
+        // The centre of a pixel of the reduced image is the common corner of four.
         let enlarged = |detection: &Detection| 2.0 * detection.pixel + Pixel::new(0.5, 0.5);
         let places: Vec<Pixel> = reduced.iter().map(enlarged).collect();
         match self.region(image, &places) {
@@ -168,12 +169,12 @@ impl BoardFollower {
         }
     }
 
-    /// Whether this is much less of the board than was seen last.
+    /// Returns whether much less of the board is visible than was last.
     fn is_less(&self, found: &[Detection]) -> bool {
         2 * found.len() < self.seen.len()
     }
 
-    /// The board in a part of the image.
+    /// Finds the board in a part of the image.
     fn within(&mut self, image: &GrayImage, region: Region) -> Result<Vec<Detection>, DetectError> {
         if region.cut(image, &mut self.part).is_none() {
             return Ok(Vec::new());
@@ -183,7 +184,7 @@ impl BoardFollower {
         Ok(found)
     }
 
-    /// The part of the image around places of a board; none where that is most of the image, or there is no place.
+    /// Returns the part of the image around positions of a board; `None` where that is most of the image, or there are no positions.
     fn region(&self, image: &GrayImage, places: &[Pixel]) -> Option<Region> {
         let margin_px = REACH_PX + self.rim_share * longer_side_px(places);
         let region = Region::around(places, margin_px, [image.width_px, image.height_px])?;
@@ -191,7 +192,7 @@ impl BoardFollower {
     }
 }
 
-/// One and a half squares around the inner corners; an AprilGrid's corner squares reach beyond its tags.
+/// Returns one and a half squares around the inner corners; an AprilGrid's corner squares reach beyond its tags.
 fn rim_share(target: &Target) -> f64 {
     let (rim, spans) = match target.design() {
         Target::Chessboard(board) => (1.5, board.rows.min(board.columns).saturating_sub(1)),

@@ -1,7 +1,7 @@
-//! One tag, or the tags of a map, from image to image.
+//! Follows one tag, or the tags of a map, from image to image.
 //!
-//! A tag that was read is first measured where it was, without being read: its whole print must show there as well as it did. Each is read again
-//! twice a second, in turn, so no frame waits for all of them.
+//! A decoded tag is first measured at its last position, without being decoded: its whole print must be as visible as before. Each tag is
+//! decoded again twice a second, in turn, so that no frame waits for all of them.
 
 use super::{Absence, Extent, ROUND_S, Round, SMALL_ROUND_S, TAG_EVERY_S};
 use crate::GrayImage;
@@ -19,11 +19,11 @@ use resight_core::target::Feature;
 /// Follows tags.
 pub(super) struct TagFollower {
     finder: TagFinder,
-    /// A copied tag of a map is left out, that of a single one is an error.
+    /// Whether the target is a map: a copied tag of a map is left out, a copy of a single tag is an error.
     is_map: bool,
-    /// As found last, copies included.
+    /// The tags found last, copies included.
     seen: Vec<Seen>,
-    /// Tags are read again by the last digits of their ids.
+    /// Selects the tags to decode again by the last digits of their ids.
     reading: Round,
     absence: Absence,
     /// The image at a quarter of its size, then strips at half.
@@ -34,13 +34,13 @@ pub(super) struct TagFollower {
 
 /// A tag that was found.
 struct Seen {
-    /// As it was read, its corners as they are.
+    /// The tag as it was decoded, with its current corners.
     tag: DecodedTag,
-    /// As its print has it; none where that does not show.
+    /// The tag as measured by its print; `None` where that is not visible.
     laid: Option<LaidTag>,
-    /// The share of the print that showed when it was read.
+    /// The visible share of the print when it was decoded.
     shown: f64,
-    /// Its motion since the image before; zero where it was not seen.
+    /// Its motion since the previous image; zero where it was not found.
     moved: Pixel,
 }
 
@@ -49,7 +49,7 @@ impl Seen {
         Seen { tag: *tag, laid, shown: laid.map_or(0.0, |laid| laid.shown), moved: Pixel::zeros() }
     }
 
-    /// The tag in the next image; none unless as much of it shows.
+    /// Returns the tag in the next image; `None` if less of it is visible.
     fn again(&self, laid: LaidTag) -> Option<Self> {
         let tag = DecodedTag { corners: laid.corners, ..self.tag };
         let moved = (0..4).map(|k| tag.corners[k] - self.tag.corners[k]).sum::<Pixel>() / 4.0;
@@ -57,10 +57,10 @@ impl Seen {
     }
 }
 
-/// The possible positions of a tag. The pose's prediction and the last position may differ while something moves: both are searched.
+/// The possible positions of a tag. The pose's prediction and the last position may differ during a motion: both are searched.
 struct Place {
     id: u32,
-    /// Its longer side.
+    /// Length of its longer side, pixels.
     side_px: f64,
     last: Option<Region>,
     by_pose: Option<Region>,
@@ -76,27 +76,27 @@ impl Place {
     }
 }
 
-/// Tags that stay are read once in this time, seconds; so long none can be exchanged or turned unseen,
+/// Interval in which a tag at rest is decoded, seconds; it cannot be exchanged or rotated unnoticed for longer,
 const READ_EVERY_S: f64 = 0.5;
-/// and so many at a time share it.
+/// divided among this many tags.
 const READ_IN_TURN: u32 = 16;
-/// A tag that stays shows at least this share of what it showed when it was read: another's bits, and its own a cell further, hide more.
+/// Least share of the print that must still be visible: another tag's bits, or its own shifted by a cell, hide more.
 const SHOWN_AGAIN: f64 = 0.9;
-/// A tag that moved further than this from one image to the next, pixels, continues to move; a vibrating mount does not.
+/// A tag that moved farther than this between two images, pixels, is expected to move on; one on a vibrating support is not.
 const MOVING_PX: f64 = 1.0;
-/// A tag is sought this far around where it is expected, pixels: what a mount vibrates and a hand moves from frame to frame.
+/// A tag is searched for this far around its expected position, pixels: vibrations and hand motion from frame to frame.
 const REACH_PX: f64 = 16.0;
-/// Strips of an image.
+/// Number of strips of an image.
 const STRIPS: u32 = 8;
 /// Overlap of strips at half size: tags too small for a quarter of the size, with rim and tiles.
 const OVERLAP_PX: u32 = 64;
 /// Overlap of strips at full size: tags too small for half of the size.
 const SMALL_OVERLAP_PX: u32 = 32;
-/// A tag not found near is sought at full size where its longer side is at most this, pixels: larger ones show at half size;
+/// A tag not found nearby is searched for at full size if its longer side is at most this, pixels: larger ones are found at half size;
 const SMALL_PX: f64 = 64.0;
-/// and where the part to search is at most this share of the image.
+/// and if the part to search is at most this share of the image.
 const SMALL_SHARE: u64 = 16;
-/// Searched in parts, more than this share of an image costs as much as all of it.
+/// Searching parts larger than this share of the image costs as much as searching all of it.
 const MOST_OF_IT: f64 = 0.7;
 
 impl TagFollower {
@@ -118,7 +118,7 @@ impl TagFollower {
         let mut seen = self.measured_again(image, noise_gray, elapsed_s);
         let mut found = seen.iter().map(|seen| seen.tag).collect();
         self.near(image, expected, &mut found);
-        // Half of what was there has gone: the camera moved, or somebody walked into the view.
+        // If half of the tags have disappeared, the camera moved, or a person walked into the view.
         let extent = if self.seen.is_empty() || 2 * found.len() < self.seen.len() {
             self.everywhere(image, elapsed_s, &mut found)
         } else {
@@ -136,8 +136,8 @@ impl TagFollower {
         Ok((single_or_unique(&sorted(found), self.is_map)?.0, extent))
     }
 
-    /// The tags that are where they were, but for those whose turn it is to be read. The first is sought where it was, or where it goes if it is
-    /// moving; its motion is that of the others.
+    /// Measures the tags that are at their last positions, except those that are to be decoded. The first is searched for at its last position,
+    /// or at the predicted one if it is moving; the others are assumed to move equally.
     fn measured_again(&mut self, image: &GrayImage, noise_gray: f64, elapsed_s: f64) -> Vec<Seen> {
         let due: Vec<u32> = self.reading.take(elapsed_s).collect();
         let mut again: Vec<Seen> = Vec::new();
@@ -152,7 +152,7 @@ impl TagFollower {
             let laid = self.finder.laid(image, noise_gray, seen.tag.id, &corners, Some(before));
             match laid.and_then(|laid| seen.again(laid)) {
                 Some(now) => again.push(now),
-                // The camera moved: the others will not be there either.
+                // The camera moved: the others are not at their last positions either.
                 None if again.is_empty() => break,
                 None => {}
             }
@@ -160,7 +160,7 @@ impl TagFollower {
         again
     }
 
-    /// Adds the tags that are near where they were last and where they are expected.
+    /// Adds the tags that are near their last and their expected positions.
     fn near(&mut self, image: &GrayImage, expected: &[(Feature, Pixel)], found: &mut Vec<DecodedTag>) {
         let places = self.places(image, expected, found);
         let parts = joined(places.iter().flat_map(Place::regions).collect());
@@ -182,7 +182,7 @@ impl TagFollower {
         }
     }
 
-    /// The parts of the image that each tag is sought in that is not found yet.
+    /// Returns the parts of the image to search for each tag that is not found yet.
     fn places(&self, image: &GrayImage, expected: &[(Feature, Pixel)], found: &[DecodedTag]) -> Vec<Place> {
         let size_px = [image.width_px, image.height_px];
         let region = |corners: &[Pixel]| self.finder.region(corners, REACH_PX, size_px);
@@ -204,7 +204,7 @@ impl TagFollower {
             let mut seen = places.iter_mut().filter(|place| place.id == id);
             match (seen.next(), seen.next()) {
                 (Some(alone), None) => alone.by_pose = region(&pixels),
-                // A tag that the edge cuts is not decoded.
+                // A tag cut by the edge of the image is not decoded.
                 (None, _) if is_inside(&pixels, size_px) => {
                     let side_px = longer_side_px(&pixels);
                     places.push(Place { id, side_px, last: None, by_pose: region(&pixels) });
@@ -215,11 +215,11 @@ impl TagFollower {
         places
     }
 
-    /// Tags that have left their place, or were never seen.
+    /// Searches for tags that have left their positions, or were never seen.
     fn everywhere(&mut self, image: &GrayImage, elapsed_s: f64, found: &mut Vec<DecodedTag>) -> Extent {
         let is_due = self.absence.is_due();
         if is_due {
-            // With all copies, so that the first image says of them what later ones do.
+            // All copies are included, so that the first image reports the same copies as later ones.
             add_new(found, self.finder.search(image, &[FINE]));
             if found.is_empty() {
                 add_new(found, self.finder.find_in_grid(image).iter().map(FoundTag::decoded).collect());
@@ -236,7 +236,7 @@ impl TagFollower {
         if is_due { Extent::Whole } else { Extent::Share }
     }
 
-    /// Copies, tags out of their places and new ones, a share of the image at a time.
+    /// Searches for copies, displaced tags and new ones, in a share of the image at a time.
     fn besides(&mut self, image: &GrayImage, elapsed_s: f64, found: &mut Vec<DecodedTag>) {
         let size_px = [image.width_px, image.height_px];
         for part in self.round.take(elapsed_s) {
@@ -251,7 +251,7 @@ impl TagFollower {
     }
 }
 
-/// Whether all of these places lie in an image or close to its edges.
+/// Returns whether all of these positions are inside an image or close to its edges.
 fn is_inside(pixels: &[Pixel], size_px: [u32; 2]) -> bool {
     let reaches = |x: f64, size: u32| -REACH_PX <= x && x < size as f64 + REACH_PX;
     pixels.iter().all(|pixel| reaches(pixel.x, size_px[0]) && reaches(pixel.y, size_px[1]))
@@ -269,7 +269,7 @@ mod tests {
             .map(|[u, v]: [f64; 2]| Pixel::new(left_px + u, top_px + v))
     }
 
-    /// Area searched for a tag that was last seen in one place and is expected in another, pixels.
+    /// Returns the area searched, in pixels, for a tag last seen at one position and expected at another.
     fn searched_px(last: [Pixel; 4], by_pose: [Pixel; 4]) -> u64 {
         let mut follower = TagFollower::new(TagFinder::with_ids("tag36h11", &[3]).unwrap(), false);
         let tag = DecodedTag { family: 0, id: 3, margin_gray: 80.0, corners: last };
@@ -280,7 +280,7 @@ mod tests {
         joined(places.iter().flat_map(Place::regions).collect()).iter().map(Region::area_px).sum()
     }
 
-    /// The filter follows a sudden motion a frame late: what lies between the two places is not searched.
+    /// The filter follows a sudden motion one frame late; the area between the two positions is not searched.
     #[test]
     fn a_tag_is_sought_where_it_was_and_where_it_is_expected_and_not_between() {
         let here = searched_px(corners(300.0, 500.0), corners(300.0, 500.0));

@@ -1,12 +1,12 @@
-//! The print of a tag through a blur, in closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
+//! The print of a tag seen through a blur, in closed form, so that it is smooth in every unknown (docs/math/tag_print.md section 1).
 
 use crate::detect::families::{Family, draw};
 use std::ops::Range;
 use std::sync::LazyLock;
 
-/// Most lines between cells along an edge; a family with more is not compared.
+/// Largest number of lines between cells along an edge; a family with more is not compared.
 const MOST_CELLS: usize = 12;
-/// Beyond so many standard deviations a blurred edge is flat.
+/// Beyond this many standard deviations a blurred edge is flat.
 const REACH_SIGMAS: f64 = 3.3;
 
 /// The cells of a tag.
@@ -17,11 +17,11 @@ pub(in crate::detect) struct Print {
     pub inset: usize,
     /// −1 black, 1 white, row by row.
     values: Vec<f64>,
-    /// Whether the family defines the print there.
+    /// Whether the family defines the print in each cell.
     is_known: Vec<bool>,
 }
 
-/// The blurred print at a place, with its derivatives by the place, in cells.
+/// The blurred print at a position, and its derivatives with respect to the position, in cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ink {
     pub value: f64,
@@ -31,15 +31,15 @@ pub(super) struct Ink {
     pub bend: [f64; 3],
 }
 
-/// The blur across the lines of a print, in cells.
+/// The blur perpendicular to the lines of a print, in cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blur {
     pub sigma: [f64; 2],
-    /// Correlation of the two: not zero where the lines do not meet at right angles in the image.
+    /// Correlation of the two: not zero where the lines are not perpendicular in the image.
     pub correlation: f64,
 }
 
-/// The lines near a place, along one direction: fewer than `N`.
+/// The lines near a position, along one direction: fewer than `N`.
 struct Lines<const N: usize> {
     first: usize,
     n: usize,
@@ -50,12 +50,12 @@ struct Lines<const N: usize> {
     share: [f64; N],
 }
 
-/// Room for the lines near most places, and for all: clearing the larger takes longer than what is done with the smaller.
+/// Number of lines near most positions, as opposed to all: clearing the larger table takes longer than the work with the smaller.
 const FEW: usize = 3;
 const ALL: usize = MOST_CELLS + 1;
 
 impl Print {
-    /// None of a family with more cells than a tag has.
+    /// Draws the print; `None` for a family with more cells than a tag has.
     pub fn new(family: &Family, code: u64) -> Option<Self> {
         let pattern = draw(family, code);
         let (width, inset) = (pattern.width_cells, pattern.inset_cells);
@@ -72,7 +72,7 @@ impl Print {
         Some(Print { width, inset, values, is_known })
     }
 
-    /// Whether a black border is all around, with a margin of white around it and nothing printed there.
+    /// Returns whether a black border is all around, with a margin of white around it and nothing printed there.
     pub(super) fn has_plain_margin(&self) -> bool {
         let last = self.width - 1;
         let is_ring = |k: usize, ring: usize| {
@@ -84,12 +84,12 @@ impl Print {
                 .all(|k| !(is_ring(k, 0) && self.values[k] < 0.0 || is_ring(k, 1) && 0.0 < self.values[k]))
     }
 
-    /// Whether a cell is white, counted from the edge of the whole print.
+    /// Returns whether a cell, counted from the edge of the whole print, is white.
     pub(super) fn is_white(&self, x: usize, y: usize) -> bool {
         0.0 < self.values[y * self.width + x]
     }
 
-    /// The same print within a margin of this brightness at its top, right, bottom and left.
+    /// Returns the same print inside a margin of this brightness at its top, right, bottom and left.
     pub(super) fn with_margin(&self, [top, right, bottom, left]: [f64; 4]) -> Self {
         let mut print = self.clone();
         let last = self.width - 1;
@@ -105,24 +105,24 @@ impl Print {
         print
     }
 
-    /// Whether the family says what is printed at a place.
+    /// Returns whether the family defines the print at a position.
     pub fn is_known(&self, [x, y]: [f64; 2]) -> bool {
         let cell = |x: f64| (0.0 <= x && x < self.width as f64).then_some(x as usize);
         cell(x).zip(cell(y)).is_some_and(|(x, y)| self.is_known[y * self.width + x])
     }
 
-    /// Whether a line between two cells, in either direction, is near enough to show through a blur of these variances.
+    /// Returns whether a line between two cells, in either direction, is near enough to be visible through a blur of these variances.
     pub(super) fn is_near_line(&self, x: [f64; 2], variances: [f64; 2]) -> bool {
         let last = self.width as f64 - 1.0;
         let is_near = |k: usize| {
-            // Faster than `round`, which is a call.
+            // This is faster than `round`, which is a function call.
             let line = ((x[k].max(0.0) + 0.5) as usize as f64).clamp(1.0, last);
             (x[k] - line).powi(2) <= REACH_SIGMAS * REACH_SIGMAS * variances[k]
         };
         is_near(0) || is_near(1)
     }
 
-    /// The print at a place through a Gaussian blur; beyond its edge it continues as at the edge. None where no line is near.
+    /// Returns the print at a position through a Gaussian blur; beyond its edge it continues as at the edge. `None` where no line is near.
     pub(super) fn at(&self, [x, y]: [f64; 2], blur: &Blur) -> Option<Ink> {
         let (across, down) = (self.near(x, blur.sigma[0]), self.near(y, blur.sigma[1]));
         if across.len().max(down.len()) == 1 {
@@ -168,7 +168,7 @@ impl Print {
             ink.slope[1] += down.density[j] * jump / sy;
             ink.bend[2] -= down.away[j] * down.density[j] * jump / (sy * sy);
         }
-        // Where lines cross, the blur is one Gaussian of two correlated coordinates: the tetrachoric series to its third term.
+        // Where lines cross, the blur is a Gaussian of two correlated coordinates: the tetrachoric series up to its third term.
         let r = blur.correlation;
         for i in 0..across.n {
             for j in 0..down.n {
@@ -188,12 +188,12 @@ impl Print {
         Some(ink)
     }
 
-    /// The same where at most one line is near along each direction, as of most places: a line that is not near is one without any density.
+    /// Computes the same where at most one line is near along each direction, as at most positions: a line that is not near has zero density.
     #[inline]
     fn at_corner(&self, [x, y]: [f64; 2], blur: &Blur, across: Range<usize>, down: Range<usize>) -> Ink {
         let table = &*NORMAL;
         let [per_x, per_y] = blur.sigma.map(f64::recip);
-        // The cell before the line, the density of the line, its distance, and the share beyond it.
+        // The cell before the line, the density of the line, its distance, and the share of the blur beyond it.
         let along = |lines: &Range<usize>, x: f64, per_sigma: f64| {
             let away = (x - lines.start as f64) * per_sigma;
             let is_near = lines.len() as f64;
@@ -202,7 +202,7 @@ impl Print {
         };
         let (i, p, a, u) = along(&across, x, per_x);
         let (j, q, b, v) = along(&down, y, per_y);
-        // Without a line the cell itself is on both sides.
+        // Without a line, the same cell is on both sides.
         let (i1, j1) = (i + across.len(), j + down.len());
         let cell = |i: usize, j: usize| self.values[j * self.width + i];
         let (v00, v10, v01, v11) = (cell(i, j), cell(i1, j), cell(i, j1), cell(i1, j1));
@@ -226,17 +226,17 @@ impl Print {
         }
     }
 
-    /// Colour of the cell at a place, held inside the print.
+    /// Returns the colour of the cell at a position, clamped to the print.
     #[cfg(test)]
     fn plain(&self, [x, y]: [f64; 2]) -> f64 {
         let cell = |x: f64| (x.max(0.0) as usize).min(self.width - 1);
         self.values[cell(y) * self.width + cell(x)]
     }
 
-    /// The lines within reach; a place that is no number has none.
+    /// Returns the lines within reach; a position that is not finite has none.
     fn near(&self, x: f64, sigma: f64) -> Range<usize> {
         let bound = |x: f64| x.max(1.0).min(self.width as f64) as usize;
-        // Faster than `ceil` and `floor`, which are calls: all numbers are positive.
+        // This is faster than `ceil` and `floor`, which are function calls: all numbers are positive.
         let (low, high) = (x - REACH_SIGMAS * sigma, x + REACH_SIGMAS * sigma);
         let first = bound(low);
         let first = if (first as f64) < low { first + 1 } else { first };
@@ -248,7 +248,7 @@ impl<const N: usize> Lines<N> {
     fn new(lines: Range<usize>, x: f64, sigma: f64) -> Self {
         let (first, n) = (lines.start, lines.len().min(N - 1));
         let mut lines = Lines { first, n, density: [0.0; N], away: [0.0; N], share: [0.0; N] };
-        // What lies beyond each line, less what lies beyond the next.
+        // The share beyond each line, less the share beyond the next.
         let (mut left, table) = (1.0, &*NORMAL);
         for k in 0..n {
             let away = (x - (first + k) as f64) / sigma;
@@ -281,7 +281,8 @@ fn normal(table: &[(f64, f64)], a: f64) -> (f64, f64) {
     (bell, beyond + density * d * (1.0 + d * (0.5 * first + d * (second / 6.0 + d * third / 24.0))))
 }
 
-/// The same to 1.5e-7 anywhere (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, 7.1.26): a ten-thousandth of a grey level.
+/// Returns the same to 1.5e-7 anywhere (M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, 7.1.26): a ten-thousandth of a grey
+/// level.
 fn normal_at(a: f64) -> (f64, f64) {
     let bell = (-0.5 * a * a).exp();
     let t = 1.0 / (1.0 + 0.327_591_1 * a.abs() * std::f64::consts::FRAC_1_SQRT_2);
@@ -301,7 +302,7 @@ mod tests {
         Print::new(&family, family.codes[7]).unwrap()
     }
 
-    /// The mean of the cells under a correlated Gaussian, on a fine grid.
+    /// Averages the cells under a correlated Gaussian, on a fine grid.
     fn by_sampling(print: &Print, [x, y]: [f64; 2], blur: &Blur) -> f64 {
         let (r, steps) = (blur.correlation, 1200);
         let (mut sum, mut weight) = (0.0, 0.0);
@@ -338,7 +339,7 @@ mod tests {
         }
     }
 
-    /// Where one line is near along a direction, or none, both ways say the same.
+    /// Where at most one line is near along a direction, both ways of computing give the same.
     #[test]
     fn few_lines_and_many_are_the_same() {
         let print = print();

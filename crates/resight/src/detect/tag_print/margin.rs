@@ -1,8 +1,8 @@
-//! What lies around a tag's black border: the white margin that it is printed with, or the ground it lies on.
+//! Measures the surroundings of a tag's black border: the white margin with which it is printed, or the ground on which it lies.
 //!
-//! A tag cut at its border lies on a ground that need not be as bright as its white cells. Laid on the image with a white margin it is then as much too
-//! large as the edge from black to grey lies further out than one from black to white would. So where the margin does not look white the print
-//! is laid on the image a second time, with the brightness that is measured further out on each side, and the print that explains more counts
+//! A tag cut at its border lies on a ground that need not be as bright as its white cells. Fitted with a white margin it becomes too large, by
+//! as much as the edge from black to grey is farther out than one from black to white would be. So where the margin does not look white, the
+//! print is fitted a second time, with the brightness that is measured farther out on each side, and the print that explains more is used
 //! (docs/math/tag_print.md section 5).
 
 use super::ink::Print;
@@ -10,20 +10,20 @@ use crate::GrayImage;
 use crate::detect::homography::{Homography, PlanePoint};
 use resight_core::Pixel;
 
-/// Brightness around a tag by side: top, right, bottom, left; −1 as black and 1 as white as its own cells.
+/// Brightness around a tag by side: top, right, bottom, left; −1 is the tag's own black and 1 its own white.
 pub(super) type Margins = [f64; 4];
 
-/// How far out the margin is looked at, in cells: its middle, and where what continues there is clear of a blurred edge.
+/// Distances at which the margin is sampled, in cells: its middle, and where the ground beyond is not affected by a blurred edge.
 const NEAR_CELLS: f64 = 0.6;
 const FAR_CELLS: f64 = 1.25;
-/// A margin darker than this may be none.
+/// If the margin is darker than this, there may be none.
 const WHITE: f64 = 0.75;
-/// Places along a side.
+/// Number of positions along a side.
 const PLACES: usize = 9;
-/// Grey levels from black to white, at least.
+/// Least contrast between black and white, grey levels.
 const CONTRAST_GRAY: f64 = 8.0;
 
-/// The brightness around a tag; none where its margin is white, the family has other cells there, or too little of it is in the image.
+/// Returns the brightness around a tag; `None` where its margin is white, where the family has cells there, or where too little is in the image.
 pub(super) fn dark(image: &GrayImage, print: &Print, corners: &[Pixel; 4]) -> Option<Margins> {
     if !print.has_plain_margin() {
         return None;
@@ -58,7 +58,7 @@ pub(super) fn dark(image: &GrayImage, print: &Print, corners: &[Pixel; 4]) -> Op
     Some([far[0]?, far[1]?, far[2]?, far[3]?])
 }
 
-/// Grey levels of the black border and of the white cells.
+/// Returns the grey levels of the black border and of the white cells.
 fn levels(print: &Print, cells: f64, gray: &impl Fn(f64, f64) -> Option<f64>) -> Option<[f64; 2]> {
     let n = print.width - 2;
     let (mut black, mut white) = (Vec::new(), Vec::new());
@@ -79,7 +79,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     (2 < values.len()).then(|| values[values.len() / 2])
 }
 
-/// The grey level of the nearest pixel; none outside.
+/// Returns the grey level of the nearest pixel; `None` outside the image.
 fn sample(image: &GrayImage, at: &Pixel) -> Option<f64> {
     let inside =
         |x: f64, n: u32| (-0.5..f64::from(n) - 0.5).contains(&x).then_some(x.round().max(0.0) as u32);

@@ -3,15 +3,15 @@
 use crate::GrayImage;
 use resight_core::Pixel;
 
-/// Means of squares of pixels, on a grid that does not depend on where the tag is sought.
+/// Means of squares of pixels, on a grid that does not depend on the position of the tag.
 pub(super) struct Part {
-    /// Pixels along a square.
+    /// Edge length of a square, pixels.
     reduce: usize,
-    /// First column and row of the grid, and how many.
+    /// First column and row of the grid, and their numbers.
     first: [usize; 2],
     size: [usize; 2],
     gray: Vec<f32>,
-    /// Share of the image's pixels here that have one of its two commonest grey levels: 1 where it is drawn or scanned black on white.
+    /// Share of the pixels in this part that have one of its two most common grey levels: 1 in a drawing or scan in black and white.
     pub two_levels: f64,
 }
 
@@ -19,7 +19,7 @@ pub(super) struct Part {
 pub(super) const SMOOTHING_PX2: f64 = 1.0;
 
 impl Part {
-    /// The same part smoothed by 1 4 6 4 1 along rows and columns; what lies outside is as its edge. Noise keeps its effect on all that is wider.
+    /// Returns the part smoothed by 1 4 6 4 1 along rows and columns; the edge is repeated outside. Noise keeps its effect on wider structures.
     pub fn smoothed(&self) -> Self {
         let [width, height] = self.size;
         let pass = |gray: &[f32], n: usize, step: usize| -> Vec<f32> {
@@ -34,7 +34,7 @@ impl Part {
         Part { gray, ..*self }
     }
 
-    /// The part that holds these places of the image; none where nothing of it lies in the image.
+    /// Cuts out the part that contains these positions of the image; `None` where none of it is in the image.
     pub fn cut(image: &GrayImage, places: &[Pixel], reduce: usize) -> Option<Self> {
         let range = |axis: usize, n: u32| {
             let (low, high) = places
@@ -50,7 +50,7 @@ impl Part {
             let (u, v) = ((u0 + k % width) * reduce, (v0 + k / width) * reduce);
             let rows = (v..v + reduce).map(|v| &image.data[v * stride + u..][..reduce]);
             let sum: u32 = rows.flatten().map(|x| *x as u32).sum();
-            // Grey levels from a middle one keep the sums small.
+            // The middle grey level is subtracted to keep the sums small.
             sum as f32 / (reduce * reduce) as f32 - 128.0
         };
         let gray = (0..width * height).map(mean).collect();
@@ -59,27 +59,27 @@ impl Part {
         Some(Part { reduce, first: [u0, v0], size: [width, height], gray, two_levels })
     }
 
-    /// A place of the image on the grid.
+    /// Converts a position in the image to the grid.
     pub fn reduced(&self, pixel: &Pixel) -> Pixel {
         pixel.map(|x| (x - 0.5 * (self.reduce as f64 - 1.0)) / self.reduce as f64)
     }
 
-    /// A place on the grid in the image.
+    /// Converts a position on the grid to the image.
     pub fn full(&self, pixel: &Pixel) -> Pixel {
         pixel.map(|x| x * self.reduce as f64 + 0.5 * (self.reduce as f64 - 1.0))
     }
 
-    /// Pixels of the image along one of the grid.
+    /// Returns the number of pixels of the image along one of the grid.
     pub fn scale(&self) -> f64 {
         self.reduce as f64
     }
 
-    /// Columns and rows of the grid that is kept.
+    /// Returns the numbers of columns and rows of the grid.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// One of `every` places, on diagonals that do not depend on the part, of every `rows`th row, with index and grey level.
+    /// Iterates over one of `every` positions, on diagonals that do not depend on the part, in every `rows`th row, with index and grey level.
     pub fn places(&self, every: usize, rows: usize) -> impl Iterator<Item = (usize, [f64; 2], f64)> + '_ {
         let row = move |(j, grays): (usize, &'_ [f32])| {
             (self.first[1] + j).is_multiple_of(rows).then_some((j, grays.len()))
@@ -95,7 +95,7 @@ impl Part {
     }
 }
 
-/// The share of the two commonest values.
+/// Returns the share of the two most common values.
 fn share_of_two<'a>(values: impl Iterator<Item = &'a u8>) -> f64 {
     let mut counts = [0u32; 256];
     values.for_each(|value| counts[*value as usize] += 1);

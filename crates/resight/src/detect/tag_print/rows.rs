@@ -7,20 +7,20 @@ use nalgebra::{Matrix2, SMatrix, SVector};
 use resight_core::Pixel;
 use std::ops::Range;
 
-/// Brightness and its two slopes; contrast; times the contrast: eight entries of the homography, the blur's variances along u, along both and along v,
-/// the spread of the white, six bows.
+/// Brightness and its two slopes; contrast; multiplied by the contrast: eight entries of the homography, the blur's covariance (uu, uv, vv), the
+/// spread of the white, six bows.
 pub(super) const UNKNOWNS: usize = 22;
 pub(super) const GAIN: usize = 3;
 pub(super) const MAP: Range<usize> = 4..12;
 pub(super) const BLUR: Range<usize> = 12..15;
 pub(super) const SPREAD: usize = 15;
 pub(super) const BOWS: Range<usize> = 16..22;
-/// The grey level follows the derivatives, and a zero fills the row: sums of products of whole rows hold both sides of the normal equations.
+/// The grey level follows the derivatives, and a zero pads the row: sums of products of whole rows hold both sides of the normal equations.
 pub(super) const GRAY: usize = 22;
 pub(super) const WIDTH: usize = 24;
 
 pub(super) type Row = SVector<f64, UNKNOWNS>;
-/// How the eight coordinates of the corners move with the entries of the homography.
+/// Derivative of the eight coordinates of the corners with respect to the entries of the homography.
 pub(super) type CornersByMap = SMatrix<f64, 8, 8>;
 
 /// One pixel.
@@ -28,7 +28,7 @@ pub(super) struct Line {
     /// Its position in the part.
     pub index: usize,
     pub row: [f64; WIDTH],
-    /// 1 well inside of the print, 0 outside.
+    /// 1 well inside the print, 0 outside.
     pub weight: f64,
 }
 
@@ -37,25 +37,25 @@ impl Line {
         self.row[GRAY]
     }
 
-    /// Its grey level without a further step of corners and blur.
+    /// Returns its grey level without a further step of corners and blur.
     pub fn predicted(&self, x: &Row) -> f64 {
         let fixed = |range: Range<usize>| -> f64 { range.map(|i| self.row[i] * x[i]).sum() };
         fixed(0..MAP.start) + fixed(SPREAD..UNKNOWNS)
     }
 
-    /// Its grey level less that of the whole fit.
+    /// Returns its grey level less that of the whole fit.
     pub fn residual(&self, x: &Row) -> f64 {
         self.row[..UNKNOWNS].iter().zip(x).fold(self.row[GRAY], |left, (row, x)| left - row * x)
     }
 }
 
-/// The print as four corners and a blur have it.
+/// The print, placed by four corners and a blur.
 pub(super) struct Placed<'a> {
     print: &'a Print,
     blur_px2: Matrix2<f64>,
-    /// From pixels off the centre to the square −1 to 1 whose corners are detected.
+    /// Map from pixels relative to the centre to the square −1 to 1 whose corners are detected.
     from_image: Homography,
-    /// The variance of the blur along each axis of the square, in cells, times z²: polynomials of the place along that axis.
+    /// The variance of the blur along each axis of the square, in cells, times z²: polynomials of the position along that axis.
     variances: [[f64; 3]; 2],
     centre: Pixel,
     /// One over the shortest edge, 1/pixel.
@@ -64,7 +64,7 @@ pub(super) struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    /// None where the corners have no homography.
+    /// Places the print; `None` where the corners have no homography.
     pub fn new(print: &'a Print, at: &[Pixel; 4], blur_px2: &Matrix2<f64>) -> Option<Self> {
         let centre = at.iter().sum::<Pixel>() / 4.0;
         let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -72,7 +72,7 @@ impl<'a> Placed<'a> {
         let from_image = Homography::fit(&[0, 1, 2, 3].map(pair))?.inverse()?;
         let edge_px = crate::detect::sigma::shortest_edge_px(at).max(1.0);
         let (inset, width) = (print.inset as f64, print.width as f64);
-        // Outside of what is printed anything may be, and the blur brings it in.
+        // Outside the print anything may be in the image, and the blur mixes it in.
         let rim_px = inset / (width - 2.0 * inset) * edge_px;
         let margin_px = (1.5 * (0.5 * blur_px2.trace()).sqrt() + 0.5).min(0.5 * rim_px);
         let variances = [0, 1].map(|axis| {
@@ -89,7 +89,7 @@ impl<'a> Placed<'a> {
         })
     }
 
-    /// How the corners move with the entries of the homography from the square to the image.
+    /// Returns the derivative of the corners with respect to the entries of the homography from the square to the image.
     pub fn corners_by_map(&self, at: &[Pixel; 4]) -> CornersByMap {
         let mut moves = CornersByMap::zeros();
         for (k, corner) in at.iter().enumerate() {
@@ -103,14 +103,14 @@ impl<'a> Placed<'a> {
         moves
     }
 
-    /// How far along a direction the image `p` of a point moves with each entry but the last of the homography: with w the third of the point's
-    /// homogeneous coordinates (x, y, w) it is w (e_a − p e_3) times (x/w, y/w, 1). The third row is in edges.
+    /// Returns the motion of the image `p` of a point, along a direction, with each entry but the last of the homography. With w, the third of
+    /// the point's homogeneous coordinates (x, y, w), it is w (e_a − p e_3) times (x/w, y/w, 1). The third row is in edges.
     fn by_map(&self, [x, y, w]: [f64; 3], [du, dv]: [f64; 2], p: [f64; 2]) -> [f64; 8] {
         let d = -(du * p[0] + dv * p[1]) * self.per_edge;
         [du * x, du * y, du * w, dv * x, dv * y, dv * w, d * x, d * y]
     }
 
-    /// The pixels near lines of the print, into memory that is used again. None where they are too few.
+    /// Collects the pixels near lines of the print, into memory that is reused. `None` where there are too few.
     pub fn lines(&self, part: &Part, every: usize, rows: usize, lines: &mut Vec<Line>) -> Option<()> {
         lines.clear();
         for (index, at, gray) in part.places(every, rows) {
@@ -127,7 +127,7 @@ impl<'a> Placed<'a> {
         let per_z = 1.0 / homogeneous[2];
         let square = [homogeneous[0] * per_z, homogeneous[1] * per_z];
         let x = square.map(|x| 0.5 * width + half * x);
-        // Most pixels of a large tag are near no line.
+        // Most pixels of a large tag are not near a line.
         let variances = [0, 1].map(|axis| {
             let [a, b, c] = self.variances[axis];
             (a + square[axis] * (b + square[axis] * c)) * (per_z * per_z)
@@ -135,7 +135,7 @@ impl<'a> Placed<'a> {
         if !self.print.is_known(x) || !self.print.is_near_line(x, variances) {
             return None;
         }
-        // Gradients of the plane's coordinates in the image, in cells.
+        // The gradients of the plane's coordinates in the image, in cells.
         let [g, h] = self.from_image.gradients(square, per_z).map(|g| g.map(|x| half * x));
         let weight = self.inside(x, [g, h]);
         let b = &self.blur_px2;
@@ -163,7 +163,7 @@ impl<'a> Placed<'a> {
         row[BLUR.start + 1] = bend(0, 1);
         row[BLUR.start + 2] = 0.5 * bend(1, 1);
         row[SPREAD] = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-        // Both edges of a pair bow to one side, or to opposite ones; and what is between them is moved along.
+        // Both edges of a pair bow to one side, or to opposite ones; the print between them is moved accordingly.
         let bow = square.map(|s| (1.0 - s * s) * 2.0 * half * self.per_edge);
         row[BOWS.start] = -bow[1] * ink.slope[0];
         row[BOWS.start + 1] = row[BOWS.start] * square[0];
@@ -175,13 +175,13 @@ impl<'a> Placed<'a> {
         Some(Line { index, row, weight })
     }
 
-    /// 1 well inside of the print, 0 nearer to its end than the margin.
+    /// Returns 1 well inside the print, and 0 nearer to its end than the margin.
     fn inside(&self, x: [f64; 2], gradients: [[f64; 2]; 2]) -> f64 {
         let width = self.print.width as f64;
         let mut weight = 1.0f64;
         for (x, g) in x.iter().zip(gradients) {
             let (depth, norm2) = (x.min(width - x), g[0] * g[0] + g[1] * g[1]);
-            // Most are well inside, and need no root.
+            // Most positions are well inside, and need no root.
             if depth * depth < (self.margin_px + 0.5).powi(2) * norm2 {
                 weight = weight.min((depth / norm2.sqrt() - self.margin_px + 0.5).max(0.0));
             }

@@ -1,32 +1,33 @@
-//! The white share of a pixel: exactly where one straight edge crosses it, by samples where more does.
+//! Computes the white share of a pixel: exactly where one straight edge crosses it, by samples otherwise.
 //!
-//! Samples on any grid have directions in which few distances occur: 34 places of Fibonacci's lattice show an edge of slope 1 : 4 at two distances,
-//! the same two in every pixel, and corners between such edges were 0.02 px off. Where an edge crosses two sides of the pixel is found by halving,
-//! from two places instead of 34, and what it cuts off is a polygon.
+//! Samples on any grid have directions in which few distances occur: 34 points of Fibonacci's lattice show an edge of slope 1 : 4 at two
+//! distances, the same two in every pixel, and corners between such edges were 0.02 px off. The crossings of an edge with two sides of the pixel
+//! are found by bisection, from two points instead of 34; the part that the edge cuts off is a polygon.
 
 use nalgebra::Vector2;
 
-/// A place in a pixel, from its centre.
+/// A position in a pixel, relative to its centre.
 pub(super) type InPixel = Vector2<f64>;
 
-/// The corners of a pixel, around it.
+/// The corners of a pixel, in order around it.
 const CORNERS: [InPixel; 4] =
     [InPixel::new(-0.5, -0.5), InPixel::new(0.5, -0.5), InPixel::new(0.5, 0.5), InPixel::new(-0.5, 0.5)];
-/// Halvings of a side: a crossing is known to ± 1/128 px.
+/// Number of bisections of a side: a crossing is known to ± 1/128 px.
 const HALVINGS: usize = 6;
-/// So far on either side of the chord between both crossings lie the two colours, pixels, if nothing but one edge is there.
+/// At this distance on either side of the chord between both crossings, in pixels, are the two colours, if there is only one edge.
 const BESIDE_PX: f64 = 0.06;
 
-/// Places at which a pixel with more than an edge is looked up, on Fibonacci's lattice (k/34, 21k/34).
+/// Number of samples in a pixel with more than one edge, on Fibonacci's lattice (k/34, 21k/34).
 const SAMPLES: usize = 34;
 const LATTICE: usize = 21;
 
-/// Mean colour of a pixel whose corners, in the order of [`CORNERS`], have these; `moved` (two fractions of 1) shifts the samples.
+/// Returns the mean colour of a pixel whose corners, in the order of [`CORNERS`], have these colours; `moved` (two fractions of 1) shifts the
+/// samples.
 pub(super) fn mean(ink: impl Fn(InPixel) -> f32, corners: [f32; 4], moved: [f64; 2]) -> f32 {
     by_edge(&ink, corners).unwrap_or_else(|| by_samples(&ink, moved))
 }
 
-/// None where something else than one straight edge crosses the pixel.
+/// Returns the mean by the edge; `None` where anything but one straight edge crosses the pixel.
 fn by_edge(ink: &impl Fn(InPixel) -> f32, colours: [f32; 4]) -> Option<f32> {
     let mut crossed = (0..4).filter(|k| colours[*k] != colours[(k + 1) % 4]);
     let (first, second) = (crossed.next()?, crossed.next()?);
@@ -51,7 +52,7 @@ fn by_edge(ink: &impl Fn(InPixel) -> f32, colours: [f32; 4]) -> Option<f32> {
     Some(outer + (inner - outer) * area as f32)
 }
 
-/// The point where the colour changes along a side that begins with this one.
+/// Returns the point where the colour changes along a side that begins with this colour.
 fn crossing(ink: &impl Fn(InPixel) -> f32, side: usize, colour: f32) -> InPixel {
     let (begin, end) = (CORNERS[side], CORNERS[(side + 1) % 4]);
     let (mut low, mut step) = (0.0, 0.5);
@@ -81,14 +82,14 @@ mod tests {
         mean(ink, corners, [0.3, 0.8])
     }
 
-    /// The same by a fine grid.
+    /// Computes the same on a fine grid.
     fn by_grid(ink: impl Fn(InPixel) -> f32) -> f32 {
         let at = |k: usize| (k as f64 + 0.5) / 500.0 - 0.5;
         let sum: f64 = (0..250_000).map(|k| ink(InPixel::new(at(k % 500), at(k / 500))) as f64).sum();
         (sum / 250_000.0) as f32
     }
 
-    /// In every direction, also those in which a lattice shows few distances: there 34 samples are off by 0.1.
+    /// This holds in every direction, even in those with few distances on a lattice: there 34 samples have an error of 0.1.
     #[test]
     fn an_edge_is_placed_in_every_direction() {
         let mut worst = 0.0f32;

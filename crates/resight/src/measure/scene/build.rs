@@ -1,4 +1,4 @@
-//! From the scene file's tables to a network: names to indices, defaults filled in, every number checked.
+//! Builds a network from the tables of the scene file: names become indices, defaults are filled in, and every number is checked.
 
 use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
@@ -15,29 +15,29 @@ use nalgebra::Vector3;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Standard deviation of an image point where the scene states none, px: a careful person on a full-size display.
+/// Default standard deviation of an image point, px: that of a careful person on a full-size display.
 pub const DEFAULT_SIGMA_PX: f64 = 1.0;
-/// Flatness of a plane where the scene does not state it, m.
+/// Default flatness of a plane, m.
 const DEFAULT_FLATNESS_M: f64 = 0.01;
-/// Inclination of an upright object where the scene does not state it, rad (½°).
+/// Default inclination of an upright object, rad (½°).
 const DEFAULT_LEAN_RAD: f64 = 0.01;
-/// Coordinates farther from zero than this are moved near it for the computation, m.
+/// Coordinates farther from zero than this are shifted towards it for the computation, m.
 const FAR_M: f64 = 10_000.0;
 
-/// The identity of a camera: its file, the size of its images; and its stated sigmas.
+/// The identity of a camera: its file, the size of its images, and its stated sigmas.
 type CameraUse<'a> = ((String, Option<String>), Option<(u32, u32)>, &'a BTreeMap<String, f64>);
 
-/// A scene in the making.
+/// A scene under construction.
 pub(super) struct Builder {
     path: PathBuf,
     folder: PathBuf,
     pub(super) scene: NamedScene,
-    /// The image points and distances so far, to the last digit.
+    /// The image points and distances added so far, with all digits.
     measured: HashSet<Measurement>,
     n_measured: usize,
 }
 
-/// The kind of a measurement, the indices of what it is between, and its numbers to the last bit.
+/// The kind of a measurement, the indices of the items that it relates, and its numbers bit by bit.
 type Measurement = (u8, [usize; 2], [u64; 2]);
 
 impl Builder {
@@ -77,7 +77,7 @@ impl Builder {
         }
     }
 
-    /// Index of a point; new names are added.
+    /// Returns the index of a point; new names are added.
     fn point(&mut self, name: &str) -> usize {
         self.scene.points.iter().position(|p| p == name).unwrap_or_else(|| {
             self.scene.points.push(name.to_string());
@@ -249,7 +249,7 @@ impl Builder {
         Ok(())
     }
 
-    /// The level plane, where a photograph knows which way is down.
+    /// Adds a level plane, where the direction of gravity is known in a photograph.
     fn gravity(&mut self, file: &SceneFile) -> Result<Option<usize>, FileError> {
         let mut level = None;
         for (photo, entry) in file.photo.iter().enumerate() {
@@ -319,7 +319,7 @@ impl Builder {
         Ok(())
     }
 
-    /// Adds an image point or a distance, unless it repeats an earlier one to the last digit: equal rows are one observation.
+    /// Adds an image point or a distance, unless it repeats an earlier one in all digits: equal rows are one observation.
     fn once(&mut self, given: Constraint) {
         let bits = |x: f64| (x + 0.0).to_bits();
         let measurement = match given {
@@ -367,7 +367,7 @@ impl Builder {
             self.scene.queries.push(NamedQuery { name, kind: query.kind, points });
         }
         if queries.is_empty() {
-            // Nothing asked: where everything is.
+            // Without queries, the positions of all points are computed.
             let all = (0..self.scene.points.len()).map(|p| NamedQuery {
                 name: self.scene.points[p].clone(),
                 kind: QueryKind::Position,
@@ -397,7 +397,7 @@ impl Builder {
         Ok(())
     }
 
-    /// National grid coordinates have millions of metres: the computation continues near zero.
+    /// Shifts coordinates such as those of national grids, which have millions of metres, towards zero for the computation.
     pub(super) fn moved_near_zero(&mut self) {
         let has_pose = self.scene.constraints.iter().any(|f| matches!(f, Constraint::Pose { .. }));
         let places = self.scene.constraints.iter().filter_map(|f| match f {
@@ -423,8 +423,8 @@ fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
         .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
 }
 
-/// A covariance that knows a direction exactly (a hinge) has no inverse: 1e-6 of its largest variances, and (1 µrad)² and (1 µm)²,
-/// change no number that anyone sees.
+/// Adds a floor to a covariance in which a direction is exact (a hinge), so that it has an inverse: 1e-6 of its largest variances, and (1 µrad)²
+/// and (1 µm)², which change no visible digit.
 pub(super) fn with_floor(covariance: &Matrix6) -> Matrix6 {
     let most = |first: usize| covariance.diagonal().rows(first, 3).max().max(0.0);
     let (turn, shift) = (1e-6 * most(0) + 1e-12, 1e-6 * most(3) + 1e-12);

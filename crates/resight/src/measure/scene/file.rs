@@ -1,4 +1,4 @@
-//! The scene file as it is written: mirrors of its tables, and nothing else. Keys of scenes written for version 1 are read as aliases.
+//! Mirrors of the tables of the scene file, and nothing else. Keys of scenes written for version 1 are read as aliases.
 
 use super::QueryKind;
 use serde::Deserialize;
@@ -36,7 +36,7 @@ pub(super) struct PhotoEntry {
     pub(super) name: String,
     pub(super) file: Option<PathBuf>,
     pub(super) camera: String,
-    /// The camera file itself, in place of a path.
+    /// The contents of the camera file, instead of a path.
     pub(super) camera_text: Option<String>,
     #[serde(default)]
     pub(super) intrinsics_sigma: BTreeMap<String, f64>,

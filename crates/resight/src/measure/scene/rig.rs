@@ -1,4 +1,4 @@
-//! A scene of the cameras of a rig file with their places.
+//! Builds a scene from the cameras of a rig file and their poses.
 
 use super::build::{Builder, with_floor};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
@@ -11,11 +11,11 @@ use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::read_image_points;
 use std::path::{Path, PathBuf};
 
-/// A scene of the cameras of a rig file with their places, and image points whose photographs are those cameras; positions of all points are
-/// asked for.
+/// Builds a scene from the cameras of a rig file with their poses, and from image points in photographs of those cameras; the query is the
+/// position of every point.
 ///
 /// # Errors
-/// Those of the files; cameras without a place in the rig.
+/// Errors of the files; cameras without a pose in the rig.
 pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
     let file = formats::read_cameras(rig)?;
     let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
@@ -42,7 +42,7 @@ pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Resu
     Ok(builder.finished())
 }
 
-/// A camera of the rig as a photograph whose place is known.
+/// Adds a camera of the rig as a photograph with a known pose.
 fn add_camera(builder: &mut Builder, named: &formats::NamedCamera) {
     let photo = builder.scene.photos.len();
     let camera = named.camera.clone();
@@ -59,7 +59,7 @@ fn add_camera(builder: &mut Builder, named: &formats::NamedCamera) {
     builder.scene.constraints.push(Constraint::Pose { photo, cam_from_world, covariance });
 }
 
-/// Where each point is, and how far from the one before.
+/// Returns queries for the position of each point, and for its distance from the previous one.
 fn all_positions(points: &[String]) -> Vec<NamedQuery> {
     let position =
         |p: usize| NamedQuery { name: points[p].clone(), kind: QueryKind::Position, points: vec![p] };
@@ -71,7 +71,7 @@ fn all_positions(points: &[String]) -> Vec<NamedQuery> {
     (0..points.len()).map(position).chain((1..points.len()).map(from_the_last)).collect()
 }
 
-/// Places of a rig must all be from one frame.
+/// Checks that all poses of a rig are relative to one frame.
 fn check_one_frame(rig: &Path, cameras: &[formats::NamedCamera]) -> Result<(), FileError> {
     let base = |c: &formats::NamedCamera| match &c.placement {
         Some(p) if p.b == c.name => Some(p.a.clone()),

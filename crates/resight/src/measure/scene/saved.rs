@@ -1,7 +1,7 @@
-//! A scene file that the page saved: it holds the page's own table `[session]` too, photographs included, which is left alone here. What is left is as
+//! Reads scene files that were saved by the page: the page's own table `[session]`, which includes photographs, is removed. The remainder is as
 //! small as other scene files.
 
-/// Where a character of TOML stands.
+/// The syntactic context of a character of TOML.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum At {
     Plain,
@@ -11,7 +11,7 @@ enum At {
     LongLiteral,
 }
 
-/// The text with every line of the tables `[session]`, `[session.…]` and `[[session.…]]` left empty, so that the others keep their numbers.
+/// Returns the text with every line of the tables `[session]`, `[session.…]` and `[[session.…]]` emptied, so that line numbers do not change.
 pub(super) fn without_session(text: &str) -> String {
     let (mut rest, mut at, mut is_session) = (String::new(), At::Plain, false);
     for line in text.split_inclusive('\n') {
@@ -33,7 +33,7 @@ pub(super) fn without_session(text: &str) -> String {
     rest
 }
 
-/// Where the character after a line stands.
+/// Returns the context of the character after a line.
 fn after(line: &[u8], mut at: At) -> At {
     let mut i = 0;
     while let Some(byte) = line.get(i) {
@@ -47,7 +47,7 @@ fn after(line: &[u8], mut at: At) -> At {
             (At::Basic | At::LongBasic, b'\\') => (at, 2),
             (At::LongBasic, b'"') if is_long(b"\"\"\"") => (At::Plain, 3),
             (At::LongLiteral, b'\'') if is_long(b"'''") => (At::Plain, 3),
-            // A string of one line ends with it, whatever it lacks.
+            // A string of one line ends with the line, even if it is not closed.
             (At::Basic, b'"' | b'\n') | (At::Literal, b'\'' | b'\n') => (At::Plain, 1),
             _ => (at, 1),
         };

@@ -56,7 +56,7 @@ fn targets() -> Vec<Target> {
     all
 }
 
-/// The pattern that `render` samples, at a place of the target's frame.
+/// Evaluates the pattern that `render` samples, at a position in the target's frame.
 fn is_rendered_black(target: &Target, [x, y]: [f64; 2]) -> bool {
     let style = Style { margin_m: Some(0.0), ..Style::default() };
     let ray = Point::new(x, y, 1.0);
@@ -65,7 +65,7 @@ fn is_rendered_black(target: &Target, [x, y]: [f64; 2]) -> bool {
         cam_from_target: Pose::new(nalgebra::Matrix3::identity(), Point::new(0.0, 0.0, 1.0)),
         style,
     };
-    // An AprilGrid is seen from its other side: what is printed there is the same pattern, mirrored by the view.
+    // An AprilGrid is seen from its other side: the print is the same pattern, mirrored by the view.
     let flipped = crate::render::Placed {
         cam_from_target: Pose::exp(&resight_core::Vector6::new(
             std::f64::consts::PI,
@@ -96,8 +96,7 @@ fn is_rendered_black(target: &Target, [x, y]: [f64; 2]) -> bool {
     nearest.1 == style.ink
 }
 
-/// Print and image cannot disagree: at places drawn at random over the sheet and a little beyond, the outlines are black exactly where the
-/// renderer is.
+/// Print and image agree: at random positions over the sheet and slightly beyond, the outlines are black exactly where the renderer is.
 #[test]
 fn outlines_hold_what_the_renderer_draws() {
     let mut random = Pcg::new(7);

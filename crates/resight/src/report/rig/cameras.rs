@@ -22,7 +22,7 @@ const HEAD: [&str; 11] = [
     "rms, px",
 ];
 
-/// One row a camera.
+/// Returns the table, one row per camera.
 pub(super) fn table(run: &RigRun) -> String {
     let rows: String = (0..run.rig.cameras.len()).map(|camera| row(&cells(run, camera))).collect();
     tabular("cameras", "Where each camera stands; ± is one standard deviation", &HEAD, &rows)
@@ -71,14 +71,14 @@ fn place(placed: &CameraInRig) -> Vec<String> {
     ]
 }
 
-/// Angles with the decimals that the standard deviations warrant.
+/// Writes angles with the decimals that the standard deviations justify.
 fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
     let decimals = words::decimals(sigmas_rad.into_iter().fold(0.0, f64::max).to_degrees());
     let angle = |x: f64| format!("{:+.decimals$}°", x.to_degrees());
     words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
 }
 
-/// The meaning of the columns, and the factor on the stated noise.
+/// Explains the columns, and the factor on the stated noise.
 pub(super) fn legend(run: &RigRun) -> String {
     let scale = run.solution.noise_scale;
     let noise = if 1.0 < scale {

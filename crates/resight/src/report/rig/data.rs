@@ -1,4 +1,4 @@
-//! The data of the script, as JSON in the page.
+//! The data of the script, embedded in the page as JSON.
 
 use super::Drawn;
 use super::pieces::number;
@@ -6,10 +6,10 @@ use super::residuals::{self, Packed};
 use crate::core::{Point, Pose};
 use crate::scene::geometry;
 
-/// Targets in views that the script gets; beyond, every so many, evenly.
+/// Largest number of target poses for the script; with more, one in every few is taken, evenly.
 const MOST_PLACED: usize = 6_000;
 
-/// A script element that is data: it never runs.
+/// Returns a script element that holds data and never runs.
 pub(super) fn json(drawn: &Drawn, packed: &Packed) -> String {
     let run = drawn.run;
     let cameras = list((0..run.rig.cameras.len()).map(|i| camera(drawn, packed, i)));
@@ -37,7 +37,7 @@ pub(super) fn json(drawn: &Drawn, packed: &Packed) -> String {
     )
 }
 
-/// Border and half axes come three numbers a point; half axes are those of the 95 % ellipsoid, metres, not magnified.
+/// Writes a camera. Border and half axes have three numbers per point; half axes are those of the 95 % ellipsoid, metres, not magnified.
 fn camera(drawn: &Drawn, packed: &Packed, camera: usize) -> String {
     let run = drawn.run;
     let placed = &run.solution.cameras[camera];
@@ -66,7 +66,7 @@ fn target(name: &str, points: &[Point]) -> String {
     )
 }
 
-/// w, x, y, z of the rotation and the translation in metres: seven numbers.
+/// Writes a pose as seven numbers: w, x, y, z of the rotation, and the translation in metres.
 fn pose(b_from_a: &Pose) -> String {
     let wxyz = b_from_a.quaternion_wxyz().map(|x| json_number(x, 5));
     let xyz = [0, 1, 2].map(|i| json_number(b_from_a.translation[i], 5));
@@ -77,7 +77,7 @@ fn numbers(values: impl IntoIterator<Item = f64>, decimals: usize) -> String {
     list(values.into_iter().map(|x| json_number(x, decimals)))
 }
 
-/// JSON has no word for what is no number; a drawing has no place for it.
+/// Writes a number; JSON has no word for numbers that are not finite, and they cannot be drawn.
 fn json_number(x: f64, decimals: usize) -> String {
     if x.is_finite() { number(x, decimals) } else { "0".into() }
 }
@@ -86,7 +86,7 @@ fn list(items: impl Iterator<Item = String>) -> String {
     format!("[{}]", items.collect::<Vec<_>>().join(","))
 }
 
-/// A JSON text that cannot end the element it stands in.
+/// Writes a JSON text that cannot end its element.
 fn text(text: &str) -> String {
     let quoted = serde_json::Value::from(text).to_string();
     quoted
@@ -99,7 +99,7 @@ fn text(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    /// Read back it is the same text; as it stands it holds nothing that HTML reacts to.
+    /// The text is unchanged when read back, and contains nothing that HTML interprets.
     #[test]
     fn texts_survive_and_stay_texts() {
         let hostile = "</script><script>alert(\"1\")</script><!-- & \u{2028} \\ 'é";

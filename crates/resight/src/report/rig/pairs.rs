@@ -8,7 +8,7 @@ use crate::rig::RigRun;
 use crate::rig::relative::between;
 use crate::scene::geometry;
 
-/// Rows that are shown; the pairs with the most shared views come first.
+/// Largest number of rows; the pairs with the most shared views come first.
 const MOST_ROWS: usize = 300;
 const HEAD: [&str; 9] = [
     "from",
@@ -22,7 +22,7 @@ const HEAD: [&str; 9] = [
     "± about its x y z",
 ];
 
-/// One row for each pair of cameras that share views.
+/// Returns one row for each pair of cameras that share views.
 pub(super) fn table(run: &RigRun) -> String {
     let n = run.rig.cameras.len();
     let counts = &run.solution.shared.counts;
@@ -78,8 +78,8 @@ fn cells(run: &RigRun, a: usize, b: usize) -> Vec<String> {
     cells
 }
 
-/// `cam_b_from_cam_a` and its covariance in frame b, where what was computed determines it: the covariance of all cameras together, or
-/// without it, for the reference camera, which has none of its own.
+/// Returns `cam_b_from_cam_a` and its covariance in frame b, where the run determines it: from the covariance of all cameras together, or,
+/// without it, for pairs with the reference camera, which has no covariance of its own.
 pub(super) fn relative(run: &RigRun, a: usize, b: usize) -> (Pose, Option<Matrix6>) {
     let s = &run.solution;
     let b_from_a = s.cameras[b].cam_from_rig * s.cameras[a].cam_from_rig.inverse();
@@ -140,7 +140,7 @@ mod tests {
         CameraInRig { cam_from_rig, covariance, n_views: 1, n_seen: 1, n_used: 1, rms_px: 0.0 }
     }
 
-    /// Three common causes move two cameras at once; the pair's covariance is that of the differences they make, by finite steps.
+    /// Three common causes move two cameras together; the pair's covariance is that of the resulting differences, by finite steps.
     #[test]
     fn what_two_cameras_share_does_not_move_them_apart() {
         let [ja, jb] =

@@ -1,9 +1,9 @@
-//! Small pieces of drawings and tables.
+//! Small elements of drawings and tables.
 
 use crate::core::Point;
 use std::fmt::Write;
 
-/// Rounded to `decimals`, without trailing zeros; a dash for what is no number.
+/// Rounds to `decimals`, without trailing zeros; returns a dash for a number that is not finite.
 pub(super) fn number(x: f64, decimals: usize) -> String {
     if !x.is_finite() {
         return "–".into();
@@ -13,12 +13,12 @@ pub(super) fn number(x: f64, decimals: usize) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Rounded to `decimals`, all of them shown; a dash for what is no number.
+/// Rounds to `decimals`, all of them shown; returns a dash for a number that is not finite.
 pub(super) fn fixed(x: f64, decimals: usize) -> String {
     if x.is_finite() { format!("{x:.decimals$}") } else { "–".into() }
 }
 
-/// `M x y L x y …` of points of a drawing, to a tenth of its unit; `Z` closes it. Empty where a point is none.
+/// Writes `M x y L x y …` for points of a drawing, to a tenth of its unit; `Z` closes the path. Empty where a point is not finite.
 pub(super) fn path(points: &[[f64; 2]], is_closed: bool) -> String {
     let mut text = String::new();
     for (i, [x, y]) in points.iter().enumerate() {
@@ -33,18 +33,18 @@ pub(super) fn path(points: &[[f64; 2]], is_closed: bool) -> String {
     text
 }
 
-/// The class that colours a camera's drawings.
+/// Returns the class that colours a camera's drawings.
 pub(super) fn color_class(camera: usize) -> String {
     format!("c{}", camera % crate::scene::N_COLORS)
 }
 
-/// A row of a table; texts must be escaped already.
+/// Returns a row of a table; texts must be escaped already.
 pub(super) fn row(cells: &[String]) -> String {
     let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();
     format!("<tr>{cells}</tr>\n")
 }
 
-/// A table with a head and a caption; texts must be escaped already.
+/// Returns a table with a head and a caption; texts must be escaped already.
 pub(super) fn tabular(class: &str, caption: &str, head: &[&str], rows: &str) -> String {
     let head: String = head.iter().map(|h| format!("<th scope=\"col\">{h}</th>")).collect();
     format!(
@@ -52,7 +52,7 @@ pub(super) fn tabular(class: &str, caption: &str, head: &[&str], rows: &str) -> 
     )
 }
 
-/// The viewpoint of a drawing in space; `view.js` computes the same.
+/// The viewpoint of a three-dimensional drawing; `view.js` computes the same.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Viewpoint {
     pub yaw_rad: f64,
@@ -60,13 +60,13 @@ pub(super) struct Viewpoint {
     pub centre: Point,
     /// Distance from the centre, m.
     pub distance_m: f64,
-    /// Drawing units from the middle at one radian, and the middle.
+    /// Drawing units from the centre at one radian, and the centre.
     pub focal: f64,
     pub middle: [f64; 2],
 }
 
 impl Viewpoint {
-    /// Rotated by yaw about the rig's y, then by pitch about the image's x; none behind the eye.
+    /// Projects a point: rotated by yaw about the rig's y, then by pitch about the image's x; `None` behind the viewer.
     pub fn project(&self, x_in_rig: &Point) -> Option<[f64; 2]> {
         let d = x_in_rig - self.centre;
         let (sin, cos) = self.yaw_rad.sin_cos();
@@ -78,7 +78,7 @@ impl Viewpoint {
         is_seen.then(|| [self.middle[0] + self.focal * x / depth, self.middle[1] + self.focal * y / depth])
     }
 
-    /// A whole line, or nothing where part of it lies behind the eye.
+    /// Returns a complete line, or nothing where part of it is behind the viewer.
     pub fn path(&self, points: impl IntoIterator<Item = Point>, is_closed: bool) -> String {
         let seen: Option<Vec<[f64; 2]>> = points.into_iter().map(|x| self.project(&x)).collect();
         path(&seen.unwrap_or_default(), is_closed)
@@ -98,7 +98,7 @@ mod tests {
         }
     }
 
-    /// Ahead lies higher in the image when looked at from above, right stays right, and what is behind the eye is not drawn.
+    /// Seen from above, points ahead are higher in the image, right remains right, and points behind the viewer are not drawn.
     #[test]
     fn the_viewpoint_is_above_and_behind() {
         let at = Viewpoint {

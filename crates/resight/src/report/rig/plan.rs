@@ -1,4 +1,4 @@
-//! Two plan drawings: from above and from behind, with the cameras' 95 % ellipses.
+//! Two plans, from above and from behind, with the cameras' 95 % ellipses.
 
 use super::Drawn;
 use super::pieces::{color_class, number, path};
@@ -10,7 +10,7 @@ use nalgebra::Matrix2;
 const SIDE: f64 = 420.0;
 const MARGIN: f64 = 30.0;
 
-/// Which two axes of the rig run to the right and up, the latter with its sign, and what that view is called.
+/// The axes of the rig that point to the right and up in the drawing, the latter with its sign, and the name of the view.
 #[derive(Clone, Copy)]
 struct Plane {
     across: usize,
@@ -30,18 +30,18 @@ pub(super) fn figure(drawn: &Drawn) -> String {
 }
 
 impl Plane {
-    /// Drawing coordinates of a point; y runs down in drawings.
+    /// Returns the drawing coordinates of a point; y points down in drawings.
     fn place(&self, drawn: &Drawn, x: &Point) -> [f64; 2] {
         let (d, scale) = (x - drawn.extent.centre, self.scale(drawn));
         [SIDE / 2.0 + d[self.across] * scale, SIDE / 2.0 - self.sign * d[self.up] * scale]
     }
 
-    /// Drawing units a metre.
+    /// Returns the drawing units per metre.
     fn scale(&self, drawn: &Drawn) -> f64 {
         (SIDE / 2.0 - MARGIN) / drawn.extent.radius_m
     }
 
-    /// The part of a covariance in this plane, second axis down.
+    /// Returns the part of a covariance in this plane, second axis down.
     fn covariance(&self, cam_from_rig: &Pose, covariance: &Matrix6) -> Matrix2<f64> {
         let all = geometry::position_covariance(cam_from_rig, covariance);
         let crossed = -self.sign * all[(self.across, self.up)];
@@ -71,14 +71,14 @@ fn plan(drawn: &Drawn, plane: Plane) -> String {
     )
 }
 
-/// A line of no length with round ends.
+/// Draws a dot as a line of zero length with round ends.
 fn dot(drawn: &Drawn, plane: Plane, x_in_rig: &Point) -> String {
     let [x, y] = plane.place(drawn, x_in_rig);
     let is_inside = (0.0..=SIDE).contains(&x) && (0.0..=SIDE).contains(&y);
     if is_inside { format!("M{} {}h0", number(x, 1), number(y, 1)) } else { String::new() }
 }
 
-/// The field of view as a wedge, the ellipse, the name.
+/// Draws the field of view as a wedge, the ellipse, and the name.
 fn camera(drawn: &Drawn, plane: Plane, camera: usize) -> String {
     let placed = &drawn.run.solution.cameras[camera];
     let rig_from_cam = placed.cam_from_rig.inverse();
@@ -103,7 +103,7 @@ fn camera(drawn: &Drawn, plane: Plane, camera: usize) -> String {
     )
 }
 
-/// A name beside a place, on the side where there is room.
+/// Writes a name beside a position, on the side where there is room.
 fn label([x, y]: [f64; 2], name: &str) -> String {
     let (side, anchor) = if x < 0.75 * SIDE { (7.0, "start") } else { (-7.0, "end") };
     let [x, y] = [number(x + side, 1), number(y - 7.0, 1)];
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::core::Vector6;
 
-    /// A place that is uncertain along one line of the rig alone has an ellipse that lies along the drawing of that line.
+    /// A position that is uncertain along one line of the rig only has an ellipse along the drawing of that line.
     #[test]
     fn ellipses_lie_along_what_is_uncertain() {
         let cam_from_rig = Pose::exp(&Vector6::new(0.3, -0.7, 0.2, 0.1, 0.5, -0.4));
@@ -126,7 +126,7 @@ mod tests {
             for plane in [ABOVE, BEHIND] {
                 let (long, short, along_rad) =
                     geometry::ellipse(&plane.covariance(&cam_from_rig, &covariance), 1.0);
-                // Drawings' y runs down: `up` is drawn as −sign.
+                // In drawings y points down: `up` is drawn as −sign.
                 let drawn = [direction[plane.across], -plane.sign * direction[plane.up]];
                 let crossed = drawn[0] * along_rad.sin() - drawn[1] * along_rad.cos();
                 assert!(crossed.abs() < 1e-9 && short < 1e-6, "{crossed} {short}");

@@ -1,4 +1,4 @@
-//! Residual vectors over each camera's image: every one of them packed for the script, cell means drawn for readers without.
+//! Residual vectors over each camera's image: all of them packed for the script, and the means of cells drawn for readers without scripts.
 
 use super::Drawn;
 use super::pieces::{color_class, number};
@@ -11,32 +11,32 @@ use nalgebra::Vector2;
 
 /// Columns and rows of cells over an image.
 const CELLS: [usize; 2] = [16, 12];
-/// Points that a cell's mean needs: of fewer, noise is all there is to see.
+/// Least number of points for the mean of a cell: with fewer, only noise would be visible.
 const LEAST_IN_CELL: usize = 3;
-/// Points on the page, used and left out: eight bytes each, a third more as text.
+/// Largest numbers of points on the page, used and left out: eight bytes each, a third more as text.
 const MOST_USED: usize = 120_000;
 const MOST_LEFT_OUT: usize = 30_000;
-/// Places are stored in steps of the image's width and height over this; the top bit says "left out".
+/// Number of steps of the image's width and height in which positions are stored; the top bit means "left out".
 const PLACE_STEPS: f64 = 32_767.0;
 const FINEST_STEP_PX: f64 = 0.01;
 const WIDTH: f64 = 320.0;
 
-/// The residuals of a run as the script reads them.
+/// The residuals of a run in the form that the script reads.
 pub(super) struct Packed {
-    /// Four little-endian 16-bit numbers a point: u and v in steps of the area (u's top bit: left out), residual in `step_px`.
+    /// Four little-endian 16-bit numbers per point: u and v in steps of the area (u's top bit: left out), residual in `step_px`.
     pub base64: String,
-    /// camera, view, target, number of points stored.
+    /// Indices of camera, view and target, and the number of points stored.
     pub observations: Vec<[usize; 4]>,
     /// Unit of the stored residuals, for each camera.
     pub steps_px: Vec<f64>,
-    /// One in so many points used, and points left out, is stored.
+    /// One in this many of the points used, and of the points left out, is stored.
     pub one_in: [usize; 2],
 }
 
 /// Position, residual, whether used.
 type Mark = (Pixel, Vector2<f64>, bool);
 
-/// The points of an observation that project somewhere.
+/// Iterates over the points of an observation that have a projection.
 fn marks(run: &RigRun, observation: usize) -> impl Iterator<Item = Mark> {
     let seen = &run.rig.observations[observation].seen;
     let results = &run.solution.observations[observation].residuals_px;
@@ -66,7 +66,7 @@ pub(super) fn packed(run: &RigRun) -> Packed {
     Packed { base64: base64(&bytes), observations: stored, steps_px, one_in }
 }
 
-/// A hundredth of a pixel, or what brings the largest residual into 16 bits.
+/// Returns a hundredth of a pixel, or the step with which the largest residual fits into 16 bits.
 fn step_px(run: &RigRun, camera: usize) -> f64 {
     let of_camera =
         (0..run.solution.observations.len()).filter(|&i| run.rig.observations[i].camera == camera);
@@ -96,7 +96,7 @@ fn pack(bytes: &mut Vec<u8>, (pixel, residual, is_used): &Mark, area: &Area, ste
     );
 }
 
-/// Unit of a camera's image coordinates.
+/// Returns the unit of a camera's image coordinates.
 pub(super) fn unit(run: &RigRun, camera: usize) -> &'static str {
     match (&run.rig.lenses[camera].lens, run.rig.lenses[camera].size) {
         (Lens::Photogrammetric(_), _) => "units of f",
@@ -105,13 +105,13 @@ pub(super) fn unit(run: &RigRun, camera: usize) -> &'static str {
     }
 }
 
-/// Factor by which single residuals are drawn longer at first: their root mean square becomes 1/40 of the width.
+/// Returns the initial magnification of single residuals: their root mean square becomes 1/40 of the width.
 pub(super) fn first_magnification(run: &RigRun) -> f64 {
     let widths = (0..run.rig.cameras.len()).map(|i| geometry::image_area(&run.rig, i).width());
     geometry::magnification(run.solution.rms_px, widths.fold(f64::INFINITY, f64::min) / 40.0)
 }
 
-/// One drawing a camera: the mean residual of each cell; a canvas beside it for the script.
+/// Returns one drawing per camera, with the mean residual of each cell, and a canvas beside it for the script.
 pub(super) fn figures(drawn: &Drawn, packed: &Packed) -> String {
     let means: Vec<Vec<(Pixel, Vector2<f64>)>> =
         (0..drawn.run.rig.cameras.len()).map(|i| cell_means(drawn.run, i)).collect();
@@ -182,7 +182,7 @@ fn arrow((place, mean): &(Pixel, Vector2<f64>), area: &Area, height: f64, factor
     )
 }
 
-/// Middle of each cell and the mean residual of the points used in it, row by row.
+/// Returns the centre of each cell and the mean residual of the points used in it, row by row.
 fn cell_means(run: &RigRun, camera: usize) -> Vec<(Pixel, Vector2<f64>)> {
     let area = geometry::image_area(&run.rig, camera);
     let mut sums = vec![(0usize, Vector2::zeros()); CELLS[0] * CELLS[1]];

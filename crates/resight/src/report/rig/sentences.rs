@@ -7,12 +7,12 @@ use crate::report::verdict::figures;
 use crate::report::words;
 use crate::rig::RigRun;
 
-/// A size that differs by more than this many standard deviations is said to be off: chance does so once in 370 times.
+/// A size that differs by more standard deviations than this is reported as wrong: by chance this happens once in 370 cases.
 const CLEARLY_SIGMAS: f64 = 3.0;
-/// A size known only to half of itself is as good as unknown.
+/// A relative uncertainty from which a size counts as unknown.
 const WORTHLESS_SIGMA: f64 = 0.5;
 
-/// Which joint of the rig is the weakest, and what would strengthen it; none for a single camera.
+/// Names the weakest connection of the rig and what would strengthen it; `None` for a single camera.
 pub fn weakest_link_sentence(run: &RigRun) -> Option<String> {
     let link = run.solution.weakest_link.as_ref()?;
     let name = |camera: usize| run.rig.cameras.get(camera).map_or("?", |c| c.name.as_str());
@@ -29,7 +29,7 @@ pub fn weakest_link_sentence(run: &RigRun) -> Option<String> {
     ))
 }
 
-/// For each target, whether its stated size agrees with everything else.
+/// States for each target whether its stated size agrees with all other measurements.
 pub fn scale_sentences(run: &RigRun) -> Vec<String> {
     run.rig.targets.iter().zip(&run.solution.scales).map(|(t, scale)| of_scale(&t.name, scale)).collect()
 }
@@ -54,7 +54,7 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
     )
 }
 
-/// One line: the numbers of cameras, views and points, and the residual.
+/// Returns one line: the numbers of cameras, views and points, and the residual.
 pub fn rig_headline(run: &RigRun) -> String {
     let s = &run.solution;
     let noise = match s.noise_scale {
@@ -88,7 +88,7 @@ pub fn rig_headline(run: &RigRun) -> String {
     )
 }
 
-/// Why an observation of a target took no part.
+/// Explains why an observation of a target took no part.
 pub fn rejection_sentence(reason: &RejectedObservation) -> String {
     match reason {
         RejectedObservation::Undetermined(error) => error.to_string(),

@@ -1,4 +1,4 @@
-//! The image in space: cameras, targets and the cameras' error ellipsoids, drawn once for readers without scripts.
+//! The three-dimensional view: cameras, targets and the cameras' error ellipsoids, drawn once for readers without scripts.
 
 use super::Drawn;
 use super::pieces::{Viewpoint, color_class, number};
@@ -8,14 +8,14 @@ use crate::scene::geometry;
 use nalgebra::Matrix3;
 
 const SIZE: [f64; 2] = [960.0, 560.0];
-/// Targets that are drawn; more would only cover each other.
+/// Largest number of targets drawn; more would only cover each other.
 const MOST_TARGETS: usize = 60;
-/// Corners of an ellipse drawn as a line.
+/// Number of corners of an ellipse drawn as a line.
 const ROUND: usize = 32;
-/// From behind the cameras' right shoulder; `view.js` starts there too.
+/// The view is from behind the right side of the cameras, which is also where `view.js` starts.
 const YAW_RAD: f64 = 0.6;
 const PITCH_RAD: f64 = 0.45;
-/// Distance of the eye in reaches of the scene, and the part of the image's half height that the reach fills.
+/// Distance of the viewer in radii of the scene, and the part of the image's half height that the radius fills.
 const DISTANCE: f64 = 3.2;
 const FILLED: f64 = 1.3;
 
@@ -103,7 +103,7 @@ fn targets(drawn: &Drawn, eye: &Viewpoint) -> String {
     format!("<path d=\"{paths}\"/>")
 }
 
-/// Border of the image at a chosen depth, lines from the centre to its corners, and the name.
+/// Draws the border of the image at a chosen depth, lines from the centre to its corners, and the name.
 fn pyramid(drawn: &Drawn, eye: &Viewpoint, camera: usize) -> String {
     let rig_from_cam = drawn.run.solution.cameras[camera].cam_from_rig.inverse();
     let depth = geometry::pyramid_depth_m(&drawn.extent);
@@ -125,7 +125,7 @@ fn pyramid(drawn: &Drawn, eye: &Viewpoint, camera: usize) -> String {
     format!("<g class=\"{}\"><path d=\"{}{edges}\"/>{label}</g>", color_class(camera), eye.path(border, true))
 }
 
-/// Its three principal ellipses, magnified.
+/// Draws the three principal ellipses of an ellipsoid, magnified.
 fn ellipsoid(drawn: &Drawn, eye: &Viewpoint, camera: usize) -> String {
     let placed = &drawn.run.solution.cameras[camera];
     let covariance = geometry::position_covariance(&placed.cam_from_rig, &placed.covariance);
@@ -152,7 +152,7 @@ fn axes(drawn: &Drawn, eye: &Viewpoint) -> String {
     [("x", Point::x()), ("y", Point::y()), ("z", Point::z())].map(axis).concat() + &name_of_reference(drawn)
 }
 
-/// The text of the drawing for screen readers.
+/// Returns the text of the drawing for screen readers.
 fn name_of_reference(drawn: &Drawn) -> String {
     let reference = drawn.run.rig.cameras.get(drawn.run.solution.reference);
     reference.map_or(String::new(), |c| format!("<desc>Frame of the rig: {}</desc>", escaped(&c.name)))

@@ -4,18 +4,18 @@ use crate::core::multiview::rig::{Cause, LensOffset, Losses, RigSolution};
 use crate::report::verdict::{Status, figures};
 use crate::rig::RigRun;
 
-/// Status of the whole rig.
+/// Returns the status of the whole rig.
 pub fn rig_status(solution: &RigSolution) -> Status {
     if solution.verdict.is_inconsistent { Status::Inconsistent } else { Status::Ok }
 }
 
-/// Status of one camera of it.
+/// Returns the status of one camera of the rig.
 pub fn camera_status(solution: &RigSolution, camera: usize) -> Status {
     let losses = solution.verdict.cameras.get(camera);
     if losses.is_none_or(Losses::is_ok) { Status::Ok } else { Status::Inconsistent }
 }
 
-/// The contradiction with the camera or target and the likely cause; none where nothing contradicts.
+/// Describes the contradiction with its camera or target and the likely cause; `None` where nothing contradicts.
 pub fn rig_verdict_sentence(run: &RigRun) -> Option<String> {
     let verdict = &run.solution.verdict;
     if !verdict.is_inconsistent {
@@ -30,7 +30,7 @@ pub fn rig_verdict_sentence(run: &RigRun) -> Option<String> {
     })
 }
 
-/// The fault of one camera; none where there is none.
+/// Describes the fault of one camera; `None` without a fault.
 pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
     let (solution, name) = (&run.solution, &run.rig.cameras[camera].name);
     let losses = &solution.verdict.cameras[camera];
@@ -75,7 +75,7 @@ fn lost(name: &str, losses: &Losses) -> String {
     }
 }
 
-/// The parameter that is off most, and by how much: what to add to it.
+/// Names the parameter with the largest error, and the correction to be added to it.
 fn off(offset: &LensOffset) -> String {
     let percent = |x: f64, sigma: f64| format!("by about {:+.1} % ± {:.1} %", 100.0 * x, 100.0 * sigma);
     match offset.worst() {

@@ -1,4 +1,4 @@
-//! Views × cameras: the share of points used, and the observations left out whole.
+//! The table of views × cameras: the share of points used, and the observations that were left out as a whole.
 
 use super::pieces::{fixed, row, tabular};
 use crate::core::multiview::rig::RejectedObservation;
@@ -6,9 +6,9 @@ use crate::report::html::escaped;
 use crate::rig::RigRun;
 use std::collections::BTreeMap;
 
-/// Cells that are shown: beyond, only the views with the smallest share of points used.
+/// Largest number of cells; beyond it, only the views with the smallest share of points used are shown.
 const MOST_CELLS: usize = 24_000;
-/// Rejected observations that are listed.
+/// Largest number of rejected observations listed.
 const MOST_REJECTED: usize = 500;
 
 /// The points of a camera in a view, over all targets.
@@ -36,7 +36,7 @@ impl Cell {
         (self.sum_squares / self.n_used as f64).sqrt()
     }
 
-    /// 0 (none used) to 10 (all): the class that colours it. Only a whole 1 is 10, only a whole 0 is 0.
+    /// Returns 0 (none used) to 10 (all), the class that colours the cell. Only a share of exactly 1 is 10, and only one of exactly 0 is 0.
     fn tenths(&self) -> usize {
         match self.n_used {
             0 => 0,
@@ -60,7 +60,7 @@ fn cells(run: &RigRun) -> BTreeMap<(usize, usize), Cell> {
     cells
 }
 
-/// One row a view, one column a camera.
+/// Returns the table, one row per view, one column per camera.
 pub(super) fn table(run: &RigRun) -> String {
     let cells = cells(run);
     let shown = shown_views(run, &cells);
@@ -137,7 +137,7 @@ fn view_row(run: &RigRun, view: usize, cells: &BTreeMap<(usize, usize), Cell>) -
     )
 }
 
-/// Whole per cents; 100 only where all were used.
+/// Writes whole per cents; 100 only where all points were used.
 fn percent(cell: &Cell) -> String {
     if cell.n_used == cell.n_seen { "100".into() } else { format!("{:.0}", (100.0 * cell.share()).min(99.0)) }
 }
@@ -148,7 +148,7 @@ fn counts(cell: &Cell) -> String {
     format!("{} of {} points{rms}{rejected}", cell.n_used, cell.n_seen)
 }
 
-/// Observations that took no part, each with its reason.
+/// Lists the observations that took no part, each with its reason.
 pub(super) fn rejected(run: &RigRun) -> String {
     let all = run.rig.observations.iter().zip(&run.solution.observations);
     let rejected: Vec<_> = all.filter_map(|(s, r)| Some((s, r.rejected.as_ref()?))).collect();

@@ -20,7 +20,7 @@ struct Columns {
     t_s: Option<usize>,
 }
 
-/// Names of the cameras in a file, in natural order; none where no column names them.
+/// Returns the names of the cameras in a file, in natural order; none where no column states them.
 pub(crate) fn camera_names(path: &Path) -> Result<Vec<String>, Error> {
     let table = Table::open(path, "camera,view,id,x_m,y_m,z_m,u_px,v_px")?;
     let Some(column) = table.find("camera") else { return Ok(Vec::new()) };
@@ -34,7 +34,7 @@ pub(crate) fn camera_names(path: &Path) -> Result<Vec<String>, Error> {
     Ok(names)
 }
 
-/// Hands every row of a file to the reader.
+/// Passes every row of a file to the reader.
 pub(super) fn read(path: &Path, reader: &mut Reader) -> Result<(), Error> {
     let table = Table::open(path, "camera,view,id,x_m,y_m,z_m,u_px,v_px")?;
     let columns = columns(&table, reader)?;
@@ -67,7 +67,7 @@ fn columns(table: &Table, reader: &Reader) -> Result<Columns, FileError> {
     if space.is_none() && id.is_none() {
         table.need("id", Some("which point of the target each row is"))?;
     }
-    // Rows of one camera need not name it.
+    // If there is only one camera, its rows need not name it.
     let camera = match reader.collected.cameras.len() {
         1 => table.find("camera"),
         _ => Some(table.need("camera", None)?),
@@ -86,7 +86,7 @@ fn row<'a>(
 ) -> Result<DetectionRow<'a>, FileError> {
     let text = |column: Option<usize>| column.and_then(|i| cells.text(i));
     let target = text(columns.target);
-    // Targets that only rows name have no points of their own.
+    // Targets that are named only in rows have no points of their own.
     let is_known = match target {
         Some(name) => reader.targets.get(name).is_some_and(|i| reader.collected.targets[*i].target.is_some()),
         None => reader.collected.targets.first().is_some_and(|target| target.target.is_some()),
@@ -97,7 +97,7 @@ fn row<'a>(
         }
         _ => None,
     };
-    // Without a column of views the time as written names the frame.
+    // Without a column of views, the time as written is the name of the frame.
     let view = columns.view.or(columns.t_s).unwrap_or_default();
     let Some(view_name) = cells.text(view) else {
         return Err(cells.complaint(view, "is empty; name the view"));

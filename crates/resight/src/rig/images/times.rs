@@ -1,4 +1,4 @@
-//! When each frame of each camera was taken.
+//! The time of each frame of each camera.
 
 use super::super::observed::{Collected, LeftOut};
 use super::super::request::not_among;
@@ -16,16 +16,16 @@ pub struct FrameTimes {
 }
 
 impl FrameTimes {
-    /// The time of a frame, seconds, on a clock that all cameras share; whether it had none before. `frame` is the image's name without
-    /// its ending, or the number of a video's frame counted from 0.
+    /// Sets the time of a frame, seconds, on a clock that all cameras share; returns whether it had none before. `frame` is the image's name
+    /// without its extension, or the index of a video's frame, counted from 0.
     pub fn insert(&mut self, camera: &str, frame: &str, t_s: f64) -> bool {
         self.times.insert((camera.to_string(), frame.to_string()), t_s).is_none()
     }
 
-    /// Reads the columns camera, frame, t_s of a CSV file; `cameras` are the names that there are.
+    /// Reads the columns camera, frame, t_s of a CSV file; `cameras` are the known names.
     ///
     /// # Errors
-    /// With its line: a camera that there is not, a frame without a name or with two times, a time that is no number.
+    /// With its line: an unknown camera, a frame without a name or with two times, a time that is not a number.
     pub fn read(path: &Path, cameras: &[String]) -> Result<Self, FileError> {
         let table = Table::open(path, "camera,frame,t_s")?;
         let (camera, frame, t_s) =
@@ -53,7 +53,7 @@ impl FrameTimes {
         Ok(times)
     }
 
-    /// Refuses cameras that there are not, and times that are no numbers.
+    /// Refuses unknown cameras, and times that are not numbers.
     pub(super) fn check(&self, cameras: &[String]) -> Result<(), Error> {
         for ((camera, frame), t_s) in &self.times {
             if !cameras.contains(camera) {
@@ -68,7 +68,7 @@ impl FrameTimes {
         Ok(())
     }
 
-    /// Gives each frame its time; those without one cannot be matched and are left out.
+    /// Gives each frame its time; frames without one cannot be matched and are left out.
     pub(super) fn stamp(&self, collected: &mut Collected) -> Result<(), Error> {
         let frames = std::mem::take(&mut collected.frames);
         let n = frames.len();

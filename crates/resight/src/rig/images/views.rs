@@ -1,4 +1,4 @@
-//! The name of each image's view, from file names.
+//! Derives the name of each image's view from file names.
 
 use crate::error::Error;
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 
 /// An image of a camera.
 pub(super) struct ImageFile {
-    /// Which camera.
+    /// Index of the camera.
     pub camera: usize,
-    /// The text that matched the wildcards of its pattern; none where it was given as a path.
+    /// The text matched by the wildcards of its pattern; `None` where it was given as a path.
     pub wild: Option<String>,
     /// The file.
     pub path: PathBuf,
 }
 
-/// Each image's view, and what to say about it: the file's name without its ending where cameras share such names, else what
-/// the patterns' wildcards stand for, else the name without the part that stands for the camera. Where time stamps decide, names need
-/// only differ within a camera.
+/// Returns each image's view, and remarks: the file's name without its extension where cameras share such names, else the text matched by the
+/// patterns' wildcards, else the name without the part that denotes the camera. Where time stamps decide, names only need to differ within a
+/// camera.
 pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String>, Option<String>), Error> {
     let stems: Vec<String> = images
         .iter()
@@ -50,14 +50,14 @@ pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String
     }
 }
 
-/// Two images of one camera with the same name.
+/// Finds two images of one camera with the same name.
 fn duplicates<'a>(images: &'a [ImageFile], names: &[String]) -> Option<(&'a Path, &'a Path)> {
     let mut seen = BTreeMap::new();
     let mut pairs = images.iter().zip(names);
     pairs.find_map(|(p, name)| seen.insert((p.camera, name), &p.path).map(|earlier| (&**earlier, &*p.path)))
 }
 
-/// Whether any name is that of images of two cameras.
+/// Returns whether any name occurs for images of two cameras.
 fn are_shared(images: &[ImageFile], names: &[String]) -> bool {
     let mut cameras: BTreeMap<&str, BTreeSet<usize>> = BTreeMap::new();
     for (image, name) in images.iter().zip(names) {
@@ -66,9 +66,9 @@ fn are_shared(images: &[ImageFile], names: &[String]) -> bool {
     cameras.values().any(|cameras| 1 < cameras.len())
 }
 
-/// File names without the parts that stand for the camera: those that are the same in all images of a camera and differ between cameras,
-/// as `left` and `right` of `left01` and `right01`. None where the names are not made alike, or where a camera has a single image, whose
-/// number is the same in all of its images too.
+/// Removes the parts that denote the camera: those that are equal in all images of a camera and differ between cameras, such as `left` and
+/// `right` of `left01` and `right01`. `None` where the names have different structures, or where a camera has a single image, whose number is
+/// the same in all of its images too.
 fn without_camera(images: &[ImageFile], stems: &[String]) -> Option<Vec<String>> {
     let parts: Vec<Vec<&str>> = stems.iter().map(|stem| parts(stem)).collect();
     let n_parts = parts.first()?.len();
@@ -93,7 +93,7 @@ fn without_camera(images: &[ImageFile], stems: &[String]) -> Option<Vec<String>>
     names.iter().all(|name| !name.is_empty()).then_some(names)
 }
 
-/// Runs of letters, of digits and of anything else.
+/// Splits a name into runs of letters, of digits and of other characters.
 fn parts(name: &str) -> Vec<&str> {
     let kind = |c: char| (c.is_ascii_digit(), c.is_alphabetic());
     let mut parts = Vec::new();
@@ -106,7 +106,7 @@ fn parts(name: &str) -> Vec<&str> {
     parts
 }
 
-/// What the wildcards of a pattern stand for in a path, folder by folder from the end; none without wildcards.
+/// Returns the text that the wildcards of a pattern match in a path, folder by folder from the end; `None` without wildcards.
 pub(super) fn wild_part(pattern: &str, path: &Path) -> Option<String> {
     let mut parts = Vec::new();
     let folders = Path::new(pattern).components().rev().zip(path.components().rev());
@@ -125,7 +125,7 @@ pub(super) fn wild_part(pattern: &str, path: &Path) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join("/"))
 }
 
-/// The letters that `*`, `?` and `[…]` stand for; none where the pattern does not fit.
+/// Returns the text that `*`, `?` and `[…]` match; `None` where the pattern does not match.
 fn captured(pattern: &[char], name: &[char]) -> Option<String> {
     match (pattern, name) {
         ([], []) => Some(String::new()),
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(of_lists(&numbered).0[2], "cam_2024-01-02_8");
     }
 
-    /// Left01 and right04 are no view of both, however their names are cut.
+    /// Left01 and right04 are not the same view, whichever parts are removed.
     #[test]
     fn names_that_share_nothing_stay_as_they_are() {
         for other in [["right04.jpg", "right05.jpg"], ["r_a.jpg", "r_b.jpg"], ["x.jpg", "y.jpg"]] {

@@ -1,11 +1,11 @@
-//! Which release of ffmpeg is installed, and what it calls things.
+//! The installed release of ffmpeg, and the names of its options.
 
-/// Major and minor number; none of a snapshot, which has a name instead and is taken for a new one.
+/// Major and minor number; `None` for a snapshot, which has a name instead and is treated as new.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Release(Option<(u32, u32)>);
 
 impl Release {
-    /// From what `ffmpeg -version` says.
+    /// Reads the output of `ffmpeg -version`.
     pub fn read(version: &str) -> Self {
         let number = version.split_whitespace().nth(2).unwrap_or_default().trim_start_matches('n');
         let mut parts = number.split(['.', '-']).map(|part| part.parse::<u32>().ok());
@@ -17,22 +17,22 @@ impl Release {
         self.0.is_some_and(|number| number < (major, minor))
     }
 
-    /// The option that passes frames through was renamed with 5.1, and its old name has been removed since.
+    /// Returns the option that passes frames through, which was renamed in 5.1; its old name has been removed since.
     pub fn each_frame_once(self) -> [&'static str; 2] {
         [if self.is_before(5, 1) { "-vsync" } else { "-fps_mode" }, "passthrough"]
     }
 
-    /// The option that ends waiting for an RTSP server: before 5.0 `-timeout` meant to be one, and to wait for callers.
+    /// Returns the option that limits the wait for an RTSP server: before 5.0 `-timeout` made ffmpeg a server that waits for connections.
     pub fn rtsp_patience(self) -> &'static str {
         if self.is_before(5, 0) { "-stimeout" } else { "-timeout" }
     }
 
-    /// Entries of a playlist have options of their own since 5.0.
+    /// Returns whether entries of a playlist can have options of their own, as since 5.0.
     pub fn takes_options_in_playlists(self) -> bool {
         !self.is_before(5, 0)
     }
 
-    /// The decoder is a thread of its own since 7.0, ahead of the filter: with this it says which frame it has decoded.
+    /// Returns the option with which the decoder reports each frame: since 7.0 it is a thread of its own, ahead of the filter.
     pub fn decoder_says(self) -> &'static [&'static str] {
         if self.is_before(7, 0) { &[] } else { &["-debug_ts"] }
     }

@@ -1,32 +1,32 @@
-//! Which frames were pieced together from damaged data.
+//! Determines which frames were decoded from damaged data.
 //!
-//! Up to release 6 decoder and filter take turns: the complaint about a frame comes right before its line. Since 7.0 the decoder is a
-//! thread of its own and up to about eight frames ahead; the lines of those come in between. There it says the stamp of each frame
-//! it gives (`-debug_ts`), right behind the complaint.
+//! Up to release 6 decoder and filter alternate: the complaint about a frame comes right before its line. Since 7.0 the decoder is a thread of
+//! its own and up to about eight frames ahead; the lines of those frames come in between. There it reports the stamp of each frame
+//! (`-debug_ts`), right after the complaint.
 
 use std::collections::VecDeque;
 
-/// Complaints about frames that never come (cut off by `-t`) are forgotten, the oldest first.
+/// Complaints about frames that never arrive (cut off by `-t`) are discarded, the oldest first.
 const MOST: usize = 64;
 
-/// Complaints about frames to come.
+/// Complaints about frames that have not arrived yet.
 #[derive(Debug, Default)]
 pub(super) struct Torn {
-    /// Whether the decoder says what it decodes.
+    /// Whether the decoder reports the frames that it decodes.
     is_named: bool,
-    /// About the next frame that is named, or the next at all.
+    /// The complaint about the next frame that is reported, or about the next frame.
     complaint: Option<String>,
-    /// Stamps in seconds, where there are stamps.
+    /// The complaints with stamps in seconds, where there are stamps.
     frames: VecDeque<(Option<f64>, String)>,
 }
 
 impl Torn {
-    /// The decoder complains.
+    /// Records a complaint of the decoder.
     pub fn complain(&mut self, words: String) {
         self.complaint = Some(words);
     }
 
-    /// The decoder gives a frame.
+    /// Records that the decoder reported a frame.
     pub fn name(&mut self, time_s: Option<f64>) {
         self.is_named = true;
         if let Some(words) = self.complaint.take() {
@@ -35,7 +35,7 @@ impl Torn {
         }
     }
 
-    /// Why the frame of this stamp, in ticks of so many seconds, is not to be trusted.
+    /// Returns why the frame of this stamp cannot be trusted; a tick has `tick_s` seconds.
     pub fn take(&mut self, time_s: Option<f64>, tick_s: f64) -> Option<String> {
         if !self.is_named {
             return self.complaint.take();
@@ -49,7 +49,7 @@ impl Torn {
         self.frames.remove(place).map(|(_, words)| words)
     }
 
-    /// The same of a frame whose line was not understood: it may be any of those.
+    /// Returns the complaint for a frame whose line was not understood: it may be any of those.
     pub fn take_any(&mut self) -> Option<String> {
         if self.is_named { self.frames.pop_back().map(|(_, words)| words) } else { self.complaint.take() }
     }

@@ -1,34 +1,34 @@
-//! What ffmpeg says on stderr, at log level `info` with the level before each line.
+//! Interprets ffmpeg's messages on stderr, at log level `info` with the level before each line.
 
-/// What a line says of the frames.
+/// What a line reports about frames.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Reported {
-    /// One tick of the stamps that follow.
+    /// The time base of the stamps that follow.
     TimeBase {
-        /// Seconds.
+        /// Seconds per tick.
         seconds: f64,
     },
-    /// A frame goes out.
+    /// A frame is written.
     Frame {
-        /// Counted from 0, and again from 0 when frames change.
+        /// Its index, counted from 0, and again from 0 when the format of the frames changes.
         number: u64,
-        /// Its presentation time in ticks; none where the stream states none.
+        /// Its presentation time in ticks; `None` where the stream states none.
         ticks: Option<i64>,
         /// Columns and rows.
         size_px: [u32; 2],
     },
-    /// The frame that the decoder gives next was pieced together from damaged data.
+    /// The next frame of the decoder was made from damaged data.
     CorruptFrame(String),
-    /// The decoder gives a frame.
+    /// The decoder has produced a frame.
     Decoded {
-        /// Its presentation time; none where the stream states none.
+        /// Its presentation time; `None` where the stream states none.
         time_s: Option<f64>,
     },
-    /// Data that gave no frame.
+    /// Data from which no frame could be decoded.
     NoFrame(String),
 }
 
-/// Packets that could not be decoded (before and since release 6), Matroska and MP4 files that were cut off.
+/// Messages about packets that could not be decoded (before and since release 6), and about truncated Matroska and MP4 files.
 const GAVE_NO_FRAME: [&str; 4] = [
     "Error while decoding stream",
     "Error submitting packet to decoder",
@@ -36,10 +36,10 @@ const GAVE_NO_FRAME: [&str; 4] = [
     "partial file",
 ];
 
-/// What the decoder says of a frame that was pieced together.
+/// The decoder's message about a frame made from damaged data.
 const CORRUPT: &str = "corrupt decoded frame";
 
-/// What a line says of the frames. Two threads may share one: the filter begins it, the decoder ends it, without its marks.
+/// Interprets a line. Two threads may share one: the filter begins it, and the decoder ends it, without its marks.
 pub(super) fn reported(line: &str) -> Vec<Reported> {
     let shown = line.split_once("Parsed_showinfo").map(|(_, shown)| shown);
     let of_filter = shown.and_then(|shown| time_base(shown).or_else(|| frame(shown)));
@@ -57,43 +57,43 @@ fn of_decoder(line: &str) -> Option<Reported> {
     GAVE_NO_FRAME.iter().any(|words| complaint.contains(words)).then_some(Reported::NoFrame(complaint))
 }
 
-/// `171000 pts_time:1.9 … time_base:1/90000`; without a stamp `NOPTS …`. The time itself is rounded there.
+/// Reads `171000 pts_time:1.9 … time_base:1/90000`, or `NOPTS …` without a stamp. The time itself is rounded there.
 fn decoded_s(given: &str) -> Option<f64> {
     let ticks: i64 = given.split_whitespace().next()?.parse().ok()?;
     let (_, base) = given.rsplit_once("time_base:")?;
     Some(ratio(base.split_whitespace().next()?)? * ticks as f64)
 }
 
-/// What went wrong, without the marks before it; none where the line is no complaint.
+/// Returns the complaint without the marks before it; `None` where the line is not a complaint.
 pub(super) fn complaint(line: &str) -> Option<String> {
     let levels = ["[panic]", "[fatal]", "[error]", "[warning]"];
     let words = levels.iter().find_map(|level| line.split_once(level))?.1.trim();
-    // A wrong protocol is named on the line before.
+    // A misspelt protocol is named on the previous line.
     (!words.is_empty() && !words.starts_with("Did you mean")).then(|| words.to_string())
 }
 
-/// Whether a complaint only sums up, for an input that cannot be opened, what was said before it (`bind failed: Address already in use`).
-/// Its own reason is often another: the code of the error is lost on the way. An address in the words before may hold a password.
+/// Returns whether a complaint only summarises, for an input that cannot be opened, the previous message (`bind failed: Address already in
+/// use`). Its own reason is often wrong, because the error code is lost. An address in the previous message may contain a password.
 pub(super) fn sums_up(complaint: &str, before: &str, input: &str) -> bool {
     let of_input = complaint.strip_prefix(input).is_some_and(|rest| rest.starts_with(": "));
     let is_sum = complaint.starts_with("Error opening input") || (of_input && !complaint.contains(CORRUPT));
     is_sum && !before.contains("://")
 }
 
-/// `config in time_base: 1/90000, frame_rate: 25/1`
+/// Reads `config in time_base: 1/90000, frame_rate: 25/1`.
 fn time_base(shown: &str) -> Option<Reported> {
     let (_, after) = shown.split_once("config in time_base: ")?;
     ratio(after.split(',').next()?.trim()).map(|seconds| Reported::TimeBase { seconds })
 }
 
-/// `1/90000`
+/// Reads a ratio such as `1/90000`.
 fn ratio(text: &str) -> Option<f64> {
     let (over, under) = text.split_once('/')?;
     let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
     (ratio.is_finite() && 0.0 < ratio).then_some(ratio)
 }
 
-/// `n:   7 pts:   3570 pts_time:0.297 … s:640x480 i:P …`; without a stamp `pts:  NOPTS`.
+/// Reads `n:   7 pts:   3570 pts_time:0.297 … s:640x480 i:P …`, or `pts:  NOPTS` without a stamp.
 fn frame(shown: &str) -> Option<Reported> {
     let after = |name: &str| shown.split_once(name).map(|(_, after)| after.trim_start());
     let word = |name: &str| after(name)?.split_whitespace().next();

@@ -4,7 +4,7 @@ use super::super::bytes::triangle;
 use super::super::rows::{StoredEvent, StoredRow};
 use nalgebra::{SMatrix, SVector};
 
-/// What to export.
+/// The table to export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Table {
     /// Frames, minutes and hours.
@@ -13,7 +13,7 @@ pub enum Table {
     Events,
 }
 
-/// What a column holds.
+/// The type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Text,

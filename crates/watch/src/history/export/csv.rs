@@ -1,4 +1,4 @@
-//! As CSV: a header with units, numbers with every digit, empty where there is nothing.
+//! Writes CSV: a header with units, numbers with all digits, empty cells for missing values.
 
 use super::Sheet;
 use super::cells::{Cell, Table};

@@ -1,4 +1,4 @@
-//! As Parquet: a column of doubles, whole numbers or text for each column, empty cells as null; row groups of bounded size.
+//! Writes Parquet: each column of doubles, integers or text, missing values as null, row groups of bounded size.
 
 use super::Sheet;
 use super::cells::{Cell, Kind, Table};
@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::sync::Arc;
 
-/// Rows kept in memory; about 20 MB of frames.
+/// Number of rows in memory; about 20 MB of frames.
 const ROWS: usize = 8_192;
 
 struct Groups {

@@ -1,9 +1,10 @@
-//! Do the points of a target disagree with each other about a motion? Half of them hidden, in a shadow or behind a drop of water are off to
-//! one side while the others stay where they were: that is a fault of the observation, no motion of the camera.
+//! Tests whether the points of a target contradict each other about a motion. Half of them, hidden, in a shadow or behind a drop of water, are
+//! displaced
+//! while the others are unchanged: that is a fault of the observation, not a motion of the camera.
 //!
-//! A single view of a few points cannot show it, because a pose of six numbers takes up nearly all that four corners can do. Against the pose
-//! that is expected it shows: hardly any motion leaves half of the points where they were. While a fault lasts its views are judged together,
-//! because the mean of their residuals says more than each of them.
+//! A single view of a few points cannot show it, because a pose of six numbers absorbs nearly every displacement of four corners. Relative to
+//! the expected pose it is visible: hardly any motion leaves half of the points unchanged. During a fault its views are judged together, because
+//! the mean of their residuals is more conclusive than each of them.
 //!
 //! ```text
 //!   r = J δ + n          residuals of the points at the expected pose; δ its error, covariance D
@@ -27,7 +28,7 @@ const NEWEST: f64 = 0.25;
 /// Each of so few points is tried as the first that is off.
 const FEW: usize = 8;
 
-/// Whether points of the views so far contradicted each other, and how far they were off on the average.
+/// Whether points of the views so far contradicted each other, and their mean displacement.
 #[derive(Debug, Default)]
 pub(super) struct Disagreement {
     /// Empty where the last view had no fault.
@@ -42,7 +43,7 @@ struct Off {
     mean: Vector2<f64>,
 }
 
-/// What the last view is compared with: the expected cam_from_target, and the inverse of its covariance.
+/// The comparison for the last view: the expected cam_from_target, and the inverse of its covariance.
 pub(super) struct Expected<'a> {
     pub lens: &'a Camera,
     pub pose: Pose,
@@ -110,7 +111,7 @@ impl Disagreement {
 /// A point at the expected pose.
 struct Row {
     residual: Vector2<f64>,
-    /// Of each coordinate.
+    /// Variance of each coordinate.
     variance: f64,
     by_motion: SMatrix<f64, 2, 6>,
 }
@@ -133,7 +134,7 @@ struct Weighed {
     nothing: f64,
     fault: f64,
     by_motion: f64,
-    /// How many points are off; whether more than half are.
+    /// Number of displaced points, and whether they are more than half.
     away: usize,
     is_of_most: bool,
 }
@@ -172,7 +173,7 @@ impl Fit {
     }
 }
 
-/// The three stories of some points, from what is known of the expected pose.
+/// Compares the three hypotheses about some points, given the expected pose.
 fn weigh(rows: &[Row], known: &Matrix6<f64>) -> Weighed {
     let fit = |information: Matrix6<f64>| {
         let mut fit = Fit { information, right: Vector6::zeros(), squares: 0.0 };
@@ -261,7 +262,7 @@ mod tests {
         Pose::exp(&Vector6::new(0.25, -0.45, 0.1, 0.12, -0.08, 1.2))
     }
 
-    /// Corners of a tag of 120 mm from a pose, each off by what `fault` says.
+    /// Returns the corners of a tag of 120 mm from a pose, each displaced by `fault`.
     fn corners(pose: &Pose, seed: u64, fault: impl Fn(usize) -> Vector2<f64>) -> Vec<Correspondence> {
         let mut chance = Pcg::new(seed);
         let corner = |(i, (x, y)): (usize, (f64, f64))| {

@@ -1,4 +1,4 @@
-//! Where the features of a target would be in the next image, by what is known of the pose.
+//! Predicts the positions of a target's features in the next image from the expected pose.
 
 use resight_core::target::Feature;
 use resight_core::temporal::track::Tracked;
@@ -12,7 +12,7 @@ pub(super) struct Expectation {
 
 /// Standard deviations to each side of the predicted place.
 const SIGMAS: f64 = 3.0;
-/// Further out than this the prediction says nothing, pixels.
+/// Predictions with a larger uncertainty are not used, pixels.
 const MOST_SPREAD_PX: f64 = 64.0;
 
 impl Expectation {
@@ -39,7 +39,7 @@ impl Expectation {
     }
 }
 
-/// Where a point is seen, and how far to each side it may be off; none where it is not seen.
+/// Returns the position of a point in the image, and its uncertainty to each side; `None` where it is not visible.
 fn seen(camera: &Camera, x_in_cam: &Point, covariance: &Matrix6) -> Option<(Pixel, Pixel)> {
     let (pixel, by_point) = camera.project_with_jacobian(x_in_cam)?;
     // A left motion [ω; ν] moves the point by ω × x + ν.

@@ -1,4 +1,4 @@
-//! How the whisker moves with the load: the variational equations, docs/math/whisker_integrate.md eqs. (9), (10).
+//! The derivatives of the whisker's shape with respect to the load: the variational equations, docs/math/whisker_integrate.md eqs. (9), (10).
 
 use super::piece::Piece;
 use super::series::{Coefficients, ORDER, RECIPROCAL, Series};
