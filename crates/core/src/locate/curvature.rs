@@ -31,7 +31,7 @@ const LEAST_RISE: f64 = 0.4;
 /// Directions in the plane of both weak rotations in which the likelihood is tried.
 const DIRECTIONS: usize = 8;
 /// Largest σ₁σ₂/σ₃ of the rotation at which the order of two rotations does not matter: docs/math/refine.md eq. (14b).
-pub(crate) const STRAIGHT_COMMUTATOR: f64 = 0.05;
+pub(crate) const STRAIGHT_COMMUTATOR: f64 = 0.1;
 /// A step along the ridge, standard deviations.
 const STEP: f64 = 1.5;
 /// Most steps in one direction.
@@ -140,6 +140,9 @@ pub(crate) fn along_the_ridge(m: &Minimum, cost: &impl Cost) -> [Matrix6; 2] {
     let m = &(0..steps).try_fold(*m, |m, _| polished(&m, cost)).unwrap_or(*m);
     let ridge = Ridge::of(m, cost);
     let with_share = ridge.with_share();
+    if is_surely_straight(&rotation_block(&m.covariance)) {
+        return [with_share; 2];
+    }
     let mut covariance = with_share;
     for k in 0..DIRECTIONS {
         ridge.walk(direction(k), &mut covariance);
