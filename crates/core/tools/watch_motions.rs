@@ -217,65 +217,6 @@ fn stays(name: &str, condition: Condition, readings: u32, runs: u64) {
     );
 }
 
-/// Alarms of each session of a camera that stays, and the share of readings at which it is reported as moved or undecided.
-fn disturbed(name: &str, condition: Condition, period_s: f64, days: f64, runs: u64) {
-    let (mut alarms, mut drifted, mut checking, mut readings) = (Vec::new(), 0, 0, 0);
-    for seed in 0..runs {
-        let mut scene = Scene::of(View::near(), condition, period_s, 0xd157 + seed);
-        let mut monitor = scene.learned(50, &MonitorConfig::default());
-        let (mut count, mut last) = (0, None);
-        while scene.t_s < days * 86_400.0 {
-            let variance = monitor.measured_noise().map_or(1.0, |noise| noise.sigma_ratio.powi(2));
-            scene.measured_variance = variance.max(1.0);
-            let now = monitor.push(&scene.next(&pan(0.0)));
-            let began_s = if let Watch::Drifted(drift) = now { Some(drift.began_s) } else { None };
-            let is_new = began_s.is_some() && began_s != last;
-            (count, last) = (count + u32::from(is_new), began_s);
-            drifted += u32::from(began_s.is_some());
-            checking += u32::from(began_s.is_none() && now != Watch::Steady);
-            readings += 1;
-        }
-        alarms.push(count);
-    }
-    let share = |of: u32| 100.0 * f64::from(of) / f64::from(readings);
-    println!(
-        "{name}: {alarms:?} alarms; moved {:.1} %, in doubt {:.1} % of {days} days",
-        share(drifted),
-        share(checking)
-    );
-}
-
-const DISTURBANCES: [(&str, Condition, f64, f64); 9] = [
-    ("flicker, 0.15 px", Condition::Flicker(0.15), 1.0, 2.0),
-    ("flicker, 0.3 px", Condition::Flicker(0.3), 1.0, 2.0),
-    ("insect, 0.6 px", Condition::Insect(0.6), 1.0, 2.0),
-    ("insect, 1.5 px", Condition::Insect(1.5), 1.0, 2.0),
-    ("rain, 0.15 px", Condition::Rain(0.15), 1.0, 2.0),
-    ("correlated at night", Condition::CorrelatedAtNight { share: 0.7, time_s: 60.0 }, 1.0, 2.0),
-    ("infrared, 0.3 px, a reading every 10 s", Condition::Infrared(0.3), 10.0, 4.0),
-    ("key frames every 10 s, 5 Hz", Condition::KeyFrames { px: 0.15, every_s: 10.0 }, 0.2, 0.05),
-    ("key frames every 4 s, 25 Hz", Condition::KeyFrames { px: 0.15, every_s: 4.0 }, 0.04, 0.02),
-];
-
-/// Seconds from a step, after 3000 s without one, to its alarm: median and most; how many are missed in 1200 s, and raised before the step.
-fn steps(name: &str, condition: Condition, degrees: f64, runs: u64) {
-    let (mut delays, mut missed, mut early) = (Vec::new(), 0, 0);
-    for seed in 0..runs {
-        let mut watched = Watched::new(condition, 0x57e9 + seed);
-        watched.until(3000.0, &pan(0.0));
-        early += u32::from(!watched.told.is_empty());
-        watched.until(4200.0, &pan(degrees));
-        match watched.word(3000.0, 4200.0) {
-            Some((delay_s, _)) => delays.push(delay_s),
-            None => missed += 1,
-        }
-    }
-    delays.sort_by(f64::total_cmp);
-    let half = delays.get(delays.len() / 2).copied().unwrap_or(f64::NAN);
-    let most = delays.last().copied().unwrap_or(f64::NAN);
-    println!("{name}, {degrees}°: {half} s (most {most}), {missed} missed, {early} early of {runs}");
-}
-
 /// Noise that nobody declared.
 const NOISES: [(&str, Condition); 7] = [
     ("white", Condition::White),
@@ -314,22 +255,6 @@ fn main() {
             for degrees in [0.0, 0.02, 0.05, 0.1, 0.3, 0.5, 1.0, 3.0] {
                 nightly("white", Condition::White, degrees, readings, runs);
             }
-        }
-    }
-    if part == "steps" {
-        for (name, condition) in [
-            ("plain", Condition::White),
-            ("70 % over 10 s", Condition::Correlated { share: 0.7, time_s: 10.0 }),
-            ("70 % over 600 s", Condition::Correlated { share: 0.7, time_s: 600.0 }),
-            ("a tenth of the stated sigma", Condition::Understated(0.1)),
-        ] {
-            [0.02, 0.05, 0.3, 1.0].into_iter().for_each(|degrees| steps(name, condition, degrees, runs));
-        }
-    }
-    if part == "disturbances" {
-        let only = arguments.get(3).map_or("", String::as_str);
-        for (name, condition, period_s, days) in DISTURBANCES.iter().filter(|of| of.0.contains(only)) {
-            disturbed(name, *condition, *period_s, *days, runs);
         }
     }
     if part == "noise" {

@@ -12,7 +12,6 @@ mod log_sum;
 mod axis;
 mod priors;
 mod transients;
-mod regimes;
 mod models;
 mod bank;
 mod promise;
@@ -52,9 +51,7 @@ use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
 use place::Places;
-use priors::CONFIRM;
 use promise::Promise;
-use regimes::Regimes;
 use test::DriftTest;
 use transients::Transients;
 use whereabouts::Whereabouts;
@@ -152,7 +149,6 @@ pub struct Monitor {
     /// Time until which a drift is not reported, because it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
-    regimes: Regimes,
     aftermath: Aftermath,
     motions: Motions,
     places: Places,
@@ -167,7 +163,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 6;
+const SNAPSHOT_VERSION: u32 = 5;
 
 impl Monitor {
     /// Starts at `t_s`, seconds, of the same clock as the readings.
@@ -188,7 +184,6 @@ impl Monitor {
             drift: None,
             held_until_s: None,
             transients: Transients::default(),
-            regimes: Regimes::default(),
             aftermath: Aftermath::new(start),
             motions: Motions::none(start),
             places: Places::default(),
@@ -226,10 +221,8 @@ impl Monitor {
             // Contradictions of long ago say nothing of now.
             _ if self.config.stale_after_s < t_s - self.last_s => Watch::Stale { for_s },
             _ if self.contradictions.are_reported() => Watch::Inconsistent,
-            // They come, and none could be used of late. A single one of a slow source says nothing.
-            _ if self.config.stale_after_s < for_s && CONFIRM as f64 <= self.contradictions.run() => {
-                Watch::Checking
-            }
+            // They come, and none could be used of late.
+            _ if self.config.stale_after_s < for_s => Watch::Checking,
             Some(_) if self.is_held(t_s) => Watch::Checking,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Checking,
@@ -264,7 +257,6 @@ impl Monitor {
         *self = Monitor {
             last_usable_s: self.last_usable_s,
             transients: self.transients,
-            regimes: self.regimes.clone(),
             places: self.places,
             test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
@@ -445,7 +437,6 @@ numbers!(Monitor {
     drift,
     held_until_s,
     transients,
-    regimes,
     aftermath,
     last_s,
     last_usable_s,

@@ -12,7 +12,7 @@ use super::drift::{Again, Rate};
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
 use super::onsets::Change;
-use super::priors::{CONFIRM, MEDIAN, MotionKind, OUTLIER, deflated};
+use super::priors::{CONFIRM, MEDIAN, MotionKind, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::{Fitted, Trace};
@@ -62,8 +62,6 @@ const OVER_ONE_TIME: f64 = 0.672;
 const LEFT: f64 = 0.25;
 /// The alarm chose its time and its onset: its estimate errs by more than its covariance says (simulated: section 11 of monitor.md).
 const FOUND: f64 = 1.5;
-/// A motion that another constant error explains is reported when it has lasted for so long, seconds.
-const REDRAWN_S: f64 = 45.0;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
 
@@ -203,12 +201,8 @@ impl Monitor {
         if is_likely(&away, &at_home) && along(&away, &was_away, &at_home).abs() < LEFT {
             return self.is_home(now.t_s, change.onset_s);
         }
-        let moved = drift(&from, now, change);
-        if !moved.matters(&self.config) {
+        if !drift(&from, now, change).matters(&self.config) {
             return;
-        }
-        if self.is_held(now.t_s) && self.may_be_redrawn(&moved) && self.may_be_redrawn(before) {
-            return self.is_at(self.aftermath.base, now.t_s, change.onset_s);
         }
         // A ramp continues, as its rate states.
         let ramp = self.fitted().filter(|fitted| {
@@ -282,22 +276,12 @@ impl Monitor {
 
     /// The camera is back where it was, which is known as well as before the motion.
     fn is_home(&mut self, t_s: f64, onset_s: f64) {
-        let home = self.aftermath.base;
+        let home = Milestone { t_s, ..self.aftermath.base };
         if let Some(was) = self.drift.take().filter(|_| self.test.measured().is_some()) {
-            let reading = &self.reference.noise.reading;
-            self.transients.add(was.began_s, onset_s, transients::size(&was.old_from_new, reading));
-            if transients::LONGEST_S < onset_s - was.began_s {
-                let motion = between(&home.motion, &self.motions.before(onset_s).motion);
-                self.regimes.add((was.began_s, onset_s), &motion, reading);
-            }
+            let size = transients::size(&was.old_from_new, &self.reference.noise.reading);
+            self.transients.add(was.began_s, onset_s, size);
         }
-        self.is_at(home, t_s, onset_s);
-    }
-
-    /// No motion remains: what seemed one since `onset_s` is noise.
-    fn is_at(&mut self, home: Milestone, t_s: f64, onset_s: f64) {
-        let home = Milestone { t_s, ..home };
-        (self.drift, self.held_until_s) = (None, None);
+        self.held_until_s = None;
         self.test_from(&home.motion, home.covariance, onset_s, true);
         self.aftermath.begin_at(home);
         self.motions = Motions::none(home);
@@ -387,21 +371,9 @@ impl Monitor {
         if self.test.measured().is_none() {
             return;
         }
-        let (motion, began_s, reading) = (&moved.old_from_new, moved.began_s, &self.reference.noise.reading);
-        let may_be = [
-            self.transients.may_last_until(began_s, transients::size(motion, reading)),
-            self.regimes.may_last_until(began_s, motion, reading),
-            self.may_be_redrawn(moved).then_some(began_s + REDRAWN_S),
-        ];
-        let may_be = may_be.into_iter().flatten().reduce(f64::max);
+        let size = transients::size(&moved.old_from_new, &self.reference.noise.reading);
+        let may_be = self.transients.may_last_until(moved.began_s, size);
         self.held_until_s = if is_first { may_be } else { self.held_until_s.and(may_be) };
-    }
-
-    /// Whether the motion is no larger than another constant error of the readings makes it: a key frame of a video, a change of the focus.
-    fn may_be_redrawn(&self, moved: &Drift) -> bool {
-        let factor = self.test.constant_error().and_then(|error| (2.0 * error).cholesky());
-        let chi2 = factor.map(|factor| moved.old_from_new.dot(&factor.solve(&moved.old_from_new)));
-        chi2.is_some_and(|chi2| chi2 < OUTLIER)
     }
 
     /// The size, with all readings since the alarm.

@@ -337,16 +337,6 @@ impl AxisBank {
         self.readings
     }
 
-    /// Variance of a reading and its correlated error over the stated variance of a reading.
-    pub fn scatter(&self) -> f64 {
-        let share = match self.used {
-            STATED => 0.0,
-            used if GRID <= used => DIURNAL_SHARES[used - GRID],
-            used => GRID_MODELS[used].share,
-        };
-        self.scale() * (1.0 + share)
-    }
-
     /// The error that lasts of the model in use, where white noise is excluded.
     pub fn correlated(&self, unit_s: f64) -> Option<CorrelatedError> {
         if largest(&self.log_likelihood) - EXCLUDED <= self.log_likelihood[WHITE] {

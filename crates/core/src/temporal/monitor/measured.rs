@@ -20,8 +20,6 @@ use nalgebra::{Matrix6, Vector6};
 const BETWEEN_OVER: f64 = 100.0;
 /// A time longer than this many times that is a gap.
 const MOST_APART: f64 = 10.0;
-/// Of the stated variance, the scatter below which the rest is a constant error, and no chance of the measured scale.
-const MOSTLY_CONSTANT: f64 = 0.5;
 /// Where the coordinates, the grown noise and the models stand in a standing.
 const GROWN_AT: usize = AXES;
 const HEAVY_AT: usize = AXES + GROWN.len();
@@ -217,13 +215,6 @@ impl Measured {
     /// Variances of the readings over the stated ones.
     pub fn scales(&self) -> Vector6<f64> {
         Vector6::from_fn(|axis, _| self.banks[axis].scale())
-    }
-
-    /// Of the stated variance of a reading, the part that its scatter does not show: an error that stays until something changes it. None
-    /// where most of it shows.
-    pub fn constant(&self) -> Option<Vector6<f64>> {
-        let scatter = Vector6::from_fn(|axis, _| self.banks[axis].scatter());
-        (scatter.mean() < MOSTLY_CONSTANT).then(|| scatter.map(|scatter| 1.0 - scatter.min(MOSTLY_CONSTANT)))
     }
 
     /// What the noise is.

@@ -170,12 +170,6 @@ impl DriftTest {
         back * Matrix6::from_diagonal(variance) * back.transpose()
     }
 
-    /// Covariance of a constant error of the readings, where the stated one is much larger than what they scatter by.
-    pub fn constant_error(&self) -> Option<Matrix6<f64>> {
-        let share = self.measured.as_ref()?.constant()?;
-        Some(self.spread(&share.component_mul(&self.typical)))
-    }
-
     /// What is found within a time, where noise is measured.
     pub fn detectable(&self, promise: &Promise) -> Option<Detectable> {
         Some(self.measured.as_ref()?.detectable(&self.whitened_from_motion, promise))

@@ -11,9 +11,9 @@ const SOME: u64 = 2;
 /// How much longer, and larger, than those before it one may be.
 const MARGIN: f64 = 2.0;
 /// After this time without one they are over, seconds.
-pub(super) const FORGOTTEN_S: f64 = 10.0 * super::axis::DAY_S;
+const FORGOTTEN_S: f64 = 10.0 * super::axis::DAY_S;
 /// A change that lasts longer was a motion, and the camera was put back.
-pub(super) const LONGEST_S: f64 = 3600.0;
+const LONGEST_S: f64 = 3600.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Transients {
