@@ -25,10 +25,14 @@ pub fn capture_times_are_those_of_the_camera(events: &[Value]) {
     assert!(times.iter().all(|t| (now_s - 300.0..=now_s).contains(t)), "{now_s}: {times:?}");
     assert!(times.windows(2).all(|pair| pair[0] <= pair[1]), "{times:?}");
     let steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let even = steps.iter().filter(|step| ((**step / 0.1).round() - **step / 0.1).abs() < 0.05).count();
-    assert!(2 * steps.len() < 3 * even, "{even} of {}: {steps:?}", steps.len());
-    let span_s = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
-    assert!(0.09 * steps.len() as f64 <= span_s, "{} steps in {span_s} s", steps.len());
+    // A frame with a shorter delay than those before it moves the time of day, which happens after each connection on a busy machine. Times of
+    // arrival are hardly ever a tenth apart.
+    let is_even = |step: &&f64| {
+        let tenths = (**step / 0.1).round();
+        1.0 <= tenths && (tenths - **step / 0.1).abs() < 0.05
+    };
+    let even = steps.iter().filter(is_even).count();
+    assert!(steps.len() < 2 * even, "{even} of {}: {steps:?}", steps.len());
 }
 
 /// The program is killed outright: its ffmpeg notices that nobody reads.
