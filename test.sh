@@ -32,10 +32,10 @@ step() { # step NAME COMMAND…: runs it, says every half minute that it still d
     wait "$clock" 2>/dev/null || true
 }
 
-aside() { # aside FUNCTION: begins it in the time that builds leave to one processor; `awaited FUNCTION` is its step
+aside() { # aside FUNCTION [NICENESS]: begins it in the time that others leave to one processor; `awaited FUNCTION` is its step
     rm -f "$target/$1.result"
     (
-        renice -n 10 "$BASHPID" >/dev/null
+        renice -n "${2:-10}" "$BASHPID" >/dev/null
         if ("$1") >"$target/$1.log" 2>&1; then echo 0; else echo 1; fi >"$target/$1.going"
         mv "$target/$1.going" "$target/$1.result"
     ) &
@@ -70,6 +70,13 @@ ffmpeg_program() { # for tests on videos and streams; without one they say that 
     "$python" -m pip install --quiet --disable-pip-version-check imageio-ffmpeg || { echo "no ffmpeg to be had"; return 0; }
     mkdir -p "$target/ffmpeg"
     ln -sf "$("$python" -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" "$target/ffmpeg/ffmpeg"
+}
+
+cmake_program() { # for the examples in C and C++; without one that test says that it is skipped
+    command -v cmake >/dev/null 2>&1 && return 0
+    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check cmake || { echo "no cmake to be had"; return 0; }
+    mkdir -p "$target/cmake"
+    ln -sf "$target/check-venv/bin/cmake" "$target/cmake/cmake"
 }
 
 tests() { # all, or those that are not slow
@@ -147,7 +154,8 @@ if [ "$mode" = everything ]; then
     aside engines
 fi
 step "ffmpeg" ffmpeg_program
-export PATH=$PATH:$target/ffmpeg # An installed one comes first.
+step "cmake" cmake_program
+export PATH=$PATH:$target/ffmpeg:$target/cmake # Installed ones come first.
 if [ -n "${RESIGHT_DATA:-}" ]; then
     RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
@@ -163,12 +171,14 @@ else
 fi
 if [ "$mode" = everything ]; then
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
+    aside page 0 # It waits for the browser half of its time.
     step "derivations (SymPy, 50 digits)" awaited derivations
     step "files read by other programs" foreign_readers
-    step "page" page
     step "python wheel" wheel
+    aside cluster_tests 0 # Its engines wait for each other.
     step "tests of the wheel" wheel_tests
-    step "fleets on clusters" cluster_tests
+    step "page" awaited page
+    step "fleets on clusters" awaited cluster_tests
 fi
 
 printf '\n== summary\n'

@@ -1,7 +1,7 @@
 // The only place where the page talks to the program. `Transport` says what it can ask; `Http` asks over HTTP and WebSockets.
 import { signal } from "@preact/signals";
 import { common } from "./texts/common";
-import type { Command, LiveView, NumberedView, Open, Opened, View } from "./api/types";
+import type { CaptureView, Command, LiveView, NumberedView, Open, Opened, View } from "./api/types";
 
 /** What the program refused, or that it does not answer. `message` is a sentence for the person. */
 export class Problem extends Error {
@@ -53,6 +53,8 @@ export interface Transport {
   /** Names of the cameras that the program watches. */
   cameras(): Promise<string[]>;
   live(): Promise<LiveView>;
+  /** The capture of intrinsics; null where the program runs none. */
+  capture(): Promise<CaptureView | null>;
 }
 
 /** Keys without a value are left out. */
@@ -206,6 +208,10 @@ class Http implements Transport {
 
   live(): Promise<LiveView> {
     return this.get("/api/live");
+  }
+
+  capture(): Promise<CaptureView | null> {
+    return this.get("/api/capture");
   }
 }
 

@@ -4,7 +4,7 @@ import { readFileSync } from "node:fs";
 import { after, before, test } from "node:test";
 import type { Browser, BrowserContextOptions, Page } from "playwright-core";
 import { click, demo, distance, fourClicks, pixel, shown } from "./scene.js";
-import { PHONE, type Server, another, browser, faultsOf, file, open, serve } from "./server.js";
+import { PHONE, type Server, WIDE, another, browser, faultsOf, file, open, serve } from "./server.js";
 
 let chromium: Browser;
 let server: Server;
@@ -62,7 +62,8 @@ const zoomed = (width: number, height: number, percent: number): BrowserContextO
 });
 
 for (const [width, height] of [[390, 844], [768, 1024], [1280, 800], [2560, 1440]] as const) {
-  for (const percent of width < 1000 ? [100] : [100, 200, 300, 400]) {
+  // Below 320 px nothing is promised: that is 1280 px at 400 %.
+  for (const percent of [100, 200, 300, 400].filter((percent) => percent === 100 || 320 <= (100 * width) / percent)) {
     test(`the photograph keeps its place at ${width} × ${height}, ${percent} %`, async () => {
       const page = await open(chromium, server, "photograph", zoomed(width, height, percent));
       await page.getByRole("button", { name: "Try the example" }).click();
@@ -170,6 +171,32 @@ test("labels do not hide each other", async () => {
   }
   await page.context().close();
 });
+
+/** The chips of distances and the labels of measurements hide neither each other nor the marks. */
+for (const [name, options] of [["390", PHONE], ["1280", WIDE]] as [string, BrowserContextOptions][]) {
+  test(`chips and labels stay apart on a screen of ${name} px`, async () => {
+    const page = await open(chromium, server, "photograph", options);
+    await page.getByRole("button", { name: "Try the example" }).click();
+    await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+    await page.waitForTimeout(300);
+    const { chips, labels } = await page.evaluate(() => {
+      const from = document.querySelector(".views > .viewport")!.getBoundingClientRect();
+      const chips = [...document.querySelectorAll(".chip")].map((chip) => {
+        const { x, y, width, height } = chip.getBoundingClientRect();
+        return { x: x - from.x, y: y - from.y, width, height };
+      });
+      return { chips, labels: (window as unknown as { resightLabels: () => typeof chips }).resightLabels() };
+    });
+    assert(2 <= chips.length && 1 <= labels.length, `${chips.length} chips, ${labels.length} labels`);
+    const all = [...chips, ...labels];
+    for (const [i, a] of all.entries()) {
+      for (const b of all.slice(i + 1)) {
+        assert(!(a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height), JSON.stringify([a, b]));
+      }
+    }
+    await page.context().close();
+  });
+}
 
 /** A length shorter than a fingertip is a length. */
 test("a short length is measured", async () => {

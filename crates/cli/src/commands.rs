@@ -21,6 +21,7 @@ pub mod measure;
 pub mod solve;
 pub mod whisker;
 pub mod watch;
+pub mod capture;
 pub mod serve;
 pub mod completions;
 pub mod schema;

@@ -4,7 +4,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
 
 /// Words for jobs that other programs have, and the command that does the job here.
-const WORDS: [(&str, &str); 40] = [
+const WORDS: [(&str, &str); 42] = [
     ("calibrate", "intrinsics"),
     ("calibration", "intrinsics"),
     ("calibrate-camera", "intrinsics"),
@@ -12,6 +12,8 @@ const WORDS: [(&str, &str); 40] = [
     ("intrinsic", "intrinsics"),
     ("lens", "intrinsics"),
     ("undistort", "intrinsics"),
+    ("cameracalibrator", "capture"),
+    ("record", "capture"),
     ("extrinsic", "rig"),
     ("extrinsics", "rig"),
     ("calibrate-stereo", "rig"),

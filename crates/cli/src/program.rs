@@ -1,15 +1,15 @@
 //! The command line as a whole: its commands, and what runs each.
 
 use crate::commands::{
-    advise, batch, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye, history,
-    intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve, watch,
-    whisker,
+    advise, batch, capture, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye,
+    history, intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve,
+    watch, whisker,
 };
 use crate::meant;
 use crate::output::Outcome;
 use anyhow::{Result, anyhow};
 use clap::parser::ValueSource;
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Parser)]
 #[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
 #[command(disable_help_subcommand = true)] // `resight COMMAND --help` is one way; the list fits one screen.
+#[command(disable_version_flag = true)] // It is below, in the long help only, for the same reason.
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -27,6 +28,9 @@ pub struct Arguments {
     /// No progress and no remarks on stderr; errors are still reported.
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Prints the version.
+    #[arg(long, short = 'V', action = ArgAction::Version, hide_short_help = true)]
+    pub version: Option<bool>,
 }
 
 impl Arguments {
@@ -82,6 +86,8 @@ pub enum Command {
     Solve(solve::Solve),
     /// Estimates a camera's intrinsics with their covariance from images of a target, or checks existing ones.
     Intrinsics(intrinsics::Intrinsics),
+    /// Estimates a camera's intrinsics live, while its target is moved in front of it.
+    Capture(capture::CaptureArgs),
     /// Computes the extrinsics of several cameras from targets that they see together.
     Rig(rig::Rig),
     /// Computes where a known rig is, from points seen by any of its cameras.
@@ -135,6 +141,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Detect(args) => detect::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Intrinsics(args) => intrinsics::run(&args),
+        Command::Capture(args) => capture::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::RigPose(args) => rig_pose::run(&args),
         Command::PoseGraph(args) => pose_graph::run(&args),

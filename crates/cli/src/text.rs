@@ -7,8 +7,8 @@ use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    coordinate, counted, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest, with_sigma,
-    yaw_pitch_roll_rad,
+    budget, coordinate, counted, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest,
+    with_sigma, yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
 
@@ -23,6 +23,9 @@ pub fn describe(answer: &PoseAnswer) -> String {
                 line(&mut out, &label, &of_several(fits, answer.image_unit));
             }
             out.push_str(&pose(&fits.minimum));
+            if let Some(text) = answer.budget.as_ref().filter(|_| i == 0).and_then(budget) {
+                line(&mut out, "budget", &text);
+            }
             if let Some(observability) = answer.observability.as_ref().filter(|_| i == 0) {
                 line(&mut out, "weakest", &weakest(observability));
             }
@@ -49,6 +52,7 @@ pub fn describe(answer: &PoseAnswer) -> String {
         message.push('.');
     }
     line(&mut out, "verdict", &message);
+    answer.remarks.iter().for_each(|remark| line(&mut out, "remark", remark));
     for skipped in &answer.skipped {
         line(&mut out, "left out", skipped);
     }

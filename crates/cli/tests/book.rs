@@ -143,6 +143,12 @@ fn the_guides_can_be_followed() {
 
 #[test]
 #[cfg(unix)]
+fn the_page_on_live_intrinsics_can_be_followed() {
+    the_page_can_be_followed("docs/capture.md", [2, 1]);
+}
+
+#[test]
+#[cfg(unix)]
 fn the_page_on_unknown_focal_lengths_can_be_followed() {
     the_page_can_be_followed("docs/unknown-focal.md", [2, 1]);
 }

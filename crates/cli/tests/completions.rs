@@ -2,7 +2,7 @@
 
 use crate::support::{folder, resight};
 
-const COMMANDS: [&str; 6] = ["locate", "rig", "pose-graph", "hand-eye", "watch", "whisker"];
+const COMMANDS: [&str; 7] = ["locate", "capture", "rig", "pose-graph", "hand-eye", "watch", "whisker"];
 
 #[test]
 fn every_shell_completes_every_command() {

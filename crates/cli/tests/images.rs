@@ -188,3 +188,101 @@ fn detect_lists_the_tags_of_a_family_or_of_any() {
     let neither = resight(&["detect", &grid]);
     assert!(neither.code == 2 && neither.stderr.contains("--family"), "{}", neither.stderr);
 }
+
+/// Every command that reads images names what is none, with the way out.
+#[test]
+fn files_that_are_no_images_are_named_by_every_command() {
+    let folder = folder("no_images");
+    let (camera, target) = (demo("left.toml"), demo("dots.toml"));
+    for (name, bytes, said) in [
+        (
+            "phone.jpg",
+            &b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"[..],
+            "a HEIC image, not a PNG or JPEG image; convert it",
+        ),
+        ("scan.png", b"%PDF-1.7\n", "a PDF, not a PNG or JPEG image; export its page"),
+        ("array.png", b"\x93NUMPY\x01\0", "a NumPy array (.npy), not a PNG or JPEG image"),
+        ("camera.png", b"[camera]\nmodel = \"pinhole\"\n", "a text file, not a PNG or JPEG image"),
+        ("nothing.png", b"", "an empty file, not a PNG or JPEG image"),
+        ("picture.webp", b"RIFF\x24\0\0\0WEBPVP8 ", "save it as PNG or JPEG"),
+    ] {
+        let file = folder.join(name);
+        std::fs::write(&file, bytes).unwrap();
+        let file = file.display().to_string();
+        let (one, two) = (format!("a={file}"), format!("b={file}"));
+        let (camera_a, camera_b) = (format!("a={camera}"), format!("b={camera}"));
+        for command in [
+            &["detect", &file, "--family", "tag36h11"][..],
+            &["locate", &file, "--camera", &camera, "--target", &target],
+            &["intrinsics", &file, "--target", &target],
+            &[
+                "rig", "--images", &one, &two, "--camera", &camera_a, "--camera", &camera_b, "--target",
+                &target,
+            ],
+            &["watch", "--source", &file, "--camera", &camera, "--target", &target, "--once"],
+        ] {
+            let run = resight(command);
+            let text = format!("{}{}", run.stdout, run.stderr);
+            assert!(run.code != 0 && text.contains(said), "{command:?}: {text}");
+        }
+    }
+    let video = folder.join("film.jpg");
+    std::fs::write(&video, b"\0\0\0\x18ftypisom\0\0\0\0isomavc1").unwrap();
+    let video = video.display().to_string();
+    let run = resight(&["locate", &video, "--camera", &camera, "--target", &target, "--json"]);
+    let message = json_lines(&run)[0]["message"].to_string();
+    assert!(message.contains("a video, not a PNG or JPEG image; `resight watch --source`"), "{message}");
+    let run = resight(&["watch", &video]);
+    assert!(
+        run.code == 2 && run.stderr.contains("a video, not a text file; `resight watch --source FILE`"),
+        "{}",
+        run.stderr
+    );
+}
+
+/// An image that EXIF asks viewers to rotate is taken as stored, and every command that reads images says so.
+#[test]
+fn an_orientation_of_exif_is_a_remark_of_every_command() {
+    let folder = folder("exif_orientation");
+    let photo = |name: &str| format!("{}/../../examples/photo/{name}", env!("CARGO_MANIFEST_DIR"));
+    let (camera, target) = (photo("left.yml"), photo("board.toml"));
+    for name in ["left01.jpg", "left03.jpg", "left04.jpg", "left05.jpg"] {
+        let mut bytes = std::fs::read(photo(name)).unwrap();
+        if name == "left03.jpg" {
+            let exif =
+                b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0";
+            bytes.splice(2..2, exif.iter().copied());
+        }
+        std::fs::write(folder.join(name), bytes).unwrap();
+    }
+    let (one, all) = (folder.join("left03.jpg"), folder.join("left0*.jpg"));
+    let (one, all) = (one.display().to_string(), all.display().to_string());
+    let of_rig = [format!("left={all}"), format!("right={}", photo("right0[1-5].jpg"))];
+    let cameras = [format!("left={camera}"), format!("right={}", photo("right.yml"))];
+    for (command, which) in [
+        (&["locate", &one, "--camera", &camera, "--target", &target][..], "this image"),
+        (&["detect", &one, "--target", &target], "this image"),
+        (&["intrinsics", &all, "--target", &target], "1 image of camera"),
+        (&["capture", &all, "--target", &target], "1 image of camera"),
+        (
+            &[
+                "rig",
+                "--images",
+                &of_rig[0],
+                &of_rig[1],
+                "--camera",
+                &cameras[0],
+                &cameras[1],
+                "--target",
+                &target,
+            ],
+            "1 image of camera left",
+        ),
+    ] {
+        let run = resight(command);
+        let words: Vec<&str> = run.stdout.split_whitespace().chain(run.stderr.split_whitespace()).collect();
+        let said = format!("EXIF asks viewers to show {which}");
+        assert!(words.join(" ").contains(&said), "{command:?}: {}{}", run.stdout, run.stderr);
+        assert!(words.join(" ").contains("rotated by 180°; pixels are taken as stored"), "{}", run.stdout);
+    }
+}

@@ -21,6 +21,8 @@ mod watch_support;
 
 mod advise;
 mod book;
+mod budget;
+mod capture;
 mod compare;
 mod completions;
 mod convert;
@@ -33,7 +35,9 @@ mod fuzz;
 mod history_faults;
 mod hostile_files;
 mod images;
+mod inputs;
 mod intrinsics;
+mod licences;
 mod marked_lines;
 mod measure;
 mod nominal;

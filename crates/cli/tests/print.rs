@@ -140,7 +140,7 @@ fn mistakes_are_named_with_the_way_out() {
     refused(&print(&["--kind", "tag", "--id", "x", "--size-m", "0.1"]), "a whole number of 0 or more");
     refused(
         &print(&["--kind", "tag", "--id", "0-3", "--size-m", "0.1", "--tag-spacing-ratio", "0.1"]),
-        "needs 0.250",
+        "needs 0.125",
     );
     refused(&print(&[&tag[..], &["--rows", "3"]].concat()), "rows");
     refused(&print(&[&tag[..], &["--paper", "A9"]].concat()), "no such paper: `A9`");

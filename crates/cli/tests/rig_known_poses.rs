@@ -381,6 +381,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
         "views",
         "rejected",
         "causes",
+        "remarks",
         "message",
     ];
     let found: Vec<&str> = answer.as_object().unwrap().keys().map(String::as_str).collect();
@@ -419,4 +420,44 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
     assert!(run.stdout.contains("inverted"), "{answer}");
     let words = asked(&[]);
     assert!(words.code == 1 && words.stdout.contains("inverted"), "{}", words.stdout);
+}
+
+/// Poses of robot and target in one file need no image; a robot's own convention is stated by an option, and refused without it.
+#[test]
+fn hand_eye_reads_poses_in_other_conventions() {
+    let folder = folder("hand_eye_conventions");
+    let cell = cell(0.4);
+    let list = |poses: Vec<Pose>| {
+        let rows: Vec<String> = poses.iter().map(|pose| format!("{:?}", pose.matrix().concat())).collect();
+        format!("[{}]", rows.join(",\n"))
+    };
+    let seen = |hand: &Pose| cell.cam_from_gripper * hand.inverse() * cell.base_from_target;
+    let text = format!(
+        "{{\"base_from_gripper\": {},\n\"cam_from_target\": {}}}",
+        list(cell.base_from_gripper.to_vec()),
+        list(cell.base_from_gripper.iter().map(seen).collect())
+    );
+    let (pairs, kuka) = (in_folder(&folder, "pairs.json"), in_folder(&folder, "kuka.csv"));
+    let target = in_folder(&folder, "target.json");
+    std::fs::write(&pairs, text).unwrap();
+    std::fs::write(&target, list(cell.base_from_gripper.iter().map(seen).collect())).unwrap();
+    let run = resight(&["hand-eye", "--motions", &pairs, "--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    agrees(&json_lines(&run)[0], &cell);
+    let mut text = "X,Y,Z,A,B,C\n".to_string();
+    for hand in &cell.base_from_gripper {
+        let (r, t) = (hand.rotation, hand.translation * 1e3);
+        let angles = [r[(1, 0)].atan2(r[(0, 0)]), (-r[(2, 0)]).asin(), r[(2, 1)].atan2(r[(2, 2)])];
+        let [a, b, c] = angles.map(f64::to_degrees);
+        writeln!(text, "{},{},{},{a},{b},{c}", t.x, t.y, t.z).unwrap();
+    }
+    std::fs::write(&kuka, text).unwrap();
+    let arguments = ["hand-eye", "--motions", &kuka, "--poses", &target, "--json"];
+    let run = resight(&[&arguments[..], &["--rotation", "kuka"]].concat());
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    agrees(&json_lines(&run)[0], &cell);
+    let run = resight(&arguments);
+    assert!(run.code == 2 && run.stderr.contains("mitsubishi, yaskawa, kuka"), "{}", run.stderr);
+    let run = resight(&[&arguments[..], &["--rotation", "mitsubishi"]].concat());
+    assert!(run.code == 1 && run.stdout.contains("KUKA's A B C"), "{} {}", run.stdout, run.stderr);
 }

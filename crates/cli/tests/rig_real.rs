@@ -5,7 +5,7 @@ use crate::rig_support::pose_of;
 use crate::support::{folder, json_lines, resight, same};
 use resight::core::locate::loss::Loss;
 use resight::core::multiview::rig::{Observation, RigConfig, RigProblem, solve_rig};
-use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
+use resight::core::{Camera, Correspondence, Matrix6, Pixel, Point, Pose, Vector6};
 use serde_json::Value;
 use std::collections::HashMap;
 use std::path::Path;
@@ -308,4 +308,36 @@ fn every_reader_says_that_a_rig_is_inconsistent(folder: &Path, rig: &str) {
         assert_eq!(std::fs::read_to_string(&converted).unwrap().matches("status = ").count(), times);
         std::fs::remove_file(&converted).unwrap();
     }
+}
+
+/// The two halves of a drone's flight, its GPS points stated as honestly as they are: neighbouring points are displaced together, which no lens is
+/// blamed for, and the cameras agree.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn halves_of_a_flight_agree_and_blame_no_lens() {
+    let set = recorded("rig_gps_points");
+    let folder = folder("rig_real_flight");
+    let mut arguments: Vec<String> = ["--world", "flight"].map(String::from).to_vec();
+    for i in 0..5 {
+        arguments.extend(["--camera".into(), format!("6-{i}={}", set.join(format!("6-{i}.yml")).display())]);
+    }
+    arguments.extend(["--target".into(), format!("flight={}", set.join("world.toml").display())]);
+    let halves = ["first", "second"].map(|half| {
+        let text = std::fs::read_to_string(set.join(format!("{half}.csv"))).unwrap();
+        let honest = write(&folder, &format!("{half}.csv"), &text.replace(",0.05,1.0\n", ",0.7,1.0\n"));
+        solved(&[arguments.clone(), vec!["--detections".into(), honest]].concat())
+    });
+    let [a, b] = halves.each_ref().map(|half| half["pairs"].as_array().unwrap());
+    for (a, b) in a.iter().zip(b) {
+        let off = (pose_of(&b["b_from_a"]) * pose_of(&a["b_from_a"]).inverse()).log();
+        let covariance = covariance_of(a) + covariance_of(b);
+        let nees = off.dot(&(covariance.try_inverse().unwrap() * off));
+        println!("{}–{} {nees:.1}", a["a"], a["b"]);
+        // The 99.9 % quantile of six.
+        assert!(nees < 22.5, "{} {}: {nees}", a["a"], a["b"]);
+    }
+}
+
+fn covariance_of(pair: &Value) -> Matrix6 {
+    Matrix6::from_fn(|i, j| pair["covariance"][i][j].as_f64().unwrap())
 }

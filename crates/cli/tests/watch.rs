@@ -100,6 +100,24 @@ fn bad_lines_are_named_and_the_rest_goes_on() {
     }
 }
 
+/// Small motions that come back by themselves are reported until two are known: then the session states what it holds, and for how long.
+#[test]
+fn motions_that_come_back_by_themselves_are_held_and_stated() {
+    let disturbed = |second| if second % 600 < 540 { Vector6::zeros() } else { pan(0.15) };
+    let run = watch(&lines(0..7200, 0x58, disturbed), &["--source", "-"]);
+    let held = run.events.iter().rfind(|e| !e["detectable"]["held"].is_null()).expect("a statement");
+    let of = &held["detectable"]["held"];
+    assert!(2 <= of["count"].as_u64().expect("a count"), "{held}");
+    let held_s = of["held_s"].as_f64().expect("a time");
+    assert!((100.0..200.0).contains(&held_s), "twice a minute: {held}");
+    let held_deg = of["rotation_rad"][1].as_f64().expect("an angle").to_degrees();
+    assert!(0.15 < held_deg, "{held}");
+    assert!(held["message"].as_str().expect("words").contains("came back by themselves"), "{held}");
+    let of_later = |e: &&Value| e["state"] == "drifted" && 3600.0 < e["t_s"].as_f64().unwrap_or(0.0);
+    assert_eq!(run.events.iter().filter(|e| e["event"] == "state").filter(of_later).count(), 0);
+    assert_ne!(run.code, 3, "{}", run.stderr);
+}
+
 /// The middle dot is not on the line, as the target's file says it is: that is reported while the reference is being learned, and never learned as one.
 #[test]
 fn a_wrong_target_is_reported_while_learning() {

@@ -228,6 +228,34 @@ fn a_saved_reference_serves_the_next_night() {
     assert_eq!(std::fs::read(&file).expect("the image"), saved);
 }
 
+/// From a source to an alarm without a file written by hand: the lens from its angle of view and the first image, which is the reference.
+#[test]
+fn a_first_night_needs_no_file() {
+    let night = Night::new("landmarks-first");
+    night.take(0..10, [0.0; 3], |_| ());
+    night.take(10..20, [0.0, -0.3, 0.0], |_| ());
+    let source = format!("gate={}", night.folder.join("night").display());
+    let learned = format!("gate={}", night.folder.join("learned.png").display());
+    let command = |more: &[&str]| {
+        let fixed = ["watch", "--source", &source, "--period-s", "1", "--once"];
+        run(&[&fixed[..], more].concat())
+    };
+    // The camera has 400 px of focal length on 480 px.
+    let angle = "gate=61.93";
+    for when in ["first", "next"] {
+        let watched = command(&["--hfov-deg", angle, "--save-landmarks", &learned]);
+        let said = format!("{when}: {}{}", watched.stdout, watched.stderr);
+        assert!(watched.code == 3 && said.contains("moved in a step, since 10.0 s"), "{said}");
+        assert!(said.contains("left 0.30") && said.contains("not calibrated"), "{said}");
+    }
+    let none = command(&["--save-landmarks", "gate=none.png", "--hfov-deg", "elsewhere=60"]);
+    assert!(none.code == 2, "{}{}", none.stdout, none.stderr);
+    std::fs::remove_dir_all(night.folder.join("night")).expect("the folder");
+    std::fs::create_dir_all(night.folder.join("night")).expect("a folder");
+    let nothing = command(&["--hfov-deg", angle, "--save-landmarks", "gate=none.png"]);
+    assert!(nothing.code == 2 && nothing.stderr.contains("it gives no image"), "{}", nothing.stderr);
+}
+
 /// Draws a tag into an image.
 fn tag_in_view() -> impl Fn(&mut resight::GrayImage) {
     let target = Target::Tag(Tag { family: "tag36h11".to_string(), id: 3, size_m: 0.1 });

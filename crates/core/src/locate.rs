@@ -27,8 +27,10 @@ pub(crate) mod classify;
 mod candidates;
 pub(crate) mod minima;
 mod shared_error;
+pub(crate) mod parts;
 pub(crate) mod uncertainty;
 pub(crate) mod answer;
+mod budget;
 pub mod observability;
 #[cfg(feature = "std")]
 pub mod unknown_focal;

@@ -5,9 +5,11 @@
 //! which keeps Kalibr's own frame (origin at the bottom-left tag, x right, y up, z towards the viewer).
 //! Images: CONVENTIONS.md.
 
+mod circle_grid;
 mod printed;
 mod symmetry;
 
+pub use circle_grid::CircleGrid;
 pub use printed::{MOST_PRINTED_ERROR, Printed, PrintedScale};
 
 use crate::{Error, Point, Pose};
@@ -15,7 +17,7 @@ use crate::{Error, Point, Pose};
 /// Name of one known point of a target: `id` counts tags or points, `corner` the corners of a tag (else 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Feature {
-    /// Tag id, ChArUco corner id, chessboard corner (row · columns + column) or index of a named point.
+    /// Tag id, ChArUco corner id, chessboard corner or circle (row · columns + column) or index of a named point.
     pub id: u32,
     /// Tag corner 0 top-left, 1 top-right, 2 bottom-right, 3 bottom-left of the upright tag; 0 for everything else.
     pub corner: u8,
@@ -144,6 +146,8 @@ pub enum Target {
     Chessboard(Chessboard),
     /// Chessboard with markers.
     Charuco(Charuco),
+    /// Circles in rows.
+    CircleGrid(CircleGrid),
     /// Tags at known places.
     TagMap(TagMap),
     /// Surveyed landmarks.
@@ -161,6 +165,7 @@ impl Target {
             Target::AprilGrid(_) => "aprilgrid",
             Target::Chessboard(_) => "chessboard",
             Target::Charuco(_) => "charuco",
+            Target::CircleGrid(_) => "circle_grid",
             Target::TagMap(_) => "tag_map",
             Target::Points(_) => "points",
             Target::Printed(t) => t.design.kind(),
@@ -223,6 +228,7 @@ impl Target {
             Target::Charuco(t) => (feature.id < (t.rows - 1) * (t.columns - 1))
                 .then(|| grid_point(feature.id, t.columns - 1, t.square_m, t.square_m))
                 .and_then(exact),
+            Target::CircleGrid(t) => exact(t.point(feature.id)?),
             Target::TagMap(t) => {
                 let tag = t.tags.iter().find(|tag| tag.id == feature.id)?;
                 exact(tag.world_from_tag * tag_corner(tag.size_m, feature.corner))
@@ -249,6 +255,7 @@ impl Target {
             Target::AprilGrid(t) => tags((t.first_id..t.first_id + t.rows * t.columns).collect()),
             Target::Chessboard(t) => simple(t.rows * t.columns),
             Target::Charuco(t) => simple((t.rows - 1) * (t.columns - 1)),
+            Target::CircleGrid(t) => simple(t.rows * t.columns),
             Target::TagMap(t) => {
                 let mut ids: Vec<u32> = t.tags.iter().map(|tag| tag.id).collect();
                 ids.sort_unstable();
@@ -302,6 +309,7 @@ impl Target {
                 }
                 Ok(())
             }
+            Target::CircleGrid(t) => t.check(),
             Target::TagMap(t) => t.tags.iter().try_for_each(|tag| {
                 positive("size_m", tag.size_m)?;
                 check_sigma("sigma_m", tag.sigma_m)?;

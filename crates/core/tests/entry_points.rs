@@ -189,7 +189,13 @@ fn solve_hand_eye_answers_in_numbers() {
                 let candidate =
                     HandCandidate { cam_from_target, covariance: covariance(rng), delta_chi2: 0.0 };
                 let gripper_covariance = (rng.index(3) == 0).then(|| covariance(rng));
-                HandEyeView { base_from_gripper, gripper_covariance, candidates: vec![candidate], seen: &[] }
+                HandEyeView {
+                    base_from_gripper,
+                    gripper_covariance,
+                    written: None,
+                    candidates: vec![candidate],
+                    seen: &[],
+                }
             })
             .collect();
         let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, height: None };

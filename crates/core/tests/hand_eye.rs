@@ -131,6 +131,7 @@ fn pixels_give_an_honest_covariance() {
             .map(|i| HandEyeView {
                 base_from_gripper: Pose::exp(&drawn(&mut rng, &hand)) * world.base_from_gripper[i],
                 gripper_covariance: Some(hand),
+                written: None,
                 candidates: Vec::new(),
                 seen: &rigs[i],
             })

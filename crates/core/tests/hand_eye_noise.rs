@@ -29,6 +29,7 @@ fn noisy(rng: &mut Rng, world: &World, robot: Robot) -> Vec<HandEyeView<'static>
         HandEyeView {
             base_from_gripper: robot.reported(rng, &world.base_from_gripper[i]),
             gripper_covariance: None,
+            written: None,
             candidates: vec![Candidate { cam_from_target, covariance, delta_chi2: 0.0 }],
             seen: &[],
         }
@@ -402,7 +403,7 @@ fn a_stated_noise_is_tested() {
 fn wrong_views_are_found_with_the_noise_open() {
     let mut rng = Rng::new(995);
     let mut lost = 0;
-    for run in 0..20 {
+    for run in 0..12 {
         let world = World::cell(&mut rng, MOUNTS[run % 2], 40);
         let mut views = noisy(&mut rng, &world, Robot::AtHand(COARSE.0, COARSE.1));
         for view in &mut views[..6] {
@@ -422,5 +423,5 @@ fn wrong_views_are_found_with_the_noise_open() {
         let noise = found.gripper_noise.unwrap();
         assert!(noise.sigma_rad < 1.5 * COARSE.0 && noise.sigma_m < 2.0 * COARSE.1, "{noise:?}");
     }
-    assert!(lost <= 3, "{lost}");
+    assert!(lost <= 2, "{lost}");
 }

@@ -43,6 +43,7 @@ fn no_method_of_opencv_is_better() {
         let view = |(base_from_gripper, cam_from_target): (Pose, Pose)| HandEyeView {
             base_from_gripper,
             gripper_covariance: Some(isotropic(5e-4, 5e-4)),
+            written: None,
             candidates: vec![Candidate {
                 cam_from_target,
                 covariance: isotropic(2e-3, 1.5e-3),

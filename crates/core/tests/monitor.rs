@@ -11,12 +11,12 @@ use resight_core::temporal::monitor::{
     DriftNoise, Monitor, MonitorConfig, MotionKind, Reading, Reference, Watch,
 };
 
-/// Times of the false alarms of thirty days at 1 Hz, started anew after each.
-fn false_alarms_s(rate: f64, seed: u64) -> Vec<f64> {
+/// Times of the false alarms of some days at 1 Hz, started anew after each.
+fn false_alarms_s(rate: f64, seed: u64, days: f64) -> Vec<f64> {
     let (mut stream, mut alarms_s) = (Stream::new(REALISTIC, seed), Vec::new());
     let config = MonitorConfig { false_alarms_per_day: rate, ..detector_config() };
     let mut detector = monitor(&REALISTIC, rate);
-    for _ in 0..(30.0 * DAY_S) as usize {
+    for _ in 0..(days * DAY_S) as usize {
         if let Watch::Drifted(_) = detector.push(&stream.next(&Vector6::zeros())) {
             alarms_s.push(stream.t_s);
             let t_s = stream.t_s;
@@ -28,22 +28,22 @@ fn false_alarms_s(rate: f64, seed: u64) -> Vec<f64> {
     alarms_s
 }
 
-/// Thirty days at 1 Hz, with correlated errors and a diurnal variation; 1 alarm a day allowed *at most*. χ² with one degree of freedom
-/// of the count beside the 30 allowed: one in a thousand exceeds 10.83. Below a quarter of 30 would be a test that wastes delay.
+/// Twenty days at 1 Hz, with correlated errors and a diurnal variation; 1 alarm a day allowed *at most*. χ² with one degree of freedom
+/// of the count beside the 20 allowed: one in a thousand exceeds 10.83. Below a quarter of 20 would be a test that wastes delay.
 #[test]
 fn false_alarm_rate_is_as_stated() {
-    let (alarms, allowed) = (false_alarms_s(1.0, 0x5eed_0001).len() as f64, 30.0);
+    let (alarms, allowed) = (false_alarms_s(1.0, 0x5eed_0001, 20.0).len() as f64, 20.0);
     let chi2 = (alarms - allowed).max(0.0).powi(2) / allowed;
-    println!("{alarms} alarms in 30 days, {allowed} allowed, χ² {chi2:.1}");
+    println!("{alarms} alarms in 20 days, {allowed} allowed, χ² {chi2:.1}");
     assert!(chi2 < 10.83, "{alarms} alarms for {allowed}: χ² {chi2}");
     assert!(0.25 * allowed < alarms, "{alarms}: deaf");
 }
 
-/// The same at 1 alarm an hour, where there are enough of them to see when they come: the diurnal variation of the day does not raise them. χ² of the
+/// Twelve days at 1 alarm an hour, where there are enough of them to see when they come: the diurnal variation of the day does not raise them. χ² of the
 /// counts by hour of day beside equal ones has 23 degrees of freedom: one in a thousand exceeds 49.7.
 #[test]
 fn false_alarms_come_at_any_hour_and_at_most_at_the_stated_rate() {
-    let (alarms_s, allowed) = (false_alarms_s(24.0, 0x5eed_1001), 720.0);
+    let (alarms_s, allowed) = (false_alarms_s(24.0, 0x5eed_1001, 12.0), 288.0);
     let chi2_count = (alarms_s.len() as f64 - allowed).max(0.0).powi(2) / allowed;
     let mut by_hour = [0.0; 24];
     alarms_s.iter().for_each(|t_s| by_hour[(t_s % DAY_S / 3600.0) as usize % 24] += 1.0);

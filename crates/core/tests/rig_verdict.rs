@@ -246,6 +246,23 @@ fn a_lens_offset_is_what_the_lens_is_off_by() {
     assert!(!found.verdict.is_inconsistent && !offset.is_off());
 }
 
+/// A focal length 3 % off is named whatever the sigmas state, and right lenses pass.
+#[test]
+fn overstated_sigmas_hide_no_lens() {
+    for (trial, factor) in [1.0, 2.0, 5.0, 10.0].into_iter().enumerate() {
+        let mut rng = Rng::new(300 + trial as u64);
+        let room = room(&mut rng);
+        let mut observations = room.disturbed(&mut rng);
+        observations.iter_mut().flat_map(|s| &mut s.seen).for_each(|c| c.sigma_px *= factor);
+        let right = solved(&room, &room.cameras, observations.clone()).expect("a rig");
+        assert!(!right.verdict.is_inconsistent && right.lens_sigma_m.is_none(), "sigma × {factor}");
+        let mut cameras = room.cameras.clone();
+        cameras[2] = lens(820.0 * 1.03, 0.0);
+        let wrong = solved(&room, &cameras, observations).expect("a rig").verdict;
+        assert_eq!(wrong.cameras[2].cause, Some(Cause::Intrinsics), "sigma × {factor}");
+    }
+}
+
 /// Ten views, and focal lengths about one per cent apart, as cameras of one model have: each of two exchanged files passes for right by itself.
 #[test]
 fn exchanged_files_of_like_cameras_are_named() {

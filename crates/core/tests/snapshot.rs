@@ -136,7 +136,7 @@ fn a_changed_layout_needs_another_version() {
     detector.push(first);
     tracker.push(first.t_s, &candidates(first));
     let (of_monitor, of_tracker) = (detector.snapshot(), tracker.snapshot());
-    assert_eq!((of_monitor.version, of_monitor.numbers.len()), (5, 1018));
+    assert_eq!((of_monitor.version, of_monitor.numbers.len()), (7, 1039));
     assert_eq!((of_tracker.version, of_tracker.numbers.len()), (1, 274));
 }
 
@@ -149,7 +149,7 @@ fn numbers_of_something_else_are_refused() {
     let good = detector.snapshot();
     let with = |numbers: Vec<f64>| Snapshot { numbers, ..good.clone() };
     let later = Snapshot { version: 9, ..good.clone() };
-    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 5 }));
+    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 7 }));
     for length in 0..good.numbers.len() {
         let torn = with(good.numbers[..length].to_vec());
         assert!(matches!(Monitor::restore(&torn), Err(Error::SnapshotNumbers { .. })), "{length}");

@@ -40,6 +40,7 @@ fn solved(session: &Session) -> Result<HandEye, Box<dyn Error>> {
     let view = |(base_from_gripper, seen)| HandEyeView {
         base_from_gripper,
         gripper_covariance: None,
+        written: None,
         candidates: Vec::new(),
         seen,
     };

@@ -31,7 +31,10 @@ struct Watched {
 
 impl Watched {
     fn new(condition: Condition, seed: u64) -> Self {
-        let mut scene = scene(condition, seed);
+        Watched::of(scene(condition, seed))
+    }
+
+    fn of(mut scene: Scene) -> Self {
         let monitor = scene.learned(50, &MonitorConfig::default());
         Watched { monitor, scene, last: None, told: Vec::new() }
     }
@@ -217,6 +220,111 @@ fn stays(name: &str, condition: Condition, readings: u32, runs: u64) {
     );
 }
 
+/// Alarms of each session of a camera that stays, and the share of readings at which it is reported as moved or undecided.
+fn disturbed(name: &str, condition: Condition, period_s: f64, days: f64, runs: u64) {
+    let (mut alarms, mut drifted, mut checking, mut readings) = (Vec::new(), 0, 0, 0);
+    for seed in 0..runs {
+        let mut scene = Scene::of(View::near(), condition, period_s, 0xd157 + seed);
+        let mut monitor = scene.learned(50, &MonitorConfig::default());
+        let (mut count, mut last) = (0, None);
+        while scene.t_s < days * 86_400.0 {
+            let variance = monitor.measured_noise().map_or(1.0, |noise| noise.sigma_ratio.powi(2));
+            scene.measured_variance = variance.max(1.0);
+            let now = monitor.push(&scene.next(&pan(0.0)));
+            let began_s = if let Watch::Drifted(drift) = now { Some(drift.began_s) } else { None };
+            let is_new = began_s.is_some() && began_s != last;
+            (count, last) = (count + u32::from(is_new), began_s);
+            drifted += u32::from(began_s.is_some());
+            checking += u32::from(began_s.is_none() && now != Watch::Steady);
+            readings += 1;
+        }
+        alarms.push(count);
+    }
+    let share = |of: u32| 100.0 * f64::from(of) / f64::from(readings);
+    println!(
+        "{name}: {alarms:?} alarms; moved {:.1} %, in doubt {:.1} % of {days} days",
+        share(drifted),
+        share(checking)
+    );
+}
+
+const DISTURBANCES: [(&str, Condition, f64, f64); 9] = [
+    ("flicker, 0.15 px", Condition::Flicker(0.15), 1.0, 2.0),
+    ("flicker, 0.3 px", Condition::Flicker(0.3), 1.0, 2.0),
+    ("insect, 0.6 px", Condition::Insect(0.6), 1.0, 2.0),
+    ("insect, 1.5 px", Condition::Insect(1.5), 1.0, 2.0),
+    ("rain, 0.15 px", Condition::Rain(0.15), 1.0, 2.0),
+    ("correlated at night", Condition::CorrelatedAtNight { share: 0.7, time_s: 60.0 }, 1.0, 2.0),
+    ("infrared, 0.3 px, a reading every 10 s", Condition::Infrared(0.3), 10.0, 4.0),
+    ("key frames every 10 s, 5 Hz", Condition::KeyFrames { px: 0.15, every_s: 10.0 }, 0.2, 0.05),
+    ("key frames every 4 s, 25 Hz", Condition::KeyFrames { px: 0.15, every_s: 4.0 }, 0.04, 0.02),
+];
+
+/// Normalised squared errors of what is reported of a motion.
+fn nees(drift: &Drift, degrees: f64) -> f64 {
+    let error = drift.old_from_new - pan(degrees);
+    error.dot(&drift.covariance.cholesky().expect("a covariance").solve(&error))
+}
+
+/// Their mean and the largest.
+fn mean_and_most(nees: &[f64]) -> String {
+    let mean = nees.iter().sum::<f64>() / nees.len() as f64;
+    format!("{mean:.1} (most {:.1})", nees.iter().copied().fold(f64::NAN, f64::max))
+}
+
+/// A camera that is panned at `at_s` amid a disturbance: how soon a motion of that size is reported, the NEES of its size then and at the end, and
+/// what comes after it.
+fn amid(name: &str, (condition, period_s): (Condition, f64), at_s: f64, degrees: f64, runs: u64) {
+    let (mut delays, mut missed, mut later, mut held) = (Vec::new(), 0, 0, 0);
+    let (mut at_alarm, mut at_end) = (Vec::new(), Vec::new());
+    for seed in 0..runs {
+        let scene = Scene::of(View::near(), condition, period_s, 0xa31d + seed);
+        let (mut watched, last_s) = (Watched::of(scene), at_s + (1200.0 * period_s).min(1200.0));
+        watched.until(at_s, &pan(0.0));
+        held += u32::from(watched.monitor.recurrence().is_some());
+        watched.until(last_s, &pan(degrees));
+        let is_it = |told: &(f64, Told)| {
+            let drift = told.1.filter(|drift| 0.5 * degrees < drift.old_from_new[1].to_degrees())?;
+            (at_s < told.0).then_some((told.0, drift))
+        };
+        let Some((t_s, drift)) = watched.told.iter().find_map(is_it) else {
+            missed += 1;
+            continue;
+        };
+        delays.push(t_s - at_s);
+        later += watched.told.iter().filter(|told| t_s < told.0).count();
+        at_alarm.push(nees(&drift, degrees));
+        at_end.extend(watched.monitor.drift().map(|drift| nees(&drift, degrees)));
+    }
+    delays.sort_by(f64::total_cmp);
+    println!(
+        "{name}, {degrees}°: {:.1} s (most {:.1}), {missed} missed of {runs}, {later} words later, NEES at the alarm {}, at the end {}; held before in {held}",
+        delays.get(delays.len() / 2).unwrap_or(&f64::NAN),
+        delays.last().unwrap_or(&f64::NAN),
+        mean_and_most(&at_alarm),
+        mean_and_most(&at_end),
+    );
+}
+
+/// Seconds from a step, after 3000 s without one, to its alarm: median and most; how many are missed in 1200 s, and raised before the step.
+fn steps(name: &str, condition: Condition, degrees: f64, runs: u64) {
+    let (mut delays, mut missed, mut early) = (Vec::new(), 0, 0);
+    for seed in 0..runs {
+        let mut watched = Watched::new(condition, 0x57e9 + seed);
+        watched.until(3000.0, &pan(0.0));
+        early += u32::from(!watched.told.is_empty());
+        watched.until(4200.0, &pan(degrees));
+        match watched.word(3000.0, 4200.0) {
+            Some((delay_s, _)) => delays.push(delay_s),
+            None => missed += 1,
+        }
+    }
+    delays.sort_by(f64::total_cmp);
+    let half = delays.get(delays.len() / 2).copied().unwrap_or(f64::NAN);
+    let most = delays.last().copied().unwrap_or(f64::NAN);
+    println!("{name}, {degrees}°: {half} s (most {most}), {missed} missed, {early} early of {runs}");
+}
+
 /// Noise that nobody declared.
 const NOISES: [(&str, Condition); 7] = [
     ("white", Condition::White),
@@ -254,6 +362,32 @@ fn main() {
         for readings in [10, 30, 100] {
             for degrees in [0.0, 0.02, 0.05, 0.1, 0.3, 0.5, 1.0, 3.0] {
                 nightly("white", Condition::White, degrees, readings, runs);
+            }
+        }
+    }
+    if part == "steps" {
+        for (name, condition) in [
+            ("plain", Condition::White),
+            ("70 % over 10 s", Condition::Correlated { share: 0.7, time_s: 10.0 }),
+            ("70 % over 600 s", Condition::Correlated { share: 0.7, time_s: 600.0 }),
+            ("a tenth of the stated sigma", Condition::Understated(0.1)),
+        ] {
+            [0.02, 0.05, 0.3, 1.0].into_iter().for_each(|degrees| steps(name, condition, degrees, runs));
+        }
+    }
+    if part == "disturbances" {
+        let only = arguments.get(3).map_or("", String::as_str);
+        for (name, condition, period_s, days) in DISTURBANCES.iter().filter(|of| of.0.contains(only)) {
+            disturbed(name, *condition, *period_s, *days, runs);
+        }
+    }
+    if part == "amid" {
+        let only = arguments.get(3).map_or("", String::as_str);
+        for (name, condition, period_s, days) in DISTURBANCES.iter().filter(|of| of.0.contains(only)) {
+            // Amid the second night, a shower and, of a video, its second half.
+            let at_s = if *days < 1.0 { 0.5 * days * 86_400.0 } else { 114_200.0 };
+            for degrees in [0.1, 0.3, 1.0] {
+                amid(name, (*condition, *period_s), at_s, degrees, runs);
             }
         }
     }

@@ -4,7 +4,7 @@ use crate::assess::{Assessment, CameraVerdict, Found, Motion};
 use crate::cameras::Cameras;
 use crate::layout::Columns;
 use crate::run::Done;
-use crate::words::utc;
+use crate::words::{expected, utc};
 use resight::answer::{SchemaNumber, TransformObject};
 use resight::core::{Matrix6, Vector6};
 use resight::formats::cells;
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// What a cluster says of a job that it has done.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct ClusterAnswer {
-    /// Rows by status: ok, ambiguous, degenerate, inconsistent, anything else.
-    pub counts: [u64; 5],
+    /// Rows by status: ok, ambiguous, degenerate, inconsistent, implausible, anything else.
+    pub counts: [u64; 6],
     /// Cameras of the table.
     pub cameras: usize,
     /// Files of the output.
@@ -54,7 +54,7 @@ struct FailedObject {
 }
 
 /// Rows of each status in the order of `CameraState::counts`.
-const WORDS: [&str; 5] = ["ok", "ambiguous", "degenerate", "inconsistent", "error"];
+const WORDS: [&str; 6] = ["ok", "ambiguous", "degenerate", "inconsistent", "implausible", "error"];
 
 impl BatchObject {
     /// Creates the answer for a run with these cameras and this duration.
@@ -314,8 +314,8 @@ pub fn in_words(fleet: &Assessment, most: usize) -> String {
         }
     }
     text += &format!(
-        "\n  at the stated rate of false alarms {:.4} of those that stayed are expected to be called moved\n",
-        fleet.expected_false_alarms
+        "\n  at the stated rate of false alarms {} of those that stayed are expected to be called moved\n",
+        expected(fleet.expected_false_alarms)
     );
     for unread in &fleet.unread {
         text += &format!("  not read: {unread}\n");

@@ -6,7 +6,7 @@ use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::{Error as MathError, Matrix6, Pose};
-use resight::report::verdict::{self, Status};
+use resight::report::verdict::{self, Status, Verdict};
 use std::collections::HashMap;
 
 /// The answer of `core` for a view.
@@ -132,6 +132,16 @@ impl Answers {
                 self.status[row] = verdict.status;
                 self.reasons.insert(row as u32, verdict.message);
             }
+        }
+    }
+
+    /// Changes a row that is `ok` to `implausible`, for this remark on its points.
+    pub(crate) fn doubt_size(&mut self, row: usize, remark: String) {
+        let verdict = Verdict { status: self.status[row], message: "one pose fits".into() };
+        let verdict = verdict.with_sizes(&[remark]);
+        if verdict.status == Status::Implausible {
+            self.status[row] = verdict.status;
+            self.reasons.insert(row as u32, verdict.message);
         }
     }
 

@@ -5,7 +5,7 @@ mod text;
 
 use crate::FleetError;
 use resight::core::{Camera, Lens, Point, Target};
-use resight::formats::{self, NamedCamera};
+use resight::formats::{self, NamedCamera, plausible};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,8 @@ pub struct Cameras {
     cameras: Vec<Camera>,
     names: Vec<String>,
     points: Vec<Option<Vec<Point>>>,
+    /// Why the points of a camera are hardly in metres.
+    sizes: Vec<Option<String>>,
     sites: Vec<Option<Site>>,
     number: HashMap<String, u32>,
     /// What is unusual but not wrong, in sentences.
@@ -90,6 +92,7 @@ impl Cameras {
             }
             all.cameras.push(camera);
             all.names.push(name);
+            all.sizes.push(points.as_deref().and_then(plausible::of_points));
             all.points.push(points);
             all.sites.push(site);
         }
@@ -113,20 +116,21 @@ impl Cameras {
             let reason = format!("a target of kind {kind} has {n} points; 3 or more are needed");
             return Err(FleetError::Setting(reason));
         }
-        for own in &mut self.points {
+        let remarks = plausible::of_target(target);
+        for (own, size) in self.points.iter_mut().zip(&mut self.sizes) {
             if own.is_none() {
                 *own = Some(points.clone());
+                *size = remarks.first().cloned();
             }
         }
+        self.warnings.extend(remarks.into_iter().map(|remark| format!("target: {remark}")));
         Ok(self)
     }
 
     fn warn(&mut self) {
-        let suspect = |(name, points): (&String, &Option<Vec<Point>>)| {
-            let remark = formats::plausible::of_points(points.as_deref()?)?;
-            Some(format!("camera {name}: {remark}"))
-        };
-        let mut suspects = self.names.iter().zip(&self.points).filter_map(suspect);
+        let suspect =
+            |(name, remark): (&String, &Option<String>)| Some(format!("camera {name}: {}", remark.as_ref()?));
+        let mut suspects = self.names.iter().zip(&self.sizes).filter_map(suspect);
         let (first, others) = (suspects.next(), suspects.count());
         self.warnings.extend(first.map(|remark| match others {
             0 => remark,
@@ -165,6 +169,11 @@ impl Cameras {
     /// Lenses, by number.
     pub fn cameras(&self) -> &[Camera] {
         &self.cameras
+    }
+
+    /// Why the points of a camera are hardly in metres, in a sentence.
+    pub fn size_remark(&self, number: u32) -> Option<&str> {
+        self.sizes.get(number as usize)?.as_deref()
     }
 
     /// The points of a camera, metres.

@@ -1,4 +1,4 @@
-//! One HTML file: which cameras moved, with evidence, since when, their histories and where they stand; to be searched and sorted.
+//! One HTML file: which cameras moved, with evidence and times, their histories and positions; it can be searched and sorted.
 
 mod history;
 mod map;
@@ -7,11 +7,11 @@ mod verdicts;
 
 use crate::assess::{Assessment, CameraVerdict, Found, Motion};
 use crate::cameras::Cameras;
-use crate::words::{duration, utc, with_sigma};
+use crate::words::{duration, expected, utc, with_sigma};
 use resight::report::html::{Page, escaped};
 use resight::report::verdict::Status;
 
-/// Cameras of the table of all; of more the file of verdicts has them all.
+/// Largest number of cameras in the table of all; the file of verdicts contains all of them.
 const LISTED: usize = 20_000;
 /// Verdicts in the order of the page, with their headings.
 const SECTIONS: [(Found, &str, &str); 6] = [
@@ -35,7 +35,7 @@ const SECTIONS: [(Found, &str, &str); 6] = [
     (Found::Unknown, "Not in the table of cameras", ""),
 ];
 
-/// On a phone the table of moved cameras is a list: each motion with its values below, named as the columns are.
+/// On a phone the table of moved cameras is a list: each motion with its values below, labelled like the columns.
 const NARROW: &str = "@media(max-width:40rem){.moved-list table{font-size:1em}.moved-list table,.moved-list tbody,.moved-list tr,.moved-list td{display:block}.moved-list thead{display:none}\
     .moved-list tr{padding:.5rem 0;border-bottom:1px solid #8886}.moved-list td{border:0;padding:0;white-space:normal}.moved-list td:first-child{font-weight:600}\
     .moved-list td:empty{display:none}.moved-list td::before{opacity:.75}.moved-list td:nth-child(2)::before{content:'site '}.moved-list td:nth-child(3)::before{content:'how '}\
@@ -50,10 +50,10 @@ const STYLE: &str = "body{max-width:76rem}svg{max-width:100%;height:auto}.axis{s
      .tools{display:flex;flex-wrap:wrap;gap:.6rem 1.2rem;align-items:center}.tools input{font:inherit;padding:.3rem .6rem;flex:1 1 14rem;max-width:24rem;\
      border:1px solid #8888;border-radius:6px;background:transparent;color:inherit}.tools a{color:inherit}";
 
-/// What searches and sorts.
+/// The script for searching and sorting.
 const SCRIPT: &str = include_str!("report/interaction.js");
 
-/// The page of a fleet; `cameras` say where each stands.
+/// Returns the page of a fleet; `cameras` state the position of each camera.
 pub fn page(fleet: &Assessment, cameras: Option<&Cameras>) -> String {
     let mut page = Page::new("Which cameras moved?");
     page.style(STYLE).style(NARROW);
@@ -78,16 +78,16 @@ pub fn page(fleet: &Assessment, cameras: Option<&Cameras>) -> String {
     page.html()
 }
 
-/// A field to search in and the verdicts as a file.
+/// Writes a search field and the verdicts as a file.
 fn tools(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     let csv = verdicts::address(&verdicts::csv(fleet, cameras));
     page.markup(&format!(
-        "<div class=\"tools\"><input id=\"search\" type=\"search\" placeholder=\"Search cameras, sites, words\" aria-label=\"search\"><span id=\"shown\"></span>\
+        "<div class=\"tools\"><label>Search for cameras, sites or words <input id=\"search\" type=\"search\"></label><span id=\"shown\"></span>\
          <a download=\"verdicts.csv\" href=\"{csv}\">verdicts.csv</a></div>"
     ));
 }
 
-/// What is otherwise than it was when the state before these poses ended.
+/// Writes the differences from the end of the state before these poses.
 fn changes(page: &mut Page, fleet: &Assessment) {
     let Some(changes) = &fleet.changes else { return };
     page.heading(&format!("Since {}", utc(changes.since_s)));
@@ -117,7 +117,7 @@ fn masts(page: &mut Page, fleet: &Assessment) {
     page.markup("</div>");
 }
 
-/// The site of a camera; empty where none is known.
+/// Returns the site of a camera; empty where unknown.
 fn site_of(cameras: Option<&Cameras>, verdict: &CameraVerdict) -> String {
     let site = cameras.and_then(|cameras| cameras.site(cameras.number(&verdict.camera)?));
     site.map_or(String::new(), |site| site.name.clone())
@@ -149,8 +149,8 @@ fn summary(page: &mut Page, fleet: &Assessment) {
     page.verdict(status, &sentence, &figures);
     if let Some((begin, end)) = fleet.span_s {
         page.paragraph(&format!(
-            "From {} to {}, readings of {:.0} s each. At the stated rate of false alarms {:.4} of the cameras that stayed are expected to be called moved.",
-            utc(begin), utc(end), fleet.period_s, fleet.expected_false_alarms
+            "From {} to {}, readings of {:.0} s each. At the stated rate of false alarms {} of the cameras that stayed are expected to be called moved.",
+            utc(begin), utc(end), fleet.period_s, expected(fleet.expected_false_alarms)
         ));
     }
     for unread in &fleet.unread {
@@ -179,7 +179,7 @@ fn moved(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     );
 }
 
-/// Of all cameras that moved or wander.
+/// Writes the histories of all cameras that moved or wander.
 fn histories(page: &mut Page, fleet: &Assessment) {
     let drawn: String = [Found::Moved, Found::Wandering]
         .into_iter()
@@ -243,7 +243,7 @@ fn section(
     page.markup("</div>");
 }
 
-/// Every camera, whatever was found.
+/// Writes every camera, whatever its verdict.
 fn all(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     let row = |v: &CameraVerdict| {
         let found = v.found.name().replace('_', " ");
@@ -258,7 +258,7 @@ fn all(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     page.markup("</details>");
 }
 
-/// A word as a class of the page's style.
+/// Returns a word as a class of the page's style.
 fn class(found: Found) -> String {
     escaped(found.name())
 }

@@ -1,7 +1,7 @@
-//! Files of views to one file of poses, on all cores, in bounded memory, and from where it was when it was cut off.
+//! Files of views to one file of poses, on all cores, in bounded memory; an interrupted run continues.
 //!
-//! Each piece of the input becomes a part of the output, written in the order of the input and noted when it is there. Which thread solved
-//! it, and in which run, leaves no trace in it: output and state are the same to the last bit.
+//! Each piece of the input becomes a part of the output, written in the order of the input and recorded when it is complete. Output and state do
+//! not depend on the thread and the run that solved it: they are the same to the last bit.
 
 mod growing;
 mod plan;
@@ -17,48 +17,48 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// What is to be done.
+/// The settings of a run.
 pub struct Job<'a> {
     /// Files of views, in order.
     pub inputs: &'a [PathBuf],
     /// Cameras and the noise of pixels.
     pub solver: &'a Solver,
-    /// Where the poses go: Parquet, or CSV by its ending.
+    /// The file of poses: Parquet, or CSV by its ending.
     pub output: &'a Path,
     /// Seconds of a period of the state.
     pub period_s: f64,
-    /// Threads; 0: all cores.
+    /// Number of threads; 0: all cores.
     pub threads: usize,
 }
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {
-    /// Rows solved, or found solved by an earlier run.
+    /// Rows solved, now or by an earlier run.
     pub rows: u64,
-    /// Rows there are, where the files say so.
+    /// Number of all rows, where the files state it.
     pub of: Option<u64>,
 }
 
-/// What came of it.
+/// The result of a run.
 pub struct Done {
     /// Sums of every camera.
     pub state: FleetState,
     /// Rows written.
     pub rows: u64,
-    /// Parts that an earlier run, cut off, had written.
+    /// Parts that an earlier, interrupted run had written.
     pub resumed_parts: usize,
-    /// Parts in all.
+    /// Number of all parts.
     pub parts: usize,
-    /// Files, or pieces of files, that could not be read, and why; everything else is in the output.
+    /// Files, or pieces of files, that could not be read, with the reason; everything else is in the output.
     pub failed: Vec<(PathBuf, String)>,
 }
 
-/// Solves every row of every file. Where `progress` returns false the work ends; the next run of the same job continues it.
+/// Solves every row of every file. Where `progress` returns false the run ends; the next run of the same job continues it.
 ///
 /// # Errors
 /// Before any work: a file that is missing or lacks columns, an output that cannot be written. A file that turns out to be damaged is in
-/// `failed`. `Stopped` where `progress` wants no more.
+/// `failed`. `Stopped` where `progress` returns false.
 pub fn run(job: &Job, progress: &(dyn Fn(Progress) -> bool + Sync)) -> Result<Done, FleetError> {
     let mut failed = Vec::new();
     let mut sources = Vec::new();
@@ -109,7 +109,7 @@ pub fn run(job: &Job, progress: &(dyn Fn(Progress) -> bool + Sync)) -> Result<Do
     Ok(Done { state, rows, resumed_parts, parts, failed })
 }
 
-/// Whether a file is of the right kind, but broken: the others are still worth the work.
+/// Returns whether a file is of the right kind, but damaged: the other files are still solved.
 fn is_damaged(reason: &FleetError) -> bool {
     matches!(reason, FleetError::File(file) if file.reason.contains("write the file again"))
 }
@@ -129,7 +129,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// What each thread does, until nothing is left or one of them cannot go on.
+    /// Processes parts in each thread until nothing is left or one of them fails.
     fn work(&self) -> Result<(), FleetError> {
         let done = catch_unwind(AssertUnwindSafe(|| {
             while let Some(claim) = self.claim() {
@@ -153,14 +153,14 @@ impl Work<'_> {
         if let Ready::Failed(reason) | Ready::Broken(reason) = &ready {
             self.fail(file, part, reason);
         }
-        // What is solved is kept, also when the caller stops the work.
+        // A solved part is written also when the caller stops the run.
         let goes_on = self.output.write(part, ready)?;
         let rows = self.rows.fetch_add(rows, Ordering::Relaxed) + rows;
         let goes_on = goes_on && (self.progress)(Progress { rows, of: self.of });
         if goes_on { Ok(()) } else { Err(FleetError::Stopped) }
     }
 
-    /// A part with its number of rows, which are in the state then.
+    /// Returns a part with its number of rows, which are in the state from then on.
     fn ready(&self, claim: Claim) -> Result<(Ready, u64), FleetError> {
         match self.output.note(claim.part) {
             Some(Note::Failed(reason)) => return Ok((Ready::Failed(reason.clone()), 0)),
@@ -190,7 +190,7 @@ impl Work<'_> {
         }
     }
 
-    /// Damaged bytes may make the decoder give up in its own way.
+    /// Solves a piece; damaged bytes may make the decoder panic.
     fn solve_piece(&self, source: &Source, piece: &Piece) -> Result<SolvedRows, FleetError> {
         let batch = queue::guarded(source, || source.read(piece))?;
         Ok(solve_rows(&batch, &source.view_layout(), self.job.solver))

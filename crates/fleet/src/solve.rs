@@ -9,6 +9,8 @@ use resight::core::batch::{Given, Views, locate_each_of_three_with, locate_each_
 use resight::core::correspondence::without_equals;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+use resight::formats::plausible;
+use resight::report::verdict::Status;
 use std::array::from_fn;
 use std::sync::Arc;
 
@@ -129,7 +131,29 @@ impl Solver {
         for row in many {
             answers.set(*row as usize, &self.solve_alone(views, *row as usize));
         }
+        self.check_sizes(views, &mut answers);
         answers
+    }
+
+    /// Changes rows that are `ok` to `implausible` where their points are hardly in metres; each row is judged by its own points.
+    fn check_sizes(&self, views: &ViewColumns, answers: &mut Answers) {
+        let mut points = Vec::new();
+        for (row, camera) in views.camera.iter().enumerate() {
+            if answers.status[row] != Status::Ok {
+                continue;
+            }
+            let remark = match &views.points_m {
+                None => self.cameras.size_remark(*camera).map(str::to_string),
+                Some(_) => {
+                    points.clear();
+                    points.extend((0..answers.n_points[row] as usize).map(|k| self.point(views, row, k)));
+                    plausible::of_points(&points)
+                }
+            };
+            if let Some(remark) = remark {
+                answers.doubt_size(row, remark);
+            }
+        }
     }
 
     /// How many points a row has.

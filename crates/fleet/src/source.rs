@@ -1,4 +1,4 @@
-//! Files of views: Parquet in pieces that can be read on their own, CSV and JSON Lines from beginning to end.
+//! Files of views: Parquet in independent pieces, CSV and JSON Lines from beginning to end.
 
 mod csv;
 mod json_lines;
@@ -21,20 +21,20 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Rows of a piece, which is read, solved and written on its own.
+/// Number of rows of a piece, which is read, solved and written independently.
 pub const PIECE: usize = 49_152;
 
-/// Rows a byte of a file beyond which its figures cannot be: a file says how many rows it has, and memory is set aside for them.
+/// Largest plausible number of rows per byte: a file states its number of rows, and memory is allocated for them.
 const MOST_ROWS_PER_BYTE: u64 = 4096;
 
-/// Batches one after the other.
+/// An iterator of batches.
 pub type Batches = Box<dyn Iterator<Item = Result<RecordBatch, FleetError>> + Send>;
 
 /// A file whose columns are known.
 pub struct Source {
-    /// Where it lies.
+    /// Its path.
     pub path: PathBuf,
-    /// What each column of its batches is.
+    /// The meaning of each column of its batches.
     pub layout: Layout,
     kind: Kind,
 }
@@ -50,7 +50,7 @@ enum Kind {
 pub struct Piece {
     group: usize,
     first: usize,
-    /// How many rows it has.
+    /// Number of its rows.
     pub rows: usize,
 }
 
@@ -58,7 +58,7 @@ impl Source {
     /// Opens a file, recognised by its first bytes.
     ///
     /// # Errors
-    /// What is wrong with it, or which columns are missing.
+    /// The fault of the file, or the columns that are missing.
     pub fn open(path: &Path) -> Result<Self, FleetError> {
         let (schema, kind) = schema_of(path)?;
         let layout = Layout::of(&schema).map_err(|reason| FleetError::at(path, reason.to_string()))?;
@@ -73,7 +73,7 @@ impl Source {
         Ok(Source { path: path.to_path_buf(), layout, kind })
     }
 
-    /// What the columns of the batches that are solved are: of rows of points, those of the views that they become.
+    /// Returns the layout of the batches that are solved: for rows of points, that of the views made from them.
     pub fn view_layout(&self) -> Layout {
         match self.layout.points {
             PointColumns::Points { .. } => assembled(&self.layout),
@@ -81,7 +81,7 @@ impl Source {
         }
     }
 
-    /// Rows that it says it has.
+    /// Returns the number of rows that the file states.
     pub fn rows(&self) -> Option<usize> {
         match &self.kind {
             Kind::Parquet { metadata, .. } => {
@@ -91,7 +91,7 @@ impl Source {
         }
     }
 
-    /// The pieces that can be read on their own; none: it must be read from beginning to end.
+    /// Returns the independent pieces; none: the file must be read from beginning to end.
     pub fn pieces(&self) -> Option<Vec<Piece>> {
         let Kind::Parquet { metadata, .. } = &self.kind else { return None };
         if matches!(self.layout.points, PointColumns::Points { .. }) {
@@ -107,10 +107,10 @@ impl Source {
         Some(pieces)
     }
 
-    /// The rows of a piece.
+    /// Returns the rows of a piece.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// The fault of the file.
     pub fn read(&self, piece: &Piece) -> Result<RecordBatch, FleetError> {
         let Kind::Parquet { metadata, columns } = &self.kind else {
             return Err(FleetError::at(&self.path, "this file has no pieces"));
@@ -128,10 +128,10 @@ impl Source {
         batch.filter(|_| n == piece.rows).ok_or_else(|| self.cut_short(piece, n))
     }
 
-    /// All rows, views put together, in batches of `PIECE` rows at most.
+    /// Returns all rows, with views put together, in batches of at most `PIECE` rows.
     ///
     /// # Errors
-    /// What is wrong with the file.
+    /// The fault of the file.
     pub fn stream(&self) -> Result<Batches, FleetError> {
         let batches = match &self.kind {
             Kind::Parquet { metadata, columns } => self.batches(self.builder(metadata, columns)?.build())?,
@@ -149,7 +149,7 @@ impl Source {
         }
     }
 
-    /// That a piece has fewer rows than the file states.
+    /// Returns the error that a piece has fewer rows than the file states.
     fn cut_short(&self, piece: &Piece, rows: usize) -> FleetError {
         let (group, stated) = (piece.group, piece.rows);
         let reason = format!(
@@ -181,7 +181,7 @@ impl Source {
     }
 }
 
-/// What is found in a file, whatever is missing.
+/// Returns the columns of a file, whatever is missing.
 ///
 /// # Errors
 /// A file that cannot be read at all.
@@ -219,7 +219,7 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
     }
 }
 
-/// Reads a column of names as numbers into a dictionary, which most files hold: few names come in many rows.
+/// Reads a column of names as numbers into a dictionary, which most files contain: few names occur in many rows.
 fn with_numbered_names(metadata: ArrowReaderMetadata, column: usize) -> ArrowReaderMetadata {
     let schema = metadata.schema();
     if !matches!(schema.field(column).data_type(), DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View)
@@ -233,11 +233,11 @@ fn with_numbered_names(metadata: ArrowReaderMetadata, column: usize) -> ArrowRea
     };
     let fields: Fields = schema.fields().iter().enumerate().map(as_read).collect();
     let options = ArrowReaderOptions::new().with_schema(Arc::new(Schema::new(fields)));
-    // A file that cannot be read so is read as it is.
+    // A file that does not allow this is read without it.
     ArrowReaderMetadata::try_new(metadata.metadata().clone(), options).unwrap_or(metadata)
 }
 
-/// Refuses figures that no file of this size has.
+/// Refuses numbers that no file of this size has.
 fn check_rows(metadata: &ArrowReaderMetadata, bytes: u64) -> Result<(), String> {
     let most = i64::try_from(bytes.saturating_mul(MOST_ROWS_PER_BYTE)).unwrap_or(i64::MAX);
     let groups = metadata.metadata().row_groups();
@@ -254,7 +254,7 @@ fn check_rows(metadata: &ArrowReaderMetadata, bytes: u64) -> Result<(), String> 
     ))
 }
 
-/// The layout of batches that hold these columns only.
+/// Returns the layout of batches that contain these columns only.
 fn projected(layout: &Layout, columns: &[usize]) -> Layout {
     let at = |column: usize| columns.iter().position(|kept| *kept == column).unwrap_or(0);
     let all = |columns: &[usize]| columns.iter().map(|column| at(*column)).collect::<Vec<_>>();
@@ -277,7 +277,7 @@ fn projected(layout: &Layout, columns: &[usize]) -> Layout {
     }
 }
 
-/// Rows of points on their way to views.
+/// Rows of points that are being put together to views.
 struct Views {
     batches: Batches,
     layout: Layout,

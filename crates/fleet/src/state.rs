@@ -26,7 +26,7 @@ pub struct FleetState {
     period_s: f64,
     shards: Vec<Mutex<HashMap<String, CameraState>>>,
     /// Rows that name no camera, by status as in `CameraState::counts`.
-    unnamed: Mutex<[u64; 5]>,
+    unnamed: Mutex<[u64; 6]>,
 }
 
 impl FleetState {
@@ -43,7 +43,7 @@ impl FleetState {
 
     /// Adds solved rows. Threads may add at once; the order does not matter, to the last bit.
     pub fn add(&self, rows: &SolvedRows) {
-        let mut unnamed = [0; 5];
+        let mut unnamed = [0; 6];
         // Where the rows of each name begin in `order`, in which they keep their own order.
         let mut ends = vec![0_u32; rows.names.len() + 1];
         for (row, name) in rows.camera.iter().enumerate() {
@@ -109,13 +109,13 @@ impl FleetState {
         spans
     }
 
-    fn add_unnamed(&self, counts: [u64; 5]) {
+    fn add_unnamed(&self, counts: [u64; 6]) {
         let mut unnamed = self.unnamed.lock().unwrap_or_else(PoisonError::into_inner);
         unnamed.iter_mut().zip(counts).for_each(|(all, n)| *all += n);
     }
 
-    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, anything else.
-    pub fn counts(&self) -> [u64; 5] {
+    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, implausible, anything else.
+    pub fn counts(&self) -> [u64; 6] {
         let mut counts = *self.unnamed.lock().unwrap_or_else(PoisonError::into_inner);
         for shard in &self.shards {
             for camera in shard.lock().unwrap_or_else(PoisonError::into_inner).values() {

@@ -15,6 +15,11 @@ pub fn duration(s: f64) -> String {
     }
 }
 
+/// An expected number of events, however small it is.
+pub fn expected(count: f64) -> String {
+    if 0.01 <= count { format!("{count:.2}") } else { format!("{count:.0e}") }
+}
+
 /// `0.5012 ± 0.0031`: as many digits of both as the two figures of the standard deviation warrant.
 pub fn with_sigma([value, sigma]: [f64; 2]) -> String {
     let decimals = if 0.0 < sigma { (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize } else { 4 };

@@ -1,10 +1,16 @@
 //! What is wrong with tables, units and clocks is reported, with its line, and does not stop the others; and what is new since yesterday.
 
 use crate::support::{day, folder, solved, solver, written};
-use resight_fleet::Cameras;
+use resight::Status;
+use resight::core::camera::Pinhole;
+use resight::core::target::Chessboard;
+use resight::core::{Camera, CameraMatrix, Lens, Point, Pose, Target, Vector6};
 use resight_fleet::assess::{AssessConfig, Found, assess, assess_since};
+use resight_fleet::cameras::FleetCamera;
 use resight_fleet::job::{BatchRequest, News, batch};
 use resight_fleet::simulate::Fate;
+use resight_fleet::solve::{Numbers, ViewColumns};
+use resight_fleet::{Cameras, Solver};
 use std::sync::Mutex;
 
 const HEAD: &str = "camera,fx_px,fy_px,cx_px,cy_px,x0_m,y0_m,z0_m,x1_m,y1_m,z1_m,x2_m,y2_m,z2_m";
@@ -144,4 +150,76 @@ fn what_is_new_since_yesterday() {
     );
     let alone = assess(state(&inputs[24..], "5.parquet"), Some(&*solver.cameras), &config).expect("verdicts");
     assert!(alone.cameras.iter().all(|v| v.found != Found::Moved || v.camera != fleet.cameras[0].name));
+}
+
+/// Four marks, in units of a metre, and a camera four metres in front of them; all lengths are multiplied.
+struct Marks {
+    factor: f64,
+    camera: Camera,
+}
+
+impl Marks {
+    const PLACES: [[f64; 3]; 4] = [[0.1, 0.1, 0.2], [1.5, 0.1, 0.1], [1.4, 1.2, 0.3], [0.2, 0.9, 0.4]];
+
+    fn of(factor: f64) -> Self {
+        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 640.0, cy_px: 480.0 };
+        Marks { factor, camera: Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None } }
+    }
+
+    fn points(&self) -> Vec<Point> {
+        Self::PLACES.map(|x| Point::from(x) * self.factor).into()
+    }
+
+    /// Columns and rows of the pixels.
+    fn pixels(&self) -> Vec<f64> {
+        let turned = Pose::exp(&Vector6::new(0.3, -0.4, 0.1, 0.0, 0.0, 0.0));
+        let cam_from_target = Pose { translation: Point::new(-0.5, -0.4, 4.0) * self.factor, ..turned };
+        let seen = self.points().into_iter().map(|x| self.camera.project(&(cam_from_target * x)));
+        seen.flat_map(|pixel| pixel.map_or([f64::NAN; 2], |p| [p.x, p.y])).collect()
+    }
+
+    /// The status of the view with the points in the row, or with those of the camera.
+    fn solved(&self, in_row: bool) -> (Status, Option<String>) {
+        let own = (!in_row).then(|| self.points());
+        let camera = FleetCamera { name: "a".into(), camera: self.camera.clone(), points: own, site: None };
+        let solver = Solver { cameras: Cameras::of(vec![camera]).expect("a camera").into(), sigma_px: 0.3 };
+        let points: Vec<f64> = self.points().iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+        let views = ViewColumns {
+            camera: &[0],
+            pixels: Numbers::Rows { values: &self.pixels(), width: 8 },
+            points_m: in_row.then_some(Numbers::Rows { values: &points, width: 12 }),
+            sigma_px: None,
+        };
+        let answers = solver.solve(&views);
+        assert!(answers.pose(0).is_some(), "{:?}", answers.reasons);
+        (answers.status[0], answers.reasons.get(&0).cloned())
+    }
+}
+
+/// Marks of a microscope's slide, of a room, of a mast of 20 m, of a field that a drone sees from 400 m are `ok`; a room in millimetres is
+/// `implausible`, with its pose and its reason, wherever its points are stated.
+#[test]
+fn points_that_hardly_exist_make_a_row_implausible() {
+    for in_row in [true, false] {
+        for factor in [1e-4, 1.0, 40.0 / 3.0, 123.4] {
+            assert_eq!(Marks::of(factor).solved(in_row), (Status::Ok, None), "× {factor}");
+        }
+        let (status, reason) = Marks::of(1000.0).solved(in_row);
+        assert_eq!(status, Status::Implausible);
+        assert!(reason.is_some_and(|reason| reason.contains("are they in millimetres?")));
+    }
+}
+
+/// The points of a target that hardly exists, for cameras that have none of their own.
+#[test]
+fn a_target_that_hardly_exists_is_a_remark_on_all_cameras() {
+    let of = |points| FleetCamera { name: "a".into(), camera: Marks::of(1.0).camera, points, site: None };
+    for (square_m, own, is_plausible) in
+        [(0.1, None, true), (25.0, None, false), (25.0, Some(Marks::of(1.0).points()), true)]
+    {
+        let target = Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m });
+        let cameras = Cameras::of(vec![of(own)]).and_then(|cameras| cameras.with_target(&target));
+        let remark = cameras.expect("a camera").size_remark(0).map(str::to_string);
+        assert_eq!(remark.is_none(), is_plausible, "{remark:?}");
+    }
 }

@@ -47,7 +47,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             None => None,
             Some(poses) => Some(placement(&root, poses.get(i), &name)?),
         };
-        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, placement));
     }
     // Basalt adds it to the images' time stamps: one offset for all cameras.
     let offset_s = root.get("cam_time_offset_ns").map_or(Ok(0.0), |ns| ns.number())? * 1e-9;

@@ -69,7 +69,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             let what = format!("{}.translation", entry.path);
             contents.warnings.extend(checks::unit_warning(&what, p.b_from_a.translation.norm()));
         }
-        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, placement));
     }
     contents.warnings.extend(another_order(&document.entry()));
     contents.notes.push(

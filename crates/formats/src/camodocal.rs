@@ -138,5 +138,5 @@ fn camera(root: &Entry<'_>, document: &Document, warnings: &mut Vec<String>) -> 
     let camera = lens::camera(&projection, &lens, matrix(&projection, k)?, Some(size), warnings)?;
     let stated = root.get("camera_name").map(|name| name.text()).transpose()?.filter(|name| !name.is_empty());
     let name = stated.map_or_else(|| document.stem(), str::to_owned);
-    Ok(NamedCamera { name, camera, placement: None, intrinsics_covariance: None })
+    Ok(NamedCamera::new(name, camera, None))
 }

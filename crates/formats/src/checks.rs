@@ -75,6 +75,11 @@ pub(super) fn pose4x4(at: &Entry<'_>) -> Result<Pose, Fault> {
     let m = at.matrix(4, 4)?;
     let last = [m[(3, 0)], m[(3, 1)], m[(3, 2)], m[(3, 3)]];
     if last != [0.0, 0.0, 0.0, 1.0] {
+        if [0, 1, 2, 3].map(|i| m[(i, 3)]) == [0.0, 0.0, 0.0, 1.0] {
+            return Err(at.fault(
+                "is transposed: its last column is 0 0 0 1 and the translation stands in the last row; write the matrix row by row, with the translation in the last column",
+            ));
+        }
         return Err(at.fault(format!("has the last row {last:?}; a pose ends with 0 0 0 1")));
     }
     let r = Matrix3::from_fn(|i, j| m[(i, j)]);
@@ -169,18 +174,36 @@ pub(super) fn critical_plane_warning(target: &Target) -> Option<String> {
 
 /// Why poses of a board that looks the same after a rotation are ambiguous, with the way out.
 pub fn symmetry_warning(target: &Target) -> Option<String> {
-    let Target::Chessboard(board) = target.design() else { return None };
-    let (rotation, poses) = match board.alike() {
+    let (rotation, poses) = match target.alike() {
         4 => ("a quarter of a turn", "four"),
         2 => ("half a turn", "two"),
         _ => return None,
     };
+    let board = match target.design() {
+        Target::Chessboard(t) => format!("a chessboard of {} × {} inner corners", t.rows, t.columns),
+        Target::CircleGrid(t) => format!(
+            "{} circle grid of {} rows × {} columns",
+            if t.asymmetric { "an asymmetric" } else { "a symmetric" },
+            t.rows,
+            t.columns
+        ),
+        _ => return None,
+    };
+    let instead = unambiguous_instead(target);
     Some(format!(
-        "a chessboard of {} × {} inner corners looks the same after {rotation}, so each view has {poses} poses, of which only what you know chooses \
-            (intrinsics do not depend on it; `watch`, `rig` and `hand-eye` take the one that is upright in the image). Take a board with an odd and an even number of \
-            corners, such as 6 × 9, or a ChArUco board",
-        board.rows, board.columns
+        "{board} looks the same after {rotation}, so each view has {poses} poses, of which only what you know chooses \
+            (intrinsics do not depend on it; `watch`, `rig` and `hand-eye` take the one that is upright in the image). Take {instead}"
     ))
+}
+
+/// The target to take instead of one that looks the same after a rotation.
+pub fn unambiguous_instead(target: &Target) -> &'static str {
+    match target.design() {
+        Target::CircleGrid(_) => {
+            "an asymmetric grid with an odd number of rows, such as 11 rows × 4 columns, or a ChArUco board"
+        }
+        _ => "a board with an odd and an even number of corners, such as 6 × 9, or a ChArUco board",
+    }
 }
 
 /// The camera for images of this size: itself when the size agrees, scaled when the images are a uniform enlargement
@@ -192,11 +215,13 @@ pub fn check_image_size(camera: &Camera, width_px: u32, height_px: u32) -> Resul
         None => Ok(Camera { size: Some(images), ..camera.clone() }),
         Some(calibrated) if calibrated == images => Ok(camera.clone()),
         Some(ImageSize { width_px, height_px }) => camera.scaled_to(w, h).map_err(|_| {
-            format!(
-                "the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: \
-                another aspect, so they are cropped or from another camera; calibrate at this size or \
-                undo the crop"
-            )
+            let reason = match camera.scaled_to(h, w) {
+                Ok(_) => {
+                    "they are rotated by 90°; take them as the sensor reads them (EXIF orientation ignored), or calibrate on rotated ones"
+                }
+                Err(_) => "another aspect, so they are cropped or from another camera; calibrate at this size or undo the crop",
+            };
+            format!("the camera was calibrated for {width_px}×{height_px} px, the images have {w}×{h}: {reason}")
         }),
     }
 }

@@ -42,12 +42,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         }
         let camera = camera(&entry, &k, &mut contents.warnings)?;
         let placement = placement(&entry, socket)?;
-        contents.cameras.push(NamedCamera {
-            name: name(socket),
-            camera,
-            placement,
-            intrinsics_covariance: None,
-        });
+        contents.cameras.push(NamedCamera::new(name(socket), camera, placement));
     }
     Ok(contents)
 }

@@ -1,6 +1,7 @@
 //! One value of a file with the path of keys that leads to it: the typed accessors every format uses.
 
 use super::document::{Fault, Node, Value};
+use super::input::{in_metres, nearest};
 use nalgebra::DMatrix;
 
 /// A node under its key path, e.g. `cam0.intrinsics`.
@@ -205,7 +206,7 @@ impl<'a> Entry<'a> {
         for entry in self.entries()? {
             let key = entry.name().to_owned();
             if !known.contains(&key.as_str()) {
-                return Err(entry.fault(unknown_key(&key, known)));
+                return Err(entry.fault(unknown_key(&key, entry.number().ok(), known)));
             }
         }
         Ok(())
@@ -221,10 +222,18 @@ fn not_a_number(text: &str) -> String {
     format!("`{short}` is not a number")
 }
 
-fn unknown_key(key: &str, known: &[&str]) -> String {
-    let stem = key.trim_end_matches("_mm").trim_end_matches("_cm").trim_end_matches("_inch");
+/// Names of single coefficients that other programs give keys of their own.
+const COEFFICIENTS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+
+fn unknown_key(key: &str, value: Option<f64>, known: &[&str]) -> String {
+    if let Some(wanted) = in_metres(key, value, |wanted| known.contains(&wanted)) {
+        return format!("unknown key: the unit is part of the name here; write {wanted}");
+    }
+    if COEFFICIENTS.contains(&key) && known.contains(&"distortion") {
+        return "unknown key: coefficients stand in one list; write `distortion = [k1, k2, p1, p2]` with all of them, in OpenCV's order".into();
+    }
     for unit in ["_m", "_px"] {
-        let with_unit = format!("{stem}{unit}");
+        let with_unit = format!("{key}{unit}");
         if let Some(right) = known.iter().find(|k| **k == with_unit) {
             let words = if unit == "_m" { "metres" } else { "pixels" };
             return format!("unknown key: the unit is part of the name here; write `{right}` ({words})");
@@ -233,37 +242,10 @@ fn unknown_key(key: &str, known: &[&str]) -> String {
     if key.contains("quat") || key == "rotation" || key == "rotation_xyzw" {
         return "the order of a quaternion must be in its name; write `rotation_wxyz = [w, x, y, z]`".into();
     }
-    match nearest(key, known) {
+    match nearest(key, known.iter().map(|known| known.to_string())) {
         Some(right) => format!("unknown key; did you mean `{right}`?"),
         None => format!("unknown key; the keys here are {}", known.join(", ")),
     }
-}
-
-/// The candidate within two edits (one for short words).
-pub(super) fn nearest<'k>(word: &str, candidates: &[&'k str]) -> Option<&'k str> {
-    let allowed = if word.len() < 5 { 1 } else { 2 };
-    candidates
-        .iter()
-        .map(|c| (edit_distance(word, c), *c))
-        .filter(|(distance, _)| *distance <= allowed)
-        .min()
-        .map(|(_, candidate)| candidate)
-}
-
-/// Levenshtein distance, words cut at 64 characters so that a hostile key stays cheap.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().take(64).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().take(64).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -271,18 +253,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn edit_distance_counts_edits() {
-        assert_eq!(edit_distance("width_px", "widht_px"), 2);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-    }
-
-    #[test]
     fn a_unit_left_out_is_named() {
-        assert!(unknown_key("size", &["size_m", "id"]).contains("`size_m` (metres)"));
-        assert!(unknown_key("size_mm", &["size_m", "id"]).contains("`size_m` (metres)"));
-        assert!(unknown_key("fx", &["fx_px"]).contains("`fx_px` (pixels)"));
-        assert!(unknown_key("distorsion", &["distortion"]).contains("did you mean `distortion`"));
-        assert!(unknown_key("quaternion", &["rotation_wxyz"]).contains("[w, x, y, z]"));
+        assert!(unknown_key("size", None, &["size_m", "id"]).contains("`size_m` (metres)"));
+        assert!(unknown_key("size_mm", Some(160.0), &["size_m", "id"]).contains("`size_m = 0.16` (metres)"));
+        assert!(unknown_key("fx", None, &["fx_px"]).contains("`fx_px` (pixels)"));
+        assert!(unknown_key("k1", None, &["distortion"]).contains("`distortion = [k1, k2, p1, p2]`"));
+        assert!(unknown_key("distorsion", None, &["distortion"]).contains("did you mean `distortion`"));
+        assert!(unknown_key("quaternion", None, &["rotation_wxyz"]).contains("[w, x, y, z]"));
     }
 }

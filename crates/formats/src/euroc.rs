@@ -38,7 +38,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let camera = kalibr::camera_of(&root, "distortion_coefficients", &mut contents.warnings)?;
     let name = name_of(document);
     let placement = placement(&root, &name)?;
-    contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+    contents.cameras.push(NamedCamera::new(name, camera, placement));
     Ok(contents)
 }
 

@@ -357,6 +357,26 @@ fn describe_board(target: &Target, flat: &str) -> String {
             t.dictionary,
             if t.legacy_pattern { ", pattern of OpenCV before 4.6" } else { "" }
         ),
+        Target::CircleGrid(t) => {
+            let rows = if t.asymmetric {
+                format!(
+                    "of circles {:.1} mm apart, every second row shifted by {:.1} mm",
+                    2000.0 * t.spacing_m,
+                    1000.0 * t.spacing_m
+                )
+            } else {
+                format!("of circles {:.1} mm apart", 1000.0 * t.spacing_m)
+            };
+            let diameter = t
+                .diameter_m
+                .map_or_else(String::new, |diameter_m| format!(", diameter {:.1} mm", 1000.0 * diameter_m));
+            format!(
+                "{} rows × {} columns {rows}, rows {:.1} mm apart{diameter}. {flat}; origin at the centre of circle 0.",
+                t.rows,
+                t.columns,
+                1000.0 * t.spacing_m
+            )
+        }
         other => format!("A target of kind {}.", other.kind()),
     }
 }

@@ -47,6 +47,11 @@ pub struct NamedCamera {
 }
 
 impl NamedCamera {
+    /// Creates a camera whose file states no covariance of its intrinsics.
+    pub(crate) fn new(name: impl Into<String>, camera: Camera, placement: Option<Placement>) -> Self {
+        NamedCamera { name: name.into(), camera, placement, intrinsics_covariance: None }
+    }
+
     /// `intrinsics_covariance` row by row, as the mathematics takes it.
     pub fn intrinsics_rows(&self) -> Option<Vec<f64>> {
         Some(self.intrinsics_covariance.as_ref()?.transpose().iter().copied().collect())

@@ -129,16 +129,17 @@ mod tests {
 
     #[test]
     fn chains_run_both_ways() {
-        let cam = |name: &str, a: &str, x: f64| NamedCamera {
-            name: name.into(),
-            camera: Camera::normalized(),
-            placement: Some(Placement {
-                b: name.into(),
-                a: a.into(),
-                b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
-                covariance: None,
-            }),
-            intrinsics_covariance: None,
+        let cam = |name: &str, a: &str, x: f64| {
+            NamedCamera::new(
+                name,
+                Camera::normalized(),
+                Some(Placement {
+                    b: name.into(),
+                    a: a.into(),
+                    b_from_a: Pose::exp(&Vector6::new(0.1, x, 0.2, x, 0.0, 1.0)),
+                    covariance: None,
+                }),
+            )
         };
         let cameras = [cam("cam0", "imu", 0.1), cam("cam1", "cam0", 0.2), cam("cam2", "imu", 0.3)];
         let p = |i: usize| cameras[i].placement.as_ref().unwrap().b_from_a;

@@ -7,10 +7,10 @@ mod nearest;
 mod newlines;
 pub mod table;
 mod toml_reason;
-pub(crate) mod what_is_it;
+pub mod what_is_it;
 
 pub use nearest::nearest;
-pub use toml_reason::toml_reason;
+pub use toml_reason::{in_metres, toml_reason};
 
 use crate::FileError;
 use newlines::Newlines;
@@ -136,9 +136,11 @@ pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
 /// # Errors
 /// As of [`read`]; bytes that are no UTF-8.
 pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
-    String::from_utf8(read(path, kind)?).map_err(|e| {
-        FileError::new(path, what_is_it::that_is_no_text(e.as_bytes()).unwrap_or("not UTF-8 text"))
-    })
+    let bytes = read(path, kind)?;
+    match what_is_it::that_is_no_text(&bytes) {
+        Some(what) => Err(FileError::new(path, what)),
+        None => String::from_utf8(bytes).map_err(|_| FileError::new(path, "not UTF-8 text")),
+    }
 }
 
 /// A table to be read row by row, in bounded memory: a line that does not end is an error of reading.

@@ -74,7 +74,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             let (camera, offset_s) = (name.clone(), shift.number()?);
             contents.clocks.push(ClockOffset { camera, reference: "imu".into(), offset_s });
         }
-        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, placement));
     }
     Ok(contents)
 }

@@ -4,7 +4,7 @@ use super::document::{Document, Fault};
 use super::entry::Entry;
 use super::{Format, TargetFormat};
 use crate::core::Target;
-use crate::core::target::{AprilGrid, Chessboard};
+use crate::core::target::{AprilGrid, Chessboard, CircleGrid};
 
 pub(super) const FORMAT: TargetFormat = TargetFormat {
     format: Format::KalibrTarget,
@@ -16,7 +16,9 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
         "In an aprilgrid tagSize is the outer edge of the black square in metres, tagSpacing the gap \
             divided by tagSize (a ratio, not metres).",
         "An aprilgrid keeps Kalibr's frame: origin at the bottom-left tag, x right, y up, z towards the \
-            viewer. A checkerboard has ours (y down, z into the surface), not Kalibr's.",
+            viewer. A checkerboard and a circlegrid have ours (y down, z into the surface), not Kalibr's.",
+        "In a circlegrid spacingMeters is the distance between rows; circles of one row of an asymmetric grid are twice as far apart. \
+            Points are the centres of the circles, not of their images.",
     ],
 };
 
@@ -26,13 +28,9 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     match kind {
         "aprilgrid" => aprilgrid(&root),
         "checkerboard" => checkerboard(&root),
-        "circlegrid" => Err(root.need("target_type")?.fault(
-            "circlegrid is not supported: circle centres \
-            shift under perspective; use aprilgrid or checkerboard",
-        )),
+        "circlegrid" => circlegrid(&root),
         other => Err(root.need("target_type")?.fault(format!(
-            "unknown target_type `{other}`; aprilgrid \
-            and checkerboard are read"
+            "unknown target_type `{other}`; aprilgrid, checkerboard and circlegrid are read"
         ))),
     }
 }
@@ -77,4 +75,16 @@ fn checkerboard(root: &Entry<'_>) -> Result<(Target, Vec<String>), Fault> {
         square_m,
     };
     Ok((Target::Chessboard(board), Vec::new()))
+}
+
+/// Kalibr's rows and columns are those of OpenCV; its file states no diameter.
+fn circlegrid(root: &Entry<'_>) -> Result<(Target, Vec<String>), Fault> {
+    let grid = CircleGrid {
+        rows: root.need("targetRows")?.side(2)?,
+        columns: root.need("targetCols")?.side(2)?,
+        spacing_m: root.need("spacingMeters")?.number()?,
+        diameter_m: None,
+        asymmetric: root.get("asymmetricGrid").map_or(Ok(false), |flag| flag.flag())?,
+    };
+    Ok((Target::CircleGrid(grid), Vec::new()))
 }

@@ -165,7 +165,7 @@ fn camera(
     let camera = lens::camera(at, &LensNumbers::Pinhole, k, size, warnings)?;
     let name = format!("cam{i}");
     let placement = relation(&name, RECT, Pose::new(Matrix3::identity(), t));
-    Ok(NamedCamera { name, camera, placement: Some(placement), intrinsics_covariance: None })
+    Ok(NamedCamera::new(name, camera, Some(placement)))
 }
 
 /// Largest turn between cameras that rounding explains, radians.

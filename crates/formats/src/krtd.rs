@@ -70,7 +70,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let name = document.stem();
     let b_from_a = Pose::new(r, t);
     let placement = Some(Placement { b: name.clone(), a: "world".into(), b_from_a, covariance: None });
-    contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+    contents.cameras.push(NamedCamera::new(name, camera, placement));
     contents.warnings.push("the file states no image size".into());
     Ok(contents)
 }

@@ -43,6 +43,7 @@
 //! | KWIVER, Autoware, named matrices | `krtd.rs`, `autoware.rs`, `pose_matrix.rs` | Brown–Conrady | cam_from_world, parent_from_child, b_from_a | no |
 //! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
 //! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
+//! | lists of robot poses | `pose_list.rs` | none | base_from_gripper, cam_from_target | no |
 //! | easy_handeye | `handeye.rs` | none | robot_from_cam | yes |
 //! | fSpy, Blender, glTF | `fspy.rs`, `blender.rs`, `gltf.rs` | pinhole; Brown–Conrady; all models in pixels | world_from_cam | only |
 //! | targets: own, Kalibr and Basalt, WPILib, Caliscope | `own_target.rs`, `kalibr_target.rs`, `wpilib.rs`, `caliscope_target.rs` | | | |
@@ -118,6 +119,7 @@ mod mcap;
 mod open;
 mod wpilib;
 mod tag_options;
+pub mod pose_list;
 mod table;
 mod nearest_format;
 mod read;
@@ -127,7 +129,7 @@ mod convert;
 mod explain;
 
 pub use atomic::{stream_atomically, write_atomically};
-pub use checks::{check_image_size, symmetry_warning};
+pub use checks::{check_image_size, symmetry_warning, unambiguous_instead};
 pub use convert::{Conversion, convert};
 pub use error::{FileError, without_number};
 pub use explain::{explain, explain_from_bytes, remarks};
@@ -139,8 +141,8 @@ pub use frames::pose_between;
 pub use own_camera::status_keys;
 pub use own_target_write::own_target_file;
 pub use read::{
-    read_camera, read_camera_with_remarks, read_cameras, read_cameras_from_bytes, read_places, read_target,
-    read_target_from_bytes, read_target_with,
+    read_camera, read_camera_from_bytes, read_camera_with_remarks, read_cameras, read_cameras_from_bytes,
+    read_places, read_target, read_target_from_bytes, read_target_with,
 };
 pub use rig_files::read_rig;
 pub use scene::{Scene, SceneCamera, scene};

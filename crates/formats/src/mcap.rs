@@ -160,5 +160,5 @@ fn rectified(entry: &Entry<'_>, name: &str) -> Result<NamedCamera, Fault> {
         ImageSize { width_px: entry.need("width")?.count(1)?, height_px: entry.need("height")?.count(1)? };
     let matrix = checks::camera_matrix(&at)?;
     let camera = lens::camera(&at, &LensNumbers::Pinhole, matrix, Some(size), &mut Vec::new())?;
-    Ok(NamedCamera { name: name.to_string(), camera, placement: None, intrinsics_covariance: None })
+    Ok(NamedCamera::new(name, camera, None))
 }

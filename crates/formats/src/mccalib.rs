@@ -54,7 +54,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
                 Some(Placement { b, a, b_from_a, covariance: None })
             }
         };
-        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, placement));
     }
     Ok(contents)
 }

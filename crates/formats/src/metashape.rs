@@ -98,7 +98,7 @@ fn cameras<'a>(at: &Entry<'a>) -> Result<Vec<Entry<'a>>, Fault> {
 }
 
 fn named(name: String, camera: Camera) -> NamedCamera {
-    NamedCamera { name, camera, placement: None, intrinsics_covariance: None }
+    NamedCamera::new(name, camera, None)
 }
 
 /// Elements of a name inside one.

@@ -46,7 +46,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let camera = lens::camera(&intrinsics, &lens, matrix, Some(size), &mut contents.warnings)?;
     let name = document.stem();
     let placement = placement(&root, &name)?;
-    contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+    contents.cameras.push(NamedCamera::new(name, camera, placement));
     if root.get("valid_intrinsics_region").is_some_and(|r| r.items().is_ok_and(|r| !r.is_empty())) {
         contents.notes.push(
             "The file states a valid_intrinsics_region; points outside it are less \

@@ -48,12 +48,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         let lens = brown_conrady(&dist, dist.numbers()?)?;
         let matrix = checks::camera_matrix(&k)?;
         let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-        contents.cameras.push(NamedCamera {
-            name: entry.name().to_owned(),
-            camera,
-            placement: None,
-            intrinsics_covariance: None,
-        });
+        contents.cameras.push(NamedCamera::new(entry.name(), camera, None));
     }
     let poses = root.get("camera_poses").map_or(Ok(Vec::new()), |poses| poses.entries())?;
     let mut placements = Vec::new();

@@ -90,12 +90,7 @@ fn read(document: &Document, channels: &Channels) -> Result<Contents, Fault> {
             Some(k) => {
                 let matrix = checks::camera_matrix(&k)?;
                 let camera = lens::camera(&k, &LensNumbers::Pinhole, matrix, None, &mut contents.warnings)?;
-                contents.cameras.push(NamedCamera {
-                    name,
-                    camera,
-                    placement: Some(placement),
-                    intrinsics_covariance: None,
-                });
+                contents.cameras.push(NamedCamera::new(name, camera, Some(placement)));
             }
         }
     }

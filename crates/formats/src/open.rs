@@ -93,7 +93,8 @@ fn syntax_of(text: &str) -> Syntax {
 fn is_json_list(text: &str) -> bool {
     let rest = text.trim_start()[1..].trim_start();
     let is_row = |row: &str| row.trim_start().starts_with(|c: char| c.is_ascii_digit() || c == '-');
-    rest.starts_with('{') || rest.strip_prefix('[').is_some_and(is_row)
+    let inner = |rest: &str| is_row(rest.trim_start_matches(|c: char| c == '[' || c.is_whitespace()));
+    rest.starts_with('{') || rest.strip_prefix('[').is_some_and(inner)
 }
 
 /// mrcal writes comments above and single quotes; JSON knows neither.

@@ -106,5 +106,5 @@ fn camera(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<NamedCamera, 
     };
     let size = ImageSize { width_px: width, height_px: height };
     let camera: Camera = lens::camera(entry, &lens, k, Some(size), warnings)?;
-    Ok(NamedCamera { name: entry.name().to_owned(), camera, placement: None, intrinsics_covariance: None })
+    Ok(NamedCamera::new(entry.name(), camera, None))
 }

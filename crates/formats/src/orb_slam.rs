@@ -36,7 +36,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         let Some(fx) = root.get(&format!("{name}.fx")) else { continue };
         let camera = one(&fx, &root, &format!("{name}."), is_fisheye, size, &mut contents)?;
         let name = name.to_owned();
-        contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, None));
     }
     let first = contents.cameras[0].name.clone();
     let pose = |b: &str, a: &str, at: &Entry<'_>| {

@@ -18,8 +18,8 @@
 //! …
 //!
 //! # Before all tables:
-//! status = "inconsistent" # or "ok"; of the rig whose places these are
-//! status_message = "…"    # what contradicts
+//! status = "inconsistent" # or "ok", "implausible"; of the rig whose places these are
+//! status_message = "…"    # what contradicts, or which size hardly exists
 //!
 //! [joint_covariance]      # of the cameras' places together
 //! cameras = ["right", "top"]
@@ -29,7 +29,7 @@
 
 use super::document::{Document, Fault, Syntax};
 use super::emit::{list, number, quoted};
-use super::entry::{Entry, nearest};
+use super::entry::Entry;
 use super::lens::{self, LensNumbers};
 use super::{
     CameraFile, CameraFormat, ClockOffset, Contents, Format, JointCovariance, NamedCamera, OutFile,
@@ -38,6 +38,7 @@ use super::{
 use crate::core::camera::{CameraMatrix, ImageSize, PhotogrammetricParameters};
 use crate::core::covariance::is_covariance;
 use crate::core::{Camera, Lens, Matrix6};
+use crate::input::nearest;
 use nalgebra::{DMatrix, DVector, RowVector6};
 
 pub(super) const FORMAT: CameraFormat = CameraFormat {
@@ -72,7 +73,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         return Ok(contents);
     }
     root.only(&["camera", "relation", "joint_covariance", "status", "status_message"])?;
-    contents.contradiction = contradiction(&root)?;
+    contents.contradiction = contradiction(&root, &mut contents.warnings)?;
     for entry in root.get("camera").map_or(Ok(Vec::new()), |cameras| cameras.items())? {
         let camera = one_camera(&entry, None, &mut contents.warnings)?;
         contents.clocks.extend(entry.get("clock").map(|c| clock(&c, &camera.name)).transpose()?);
@@ -85,27 +86,30 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     Ok(contents)
 }
 
-/// What the file states to contradict in its rig.
-fn contradiction(root: &Entry<'_>) -> Result<Option<String>, Fault> {
+/// What the file states to contradict in its rig; a size that hardly exists becomes a warning.
+fn contradiction(root: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Option<String>, Fault> {
     let message = root.get("status_message").map(|m| m.text().map(str::to_owned)).transpose()?;
     let Some(status) = root.get("status") else { return Ok(None) };
+    let message = || message.unwrap_or_else(|| "no reason is stated".to_owned());
     match status.text()? {
         "ok" => Ok(None),
-        "inconsistent" => Ok(Some(message.unwrap_or_else(|| "no reason is stated".to_owned()))),
-        other => Err(status.fault(format!("is `{other}`; a rig is `ok` or `inconsistent`"))),
+        "inconsistent" => Ok(Some(message())),
+        "implausible" => {
+            warnings.push(format!("the lengths of this rig are implausible: {}", message()));
+            Ok(None)
+        }
+        other => Err(status.fault(format!("is `{other}`; a rig is `ok`, `inconsistent` or `implausible`"))),
     }
 }
 
-/// The keys by which a file states whether its rig contradicts itself; they stand before all tables.
-pub fn status_keys(contradiction: Option<&str>) -> String {
-    match contradiction {
+/// The keys by which a file states its rig's status, and why it is not `ok`; they stand before all tables.
+pub fn status_keys(status: &str, why: Option<&str>) -> String {
+    match why {
         Some(reason) => {
             let reason = quoted(&reason.replace('\n', " "));
-            format!(
-                "status = \"inconsistent\" # no place in this file is reliable\nstatus_message = {reason}\n"
-            )
+            format!("status = \"{status}\" # no place in this file is reliable\nstatus_message = {reason}\n")
         }
-        None => "status = \"ok\"\n".to_owned(),
+        None => format!("status = \"{status}\"\n"),
     }
 }
 
@@ -205,11 +209,12 @@ fn lens_of(entry: &Entry<'_>, warnings: &mut Vec<String>) -> Result<Camera, Faul
 }
 
 fn unknown_model(word: &str) -> String {
+    let known = || nearest(word, MODELS.iter().map(|model| model.to_string()));
     let suggestion = match word {
-        "fisheye" | "equidistant" | "kb4" => Some("kannala_brandt"),
-        "opencv" | "plumb_bob" | "radtan" | "rational_polynomial" => Some("brown_conrady"),
-        "ds" => Some("double_sphere"),
-        _ => nearest(word, &MODELS),
+        "fisheye" | "equidistant" | "kb4" => Some("kannala_brandt".to_owned()),
+        "opencv" | "plumb_bob" | "radtan" | "rational_polynomial" => Some("brown_conrady".to_owned()),
+        "ds" => Some("double_sphere".to_owned()),
+        _ => known(),
     };
     match suggestion {
         Some(right) => format!("unknown model `{word}`; did you mean `{right}`?"),
@@ -365,7 +370,9 @@ fn write(rig: &CameraFile) -> Written {
     {
         return Ok(OutFile::only("camera.toml", format!("{header}{}", camera_text(only)?)));
     }
-    let mut out = rig.contradiction.as_deref().map(|c| status_keys(Some(c))).unwrap_or_default() + header;
+    let mut out =
+        rig.contradiction.as_deref().map(|c| status_keys("inconsistent", Some(c))).unwrap_or_default()
+            + header;
     for camera in &rig.cameras {
         out += &format!("\n[[camera]]\n{}", camera_text(camera)?);
         if let Some(clock) = rig.clocks.iter().find(|c| c.camera == camera.name) {

@@ -1,12 +1,13 @@
 //! Our own target file: TOML, `kind = "…"`, lengths in metres and said so in the key.
 
 use super::document::{Document, Fault, Syntax};
-use super::entry::{Entry, nearest};
+use super::entry::Entry;
 use super::{Format, TargetFormat, checks};
 use crate::core::target::{
-    AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
+    AprilGrid, Charuco, Chessboard, CircleGrid, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
 };
 use crate::core::{Point, Pose, Target};
+use crate::input::nearest;
 
 pub(super) const FORMAT: TargetFormat = TargetFormat {
     format: Format::OwnTarget,
@@ -15,7 +16,8 @@ pub(super) const FORMAT: TargetFormat = TargetFormat {
     traps: &[],
 };
 
-const KINDS: [&str; 7] = ["line_plus_one", "tag", "aprilgrid", "chessboard", "charuco", "tag_map", "points"];
+const KINDS: [&str; 8] =
+    ["line_plus_one", "tag", "aprilgrid", "chessboard", "charuco", "circle_grid", "tag_map", "points"];
 const FAMILY: &str = "tag36h11";
 /// The scale of the print: printed length over designed length along x and y, each with its standard deviation.
 pub(super) const PRINTED: &str = "printed_scale";
@@ -31,9 +33,10 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
         "aprilgrid" => aprilgrid(&root),
         "chessboard" => chessboard(&root),
         "charuco" => charuco(&root),
+        "circle_grid" => circle_grid(&root),
         "tag_map" => tag_map(&root),
         "points" => points(&root),
-        other => Err(kind.fault(match nearest(other, &KINDS) {
+        other => Err(kind.fault(match nearest(other, KINDS.iter().map(|kind| kind.to_string())) {
             Some(right) => format!("unknown kind `{other}`; did you mean `{right}`?"),
             None => format!("unknown kind `{other}`; the kinds are {}", KINDS.join(", ")),
         })),
@@ -110,6 +113,17 @@ fn charuco(root: &Entry<'_>) -> Result<Target, Fault> {
         marker_m: root.need("marker_m")?.number()?,
         dictionary: root.need("dictionary")?.text()?.to_owned(),
         legacy_pattern: root.get("legacy_pattern").map_or(Ok(false), |l| l.flag())?,
+    }))
+}
+
+fn circle_grid(root: &Entry<'_>) -> Result<Target, Fault> {
+    root.only(&["kind", "rows", "columns", "spacing_m", "diameter_m", "asymmetric", PRINTED])?;
+    Ok(Target::CircleGrid(CircleGrid {
+        rows: root.need("rows")?.side(2)?,
+        columns: root.need("columns")?.side(2)?,
+        spacing_m: root.need("spacing_m")?.number()?,
+        diameter_m: root.get("diameter_m").map(|d| d.number()).transpose()?,
+        asymmetric: root.need("asymmetric")?.flag()?,
     }))
 }
 

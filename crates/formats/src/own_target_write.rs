@@ -3,7 +3,7 @@
 use super::emit::{list, number, quoted};
 use super::own_target::PRINTED;
 use crate::core::Target;
-use crate::core::target::{MapTag, NamedPoint, PrintedScale, TagMap};
+use crate::core::target::{CircleGrid, MapTag, NamedPoint, PrintedScale, TagMap};
 use std::fmt::Write as _;
 
 /// A target as the text of our own file, which reads back to the same numbers. `comment` stands above it, each line behind a `#`.
@@ -50,6 +50,7 @@ fn keys(design: &Target, tables: &mut String) -> Keys {
             ("dictionary", quoted(&t.dictionary)),
             ("legacy_pattern", t.legacy_pattern.to_string()),
         ],
+        Target::CircleGrid(t) => circle_grid(t),
         Target::TagMap(t) => {
             tables.extend(t.tags.iter().map(tag_text));
             family(t)
@@ -61,6 +62,17 @@ fn keys(design: &Target, tables: &mut String) -> Keys {
         // A print has a design; any other kind has no file yet.
         _ => Vec::new(),
     }
+}
+
+fn circle_grid(grid: &CircleGrid) -> Keys {
+    let diameter = grid.diameter_m.map(|diameter_m| ("diameter_m", number(diameter_m)));
+    let keys = vec![
+        ("rows", grid.rows.to_string()),
+        ("columns", grid.columns.to_string()),
+        ("asymmetric", grid.asymmetric.to_string()),
+        ("spacing_m", number(grid.spacing_m)),
+    ];
+    keys.into_iter().chain(diameter).collect()
 }
 
 fn family(map: &TagMap) -> Keys {

@@ -50,12 +50,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     };
     let lens = lens_numbers(&root, &distortion)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-    contents.cameras.push(NamedCamera {
-        name: document.stem(),
-        camera,
-        placement: None,
-        intrinsics_covariance: None,
-    });
+    contents.cameras.push(NamedCamera::new(document.stem(), camera, None));
     Ok(contents)
 }
 

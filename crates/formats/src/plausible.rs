@@ -40,6 +40,8 @@ const USUAL_M: std::ops::RangeInclusive<f64> = 0.003..=2.0;
 const LARGEST_TANGENTIAL: f64 = 0.05;
 /// Pixels are square to a tenth; those of digitised television (12 : 11, 16 : 15) are.
 const USUAL_ASPECT: std::ops::RangeInclusive<f64> = 0.9..=1.1;
+/// Share of the image by which a principal point is off the middle where exchanged numbers are looked for.
+const FARTHEST_EXCHANGED: f64 = 0.08;
 /// Principal point from the middle of the image, in parts of its width or height: lenses that are shifted on purpose stay below.
 const FARTHEST_CENTRE: f64 = 0.2;
 /// A focal length in pixels below this part of the image's side is one in millimetres.
@@ -86,6 +88,15 @@ fn of_focal_lengths(k: &CameraMatrix, size: Option<[f64; 2]>) -> Option<String> 
 fn of_centre(k: &CameraMatrix, [width, height]: [f64; 2]) -> Option<String> {
     let off = [k.cx_px + 0.5 - width / 2.0, k.cy_px + 0.5 - height / 2.0];
     let parts = [off[0] / width, off[1] / height];
+    let exchanged = [(k.cy_px + 0.5) / width - 0.5, (k.cx_px + 0.5) / height - 0.5];
+    let largest = |of: [f64; 2]| of[0].abs().max(of[1].abs());
+    if FARTHEST_EXCHANGED < largest(parts) && largest(exchanged) < largest(parts) / 4.0 {
+        return Some(format!(
+            "the principal point ({}, {}) px is near the middle of images of {width} × {height} px with its numbers exchanged: are cx and cy?",
+            short(k.cx_px),
+            short(k.cy_px)
+        ));
+    }
     let farthest = if parts[0].abs() < parts[1].abs() { 1 } else { 0 };
     let part = parts[farthest];
     (FARTHEST_CENTRE < part.abs()).then(|| {
@@ -127,6 +138,11 @@ pub fn of_target(target: &Target) -> Vec<String> {
         Target::AprilGrid(grid) => edge("tag_size_m", grid.tag_size_m, LARGEST_TAG_M).into_iter().collect(),
         Target::Chessboard(board) => edge("square_m", board.square_m, LARGEST_SQUARE_M).into_iter().collect(),
         Target::Charuco(board) => edge("square_m", board.square_m, LARGEST_SQUARE_M).into_iter().collect(),
+        Target::CircleGrid(grid) => {
+            let spacing = edge("spacing_m", grid.spacing_m, LARGEST_SQUARE_M);
+            let diameter = grid.diameter_m.and_then(|m| edge("diameter_m", m, LARGEST_SQUARE_M));
+            spacing.into_iter().chain(diameter).collect()
+        }
         Target::TagMap(map) => of_map(map),
         Target::Points(points) => of_named(points).into_iter().collect(),
         _ => Vec::new(),
@@ -143,6 +159,7 @@ pub(super) fn absurd_extent_m(target: &Target) -> Option<f64> {
         }
         Target::Chessboard(board) => board.square_m * f64::from(board.rows.max(board.columns)),
         Target::Charuco(board) => board.square_m * f64::from(board.rows.max(board.columns)),
+        Target::CircleGrid(grid) => 2.0 * grid.spacing_m * f64::from(grid.rows.max(grid.columns)),
         Target::TagMap(map) => map.tags.iter().map(|tag| tag.size_m).fold(0.0, f64::max),
         _ => 0.0,
     };
@@ -152,10 +169,12 @@ pub(super) fn absurd_extent_m(target: &Target) -> Option<f64> {
 /// Coordinates of points, such as a file's columns x_m, y_m, z_m: a remark where they are hardly metres.
 pub fn of_points(points: &[Point]) -> Option<String> {
     let extent_m = extent_m(points);
-    let coordinates: Vec<f64> = points.iter().flat_map(|p| [p.x, p.y, p.z]).filter(|x| *x != 0.0).collect();
-    let is_round = LEAST_COORDINATES <= coordinates.len() && coordinates.iter().all(|x| is_round(*x));
-    let is_suspect = extent_m.is_finite()
-        && ((is_round && ROUND_EXTENT_M < extent_m) || (LARGEST_EXTENT_M < extent_m && extent_m < 1e12));
+    if !(ROUND_EXTENT_M < extent_m && extent_m.is_finite()) {
+        return None; // Without a look at single coordinates, for the millions of rows of a batch.
+    }
+    let coordinates = || points.iter().flat_map(|p| [p.x, p.y, p.z]).filter(|x| *x != 0.0);
+    let is_round = LEAST_COORDINATES <= coordinates().count() && coordinates().all(is_round);
+    let is_suspect = is_round || (LARGEST_EXTENT_M < extent_m && extent_m < 1e12);
     is_suspect.then(|| {
         let why = if is_round { ", every coordinate a round number" } else { "" };
         format!(

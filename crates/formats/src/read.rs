@@ -53,19 +53,30 @@ pub(super) fn contents_of(document: &Document, reads: &Reads) -> Result<Contents
         if contents.cameras[..i].iter().any(|earlier| earlier.name == camera.name) {
             return Err(Fault::new(format!("two cameras are called `{}`; names must differ", camera.name)));
         }
-        if camera.placement.as_ref().is_some_and(|p| !is_finite(&p.b_from_a)) {
-            let name = &camera.name;
-            return Err(Fault::new(format!(
-                "camera {name}: its pose, put together from the numbers given, is too large for a number; check them and their unit"
-            )));
+        if let Some(number) = camera.placement.as_ref().and_then(|p| absurd(&p.b_from_a)) {
+            return Err(too_large(&format!("camera {}: its pose", camera.name), number));
+        }
+    }
+    for relation in &contents.relations {
+        if let Some(number) = absurd(&relation.b_from_a) {
+            return Err(too_large(&format!("the pose {}_from_{}", relation.b, relation.a), number));
         }
     }
     Ok(contents)
 }
 
-/// A pose of numbers only: those of a file are, their products need not be.
-fn is_finite(pose: &Pose) -> bool {
-    pose.rotation.iter().chain(&pose.translation).all(|x| x.is_finite())
+/// Squares of larger numbers, and their products, overflow.
+const LARGEST: f64 = 1e60;
+
+/// Returns a number of a pose that is none, or too large: those of a file are numbers, their products need not be.
+fn absurd(pose: &Pose) -> Option<f64> {
+    pose.rotation.iter().chain(&pose.translation).copied().find(|x| !(x.abs() <= LARGEST))
+}
+
+fn too_large(what: &str, number: f64) -> Fault {
+    Fault::new(format!(
+        "{what}, put together from the numbers given, holds {number:.1e}; at most {LARGEST:e} can be calculated with, check the numbers and their unit"
+    ))
 }
 
 pub(super) fn not_a_camera(document: &Document) -> Fault {
@@ -74,6 +85,10 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             "this is a target ({}), not a camera; give it with --target",
             target.format.name()
         )),
+        None if are_bare_numbers(&document.text) => Fault::new(
+            "bare numbers, of which nothing says what they are; write `model = \"pinhole\"`, `width_px`, `height_px`, `fx_px`, `fy_px`, `cx_px`, \
+             `cy_px` and, of a lens with distortion, `model = \"brown_conrady\"` and `distortion = [k1, k2, p1, p2]`, each on a line of its own",
+        ),
         None => Fault::new(match nearest(document) {
             Some(near) => format!(
                 "not a camera file that Resight knows ({:?} syntax, {}); the nearest: {near}; docs/files.md lists all formats",
@@ -88,6 +103,14 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             ),
         }),
     }
+}
+
+/// Whether a text holds numbers and nothing else.
+fn are_bare_numbers(text: &str) -> bool {
+    let mut words =
+        text.split(|c: char| c.is_whitespace() || ",;[]()".contains(c)).filter(|word| !word.is_empty());
+    words.next().is_some_and(|first| first.parse::<f64>().is_ok())
+        && words.all(|word| word.parse::<f64>().is_ok())
 }
 
 fn camera_format_names() -> String {
@@ -130,7 +153,25 @@ pub fn read_camera_with_remarks(spec: &str) -> Result<(NamedCamera, Vec<String>)
     {
         return found.map(|camera| (camera, Vec::new())).map_err(|fault| fault.in_file(path));
     }
-    let file = cameras_of(&document).map_err(|fault| fault.in_file(path))?;
+    picked(&document, path, name)
+}
+
+/// As `read_camera_with_remarks`, from bytes in memory; `name` picks one of several cameras, `path` serves names and messages only.
+pub fn read_camera_from_bytes(
+    path: &Path,
+    bytes: Vec<u8>,
+    name: Option<&str>,
+) -> Result<(NamedCamera, Vec<String>), FileError> {
+    let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
+    picked(&document, path, name)
+}
+
+fn picked(
+    document: &Document,
+    path: &Path,
+    name: Option<&str>,
+) -> Result<(NamedCamera, Vec<String>), FileError> {
+    let file = cameras_of(document).map_err(|fault| fault.in_file(path))?;
     let camera = pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))?;
     Ok((camera, file.warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect()))
 }

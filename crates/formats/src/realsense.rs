@@ -51,7 +51,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     for entry in streams(document) {
         let camera = camera(&entry, &mut contents.warnings)?;
         let name = if entry.path.is_empty() { document.stem() } else { entry.name().to_owned() };
-        contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, None));
     }
     Ok(contents)
 }

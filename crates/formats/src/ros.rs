@@ -65,7 +65,7 @@ pub(super) fn camera(root: &Entry<'_>, name: String, contents: &mut Contents) ->
     let size = ImageSize { width_px: width.count(1)?, height_px: height.count(1)? };
     let lens = lens_numbers(root, &mut contents.warnings)?;
     let camera = lens::camera(&k, &lens, matrix, Some(size), &mut contents.warnings)?;
-    contents.cameras.push(NamedCamera { name, camera, placement: None, intrinsics_covariance: None });
+    contents.cameras.push(NamedCamera::new(name, camera, None));
     let (notes, warnings) = rectified(root)?;
     contents.notes.extend(notes);
     contents.warnings.extend(warnings);

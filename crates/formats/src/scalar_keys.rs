@@ -28,12 +28,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
     let (root, mut contents) = (document.entry(), Contents::default());
     let size = opencv::image_size(&root)?;
     let camera = one(&root, &root, "", opencv::is_fisheye(&root)?, size, &mut contents)?;
-    contents.cameras.push(NamedCamera {
-        name: document.stem(),
-        camera,
-        placement: None,
-        intrinsics_covariance: None,
-    });
+    contents.cameras.push(NamedCamera::new(document.stem(), camera, None));
     Ok(contents)
 }
 

@@ -87,7 +87,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
 }
 
 fn named(name: String, camera: Camera, placement: Option<Placement>) -> NamedCamera {
-    NamedCamera { name, camera, placement, intrinsics_covariance: None }
+    NamedCamera::new(name, camera, placement)
 }
 
 /// Keys of the frame, or else of the file.

@@ -80,7 +80,7 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             "RIGHT" => placement(&root, &mode, &name)?,
             _ => None,
         };
-        contents.cameras.push(NamedCamera { name, camera, placement, intrinsics_covariance: None });
+        contents.cameras.push(NamedCamera::new(name, camera, placement));
     }
     Ok(contents)
 }

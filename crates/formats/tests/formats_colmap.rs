@@ -1,6 +1,6 @@
 //! COLMAP's text models: several images with one lens, rigs that moved, frames that win, files that are refused.
 
-use crate::rigs_support::{assert_golden, assert_says, cameras, refusal, round_trip, seen_points};
+use crate::support::{assert_golden, assert_says, cameras, refusal, round_trip, seen_points};
 use resight_formats::core::Point;
 use resight_formats::{
     CameraFile, Format, OutFile, WriteError, read_cameras_from_bytes, read_rig, write_cameras,

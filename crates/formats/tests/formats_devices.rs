@@ -1,26 +1,12 @@
 //! Files of cameras as devices, photogrammetry and vehicles store them: a point's pixel by the formula of the program that writes the file.
 
 use crate::formats_files::between;
+use crate::support::{example, read, text};
 use resight_core::{Camera, Pixel, Point};
 use resight_formats::{
     CameraFile, Format, explain, read_cameras, read_cameras_from_bytes, read_places, read_rig,
 };
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
-
-#[track_caller]
-fn read(name: &str, format: Format) -> CameraFile {
-    let file = read_cameras(&example(name)).unwrap_or_else(|reason| panic!("{reason}"));
-    assert_eq!(file.format, format, "{name}");
-    file
-}
-
-fn text(name: &str) -> String {
-    std::fs::read_to_string(example(name)).unwrap()
-}
+use std::path::Path;
 
 #[track_caller]
 fn assert_pixel(camera: &Camera, point: [f64; 3], expected: (f64, f64)) {

@@ -1,11 +1,8 @@
 //! `explain` in sentences: where a camera stands and looks must be right, and the traps must be named.
 
+use crate::support::example;
 use resight_formats::{explain, explain_from_bytes};
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
+use std::path::Path;
 
 #[track_caller]
 fn assert_explains(name: &str, sentences: &[&str]) {

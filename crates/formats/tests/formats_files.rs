@@ -3,68 +3,21 @@
 //! The goldens lie in testdata/formats/golden/rigs, one folder a format; scripts/judges lets the programs they are meant
 //! for read them and project the points of `pixels_files/pixels.csv` there, which this file writes too.
 
+use crate::support::{assert_golden, chained, example, golden};
 use resight_formats::core::{Camera, Pixel, Point, Pose};
 use resight_formats::{
-    CameraFile, Format, NamedCamera, OutFile, Placement, check_image_size, read_cameras,
-    read_cameras_from_bytes, read_rig, write_rig,
+    CameraFile, Format, NamedCamera, OutFile, check_image_size, read_cameras, read_cameras_from_bytes,
+    read_rig, write_rig,
 };
 use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
 
 fn rig_of(names: &[&str]) -> CameraFile {
     read_rig(&names.iter().map(|n| example(n)).collect::<Vec<_>>()).unwrap()
 }
 
-fn golden(folder: &str) -> PathBuf {
-    example("golden/rigs").join(folder)
-}
-
-/// Files, those in folders below included, with their paths from here.
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    entries.flat_map(|p| if p.is_dir() { files_below(&p) } else { vec![p] }).collect()
-}
-
-/// The folder holds exactly these files; set RESIGHT_BLESS to write them anew, then read the difference.
-#[track_caller]
-fn assert_golden(folder: &str, files: &[OutFile]) {
-    let folder = golden(folder);
-    for file in files {
-        let path = folder.join(&file.name);
-        if std::env::var_os("RESIGHT_BLESS").is_some() {
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(&path, &file.text).unwrap();
-        }
-        let expected = std::fs::read_to_string(&path).unwrap_or_default();
-        assert_eq!(file.text, expected, "{}", path.display());
-    }
-    assert_eq!(files_below(&folder).len(), files.len(), "{}", folder.display());
-}
-
-/// `b_from_a` along any chain of poses: written here anew, so that it does not share the library's mistakes.
 #[track_caller]
 pub fn between(rig: &CameraFile, b: &str, a: &str) -> Pose {
-    let all: Vec<&Placement> =
-        rig.cameras.iter().filter_map(|c| c.placement.as_ref()).chain(&rig.relations).collect();
-    let mut known = vec![(a.to_owned(), Pose::identity())];
-    loop {
-        if let Some((_, pose)) = known.iter().find(|(frame, _)| frame == b) {
-            return *pose;
-        }
-        let before = known.len();
-        for p in &all {
-            let of = |frame: &str| known.iter().find(|(f, _)| f == frame).map(|(_, pose)| *pose);
-            match (of(&p.a), of(&p.b)) {
-                (Some(a_from), None) => known.push((p.b.clone(), p.b_from_a * a_from)),
-                (None, Some(b_from)) => known.push((p.a.clone(), p.b_from_a.inverse() * b_from)),
-                _ => {}
-            }
-        }
-        assert!(before < known.len(), "nothing joins {b} to {a}");
-    }
+    chained(rig.cameras.iter().filter_map(|c| c.placement.as_ref()).chain(&rig.relations), b, a)
 }
 
 #[track_caller]

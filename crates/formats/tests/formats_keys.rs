@@ -1,19 +1,10 @@
 //! Files with a key for each number, as SLAM and reconstruction programs write them: what each number means, and who else has such keys.
 
+use crate::support::{example, read};
 use resight_core::{Camera, Pixel, Point};
-use resight_formats::{CameraFile, Format, explain_from_bytes, read_cameras, read_cameras_from_bytes};
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
-
-#[track_caller]
-fn read(name: &str, format: Format) -> CameraFile {
-    let file = read_cameras(&example(name)).unwrap_or_else(|reason| panic!("{reason}"));
-    assert_eq!(file.format, format, "{name}");
-    file
-}
+use resight_formats::input::what_is_it::{FileKind, what_is_it};
+use resight_formats::{Format, explain_from_bytes, read_cameras_from_bytes};
+use std::path::Path;
 
 #[track_caller]
 fn assert_parameters(camera: &Camera, model: &str, size: (u32, u32), expected: &[f64]) {
@@ -239,7 +230,14 @@ fn files_that_are_no_text_are_named() {
         (b"MATLAB 5.0 MAT-file, Platform\0".to_vec(), "MATLAB"),
         (b"\xff\xfef\0x\0".to_vec(), "UTF-16"),
     ] {
+        let kind = what_is_it(&bytes).expect("a kind of file").name;
         let refused = read_cameras_from_bytes(Path::new("camera"), bytes).unwrap_err().to_string();
-        assert!(refused.contains(said), "{refused}");
+        assert!(refused.contains(said) && refused.contains(kind), "{refused}");
+    }
+    let packets = [&b"G"[..], &[0xff; 187]].concat().repeat(3);
+    assert!(what_is_it(&packets).is_some_and(FileKind::is_video));
+    assert_eq!(what_is_it(&[&b"G"[..], &[b' '; 187]].concat().repeat(3)), None, "text");
+    for text in ["# about AVI files", "cameras WEBP", "the ftypes", "OggS: 1", "µ"] {
+        assert_eq!(what_is_it(text.as_bytes()), None, "{text}");
     }
 }

@@ -1,7 +1,7 @@
 //! Our own target file, written and read back; the printed scale in it.
 
 use resight_formats::core::target::{
-    AprilGrid, Charuco, Chessboard, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
+    AprilGrid, Charuco, Chessboard, CircleGrid, LinePlusOne, MapTag, NamedPoint, PrintedScale, Tag, TagMap,
 };
 use resight_formats::core::{Point, Pose, Target, Vector6};
 use resight_formats::{explain_from_bytes, own_target_file, read_target_from_bytes, write_field_layout};
@@ -35,6 +35,20 @@ fn targets() -> Vec<Target> {
             marker_m: 0.022,
             dictionary: "DICT_4X4_50".into(),
             legacy_pattern: true,
+        }),
+        Target::CircleGrid(CircleGrid {
+            rows: 11,
+            columns: 4,
+            spacing_m: 1.0 / 30.0,
+            diameter_m: Some(0.01),
+            asymmetric: true,
+        }),
+        Target::CircleGrid(CircleGrid {
+            rows: 7,
+            columns: 9,
+            spacing_m: 0.02,
+            diameter_m: None,
+            asymmetric: false,
         }),
         Target::TagMap(TagMap {
             family: family(),

@@ -1,13 +1,9 @@
 //! Every format, read from a small hand-made file: the numbers, the names, and which way the poses go.
 
+use crate::support::example;
 use resight_formats::core::camera::ImageSize;
 use resight_formats::core::{Camera, Lens, Pixel, Point, Pose, Target};
 use resight_formats::{Format, NamedCamera, read_camera, read_cameras, read_target};
-use std::path::PathBuf;
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
 
 fn cameras(name: &str, format: Format) -> Vec<NamedCamera> {
     let file = read_cameras(&example(name)).unwrap();
@@ -319,6 +315,10 @@ fn kalibr_and_basalt_targets() {
         panic!()
     };
     assert_eq!((board.rows, board.columns, board.square_m), (6, 9, 0.025));
+    let Target::CircleGrid(grid) = read_target(&example("kalibr_circlegrid.yaml")).unwrap().target else {
+        panic!()
+    };
+    assert_eq!((grid.rows, grid.columns, grid.spacing_m, grid.asymmetric), (11, 4, 0.02, true));
 }
 
 /// Tag 1 of the layout faces +x of the field: a viewer beyond it, looking back along −x, sees it upright.

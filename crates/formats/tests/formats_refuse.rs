@@ -1,17 +1,10 @@
 //! Files that cannot be right are refused, with the line, the key and the reason.
 
+use crate::support::{example, text};
 use resight_formats::{
     read_camera, read_cameras, read_cameras_from_bytes, read_target, read_target_from_bytes,
 };
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
-
-fn text(name: &str) -> String {
-    std::fs::read_to_string(example(name)).unwrap()
-}
+use std::path::Path;
 
 fn camera_refusal(name: &str, bytes: impl Into<Vec<u8>>) -> String {
     read_cameras_from_bytes(Path::new(name), bytes.into())
@@ -258,7 +251,7 @@ fn targets_that_cannot_be_right() {
         target_refusal(text(name).replacen(from, to, 1))
     };
     assert_says(&changed("target_tag.toml", "size_m", "size"), &["t:4: size", "write `size_m` (metres)"]);
-    assert_says(&changed("target_tag.toml", "size_m", "size_mm"), &["write `size_m` (metres)"]);
+    assert_says(&changed("target_tag.toml", "size_m", "size_mm"), &["write `size_m = 0.00008` (metres)"]);
     assert_says(&changed("target_tag.toml", "0.08", "-0.08"), &["size_m is -0.08", "positive"]);
     assert_says(&changed("target_tag.toml", "\"tag\"", "\"tagg\""), &["t:1: kind", "did you mean `tag`"]);
     assert_says(
@@ -283,9 +276,10 @@ fn targets_that_cannot_be_right() {
     );
     assert_says(&changed("target_points.toml", "\"kerb\"", "\"church\""), &["`church` is listed twice"]);
     assert_says(
-        &changed("kalibr_aprilgrid.yaml", "'aprilgrid'", "'circlegrid'"),
-        &["t:1: target_type", "circlegrid"],
+        &changed("kalibr_aprilgrid.yaml", "'aprilgrid'", "'circles'"),
+        &["t:1: target_type", "aprilgrid, checkerboard and circlegrid are read"],
     );
+    assert_says(&changed("kalibr_circlegrid.yaml", "targetCols: 4", "targetCols: 1"), &["t:2: targetCols"]);
     assert_says(
         &changed("kalibr_aprilgrid.yaml", "tagRows: 5", "tagRows: 4000000000"),
         &["t:3: tagRows", "at most 1000"],

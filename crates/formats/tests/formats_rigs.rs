@@ -3,7 +3,7 @@
 //! The goldens lie in testdata/formats/golden/rigs, one folder a format; scripts/judges lets the programs themselves
 //! read them and project the points of `pixels.csv` there, which this file writes too.
 
-use crate::rigs_support::{
+use crate::support::{
     assert_golden, assert_same_rig, assert_says, between, cameras, example, golden, read_back, refusal,
     round_trip, seen_points,
 };

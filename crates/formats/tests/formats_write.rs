@@ -1,20 +1,13 @@
 //! What is written reads back the same, and says so in the same bytes every time.
 
+use crate::support::{cameras, example};
 use nalgebra::DMatrix;
 use resight_formats::core::Matrix6;
 use resight_formats::{
     CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, convert, read_cameras,
     read_cameras_from_bytes, write_atomically, write_cameras, write_rig,
 };
-use std::path::{Path, PathBuf};
-
-fn example(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
-}
-
-fn cameras(name: &str) -> Vec<NamedCamera> {
-    read_cameras(&example(name)).unwrap().cameras
-}
+use std::path::Path;
 
 /// The text of a format that takes one file.
 fn only(cameras: &[NamedCamera], format: Format) -> String {

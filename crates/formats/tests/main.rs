@@ -2,7 +2,7 @@
 
 #[path = "../../core/tests/recorded.rs"]
 mod recorded;
-mod rigs_support;
+mod support;
 
 mod formats_colmap;
 mod formats_convert;
@@ -17,3 +17,4 @@ mod formats_real;
 mod formats_refuse;
 mod formats_rigs;
 mod formats_write;
+mod pose_lists;

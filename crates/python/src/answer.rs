@@ -233,6 +233,13 @@ impl PoseAnswer {
         self.pose().map(|p| array(py, p.sigma_translation_m().to_vec(), &[3])).transpose()
     }
 
+    /// The parts of `covariance` by the sources of the errors, objects with `part`, `sigma_rad`, `sigma_m`, `share` of the position's variance and
+    /// `covariance`; None where there are none.
+    #[getter]
+    fn budget<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.to_dict(py)?.call_method1("get", ("budget",))
+    }
+
     /// Of this pose among all that were found.
     #[getter]
     fn probability(&self) -> Option<f64> {

@@ -224,7 +224,7 @@ impl FleetState {
     }
 
     #[getter]
-    fn counts(&self) -> [u64; 5] {
+    fn counts(&self) -> [u64; 6] {
         self.state.counts()
     }
 

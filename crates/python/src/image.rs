@@ -17,6 +17,7 @@ use resight::detect::every_tag::EveryTagFinder;
 use resight::detect::job::{self, detect_every_tag, detect_target};
 use resight::detect::{CornerWindow, Detector};
 use resight::locate::{ImageLocator, IntrinsicsCovariance, LocateOptions, Located, Method, explain};
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -50,17 +51,20 @@ impl Input {
         })
     }
 
-    /// The name in answers, and the image or why there is none.
-    pub fn read(&self) -> (String, Result<std::borrow::Cow<'_, GrayImage>, String>) {
+    /// The name in answers, and the image with a remark on its orientation, or why there is none.
+    pub fn read(&self) -> (String, Result<Remarked<'_>, String>) {
         match self {
             Input::File(path) => {
-                let image = GrayImage::read(path).map(std::borrow::Cow::Owned).map_err(|e| e.to_string());
-                (path.display().to_string(), image)
+                let image = GrayImage::read_with_remark(path).map_err(|e| e.to_string());
+                (path.display().to_string(), image.map(|(image, remark)| (Cow::Owned(image), remark)))
             }
-            Input::Memory(view, image) => (view.clone(), Ok(std::borrow::Cow::Borrowed(image))),
+            Input::Memory(view, image) => (view.clone(), Ok((Cow::Borrowed(image), None))),
         }
     }
 }
+
+/// An image, and the remark on its orientation where there is one.
+type Remarked<'a> = (Cow<'a, GrayImage>, Option<String>);
 
 /// Half width of the window in which corners are refined; none: what is printed around them is laid on the image.
 pub fn corner_window(half_px: Option<u32>) -> CornerWindow {
@@ -112,14 +116,18 @@ impl Request {
     /// Says of the first image without the target what it shows instead.
     fn explain(&self, answer: &mut resight::PoseAnswer, image: Option<&Input>) {
         if let Ok(mut explainer) = self.explainer.lock() {
-            explain(answer, &self.target, &mut explainer, || Some(image?.read().1.ok()?.into_owned()));
+            explain(answer, &self.target, &mut explainer, || Some(image?.read().1.ok()?.0.into_owned()));
         }
     }
 
     fn answer(&self, locator: &mut ImageLocator, image: &Input) -> resight::PoseAnswer {
         let (view, image) = image.read();
         let mut located = match image {
-            Ok(image) => locator.locate(&image, view),
+            Ok((image, remark)) => {
+                let mut located = locator.locate(&image, view);
+                located.answer.remarks.extend(remark);
+                located
+            }
             Err(reason) => Located::error(view, reason),
         };
         located.answer.remarks.splice(..0, self.remarks.iter().cloned());
@@ -202,24 +210,26 @@ pub fn detect(
     let target = target.map(|target| target.target.clone());
     let found = run(py, None, move |_| -> Result<DetectionAnswer, resight::Error> {
         let (view, image) = image.read();
-        let image = match image {
-            Ok(image) => image,
+        let (image, remark) = match image {
+            Ok(read) => read,
             Err(reason) => return Ok(DetectionAnswer::error(&view, reason)),
         };
-        match (target, family) {
+        let mut answer = match (target, family) {
             (Some(target), None) => {
                 let mut detector = Detector::with_corner_window(&target, corner_window(corner_half_px))?;
                 let mut answer = detect_target(&mut detector, &target, &view, &image);
                 // Asked about one image at a time, detection is what says what is there.
                 job::explain(&mut answer, &target, &mut Explainer::default(), || Some(image.into_owned()));
-                Ok(answer)
+                answer
             }
             (None, Some(family)) => {
                 let mut finder = EveryTagFinder::new(&family)?;
-                Ok(detect_every_tag(&mut finder, &family, &view, &image))
+                detect_every_tag(&mut finder, &family, &view, &image)
             }
-            _ => Err(resight::Error::request("give a target, or the family of the tags")),
-        }
+            _ => return Err(resight::Error::request("give a target, or the family of the tags")),
+        };
+        answer.remarks.extend(remark);
+        Ok(answer)
     })?;
     let found = found.map_err(|reason| error::job(py, &reason))?;
     serde_json::to_string(&found).map_err(|reason| error::error(py, "write", reason.to_string()))

@@ -10,10 +10,13 @@ use pyo3::prelude::*;
 use resight::answer::HandEyeAnswer;
 use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
+use resight::formats::pose_list::{
+    LengthUnit, PoseList, PoseListOptions, RotationWord, pose_list_from_text, pose_list_of_array,
+};
 use resight::rig::pairs::pose_from_numbers;
 use resight::rig::{
-    HandEyeRequest, HandEyeViews, ImageOptions, ObservedRig, RobotPose, ViewPoses, read_robot_poses,
-    read_view_poses,
+    HandEyeRequest, HandEyeViews, ImageOptions, ObservedRig, RobotFile, RobotPose, ViewPoses,
+    read_robot_file, read_view_poses,
 };
 use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses};
 use std::path::PathBuf;
@@ -28,9 +31,22 @@ pub struct Robot {
     height_m: Option<f64>,
     height_sigma_m: f64,
     height_axis: [f64; 3],
+    rotation: Option<String>,
+    length: Option<String>,
+    inverse: bool,
 }
 
 impl Robot {
+    fn pose_list_options(&self, py: Python<'_>) -> PyResult<PoseListOptions> {
+        let wrong = |reason| error::input(py, reason);
+        Ok(PoseListOptions {
+            rotation: self.rotation.as_deref().map(RotationWord::parse).transpose().map_err(wrong)?,
+            length: self.length.as_deref().map(LengthUnit::parse).transpose().map_err(wrong)?,
+            is_inverse: self.inverse,
+            eye_to_hand: self.eye_to_hand,
+        })
+    }
+
     fn noise(&self, py: Python<'_>) -> PyResult<Option<GripperNoise>> {
         match (self.sigma_rad, self.sigma_m) {
             (Some(sigma_rad), Some(sigma_m)) if 0.0 <= sigma_rad && 0.0 <= sigma_m => {
@@ -59,23 +75,36 @@ fn hand_eye_lines(answer: HandEyeAnswer) -> JobResult<Vec<String>> {
     }])
 }
 
-/// The gripper's poses: a file, or by name 16 numbers of a homogeneous matrix, or qw, qx, qy, qz, x_m, y_m, z_m.
+/// The gripper's poses: a file, the shape and numbers of an array, the text of JSON, or by name 16 numbers of a homogeneous matrix, or qw, qx, qy,
+/// qz, x_m, y_m, z_m.
 #[derive(FromPyObject)]
 pub enum Motions {
+    Array((Vec<usize>, Vec<f64>)),
+    Text((String,)),
     File(PathBuf),
     Named(Vec<(String, Vec<f64>)>),
 }
 
 /// The same, checked.
 enum KnownMotions {
-    File(PathBuf),
+    File(PathBuf, PoseListOptions),
+    List(PoseList),
     Named(Vec<(String, Pose)>),
 }
 
 impl Motions {
-    fn known(self, py: Python<'_>) -> PyResult<KnownMotions> {
+    fn known(self, py: Python<'_>, options: PoseListOptions) -> PyResult<KnownMotions> {
+        let wrong = |reason: resight::FileError| error::input(py, reason.to_string());
         let poses = match self {
-            Motions::File(file) => return Ok(KnownMotions::File(file)),
+            Motions::File(file) => return Ok(KnownMotions::File(file, options)),
+            Motions::Array((shape, data)) => {
+                let list = pose_list_of_array("motions", &shape, data, &options);
+                return list.map(KnownMotions::List).map_err(wrong);
+            }
+            Motions::Text((text,)) => {
+                let list = pose_list_from_text("motions", &text, &options);
+                return list.map(KnownMotions::List).map_err(wrong);
+            }
             Motions::Named(poses) => poses,
         };
         let pose = |(view, numbers): (String, Vec<f64>)| {
@@ -88,10 +117,14 @@ impl Motions {
 }
 
 impl KnownMotions {
-    fn robot(self, noise: Option<GripperNoise>) -> JobResult<Vec<RobotPose>> {
+    fn robot(self, noise: Option<GripperNoise>) -> JobResult<RobotFile> {
         match self {
-            KnownMotions::File(file) => Ok(read_robot_poses(&file, noise)?),
-            KnownMotions::Named(poses) => RobotPose::named(poses, noise),
+            KnownMotions::File(file, options) => Ok(read_robot_file(&file, &options, noise)?),
+            KnownMotions::List(list) => Ok(RobotFile::of("motions", list, noise)),
+            KnownMotions::Named(poses) => {
+                let robot = RobotPose::named(poses, noise)?;
+                Ok(RobotFile { robot, seen: None, mounting: None, remarks: Vec::new() })
+            }
         }
     }
 }
@@ -148,18 +181,30 @@ impl SeenPoses<'_> {
 pub fn hand_eye_of_poses(
     py: Python<'_>,
     motions: Motions,
-    poses: SeenPoses<'_>,
+    poses: Option<SeenPoses<'_>>,
     robot: Robot,
 ) -> PyResult<Vec<String>> {
     let (noise, config) = (robot.noise(py)?, robot.config());
-    let (motions, poses) = (motions.known(py)?, poses.known(py)?);
+    let motions = motions.known(py, robot.pose_list_options(py)?)?;
+    let poses = poses.map(|poses| poses.known(py)).transpose()?;
     answered(py, move || {
-        let robot = motions.robot(noise)?;
-        let views = HandEyeViews::Poses(match poses {
-            KnownPoses::File(file) => read_view_poses(&file)?,
-            KnownPoses::Views(views) => views,
+        let RobotFile { robot, seen, mounting, mut remarks } = motions.robot(noise)?;
+        let config = HandEyeConfig { mounting: mounting.unwrap_or(config.mounting), ..config };
+        let views = HandEyeViews::Poses(match (poses, seen) {
+            (Some(KnownPoses::File(file)), _) => {
+                let (views, others) = read_view_poses(&file)?;
+                remarks.extend(others);
+                views
+            }
+            (Some(KnownPoses::Views(views)), _) => views,
+            (None, Some(seen)) => seen,
+            (None, None) => {
+                return Err(resight::Error::request(
+                    "one of poses, images and detections is needed, or samples that hold the poses of the target",
+                ));
+            }
         });
-        hand_eye_lines(resight::hand_eye(HandEyeRequest { robot, views, config })?)
+        hand_eye_lines(resight::hand_eye(HandEyeRequest { robot, views, config, remarks })?)
     })
 }
 
@@ -181,10 +226,11 @@ pub fn hand_eye(
     let (noise, config) = (robot.noise(py)?, robot.config());
     let request = solving.of(request(cameras, targets)?);
     let images = taken(images)?;
-    let motions = motions.known(py)?;
+    let motions = motions.known(py, robot.pose_list_options(py)?)?;
     let found = detections.map(|detections| detections.owned(py)).transpose()?;
     observed(py, progress, move || {
-        let robot = motions.robot(noise)?;
+        let RobotFile { robot, mounting, remarks, .. } = motions.robot(noise)?;
+        let config = HandEyeConfig { mounting: mounting.unwrap_or(config.mounting), ..config };
         let observed = match found {
             Some(found) => found.with(sigma_px, |rows| ObservedRig::from_detections(&rows, &request))?,
             None => {
@@ -193,7 +239,7 @@ pub fn hand_eye(
             }
         };
         let views = HandEyeViews::Points(Box::new(observed));
-        hand_eye_lines(resight::hand_eye(HandEyeRequest { robot, views, config })?)
+        hand_eye_lines(resight::hand_eye(HandEyeRequest { robot, views, config, remarks })?)
     })
 }
 

@@ -50,7 +50,7 @@ impl Target {
         Ok(formats::read_target(&file).map_err(|reason| error::file(py, &reason))?.into())
     }
 
-    /// `tag`, `aprilgrid`, `chessboard`, `charuco`, `tag_map`, `line_plus_one` or `points`.
+    /// `tag`, `aprilgrid`, `chessboard`, `charuco`, `circle_grid`, `tag_map`, `line_plus_one` or `points`.
     #[getter]
     fn kind(&self) -> &'static str {
         self.target.kind()

@@ -1,5 +1,9 @@
 """Each row of docs/from-opencv.md: the call of OpenCV beside ours, on the same numbers."""
 
+import subprocess
+import sys
+import tomllib
+
 import cv2
 import numpy as np
 import pytest
@@ -155,6 +159,47 @@ def test_markers(tags):
     for tag, quad in zip(np.ravel(ids).tolist(), corners):
         distances = [np.linalg.norm(quad[0, (k + 2) % 4] - found[tag, k]) for k in range(4)]  # Half a turn, docs/from-apriltag.md.
         assert max(distances) < 2.5, (tag, distances)
+
+
+@ROWS.run("`findCirclesGrid(image, (4, 11)")
+def test_circle_grid(tmp_path):
+    """The same centres in the same order; the circles' own centres, which perspective shifts from those of their images."""
+    spacing = 0.02
+    centres = np.array([[(2 * j + i % 2) * spacing, i * spacing] for i in range(11) for j in range(4)])
+    to_image = np.array([[3500.0, 300, 250], [150, 3300, 200], [0.35, 0.5, 1]])
+
+    def seen(points):
+        image = np.c_[points, np.ones(len(points))] @ to_image.T
+        return image[:, :2] / image[:, 2:]
+
+    large = np.full((4 * 960, 4 * 1280), 235, np.uint8)
+    angles = np.linspace(0, 2 * np.pi, 200)
+    for centre in centres:
+        outline = (seen(centre + 0.006 * np.c_[np.cos(angles), np.sin(angles)]) + 0.5) * 4 - 0.5
+        cv2.fillPoly(large, [np.round(outline * 256).astype(np.int32)], 20, lineType=cv2.LINE_AA, shift=8)
+    image = cv2.GaussianBlur(cv2.resize(large, (1280, 960), interpolation=cv2.INTER_AREA), (0, 0), 0.8)
+    target = tmp_path / "grid.toml"
+    target.write_text('kind = "circle_grid"\nrows = 11\ncolumns = 4\nspacing_m = 0.02\ndiameter_m = 0.012\nasymmetric = true\n')
+    found, theirs = cv2.findCirclesGrid(image, (4, 11), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
+    ours = resight.detect(image, target).to_dict()["detections"]
+    assert found and [entry["id"] for entry in ours] == list(range(44))
+    pixels = np.array([[entry["u_px"], entry["v_px"]] for entry in ours])
+    assert np.abs(pixels - theirs.reshape(-1, 2)).max() < 1
+    errors = [np.sqrt(np.mean((them - seen(centres)) ** 2)) for them in (pixels, theirs.reshape(-1, 2))]
+    assert errors[0] < 0.05 and errors[0] < errors[1] and all(0 < entry["sigma_px"] < 0.2 for entry in ours), errors
+
+
+@ROWS.run("`aruco.GridBoard(")
+def test_grid_board(tmp_path):
+    """The sheet that `print` writes has OpenCV's ids and distances; its origin is the centre of the first tag."""
+    command = "-m resight print --kind tag --family DICT_4X4_50 --id 0-11 --columns 4 --size-m 0.04 --tag-spacing-ratio 0.25 -o"
+    subprocess.run([sys.executable, *command.split(), tmp_path / "board.pdf"], check=True)
+    tags = tomllib.loads((tmp_path / "board.toml").read_text())["tag"]
+    board = cv2.aruco.GridBoard((4, 3), 0.04, 0.01, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+    theirs = np.array(board.getObjPoints()).mean(axis=1)
+    ours = np.array([tag["world_from_tag"]["translation_m"] for tag in tags])
+    assert [tag["id"] for tag in tags] == np.ravel(board.getIds()).tolist()
+    assert np.allclose(ours, theirs - theirs[0], atol=1e-6)
 
 
 @ROWS.run("`calibrateCamera(")

@@ -95,6 +95,21 @@ def test_motions_in_every_form_are_one_hand_eye(tmp_path):
         assert answer.status == "ok" and np.allclose(answer.cam_from_gripper.matrix, expected.cam_from_gripper.matrix, atol=1e-9)
     as_lists = resight.hand_eye([g.matrix.tolist() for g in grippers], poses=[resight.Pose.from_matrix(m) for m in seen], poses_covariance=covariance)
     assert as_lists.to_json() == expected.to_json()
+    positions, quaternions = np.stack([g.translation_m for g in grippers]), np.stack([g.rotation_wxyz for g in grippers])
+    r = np.stack([g.matrix[:3, :3] for g in grippers])
+    kuka = np.degrees([np.arctan2(r[:, 1, 0], r[:, 0, 0]), np.arcsin(-r[:, 2, 0]), np.arctan2(r[:, 2, 1], r[:, 2, 2])]).T
+    for rows, stated in (
+        (np.hstack([positions, quaternions]), dict(rotation="quaternion-wxyz")),
+        (np.hstack([positions, np.roll(quaternions, -1, axis=1)]), dict(rotation="quaternion-xyzw")),
+        (np.hstack([1e3 * positions, kuka]), dict(rotation="kuka")),
+        (np.hstack([1e2 * positions, kuka]), dict(rotation="kuka", length="cm")),
+        ({"view": [str(i) for i in range(15)]} | dict(zip("XYZABC", np.hstack([1e3 * positions, kuka]).T)), dict(rotation="kuka")),
+    ):
+        target = dict(zip(map(str, range(15)), seen)) if isinstance(rows, dict) else np.stack(seen)
+        answer = resight.hand_eye(rows, poses=target, poses_covariance=covariance, **stated)
+        assert answer.status == "ok" and np.allclose(answer.cam_from_gripper.matrix, expected.cam_from_gripper.matrix, atol=1e-9)
+    wrong = resight.hand_eye(np.hstack([1e3 * positions, kuka]), poses=np.stack(seen), poses_covariance=covariance, rotation="staubli")
+    assert wrong.status != "ok" and "kuka" in wrong.to_json()
 
 
 def test_hand_eye_from_answers_and_points():
@@ -124,7 +139,7 @@ def test_hand_eye_from_answers_and_points():
     (np.eye(4)[None].repeat(2, 0), dict(poses=np.eye(4)[None], poses_covariance=np.eye(6)[None]), "2 motions and 1 poses"),
     ([np.diag([2.0, 1, 1, 1])], dict(poses=np.eye(4)[None], poses_covariance=np.eye(6)[None]), "no rigid transform"),
     ([np.eye(3)], dict(poses=np.eye(4)[None], poses_covariance=np.eye(6)[None]), "(4, 4) is needed"),
-    ({"view": ["a"], "qw": [1.0]}, dict(poses={"a": np.eye(4)}, poses_covariance=np.eye(6)[None]), "column qx is missing"),
+    ({"view": ["a"], "qw": [1.0]}, dict(poses={"a": np.eye(4)}, poses_covariance=np.eye(6)[None]), "no key `qw`"),
     ("motions.csv", dict(poses=[np.eye(4)], poses_covariance=np.eye(6)[None]), "names of views"),
     (np.eye(4)[None], {}, "one of poses"),
 ])

@@ -1,12 +1,14 @@
 //! The answers of the jobs: typed, with a status, and serialised to the JSON of the command line.
 
 pub mod advise;
+mod budget;
 pub mod compare;
 pub mod consensus;
 pub mod detection;
 pub mod files;
 pub mod hand_eye;
 pub mod intrinsics;
+pub mod capture;
 pub mod landmarks;
 pub mod measure;
 mod placed;
@@ -23,6 +25,7 @@ mod every;
 mod unsolved;
 
 pub use crate::report::verdict::{Status, Verdict};
+pub use capture::CaptureAnswer;
 pub use compare::CompareAnswer;
 pub use consensus::Agreement;
 pub use detection::DetectionAnswer;

@@ -9,6 +9,7 @@ mod aprilgrid;
 pub(crate) mod apriltag;
 mod charuco;
 mod chessboard;
+mod circles;
 pub mod corner;
 pub mod dots;
 pub mod every_tag;
@@ -23,6 +24,7 @@ mod noise;
 mod outlines;
 mod print;
 mod region;
+mod saddles;
 pub mod sigma;
 mod tag_print;
 pub mod tags;
@@ -36,10 +38,11 @@ use crate::GrayImage;
 use aprilgrid::AprilGridFinder;
 use charuco::CharucoFinder;
 use chessboard::ChessboardFinder;
+use circles::CircleFinder;
 use dots::{DotDetector, DotError};
 pub use joints::CornerWindow;
 use resight_core::correspondence::Detection;
-use resight_core::target::Feature;
+use resight_core::target::{CircleGrid, Feature};
 use resight_core::{Camera, Target};
 use std::collections::BTreeSet;
 use tags::TagFinder;
@@ -156,6 +159,7 @@ fn check_extent(target: &Target) -> Result<(), DetectError> {
         Target::AprilGrid(t) => (t.rows, t.columns),
         Target::Chessboard(t) => (t.rows, t.columns),
         Target::Charuco(t) => (t.rows, t.columns),
+        Target::CircleGrid(t) => return check_circles(t),
         _ => return Ok(()),
     };
     if MAX_CELLS < rows as u64 * columns as u64 {
@@ -163,6 +167,22 @@ fn check_extent(target: &Target) -> Result<(), DetectError> {
         return Err(DetectError::Board { reason });
     }
     Ok(())
+}
+
+/// Largest number of circles: of more dots in an image, only the most conspicuous are measured.
+const MAX_CIRCLES: u64 = 1000;
+
+fn check_circles(grid: &CircleGrid) -> Result<(), DetectError> {
+    let (rows, columns) = (grid.rows, grid.columns);
+    match u64::from(rows) * u64::from(columns) {
+        n if n <= MAX_CIRCLES => Ok(()),
+        n => {
+            let reason = format!(
+                "{rows} rows × {columns} columns are {n} circles, at most {MAX_CIRCLES} are possible"
+            );
+            Err(DetectError::Board { reason })
+        }
+    }
 }
 
 fn check_buffer(image: &GrayImage) -> Result<(), DetectError> {
@@ -200,6 +220,7 @@ enum Finder {
     AprilGrid(AprilGridFinder),
     Chessboard(ChessboardFinder),
     Charuco(Box<CharucoFinder>),
+    CircleGrid(Box<CircleFinder>),
     Dots(Box<DotDetector>),
 }
 
@@ -226,6 +247,7 @@ impl Detector {
             Target::AprilGrid(grid) => Finder::AprilGrid(AprilGridFinder::new(grid)?),
             Target::Chessboard(board) => Finder::Chessboard(ChessboardFinder::new(board, window)?),
             Target::Charuco(board) => Finder::Charuco(Box::new(CharucoFinder::new(board, window)?)),
+            Target::CircleGrid(grid) => Finder::CircleGrid(Box::new(CircleFinder::new(grid))),
             Target::LinePlusOne(dots) => Finder::Dots(Box::new(DotDetector::new(dots)?)),
             Target::Points(_) => {
                 let instead = "give their pixels in a points file";
@@ -274,7 +296,7 @@ impl Detector {
             Finder::AprilGrid(finder) => finder.is_whole(seen),
             Finder::Chessboard(finder) => finder.is_whole(seen),
             Finder::Charuco(finder) => finder.is_whole(seen),
-            Finder::Tag(_) | Finder::TagMap(_) | Finder::Dots(_) => false,
+            Finder::Tag(_) | Finder::TagMap(_) | Finder::CircleGrid(_) | Finder::Dots(_) => false,
         }
     }
 
@@ -291,7 +313,7 @@ impl Detector {
             Finder::AprilGrid(finder) => finder.measured_near(image, common, places, picked),
             Finder::Chessboard(finder) => finder.measured_near(image, common, places, picked),
             Finder::Charuco(finder) => finder.measured_near(image, common, places, picked),
-            Finder::Tag(_) | Finder::TagMap(_) | Finder::Dots(_) => (Vec::new(), 0.0),
+            Finder::Tag(_) | Finder::TagMap(_) | Finder::CircleGrid(_) | Finder::Dots(_) => (Vec::new(), 0.0),
         }
     }
 
@@ -311,6 +333,7 @@ impl Detector {
             Finder::AprilGrid(finder) => finder.detect(image),
             Finder::Chessboard(finder) => finder.detect(image),
             Finder::Charuco(finder) => finder.detect(image),
+            Finder::CircleGrid(finder) => finder.detect(image),
             Finder::Dots(finder) => Ok(match camera {
                 Some(camera) => finder.detect_with_camera(image, camera)?,
                 None => finder.detect(image)?,

@@ -1,7 +1,7 @@
 //! Grey images, the only pixel type that detectors read.
 
 use crate::FileError;
-use crate::input::{self, Kind};
+use crate::input::{self, Kind, what_is_it};
 use std::path::Path;
 
 pub mod exif;
@@ -37,7 +37,7 @@ const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 /// A missing file, or a file that is not an image.
 pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
     let bytes = input::read(path, Kind::Image)?;
-    header::dimensions(&bytes).ok_or_else(|| FileError::new(path, "not a readable PNG or JPEG image"))
+    header::dimensions(&bytes).ok_or_else(|| FileError::new(path, what_is_it::that_is_no_image(&bytes)))
 }
 
 /// Returns the memory that decoding needs at most, its result included, bytes; `None` where the bytes are not a PNG or JPEG.
@@ -45,6 +45,14 @@ pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
     let (width, height) = header::dimensions(bytes)?;
     let pixels = u64::from(width) * u64::from(height);
     Some(pixels.saturating_add(pixels.saturating_mul(4).min(MAX_DECODED_BYTES)))
+}
+
+/// Returns the remark on images that EXIF asks viewers to show otherwise than they are stored.
+pub fn orientation_remark(which: &str, how: &str) -> String {
+    format!(
+        "EXIF asks viewers to show {which} {how}; pixels are taken as stored, so the intrinsics have to be of images stored the same way (OpenCV's imread rotates \
+         unless IMREAD_IGNORE_ORIENTATION is given)"
+    )
 }
 
 impl GrayImage {
@@ -101,28 +109,30 @@ impl GrayImage {
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// Reads as [`GrayImage::read`], and returns a remark where EXIF asks viewers to show the image rotated or mirrored. Pixels are always taken
-    /// as they are stored.
+    /// Reads as [`GrayImage::read`], and returns how EXIF asks viewers to show the image, where that is rotated or mirrored. Pixels are always
+    /// taken as they are stored.
+    ///
+    /// # Errors
+    /// As of [`GrayImage::read`].
+    pub fn read_with_orientation(path: &Path) -> Result<(Self, Option<&'static str>), FileError> {
+        let bytes = input::read(path, Kind::Image)?;
+        let image = Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))?;
+        Ok((image, exif::orientation(&bytes)))
+    }
+
+    /// Reads as [`GrayImage::read_with_orientation`], and returns the orientation as a remark.
     ///
     /// # Errors
     /// As of [`GrayImage::read`].
     pub fn read_with_remark(path: &Path) -> Result<(Self, Option<String>), FileError> {
-        let bytes = input::read(path, Kind::Image)?;
-        let image = Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))?;
-        let remark = exif::orientation(&bytes).map(|how| {
-            format!(
-                "EXIF asks viewers to show this image {how}; its pixels are taken as stored, so the intrinsics have to be of images stored the same way (OpenCV's \
-                 imread rotates unless IMREAD_IGNORE_ORIENTATION is given)"
-            )
-        });
-        Ok((image, remark))
+        let (image, orientation) = Self::read_with_orientation(path)?;
+        Ok((image, orientation.map(|how| orientation_remark("this image", how))))
     }
 
     /// Decodes PNG or JPEG bytes.
     pub fn decode(bytes: &[u8]) -> Result<Self, String> {
         // Other crates may enable more decoders; the formats that are read must not depend on that.
-        let format =
-            ::image::guess_format(bytes).map_err(|_| "not a readable PNG or JPEG image".to_string())?;
+        let format = ::image::guess_format(bytes).map_err(|_| what_is_it::that_is_no_image(bytes))?;
         if !matches!(format, ::image::ImageFormat::Png | ::image::ImageFormat::Jpeg) {
             return Err(format!("is a {format:?} image; save it as PNG or JPEG"));
         }

@@ -6,15 +6,19 @@ mod check;
 
 pub use crate::core::multiview::intrinsics::{Models, Noise, TargetShape, model_names};
 pub use check::check_intrinsics;
+pub(crate) use describe::{next_view_words, not_found, placed, too_few_points_of};
+pub(crate) use gather::{CameraViews, nothing_observed, of_camera};
 
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer};
 use crate::core::Target;
 use crate::core::camera::ImageSize;
-use crate::core::multiview::intrinsics::{IntrinsicsConfig, LEAST_POINTS, solve_intrinsics};
+use crate::core::multiview::intrinsics::{
+    IntrinsicsConfig, IntrinsicsOutcome, LEAST_POINTS, SolvedIntrinsics, solve_intrinsics,
+};
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
 use crate::rig::{CameraImage, Detections, ImageOptions};
-use gather::{CameraViews, gather};
+use gather::gather;
 use std::path::Path;
 
 /// The observations of the cameras.
@@ -120,19 +124,32 @@ pub fn intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsAnswer, Error
 fn solved(camera: &CameraViews, request: &IntrinsicsRequest) -> Result<CameraIntrinsics, Error> {
     let is_of_images = matches!(request.source, IntrinsicsSource::Images { .. });
     let Some(size) = camera.size.filter(|_| !(is_of_images && camera.views.is_empty())) else {
-        return Ok(describe::not_found(camera));
+        let n_images = camera.left_out.iter().filter(|one| one.what == "frame").count();
+        return Ok(describe::not_found(camera, n_images));
     };
+    let IntrinsicsRequest { models, noise, target_shape, .. } = *request;
+    let config = IntrinsicsConfig { models, noise, target_shape, ..IntrinsicsConfig::default() };
+    Ok(solved_views(camera, size, &config)?.0)
+}
+
+/// Estimates a camera from its views, of which there is at least one; returns what the mathematics returned too, if it found a camera.
+pub(crate) fn solved_views(
+    camera: &CameraViews,
+    size: ImageSize,
+    config: &IntrinsicsConfig,
+) -> Result<(CameraIntrinsics, Option<Box<SolvedIntrinsics>>), Error> {
     let most = camera.views.iter().map(|view| view.points.len()).max().unwrap_or(LEAST_POINTS);
     if most < LEAST_POINTS {
-        return Ok(describe::too_few_points(camera, most));
+        return Ok((describe::too_few_points(camera, most), None));
     }
-    let config = IntrinsicsConfig {
-        models: request.models,
-        noise: request.noise,
-        target_shape: request.target_shape,
-        several_targets: camera.several_targets,
-        scale_sigma: camera.scale_sigma(),
-    };
+    let (several_targets, scale_sigma) = (camera.several_targets, camera.scale_sigma());
+    let config = IntrinsicsConfig { several_targets, scale_sigma, ..*config };
     let views: Vec<_> = camera.views.iter().map(|view| &view.points).collect();
-    Ok(describe::described(camera, size, solve_intrinsics(&views, size, &config)?))
+    let outcome = solve_intrinsics(&views, size, &config)?;
+    let answer = describe::described(camera, size, &outcome);
+    let solved = match outcome {
+        IntrinsicsOutcome::Solved(solved) => Some(solved),
+        IntrinsicsOutcome::Refused(_) => None,
+    };
+    Ok((answer, solved))
 }

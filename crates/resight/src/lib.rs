@@ -29,6 +29,7 @@
 //! | relative poses of pairs of cameras to a rig | [`pose_graph()`] |
 //! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye()`] |
 //! | images or detections of a target to a camera's intrinsics | [`intrinsics()`]; existing ones on new images: [`check_intrinsics`] |
+//! | a camera while its target is moved, until its intrinsics are good enough | [`capture::Capture`] |
 //! | lengths, positions and areas in photographs | [`measure()`] |
 //! | what moved between two calibrations | [`compare()`] |
 //! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
@@ -46,6 +47,7 @@ pub use resight_formats::{self as formats, input};
 pub use resight_recording as recording;
 
 pub mod error;
+mod minimum;
 pub mod parallel;
 pub mod image;
 pub mod detect;
@@ -62,6 +64,7 @@ pub mod video;
 pub mod rig;
 pub mod rig_pose;
 pub mod intrinsics;
+pub mod capture;
 pub mod scene;
 pub mod report;
 pub mod advise;
@@ -74,8 +77,8 @@ pub mod landmarks;
 pub use self::image::GrayImage;
 pub use advise::{advise_boards, advise_points, advise_target};
 pub use answer::{
-    CompareAnswer, HandEyeAnswer, IntrinsicsAnswer, MeasureAnswer, PoseAnswer, PoseGraphAnswer, RigAnswer,
-    Status,
+    CaptureAnswer, CompareAnswer, HandEyeAnswer, IntrinsicsAnswer, MeasureAnswer, PoseAnswer,
+    PoseGraphAnswer, RigAnswer, Status,
 };
 pub use compare::compare;
 pub use convert::{convert, explain};

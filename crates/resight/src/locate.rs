@@ -29,6 +29,7 @@ pub use method::{METHODS, method_name};
 pub use named_point::NamedPoint;
 use once::Once;
 pub use resight_core::locate::Method;
+pub(crate) use rows::LARGEST;
 pub use rows::{PointRows, RowFault, SeenRows, is_missing};
 
 mod causes;
@@ -197,6 +198,7 @@ impl<'a> ImageLocator<'a> {
                  sensor mode"
             );
         }
+        let budget = found.budget(self.target, camera, &config).ok();
         let (points, estimate) = (found.seen, found.estimate.ok());
         let intrinsics_cost = intrinsics
             .zip(estimate.as_ref())
@@ -205,6 +207,7 @@ impl<'a> ImageLocator<'a> {
             verdict,
             observability: estimate.as_ref().map(|e| Observability::of(e, &points)),
             estimate,
+            budget,
             n_points: points.len(),
             sigma_px: mean_square_root(points.iter().map(|c| c.sigma_px)),
             point_sigma_m: point_sigma_m(&points),
@@ -313,12 +316,18 @@ pub fn locate_points(
         None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, label),
         Some(_) => Vec::new(),
     };
+    let budget = solved.as_ref().ok().and_then(|(e, agreement)| {
+        let agreeing = agreement.as_ref().map(|a| a.inliers.iter().map(|i| seen[*i]).collect::<Vec<_>>());
+        e.budget(agreeing.as_deref().unwrap_or(&seen), camera, &config).ok()
+    });
     let (mut verdict, estimate, agreement): (Verdict, Option<PoseEstimate>, Option<Agreement>) = match solved
     {
         Ok((e, agreement)) => (verdict::of_estimate(&e, label, options.image_unit), Some(e), agreement),
         Err(reason) => (named(verdict::of_error(&reason), &reason, points), None, None),
     };
-    if let Some(sentence) = causes::sentence(&causes) {
+    let outside = || causes::outside(&seen, camera, label);
+    let outside = (options.image_unit == "px" && verdict.status != Status::Ok).then(outside).flatten();
+    for sentence in outside.into_iter().chain(causes::sentence(&causes)) {
         verdict.message = format!("{sentence}; {}", verdict.message);
     }
     let intrinsics_cost = intrinsics
@@ -328,6 +337,7 @@ pub fn locate_points(
         verdict,
         observability: estimate.as_ref().map(|e| Observability::of(e, &seen)),
         estimate,
+        budget,
         n_points: seen.len(),
         image_unit: options.image_unit,
         sigma_px: mean_square_root(seen.iter().map(|c| c.sigma_px)),

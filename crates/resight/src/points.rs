@@ -5,16 +5,15 @@ use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
 use crate::input::table::{Table, TableRow, how_read};
 use crate::locate::{
-    NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points, locate_points,
+    LARGEST, NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points,
+    locate_points,
 };
+use crate::report::words::below_one_level;
 use crate::{Error, FileError};
 use nalgebra::Unit;
 use resight_core::line::{ImageLine, LineCorrespondence};
 use std::collections::HashMap;
 use std::path::Path;
-
-/// Squares of larger numbers, and their products, overflow.
-const LARGEST: f64 = 1e60;
 
 /// Solves for the poses of a table of points.
 #[derive(Debug, Clone)]
@@ -51,14 +50,18 @@ pub fn locate_table(
     Ok(views.iter().map(located).collect())
 }
 
+/// Returns the unit of a camera's image coordinates, and the standard deviation of u and v that is assumed where none is stated.
+pub fn unit_and_sigma(camera: &Camera) -> (&'static str, f64) {
+    match &camera.lens {
+        Lens::Photogrammetric(model) => ("unit of f", model.table().f / 2000.0),
+        _ => ("px", 0.5),
+    }
+}
+
 impl TableLocator {
     /// Creates a locator; `sigma` is the default standard deviation of u and v (without a camera, of xn and yn).
     pub fn new(camera: Option<Camera>, sigma: Option<f64>, options: PointsOptions) -> Self {
-        let (image_unit, assumed) = match camera.as_ref().map(|camera| &camera.lens) {
-            None => ("normalized", 5e-4),
-            Some(Lens::Photogrammetric(model)) => ("unit of f", model.table().f / 2000.0),
-            Some(_) => ("px", 0.5),
-        };
+        let (image_unit, assumed) = camera.as_ref().map_or(("normalized", 5e-4), unit_and_sigma);
         let options = PointsOptions { image_unit, ..options };
         let sigma = (sigma.unwrap_or(assumed), sigma.is_some());
         TableLocator { camera, sigma, options, sizes: Vec::new(), how_read: None }
@@ -330,18 +333,19 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
     None
 }
 
-/// Remarks on points in one plane, which do not show whether coordinates or image are mirrored: a camera on the other side fits as well.
+/// Remarks on points in one plane with the camera on its lower side.
 fn below_the_points(view: &PointsView, answer: &PoseAnswer) -> Option<String> {
     let estimate = answer.estimate.as_ref().filter(|_| answer.status() == Status::Ok)?;
-    let level_m = view.rows.first()?.x_in_target[2];
-    let is_level = view.rows.iter().all(|row| row.line_end.is_none() && row.x_in_target[2] == level_m);
-    let below_m = level_m - estimate.cam_from_target.origin().z;
-    (is_level && 0.0 < below_m).then(|| {
-        format!(
-            "the camera is {below_m:.2} m below the points (smaller z_m); points of one level cannot show whether x_m and y_m are exchanged or v_px is counted \
-             upwards, which would put it above them"
-        )
-    })
+    if view.rows.iter().any(|row| row.line_end.is_some()) {
+        return None;
+    }
+    let z_m = view.rows.iter().map(|row| row.x_in_target[2]);
+    below_one_level(
+        "camera",
+        "x_m and y_m are exchanged or v_px is counted upwards",
+        z_m,
+        estimate.cam_from_target.origin().z,
+    )
 }
 
 /// Remarks on coordinates that are implausible in metres; the whole file is checked, because a unit applies to a column.

@@ -40,7 +40,8 @@ pub struct PrintRequest {
     pub writes_target: bool,
     /// Lengths measured on the rulers of the printed sheet; the target file written then carries the scale.
     pub measured: Option<MeasuredRulers>,
-    /// Diameter of the dots of a `line_plus_one` target, metres; by default a third of the smallest distance between two.
+    /// Diameter of the dots of a `line_plus_one` target, metres, by default a third of the smallest distance between two; of a `circle_grid`,
+    /// by default what it states.
     pub dot_diameter_m: Option<f64>,
     /// The name of the files, also printed on the sheet.
     pub name: String,
@@ -127,12 +128,13 @@ fn check_extent(target: &Target) -> Result<(), Error> {
         Target::AprilGrid(t) => (t.rows, t.columns),
         Target::Chessboard(t) => (t.rows, t.columns),
         Target::Charuco(t) => (t.rows, t.columns),
+        Target::CircleGrid(t) => (t.rows, t.columns),
         _ => return Ok(()),
     };
     match u64::from(rows) * u64::from(columns) {
         cells if cells <= MOST_CELLS => Ok(()),
         cells => Err(Error::request(format!(
-            "{rows} rows × {columns} columns are {cells} squares; at most {MOST_CELLS} are printed: take fewer, larger ones"
+            "{rows} rows × {columns} columns are {cells} squares, tags or circles; at most {MOST_CELLS} are printed: take fewer, larger ones"
         ))),
     }
 }

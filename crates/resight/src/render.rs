@@ -94,7 +94,7 @@ pub struct Style {
     pub paper: Option<f64>,
     /// Width of the empty rim around the pattern, metres; by default a tenth of the pattern's larger side.
     pub margin_m: Option<f64>,
-    /// Diameter of dots, metres; by default a third of the smallest distance between two dots.
+    /// Diameter of dots, metres; by default a third of the smallest distance between two dots, or what a circle grid states.
     pub dot_diameter_m: Option<f64>,
     /// Width of the black frame of tags in bits; by default 2 for an AprilGrid (as Kalibr prints it), 1 for all others.
     pub tag_border_bits: Option<u32>,

@@ -19,7 +19,7 @@ pub mod synchronise;
 pub(crate) mod uncertain_lens;
 
 pub(crate) use detections::{collect as collect_detections, table::camera_names};
-pub(crate) use images::{OTHER_SIZE, collect as collect_images};
+pub(crate) use images::{FoundTargets, OTHER_SIZE, Orientations, collect as collect_images, search_image};
 pub(crate) use observed::Collected;
 
 pub use detections::{DetectionRow, DetectionSource, Detections};
@@ -29,11 +29,11 @@ pub use job::{ObservedRig, rig_from_detections, rig_from_images};
 pub use observed::LeftOut;
 pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
 pub use request::{CameraDistance, RigRequest, not_among};
-pub use robot_poses::{RobotPose, ViewPoses, read_robot_poses, read_view_poses};
+pub use robot_poses::{RobotFile, RobotPose, ViewPoses, read_robot_file, read_view_poses};
 
 use crate::core::multiview::rig::{Observation, RigProblem, RigSolution};
 use crate::core::{Camera, Target};
-use crate::formats::{NamedCamera, Placement};
+use crate::formats::{NamedCamera, Placement, plausible};
 
 /// The name, in files, of the frame in which the cameras of a rig are placed: that of the reference camera.
 pub const RIG_FRAME: &str = "rig";
@@ -75,6 +75,22 @@ impl NamedRig {
             n_views: self.views.len(),
             observations: &self.observations,
         }
+    }
+
+    /// Returns remarks on what is implausible in metres: sizes of the targets, and positions of points that the detections state.
+    pub fn size_remarks(&self) -> Vec<String> {
+        let stated = |target: usize| {
+            let seen = self.observations.iter().filter(move |s| s.target == target).flat_map(|s| &s.seen);
+            plausible::of_uncertain_points(seen.map(|c| (c.x_in_target, c.sigma_m)))
+        };
+        let remarks = |(i, named): (usize, &NamedTarget)| {
+            let found = match &named.target {
+                Some(target) => plausible::of_target(target),
+                None => stated(i).into_iter().collect(),
+            };
+            found.into_iter().map(|remark| format!("target {}: {remark}", named.name)).collect::<Vec<_>>()
+        };
+        self.targets.iter().enumerate().flat_map(remarks).collect()
     }
 
     /// Returns the index of the camera with this name.

@@ -3,7 +3,7 @@
 mod read;
 mod solve;
 
-pub use read::{RigPointsView, read_rig_points, unit_remark};
+pub use read::{RigPoint, RigPointsView, TableRemarks, read_rig_points};
 pub use solve::RigPoseRequest;
 
 use crate::answer::rig_pose::RigPoseAnswer;
@@ -69,12 +69,12 @@ pub fn rig_poses(
     views: &[RigPointsView],
     request: &RigPoseRequest,
 ) -> Vec<RigPoseAnswer> {
-    let remarks: Vec<String> = unit_remark(views).into_iter().collect();
+    let table = TableRemarks::of(views);
     let solved = |view| {
         let mut answer = solve::solved(rig, view, request);
         let verdict = Verdict { status: answer.status, message: std::mem::take(&mut answer.message) };
-        Verdict { status: answer.status, message: answer.message } = verdict.with_sizes(&remarks);
-        RigPoseAnswer { remarks: remarks.iter().chain(&answer.remarks).cloned().collect(), ..answer }
+        Verdict { status: answer.status, message: answer.message } = verdict.with_sizes(&table.sizes);
+        RigPoseAnswer { remarks: table.all().chain(&answer.remarks).cloned().collect(), ..answer }
     };
     views.iter().map(solved).collect()
 }

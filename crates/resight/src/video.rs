@@ -2,6 +2,7 @@
 
 pub mod ffmpeg;
 
+use crate::input::what_is_it::{self, FileKind};
 use crate::{FileError, GrayImage};
 use ffmpeg::{Decoded, Decoder, Ffmpeg};
 use std::io::Read;
@@ -15,24 +16,10 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// streams, Ogg, Flash, NUT, IVF, YUV4MPEG2.
 pub fn is_video(path: &Path) -> bool {
     let mut head = Vec::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
-    let starts = |magic: &[u8]| head.starts_with(magic);
-    let at = |place: usize, magic: &[u8]| head.get(place..).is_some_and(|rest| rest.starts_with(magic));
-    read.is_ok()
-        && (at(4, b"ftyp")
-            || starts(&[0x1a, 0x45, 0xdf, 0xa3])
-            || (starts(b"RIFF") && at(8, b"AVI "))
-            || starts(&[0, 0, 1, 0xba])
-            || [0, TS_PACKET, 2 * TS_PACKET].iter().all(|place| at(*place, b"G"))
-            || [&b"OggS"[..], b"FLV\x01", b"nut/multimedia container", b"DKIF", b"YUV4MPEG2 "]
-                .iter()
-                .any(|magic| starts(magic)))
+    let most = what_is_it::HEAD_BYTES as u64;
+    let read = std::fs::File::open(path).and_then(|file| file.take(most).read_to_end(&mut head));
+    read.is_ok() && what_is_it::what_is_it(&head).is_some_and(FileKind::is_video)
 }
-
-/// Size of a packet of an MPEG transport stream in bytes; each begins with 0x47, `G`.
-const TS_PACKET: usize = 188;
-/// Number of bytes with the first bytes of three packets.
-const HEAD_BYTES: u64 = 2 * TS_PACKET as u64 + 1;
 
 /// A video that is being decoded: an iterator over its frames in recording order, none dropped and none duplicated. A frame that cannot be
 /// decoded is an error at its position.

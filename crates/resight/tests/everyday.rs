@@ -2,8 +2,10 @@
 //! of a grid.
 
 use resight::core::camera::{ImageSize, Pinhole};
-use resight::core::target::{AprilGrid, Charuco, Chessboard, Tag};
+use resight::core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};
 use resight::core::{Camera, CameraMatrix, Lens, Pixel, Point, Pose, Target, Vector6};
+use resight::detect::dots::DotError;
+use resight::detect::follow::Follower;
 use resight::detect::{DetectError, Detector};
 use resight::locate::{LocateOptions, locate_image};
 use resight::render::{Finish, Pcg, Placed, Scene, Style, render, true_pixels};
@@ -68,6 +70,10 @@ fn photograph(placed: Vec<Placed>, background: f64, seed: u64) -> GrayImage {
     render(&Scene { placed, background, clutter: Vec::new() }, &camera(), &finish).unwrap()
 }
 
+fn dots() -> Target {
+    Target::LinePlusOne(LinePlusOne { line_m: [0.0, 0.15, 0.25], off_m: [0.1, 0.125] })
+}
+
 /// Three tags of one id, two boards of each kind, of like and of unlike size: always an error that counts them, never one of them.
 #[test]
 fn copies_are_counted_before_anything_is_accepted() {
@@ -92,6 +98,47 @@ fn copies_are_counted_before_anything_is_accepted() {
             let is_counted = matches!(found, Err(DetectError::BoardCopies { count: 2, .. }));
             assert!(is_counted, "scene {scene}, {}: {:?}", target.kind(), found.map(|found| found.len()));
         }
+    }
+}
+
+/// Two or three of the same dots, of like and of unlike size, with and without a known lens, in one image and in a film.
+#[test]
+fn copies_of_dots_are_counted() {
+    let mut pcg = Pcg::new(6);
+    for (scene, far) in [0.9, 1.3, 2.2].into_iter().enumerate() {
+        let mut turn = || [pcg.between(-0.4, 0.4), pcg.between(-0.4, 0.4), pcg.between(-0.6, 0.6)];
+        let mut all = vec![
+            placed(&dots(), [-0.25, -0.15, 0.9], turn()),
+            placed(&dots(), [0.3 * far, 0.1 * far, far], turn()),
+            placed(&dots(), [-0.3, 0.3, 1.2], turn()),
+        ];
+        for count in [3, 2] {
+            all.truncate(count);
+            let image = photograph(all.clone(), 120.0, scene as u64);
+            let error = Err(DetectError::Dots(DotError::Copies { count }));
+            assert_eq!(Detector::new(&dots()).unwrap().detect(&image), error, "scene {scene}");
+            assert_eq!(Detector::new(&dots()).unwrap().detect_with_camera(&image, &camera()), error);
+            let mut follower = Follower::new(&dots()).unwrap();
+            assert_eq!(follower.detect(&image, &camera(), 0.0, &[]), error);
+        }
+        all.truncate(1);
+        let one = photograph(all, 120.0, scene as u64);
+        assert_eq!(Detector::new(&dots()).unwrap().detect(&one).unwrap().len(), 4);
+    }
+}
+
+/// A tag hangs beside an AprilGrid that has the same tag, as another copy of it.
+#[test]
+fn a_tag_beside_a_grid_with_the_same_tag_is_a_copy() {
+    for (scene, far) in [0.9, 1.5].into_iter().enumerate() {
+        let board = placed(&grid(), [-0.25 * far, 0.0, far], [0.1, 0.2, 0.1]);
+        let beside = |id| placed(&tag(id), [0.3, 0.1, 0.9], [0.2, 0.1, 0.1]);
+        let image = photograph(vec![board.clone(), beside(7)], 120.0, scene as u64);
+        let found = Detector::new(&tag(7)).unwrap().detect(&image);
+        assert_eq!(found, Err(DetectError::Copies { id: 7, count: 2 }), "{far} m");
+        // The grid has no tag 12.
+        let image = photograph(vec![board, beside(12)], 120.0, scene as u64);
+        assert_eq!(Detector::new(&tag(12)).unwrap().detect(&image).unwrap().len(), 4, "{far} m");
     }
 }
 

@@ -71,11 +71,36 @@ fn each_hint_is_true_when_followed() {
         (whole.clone(), charuco(8, 5, 0.015, false), "`marker_m` about 0.02"),
         (whole.clone(), charuco(7, 6, 0.022, false), "`rows` 8 and `columns` 5"),
         (charuco(8, 5, 0.022, true), charuco(8, 5, 0.022, false), "`legacy_pattern` true"),
-        (grid(3, 4, 0, "tag36h11"), grid(4, 3, 0, "tag36h11"), "`rows` 3 and `columns` 4"),
+        (
+            grid(3, 4, 0, "tag36h11"),
+            grid(4, 3, 0, "tag36h11"),
+            "exchanged: correct `rows` to 3 and `columns` to 4",
+        ),
         (grid(3, 4, 0, "tag36h11"), grid(3, 5, 0, "tag36h11"), "`columns` to 4"),
         (grid(3, 4, 20, "tag36h11"), grid(3, 4, 0, "tag36h11"), "correct `first_id` to 20"),
         (grid(3, 4, 0, "tag36h11"), grid(3, 4, 0, "DICT_APRILTAG_36h11"), "each tag is turned by half"),
         (grid(3, 4, 0, "DICT_APRILTAG_36h11"), grid(3, 4, 0, "tag36h11"), "each tag is turned by half"),
+        // Two mistakes at once.
+        (
+            grid(3, 4, 0, "tag36h11"),
+            grid(4, 3, 0, "DICT_APRILTAG_36h11"),
+            "turned by half, as AprilTag prints them, and rows and columns are exchanged: correct `rows` to 3 and `columns` to 4, `family` to tag36h11",
+        ),
+        (
+            grid(3, 4, 0, "DICT_APRILTAG_36h11"),
+            grid(5, 5, 0, "tag36h11"),
+            "turned by half, as OpenCV prints them, and it has 4 tags a row: correct `rows` to 3 and `columns` to 4, `family` to DICT_APRILTAG_36h11",
+        ),
+        (
+            grid(3, 4, 0, "tag36h11"),
+            grid(3, 5, 0, "tag25h9"),
+            "correct `rows` to 3 and `columns` to 4, `family` to tag36h11",
+        ),
+        (
+            grid(3, 4, 12, "DICT_APRILTAG_36h11"),
+            grid(3, 4, 0, "tag36h11"),
+            "as OpenCV prints them: correct `first_id` to 12, `family` to DICT_APRILTAG_36h11",
+        ),
     ];
     for (shown, stated, words) in cases {
         let image = photograph(&shown, 1);
@@ -84,6 +109,17 @@ fn each_hint_is_true_when_followed() {
         let said = not_found(&stated, &image);
         assert!(said.contains(words), "{words:?} is missing in: {said}");
     }
+}
+
+/// A hint that would not find the target is not given.
+#[test]
+fn no_hint_is_given_that_would_not_help() {
+    let image = photograph(&grid(3, 4, 0, "tag36h11"), 1);
+    let said = not_found(&charuco(8, 5, 0.022, false), &image);
+    assert!(said.contains("tags of tag36h11 are: 0, 1, 2") && said.contains("kind `aprilgrid`"), "{said}");
+    assert!(!said.contains("correct"), "{said}");
+    let said = not_found(&tag("tag25h9", 7), &photograph(&tag("tag36h11", 9), 2));
+    assert!(said.contains("tags of tag36h11 are: 9; none has id 7") && !said.contains("correct"), "{said}");
 }
 
 /// A mirrored or inverted image is named as such, and no family is advised that a few bits of it happen to fit.

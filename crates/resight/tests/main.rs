@@ -11,6 +11,8 @@ mod recorded;
 mod report_support;
 
 mod board_parts;
+mod capture;
+mod circle_grid;
 mod corner_sigma;
 mod detect_real;
 mod detect_synthetic;
@@ -40,6 +42,7 @@ mod render_is_read_by_detectors;
 mod render_physics;
 mod report_rig;
 mod rig_jobs;
+mod robot_poses;
 mod scene;
 mod sharp_tags;
 mod tag_tolerance;

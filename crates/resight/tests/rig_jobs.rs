@@ -7,11 +7,13 @@ use resight::core::multiview::pose_graph::{PairNoise, PairSigma, RelativePose};
 use resight::core::statistics::SplitMix64;
 use resight::core::{Camera, CameraMatrix, Lens, Matrix6, Point, Pose, Vector6};
 use resight::formats::NamedCamera;
+use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models};
 use resight::rig::pairs::PairFile;
 use resight::rig::{
     CameraDistance, CameraImage, DetectionRow, Detections, FrameTimes, HandEyeRequest, HandEyeViews,
-    ImageOptions, ObservedRig, PoseGraphRequest, RigRequest, RobotPose, read_robot_poses,
+    ImageOptions, ObservedRig, PoseGraphRequest, RigRequest, RobotFile, RobotPose, read_robot_file,
 };
+use resight::rig_pose::{KnownCamera, RigPoseRequest, read_rig_points, rig_poses};
 use resight::{Error, GrayImage, HandEyeAnswer, RigAnswer, Status};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -251,15 +253,15 @@ fn hand_eye_is_no_better_than_its_rig() {
     request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
     let files = [data("hand_eye/detections.csv")];
     let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
-    let robot = read_robot_poses(&data("hand_eye/motions.csv"), None).unwrap();
+    let robot = read_robot_file(&data("hand_eye/motions.csv"), &Default::default(), None).unwrap().robot;
     let views = HandEyeViews::Points(Box::new(observed));
     let config = Default::default();
-    let request = HandEyeRequest { robot, views, config };
+    let request = HandEyeRequest { robot, views, config, remarks: Vec::new() };
     let mut torn = request.clone();
     torn.robot[3].base_from_gripper.translation.y = f64::INFINITY;
     assert_eq!(resight::hand_eye(torn).unwrap().status(), Status::Error, "no NaN comes out");
     let mut strange = request.clone();
-    strange.robot.iter_mut().for_each(|pose| pose.view.push_str("-other"));
+    strange.robot.iter_mut().for_each(|pose| pose.view.as_mut().unwrap().push_str("-other"));
     let strange = resight::hand_eye(strange).unwrap();
     assert_eq!(strange.status(), Status::Degenerate);
     let why = serde_json::to_value(&strange).unwrap()["message"].to_string();
@@ -337,8 +339,9 @@ impl RigOnGripper {
             };
             let base_from_gripper = base_from_board * cam_from_board.inverse() * cam_from_gripper;
             robot.push(RobotPose {
-                view: view.to_string(),
+                view: Some(view.to_string()),
                 base_from_gripper,
+                written: None,
                 covariance: Some(Matrix6::zeros()),
             });
             for (name, (lens, place)) in ["a", "b"].iter().zip(took.iter().zip([Pose::identity(), second])) {
@@ -355,7 +358,13 @@ impl RigOnGripper {
             cells.iter().map(|(camera, view, id, x, image)| detection(camera, view, id, x, *image)).collect();
         let observed = ObservedRig::from_detections(&Detections::rows(&rows), &request).unwrap();
         let views = HandEyeViews::Points(Box::new(observed));
-        let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default() }).unwrap();
+        let answer = resight::hand_eye(HandEyeRequest {
+            robot,
+            views,
+            config: Default::default(),
+            remarks: Vec::new(),
+        })
+        .unwrap();
         let HandEyeAnswer::Solved(solved) = answer else { panic!("{answer:?}") };
         let found = &solved.solution;
         let off = |found: &Pose, truth: Pose| (*found * truth.inverse()).log();
@@ -397,4 +406,185 @@ fn hand_eye_of_a_rig_holds_what_its_lenses_do() {
     let (least, most) = if n < 60 { (3.4, 8.6) } else { (4.0, 7.0) };
     assert!((least..most).contains(&stated), "{stated}");
     assert!(30.0 < unstated, "{unstated}");
+}
+
+/// Factors on the lengths of the shipped boards of 0.15 m: a microscope's slide, the board itself, a mast of 20 m, marks of a pitch of 120 m,
+/// all of which exist, and a board of 0.3 m in millimetres.
+const EXTENTS: [(f64, Status); 5] = [
+    (1e-3, Status::Ok),
+    (1.0, Status::Ok),
+    (400.0 / 3.0, Status::Ok),
+    (800.0, Status::Ok),
+    (2000.0, Status::Implausible),
+];
+
+/// The shipped detections of a job with all positions multiplied.
+fn scaled(job: &str, factor: f64) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(data(&format!("{job}/detections.csv"))).unwrap();
+    let row = |line: &str| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_string).collect();
+        for cell in &mut cells[3..6] {
+            *cell = (factor * cell.parse::<f64>().unwrap()).to_string();
+        }
+        cells
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// A rig of any size that exists is `ok`; one whose board hardly exists is not, nor is any of its cameras, nor the file of the rig.
+#[test]
+fn a_rig_from_a_board_that_hardly_exists_is_implausible() {
+    for (factor, status) in EXTENTS {
+        let cells = scaled("rig", factor);
+        let answer = resight::rig_from_detections(&Detections::rows(&rows(&cells)), &two_cameras()).unwrap();
+        let value = json(&answer);
+        assert_eq!(answer.status(), status, "× {factor}: {}", value["message"]);
+        assert_eq!((&value["status"], &value["contradiction"]), (&status.name().into(), &Value::Null));
+        assert_eq!(value["cameras"]["left"]["status"], status.name());
+        assert_eq!(value["message"].as_str().unwrap().contains("millimetres?"), status != Status::Ok);
+        let solved = answer.solved().unwrap();
+        let file = solved.file().unwrap();
+        assert!(file.starts_with(&format!("status = \"{}\"", status.name())), "{file}");
+        let path = std::env::temp_dir().join(format!("resight-sizes-{}-{factor}.toml", std::process::id()));
+        std::fs::write(&path, file).unwrap();
+        let read = resight::formats::read_cameras(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(read.contradiction, None);
+        let is_said = read.warnings.iter().any(|warning| warning.contains("implausible"));
+        assert_eq!(is_said, status != Status::Ok, "{:?}", read.warnings);
+        let page = resight::report::rig_page(&solved.run);
+        assert_eq!(page.contains("are they in millimetres?"), status != Status::Ok);
+    }
+}
+
+/// So is the mounting of a camera on a robot whose positions are in the unit of the board. A robot whose positions alone hardly exist is implausible too.
+#[test]
+fn a_mounting_in_lengths_that_hardly_exist_is_implausible() {
+    let solve = |factor: f64, round: bool| {
+        let mut request = RigRequest::default();
+        request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+        let cells = scaled("hand_eye", factor);
+        let observed = ObservedRig::from_detections(&Detections::rows(&rows(&cells)), &request).unwrap();
+        let RobotFile { mut robot, remarks, .. } =
+            read_robot_file(&data("hand_eye/motions.csv"), &Default::default(), None).unwrap();
+        for pose in &mut robot {
+            pose.base_from_gripper.translation *= factor;
+            if round {
+                pose.base_from_gripper.translation.apply(|x| *x = (10.0 * *x).round() / 10.0);
+            }
+            let scale = Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, factor, factor, factor));
+            // A stated noise of decimetres would explain round positions in metres.
+            pose.covariance = pose.covariance.filter(|_| !round).map(|c| scale * c * scale);
+        }
+        let views = HandEyeViews::Points(Box::new(observed));
+        resight::hand_eye(HandEyeRequest { robot, views, config: Default::default(), remarks }).unwrap()
+    };
+    for (factor, status) in EXTENTS {
+        let answer = solve(factor, false);
+        let value = serde_json::to_value(&answer).unwrap();
+        assert_eq!(answer.status(), status, "× {factor}: {}", value["message"]);
+        assert_eq!(value["status"], status.name());
+        assert_eq!(value["message"].as_str().unwrap().contains("millimetres?"), status != Status::Ok);
+    }
+    // The robot's positions in tenths of a millimetre; this board is not round.
+    let robot_alone = solve(999.9, true);
+    let message = serde_json::to_value(&robot_alone).unwrap()["message"].to_string();
+    assert_eq!(robot_alone.status(), Status::Implausible, "{message}");
+    assert!(message.contains("motions: the points lie over"), "{message}");
+}
+
+/// The intrinsics do not depend on the board's size: they are returned, and the same, while the status says what the poses depend on.
+#[test]
+fn intrinsics_from_a_board_that_hardly_exists_are_implausible() {
+    let mut focal_px = Vec::new();
+    for (factor, status) in EXTENTS {
+        let cells = scaled("hand_eye", factor);
+        let rows = rows(&cells);
+        let size = resight::core::camera::ImageSize { width_px: 640, height_px: 480 };
+        let source = IntrinsicsSource::Detections { detections: Detections::rows(&rows), size };
+        let request =
+            IntrinsicsRequest { models: Models::Named("pinhole"), ..IntrinsicsRequest::new(source) };
+        let answer = resight::intrinsics(&request).unwrap();
+        assert_eq!(
+            (answer.status, answer.cameras[0].status),
+            (status, status),
+            "{}",
+            answer.cameras[0].message
+        );
+        assert_eq!(answer.cameras[0].message.contains("millimetres?"), status != Status::Ok);
+        focal_px.push(answer.reliable()[0].camera.parameters()[0].1);
+    }
+    assert!(focal_px.iter().all(|f| (f - focal_px[0]).abs() < 1e-3 * f), "{focal_px:?}");
+}
+
+/// A table of motions with semicolons says so in the answer, not only on the terminal.
+#[test]
+fn how_the_motions_are_read_is_in_the_answer() {
+    let folder = std::env::temp_dir().join(format!("resight-motions-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let text = std::fs::read_to_string(data("hand_eye/motions.csv")).unwrap();
+    for (mark, n) in [(",", 0), (";", 1)] {
+        let path = folder.join("motions.csv");
+        let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
+        std::fs::write(&path, lines.join("\n").replace(',', mark)).unwrap();
+        let RobotFile { robot, remarks, .. } = read_robot_file(&path, &Default::default(), None).unwrap();
+        let mut request = RigRequest::default();
+        request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+        let files = [data("hand_eye/detections.csv")];
+        let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
+        let views = HandEyeViews::Points(Box::new(observed));
+        let answer =
+            resight::hand_eye(HandEyeRequest { robot, views, config: Default::default(), remarks }).unwrap();
+        let value = serde_json::to_value(&answer).unwrap();
+        let said = value["remarks"].as_array().unwrap();
+        assert_eq!((answer.status(), said.len()), (Status::Ok, n), "{said:?}");
+        assert!(said.iter().all(|text| text.as_str().unwrap().contains("separated by semicolons")));
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Two cameras above six marks of a floor: with x and y exchanged the rig is as far below them, and fits as well; a table with semicolons is
+/// remarked on.
+#[test]
+fn a_rig_below_points_of_one_level_is_remarked_on() {
+    let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 640.0, cy_px: 480.0 };
+    let lens = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: None };
+    let known = |(name, x_m): (&str, f64)| KnownCamera {
+        named: NamedCamera {
+            name: name.into(),
+            camera: lens.clone(),
+            placement: None,
+            intrinsics_covariance: None,
+        },
+        cam_from_rig: Pose { translation: Point::new(x_m, 0.0, 0.0), ..Pose::identity() },
+        covariance: None,
+    };
+    let rig: Vec<KnownCamera> = [("a", 0.0), ("b", -0.5)].map(known).into();
+    let rig_from_floor = Pose {
+        rotation: nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0)),
+        translation: Point::new(0.1, 0.2, 4.0),
+    };
+    let floor = [[0.0, 0.0], [1.5, 0.1], [1.4, 1.2], [-0.3, 0.9], [0.6, 0.5], [0.9, -0.4]];
+    let path = std::env::temp_dir().join(format!("resight-floor-{}.csv", std::process::id()));
+    let solve = |exchanged: bool, mark: &str| {
+        let mut text = "camera,x_m,y_m,z_m,u_px,v_px\n".to_string();
+        for camera in &rig {
+            for [x, y] in floor {
+                let seen = camera.cam_from_rig * rig_from_floor * Point::new(x, y, 0.0);
+                let pixel = lens.project(&seen).unwrap();
+                let [x, y] = if exchanged { [y, x] } else { [x, y] };
+                text += &format!("{},{x},{y},0,{},{}\n", camera.named.name, pixel.x, pixel.y);
+            }
+        }
+        std::fs::write(&path, text.replace(',', mark)).unwrap();
+        let views = read_rig_points(&path, &rig).unwrap();
+        rig_poses(&rig, &views, &RigPoseRequest::default()).remove(0)
+    };
+    let right = solve(false, ",");
+    assert_eq!((right.status, right.remarks.len()), (Status::Ok, 0), "{:?}", right.remarks);
+    let below = solve(true, ";");
+    assert_eq!((below.status, below.remarks.len()), (Status::Ok, 2), "{:?}", below.remarks);
+    assert!(below.remarks[0].contains("separated by semicolons"), "{:?}", below.remarks);
+    assert!(below.remarks[1].contains("the rig is 4.00 m below the points"), "{:?}", below.remarks);
+    std::fs::remove_file(&path).unwrap();
 }

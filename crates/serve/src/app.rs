@@ -1,5 +1,6 @@
 //! The state that all routes share.
 
+use crate::capture::Capturing;
 use crate::error::Problem;
 use crate::live::Live;
 use crate::memory::{Memory, Taken, full};
@@ -21,6 +22,8 @@ pub struct App {
     pub sessions: Arc<Sessions>,
     /// Cameras that are watched.
     watched: Arc<OnceLock<Arc<Live>>>,
+    /// A camera that is being calibrated.
+    captured: Option<Arc<Capturing>>,
     /// Turns of decoding.
     pub decoding: Arc<Semaphore>,
     /// Turns of solving results that were dropped in.
@@ -33,12 +36,13 @@ pub struct App {
 
 impl App {
     /// Nothing is open yet.
-    pub fn new(live: Option<Arc<Live>>) -> Self {
+    pub fn new(live: Option<Arc<Live>>, captured: Option<Arc<Capturing>>) -> Self {
         let turns = |n| Arc::new(Semaphore::new(n));
         let memory = Memory::default();
         App {
             sessions: Arc::new(Sessions::new(memory.clone())),
             watched: Arc::new(live.map_or_else(OnceLock::new, OnceLock::from)),
+            captured,
             decoding: turns(DECODING),
             solving: turns(SOLVING),
             working: turns(WORKING),
@@ -49,6 +53,11 @@ impl App {
     /// The cameras that are watched, where any are.
     pub fn live(&self) -> Option<&Arc<Live>> {
         self.watched.get()
+    }
+
+    /// The camera that is being calibrated, where one is.
+    pub fn capture(&self) -> Option<&Arc<Capturing>> {
+        self.captured.as_ref()
     }
 
     /// Watches these cameras from now on; false where others are watched already.

@@ -7,6 +7,7 @@
 //! | the page's files, compiled in | `page` |
 //! | photographs and four clicks | `photograph`, `socket`; the sessions kept, `sessions` |
 //! | cameras that are watched | `live` |
+//! | a camera that is being calibrated | `capture` |
 //! | results dropped in | `results` |
 //! | the description of all that | `openapi` |
 #![forbid(unsafe_code)]
@@ -25,8 +26,10 @@ mod photograph;
 mod socket;
 mod results;
 mod live;
+mod capture;
 mod openapi;
 mod server;
 
+pub use capture::Capturing;
 pub use live::Live;
 pub use server::{ServeConfig, Server};

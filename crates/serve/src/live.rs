@@ -10,7 +10,7 @@ pub mod feed;
 pub mod mjpeg;
 pub mod pictures;
 pub mod routes;
-mod small;
+pub mod small;
 
 use answers::{LiveMessage, LiveView, ReferenceView};
 use axum::extract::ws::Utf8Bytes;

@@ -4,7 +4,10 @@ mod operation;
 mod schemas;
 
 use crate::app::App;
-use crate::error::ErrorObject;
+use crate::aside::aside;
+use crate::capture::routes::NamedView;
+use crate::capture::{CaptureMessage, CaptureView, CapturedHeader};
+use crate::error::{ErrorObject, Problem};
 use crate::live::answers::{LiveMessage, LiveView, LogLine, ReferenceView, StripView};
 use crate::live::asked::Asked;
 use crate::live::feed::PageMessage;
@@ -13,10 +16,11 @@ use crate::live::routes::{HistoryEvent, Named as NamedCamera};
 use crate::photograph::{Named, Numbered, NumberedView, Open, Opened};
 use crate::results::GivenFiles;
 use crate::socket;
+use axum::Router;
 use axum::extract::State;
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use axum::{Json, Router};
 use operation::Operation;
 use resight::answer::RigView;
 use resight::scene::around::AroundScene;
@@ -25,6 +29,7 @@ use resight_watch::outputs::said::object::EventObject;
 use resight_whisker::replay::Replay;
 use schemas::Schemas;
 use serde_json::{Map, Value, json};
+use std::sync::OnceLock;
 
 const ABOUT: &str = "Everything the page of `resight serve` does. Errors are {\"error\": {\"kind\", \"message\"}}. \
                      What is posted must say its type: application/json, or that of an image. \
@@ -32,7 +37,7 @@ const ABOUT: &str = "Everything the page of `resight serve` does. Errors are {\"
 
 /// The routes of the server itself.
 pub fn routes() -> Router<App> {
-    Router::new().route("/healthz", get(health)).route("/openapi.json", get(async || Json(description())))
+    Router::new().route("/healthz", get(health)).route("/openapi.json", get(described))
 }
 
 /// Returns one word, for supervisors; the page explains what is wrong.
@@ -43,6 +48,16 @@ async fn health(State(app): State<App>) -> Response {
     }
 }
 
+/// The description, written once, beside the threads that answer: it takes tens of milliseconds.
+async fn described() -> Result<Response, Problem> {
+    static TEXT: OnceLock<String> = OnceLock::new();
+    let text = match TEXT.get() {
+        Some(text) => text,
+        None => aside(|| TEXT.get_or_init(|| description().to_string())).await?,
+    };
+    Ok(([(header::CONTENT_TYPE, JSON)], text.as_str()).into_response())
+}
+
 /// Returns the whole description.
 pub fn description() -> Value {
     let mut schemas = Schemas::new();
@@ -50,6 +65,7 @@ pub fn description() -> Value {
     let operations = photographs(&mut schemas)
         .into_iter()
         .chain(live(&mut schemas))
+        .chain(capture(&mut schemas))
         .chain(results(&mut schemas))
         .chain(sockets(&mut schemas))
         .chain(server());
@@ -162,6 +178,21 @@ fn live(s: &mut Schemas) -> Vec<Operation> {
     ]
 }
 
+fn capture(s: &mut Schemas) -> Vec<Operation> {
+    vec![
+        Operation::get("/api/capture", "How the capture of intrinsics is; null where none runs.")
+            .answers(JSON, s.answer::<Option<CaptureView>>()),
+        Operation::post(
+            "/api/capture/take-back",
+            "Takes the last kept view back; what shows the target at nearly the same place is left out from then on.",
+        )
+        .takes(JSON, s.given::<NamedView>())
+        .answers(JSON, s.answer::<CaptureView>()),
+        Operation::post("/api/capture/finish", "Ends the capture, and writes the camera.")
+            .answers(JSON, s.answer::<CaptureView>()),
+    ]
+}
+
 fn results(s: &mut Schemas) -> Vec<Operation> {
     vec![
         Operation::post(
@@ -192,6 +223,15 @@ fn sockets(s: &mut Schemas) -> Vec<Operation> {
         .sends_binary(
             "A picture: the length of its header (4 bytes, the least significant first), the header (JSON), a JPEG.",
             s.answer::<PictureHeader>(),
+        ),
+        Operation::get(
+            "/ws/capture",
+            "WebSocket: the state of the capture as it changes, an image after each acknowledgement. It closes after the end.",
+        )
+        .upgrades(s.given::<PageMessage>(), vec![s.answer::<CaptureMessage>()])
+        .sends_binary(
+            "An image: the length of its header (4 bytes, the least significant first), the header (JSON), a JPEG.",
+            s.answer::<CapturedHeader>(),
         ),
     ]
 }

@@ -171,20 +171,24 @@ async fn photograph(
     Ok(page::file(&request, &tag, photograph.media_type(), &photograph.bytes))
 }
 
-/// Applies a command and returns the present view; its measurements may still be the earlier ones.
-/// With it comes how often the session had been measured then.
-pub async fn applied(
+/// Applies a command and returns what `then` makes of the present view, on the same thread; its measurements may still be the earlier ones.
+/// With the view comes how often the session had been measured then.
+pub async fn applied<T: Send + 'static>(
     app: &App,
     session: &Arc<Shared>,
     photo: usize,
     command: Command,
-) -> Result<(View, u64), Problem> {
+    then: impl FnOnce(View, u64) -> T + Send + 'static,
+) -> Result<T, Problem> {
     let is_search = matches!(command, Command::FindTarget { .. });
     let _turn = if is_search { Some(turn(&app.working).await?) } else { None };
     let n_pixels = |photograph: &Arc<Photograph>| photograph.image.data.len();
     let searched = if is_search { session.now().photograph(photo).map_or(0, n_pixels) } else { 0 };
     let _searching = app.take(SEARCHING_BYTES_PER_PX * searched)?;
-    let change = move |session: &mut Session| (session.change(photo, command), session.n_measured());
+    let change = move |session: &mut Session| {
+        let view = session.change(photo, command);
+        then(view, session.n_measured())
+    };
     let changed = session.change(&app.sessions, change).await?;
     session.measure();
     Ok(changed)
@@ -198,7 +202,7 @@ async fn command(
     let session = known(&app, &named.session)?;
     let body = receive(&app, request, COMMAND_BYTES).await?;
     let Numbered { seq, photo, command } = body.json("The JSON is not what is needed")?;
-    let (mut view, _) = applied(&app, &session, photo, command).await?;
+    let mut view = applied(&app, &session, photo, command, |view, _| view).await?;
     if view.is_measuring {
         let (snap, error) = (view.snap.take(), view.error.take());
         let now = measured(&session).await?;

@@ -1,6 +1,7 @@
 //! The server: its address, its routes, and how it ends.
 
 use crate::app::App;
+use crate::capture::{self, Capturing};
 use crate::error::Problem;
 use crate::live::{self, Live};
 use crate::{guard, openapi, page, photograph, results, socket};
@@ -50,6 +51,7 @@ pub struct Server {
     access: Access,
     patience: Duration,
     live: Option<Arc<Live>>,
+    captured: Option<Arc<Capturing>>,
 }
 
 impl Server {
@@ -63,7 +65,7 @@ impl Server {
         let (listener, place) =
             listen(&config.address, token.is_some(), &config.hosts, Flags { address: config.flag, ..FLAGS })?;
         let access = Access::new(place, token, &config.hosts);
-        Ok(Server { listener, place, access, patience: config.patience, live: None })
+        Ok(Server { listener, place, access, patience: config.patience, live: None, captured: None })
     }
 
     /// Returns its address.
@@ -74,6 +76,11 @@ impl Server {
     /// Shows a session that runs elsewhere.
     pub fn show(&mut self, live: Arc<Live>) {
         self.live = Some(live);
+    }
+
+    /// Shows a capture of intrinsics that runs elsewhere.
+    pub fn show_capture(&mut self, capture: Arc<Capturing>) {
+        self.captured = Some(capture);
     }
 
     /// Runs a session beside the server, on a thread of its own.
@@ -103,7 +110,7 @@ impl Server {
             .enable_all()
             .build()
             .context("threads for --listen")?;
-        let app = App::new(self.live);
+        let app = App::new(self.live, self.captured);
         let routes = routes(app, self.access, self.patience);
         Ok(runtime.block_on(accept(self.listener, routes, Patience::Kept))?)
     }
@@ -118,6 +125,8 @@ fn routes(app: App, access: Access, patience: Duration) -> Router {
         .merge(live::routes::routes())
         .merge(live::mjpeg::routes())
         .merge(live::feed::routes())
+        .merge(capture::routes::routes())
+        .merge(capture::feed::routes())
         .merge(openapi::routes())
         .fallback(async || Problem::missing("There is nothing here; see /openapi.json."))
         .method_not_allowed_fallback(async || {

@@ -18,7 +18,7 @@ use tokio::sync::{Notify, Semaphore, watch};
 /// Number of sessions kept.
 const MOST: usize = 32;
 
-/// Between two measurements of a session that changes all the time.
+/// Between two measurements during a drag: poses take precedence.
 const REST: Duration = Duration::from_millis(40);
 
 /// A session that several requests may want at once.
@@ -118,8 +118,9 @@ impl Shared {
             while let Some(task) = shared.now().measuring() {
                 let Ok(measured) = aside(move || task.run()).await else { break };
                 shared.take(measured).await;
-                // Poses during a drag take precedence.
-                tokio::time::sleep(REST).await;
+                if shared.now().is_dragging() {
+                    tokio::time::sleep(REST).await;
+                }
             }
             shared.is_measuring.store(false, Ordering::Release);
             // Something may have come in between.

@@ -13,6 +13,7 @@ use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{Query, State};
 use axum::response::Response;
 use axum::routing::any;
+use resight_session::View;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::Value;
@@ -108,10 +109,11 @@ impl Page {
         // It counts as used.
         self.app.sessions.get(&self.id);
         self.photo = photo;
-        match applied(&self.app, &self.session, photo, command).await {
-            Ok((view, n_measured)) => {
-                self.shown = Some((view.version, n_measured));
-                written(seq, move || view).await
+        let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view));
+        match applied(&self.app, &self.session, photo, command, then).await {
+            Ok((shown, text)) => {
+                self.shown = Some(shown);
+                text
             }
             Err(problem) => refused(seq, problem.kind(), problem.message()),
         }
@@ -126,16 +128,14 @@ impl Page {
         }
         self.shown = Some(state);
         let photo = self.photo;
-        Some(written(0, move || now.view(photo)).await)
+        let text = aside(move || written(0, now.view(photo))).await;
+        Some(text.unwrap_or_else(|problem| refused(0, problem.kind(), problem.message())))
     }
 }
 
-async fn written(seq: u64, view: impl FnOnce() -> resight_session::View + Send + 'static) -> String {
-    let done = aside(move || serde_json::to_string(&NumberedView { seq, view: view() }));
-    match done.await {
-        Ok(Ok(text)) => text,
-        _ => refused(seq, "failed", "This could not be done; nothing else was lost."),
-    }
+fn written(seq: u64, view: View) -> String {
+    serde_json::to_string(&NumberedView { seq, view })
+        .unwrap_or_else(|_| refused(seq, "failed", "This could not be done; nothing else was lost."))
 }
 
 /// The number of a command that is none, where it has one.

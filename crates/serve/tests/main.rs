@@ -6,6 +6,7 @@ mod feed;
 #[path = "../../watch/tests/live_support/mod.rs"]
 mod live_support;
 
+mod capture;
 mod described;
 mod limits;
 mod load;

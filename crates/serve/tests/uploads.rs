@@ -34,9 +34,10 @@ fn a_bad_photograph_gets_a_sentence_and_the_server_stays() {
     let put = |kind: &str, body: &[u8]| ask(place, &path, &[("Content-Type", kind)], body);
     for (kind, body, said) in [
         ("image/png", header(20_000, 15_000), "64 Mpx"),
-        ("image/jpeg", b"hello, this is a text".to_vec(), "not a readable"),
+        ("image/jpeg", b"hello, this is a text".to_vec(), "a text file, not a PNG or JPEG image"),
         ("image/png", demo[..demo.len() / 2].to_vec(), "not a readable"),
-        ("image/png", Vec::new(), "not a readable"),
+        ("image/png", Vec::new(), "an empty file, not a PNG or JPEG image"),
+        ("image/jpeg", b"\0\0\0\x18ftypheic".to_vec(), "a HEIC image, not a PNG or JPEG image; convert it"),
     ] {
         let answer = put(kind, &body);
         assert_eq!(answer.status, 422);

@@ -22,6 +22,9 @@ use crate::{advice, edit, texts};
 use resight::core::Pixel;
 use std::sync::Arc;
 
+/// Memory that a measured point takes in its scene and in what was measured, bytes: a session of 3200 grew by 26 MB.
+const MEASURED_POINT_BYTES: usize = 8 << 10;
+
 /// A session. There is no other state; a copy is cheap, because photographs and answers are shared.
 #[derive(Debug, Clone, Default)]
 pub struct Session {
@@ -94,15 +97,22 @@ impl Session {
         self.state.photos.iter().map(|p| p.photograph.bytes.len()).sum()
     }
 
-    /// Memory that it takes, bytes: photographs as files and as pixels, texts, and the steps that can be undone.
+    /// Memory that it takes, bytes: photographs as files and as pixels, texts, what is measured, and the steps that can be undone.
     pub fn weight_bytes(&self) -> usize {
         let photographs = self.state.photos.iter().map(|p| p.photograph.weight_bytes()).sum::<usize>();
-        photographs + self.state.weight_bytes() + self.history.weight_bytes()
+        let measured =
+            self.state.measurements.iter().map(|m| MEASURED_POINT_BYTES * m.points.len()).sum::<usize>();
+        photographs + measured + self.state.weight_bytes() + self.history.weight_bytes()
     }
 
     /// Forgets the steps that could be undone: where memory is short.
     pub fn forget_steps(&mut self) {
         self.history.clear();
+    }
+
+    /// Returns whether something is being dragged: the next change is likely to come within milliseconds.
+    pub fn is_dragging(&self) -> bool {
+        self.dragged.is_some()
     }
 
     /// Counts the changes.

@@ -3,9 +3,8 @@
 use crate::command::SnapTo;
 use resight::GrayImage;
 use resight::core::Pixel;
-use resight::core::target::LinePlusOne;
 use resight::detect::corner::refine_corner;
-use resight::detect::dots::DotDetector;
+use resight::detect::dots::DotFinder;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -58,8 +57,7 @@ fn dot(image: &GrayImage, at: &Pixel) -> Option<(Pixel, f64)> {
         image.data[from..from + width_px as usize].iter().copied()
     };
     let part = GrayImage { width_px, height_px, data: (top..=bottom).flat_map(row).collect() };
-    let any = LinePlusOne { line_m: [0.0, 1.0, 2.0], off_m: [0.0, 1.0] };
-    let dots = DotDetector::new(&any).ok()?.dots(&part).ok()?;
+    let dots = DotFinder::default().dots(&part).ok()?;
     let corner = Pixel::new(f64::from(left), f64::from(top));
     let near = dots.iter().map(|dot| (dot.centroid + corner, dot.sigma_px));
     near.min_by(|a, b| (a.0 - at).norm().total_cmp(&(b.0 - at).norm()))

@@ -100,27 +100,55 @@ fn the_pose_comes_first_and_measurements_follow() {
     );
     let after = session.view(0);
     assert!(!after.is_measuring && after.measurements[0].value != before.measurements[0].value);
-    // Generous: machines that test do other things besides.
-    assert!(slowest_ms < 500.0, "{slowest_ms}");
 }
 
-/// Two hundred points are answered about as soon as two.
-#[test]
-fn a_long_polyline_takes_no_minutes() {
-    let mut session = posed(photograph("a.jpg", 4000, 3000));
-    let points =
-        (0..200).map(|i| at(-1.9 + 0.019 * f64::from(i), 7.0 + (0.2 * f64::from(i)).sin())).collect();
-    add(&mut session, "kerb", MeasuredKind::Polyline, points);
-    let began = Instant::now();
+/// A wavy line along the ground.
+fn kerb(session: &mut Session, name: &str, n: usize) {
+    let along = |i: usize| at(-1.9 + 3.8 * i as f64 / n as f64, 7.0 + (0.2 * i as f64).sin());
+    add(session, name, MeasuredKind::Polyline, (0..n).map(along).collect());
+}
+
+/// Measures, and returns for how long, ms: the shortest of three times.
+fn measured_ms(session: &mut Session) -> f64 {
     let task = session.measuring().expect("something to measure");
-    session.take(task.run());
-    let took_ms = 1e3 * began.elapsed().as_secs_f64();
+    let timed = |_| {
+        let (began, task) = (Instant::now(), task.clone());
+        let measured = task.run();
+        (1e3 * began.elapsed().as_secs_f64(), measured)
+    };
+    let mut all: Vec<_> = (0..3).map(timed).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (took_ms, measured) = all.swap_remove(0);
+    session.take(measured);
+    took_ms
+}
+
+/// Two hundred points have one length with its interval; `--nocapture` prints how long that takes.
+#[test]
+fn a_long_polyline_has_a_length() {
+    let mut session = posed(photograph("a.jpg", 4000, 3000));
+    kerb(&mut session, "kerb", 200);
+    let took_ms = measured_ms(&mut session);
     println!("200 points: {took_ms:.1} ms");
     let view = session.view(0);
     let m = &view.measurements[0];
     let (low, high) = (m.low.expect("a length"), m.high.expect("a length"));
     assert!(low < m.value.expect("a length") && m.value.expect("a length") < high, "{}", m.words);
-    assert!(took_ms < 3000.0, "{took_ms}");
+}
+
+/// Thousands of points have values, and `--nocapture` prints how long they take. That numbers are kept in proportion to the points is asserted
+/// where they are kept (`least_squares::arrow` of the core).
+#[test]
+fn thousands_of_points_are_measured() {
+    for n in [4, 16] {
+        let mut session = posed(photograph("a.jpg", 4000, 3000));
+        (0..n).for_each(|i| kerb(&mut session, &format!("kerb {i}"), 200));
+        let took_ms = measured_ms(&mut session);
+        println!("{} points: {took_ms:.1} ms", 200 * n);
+        let view = session.view(0);
+        assert_eq!(view.measurements.len(), n);
+        assert!(view.measurements.iter().all(|m| m.value.is_some()));
+    }
 }
 
 /// A measurement that is moved is measured again; whatever it does not touch is taken over, and comes out as if all had been measured.

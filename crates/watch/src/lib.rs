@@ -29,6 +29,7 @@
 //! | --- | --- |
 //!  a whole session with its outputs | [`run()`], with a [`Request`] |
 //! | the session alone: threads, tracking, alarms | [`live`] |
+//! | a source read for a capture of intrinsics | [`mod@capture`] |
 //! | where frames come from | [`source`]: images, folders, videos, streams, recordings, JSON Lines |
 //! | the state of a session for the terminal view and the page | [`board`] |
 //! | every frame kept, and read again | [`mod@history`] |
@@ -41,6 +42,7 @@
 pub mod ros;
 pub mod source;
 pub mod live;
+pub mod capture;
 pub mod history;
 mod error;
 mod log;

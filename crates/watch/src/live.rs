@@ -35,7 +35,8 @@ use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
 use resight_core::temporal::monitor::{
-    Detectable, Deviation, Drift, MeasuredNoise, MonitorConfig, Reading, Reference, Unsettled, Watch,
+    Detectable, Deviation, Drift, MeasuredNoise, MonitorConfig, Reading, Recurrence, Reference, Unsettled,
+    Watch,
 };
 use resight_core::temporal::track::{Motion, TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Pixel, Target};
@@ -261,6 +262,8 @@ pub struct Promise {
     pub noise: MeasuredNoise,
     /// The smallest sudden motions that are found within a time, nine times in ten.
     pub detectable: Detectable,
+    /// Where small motions came back by themselves: which motions are held until they have lasted.
+    pub held: Option<Recurrence>,
     /// The readings from which this and the reference were learned; empty for a promise that changed later.
     pub learned_from: Vec<Reading>,
 }

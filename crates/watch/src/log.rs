@@ -1,14 +1,14 @@
-//! What the session itself has to say (a broker that cannot be reached, a disk that is full): one line each. While a
-//! terminal view is open the lines are held: the view shows them, and they are printed when it is closed.
+//! Messages of the session itself (a broker that cannot be reached, a disk that is full), one line each. While a terminal view is open the lines
+//! are held: the view shows them, and they are printed when it is closed.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Lines kept; a view shows the last of them.
+/// Largest number of lines kept; a view shows the last of them.
 const KEPT: usize = 1000;
 
-/// Shared by all parts of a session; they may speak from threads of their own.
+/// The log, shared by all parts of a session, which may write from their own threads.
 #[derive(Debug, Clone)]
 pub struct Log {
     kept: Arc<Mutex<Kept>>,
@@ -16,7 +16,7 @@ pub struct Log {
     print: fn(&str),
 }
 
-/// Nothing is printed; what was said can be asked for.
+/// A log that prints nothing; its lines can be read.
 impl Default for Log {
     fn default() -> Self {
         Log::new(|_| {})
@@ -26,7 +26,7 @@ impl Default for Log {
 /// One line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// When it was said, seconds since 1970.
+    /// Time of the message, seconds since 1970.
     pub unix_s: f64,
     /// The part of the program, and its message.
     pub text: String,
@@ -36,14 +36,14 @@ pub struct Line {
 struct Kept {
     lines: VecDeque<Line>,
     is_held: bool,
-    /// The last so many lines have not been on stderr.
+    /// Number of last lines that are not printed yet.
     unsaid: usize,
-    /// Lines held that made room for later ones.
+    /// Number of held lines that were removed for later ones.
     forgotten: u64,
 }
 
 impl Log {
-    /// Whose lines `print` prints, each with its time.
+    /// Builds a log whose lines `print` prints, each with its time.
     pub fn new(print: fn(&str)) -> Self {
         Log { kept: Arc::default(), print }
     }
@@ -60,7 +60,7 @@ impl Log {
         kept.push(line);
     }
 
-    /// From now on lines are held: something else is drawn where they would be printed.
+    /// Holds lines from now on, because something else is drawn where they would be printed.
     pub fn hold(&self) {
         self.lock().is_held = true;
     }
@@ -77,7 +77,7 @@ impl Log {
         (kept.unsaid, kept.forgotten) = (0, 0);
     }
 
-    /// The last lines, oldest first, whether or not they were held.
+    /// Returns the last lines, oldest first, whether or not they were held.
     pub fn lines(&self) -> Vec<Line> {
         self.lock().lines.iter().cloned().collect()
     }
@@ -86,7 +86,7 @@ impl Log {
         (self.print)(&format!("{:.3} {}", line.unix_s, line.text));
     }
 
-    /// A thread that panicked while it spoke left lines that are still whole.
+    /// A thread that panicked while it wrote left valid lines.
     fn lock(&self) -> MutexGuard<'_, Kept> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -104,7 +104,7 @@ impl Kept {
     }
 }
 
-/// Seconds since 1970.
+/// Returns the seconds since 1970.
 pub fn now_unix_s() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }

@@ -1,4 +1,4 @@
-//! What cameras and targets are called, and `[NAME=]VALUE` arguments.
+//! The names of cameras and targets, and `[NAME=]VALUE` arguments.
 
 use anyhow::{Context, Result, bail};
 use resight::formats::NamedCamera;
@@ -6,25 +6,25 @@ use resight::formats::NamedCamera;
 /// The names of a session, by the indices of its events.
 #[derive(Debug, Clone)]
 pub struct Names {
-    /// Cameras.
+    /// Names of the cameras.
     pub cameras: Vec<String>,
-    /// Targets; every camera watches all of them.
+    /// Names of the targets; every camera watches all of them.
     pub targets: Vec<String>,
 }
 
 impl Names {
-    /// Those given, `cam0` and `target0` and so on otherwise.
+    /// Builds the names from those given, otherwise `cam0`, `target0` and so on.
     pub fn new(cameras: &[String], targets: &[String]) -> Self {
         Names { cameras: given(cameras, "cam"), targets: of_targets(targets) }
     }
 
-    /// Those of a rig's file.
+    /// Builds the names from a rig's file.
     pub fn of_rig(rig: &[NamedCamera], targets: &[String]) -> Self {
         let cameras = rig.iter().map(|camera| camera.name.clone()).collect();
         Names { cameras, targets: of_targets(targets) }
     }
 
-    /// The same, where each name stands for one camera, target or pair: what moved is reported by its name alone.
+    /// Returns the names if each stands for one camera, target or pair: what moved is reported by its name alone.
     ///
     /// # Errors
     /// A name that stands for two.
@@ -39,7 +39,7 @@ impl Names {
         }
     }
 
-    /// `camera gate` or `target door`.
+    /// Returns `camera gate` or `target door`.
     pub fn kind(&self, node: &str) -> String {
         match self.cameras.iter().any(|camera| camera == node) {
             true => format!("camera {node}"),
@@ -47,17 +47,17 @@ impl Names {
         }
     }
 
-    /// The name of a camera.
+    /// Returns the name of a camera.
     pub fn camera(&self, camera: usize) -> &str {
         self.cameras.get(camera).map_or("?", String::as_str)
     }
 
-    /// The name of a target.
+    /// Returns the name of a target.
     pub fn target(&self, target: usize) -> &str {
         self.targets.get(target).map_or("?", String::as_str)
     }
 
-    /// The name of a camera with one of its targets: `gate`, or `gate/door` where there are several targets.
+    /// Returns the name of a camera with one of its targets: `gate`, or `gate/door` where there are several targets.
     pub fn pair(&self, camera: usize, target: usize) -> String {
         match self.targets.as_slice() {
             [_, _, ..] => format!("{}/{}", self.camera(camera), self.target(target)),
@@ -65,25 +65,25 @@ impl Names {
         }
     }
 
-    /// All pairs, camera by camera.
+    /// Returns the names of all pairs, camera by camera.
     pub fn pairs(&self) -> Vec<String> {
         let targets = self.targets.len();
         (0..self.cameras.len() * targets).map(|i| self.pair(i / targets, i % targets)).collect()
     }
 
-    /// Camera and target of a pair, by its place among `pairs`.
+    /// Returns camera and target of a pair, by its index among `pairs`.
     pub fn of_pair(&self, pair: usize) -> (usize, usize) {
         let targets = self.targets.len().max(1);
         (pair / targets, pair % targets)
     }
 
-    /// The place of a pair among `pairs`.
+    /// Returns the index of a pair among `pairs`.
     pub fn pair_index(&self, camera: usize, target: usize) -> usize {
         camera * self.targets.len() + target
     }
 }
 
-/// Without a target its place is that of the landmarks.
+/// Returns the names of the targets; without a target the one entry is for the landmarks.
 fn of_targets(targets: &[String]) -> Vec<String> {
     match targets {
         [] => vec!["landmarks".to_string()],
@@ -99,7 +99,7 @@ fn given(arguments: &[String], otherwise: &str) -> Vec<String> {
     arguments.iter().enumerate().map(name).collect()
 }
 
-/// NAME and VALUE; no name where what stands before `=` is a path.
+/// Splits an argument into NAME and VALUE; without a name where the part before `=` is a path.
 pub fn split(argument: &str) -> (Option<&str>, &str) {
     match argument.split_once('=') {
         Some((name, value)) if is_name(name) => (Some(name), value),
@@ -107,14 +107,14 @@ pub fn split(argument: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// `gate` or `gate/door`, but neither `./a` nor `/a/b/c` nor `rtsp://host/a?b`.
+/// Returns whether a text is a name: `gate` or `gate/door`, but neither `./a` nor `/a/b/c` nor `rtsp://host/a?b`.
 fn is_name(text: &str) -> bool {
     let parts: Vec<&str> = text.split('/').collect();
     parts.len() <= 2
         && parts.iter().all(|part| !part.is_empty() && !part.contains(['.', '\\', '*', ':', '?']))
 }
 
-/// The values of one flag, one place for each name.
+/// Returns the values of one flag, one entry for each name.
 pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec<Option<String>>> {
     let mut values = vec![None; names.len()];
     for (i, argument) in arguments.iter().enumerate() {
@@ -124,7 +124,7 @@ pub fn by_name(flag: &str, arguments: &[String], names: &[String]) -> Result<Vec
             None if i < names.len() => Some(i),
             None => None,
         };
-        // What stands behind `=` may hold a password.
+        // The part after `=` may contain a password.
         let place = place.with_context(|| {
             let shown = name.map_or("…".to_string(), |name| format!("{name}=…"));
             format!("{flag} {shown}: there is no such name; there are {}", names.join(", "))

@@ -1,4 +1,4 @@
-//! Where the events of a session go. One file for each kind of output, with what it needs to know.
+//! The outputs of the events of a session, with one file for each kind.
 
 mod outbox;
 mod output;
@@ -21,28 +21,28 @@ use output::Common;
 pub(crate) use output::{Output, Session, tell};
 use std::path::PathBuf;
 
-/// The outputs of a session; none where nothing is said.
+/// The outputs of a session; fields that are none are off.
 #[derive(Clone, Default)]
 pub struct OutputsConfig {
-    /// Every frame and event into an SQLite file.
+    /// Writes every frame and event to an SQLite file.
     pub history: Option<history::HistoryConfig>,
-    /// Poses as a recording of ROS 2 messages.
+    /// Writes poses as a recording of ROS 2 messages.
     pub tf: Option<tf::TfConfig>,
-    /// Metrics for Prometheus.
+    /// Provides metrics for Prometheus.
     pub metrics: Option<metrics::MetricsConfig>,
-    /// Notices posted to a web address.
+    /// Posts notices to a web address.
     pub webhook: Option<webhook::WebhookConfig>,
-    /// States kept at an MQTT broker.
+    /// Keeps states at an MQTT broker.
     pub mqtt: Option<mqtt::MqttConfig>,
-    /// The session drawn in the terminal.
+    /// Draws the session in the terminal.
     pub tui: Option<tui::TuiConfig>,
-    /// Certificates (PEM) to believe for https and mqtts; otherwise those of this machine.
+    /// Certificates (PEM) to trust for https and mqtts; otherwise those of this machine.
     pub ca_file: Option<PathBuf>,
-    /// How long webhook and MQTT each may take, at the end, for what still waits, seconds.
+    /// Longest time for webhook and MQTT each, at the end, to send what still waits, seconds.
     pub flush_s: f64,
 }
 
-/// Opens what was asked for.
+/// Opens the configured outputs.
 ///
 /// # Errors
 /// An address, a file or a port that cannot be used; a view without a terminal.
@@ -52,13 +52,13 @@ pub(crate) fn open(config: &OutputsConfig, session: &Session<'_>) -> Result<Vec<
     let mut common = Common { names, log, ca, flush_s: config.flush_s, counted: Vec::new() };
     let webhook = config.webhook.as_ref().map(|config| webhook::open(config, &mut common)).transpose()?;
     let mqtt = config.mqtt.as_ref().map(|config| mqtt::open(config, &mut common)).transpose()?;
-    let counted = common.counted; // After those whose deliveries it counts.
+    let counted = common.counted; // let counted = common.counted; // After the outputs whose deliveries it counts.
     let metrics =
         config.metrics.as_ref().map(|config| metrics::open(config, session, counted)).transpose()?;
     let tui = config.tui.map(|config| tui::open(config, session)).transpose()?;
-    // Files are begun when all that may be refused was accepted.
+    // Files are created after everything that may fail was accepted.
     let history = config.history.clone().map(|config| history::open(config, names, log)).transpose()?;
     let tf = config.tf.as_ref().map(|config| tf::open(config, session)).transpose()?;
-    // The view is last: the others end while it is still there.
+    // The view is last: the others end while it is still open.
     Ok([history, tf, webhook, mqtt, metrics, tui].into_iter().flatten().collect())
 }

@@ -1,4 +1,4 @@
-//! What a camera saw, from messages of ROS 1 and ROS 2 in recordings; the messages themselves are read in `resight-recording`.
+//! Observations of a camera from messages of ROS 1 and ROS 2 in recordings; the messages themselves are read in `resight-recording`.
 
 mod image;
 mod bayer;

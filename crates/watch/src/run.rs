@@ -1,4 +1,4 @@
-//! A whole session: what it watches, where its events go, what it keeps, and how it ended.
+//! A whole session: what it watches, its outputs, what it saves, and its result.
 
 use crate::error::Error;
 use crate::live::{self, Event, LiveCamera, LiveConfig, State, StateFile};
@@ -13,25 +13,25 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// What is asked of a session.
+/// The settings of a session.
 pub struct Request {
-    /// What cameras and targets are called, in the order of `cameras`.
+    /// Names of cameras and targets, in the order of `cameras`.
     pub names: Names,
-    /// The cameras, with what they look at and where their frames come from.
+    /// The cameras, with their targets and sources.
     pub cameras: Vec<LiveCamera>,
-    /// How poses are tracked and motion is tested.
+    /// Settings of tracking and of the test of motion.
     pub config: LiveConfig,
     /// The file that keeps the session's state, so that a restart loses nothing.
     pub state: Option<PathBuf>,
-    /// Where learned references are written, by the places of `Names::pairs`; shorter means: not written.
+    /// Files for learned references, by the indices of `Names::pairs`; pairs beyond the end are not written.
     pub save_references: Vec<Option<String>>,
-    /// Where reference images of landmarks are written, by camera.
+    /// Files for reference images of landmarks, by camera.
     pub save_landmarks: Vec<Option<String>>,
-    /// Where events go, besides to the listener.
+    /// The outputs of events, besides the listener.
     pub outputs: OutputsConfig,
-    /// False alarms a day that are allowed; outputs state it.
+    /// Number of false alarms allowed per day; outputs state it.
     pub false_alarms_per_day: f64,
-    /// The session ends with its sources, and outputs do not stay for anybody to look at them.
+    /// Whether the session ends with its sources, without waiting until its outputs have been viewed.
     pub is_once: bool,
 }
 
@@ -56,30 +56,30 @@ impl Request {
     }
 }
 
-/// How a session ended.
+/// The result of a session.
 #[derive(Debug)]
 pub struct Ended {
-    /// The last state of each pair, by the places of `Names::pairs`; none of those never seen.
+    /// The last state of each pair, by the indices of `Names::pairs`; none for those without a state.
     pub states: Vec<Option<State>>,
-    /// What moved, as it was last reported.
+    /// What moved, according to the last report.
     pub moved: Moved,
-    /// A reference or reference image that could not be written to the last.
+    /// The error of a reference or reference image that could not be written even at the end.
     pub unsaved: Option<FileError>,
 }
 
 impl Ended {
-    /// In one word.
+    /// Returns the result in one word.
     pub fn verdict(&self) -> Verdict {
         verdict(&self.states, &self.moved)
     }
 }
 
-/// Runs until every source has ended or `stop` is set. Each event goes to `listener` first, then to the outputs; an error of any of them
-/// ends the session, after all have had the event.
+/// Runs until every source has ended or `stop` is set. Each event goes to `listener` first, then to the outputs; an error of any of them ends
+/// the session, after all have received the event.
 ///
 /// # Errors
-/// A camera that cannot be watched, an output that cannot be used, a state that is no file: before anything has started. What a listener
-/// or an output could not take.
+/// Before anything has started: a camera that cannot be watched, an output that cannot be used, a file of another kind as state. Later: the
+/// error of a listener or an output.
 pub fn run(
     request: Request,
     log: &Log,
@@ -116,7 +116,7 @@ pub fn run(
     Ok(Ended { states, moved, unsaved })
 }
 
-/// What each pair is compared with, where that is known before the first frame. Also says now which camera cannot be watched.
+/// Returns the reference of each pair where it is known before the first frame; fails for a camera that cannot be watched.
 fn references(
     cameras: &[LiveCamera],
     config: &LiveConfig,

@@ -1,5 +1,5 @@
-//! What a session learns and writes once: references, images of landmarks. A disk that fails does not end the session, which may be the only
-//! one of the night: what could not be written is kept, and tried again now and then and at the end.
+//! The files that a session writes once: learned references and images of landmarks. A failing disk does not end the session, which may be the
+//! only one of the night: what could not be written is kept, and tried again at intervals and at the end.
 
 use super::log::Log;
 use super::names::Names;
@@ -8,15 +8,15 @@ use resight::FileError;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Failed files are tried again this long after the last try.
+/// Interval between tries to write failed files.
 const AGAIN: Duration = Duration::from_secs(10);
 
-/// Where what is learned is written, by the places of pairs and of cameras.
+/// The files for what is learned, by the indices of pairs and of cameras.
 pub struct Saved {
     names: Names,
     references: Vec<Option<String>>,
     pictures: Vec<Option<String>>,
-    /// Pairs that were compared with a reference: what they learn now takes its place, and its file is kept.
+    /// Pairs that were compared with a reference: what they learn now replaces it, and its file is kept.
     compared: Vec<bool>,
     waiting: Vec<(Unwritten, FileError)>,
     tried: Instant,
@@ -29,12 +29,12 @@ struct Unwritten {
     part: &'static str,
     file: String,
     bytes: Vec<u8>,
-    /// What is said when it is written.
+    /// The message after it is written.
     words: String,
 }
 
 impl Saved {
-    /// What is to be saved of these names.
+    /// Builds the files for these names.
     pub fn new(
         names: &Names,
         references: Vec<Option<String>>,
@@ -46,7 +46,7 @@ impl Saved {
         Saved { names, references, pictures, compared, waiting: Vec::new(), tried: Instant::now(), log }
     }
 
-    /// The next event; also when to try again.
+    /// Processes the next event; tries failed files again when due.
     pub fn take(&mut self, event: &Event) {
         match event {
             Event::Learned { camera, target, reference, .. } => {
@@ -92,7 +92,7 @@ impl Saved {
             Ok(bytes) => bytes,
             Err(reason) => return self.log.say(part, &format!("{file} cannot be written: {reason}")),
         };
-        // A later reference takes the place of one that still waits.
+        // A later reference replaces one that still waits.
         self.waiting.retain(|(known, _)| known.file != file);
         let unwritten = Unwritten { part, file, bytes, words };
         if let Err(reason) = self.write(&unwritten) {
@@ -135,10 +135,10 @@ impl Saved {
         self.tried = Instant::now();
     }
 
-    /// The session is over.
+    /// Tries failed files once more at the end of the session.
     ///
     /// # Errors
-    /// A file that could not be written to the last.
+    /// A file that could not be written even then.
     pub fn finish(&mut self) -> Result<(), FileError> {
         self.again();
         self.waiting.pop().map_or(Ok(()), |(_, reason)| Err(reason))

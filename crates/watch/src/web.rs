@@ -1,4 +1,4 @@
-//! What every server of this program has in common: whom it answers, where it listens, and how much patience it has.
+//! The common parts of every server of this program: access, address and time limits.
 
 pub mod access;
 mod patient;
@@ -21,34 +21,34 @@ use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{sleep, timeout};
 
-/// Open at once; for further ones the slowest are left.
+/// Largest number of open connections; beyond it the slowest are closed.
 const CONNECTIONS: usize = 512;
-/// For the head of a request; a connection that is kept open waits as long for the next one.
+/// Longest wait for the head of a request, and for the next request on a connection that is kept open.
 const HEAD_PATIENCE: Duration = Duration::from_secs(5);
-/// For the other side to take some of an answer.
+/// Longest wait for the other side to accept some of an answer.
 const WRITE_PATIENCE: Duration = Duration::from_secs(20);
-/// After a failure to accept (no more file descriptors): it passes.
+/// Pause after a temporary failure to accept (no more file descriptors).
 const PAUSE: Duration = Duration::from_millis(100);
 /// A head larger than this is refused, bytes.
 const HEAD_BYTES: usize = 16 << 10;
 
-/// How long a connection lasts.
+/// The lifetime of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Patience {
-    /// One request, and no longer than this.
+    /// One request within this time.
     OneRequest(Duration),
     /// Any number of requests; a WebSocket lasts as long as both sides want.
     Kept,
 }
 
-/// The flags that an address, its token and its names come from, for messages.
+/// The flags of an address, its token and its names, for messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Flags {
-    /// Of the address.
+    /// Flag of the address.
     pub address: &'static str,
-    /// Of the token's file.
+    /// Flag of the token's file.
     pub token_file: &'static str,
-    /// Of the names.
+    /// Flag of the names.
     pub host: &'static str,
 }
 
@@ -109,13 +109,13 @@ pub async fn accept(listener: TcpListener, routes: Router, patience: Patience) -
     }
 }
 
-/// A place for one more connection; whoever is slow is left for it.
+/// Returns a permit for one more connection; closes the slowest one for it.
 async fn free_place(turns: &Arc<Semaphore>, places: &Places) -> Option<OwnedSemaphorePermit> {
     loop {
         let turn = Arc::clone(turns).acquire_owned();
         let is_full = turns.available_permits() == 0;
         if is_full && !places.leave_one() {
-            // All are being answered, or have just come.
+            // All connections are being answered, or have just been made.
             sleep(PAUSE / 4).await;
         }
         match timeout(PAUSE, turn).await {
@@ -135,10 +135,10 @@ async fn serve(stream: TcpStream, routes: Router, patience: Patience, place: Pla
         async move { place.answered(next.run(place.asked(request)).await) }
     }));
     let service = TowerToHyperService::new(routes);
-    // Small answers are wanted at once.
+    // Small answers are sent at once.
     let _ = stream.set_nodelay(true);
     let stream = Patient::new(TokioIo::new(stream), WRITE_PATIENCE);
-    // Whoever breaks a connection or is too slow needs no telling.
+    // A connection that breaks or is too slow needs no message.
     let connection = async {
         match patience {
             Patience::OneRequest(limit) => {
@@ -156,7 +156,7 @@ async fn serve(stream: TcpStream, routes: Router, patience: Patience, place: Pla
     }
 }
 
-/// The rules of a server at this address.
+/// Returns the access rules of a server at this address.
 pub fn access(place: SocketAddr, token: Option<String>, hosts: &[String]) -> Access {
     Access::new(place, token, hosts)
 }

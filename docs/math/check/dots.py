@@ -8,6 +8,11 @@ def zero(expression, name):
     print(f"ok  {name}")
 
 
+# (6b): the integral of w (1 - w) across a Gaussian edge, by its derivative: w' (1 - 2w) is odd, so integrate by parts, -x w' (1 - 2w).
+z = sp.symbols("z", real=True)
+edge = sp.exp(-z**2 / 2) / sp.sqrt(2 * sp.pi)
+zero(sp.integrate(z * edge * sp.erf(z / sp.sqrt(2)), (z, -sp.oo, sp.oo)) - 1 / sp.sqrt(sp.pi), "(6b)")
+
 h = sp.Matrix(3, 3, sp.symbols("h11 h12 h13 h21 h22 h23 h31 h32 h33"))
 r, k, t, x, y, rho = sp.symbols("r k t x y rho", positive=True)
 

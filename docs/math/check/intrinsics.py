@@ -91,4 +91,11 @@ for views in ([0, 3, 4, 7], list(range(6))):
     own = np.linalg.solve(S[views].sum(0), np.einsum("vij,vi->j", J[views], y[views]))
     gain = s[views].sum(0) @ np.linalg.solve(S[views].sum(0), s[views].sum(0))
     assert np.isclose(chi2(views, common) - chi2(views, own), gain)
+
+# Eq. (15): both forms agree, and the second is the limit of the first where a coefficient has no variance.
+C, Sv = np.cov(rng.normal(size=(5, 40))), A.T @ A
+assert np.allclose(np.linalg.inv(np.linalg.inv(C) + Sv), C @ np.linalg.inv(np.eye(5) + Sv @ C))
+C[4] = C[:, 4] = 0
+limit = np.linalg.inv(np.linalg.inv(C + np.diag([0, 0, 0, 0, 1e-9])) + Sv)
+assert np.allclose(limit, C @ np.linalg.inv(np.eye(5) + Sv @ C), atol=1e-7)
 print("intrinsics.md holds")

@@ -1,4 +1,4 @@
-"""docs/math/monitor.md sections 4 and 10: eqs. (46), (47), (50) and (80)."""
+"""docs/math/monitor.md sections 4 and 10: eqs. (46), (47), (50), (80) and (115)-(117)."""
 
 import numpy as np
 import sympy as sp
@@ -49,3 +49,48 @@ for s in (0.0, 0.3, 1.0, 3.0):
     spread = np.sqrt(np.mean(np.rint(rng.normal(0, s, error.size)) ** 2))
     assert np.mean(away <= np.hypot(spread, 1)) > 0.683, s
 print("ok")
+
+# (115) is an identity: means of 2^j numbers differ from the mean of all by a quarter of the squared differences of all longer blocks.
+y = np.cumsum(rng.normal(0, 1, 1024)) + 5 * (rng.uniform(0, 1, 1024) < 0.1)
+
+
+def differences(values):
+    squares = []
+    while len(values) > 1:
+        squares.append(np.mean((values[1::2] - values[::2]) ** 2))
+        values = 0.5 * (values[1::2] + values[::2])
+    return np.array(squares)
+
+
+a = differences(y)
+for j in range(10):
+    means = y.reshape(-1, 2**j).mean(axis=1)
+    assert np.isclose(np.mean((means - y.mean()) ** 2), a[j:].sum() / 4)
+# Of white errors they are the variance of a mean, a_0/2n.
+white = differences(rng.normal(0, 1, 2**20))
+assert all(abs(white[j:].sum() / 4 * 2**j - 1) < 0.1 for j in range(8)), white
+assert np.allclose(white[:10] * 2.0 ** np.arange(10), white[0], rtol=0.15)
+
+# (116): a lamp that is on for 20 and off for 40 readings in the mean, and shifts by one standard deviation of a reading: a step from a mean of n0
+# readings to one of n is known as well as (115) says, and not by averages of white errors.
+leaves = np.array([1 / 40, 1 / 20])
+state, lamp = 0, []
+chance = rng.uniform(0, 1, 2**19)
+for u in chance:
+    state = 1 - state if u < leaves[state] else state
+    lamp.append(state)
+y = np.array(lamp) + rng.normal(0, 1, len(lamp))
+a = differences(y)
+variance = lambda n: a[int(np.ceil(np.log2(n))):].sum() / 4
+for n0, n in ((4096, 4), (4096, 64), (512, 512)):
+    starts = np.arange(n0, len(y) - n, 997)
+    errors = np.array([y[s : s + n].mean() - y[s - n0 : s].mean() for s in starts])
+    assert 0.75 < np.mean(errors**2) / (variance(n0) + variance(n)) < 1.3, (n0, n)
+assert np.mean(errors**2) > 5 * (1 / n0 + 1 / n)
+
+# (117): whether h is in the motion or not, its part of the normalised squared error is below one.
+c = rng.normal(0, 1, (6, 6))
+c = c @ c.T
+for size in (0.1, 1.0, 100.0):
+    h = size * rng.normal(0, 1, 6)
+    assert h @ np.linalg.solve(c + np.outer(h, h), h) < 1

@@ -119,6 +119,22 @@ export type BirdseyeView = {
   version: number;
 };
 
+export type BudgetPartName = "pixels" | "camera_poses" | "bend" | "shared_in_view" | "lens" | "target" | "robot" | "priors" | "residuals";
+
+/** A part of a covariance. */
+export type BudgetPartObject = {
+  /** The parts add up to the covariance. */
+  covariance: [[number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number], [number, number, number, number, number, number]];
+  /** The source of the errors. */
+  part: BudgetPartName;
+  /** Fraction of the variance of the position, which is the sum over its axes. */
+  share: number;
+  /** One standard deviation of the position along each axis, likewise. */
+  sigma_m: [number, number, number];
+  /** One standard deviation of the rotation about each axis if only these errors were there. */
+  sigma_rad: [number, number, number];
+};
+
 /** How a camera is; numbers of poses are against its gravest target. */
 export type CameraView = {
   /** Seconds since the last frame. */
@@ -157,6 +173,95 @@ export type CameraView = {
   way_back: WayBackView | null;
   /** In a sentence. */
   words: string;
+};
+
+/** The message of the WebSocket that comes when something has changed. */
+export type CaptureMessage = {
+  /** How the capture is. */
+  capture: CaptureView;
+};
+
+/** A capture while it runs, as a page shows it. */
+export type CaptureStateObject = {
+  /** The corners of the kept views by cell of the image; null before the first image. */
+  coverage: ImageCoverageObject | null;
+  /** Whether the camera may be relied on and written, enough or not. */
+  is_usable: boolean;
+  /** The last frame; null before the first, and after a view was taken back. */
+  last: LookObject | null;
+  /** It in a sentence; what is missing is in `missing`. */
+  message: string;
+  /** What is missing, each in a clause. */
+  missing: string[];
+  /** The lens model so far; null where the views determine no camera yet. */
+  model: string | null;
+  /** Frames looked at. */
+  n_frames: number;
+  /** The view that helps most next; null before the first image. */
+  next_view: SuggestionObject | null;
+  /** Parameters so far. */
+  parameters: IntrinsicParameterObject[] | null;
+  /** How far the capture has come. */
+  progress: ProgressObject;
+  /** Frames that were not kept, by reason. */
+  refused: RefusedObject[];
+  /** Remarks on the images. */
+  remarks: string[];
+  /** Columns and rows of the images, px; null before the first. */
+  size_px: [number, number] | null;
+  /** The status that the answer would have. */
+  status: Status;
+  /** The kept views, in order, each with what was known with it. */
+  views: CaptureStepObject[];
+};
+
+/** A kept view, and the camera matrix that was known with it. */
+export type CaptureStepObject = {
+  /** Part of the cells of the image with a corner. */
+  coverage_share: number;
+  /** The frame of the source that it was. */
+  frame: string;
+  /** Points of the target in it. */
+  n_points: number;
+  /** Focal lengths and principal point; null where the views up to it determine no camera. */
+  parameters: IntrinsicParameterObject[] | null;
+  /** Its name. */
+  view: string;
+  /** Largest standard deviation of the projection, as in `progress`. */
+  worst_px: number | null;
+};
+
+/** How a capture is. */
+export type CaptureView = {
+  /** What failed. */
+  failed: string | null;
+  /** Whether the capture has ended. */
+  is_over: boolean;
+  /** Whether the camera was written at the end. */
+  is_written: boolean;
+  /** The file that the camera is written to at the end. */
+  output: string;
+  /** The source, as it was given. */
+  source: string;
+  /** Why the source gives no more images; the capture continues until it is ended. */
+  source_ended: string | null;
+  /** The capture itself. */
+  state: CaptureStateObject;
+};
+
+/** What an image is of: it goes before its JPEG. */
+export type CapturedHeader = {
+  /** Number of the frame. */
+  frame: number;
+  height_px: number;
+  /** Whether it is kept. */
+  is_kept: boolean;
+  /** Its name. */
+  name: string;
+  /** The points found, in pixels of the frame. */
+  points_px: ([number, number])[];
+  /** Of the frame itself; the JPEG may be smaller. */
+  width_px: number;
 };
 
 /** One action. A refused one leaves the state as it was, and the view says why. */
@@ -321,6 +426,8 @@ export type DatedPose = {
 
 /** A motion that is found nine times in ten. */
 export type DetectableObject = {
+  /** Motions that are held because others like them came back by themselves; null where none did. */
+  held: HeldObject | null;
   /** About each axis. */
   rotation_rad: [number, number, number];
   /** Along each axis. */
@@ -607,6 +714,18 @@ export type GivenTarget = {
   size_m: number;
 };
 
+/** Motions that are reported only when they have lasted: no rate of false alarms is promised for them. */
+export type HeldObject = {
+  /** How many came back by themselves. */
+  count: number;
+  /** How long a motion must last. */
+  held_s: number;
+  /** About each axis, the largest that is held. */
+  rotation_rad: [number, number, number];
+  /** Along each axis, the largest that is held. */
+  translation_m: [number, number, number];
+};
+
 /** One event of a history. */
 export type HistoryEvent = {
   detail: unknown;
@@ -656,6 +775,30 @@ export type IdentificationObject = {
   scores: HypothesisObject[];
   /** Its class, or `insufficient_coverage`. */
   verdict: "circle" | "ellipse" | "square" | "rectangle" | "polygon" | "insufficient_coverage";
+};
+
+/** Corners by cell of a grid over the image, row by row. */
+export type ImageCoverageObject = {
+  /** Cells in a row. */
+  columns: number;
+  /** Corners by cell. */
+  counts: number[];
+  /** Rows. */
+  rows: number;
+  /** Part of the cells with a corner. */
+  share: number;
+};
+
+/** One parameter. */
+export type IntrinsicParameterObject = {
+  /** Whether it was estimated; else it is zero, for the views do not need it. */
+  estimated: boolean;
+  /** Its name, as in camera.toml. */
+  name: string;
+  /** Standard deviation. */
+  sigma: number;
+  /** Its value, px or 1. */
+  value: number;
 };
 
 /** What uncertain intrinsics cost: standard deviations of the camera's position, the root of the sum over its three axes, metres. */
@@ -730,6 +873,20 @@ export type LogLine = {
   unix_s: number;
 };
 
+/** What became of a frame. */
+export type LookObject = {
+  /** Its name. */
+  frame: string;
+  /** What became of it, in a sentence. */
+  message: string;
+  /** Points of the target in it. */
+  n_points: number;
+  /** Why it is not kept, as in `refused`; null where it is. */
+  reason: string | null;
+  /** The view as which it is kept; null where it is not. */
+  view: string | null;
+};
+
 export type MeasureObject = {
   ratio: number;
   threshold: number;
@@ -796,6 +953,11 @@ export type Named = {
   camera: string;
   /** Setting a reference asks for it. */
   confirm?: boolean;
+};
+
+/** Names a view. */
+export type NamedView = {
+  view: string;
 };
 
 /** How a camera or target moved. */
@@ -1053,7 +1215,7 @@ export type PointView = {
 
 /** A likely fault of the points of a view. */
 export type PointsCause = {
-  /** `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed` or `labels_exchanged`. */
+  /** `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed`, `labels_exchanged`, `other_resolution` or `other_focal_length`. */
   cause: string;
   /** χ² per degree of freedom once the fault is corrected. */
   chi2_per_degree_of_freedom: number;
@@ -1064,6 +1226,8 @@ export type PointsCause = {
 /** The JSON object; keys without a value are null. */
 export type PoseObject = {
   ambiguity: AmbiguityObject | null;
+  /** The parts of `covariance` by the sources of the errors. */
+  budget?: BudgetPartObject[] | null;
   cam_from_target: TransformObject | null;
   /** Likely causes where the points contradict each other, the best first: the points agree once one of them is corrected. */
   causes?: PointsCause[];
@@ -1146,6 +1310,26 @@ export type Problem = {
   message: string;
 };
 
+/** How far a capture has come, and how far it has to go. */
+export type ProgressObject = {
+  /** Part of the cells of the image with a corner. */
+  coverage_share: number;
+  /** Whether it is enough: the intrinsics are `ok`, and every number below is as good as needed. */
+  is_enough: boolean;
+  /** Views that take part in the intrinsics. */
+  n_used: number;
+  /** Views kept. */
+  n_views: number;
+  /** Needed. */
+  needed_coverage: number;
+  /** Needed, px. */
+  needed_px: number;
+  /** Needed. */
+  needed_views: number;
+  /** Largest standard deviation of the projection at the centres of the cells of the image with corners, px; null where it is not known. */
+  worst_px: number | null;
+};
+
 /** Why nothing is decided. */
 export type ReasonObject = {
   kind: "too_few_contacts";
@@ -1206,6 +1390,14 @@ export type ReferenceView = {
   /** None while it is learned for the first time. */
   reference: DatedPose | null;
   target: string;
+};
+
+/** Frames that were not kept for one reason. */
+export type RefusedObject = {
+  /** How many. */
+  n: number;
+  /** `not_found`, `unusable`, `few_points`, `other_size`, `moving`, `first` (of a sequence: whether it moves is unknown), `alike`, `same_tilt`, `taken_back`, `little_new` or `full`. */
+  reason: string;
 };
 
 /** What took no part. */
@@ -1380,6 +1572,16 @@ export type StripView = {
   /** Whether it comes from the history file, or from what this session remembers. */
   is_from_history: boolean;
   to_s: number;
+};
+
+/** The view that helps most next. */
+export type SuggestionObject = {
+  /** The view in a sentence. */
+  message: string;
+  /** The closed outline of the target's points there: column and row, px; through an ordinary lens while the camera is unknown. */
+  outline_px: ([number, number])[];
+  /** Projection uncertainty with this view, root mean square over the image, px; null while the camera is unknown. */
+  then_px: number | null;
 };
 
 /** A target where it stood. */

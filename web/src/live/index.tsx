@@ -5,12 +5,36 @@ import { useEffect, useState } from "preact/hooks";
 import { Note } from "../parts/status";
 import { liveTexts as texts } from "../texts/live";
 import { Camera } from "./camera";
+import { Capture } from "./capture";
+import { CaptureStore } from "./capture-store";
 import { Grid } from "./grid";
 import { PointTable } from "./points";
 import { Space } from "./space";
+import { transport } from "../transport";
 import { LiveStore } from "./store";
 
+/** What the program does: it watches cameras, or calibrates one. */
 export function Live() {
+  const [capture, set] = useState<CaptureStore | null | undefined>(undefined);
+  useEffect(() => {
+    let made: CaptureStore | null = null;
+    let isClosed = false;
+    const found = (is: boolean) => {
+      if (isClosed) return;
+      made = is ? new CaptureStore() : null;
+      set(made);
+    };
+    transport.capture().then((view) => found(view !== null), () => found(false));
+    return () => {
+      isClosed = true;
+      made?.close();
+    };
+  }, []);
+  if (capture === undefined) return null;
+  return capture ? <Capture store={capture} /> : <Watched />;
+}
+
+function Watched() {
   const [store, set] = useState<LiveStore | null>(null);
   useEffect(() => {
     const made = new LiveStore();
@@ -42,6 +66,8 @@ function NoSession({ store }: { store: LiveStore }) {
       <p><code>{texts.noSessionCommand}</code></p>
       <p class="quiet">{texts.noSessionMake}</p>
       <p><code>{texts.noSessionServe}</code></p>
+      <p class="quiet">{texts.noSessionCapture}</p>
+      <p><code>{texts.noSessionCaptureCommand}</code></p>
     </div>
   );
 }

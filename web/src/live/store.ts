@@ -2,6 +2,7 @@
 import { computed, signal } from "@preact/signals";
 import type { CameraView, LiveView, LogLine } from "../api/types";
 import { Problem, transport, type Stream } from "../transport";
+import { pictured } from "./pictured";
 
 /** A frame and what was found in it, in pixels of the frame. */
 export interface Shot {
@@ -139,17 +140,17 @@ export class LiveStore {
 
   /** Decodes a picture; the next is asked for when this one is drawn, and not while nobody looks. */
   private async pictured(message: ArrayBuffer) {
-    const length = new DataView(message).getUint32(0, true);
-    const header = JSON.parse(new TextDecoder().decode(new Uint8Array(message, 4, length)));
+    let frame = 0;
     try {
-      const bitmap = await createImageBitmap(new Blob([new Uint8Array(message, 4 + length)], { type: "image/jpeg" }));
-      if (this.isClosed) return bitmap.close();
-      const before = this.shots.value[header.camera]?.bitmap;
-      this.shots.value = { ...this.shots.value, [header.camera]: { ...header, bitmap } };
+      const shot = await pictured<Omit<Shot, "bitmap">>(message);
+      frame = shot.frame;
+      if (this.isClosed) return shot.bitmap.close();
+      const before = this.shots.value[shot.camera]?.bitmap;
+      this.shots.value = { ...this.shots.value, [shot.camera]: shot };
       // Whoever draws it has done so by then.
       if (before) setTimeout(() => before.close(), 1000);
     } finally {
-      const next = () => this.stream?.send({ ack: header.frame });
+      const next = () => this.stream?.send({ ack: frame });
       if (document.hidden) this.held = next;
       else next();
     }

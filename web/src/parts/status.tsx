@@ -15,6 +15,7 @@ const KINDS: Record<string, { tone: Tone; symbol: string }> = {
   checking: { tone: "warn", symbol: "…" },
   learning: { tone: "warn", symbol: "…" },
   drifted: { tone: "bad", symbol: "!" },
+  undecided: { tone: "warn", symbol: "…" },
   stale: { tone: "grey", symbol: "▨" },
   old: { tone: "grey", symbol: "↺" },
 };

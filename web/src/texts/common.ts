@@ -15,6 +15,7 @@ export const statusWords: Record<string, string> = {
   degenerate: "degenerate",
   implausible: "implausible",
   not_found: "not found",
+  undecided: "undecided",
   steady: "steady",
   tracking: "tracking",
   checking: "checking",

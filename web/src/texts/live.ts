@@ -9,6 +9,8 @@ export const liveTexts = {
   noSessionCommand: "resight serve session.toml",
   noSessionMake: "`resight watch --print-session` writes such a file from the flags of a watch; a watch that runs already is shown with",
   noSessionServe: "resight watch … --serve 127.0.0.1:8600",
+  noSessionCapture: "A camera whose intrinsics are not known yet is calibrated here, while you move a target in front of it:",
+  noSessionCaptureCommand: "resight capture /dev/video0 --target board.toml -o camera.toml --serve 127.0.0.1:8600",
   connecting: "Connecting …",
   gone: "The program does not answer. What is shown is as it was last; the page connects again by itself.",
   failed: "The session has ended with a fault:",

@@ -9,9 +9,10 @@ use clap::Args;
 use resight::answer::{HandEyeAnswer, SolvedHandEye};
 use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
+use resight::formats::pose_list::{LengthUnit, PoseListOptions, RotationWord};
 use resight::formats::write_atomically;
-use resight::report::words::{coordinate, degrees, length, sigmas, translation_sigma_m};
-use resight::rig::{HandEyeRequest, HandEyeViews, read_robot_poses, read_view_poses};
+use resight::report::words::{budget, coordinate, degrees, length, sigmas, translation_sigma_m};
+use resight::rig::{HandEyeRequest, HandEyeViews, RobotFile, ViewPoses, read_robot_file, read_view_poses};
 use std::path::{Path, PathBuf};
 
 /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
@@ -23,15 +24,30 @@ use std::path::{Path, PathBuf};
 #[command(after_long_help = "Examples:
   resight hand-eye --motions motions.csv --camera cam=cam.yaml --target board.toml --images cam='*.jpg' --json
   resight hand-eye --motions motions.csv --poses poses.jsonl
-  resight hand-eye --motions motions.csv --poses poses.jsonl --eye-to-hand")]
+  resight hand-eye --motions robot.csv --rotation kuka --poses poses.jsonl --eye-to-hand
+  resight hand-eye --motions robot.npy --poses target.npy
+  resight hand-eye --motions easy_handeye2_demo.samples")]
 pub struct HandEyeArgs {
-    /// Poses of the gripper, or of the vehicle's body (CSV).
+    /// Poses of the gripper, or of the vehicle's body (CSV, .npy, JSON, YAML).
     ///
-    /// The columns are view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm.
-    #[arg(long, help_heading = "Robot", value_name = "FILE.csv")]
+    /// The columns of a table are view,qw,qx,qy,qz,x_m,y_m,z_m (x_in_base = base_from_gripper · x_in_gripper) and optionally sigma_deg,sigma_mm, or those of
+    /// another convention. Samples of easy_handeye and MoveIt hold the poses of the target too.
+    #[arg(long, help_heading = "Robot", value_name = "FILE")]
     motions: PathBuf,
-    /// Poses from `locate` or `solve` (-o), instead of images or detections.
-    #[arg(long, value_name = "POSES.jsonl", conflicts_with_all = ["images", "detections", "cameras", "targets"])]
+    /// What the numbers of a rotation in --motions mean, where the file does not state it.
+    ///
+    /// quaternion-wxyz, quaternion-xyzw, abb, ur, rotvec-rad, rotvec-deg, rpy-rad, rpy-deg, fanuc, mitsubishi, yaskawa, kuka, abb-zyx, zyx-rad,
+    /// staubli, xyz-rad, kawasaki or zyz-rad.
+    #[arg(long, help_heading = "Robot", value_name = "NAME", value_parser = RotationWord::parse)]
+    rotation: Option<RotationWord>,
+    /// Unit of the positions in --motions [default: by the columns, else of the --rotation, else m].
+    #[arg(long, hide_short_help = true, help_heading = "Robot", value_name = "m|cm|mm", value_parser = LengthUnit::parse)]
+    length: Option<LengthUnit>,
+    /// States that --motions holds gripper_from_base.
+    #[arg(long, hide_short_help = true, help_heading = "Robot")]
+    inverse: bool,
+    /// Poses from `locate` or `solve` (-o), or cam_from_target in any format of --motions, instead of images or detections.
+    #[arg(long, value_name = "POSES", conflicts_with_all = ["images", "detections", "cameras", "targets"])]
     poses: Option<PathBuf>,
     #[command(flatten)]
     observed: ObservationArgs,
@@ -85,24 +101,13 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
         crate::files::must_be_writable(path)?;
     }
     crate::files::must_exist(&args.motions)?;
-    let robot = read_robot_poses(&args.motions, args.robot_noise())?;
-    resight::input::table::how_file_is_read(&args.motions)
-        .iter()
-        .for_each(|text| crate::output::remark(&format!("warning: {text}")));
-    let views = match &args.poses {
-        Some(poses) => {
-            crate::files::must_exist(poses)?;
-            HandEyeViews::Poses(read_view_poses(poses)?)
-        }
-        None => {
-            let request = rig::request(&args.observed, &args.solving)?;
-            for (name, target) in &request.targets {
-                super::warn_of_scale(Path::new(name), target, "hand-eye");
-            }
-            HandEyeViews::Points(Box::new(rig::observed(&args.observed, &request)?))
-        }
-    };
-    let request = HandEyeRequest { robot, views, config: args.config()? };
+    let RobotFile { robot, seen, mounting, mut remarks } =
+        read_robot_file(&args.motions, &args.pose_list_options(), args.robot_noise())?;
+    let views = args.views(seen, &mut remarks)?;
+    remarks.iter().for_each(|text| remark(&format!("warning: {text}")));
+    let mut config = args.config()?;
+    config.mounting = mounting.unwrap_or(config.mounting);
+    let request = HandEyeRequest { robot, views, config, remarks };
     match with_progress(|| resight::hand_eye(request))? {
         HandEyeAnswer::Solved(solved) => answer(&solved, &args.output),
         HandEyeAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
@@ -110,6 +115,33 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
 }
 
 impl HandEyeArgs {
+    fn pose_list_options(&self) -> PoseListOptions {
+        PoseListOptions {
+            rotation: self.rotation,
+            length: self.length,
+            is_inverse: self.inverse,
+            eye_to_hand: self.eye_to_hand,
+        }
+    }
+
+    /// The observations given, else those in the file of the motions; adds remarks on their file.
+    fn views(&self, seen: Option<Vec<ViewPoses>>, remarks: &mut Vec<String>) -> Result<HandEyeViews> {
+        if let Some(poses) = &self.poses {
+            crate::files::must_exist(poses)?;
+            let (views, others) = read_view_poses(poses)?;
+            remarks.extend(others);
+            return Ok(HandEyeViews::Poses(views));
+        }
+        if let (Some(seen), true) = (seen, self.observed.is_empty()) {
+            return Ok(HandEyeViews::Poses(seen));
+        }
+        let request = rig::request(&self.observed, &self.solving)?;
+        for (name, target) in &request.targets {
+            super::warn_of_scale(Path::new(name), target, "hand-eye");
+        }
+        Ok(HandEyeViews::Points(Box::new(rig::observed(&self.observed, &request)?)))
+    }
+
     fn robot_noise(&self) -> Option<GripperNoise> {
         let sigmas = self.robot_sigma_deg.zip(self.robot_sigma_mm);
         sigmas.map(|(deg, mm)| GripperNoise { sigma_rad: deg.to_radians(), sigma_m: 1e-3 * mm })
@@ -150,8 +182,16 @@ fn words(solved: &SolvedHandEye) -> String {
         line(&mut out, "and", cause);
     }
     let (carrier, holder) = solved.pose_names();
-    line(&mut out, &carrier, &place(&found.cam_from_carrier, &found.carrier_covariance));
-    line(&mut out, holder, &place(&found.holder_from_target, &found.holder_covariance));
+    let poses = [
+        (&carrier[..], place(&found.cam_from_carrier, &found.carrier_covariance), &found.carrier_budget),
+        (holder, place(&found.holder_from_target, &found.holder_covariance), &found.holder_budget),
+    ];
+    for (name, pose, parts) in poses {
+        line(&mut out, name, &pose);
+        if let Some(text) = budget(parts) {
+            line(&mut out, "budget", &text);
+        }
+    }
     let [first, second, third] = found.rotations_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "rotations", &text);

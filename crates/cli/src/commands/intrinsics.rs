@@ -1,6 +1,6 @@
 //! `intrinsics`: focal length, principal point and distortion of cameras with their covariance, or a check of existing ones.
 
-mod words;
+pub mod words;
 
 use crate::args::{CornerArgs, parse_size, positive};
 use crate::camera::cameras_of;
@@ -105,7 +105,8 @@ fn size(text: &str) -> Result<ImageSize, String> {
     parse_size(text).map(|(width_px, height_px)| ImageSize { width_px, height_px })
 }
 
-fn model(text: &str) -> Result<Models, String> {
+/// A lens model by its name, or `auto`.
+pub fn model(text: &str) -> Result<Models, String> {
     if text == "auto" {
         return Ok(Models::ByEvidence);
     }

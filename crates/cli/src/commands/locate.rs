@@ -71,11 +71,10 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         LocateOptions { method: args.method, intrinsics, corner_window, estimate_focal: args.estimate_focal };
     let work =
         |locator: &mut ImageLocator, (path, picture): &(PathBuf, Option<PathBuf>)| -> Result<PoseAnswer> {
-            let mut seen = LocatedImage::look(locator, path);
+            let seen = LocatedImage::look(locator, path);
             if let (Some(picture), Some(image)) = (picture, &seen.image) {
                 resight::formats::write_atomically(picture, &seen.png(image, &target)?)?;
             }
-            seen.located.answer.remarks.splice(..0, remarks.iter().cloned());
             Ok(seen.located.answer)
         };
     let (mut explainer, mut paths) = (Explainer::default(), jobs.iter());
@@ -86,7 +85,10 @@ pub fn run(args: &Locate) -> Result<Outcome> {
         |answer| {
             let (mut answer, path) = (answer?, paths.next());
             explain(&mut answer, &target, &mut explainer, || GrayImage::read(&path?.0).ok());
-            printer.result(&answer, &crate::text::describe(&answer), answer.status())
+            let words = crate::text::describe(&answer);
+            // Remarks about the files have been printed once; here they stand before those about the view.
+            answer.remarks.splice(..0, remarks.iter().cloned());
+            printer.result(&answer, &words, answer.status())
         },
     )?;
     printer.finish()

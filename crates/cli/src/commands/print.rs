@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
     after_long_help = "Examples:\n  resight print --kind tag --family tag36h11 --id 7 --size-m 0.1 -o tag.pdf\n  \
         resight print --kind tag --id 0-11 --size-m 0.05 -o tags.svg\n  \
         resight print --kind chessboard --rows 6 --columns 9 --square-m 0.025 --paper letter -o board.pdf\n  \
+        resight print --kind circle_grid --rows 11 --columns 4 --spacing-m 0.02 --asymmetric true -o circles.pdf\n  \
         resight print --target grid.yaml --paper 900x900 -o grid.pdf\n  \
         resight print --target board.toml --measured-x-mm 99.7 --measured-y-mm 150.2 -o board.toml"
 )]

@@ -110,6 +110,13 @@ pub struct ObservationArgs {
     corners: CornerArgs,
 }
 
+impl ObservationArgs {
+    /// Returns whether neither cameras nor observations are given.
+    pub(super) fn is_empty(&self) -> bool {
+        self.cameras.is_empty() && self.images.is_empty() && self.detections.is_empty()
+    }
+}
+
 /// How it is solved.
 #[derive(Debug, Args)]
 pub struct SolvingArgs {

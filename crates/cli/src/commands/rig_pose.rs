@@ -8,8 +8,8 @@ use anyhow::Result;
 use clap::Args;
 use resight::answer::RigPoseAnswer;
 use resight::report::verdict::figures;
-use resight::report::words::{coordinate, degrees, length};
-use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses, unit_remark};
+use resight::report::words::{coordinate, degrees, length, position_sigma_m};
+use resight::rig_pose::{RigPoseRequest, TableRemarks, read_known_rig, read_rig_points, rig_poses};
 use std::path::PathBuf;
 
 /// Computes where a known rig is, from points seen by any of its cameras.
@@ -51,10 +51,8 @@ pub fn run(args: &RigPose) -> Result<Outcome> {
     let request = RigPoseRequest { sigma_px: args.sigma_px, robust_threshold_px: args.robust.threshold_px() };
     let answers = rig_poses(&rig, &views, &request);
     let mut printer = Printer::new(&args.output, answers.len());
-    let how_read = resight::input::table::how_read(&args.points).map(str::to_string);
-    unit_remark(&views)
-        .iter()
-        .chain(&how_read)
+    TableRemarks::of(&views)
+        .all()
         .for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     for answer in &answers {
         printer.result(answer, &words(answer), answer.status)?;
@@ -64,10 +62,10 @@ pub fn run(args: &RigPose) -> Result<Outcome> {
 
 fn words(answer: &RigPoseAnswer) -> String {
     let mut out = format!("{}   {}\n", answer.view, answer.status.name().to_uppercase());
-    if let (Some(pose), Some(sigma_rad), Some(sigma_m)) = (&answer.pose, answer.sigma_rad, answer.sigma_m) {
-        let place = pose.origin();
+    if let (Some(e), Some(sigma_rad), Some(sigma_m)) = (&answer.estimate, answer.sigma_rad, answer.sigma_m) {
+        let place = e.rig_from_target.origin();
         // The standard deviations are along the rig's axes; those along the target's follow from the same covariance.
-        let along = sigmas_in_target(answer, pose).unwrap_or(sigma_m);
+        let along = position_sigma_m(&e.rig_from_target, &e.covariance);
         let axes = ["x", "y", "z"]
             .iter()
             .enumerate()
@@ -102,10 +100,4 @@ fn words(answer: &RigPoseAnswer) -> String {
     line(&mut out, "verdict", &answer.message);
     answer.remarks.iter().for_each(|remark| line(&mut out, "remark", remark));
     out
-}
-
-fn sigmas_in_target(answer: &RigPoseAnswer, pose: &resight::core::Pose) -> Option<[f64; 3]> {
-    let covariance = resight::core::Matrix6::from_row_iterator(answer.covariance?.into_iter().flatten());
-    let along = resight::report::words::position_sigma_m(pose, &covariance);
-    Some([along.x, along.y, along.z])
 }

@@ -89,8 +89,7 @@ pub fn run(args: &Solve) -> Result<Outcome> {
         |view| locator.locate(view),
         |answer| {
             let mut answer: PoseAnswer = answer;
-            let mut words = crate::text::describe(&answer);
-            answer.remarks.iter().for_each(|remark| crate::text::line(&mut words, "remark", remark));
+            let words = crate::text::describe(&answer);
             answer.remarks.extend(remarks.iter().cloned());
             printer.result(&answer, &words, answer.status())
         },

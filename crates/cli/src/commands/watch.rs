@@ -7,7 +7,7 @@ mod motion;
 mod outputs;
 mod rig;
 pub mod session;
-mod sources;
+pub mod sources;
 
 use crate::args::TagArgs;
 use crate::output::Outcome;
@@ -24,6 +24,7 @@ use resight::locate::IntrinsicsCovariance;
 use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, WatchedLandmarks, reference};
 use resight_watch::names::{Names, by_name, split};
 use resight_watch::outputs::said::{self, EventText, Verdict};
+use resight_watch::source::Source;
 use resight_watch::{Ended, Error, Log, Request, signals};
 use rig::RigArgs;
 use sources::SourceArgs;
@@ -236,12 +237,18 @@ fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resig
     live.tap(request);
     server.show(Arc::clone(&live));
     crate::output::remark(&format!("the page of this session is http://{}/", server.place()));
+    run_beside(server)?;
+    Ok(live)
+}
+
+/// Runs the server of --serve on a thread of its own.
+pub fn run_beside(server: resight_serve::Server) -> Result<()> {
     std::thread::Builder::new().name("serve".to_owned()).spawn(move || {
         if let Err(reason) = server.run() {
             crate::output::remark(&format!("--serve: {reason:#}"));
         }
     })?;
-    Ok(live)
+    Ok(())
 }
 
 fn saved(flag: &str, given: &[String], names: &[String]) -> Result<Vec<Option<String>>> {
@@ -293,10 +300,10 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
     let targets = targets(args)?;
     let references = by_name("--reference", &args.reference, &names.pairs())?;
     let mut landmarks = args.landmarks.read(names)?;
-    let lenses = lenses(args, names, rig, &landmarks)?;
     let opened = sources::open(&args.sources, &names.cameras, args.once)?;
+    let lenses = lenses(args, names, rig, &landmarks, opened)?;
     let mut cameras = Vec::new();
-    for (i, ((name, source), camera)) in names.cameras.iter().zip(opened).zip(lenses).enumerate() {
+    for (i, (name, (camera, source))) in names.cameras.iter().zip(lenses).enumerate() {
         let watched = |(j, target): (usize, &Arc<resight::core::Target>)| {
             let file = references[names.pair_index(i, j)].as_ref();
             let reference = file.map(|file| reference::read(file.as_ref())).transpose()?;
@@ -322,23 +329,24 @@ fn stand_for_cameras(args: &Watch) -> Vec<String> {
     all
 }
 
-/// The lenses: from the rig's file, each from its own, or nominal ones where landmarks are all that is watched.
+/// The lenses, with the sources whose first image one of them needed: from the rig's file, each from its own, or nominal ones where landmarks are all that is watched.
 fn lenses(
     args: &Watch,
     names: &Names,
     rig: Option<Vec<NamedCamera>>,
     landmarks: &[Option<WatchedLandmarks>],
-) -> Result<Vec<NamedCamera>> {
+    sources: Vec<Box<dyn Source>>,
+) -> Result<Vec<(NamedCamera, Box<dyn Source>)>> {
     if let Some(rig) = rig {
-        return Ok(rig);
+        return Ok(rig.into_iter().zip(sources).collect());
     }
     let files = by_name("--camera", &args.camera, &names.cameras)?;
-    let lens = |(i, file): (usize, &Option<String>)| match file {
+    let lens = |(i, (file, source)): (usize, (&Option<String>, Box<dyn Source>))| match file {
         Some(file) => {
             crate::files::camera_must_exist(file)?;
             let (camera, remarks) = formats::read_camera_with_remarks(file)?;
             remarks.iter().for_each(|text| crate::output::remark(&format!("warning: {text}")));
-            Ok(camera)
+            Ok((camera, source))
         }
         None if !args.target.is_empty() => bail!(
             "camera {} has no file; a pose from a target needs one: --camera {}=FILE",
@@ -347,10 +355,11 @@ fn lenses(
         ),
         None => {
             let picture = args.landmarks.file(names, i);
-            args.lens.camera(names, i, landmarks[i].as_ref(), picture.as_deref())
+            let (size, source) = args.lens.image_size(names, i, landmarks[i].as_ref(), source)?;
+            Ok((args.lens.camera(names, i, size, picture.as_deref())?, source))
         }
     };
-    files.iter().enumerate().map(lens).collect()
+    files.iter().zip(sources).enumerate().map(lens).collect()
 }
 
 fn targets(args: &Watch) -> Result<Vec<Arc<resight::core::Target>>> {

@@ -43,6 +43,10 @@ pub fn changes(target: &Target) -> Vec<Change> {
             let marker_m = t.marker_m * to / t.square_m;
             Target::Charuco(crate::target::Charuco { square_m: to, marker_m, ..t.clone() })
         }),
+        Target::CircleGrid(t) => scaled("spacing_m", t.spacing_m, |to| {
+            let diameter_m = t.diameter_m.map(|diameter| diameter * to / t.spacing_m);
+            Target::CircleGrid(crate::target::CircleGrid { spacing_m: to, diameter_m, ..*t })
+        }),
         _ => Vec::new(),
     }
 }

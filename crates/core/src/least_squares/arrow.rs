@@ -329,63 +329,95 @@ impl ArrowFactor<'_> {
         x
     }
 
-    /// Returns H⁻¹, both triangles: docs/math/survey.md eq. (27).
-    pub fn inverse(&self) -> DMatrix<f64> {
-        let arrow = &*self.equations.arrow;
-        let (n, m) = (arrow.at.len(), arrow.shared.len());
-        let of_shared = self.shared.inverse();
-        let mut inverse = DMatrix::zeros(n, n);
-        for i in 0..m {
-            (0..m).for_each(|j| inverse[(arrow.shared[i], arrow.shared[j])] = of_shared[(i, j)]);
-        }
-        // Y_b = D_b⁻¹ C_b, column by column, and −Y_b times the rows of the shared inverse.
-        let ys: Vec<Vec<f64>> = self
-            .parts()
-            .map(|(group, factor, _)| {
-                let mut y = factor.w.clone();
-                y.chunks_exact_mut(group.size()).for_each(|column| backward(&factor.lower, column));
-                y
-            })
-            .collect();
-        for (b, ((group, factor, unknowns), y)) in self.parts().zip(&ys).enumerate() {
+    /// Returns H⁻¹: docs/math/survey.md eq. (27).
+    pub fn inverse(&self) -> ArrowInverse {
+        let (shared, m) = (self.shared.inverse(), self.equations.arrow.shared.len());
+        let of_group = |(group, factor, _): (&Group, &GroupFactor, _)| {
             let k = group.size();
-            let mut to_shared = DMatrix::zeros(k, m);
-            for (column, y) in group.columns.iter().zip(y.chunks_exact(k)) {
-                for j in 0..m {
-                    (0..k).for_each(|i| to_shared[(i, j)] -= y[i] * of_shared[(*column, j)]);
-                }
+            // −Y_bᵀ, from the columns of Y_b = D_b⁻¹ C_b.
+            let mut carried = DMatrix::zeros(m, k);
+            for (column, w) in group.columns.iter().zip(factor.w.chunks_exact(k)) {
+                let mut y = w.to_vec();
+                backward(&factor.lower, &mut y);
+                (0..k).for_each(|i| carried[(*column, i)] = -y[i]);
             }
-            for i in 0..k {
-                for j in 0..m {
-                    inverse[(unknowns[i], arrow.shared[j])] = to_shared[(i, j)];
-                    inverse[(arrow.shared[j], unknowns[i])] = to_shared[(i, j)];
-                }
-            }
-            for (other, others) in arrow.groups.iter().enumerate().take(b + 1) {
-                let size = others.len();
-                for (column, y) in
-                    self.equations.groups[other].columns.iter().zip(ys[other].chunks_exact(size))
-                {
-                    for i in 0..k {
-                        (0..size).for_each(|j| {
-                            inverse[(unknowns[i], others[j])] -= to_shared[(i, *column)] * y[j]
-                        });
-                    }
-                }
-            }
+            let to_shared = &shared * &carried;
+            let mut own = to_shared.tr_mul(&carried);
             for j in 0..k {
                 let mut unit: Vec<f64> = (0..k).map(|i| f64::from(u8::from(i == j))).collect();
                 forward(&factor.lower, &mut unit);
                 backward(&factor.lower, &mut unit);
-                (0..k).for_each(|i| inverse[(unknowns[i], unknowns[j])] += unit[i]);
+                (0..k).for_each(|i| own[(i, j)] += unit[i]);
             }
-            for others in arrow.groups.iter().take(b) {
-                for (i, j) in unknowns.iter().flat_map(|i| others.iter().map(move |j| (*i, *j))) {
-                    inverse[(j, i)] = inverse[(i, j)];
-                }
+            GroupInverse { own, to_shared, carried }
+        };
+        let groups = self.parts().map(of_group).collect();
+        ArrowInverse { arrow: Arc::clone(&self.equations.arrow), shared, groups }
+    }
+}
+
+/// The part of H⁻¹ that belongs to one group.
+#[derive(Debug, Clone)]
+struct GroupInverse {
+    /// Between its own unknowns.
+    own: DMatrix<f64>,
+    /// Between the shared unknowns (rows) and its own.
+    to_shared: DMatrix<f64>,
+    /// −Y_bᵀ: how its own unknowns follow the shared ones.
+    carried: DMatrix<f64>,
+}
+
+/// H⁻¹, in parts whose size is proportional to the number of groups: what lies between two groups is computed where it is needed.
+#[derive(Debug, Clone)]
+pub struct ArrowInverse {
+    arrow: Arc<Arrow>,
+    shared: DMatrix<f64>,
+    groups: Vec<GroupInverse>,
+}
+
+impl ArrowInverse {
+    /// Returns the element of two unknowns.
+    pub fn at(&self, a: usize, b: usize) -> f64 {
+        match (self.arrow.at[a], self.arrow.at[b]) {
+            (At::Shared(i), At::Shared(j)) => self.shared[(i, j)],
+            (At::Shared(i), At::Group(group, j)) | (At::Group(group, j), At::Shared(i)) => {
+                self.groups[group].to_shared[(i, j)]
+            }
+            (At::Group(group, i), At::Group(other, j)) if group == other => self.groups[group].own[(i, j)],
+            (At::Group(group, i), At::Group(other, j)) => {
+                self.groups[group].to_shared.column(i).dot(&self.groups[other].carried.column(j))
             }
         }
-        inverse
+    }
+
+    /// Returns H⁻¹ x.
+    pub fn times(&self, x: &DVector<f64>) -> DVector<f64> {
+        let shared = &self.arrow.shared;
+        let of = |unknowns: &[usize]| DVector::from_iterator(unknowns.len(), unknowns.iter().map(|i| x[*i]));
+        let parts = || self.groups.iter().zip(&self.arrow.groups);
+        let mut moving = of(shared);
+        parts().for_each(|(group, unknowns)| moving += &group.carried * of(unknowns));
+        let mut product = DVector::zeros(x.len());
+        let by_shared = &self.shared * &moving;
+        shared.iter().enumerate().for_each(|(k, unknown)| product[*unknown] = by_shared[k]);
+        for (group, unknowns) in parts() {
+            let of_group = of(unknowns);
+            // `own` has what the group itself brings to `moving`.
+            let by_others = &moving - &group.carried * &of_group;
+            let by_group = group.to_shared.tr_mul(&by_others) + &group.own * of_group;
+            unknowns.iter().zip(by_group.iter()).for_each(|(unknown, value)| product[*unknown] = *value);
+        }
+        product
+    }
+
+    /// Returns it with all elements multiplied by a number.
+    pub fn scaled(mut self, by: f64) -> Self {
+        self.shared *= by;
+        for group in &mut self.groups {
+            group.own *= by;
+            group.to_shared *= by;
+        }
+        self
     }
 }
 
@@ -467,7 +499,11 @@ mod tests {
         }
         let expected = dense.information.clone().try_inverse().expect("an inverse");
         let factor = sparse.factor(0.0).expect("a factor");
-        assert!((factor.inverse() - &expected).amax() < 1e-11);
+        let inverse = factor.inverse();
+        assert!((DMatrix::from_fn(20, 20, |i, j| inverse.at(i, j)) - &expected).amax() < 1e-11);
+        let x = DVector::from_fn(20, |i, _| (i as f64).sin());
+        assert!((inverse.times(&x) - &expected * &x).amax() < 1e-11);
+        assert!((inverse.scaled(3.0).times(&x) - &expected * &x * 3.0).amax() < 3e-11);
         let unit: Vec<f64> = sparse.diagonal().iter().map(|d| d.sqrt().recip()).collect();
         let scaled = sparse.scaled(&unit);
         assert!(scaled.diagonal().iter().all(|d| (d - 1.0).abs() < 1e-14));
@@ -488,5 +524,26 @@ mod tests {
         let (mut sparse, _) = made();
         sparse.groups[1].information[0] = -1.0;
         assert!(sparse.factor(0.0).is_none() && sparse.step(0.0).is_none());
+    }
+
+    /// Four times as many points need four times as many numbers: nothing is kept for each pair of them.
+    #[test]
+    fn an_inverse_grows_in_proportion_to_its_groups() {
+        let numbers = |n_groups: usize| {
+            let groups: Vec<Vec<usize>> =
+                (0..n_groups).map(|g| (0..3).map(|k| 6 + 3 * g + k).collect()).collect();
+            let arrow = Arc::new(Arrow::new(6 + 3 * n_groups, groups.clone()));
+            let mut equations = ArrowEquations::new(&arrow);
+            for (g, k) in (0..n_groups).flat_map(|g| (0..9).map(move |k| (g, k))) {
+                let entries =
+                    groups[g].iter().copied().chain(0..6).map(|i| (i, (((i + 1) * (k + 2)) as f64).sin()));
+                equations.add(0.1, &entries.collect::<Vec<_>>());
+            }
+            let inverse = equations.factor(0.0).expect("a factor").inverse();
+            let of_group =
+                |group: &GroupInverse| group.own.len() + group.to_shared.len() + group.carried.len();
+            inverse.groups.iter().map(of_group).sum::<usize>()
+        };
+        assert_eq!(numbers(40), 4 * numbers(10));
     }
 }

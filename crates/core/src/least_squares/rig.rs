@@ -241,6 +241,34 @@ impl RigEquations {
         Some(Eliminated { reduced: information.cholesky()?, gradient, inverses })
     }
 
+    /// Returns the covariance that errors give to the shared blocks, where `pull` holds the covariance of their pull on all poses in place of the
+    /// information, over the same graph; `inverse` is the inverse of the reduced matrix. docs/math/budget.md eq. (8).
+    pub(crate) fn scatter(
+        &self,
+        eliminated: &Eliminated,
+        inverse: &DMatrix<f64>,
+        pull: &RigEquations,
+    ) -> DMatrix<f64> {
+        let mut middle = pull.information.clone();
+        middle.fill_upper_triangle_with_lower_triangle();
+        for (body, solved) in eliminated.inverses.iter().enumerate() {
+            let of_pull = &pull.bodies[body].information;
+            let each = || self.couplings_of(body).iter().zip(pull.couplings_of(body));
+            for (row, pull_row) in each() {
+                let by_row = row.shared_body * solved;
+                for (column, pull_column) in each() {
+                    let by_column = (column.shared_body * solved).transpose();
+                    let by = by_row * of_pull * by_column
+                        - by_row * pull_column.shared_body.transpose()
+                        - pull_row.shared_body * by_column;
+                    let mut view = middle.fixed_view_mut::<6, 6>(6 * row.block, 6 * column.block);
+                    view += by;
+                }
+            }
+        }
+        inverse * middle * inverse
+    }
+
     /// Returns the covariance of the motion of each body about its pivot, given the `covariance` of the shared blocks; zero where it takes no
     /// part.
     pub fn body_covariances(&self, eliminated: &Eliminated, covariance: &DMatrix<f64>) -> Vec<Matrix6> {

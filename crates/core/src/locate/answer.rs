@@ -1,16 +1,14 @@
 //! The last line of `locate`: which minimum is the pose, how uncertain, and whether it agrees with the stated noise.
 
 use super::PoseEstimate;
-use super::choose::{Ambiguity, Choice, Minimum, Others, choose as of_minima};
+use super::choose::{Ambiguity, Choice, Others, choose as of_minima};
 use super::classify::{Allowed, View};
-use super::consistency::{Consistency, consistency, noise_scale};
+use super::consistency::{Consistency, consistency, noise_of};
 use super::method::Method;
 use super::minima::Found;
 use super::multi_start::weakness_of_alternatives;
 use super::posterior::{lead_with_the_most_probable, merge, weights};
-use super::problem::Problem;
 use super::refine::OVERFLOW;
-use super::sandwich::evidence;
 use super::uncertainty::{Doubts, Whole, allow_for_common, check_known};
 use crate::Error;
 
@@ -69,12 +67,6 @@ pub(crate) fn conclude(view: &View, found: &mut Found) -> Result<PoseEstimate, E
         weakness: weakness.or_else(|| weakness_of_alternatives(&view.configuration(), &choice, problem)),
         geometry,
     })
-}
-
-/// The variance by which the residuals of a minimum exceed the stated sigmas.
-fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
-    let (chi2, degrees_of_freedom) = evidence(m, problem);
-    noise_scale(chi2, degrees_of_freedom)
 }
 
 fn ambiguity(choice: &Choice, others: &Others) -> Ambiguity {

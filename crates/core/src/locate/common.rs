@@ -16,6 +16,7 @@ use crate::locate::problem::Problem;
 use crate::locate::refine::{information, normal_equations};
 use crate::{Correspondence, Error, Matrix6, Point, Vector6};
 use arrayvec::ArrayVec;
+use core::ops::Range;
 use nalgebra::{SMatrix, SVector, Vector2};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
@@ -188,9 +189,19 @@ impl Dependence {
 
     /// What the parameters add to a pose's covariance: Σ G C Gᵀ Σ, docs/math/refine.md eq. (9).
     pub(crate) fn share(&self, covariance: &Matrix6) -> Matrix6 {
+        self.share_of(0..self.n_parameters, covariance)
+    }
+
+    /// The shares of the intrinsics and of the scale, whose errors are independent.
+    pub(crate) fn shares(&self, covariance: &Matrix6) -> [Matrix6; 2] {
+        let n = if self.has_intrinsics { self.n_parameters.saturating_sub(2) } else { 0 };
+        [0..n, n..self.n_parameters].map(|range| self.share_of(range, covariance))
+    }
+
+    fn share_of(&self, parameters: Range<usize>, covariance: &Matrix6) -> Matrix6 {
         let mut share = Matrix6::zeros();
-        for i in 0..self.n_parameters {
-            for j in 0..self.n_parameters {
+        for i in parameters.clone() {
+            for j in parameters.clone() {
                 share += self.by_parameter[i] * self.by_parameter[j].transpose() * self.covariance[(i, j)];
             }
         }

@@ -84,6 +84,25 @@ pub(crate) fn noise_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
     if is_unlikely(chi2, degrees_of_freedom) { chi2 / degrees_of_freedom as f64 } else { 1.0 }
 }
 
+/// The variance by which the residuals of a minimum exceed the stated sigmas.
+pub(crate) fn noise_of(m: &Minimum, problem: &Problem) -> f64 {
+    let (chi2, degrees_of_freedom) = evidence(m, problem);
+    noise_scale(chi2, degrees_of_freedom)
+}
+
+/// Smaller residuals, a hundredth of the stated sigmas, are those of exact data, which show nothing but rounding.
+#[cfg(feature = "std")]
+const LEAST_SCALE: f64 = 1e-4;
+
+/// The factor of `noise_scale`, below 1 where the residual proves the stated variances too large: then the largest that it leaves likely. It is for
+/// tests of an effect against the noise, which overstated sigmas would hide.
+#[cfg(feature = "std")]
+pub(crate) fn measured_scale(chi2: f64, degrees_of_freedom: usize) -> f64 {
+    let scale = noise_scale(chi2, degrees_of_freedom);
+    let least = quick_quantile(degrees_of_freedom as f64, -QUANTILE);
+    if 1.0 < scale || !(0.0 < least) { scale } else { (chi2 / least).clamp(LEAST_SCALE, 1.0) }
+}
+
 /// The verdict, with the worst point.
 pub(crate) fn consistency(best: &Minimum, problem: &Problem) -> Consistency {
     let (chi2, degrees_of_freedom) = evidence(best, problem);

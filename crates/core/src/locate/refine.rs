@@ -3,7 +3,7 @@
 //! The residuals and their derivatives are summed in `accumulate`, the steps taken in `least_squares`.
 //! Derivation: docs/math/refine.md eqs. (1)–(3).
 
-use crate::least_squares::{PivotedPose, PoseMinimum, minimize_pose};
+use crate::least_squares::{Ending, PivotedPose, PoseMinimum, minimize_pose};
 pub(crate) use crate::locate::accumulate::{
     accumulate_pinhole, centroid, held_jacobian, information, log_determinant, normal_equations,
     residual_sums, weighed_residual, whitened_residual, whitening,
@@ -110,6 +110,15 @@ fn minimum_of(solution: &PoseMinimum, pivot: &Point, problem: &Problem) -> Resul
     let (chi2, rms_px) = residual_sums(&cam_from_target, problem);
     let log_determinant = log_determinant(&cam_from_target, problem);
     Ok(Minimum { cam_from_target, covariance, chi2, rms_px, log_determinant })
+}
+
+/// A pose as a minimum, with its covariance there.
+pub(crate) fn minimum_at(cam_from_target: &Pose, problem: &Problem) -> Result<Minimum, Error> {
+    let pivot = centroid(problem.seen);
+    let state = PivotedPose::new(cam_from_target, &pivot);
+    let equations = normal_equations(&state, &pivot, &problem.held_at(cam_from_target))
+        .ok_or(Error::NoSolution { n_points: problem.seen.len() })?;
+    minimum_of(&PoseMinimum { state, equations, steps: 0, ending: Ending::Converged }, &pivot, problem)
 }
 
 /// Any lens, priors and losses. Apart from the loop of the usual case, which then compiles as one piece and keeps the normal

@@ -65,6 +65,25 @@ impl Moments {
     }
 }
 
+/// Factors on the information of the points under a loss, Σ ρ′ JᵀC⁻¹J: A and B of docs/math/refine.md eq. (22). Both are 1 for the square.
+pub(crate) struct Pull {
+    /// For A.
+    pub(crate) stiffness: f64,
+    /// For B.
+    pub(crate) pull: f64,
+}
+
+impl Pull {
+    /// None where a point leaves the field.
+    pub(crate) fn of(problem: &Problem, cam_from_target: &Pose) -> Option<Self> {
+        if problem.loss == Loss::Squared {
+            return Some(Pull { stiffness: 1.0, pull: 1.0 });
+        }
+        let moments = Moments::of(problem, cam_from_target)?;
+        Some(Pull { stiffness: moments.stiffness / moments.weight, pull: moments.pull / moments.weight })
+    }
+}
+
 /// What a loss makes of the inverse of its own information, good points alone: E[ρ′] E[ψψᵀ] / E[∂ψ/∂r]², docs/math/refine.md eq. (20).
 #[cfg(feature = "std")]
 pub(crate) fn widening(loss: Loss) -> f64 {
@@ -83,12 +102,12 @@ pub(crate) fn sandwich(
     normal: &NormalEquations,
     problem: &Problem,
 ) -> Option<Matrix6> {
-    let moments = Moments::of(problem, &place.pose(pivot))?;
+    let Pull { stiffness, pull } = Pull::of(problem, &place.pose(pivot))?;
     let of_points = normal_equations(place, pivot, &Problem { priors: &[], ..*problem })?.information();
     let of_priors = normal.information() - of_points;
-    let scaled = |by: f64| of_points * (by / moments.weight) + of_priors;
-    let inverse = scaled(moments.stiffness).cholesky()?.inverse();
-    let about_pivot = inverse * scaled(moments.pull) * inverse;
+    let scaled = |by: f64| of_points * by + of_priors;
+    let inverse = scaled(stiffness).cholesky()?.inverse();
+    let about_pivot = inverse * scaled(pull) * inverse;
     let mut transport = Matrix6::identity();
     transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&place.pivot_in_cam.cross_matrix());
     let covariance = transport * about_pivot * transport.transpose();

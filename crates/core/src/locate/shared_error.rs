@@ -8,6 +8,7 @@
 //!   J, r  whitened derivative and residual   ·   A = JᵀJ   ·   P_d  projector on the polynomials of degree d, orthogonal to lower ones
 //!   C_d = JᵀP_dJ,  g_d = JᵀP_dr,  e_d = rᵀP_dr   ·   x_d = θ n λ_d  variance of one function over that of independent noise
 
+use crate::budget::excess;
 use crate::least_squares::PivotedPose;
 use crate::locate::choose::Minimum;
 use crate::locate::loss::Loss;
@@ -15,7 +16,6 @@ use crate::locate::problem::Problem;
 use crate::locate::refine::{centroid, whitening};
 use crate::pose::symmetric;
 use crate::{Correspondence, Matrix6, Pixel, Point, Vector6};
-use nalgebra::SymmetricEigen;
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
@@ -38,8 +38,6 @@ const PRIOR: f64 = 0.5;
 const PROVEN: f64 = 0.7;
 /// A function of which the lower ones leave less than this squared share over the points is not one of its own.
 const NEW: f64 = 1e-8;
-/// Steps of the decomposition of six rows; it needs a dozen.
-const MAX_STEPS: usize = 200;
 
 /// The displacement that the points of a view share, at one minimum.
 #[derive(Debug, Clone, Copy)]
@@ -91,27 +89,12 @@ impl SharedError {
         self.of_degree[degree_of(function)]
     }
 
-    /// A covariance with what is shared added: that of independent noise as large as estimated, `pixels` per stated variance, and the
-    /// displacement, in no direction less than `least`. `others` is what else is uncertain.
-    pub(crate) fn widen(&self, least: &Matrix6, pixels: &Matrix6, others: &Matrix6) -> Matrix6 {
+    /// What is added to a covariance for what is shared: with it, that is in no direction less than independent noise as large as estimated,
+    /// `pixels` per stated variance, and the displacement together. `others` is what else is uncertain, and is in `least`.
+    pub(crate) fn excess(&self, least: &Matrix6, pixels: &Matrix6, others: &Matrix6) -> Matrix6 {
         let whole = pixels * self.noise + self.field + others;
-        at_least(&whole, least).unwrap_or(least + self.field)
+        excess(&whole, least).unwrap_or(self.field)
     }
-}
-
-/// The smallest covariance of the form L (…) Lᵀ that is in every direction at least `least` = L Lᵀ and at least `whole`,
-/// docs/math/shared_error.md eq. (9).
-fn at_least(whole: &Matrix6, least: &Matrix6) -> Option<Matrix6> {
-    let factor = least.cholesky()?.l();
-    let half = factor.solve_lower_triangular(whole)?;
-    let whitened = symmetric(&factor.solve_lower_triangular(&half.transpose())?);
-    if !whitened.sum().is_finite() {
-        return None;
-    }
-    let eigen = SymmetricEigen::try_new(whitened, f64::EPSILON, MAX_STEPS)?;
-    let axes = factor * eigen.eigenvectors;
-    let widened = axes * Matrix6::from_diagonal(&eigen.eigenvalues.map(|w| w.max(1.0))) * axes.transpose();
-    widened.sum().is_finite().then(|| symmetric(&widened))
 }
 
 /// Out of line: few points never come here.

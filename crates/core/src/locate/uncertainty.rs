@@ -1,9 +1,11 @@
 //! The full covariances of the minima found, and the part of their residuals that uncertain intrinsics and scales explain.
 
+use crate::budget::{Budget, ErrorSource, excess};
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
 use crate::locate::common::{Common, Dependence};
 use crate::locate::curvature::{self, Bends, along_the_ridge};
+use crate::locate::parts::of_observations;
 use crate::locate::problem::Problem;
 use crate::locate::refine::{refine_against, residual_sums};
 use crate::locate::shared_error::SharedError;
@@ -87,27 +89,58 @@ pub(crate) struct Whole {
 impl Doubts<'_> {
     /// Returns the full covariance of a minimum, testing first whether its likelihood is bent where that is not known.
     pub(crate) fn covariance(&self, m: &Minimum, is_bent: Option<bool>) -> Result<Whole, Error> {
-        let problem = self.problem;
-        // The bend is that of the pixels' χ², without what common parameters explain.
-        let is_exact = self.common.is_exact();
-        let chi2 = if is_exact { m.chi2 } else { residual_sums(&m.cam_from_target, problem).0 };
-        let m = &Minimum { chi2, ..*m };
-        let cost = &problem.held_at(&m.cam_from_target);
-        let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(m, cost));
-        // What the pose answers to a common parameter is that of the neighbourhood, not of what the ridge reaches.
-        let [near, covariance] = if is_bent { along_the_ridge(m, cost) } else { [m.covariance; 2] };
-        let share = match is_exact {
+        let (m, [near, covariance]) = self.along_the_ridge(m, is_bent);
+        let share = match self.common.is_exact() {
             true => Matrix6::zeros(),
-            false => Dependence::at(m, problem, &self.common)?.share(&near),
+            false => Dependence::at(&m, self.problem, &self.common)?.share(&near),
         };
         let independent = symmetric(&((covariance + share) * self.noise_scale));
-        Ok(match self.shared_errors.then(|| SharedError::at(m, problem)).flatten() {
+        Ok(match self.shared(&m) {
             Some(shared) => Whole {
-                covariance: shared.widen(&independent, &covariance, &share),
+                covariance: independent + shared.excess(&independent, &covariance, &share),
                 shared_error_px: shared.amplitude_px,
             },
             None => Whole { covariance: independent, shared_error_px: 0.0 },
         })
+    }
+
+    /// Returns the parts of the full covariance of a minimum.
+    pub(crate) fn budget(&self, m: &Minimum) -> Result<Budget, Error> {
+        let mut budget = of_observations(m, self.problem)?;
+        let (m, [near, covariance]) = self.along_the_ridge(m, None);
+        budget
+            .add(ErrorSource::Bend, &excess(&covariance, &m.covariance).unwrap_or(covariance - m.covariance));
+        let [lens, scale] = match self.common.is_exact() {
+            true => [Matrix6::zeros(); 2],
+            false => Dependence::at(&m, self.problem, &self.common)?.shares(&near),
+        };
+        budget.add(ErrorSource::Lens, &lens);
+        budget.add(ErrorSource::Target, &scale);
+        let share = lens + scale;
+        let stated = covariance + share;
+        budget.add(ErrorSource::Residuals, &(stated * (self.noise_scale - 1.0)));
+        if let Some(shared) = self.shared(&m) {
+            let independent = symmetric(&(stated * self.noise_scale));
+            budget.add(ErrorSource::SharedInView, &shared.excess(&independent, &covariance, &share));
+        }
+        Ok(budget)
+    }
+
+    /// Returns the minimum with the χ² of its pixels, and its covariance near it and as far as the ridge reaches.
+    fn along_the_ridge(&self, m: &Minimum, is_bent: Option<bool>) -> (Minimum, [Matrix6; 2]) {
+        // The bend is that of the pixels' χ², without what common parameters explain.
+        let is_exact = self.common.is_exact();
+        let chi2 = if is_exact { m.chi2 } else { residual_sums(&m.cam_from_target, self.problem).0 };
+        let m = Minimum { chi2, ..*m };
+        let cost = &self.problem.held_at(&m.cam_from_target);
+        let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(&m, cost));
+        // What the pose answers to a common parameter is that of the neighbourhood, not of what the ridge reaches.
+        let covariances = if is_bent { along_the_ridge(&m, cost) } else { [m.covariance; 2] };
+        (m, covariances)
+    }
+
+    fn shared(&self, m: &Minimum) -> Option<SharedError> {
+        self.shared_errors.then(|| SharedError::at(m, self.problem)).flatten()
     }
 
     /// Returns the minima after the first; those within the gate have their full covariance.

@@ -9,6 +9,7 @@
 //!   carrier: what the camera is fixed to   ·   holder: what the target is fixed to   ·   one is the hand, the other the base
 //! ```
 
+mod written;
 mod views;
 mod motions;
 mod closed_form;
@@ -19,16 +20,20 @@ mod settle;
 mod causes;
 mod alternatives;
 mod verdict;
+mod budget;
 
+use crate::budget::Budget;
 use crate::locate::consistency::noise_scale;
 use crate::multiview::rig_pose::RigView;
 use crate::{Error, Matrix6, Pose, Vector6};
+use budget::budgets;
 use cost::{Fit, Level, fit};
 use nalgebra::{DMatrix, Vector3};
 use settle::{Settled, settled};
 use verdict::{Residuals, Verdict, judged, pixels};
 
 pub use causes::HandEyeCause;
+pub use written::{AngleUnit, RotationConvention, RotationOrder, WrittenPose};
 
 /// The largest plausible noise of an orientation, rad (2 degrees).
 pub(crate) const MAX_GRIPPER_SIGMA_RAD: f64 = 0.035;
@@ -64,6 +69,9 @@ pub struct HandEyeView<'a> {
     /// 6×6 covariance of its small left motion, base frame; zero when exact. `None`: its noise is estimated from the views, with one standard
     /// deviation for the orientation and one for the position of all such views.
     pub gripper_covariance: Option<Matrix6>,
+    /// The gripper's pose as its file writes it, where that has three numbers of a rotation: views that contradict each other are tried with
+    /// other conventions.
+    pub written: Option<WrittenPose>,
     /// The poses of the target that fit this view, the best first; may be empty where `seen` is given.
     pub candidates: Vec<Candidate>,
     /// The points behind them, for each camera of the rig (one camera: a rig of one, at the identity). Where they are given, the answer
@@ -141,10 +149,14 @@ pub struct HandEye {
     pub cam_from_carrier: Pose,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub carrier_covariance: Matrix6,
+    /// The parts of `carrier_covariance` by their sources, which add up to it.
+    pub carrier_budget: Budget,
     /// `base_from_target` for a camera on the gripper, `gripper_from_target` for a target on the gripper.
     pub holder_from_target: Pose,
     /// 6×6 covariance of its small left motion, base or hand frame.
     pub holder_covariance: Matrix6,
+    /// The parts of `holder_covariance`.
+    pub holder_budget: Budget,
     /// Covariance of both motions together, 12×12, `cam_from_carrier` first.
     pub joint_covariance: DMatrix<f64>,
     /// One entry for each view, in the order given.
@@ -189,24 +201,35 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
     let best = on_pixels.as_ref().unwrap_or(&settled.fit);
     let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
     let verdict = judged(views, &settled, &residuals, config);
-    Ok(answer(&settled, best, verdict, config))
+    let level = if on_pixels.is_some() { level } else { Level::Poses };
+    Ok(answer(&settled, (best, level), verdict, config))
 }
 
 /// Explains views that no X and Z fit, with the likely cause.
 fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Error {
-    if !matches!(reason, Error::NotConverged { .. }) {
-        return reason;
+    match reason {
+        Error::NotConverged { .. } => {}
+        // Radians that are read as degrees look like motions without rotation.
+        Error::DegenerateMotion { .. } => {
+            let other = alternatives::other_convention(views, config);
+            return other.map_or(reason, |convention| Error::ViewsDisagree { likely: convention.likely() });
+        }
+        _ => return reason,
     }
     let likely = match alternatives::of_unsettled(views, config) {
         Some(HandEyeCause::Size { .. }) => {
             "the target's size or the unit of the gripper's positions is wrong"
         }
         Some(HandEyeCause::InvertedGripper) => {
-            "they agree once every pose of the gripper is inverted: hand_from_base was given for base_from_gripper, or the camera's mounting is the other one"
+            "they agree once every pose of the gripper is inverted: gripper_from_base was given for base_from_gripper, target_from_cam for cam_from_target, or the camera's mounting is the other one"
         }
         Some(HandEyeCause::QuaternionOrder) => {
             "they agree once the quaternion's numbers are read in another order"
         }
+        Some(HandEyeCause::TransposedRotation) => {
+            "they agree once every rotation of the gripper is transposed and its position kept"
+        }
+        Some(HandEyeCause::Convention(convention)) => convention.likely(),
         Some(HandEyeCause::ShiftedRows(_)) => {
             "they agree once each view takes the gripper pose of its neighbour"
         }
@@ -244,7 +267,12 @@ fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64
     covariance * noise_scale
 }
 
-fn answer(settled: &Settled, best: &Fit, verdict: Verdict, config: &HandEyeConfig) -> HandEye {
+fn answer(
+    settled: &Settled,
+    (best, level): (&Fit, Level),
+    verdict: Verdict,
+    config: &HandEyeConfig,
+) -> HandEye {
     let (pose_chi2, pose_degrees_of_freedom) = (settled.fit.chi2, settled.fit.degrees_of_freedom);
     let noise_scale = noise_scale(pose_chi2, pose_degrees_of_freedom);
     let covariance = covariance(settled, best, &verdict, noise_scale);
@@ -254,12 +282,15 @@ fn answer(settled: &Settled, best: &Fit, verdict: Verdict, config: &HandEyeConfi
         crate::pose::symmetric(&covariance.fixed_view::<6, 6>(at, at).into_owned())
     };
     let views = described(settled, best);
+    let [carrier_budget, holder_budget] = budgets(settled, best, (&verdict, noise_scale), config, level);
     HandEye {
         mounting: config.mounting,
         cam_from_carrier: poses.cam_from_carrier,
         carrier_covariance: block(0),
+        carrier_budget,
         holder_from_target: poses.holder_from_target,
         holder_covariance: block(6),
+        holder_budget,
         n_used: views.iter().filter(|view| view.rejected.is_none()).count(),
         views,
         chi2: best.chi2,

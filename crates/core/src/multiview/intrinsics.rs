@@ -29,8 +29,9 @@ pub use findings::{Finding, Severity};
 pub use geometry::{COVERAGE_GRID, Copies, Coverage, Tilts};
 pub use groups::{LEAST_TIMES, TwoGroups};
 pub use held_out::HeldOut;
+pub use judge::GOOD_COVERAGE;
 pub use model::{CHOICES, LensChoice, Models, model_names};
-pub use next_view::NextView;
+pub use next_view::{Forecast, NextView, Placement};
 pub use projection::{
     Projection, ProjectionDifference, ProjectionSigma, ProjectionUncertainty, grid, projection_difference,
 };
@@ -38,7 +39,7 @@ pub use robust::{BAD_VIEW_TIMES, BadView, GROSS_SIGMAS, LEAST_POINTS};
 pub use scatter::Noise;
 pub use select::{Evidence, FAMILY_MARGIN};
 
-use crate::camera::ImageSize;
+use crate::camera::{BrownConrady, ImageSize, Pinhole};
 use crate::multiview::intrinsics_check::SkippedFrame;
 use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
 use adjust::{Fit, Seen, Shape, Shared};
@@ -165,6 +166,8 @@ pub struct SolvedIntrinsics {
     pub held_out: Option<HeldOut>,
     /// The view to take next.
     pub next_view: Option<NextView>,
+    /// What a further view would add; `None` where the covariance has no inverse.
+    pub forecast: Option<Forecast>,
     /// Faults and weaknesses, the worst first.
     pub findings: Vec<Finding>,
 }
@@ -412,6 +415,18 @@ struct Chosen {
     others: Vec<(f64, Local)>,
     /// Its own parameters, computed in the same way as those of the others.
     own: Local,
+}
+
+impl Chosen {
+    /// Returns the smallest choice of the family that has the coefficients of all that are possibly right.
+    fn widest(&self) -> LensChoice {
+        let all = || std::iter::once(&self.own).chain(self.others.iter().map(|(_, other)| other));
+        let has_all =
+            |choice: &LensChoice| all().all(|local| local.names.iter().all(|name| choice.is_free(name)));
+        let model = if self.choice.model == Pinhole::NAME { BrownConrady::NAME } else { self.choice.model };
+        let wider = || CHOICES.into_iter().find(|choice| choice.model == model && has_all(choice));
+        if has_all(&self.choice) { self.choice } else { wider().unwrap_or(self.choice) }
+    }
 }
 
 /// Returns the best choice of all families on the corners that the best family keeps.

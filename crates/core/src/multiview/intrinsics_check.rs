@@ -42,10 +42,10 @@ pub enum Group {
 }
 
 impl Group {
-    /// All of them.
+    /// Every group.
     pub const ALL: [Group; 3] = [Group::FocalLength, Group::PrincipalPoint, Group::Distortion];
 
-    /// Of a parameter, by its name as of `Camera::parameters`.
+    /// Returns the group of a parameter, by its name in `Camera::parameters`.
     pub fn of(parameter: &str) -> Group {
         match parameter {
             "fx_px" | "fy_px" | "f" => Group::FocalLength,
@@ -54,7 +54,7 @@ impl Group {
         }
     }
 
-    /// In words.
+    /// Returns the name of the group in words.
     pub fn name(self) -> &'static str {
         match self {
             Group::FocalLength => "focal length",
@@ -71,7 +71,8 @@ struct View {
     minimum: Minimum,
 }
 
-/// Every frame's pose, or why it has none. Bearings are derived anew: those that came in may be another camera's.
+/// Locates every frame, or returns the reason why it has no pose. Bearings are derived from the pixels again: those of the input may belong to
+/// another camera.
 fn located<F: AsRef<[Correspondence]>>(frames: &[F], camera: &Camera) -> (Vec<View>, Vec<SkippedFrame>) {
     let (mut views, mut skipped) = (Vec::new(), Vec::new());
     for (frame, seen) in frames.iter().enumerate() {
@@ -93,13 +94,13 @@ fn view(frame: usize, seen: &[Correspondence], camera: &Camera) -> Result<View, 
     Ok(View { frame, seen, minimum })
 }
 
-/// Two equations a point, six unknowns a view.
+/// Returns the redundancy: two equations for each point, six unknowns for each view.
 fn redundancy(views: &[View]) -> usize {
     views.iter().map(|view| (2 * view.seen.len()).saturating_sub(6)).sum()
 }
 
-/// The scale a parameter's standard deviation is compared with, eq. (9): a focal length is its own, any other parameter's is the
-/// change that moves some seen point by one focal length.
+/// Returns the scale with which each parameter's standard deviation is compared, eq. (9): for a focal length its own value, for any other
+/// parameter the change that moves some observed point by one focal length.
 fn scales(views: &[View], camera: &Camera) -> Vec<f64> {
     let parameters = camera.parameters();
     let mut reach = vec![0.0f64; parameters.len()];
@@ -125,7 +126,7 @@ pub(crate) fn focal_length(parameters: &Parameters) -> f64 {
     focal.map(|(_, value)| *value).fold(0.0, f64::max)
 }
 
-/// The least determined of the parameters: its place and relative standard deviation, infinite where the matrix is singular.
+/// Returns the least determined parameter: its index and its relative standard deviation, which is infinite where the matrix is singular.
 pub(crate) fn weakest(information: &DMatrix<f64>, scales: &[f64]) -> Option<(usize, f64)> {
     let n = scales.len();
     let Some(covariance) = information.clone().cholesky().map(|c| c.inverse()) else {
@@ -137,7 +138,7 @@ pub(crate) fn weakest(information: &DMatrix<f64>, scales: &[f64]) -> Option<(usi
     })
 }
 
-/// The parameter with the largest share in the null direction of a singular matrix.
+/// Returns the parameter with the largest share in the null direction of a singular matrix.
 fn missing(information: &DMatrix<f64>, scales: &[f64]) -> usize {
     let n = scales.len();
     let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] * scales[i] * scales[j]);
@@ -145,12 +146,12 @@ fn missing(information: &DMatrix<f64>, scales: &[f64]) -> usize {
     eigen.map_or(0, |eigen| eigen.eigenvectors.column(eigen.eigenvalues.imin()).iamax())
 }
 
-/// Rows and columns `keep` of a symmetric matrix.
+/// Returns the rows and columns `keep` of a symmetric matrix.
 fn restricted(matrix: &DMatrix<f64>, keep: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(keep.len(), keep.len(), |i, j| matrix[(keep[i], keep[j])])
 }
 
-/// Entries `keep` of a vector.
+/// Returns the entries `keep` of a vector.
 fn picked(vector: &DVector<f64>, keep: &[usize]) -> DVector<f64> {
     DVector::from_fn(keep.len(), |i, _| vector[keep[i]])
 }

@@ -1,7 +1,8 @@
-//! Measuring in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all constraints.
+//! Measurement in photographs: one joint maximum-likelihood adjustment of photographs, points, planes and intrinsics to all constraints.
 //!
-//! Constraints in (image points, coordinates, distances, planes, uprights, gravity, poses, each with its sigma), places of everything with one joint
-//! covariance out, and of them lengths, angles, areas and heights with their 95 % intervals. Derivation: docs/math/survey.md.
+//! The input are constraints (image points, coordinates, distances, planes, uprights, gravity, poses, each with its sigma). The output are all
+//! positions and poses with one joint covariance, and from them lengths, angles, areas and heights with their 95 % intervals. Derivation:
+//! docs/math/survey.md.
 //!
 //! starts → adjust → drop what is undetermined → check → explain a contradiction. Each step is one file.
 
@@ -25,9 +26,10 @@ mod ground;
 mod reliability;
 
 use crate::correspondence::PixelCovariance;
+use crate::least_squares::arrow::ArrowInverse;
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
 use arrange::Depth;
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 pub use exchange::Exchange;
 pub use interval::Measured;
@@ -53,10 +55,10 @@ pub enum Plane {
     Known {
         /// Unit normal, world frame.
         normal_in_world: Vector3<f64>,
-        /// Its place along the normal.
+        /// Its offset along the normal.
         offset_m: f64,
     },
-    /// To be found from the points on it; its normal points to the cameras' side.
+    /// A plane found from the points on it; its normal points to the side of the cameras.
     Unknown,
 }
 
@@ -64,15 +66,15 @@ pub enum Plane {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // A network has a few hundred constraints; a box would take away Copy.
 pub enum Constraint {
-    /// A point was seen at a pixel of a photograph.
+    /// A point observed at a pixel of a photograph.
     ImagePoint {
         /// Which photograph.
         photo: usize,
         /// Which point.
         point: usize,
-        /// Where, px.
+        /// Its pixel, px.
         pixel: Pixel,
-        /// How uncertain, px².
+        /// Covariance of the pixel, px².
         covariance_px2: PixelCovariance,
     },
     /// The point's coordinates.
@@ -86,11 +88,11 @@ pub enum Constraint {
     },
     /// The distance between two points.
     Distance {
-        /// One.
+        /// One point.
         a: usize,
-        /// The other.
+        /// The other point.
         b: usize,
-        /// As measured.
+        /// The measured distance.
         distance_m: f64,
         /// Its standard deviation.
         sigma_m: f64,
@@ -101,12 +103,12 @@ pub enum Constraint {
         plane: usize,
         /// Which point.
         point: usize,
-        /// How flat: standard deviation of the distance from the plane, m.
+        /// Standard deviation of the distance from the plane, m: its flatness.
         sigma_m: f64,
     },
-    /// One point stands above another, along the plane's normal.
+    /// One point is above another, along the plane's normal.
     Upright {
-        /// Which plane is level with it.
+        /// The plane that is level.
         plane: usize,
         /// The lower point.
         foot: usize,
@@ -126,7 +128,7 @@ pub enum Constraint {
         /// Its standard deviation about each axis across it.
         sigma_rad: f64,
     },
-    /// The photograph's place.
+    /// The pose of a photograph.
     Pose {
         /// Which photograph.
         photo: usize,
@@ -137,7 +139,7 @@ pub enum Constraint {
     },
 }
 
-/// All that is known.
+/// The input of an adjustment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NetworkProblem<'a> {
     /// The cameras.
@@ -155,11 +157,11 @@ pub struct NetworkProblem<'a> {
 /// The frame that positions are given in. Lengths, angles and areas do not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Frame {
-    /// That of the given coordinates, poses and planes.
+    /// The frame of the given coordinates, poses and planes.
     Given,
-    /// First mark at the origin, second on the x axis, third in the xy-plane, z towards the cameras' side.
+    /// First control point at the origin, second on the x axis, third in the xy-plane, z towards the side of the cameras.
     ControlPoints([usize; 3]),
-    /// That of the given coordinates as far as they go; what they leave free (a rotation, a shift) is held at the start.
+    /// The frame of the given coordinates; what they leave free (a rotation, a translation) is held at the initial values.
     Held,
 }
 
@@ -177,17 +179,17 @@ pub enum Item {
 /// The adjusted network, with the joint covariance.
 #[derive(Debug, Clone)]
 pub struct Adjusted {
-    /// The places.
+    /// The adjusted poses, positions and planes.
     pub(crate) state: state::State,
-    /// Which unknown is which.
+    /// The index of each unknown in the joint vector.
     pub(crate) layout: state::Layout,
     /// The network's own copy of the data that queries need.
     pub(crate) constraints: Vec<Constraint>,
     /// Covariance of all unknowns, widened by `noise_scale`.
-    pub(crate) covariance: DMatrix<f64>,
+    pub(crate) covariance: ArrowInverse,
     /// Sum of squared residuals over their variances.
     pub chi2: f64,
-    /// Residuals beyond the unknowns.
+    /// Number of residuals less number of unknowns.
     pub degrees_of_freedom: usize,
     /// Factor by which every variance was widened because the residuals prove the sigmas too small; 1 where they agree.
     pub noise_scale: f64,
@@ -195,30 +197,30 @@ pub struct Adjusted {
     pub is_inconsistent: bool,
     /// Constraints that contradict the others, the worst first.
     pub suspects: Vec<Suspect>,
-    /// The constraint that took no part because it alone contradicts the rest; the places are those of the rest.
+    /// The constraint that took no part because it alone contradicts the rest; all positions are those of the rest.
     pub left_out: Vec<usize>,
-    /// The two labels of a photograph whose exchange removes a contradiction; the places are those with the labels put right.
+    /// The two labels of a photograph whose exchange removes a contradiction; all positions are those with the labels corrected.
     pub exchanged: Option<Exchange>,
     /// The line that contains all control points, if there is one.
     pub on_line: Option<OnLine>,
-    /// Whether a control point that a photograph shows has no place, so that what is known of it took no part.
+    /// Whether a control point that a photograph shows has no position, so that the constraints on it took no part.
     pub has_lost_control_points: bool,
-    /// The points and photographs that the constraints do not determine, and why; constraints about it took no part.
+    /// The points and photographs that the constraints do not determine, with the reason; the constraints on them took no part.
     pub undetermined: Vec<(Item, Error)>,
-    /// How much worse, in χ², the second best arrangement of photographs and control points fits; none where no other was found.
+    /// χ² of the second best arrangement of photographs and control points less that of the best; none where no other was found.
     pub alternative_delta_chi2: Option<f64>,
-    /// That second best arrangement.
+    /// The second best arrangement.
     pub alternative: Option<Box<Adjusted>>,
     /// The frame of the positions.
     pub frame: Frame,
-    /// Steps of the adjustment.
+    /// Number of steps of the adjustment.
     pub steps: usize,
 }
 
 /// A second arrangement closer than this in χ² cannot be distinguished from the best.
 pub const ALTERNATIVE_GATE_CHI2: f64 = 9.0;
 
-/// Finds everything's place.
+/// Adjusts the network: solves for the poses of photographs, the positions of points and the planes.
 ///
 /// # Errors
 /// `InvalidConstraint` and `InvalidCamera` for numbers that cannot be right; `NoLength` where no length is known; `ControlPointsOnLine` where the control points
@@ -236,54 +238,54 @@ pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
     })?;
     let has_lost_control_points = adjusted.lost_control_points(network).next().is_some();
     adjusted.has_lost_control_points = has_lost_control_points;
-    // Places from contradictory constraints do not show where the control points are.
+    // Positions from contradictory constraints do not show where the control points are.
     let is_consistent = !adjusted.is_inconsistent && adjusted.suspects.is_empty();
     adjusted.on_line = is_consistent.then(|| spread::of_adjusted(network, &adjusted)).flatten();
     Ok(adjusted)
 }
 
 impl Adjusted {
-    /// A point's position; none where undetermined.
+    /// Returns a point's position; none where undetermined.
     pub fn point(&self, point: usize) -> Option<Point> {
         self.layout.has_point(point).then(|| self.state.points[point])
     }
 
-    /// Covariance of a point's position, m².
+    /// Returns the covariance of a point's position, m².
     pub fn point_covariance_m2(&self, point: usize) -> Option<Matrix3<f64>> {
         let at = self.layout.has_point(point).then(|| self.layout.point[point])?;
         Some(Matrix3::from_fn(|i, j| match (at[i], at[j]) {
-            (Some(i), Some(j)) => self.covariance[(i, j)],
+            (Some(i), Some(j)) => self.covariance.at(i, j),
             _ => 0.0,
         }))
     }
 
-    /// A photograph's pose, `cam_from_world`; none where undetermined.
+    /// Returns a photograph's pose, `cam_from_world`; none where undetermined.
     pub fn cam_from_world(&self, photo: usize) -> Option<Pose> {
         self.layout.has_photo(photo).then(|| self.state.photos[photo])
     }
 
-    /// Covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
+    /// Returns the covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub fn photo_covariance(&self, photo: usize) -> Option<Matrix6> {
         self.layout.has_photo(photo).then(|| match self.layout.photo[photo] {
-            Some(at) => Matrix6::from_fn(|i, j| self.covariance[(at + i, at + j)]),
+            Some(at) => Matrix6::from_fn(|i, j| self.covariance.at(at + i, at + j)),
             None => Matrix6::zeros(),
         })
     }
 
-    /// A plane's unit normal and offset (normal · x = offset), world frame; none where undetermined.
+    /// Returns a plane's unit normal and offset (normal · x = offset), world frame; none where undetermined.
     pub fn plane(&self, plane: usize) -> Option<(Vector3<f64>, f64)> {
         let found = self.layout.has_plane(plane).then(|| self.state.planes[plane])?;
         Some((found.normal, found.normal.dot(&found.pivot) + found.height_m))
     }
 
-    /// The cameras as the constraints correct them, where their intrinsics were uncertain.
+    /// Returns a camera as the constraints correct it, where its intrinsics were uncertain.
     pub fn camera(&self, camera: usize) -> Option<&Camera> {
         self.state.lenses.get(camera).map(|lens| &lens.camera)
     }
 }
 
 impl Constraint {
-    /// The points of the constraint.
+    /// Returns the points of the constraint.
     pub fn points(&self) -> [Option<usize>; 2] {
         match *self {
             Constraint::ImagePoint { point, .. }
@@ -295,7 +297,7 @@ impl Constraint {
         }
     }
 
-    /// Gives its points other numbers; whether all of them have one.
+    /// Replaces the indices of its points; returns whether each of them has a new one.
     pub fn renumber(&mut self, number: impl Fn(usize) -> Option<usize>) -> bool {
         let points: [Option<&mut usize>; 2] = match self {
             Constraint::ImagePoint { point, .. }
@@ -314,7 +316,7 @@ impl Constraint {
         })
     }
 
-    /// How many residuals it has.
+    /// Returns the number of its residuals.
     fn n_rows(&self) -> usize {
         match self {
             Constraint::ImagePoint { .. } | Constraint::Upright { .. } | Constraint::Gravity { .. } => 2,
@@ -324,7 +326,7 @@ impl Constraint {
         }
     }
 
-    /// The photograph it speaks of.
+    /// Returns the photograph of the constraint.
     pub fn photo(&self) -> Option<usize> {
         match *self {
             Constraint::ImagePoint { photo, .. }
@@ -334,7 +336,7 @@ impl Constraint {
         }
     }
 
-    /// The plane of the constraint.
+    /// Returns the plane of the constraint.
     pub fn plane(&self) -> Option<usize> {
         match *self {
             Constraint::OnPlane { plane, .. }

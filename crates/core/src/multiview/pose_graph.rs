@@ -1,7 +1,7 @@
-//! The poses of the cameras of a rig from the relative poses of pairs of them, without images or points.
+//! The poses of the cameras of a rig from the relative poses of pairs of cameras, without images or points.
 //!
-//! `chain` follows the best chain of pairs from a reference camera, `solve_pose_graph` adjusts all pairs together: maximum likelihood, with the pairs
-//! that contradict the rest named and left out. Derivation: docs/math/pose_graph.md.
+//! `chain` follows the best chain of pairs from a reference camera. `solve_pose_graph` adjusts all pairs together by maximum likelihood; pairs
+//! that contradict the rest are named and left out. Derivation: docs/math/pose_graph.md.
 
 mod chain;
 mod equations;
@@ -21,13 +21,13 @@ use nalgebra::DMatrix;
 /// The measured relative pose of two cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RelativePose {
-    /// The camera mapped from, index.
+    /// Index of the camera mapped from.
     pub a: usize,
-    /// The camera mapped into, index.
+    /// Index of the camera mapped into.
     pub b: usize,
     /// x_in_b = b_from_a · x_in_a, metres.
     pub b_from_a: Pose,
-    /// How uncertain.
+    /// Its uncertainty.
     pub noise: PairNoise,
 }
 
@@ -43,12 +43,12 @@ pub enum PairNoise {
     Error(f64),
 }
 
-/// Pairs of cameras.
+/// A rig as pairs of cameras.
 #[derive(Debug, Clone, Copy)]
 pub struct PoseGraph<'a> {
     /// Number of cameras.
     pub n_cameras: usize,
-    /// In any order; two cameras may be joined by several.
+    /// The pairs in any order; two cameras may have several.
     pub pairs: &'a [RelativePose],
 }
 
@@ -57,20 +57,20 @@ pub struct PoseGraph<'a> {
 pub struct PoseGraphConfig {
     /// The camera whose frame is the rig's.
     pub reference_camera: usize,
-    /// For pairs with `PairNoise::Error`: standard deviations of a pair whose error is the median; none to estimate both.
+    /// For pairs with `PairNoise::Error`: standard deviations of a pair whose error is the median; none: both are estimated.
     pub median_sigma: Option<PairSigma>,
 }
 
 /// Standard deviations of a relative pose, the same about and along every axis of its frame b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PairSigma {
-    /// Of each rotation, rad.
+    /// Standard deviation of each rotation, rad.
     pub sigma_rad: f64,
-    /// Of each shift, m.
+    /// Standard deviation of each translation, m.
     pub sigma_m: f64,
 }
 
-/// A camera's position.
+/// A camera's pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraInGraph {
     /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference camera.
@@ -79,20 +79,20 @@ pub struct CameraInGraph {
     pub covariance: Matrix6,
 }
 
-/// The result of a pair.
+/// The result for a pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairResult {
     /// Log(measured · solved⁻¹), `[rotation_rad; translation_m]`, frame b.
     pub residual: Vector6,
-    /// How much of the pair the others check: 0 (a bridge: nothing does) to 6.
+    /// The extent to which the others check the pair: 0 (a bridge, which nothing checks) to 6.
     pub redundancy: f64,
-    /// Its distance from the prediction of the *other* pairs, as a standard normal number: beyond `SUSPICIOUS` once in ten thousand by chance.
-    /// None where the others do not predict it.
+    /// Its distance from the prediction of the *other* pairs, as a standard normal number: it exceeds `SUSPICIOUS` once in ten thousand by
+    /// chance. None where the others do not predict it.
     pub disagreement_sigma: Option<f64>,
     /// Whether it took part.
     pub is_used: bool,
-    /// Whether it contradicts the others. One that took part nevertheless shares its loops with other suspicious pairs, and any of them may be
-    /// the wrong one.
+    /// Whether it contradicts the others. A suspicious pair that took part nevertheless shares its loops with other suspicious pairs, and any of
+    /// them may be the wrong one.
     pub is_suspicious: bool,
 }
 
@@ -101,9 +101,9 @@ pub struct PairResult {
 pub struct PoseGraphSolution {
     /// The camera whose frame is the rig's.
     pub reference_camera: usize,
-    /// One entry a camera.
+    /// One entry for each camera.
     pub cameras: Vec<CameraInGraph>,
-    /// One entry a pair, in the order given.
+    /// One entry for each pair, in the order given.
     pub pairs: Vec<PairResult>,
     /// Sum of squared residuals of the pairs used over their variances.
     pub chi2: f64,
@@ -112,12 +112,12 @@ pub struct PoseGraphSolution {
     /// Factor by which every covariance was widened: χ² per degree of freedom, where stated sigmas prove too small; 1 where they agree or
     /// were estimated.
     pub noise_scale: f64,
-    /// Standard deviations of a pair of median error, where pairs state errors only: as estimated, or as given (not widened).
+    /// Standard deviations of a pair of median error, where pairs state errors only: estimated, or as given (not widened).
     pub median_sigma: Option<PairSigma>,
-    /// Where those were estimated: from how many redundant numbers each, 3 (pairs used − cameras + 1). With 0 nothing was redundant, and the
-    /// covariances say nothing. None where the noise was given.
+    /// Where those were estimated: the number of redundant equations of each, 3 (pairs used − cameras + 1). With 0 nothing was redundant, and
+    /// the covariances are meaningless. None where the noise was given.
     pub noise_degrees_of_freedom: Option<usize>,
-    /// Covariance of all cameras together, 6 rows a camera, zero for the reference camera.
+    /// Covariance of all cameras together, 6 rows for each camera, zero for the reference camera.
     pub joint_covariance: DMatrix<f64>,
     /// Steps of the last adjustment.
     pub steps: usize,
@@ -126,8 +126,8 @@ pub struct PoseGraphSolution {
 }
 
 impl PoseGraphSolution {
-    /// The pose from camera a to camera b and its covariance (left, frame b), what they share taken into account; none for an index that is
-    /// no camera. docs/math/pose_graph.md eq. (12).
+    /// Returns the pose from camera a to camera b and its covariance (left, frame b), with their correlation taken into account; none for an
+    /// index of no camera. docs/math/pose_graph.md eq. (12).
     pub fn b_from_a(&self, a: usize, b: usize) -> Option<(Pose, Matrix6)> {
         let (pose_a, pose_b) = (self.cameras.get(a)?.cam_from_rig, self.cameras.get(b)?.cam_from_rig);
         let b_from_a = pose_b * pose_a.inverse();
@@ -141,10 +141,10 @@ impl PoseGraphSolution {
     }
 }
 
-/// From this disagreement on a pair is called suspicious: once in ten thousand by chance (standard normal quantile).
+/// A pair with a larger disagreement is suspicious: once in ten thousand by chance (standard normal quantile).
 pub const SUSPICIOUS: f64 = 3.719;
 
-/// Groups of cameras joined by chains of pairs, the largest first, then by the first camera; cameras in order.
+/// Returns the groups of cameras joined by chains of pairs, the largest first, then by the first camera; cameras in order.
 pub fn groups(graph: &PoseGraph) -> Vec<Vec<usize>> {
     let mut group_of: Vec<usize> = (0..graph.n_cameras).collect();
     for pair in graph.pairs.iter().filter(|p| p.a < graph.n_cameras && p.b < graph.n_cameras) {
@@ -159,7 +159,7 @@ pub fn groups(graph: &PoseGraph) -> Vec<Vec<usize>> {
     groups
 }
 
-/// All pairs weighed together, by maximum likelihood for independent Gaussian errors of the pairs.
+/// Adjusts all pairs together, by maximum likelihood for independent Gaussian errors of the pairs.
 ///
 /// # Errors
 /// `InvalidPose` and `InvalidSetting` name a number that cannot be right; `Disconnected` when no chain of pairs joins all cameras;
@@ -203,7 +203,7 @@ fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled
     }
 }
 
-/// Every number of the graph.
+/// Checks every number of the graph.
 fn check(graph: &PoseGraph, reference_camera: usize) -> Result<(), Error> {
     if graph.n_cameras <= reference_camera {
         let needed = "it must be one of the cameras, counted from 0";

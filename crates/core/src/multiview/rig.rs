@@ -1,4 +1,4 @@
-//! The relative poses of the cameras of a rig, from targets that they observe together; nothing surveyed is needed.
+//! The relative poses of the cameras of a rig, from targets that they observe together; no surveyed point is needed.
 //!
 //! canonical order → poses of each observation → a start that the most observations agree with → joint adjustment, wrong points left out →
 //! covariances, weakest link, scales, verdict. Derivation: docs/math/rig.md.
@@ -16,11 +16,14 @@ mod common_scale;
 mod lens;
 mod lens_score;
 mod lens_doubt;
+mod neighbours;
 mod uncertain_lens;
 mod verdict;
+mod budget;
 mod answer;
 mod exchanged;
 
+use crate::budget::Budget;
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use nalgebra::DMatrix;
@@ -32,11 +35,11 @@ pub use views::shared_views;
 /// The observation of one target by one camera in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Which camera, index into `RigProblem::cameras`.
+    /// The camera, an index into `RigProblem::cameras`.
     pub camera: usize,
-    /// Which view: observations of one view were taken at the same time.
+    /// The view: observations of one view were taken at the same time.
     pub view: usize,
-    /// Which target, index into `RigProblem::body_of_target`.
+    /// The target, an index into `RigProblem::body_of_target`.
     pub target: usize,
     /// Known points of that target with their pixels.
     pub seen: Vec<Correspondence>,
@@ -47,39 +50,39 @@ pub struct Observation {
 pub struct RigProblem<'a> {
     /// Intrinsics, held fixed.
     pub cameras: &'a [Camera],
-    /// The rigid body that each target is fixed to, one entry a target: targets of one body keep their relative poses, which need not be
+    /// The rigid body to which each target is fixed, one entry for each target: targets of one body keep their relative poses, which need not be
     /// known; different bodies move independently.
     pub body_of_target: &'a [usize],
     /// Number of views.
     pub n_views: usize,
-    /// The observations, in any order; the answer does not depend on it.
+    /// The observations, in any order; the answer does not depend on the order.
     pub observations: &'a [Observation],
 }
 
 /// Settings of `solve_rig`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigConfig<'a> {
-    /// The camera whose frame is the rig's. One frame must be held: moving rig and bodies together changes no pixel.
+    /// The camera whose frame is the rig's. One frame must be held, because a common motion of rig and bodies changes no pixel.
     pub reference: usize,
-    /// The cost of a residual. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every
-    /// point that can be seen.
+    /// The cost of a residual. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every visible
+    /// point.
     pub loss: Loss,
     /// Whether the covariance of all cameras together is computed.
     pub joint_covariance: bool,
-    /// Measured distances between cameras, which join the cost and check a target's size.
+    /// Measured distances between cameras, which add to the cost and check a target's size.
     pub known_distances: &'a [KnownDistance],
     /// Whether errors that a whole observation shares are estimated from contradictions between views and put into every covariance.
     /// Without it the errors of points count as independent.
     pub shared_errors: bool,
-    /// Whether intrinsics that views agree to be off, but not by so much that the rig is inconsistent, widen every covariance by as much as
-    /// they seem to be off. Without (the default) they are taken as given: two rigs with the same lens files have such errors in common, and
-    /// parts of one recording agree within ± without them. `RigSolution::lens_sigma_m` states their effect in either case.
+    /// Whether intrinsics errors on which views agree, but which do not make the rig inconsistent, widen every covariance by their estimated
+    /// size. Without (the default) the intrinsics are taken as given: parts of one recording have such errors in common, and agree within their
+    /// covariances without them. `RigSolution::lens_sigma_m` states their effect in either case.
     pub lens_errors: bool,
-    /// Covariance of each camera's intrinsics in the order of `Camera::parameters` (none: exact), one entry a camera, or an empty list.
+    /// Covariance of each camera's intrinsics in the order of `Camera::parameters` (none: exact), one entry for each camera, or an empty list.
     /// They widen every covariance, and an offset that they explain is no fault of a lens.
     pub intrinsics: &'a [Option<DMatrix<f64>>],
-    /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens
-    /// every covariance, because no view shows or averages it.
+    /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens every
+    /// covariance, because no view shows it and more views do not reduce it.
     pub scale_sigma: f64,
 }
 
@@ -115,7 +118,7 @@ pub struct KnownDistance {
     pub sigma_m: f64,
 }
 
-/// How many views each pair of cameras shares, and which cameras are joined.
+/// The number of views that each pair of cameras shares, and the groups of connected cameras.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SharedViews {
     /// `counts[a][b]`: views in which both cameras see the same body; the diagonal holds the views of each.
@@ -124,18 +127,18 @@ pub struct SharedViews {
     pub groups: Vec<Vec<usize>>,
 }
 
-/// A camera's position in the rig.
+/// A camera's pose in the rig.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraInRig {
     /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference.
     pub cam_from_rig: Pose,
     /// 6×6 covariance of the small left motion `[rotation_rad; translation_m]`, camera frame; zero for the reference.
     pub covariance: Matrix6,
-    /// Views in which it took part.
+    /// Number of views in which it took part.
     pub n_views: usize,
-    /// Points that it observed.
+    /// Number of points that it observed.
     pub n_seen: usize,
-    /// Points that took part.
+    /// Number of points that took part.
     pub n_used: usize,
     /// Root mean square reprojection error over the points used, px.
     pub rms_px: f64,
@@ -153,15 +156,15 @@ pub struct TargetOnBody {
 /// A body's pose in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyInView {
-    /// Which view.
+    /// The view.
     pub view: usize,
-    /// Which body.
+    /// The body.
     pub body: usize,
     /// x_in_rig = rig_from_body · x_in_body.
     pub rig_from_body: Pose,
     /// 6×6 covariance, rig frame, the cameras' uncertainty included.
     pub covariance: Matrix6,
-    /// Points that took part.
+    /// Number of points that took part.
     pub n_used: usize,
     /// Root mean square reprojection error over them, px.
     pub rms_px: f64,
@@ -170,17 +173,17 @@ pub struct BodyInView {
 /// How an observation was used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObservationResult {
-    /// For each of its points: the residual (observed − predicted, px) and whether it took part. None where it projects nowhere.
+    /// For each of its points the residual (observed − predicted, px) and whether the point took part. None where the point cannot be projected.
     pub residuals_px: Vec<Option<(nalgebra::Vector2<f64>, bool)>>,
-    /// Why it took no part as a whole; none where it did.
+    /// The reason why the whole observation took no part; none where it did.
     pub rejected: Option<RejectedObservation>,
 }
 
-/// Why a whole observation took no part.
+/// The reason why a whole observation took no part.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum RejectedObservation {
-    /// Its points do not determine a pose and nothing else in the view does.
+    /// Its points do not determine a pose, and nothing else in the view does.
     Undetermined(Error),
     /// It contradicts the other observations: wrong labels, a moved target, a wrong view.
     Contradicts {
@@ -194,15 +197,17 @@ pub enum RejectedObservation {
 pub struct RigSolution {
     /// The camera whose frame is the rig's.
     pub reference: usize,
-    /// One entry a camera, in the order given.
+    /// One entry for each camera, in the order given.
     pub cameras: Vec<CameraInRig>,
-    /// One entry a target, in the order given.
+    /// The parts of each camera's covariance by their sources, which add up to it.
+    pub budgets: Vec<Budget>,
+    /// One entry for each target, in the order given.
     pub targets: Vec<TargetOnBody>,
-    /// By view, then body.
+    /// Ordered by view, then body.
     pub bodies: Vec<BodyInView>,
-    /// One entry an observation, in the order given.
+    /// One entry for each observation, in the order given.
     pub observations: Vec<ObservationResult>,
-    /// Shared views before anything was rejected.
+    /// Shared views before any observation was rejected.
     pub shared: SharedViews,
     /// The weakest link: two groups of cameras joined by the least information. None for one camera.
     pub weakest_link: Option<WeakestLink>,
@@ -212,21 +217,22 @@ pub struct RigSolution {
     pub rms_px: f64,
     /// Sum of squared residuals of the points used over their variances.
     pub chi2: f64,
-    /// Numbers used beyond the unknowns.
+    /// Number of residuals used less number of unknowns.
     pub degrees_of_freedom: usize,
-    /// Points seen, over all observations.
+    /// Number of observed points, over all observations.
     pub n_seen: usize,
-    /// Points that took part.
+    /// Number of points that took part.
     pub n_used: usize,
-    /// Covariance of all cameras together, 6 rows a camera in the order given (zero for the reference), where asked for.
+    /// Covariance of all cameras together, 6 rows for each camera in the order given (zero for the reference), where requested.
     pub joint_covariance: Option<DMatrix<f64>>,
     /// Factor by which every covariance was widened because the residuals are larger than the stated sigmas; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
-    /// other by more than their points: errors that a whole observation shares. 1 where no such error shows.
+    /// other by more than their points do: errors that a whole observation shares. In a single view, because neighbouring points of a sequence
+    /// are displaced together. 1 where no such error shows.
     pub view_scale: f64,
-    /// The largest standard deviation of a camera's position along an axis, m, with intrinsics as uncertain as views agree that they are off;
-    /// none where nothing contradicts them. The covariances hold this with `RigConfig::lens_errors`.
+    /// The largest standard deviation of a camera's position along an axis, m, for intrinsics as uncertain as the errors on which views agree;
+    /// none where nothing contradicts the intrinsics. The covariances contain it with `RigConfig::lens_errors`.
     pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
     pub steps: usize,
@@ -237,11 +243,11 @@ pub struct RigSolution {
 /// The weakest link of the camera graph.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeakestLink {
-    /// Its end in the smaller of the two groups that hang on it.
+    /// Its end in the smaller of the two groups that it joins.
     pub camera: usize,
     /// Its other end.
     pub with: usize,
-    /// How many views they share in which both have points that took part.
+    /// Number of shared views in which both cameras have points that took part.
     pub n_shared_views: usize,
     /// Largest standard deviation of the rotation between them, rad.
     pub sigma_rad: f64,
@@ -249,14 +255,14 @@ pub struct WeakestLink {
     pub sigma_m: f64,
 }
 
-/// A target's stated size beside all other lengths.
+/// A target's stated size compared with all other lengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetScale {
     /// True size over stated size; 1 where nothing else in the rig has a length to compare with.
     pub ratio: f64,
-    /// Its standard deviation; infinite where nothing compares.
+    /// Its standard deviation; infinite where there is nothing to compare with.
     pub sigma: f64,
-    /// Extent of the target as stated, m, to say the difference in mm.
+    /// Extent of the target as stated, m, for messages in mm.
     pub extent_m: f64,
 }
 

@@ -1,7 +1,7 @@
-//! The pose of a rig of cameras from known points, each seen by any of them: as few as three points in three cameras.
+//! The pose of a rig of cameras from known points, each observed by any of the cameras: at least three points, even in three cameras.
 //!
-//! check → three-ray and single-camera starts → refine each → choose → consistency. All honesty of `locate`: covariance,
-//! other minima, verdict.
+//! check → three-ray and single-camera starts → refine each → choose → consistency. The result has the same parts as that of `locate`:
+//! covariance, other minima, verdict.
 //! Derivation: docs/math/rig_pose.md.
 
 mod uncertain_lens;
@@ -28,12 +28,12 @@ pub(crate) use cost::RigCost;
 use check::check_points;
 use starts::{Extents, Starts, push_single_cameras, push_triples};
 
-/// One camera of a rig and what it sees.
+/// One camera of a rig and its observations.
 #[derive(Debug, Clone, Copy)]
 pub struct RigView<'a> {
     /// The camera.
     pub camera: &'a Camera,
-    /// Where it sits: x_in_cam = cam_from_rig · x_in_rig.
+    /// Its pose: x_in_cam = cam_from_rig · x_in_rig.
     pub cam_from_rig: Pose,
     /// Covariance of the small left motion `[rotation_rad; translation_m]` of `cam_from_rig`, camera frame, taken as
     /// independent of the other cameras'; none when exact.
@@ -42,12 +42,12 @@ pub struct RigView<'a> {
     /// Covariance of this camera's intrinsics, row by row, in the order of `Camera::parameters`, taken as independent of the other cameras';
     /// none when exact. Its share enters the weights, the covariance and the consistency verdict.
     pub intrinsics_covariance: Option<&'a [f64]>,
-    /// Known points and where this camera sees them; may be empty.
+    /// Known points and their pixels in this camera; may be empty.
     pub seen: &'a [Correspondence],
 }
 
 impl RigView<'_> {
-    /// Whether its place and its intrinsics are.
+    /// Returns whether its pose and its intrinsics are exact.
     fn is_exact(&self) -> bool {
         self.cam_from_rig_covariance.is_none() && self.intrinsics_covariance.is_none()
     }
@@ -66,14 +66,14 @@ pub struct RigMinimum {
     pub rms_px: f64,
 }
 
-/// Whether another pose of the rig explains the pixels as well.
+/// The second solution, if another pose of the rig explains the pixels as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::large_enum_variant)] // Boxing the other pose would put a heap into the single-pose path.
 pub enum RigAmbiguity {
-    /// No other minimum within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's;
-    /// none when no other exists.
+    /// No other minimum is within the gate. `ratio` = residual sum of squares of the nearest other minimum over this one's; none when no other
+    /// exists.
     Unique {
-        /// See above.
+        /// The ratio of the nearest other minimum.
         ratio: Option<f64>,
     },
     /// Two poses fit: χ² of the other is less than the gate above this one's.
@@ -85,12 +85,13 @@ pub enum RigAmbiguity {
     },
 }
 
-/// Does the residual of all cameras agree with the stated sigmas?
+/// The agreement of the residuals of all cameras with the stated sigmas.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum RigConsistency {
-    /// As large as the sigmas say, or no redundancy to tell.
+    /// The residuals are as large as the sigmas state, or there is no redundancy for a test.
     Consistent,
-    /// Far larger: a camera that moved, wrong intrinsics, target or labels. The covariance is widened by `chi2_per_degree_of_freedom`.
+    /// The residuals are far larger: a camera that moved, wrong intrinsics, target or labels. The covariance is widened by
+    /// `chi2_per_degree_of_freedom`.
     Inconsistent {
         /// χ² over degrees of freedom.
         chi2_per_degree_of_freedom: f64,
@@ -103,7 +104,7 @@ pub enum RigConsistency {
     },
 }
 
-/// The pose of a rig, how uncertain, and whether another one fits as well.
+/// The pose of a rig with its uncertainty and a possible second solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigPoseEstimate {
     /// The pose: x_in_rig = rig_from_target · x_in_target.
@@ -112,30 +113,30 @@ pub struct RigPoseEstimate {
     pub covariance: Matrix6,
     /// Root mean square reprojection error over points, px.
     pub rms_px: f64,
-    /// Sum of squared residuals over their variances, those of uncertain places and intrinsics included.
+    /// Sum of squared residuals over their variances, with the uncertainty of camera poses and intrinsics included.
     pub chi2: f64,
     /// 2 n − 6.
     pub degrees_of_freedom: usize,
-    /// How many correspondences took part.
+    /// Number of correspondences that took part.
     pub n_points: usize,
-    /// How many cameras see any.
+    /// Number of cameras that observe any point.
     pub n_cameras: usize,
-    /// Does another pose fit as well?
+    /// Whether another pose fits as well.
     pub ambiguity: RigAmbiguity,
-    /// Do the residuals fit the sigmas?
+    /// Whether the residuals agree with the sigmas.
     pub consistency: RigConsistency,
 }
 
-/// Rounds of triples where the first leave a doubt.
+/// Largest number of further rounds of triples where the first leave a doubt.
 const MORE_ROUNDS: usize = 6;
-/// A start this far above the best minimum fits nothing near it and is not refined: as in `search`.
+/// A start whose χ² exceeds the best minimum's by more than this is not refined, as in `search`.
 const HOPELESS_CHI2: f64 = 1e4;
 
-/// The pose of a rig of cameras with known places in it. No heap is touched.
+/// Solves for the pose of a rig of cameras with known poses in it, without heap allocation.
 ///
 /// # Errors
-/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name what is wrong in which camera; `TooFewPoints` (three over all
-/// cameras), `Collinear`; the rest as `locate`.
+/// `EmptyRig`, `InvalidRig` and `InvalidRigPoint` name the camera and what is wrong in it; `TooFewPoints` (three over all cameras), `Collinear`;
+/// otherwise the errors of `locate`.
 pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     check_views(views)?;
     let cost = &RigCost::new(views);
@@ -180,14 +181,14 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     })
 }
 
-/// An answer that holds no number, or a covariance that is none, is no answer.
+/// Refuses an estimate with a number that is not finite or a matrix that is no covariance.
 fn checked(estimate: RigPoseEstimate) -> Result<RigPoseEstimate, Error> {
     let pose = &estimate.rig_from_target;
     let sum = pose.rotation.sum() + pose.translation.sum() + estimate.chi2 + estimate.rms_px;
     if sum.is_finite() && is_covariance(&estimate.covariance) { Ok(estimate) } else { Err(OVERFLOW) }
 }
 
-/// Every minimum reached, lowest first.
+/// Returns every minimum reached, lowest first.
 fn minima(cost: &RigCost, extents: &Extents) -> Result<Minima, Error> {
     let (mut minima, mut starts) = (Minima::new(), Starts::new());
     push_triples(&mut starts, cost, 0);
@@ -216,7 +217,7 @@ fn minima(cost: &RigCost, extents: &Extents) -> Result<Minima, Error> {
 fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<Error> {
     let mut failure = None;
     for (chi2, start) in starts {
-        // An uncertain lens may explain what the pixels' sigmas cannot: there nothing is hopeless.
+        // Uncertain intrinsics may explain residuals that the pixels' sigmas cannot: no start is then given up.
         let alternative = minima.first().map(|m| m.chi2).filter(|_| cost.has_exact_lenses());
         if alternative.is_some_and(|alternative| alternative + HOPELESS_CHI2 < *chi2) {
             break;
@@ -230,7 +231,7 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
     failure
 }
 
-/// With the covariance as wide as the bend of the likelihood and the residual make it.
+/// Returns the minimum with its covariance widened for the curvature of the likelihood and for the residuals.
 fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
     let cost = &cost.held_at(&m.cam_from_target);
     let covariance = if is_bent(m, cost) { along_the_ridge(m, cost)[1] } else { m.covariance };
@@ -247,7 +248,7 @@ fn rig_minimum(m: &Minimum) -> RigMinimum {
     }
 }
 
-/// The verdict, with the camera and the point that fit worst.
+/// Returns the verdict, with the camera and the point that fit worst.
 fn consistency(
     rig_from_target: &Pose,
     chi2: f64,
@@ -278,7 +279,7 @@ fn consistency(
     RigConsistency::Inconsistent { chi2_per_degree_of_freedom, worst_camera, worst_point, worst_px }
 }
 
-/// What `locate` says, carried into the rig frame, docs/math/rig_pose.md eq. (7).
+/// Returns the estimate of `locate` transformed into the rig frame, docs/math/rig_pose.md eq. (7).
 fn seen_by_one(e: &PoseEstimate, view: &RigView, camera: usize) -> RigPoseEstimate {
     use crate::locate::choose::Ambiguity;
     use crate::locate::consistency::Consistency;

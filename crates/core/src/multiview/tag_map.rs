@@ -6,6 +6,7 @@
 mod agreement;
 mod displaced;
 
+use crate::budget::Budget;
 use crate::correspondence::{Detection, Skipped, correspond};
 use crate::locate::consistency::{Consistency, inconsistent_above};
 use crate::locate::group::RigidGroup;
@@ -70,6 +71,23 @@ pub fn locate_target(
         left_out: answer.left_out,
         contradicting: answer.contradicting,
         estimate: answer.estimate,
+    }
+}
+
+impl TargetPose {
+    /// The parts of the covariance of `estimate` by their sources; the arguments are those of [`locate_target`].
+    ///
+    /// # Errors
+    /// Why there is no pose; those of [`PoseEstimate::budget`].
+    pub fn budget(&self, target: &Target, camera: &Camera, config: &Config) -> Result<Budget, Error> {
+        let estimate = self.estimate.as_ref().map_err(Clone::clone)?;
+        let target_scale_sigma = target.printed_scale().map_or([0.0; 2], PrintedScale::relative_sigma);
+        let config = &Config { groups: &[], target_scale_sigma, ..*config };
+        let Target::TagMap(map) = target.design() else { return estimate.budget(&self.seen, camera, config) };
+        let joined: Vec<_> = self.features.iter().copied().zip(self.seen.iter().copied()).collect();
+        let view = TagView::new(&joined, map, target.printed_scale(), camera, config);
+        let points = view.points(&(0..view.tags.len()).collect::<Vec<_>>());
+        estimate.budget(&points.seen, camera, &Config { groups: &points.groups, ..*config })
     }
 }
 

@@ -12,6 +12,7 @@ mod log_sum;
 mod axis;
 mod priors;
 mod transients;
+mod regimes;
 mod models;
 mod bank;
 mod promise;
@@ -28,6 +29,7 @@ mod again;
 mod aftermath;
 mod place;
 mod unsettled;
+mod wander;
 mod whereabouts;
 pub mod learn;
 pub mod attribute;
@@ -36,7 +38,7 @@ pub mod rig;
 pub use drift::{Again, Alone, Drift, Rate, along, rotation_alone};
 pub use place::{PointErrors, covariance_by_image};
 pub use priors::MotionKind;
-pub use promise::{CorrelatedError, Detectable, MeasuredNoise};
+pub use promise::{CorrelatedError, Detectable, MeasuredNoise, Recurrence};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 pub use whereabouts::{Deviation, Size};
@@ -51,9 +53,12 @@ use gate::Gate;
 use log_sum::{LogSum, Scaled};
 use milestones::Milestone;
 use place::Places;
+use priors::CONFIRM;
 use promise::Promise;
+use regimes::Regimes;
 use test::DriftTest;
 use transients::Transients;
+use wander::Wander;
 use whereabouts::Whereabouts;
 
 /// Settings: the rate of false alarms, the decision period, the tolerances.
@@ -149,6 +154,8 @@ pub struct Monitor {
     /// Time until which a drift is not reported, because it may come back as others did.
     held_until_s: Option<f64>,
     transients: Transients,
+    regimes: Regimes,
+    wander: Wander,
     aftermath: Aftermath,
     motions: Motions,
     places: Places,
@@ -163,7 +170,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 5;
+const SNAPSHOT_VERSION: u32 = 7;
 
 impl Monitor {
     /// Starts at `t_s`, seconds, of the same clock as the readings.
@@ -174,7 +181,8 @@ impl Monitor {
         check(config)?;
         reference.check()?;
         let test = DriftTest::new(&reference.noise).ok_or(NOT_POSITIVE)?;
-        let start = Milestone { t_s, motion: Vector6::zeros(), covariance: reference.noise.reference };
+        let covariance = reference.noise.reference;
+        let start = Milestone { t_s, motion: Vector6::zeros(), covariance, over_s: 0.0 };
         Ok(Monitor {
             reference: *reference,
             config: *config,
@@ -184,6 +192,8 @@ impl Monitor {
             drift: None,
             held_until_s: None,
             transients: Transients::default(),
+            regimes: Regimes::default(),
+            wander: Wander::default(),
             aftermath: Aftermath::new(start),
             motions: Motions::none(start),
             places: Places::default(),
@@ -221,8 +231,10 @@ impl Monitor {
             // Contradictions of long ago say nothing of now.
             _ if self.config.stale_after_s < t_s - self.last_s => Watch::Stale { for_s },
             _ if self.contradictions.are_reported() => Watch::Inconsistent,
-            // They come, and none could be used of late.
-            _ if self.config.stale_after_s < for_s => Watch::Checking,
+            // They come, and none could be used of late. A single one of a slow source says nothing.
+            _ if self.config.stale_after_s < for_s && CONFIRM as f64 <= self.contradictions.run() => {
+                Watch::Checking
+            }
             Some(_) if self.is_held(t_s) => Watch::Checking,
             Some(drift) => Watch::Drifted(self.refined(&drift)),
             None if self.gate.is_waiting() => Watch::Checking,
@@ -238,8 +250,13 @@ impl Monitor {
         self.drift.filter(|_| !self.is_held(self.last_s)).map(|drift| self.refined(&drift))
     }
 
+    /// Longer where what it has come to cannot be distinguished from nothing.
     fn is_held(&self, t_s: f64) -> bool {
-        self.held_until_s.is_some_and(|until_s| t_s < until_s)
+        let is_nothing = |drift: &Drift| {
+            let now = self.by_models(drift);
+            is_likely(&now.old_from_new, &now.covariance)
+        };
+        self.held_until_s.is_some_and(|until_s| t_s < until_s || self.drift.as_ref().is_some_and(is_nothing))
     }
 
     /// Returns the time of the last usable reading, seconds.
@@ -254,9 +271,12 @@ impl Monitor {
         let reference =
             Reference { a_from_b: now, noise: DriftNoise { reference: covariance, ..self.reference.noise } };
         let test = self.test.accepted(&reference.noise).ok_or(NOT_POSITIVE)?;
+        self.wander.accept();
         *self = Monitor {
             last_usable_s: self.last_usable_s,
             transients: self.transients,
+            regimes: self.regimes.clone(),
+            wander: self.wander.clone(),
             places: self.places,
             test,
             ..Monitor::new(&reference, &self.config, self.last_s)?
@@ -308,6 +328,7 @@ impl Monitor {
             && monitor.aftermath.is_sound()
             && monitor.motions.is_sound()
             && monitor.whereabouts.is_sound()
+            && monitor.wander.is_sound()
             && monitor.contradictions.is_sound())
         {
             return Err(Error::SnapshotNumbers { seen: snapshot.numbers.len(), unread: 0 });
@@ -352,7 +373,30 @@ impl Monitor {
     /// The smallest sudden motions that are found within a time, at least three readings long, nine times in ten: while correlated errors are
     /// not excluded by what has been read, only motions that stand out from them can be promised. None where noise is not measured.
     pub fn detectable(&self, within_s: f64) -> Option<Detectable> {
-        self.promise(within_s, true)
+        let promised = self.promise(within_s, true)?;
+        let Some(held) = self.recurrence().filter(|held| within_s < held.held_s) else {
+            return Some(promised);
+        };
+        let larger = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| f64::max(a[i], b[i]));
+        Some(Detectable {
+            within_s,
+            rotation_rad: larger(promised.rotation_rad, held.rotation_rad),
+            translation_m: larger(promised.translation_m, held.translation_m),
+        })
+    }
+
+    /// Where motions came back by themselves more often than the promised rate of false alarms explains: no rate can be promised for those that are
+    /// no larger, and they are held.
+    pub fn recurrence(&self) -> Option<Recurrence> {
+        let known = self.transients.known(self.last_s)?;
+        let information = self.reference.noise.reading.cholesky()?.inverse();
+        let size = |axis: usize| (known.largest / information[(axis, axis)]).sqrt();
+        Some(Recurrence {
+            count: known.count,
+            held_s: known.held_s,
+            rotation_rad: std::array::from_fn(size),
+            translation_m: std::array::from_fn(|i| size(3 + i)),
+        })
     }
 
     /// The same; errors that are excluded, or presumed to be none, count only where they `are_counted`.
@@ -437,6 +481,8 @@ numbers!(Monitor {
     drift,
     held_until_s,
     transients,
+    regimes,
+    wander,
     aftermath,
     last_s,
     last_usable_s,

@@ -3,6 +3,7 @@
 use super::Rng;
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 use resight_core::Pose;
+use resight_core::locate::consistency::is_inconsistent;
 use resight_core::temporal::monitor::learn::{LearnConfig, learn};
 use resight_core::temporal::monitor::{DriftNoise, Monitor, MonitorConfig, Reading, Reference, Watch};
 
@@ -67,6 +68,40 @@ pub enum Condition {
     CorrelatedAndDaily,
     /// A reading a second, and for every second hour one in ten.
     ChangingRate,
+    /// A lamp flickers from 18 to 6 o'clock: while it is bright (20 s in the mean, dark for 40 s) the corners bloom outward by so many pixels.
+    Flicker(f64),
+    /// An insect sits on one corner for five minutes in the mean, once an hour, and puts it off by so many pixels.
+    Insect(f64),
+    /// Twenty minutes of every two hours: one corner in ten is off by half a pixel to three, and drops on the glass put all of them off by
+    /// so many pixels for half a minute in the mean.
+    Rain(f64),
+    /// As `Correlated`, from 18 to 6 o'clock.
+    CorrelatedAtNight {
+        share: f64,
+        time_s: f64,
+    },
+    /// From 18 to 6 o'clock the infrared filter is off: the image is shifted by so many pixels, and larger by three in ten thousand.
+    Infrared(f64),
+    /// A video of a still scene: errors of so many pixels, others from each key frame on, and a tenth of that from frame to frame.
+    KeyFrames {
+        px: f64,
+        every_s: f64,
+    },
+}
+
+impl Condition {
+    /// Whether a reading whose corners contradict each other is left out, as by a session.
+    fn is_judged(&self) -> bool {
+        matches!(
+            self,
+            Condition::Flicker(_)
+                | Condition::Insect(_)
+                | Condition::Rain(_)
+                | Condition::CorrelatedAtNight { .. }
+                | Condition::Infrared(_)
+                | Condition::KeyFrames { .. }
+        )
+    }
 }
 
 /// A camera that stays and a tag, a reading every `period_s`.
@@ -76,15 +111,19 @@ pub struct Scene {
     chance: Rng,
     /// Motion of the camera from errors of the corners.
     motion_from_corners: SMatrix<f64, 6, 8>,
+    corners_from_motion: SMatrix<f64, 8, 6>,
     covariance: Matrix6<f64>,
     persistent: SVector<f64, 8>,
     walk_deg: f64,
     biased_until_s: f64,
+    is_biased: bool,
     bias: SVector<f64, 8>,
     phase: f64,
     period_s: f64,
     /// Of the corners' variance, what the readings state.
     stated_share: f64,
+    /// Variance of the corners over the stated one, as a monitor measures it: corners that contradict each other are judged by it.
+    pub measured_variance: f64,
     pub t_s: f64,
 }
 
@@ -124,14 +163,17 @@ impl Scene {
             view,
             condition,
             motion_from_corners: inverse * jacobian.transpose(),
+            corners_from_motion: jacobian,
             covariance: inverse * SIGMA_PX * SIGMA_PX,
             persistent,
             walk_deg: 0.0,
             biased_until_s: f64::MIN,
+            is_biased: false,
             bias: SVector::zeros(),
             phase,
             period_s,
             stated_share: 1.0,
+            measured_variance: 1.0,
             t_s: 0.0,
             chance,
         }
@@ -154,6 +196,29 @@ impl Scene {
         self.persistent
     }
 
+    /// Whether it is night, from 18 to 6 o'clock; sessions begin at noon.
+    fn is_night(&self) -> bool {
+        !(6.0..18.0).contains(&((self.t_s / 3600.0 + 12.0) % 24.0))
+    }
+
+    /// Whether something that comes for `on_s` and goes for `off_s` in the mean has just come or gone.
+    fn toggles(&mut self, on_s: f64, off_s: f64) -> bool {
+        let is_due = self.biased_until_s <= self.t_s;
+        if is_due {
+            self.is_biased = !self.is_biased && 0.0 < self.biased_until_s;
+            let mean_s = if self.is_biased { on_s } else { off_s };
+            self.biased_until_s = self.t_s.max(0.0) - mean_s * (1.0 - self.chance.uniform(0.0, 1.0)).ln();
+        }
+        is_due
+    }
+
+    /// A corner displaced by so many pixels in any direction, in units of the stated sigma.
+    fn displace(&mut self, errors: &mut SVector<f64, 8>, corner: usize, px: f64) {
+        let (sin, cos) = (std::f64::consts::TAU * self.chance.uniform(0.0, 1.0)).sin_cos();
+        errors[2 * corner] += cos * px / SIGMA_PX;
+        errors[2 * corner + 1] += sin * px / SIGMA_PX;
+    }
+
     /// Errors of the corners in units of the stated sigma, and a motion of the camera.
     fn errors(&mut self, elapsed_s: f64) -> (SVector<f64, 8>, Vector6<f64>) {
         let still = Vector6::zeros();
@@ -164,9 +229,8 @@ impl Scene {
             Condition::White | Condition::ChangingRate => (self.white(), still),
             Condition::Understated(factor) => (self.white() * factor, still),
             Condition::NightDoubled => {
-                let hour = (self.t_s / 3600.0 + 12.0) % 24.0;
-                let is_night = !(6.0..18.0).contains(&hour);
-                (self.white() * if is_night { 2.0 } else { 1.0 }, still)
+                let factor = if self.is_night() { 2.0 } else { 1.0 };
+                (self.white() * factor, still)
             }
             Condition::Correlated { share, time_s } => {
                 let persistent = self.correlated(time_s, elapsed_s) * share.sqrt();
@@ -211,6 +275,63 @@ impl Scene {
                 let degrees = 0.02 * turn(self.t_s, DAY_S, self.phase);
                 (self.white() * 0.5_f64.sqrt() + persistent, about(1, degrees))
             }
+            Condition::Flicker(px) => {
+                self.toggles(20.0, 40.0);
+                let seen = corners(&self.view, &self.view.cam_from_target);
+                let centre = |axis: usize| (0..4).map(|i| seen[2 * i + axis]).sum::<f64>() / 4.0;
+                let (x, y) = (centre(0), centre(1));
+                let outward = SVector::<f64, 8>::from_fn(|i, _| {
+                    let (dx, dy) = (seen[i / 2 * 2] - x, seen[i / 2 * 2 + 1] - y);
+                    if i % 2 == 0 { dx / dx.hypot(dy) } else { dy / dx.hypot(dy) }
+                });
+                let bloom = if self.is_biased && self.is_night() { px / SIGMA_PX } else { 0.0 };
+                (self.white() + outward * bloom, still)
+            }
+            Condition::Insect(px) => {
+                if self.toggles(300.0, 3300.0) {
+                    let corner = self.chance.index(4);
+                    let mut off = SVector::zeros();
+                    self.displace(&mut off, corner, px);
+                    self.bias = if self.is_biased { off } else { SVector::zeros() };
+                }
+                (self.white() + self.bias, still)
+            }
+            Condition::Rain(px) => {
+                let mut errors = self.white();
+                if 6000.0 < self.t_s % 7200.0 {
+                    for corner in 0..4 {
+                        if self.chance.uniform(0.0, 1.0) < 0.1 {
+                            let off = self.chance.uniform(0.5, 3.0);
+                            self.displace(&mut errors, corner, off);
+                        }
+                    }
+                    if self.toggles(30.0, 30.0) {
+                        self.bias = self.white() * (px / SIGMA_PX);
+                    }
+                    errors += self.bias;
+                }
+                (errors, still)
+            }
+            Condition::CorrelatedAtNight { share, time_s } => {
+                let persistent = self.correlated(time_s, elapsed_s) * share.sqrt();
+                let white = self.white();
+                let errors = if self.is_night() { white * (1.0 - share).sqrt() + persistent } else { white };
+                (errors, still)
+            }
+            Condition::Infrared(px) => {
+                let seen = corners(&self.view, &self.view.cam_from_target);
+                let shift = |i: usize| if i.is_multiple_of(2) { px } else { -0.5 * px };
+                let off = SVector::<f64, 8>::from_fn(|i, _| (shift(i) + 3e-4 * seen[i]) / SIGMA_PX);
+                let errors = self.white() + if self.is_night() { off } else { SVector::zeros() };
+                (errors, still)
+            }
+            Condition::KeyFrames { px, every_s } => {
+                if self.biased_until_s <= self.t_s {
+                    self.biased_until_s = ((self.t_s / every_s).floor() + 1.0) * every_s;
+                    self.bias = self.white() * (px / SIGMA_PX);
+                }
+                (self.white() * (0.1 * px / SIGMA_PX) + self.bias, still)
+            }
         }
     }
 
@@ -220,12 +341,14 @@ impl Scene {
         let elapsed_s = self.period_s * if is_slow { 10.0 } else { 1.0 };
         self.t_s += elapsed_s;
         let (corners, turned) = self.errors(elapsed_s);
-        let motion = self.motion_from_corners * corners * SIGMA_PX + turned + moved;
+        let fitted = self.motion_from_corners * corners;
+        let chi2 = (corners - self.corners_from_motion * fitted).norm_squared() / self.measured_variance;
+        let motion = fitted * SIGMA_PX + turned + moved;
         Reading {
             t_s: self.t_s,
             a_from_b: Pose::exp(&-motion) * self.view.cam_from_target,
             covariance: self.covariance * self.stated_share,
-            is_consistent: true,
+            is_consistent: !(self.condition.is_judged() && is_inconsistent(chi2, 2)),
         }
     }
 

@@ -100,6 +100,7 @@ pub fn measured(rng: &mut Rng, world: &World, stated: &[Stated]) -> Vec<HandEyeV
         HandEyeView {
             base_from_gripper,
             gripper_covariance: stated.hand,
+            written: None,
             candidates: vec![Candidate { cam_from_target, covariance: stated.seen, delta_chi2: 0.0 }],
             seen: &[],
         }
@@ -120,6 +121,7 @@ pub fn exact(world: &World) -> Vec<HandEyeView<'static>> {
     let view = |i: usize| HandEyeView {
         base_from_gripper: world.base_from_gripper[i],
         gripper_covariance: None,
+        written: None,
         candidates: vec![Candidate {
             cam_from_target: world.cam_from_target(i),
             covariance,

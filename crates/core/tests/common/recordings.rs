@@ -81,7 +81,7 @@ pub fn chessboard(root: &Path, sigma_px: f64) -> Recording {
 }
 
 /// Four webcams that are not synchronised.
-pub fn webcams(root: &Path) -> Recording {
+pub fn webcams(root: &Path, sigma_px: f64) -> Recording {
     let folder = root.join("caliscope_4cam_charuco");
     let file = std::fs::read_to_string(folder.join("camera_array.toml")).expect("the lenses");
     let cameras = (0..4).map(|i| {
@@ -89,7 +89,7 @@ pub fn webcams(root: &Path) -> Recording {
         camera(&list(text, "matrix ="), &list(text, "distortions ="))
     });
     let index = |name: &str| name.parse().expect("a camera");
-    recording("webcams", &folder.join("detections.csv"), cameras.collect(), index, [0, 1, 3], 0.5)
+    recording("webcams", &folder.join("detections.csv"), cameras.collect(), index, [0, 1, 3], sigma_px)
 }
 
 impl Recording {

@@ -117,7 +117,13 @@ pub fn solved(
     let mut views: Vec<HandEyeView> = Vec::new();
     for (base_from_gripper, seen) in reported.iter().zip(&rigs) {
         let (base_from_gripper, gripper_covariance) = (*base_from_gripper, None);
-        views.push(HandEyeView { base_from_gripper, gripper_covariance, candidates: Vec::new(), seen });
+        views.push(HandEyeView {
+            base_from_gripper,
+            gripper_covariance,
+            written: None,
+            candidates: Vec::new(),
+            seen,
+        });
     }
     solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })
 }

@@ -78,8 +78,8 @@ pub struct CameraVerdict {
     pub cam_from_target: Option<(Pose, Matrix6)>,
     /// The motion that would have been found.
     pub detectable: Option<Detectable>,
-    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, anything else.
-    pub counts: [u64; 5],
+    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, implausible, anything else.
+    pub counts: [u64; 6],
     /// First and last time of a row, seconds.
     pub span_s: Option<(f64, f64)>,
     /// Small motions from the first period's pose, by the middle of each period, seconds; for pictures.
@@ -244,16 +244,17 @@ fn wandering(wander: &Wander) -> String {
     }
 }
 
-fn too_few(readings: usize, counts: &[u64; 5], config: &AssessConfig) -> String {
+fn too_few(readings: usize, counts: &[u64; 6], config: &AssessConfig) -> String {
     let rows: u64 = counts.iter().sum();
     let words = [
         "are ok",
         "are ambiguous: two poses fit the layout of their points",
         "are degenerate: their points determine no pose",
         "contradict their points",
+        "have points that are hardly in metres",
         "have no pose",
     ];
-    let most = (1..5).max_by_key(|i| counts[*i]).filter(|i| counts[0] < counts[*i]);
+    let most = (1..6).max_by_key(|i| counts[*i]).filter(|i| counts[0] < counts[*i]);
     let why = match most {
         Some(i) => {
             format!("{:.0} % of its {rows} views {}", 100.0 * counts[i] as f64 / rows as f64, words[i])

@@ -11,7 +11,7 @@ const LEFT: f64 = 58.0;
 const TOP: f64 = 26.0;
 const BOTTOM: f64 = 24.0;
 
-/// A figure; empty where there is nothing to draw.
+/// Returns a figure; empty where there is nothing to draw.
 pub(super) fn svg(camera: &CameraVerdict) -> String {
     let angles =
         || camera.history.iter().map(|(t_s, motion)| (*t_s, [0, 1, 2].map(|i| motion[i].to_degrees())));
@@ -67,7 +67,7 @@ pub(super) fn svg(camera: &CameraVerdict) -> String {
     svg + "</svg></figure>"
 }
 
-/// With the digits that tell the levels apart.
+/// Returns a level with the digits that distinguish it from the others.
 fn level_text(deg: f64, span: f64) -> String {
     let decimals = (1.5 - span.log10()).ceil().clamp(0.0, 7.0) as usize;
     if deg.abs() < 1e-12 { "0°".to_string() } else { format!("{deg:.decimals$}°") }

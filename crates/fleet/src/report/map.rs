@@ -1,4 +1,4 @@
-//! Where the cameras stand: a dot for each place, of the colour of the most urgent verdict there.
+//! The map of the cameras: a dot for each position, in the colour of the most urgent verdict there.
 
 use super::class;
 use crate::assess::{Assessment, CameraVerdict, Found};
@@ -17,7 +17,7 @@ struct Place<'a> {
     site: &'a Site,
 }
 
-/// None where no camera states its place.
+/// Returns the map; empty where no camera states its position.
 pub(super) fn svg(fleet: &Assessment, cameras: &Cameras) -> Option<String> {
     let places = places(fleet, cameras);
     let bounds = |axis: usize| {
@@ -28,7 +28,7 @@ pub(super) fn svg(fleet: &Assessment, cameras: &Cameras) -> Option<String> {
     if !(west <= east && south <= north) {
         return None;
     }
-    // Degrees of longitude are shorter than those of latitude; metres are as long either way.
+    // Degrees of longitude are shorter than those of latitude; metres are equal.
     let is_degrees = west.abs().max(east.abs()) <= 180.0 && south.abs().max(north.abs()) <= 90.0;
     let shorter = if is_degrees { (0.5 * (south + north)).to_radians().cos().max(0.01) } else { 1.0 };
     let scale = (WIDTH - 2.0 * MARGIN) / ((east - west) * shorter).max(1e-9);
@@ -55,7 +55,7 @@ pub(super) fn svg(fleet: &Assessment, cameras: &Cameras) -> Option<String> {
     Some(svg)
 }
 
-/// The most urgent first.
+/// Returns the positions, the most urgent first.
 fn places<'a>(fleet: &'a Assessment, cameras: &'a Cameras) -> Vec<Place<'a>> {
     let mut places: BTreeMap<[u64; 2], Place> = BTreeMap::new();
     for verdict in &fleet.cameras {

@@ -1,4 +1,4 @@
-//! What was found at each site.
+//! The verdicts at each site.
 
 use crate::assess::{Assessment, Found};
 use crate::cameras::Cameras;
@@ -14,7 +14,7 @@ const COUNTED: [(Found, &str); 6] = [
     (Found::TooFew, "too few"),
 ];
 
-/// A row for each site at which not every camera is steady.
+/// Writes a row for each site at which not every camera is steady.
 pub(super) fn table(page: &mut Page, fleet: &Assessment, cameras: &Cameras) {
     let mut sites: BTreeMap<String, (usize, [usize; COUNTED.len()])> = BTreeMap::new();
     for verdict in &fleet.cameras {

@@ -23,11 +23,11 @@ const HEADER: [&str; 14] = [
     "message",
 ];
 
-/// A row for each motion, or one for a camera without any.
+/// Returns a row for each motion, or one for a camera without any.
 pub(super) fn csv(fleet: &Assessment, cameras: Option<&Cameras>) -> Vec<u8> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut write = |row: Vec<String>| {
-        // A vector takes every byte.
+        // A vector accepts every byte.
         let _ = writer.write_record(row);
     };
     write(HEADER.map(String::from).to_vec());
@@ -41,7 +41,7 @@ pub(super) fn csv(fleet: &Assessment, cameras: Option<&Cameras>) -> Vec<u8> {
     writer.into_inner().unwrap_or_default()
 }
 
-/// A text as an address that holds it whole.
+/// Returns a text as an address that contains all of it.
 pub(super) fn address(csv: &[u8]) -> String {
     let mut address = String::from("data:text/csv;charset=utf-8,");
     for byte in csv {

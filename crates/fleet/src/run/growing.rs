@@ -1,7 +1,7 @@
-//! The output while it grows, in a folder beside it: one file of rows, written once and in order, and a note of each part in it.
+//! The incomplete output, in a folder beside it: one file of rows, written once and in order, and a note of each part in it.
 //!
-//! A part is a row group. Its note is the footer of a file that would hold it alone, so that the next run finds the parts of one that was
-//! cut off, reads them (each page has a checksum) and writes on behind them.
+//! A part is a row group. Its note is the footer of a file that would contain it alone, so that the next run finds the parts of an interrupted
+//! one, reads them (each page has a checksum) and continues behind them.
 
 use crate::FleetError;
 use crate::batch::{SolvedRows, schema};
@@ -27,20 +27,20 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// The file that says of which run the parts are.
+/// The file that identifies the run of the parts.
 const PLAN: &str = "plan.txt";
-/// The rows.
+/// The file of the rows.
 const ROWS: &str = "rows.parquet";
-/// Behind the footer of a note: its length and the mark of the format.
+/// Length and magic number of the format, behind the footer of a note.
 const FOOTER_END: usize = 8;
 
 type Writer = SerializedFileWriter<BufWriter<File>>;
 
-/// What is known of a part of an earlier run.
+/// The record of a part of an earlier run.
 pub(super) enum Note {
-    /// Where its rows are.
+    /// The position of its rows.
     Written(RowGroupMetaData),
-    /// Why it could not be read.
+    /// The reason why it could not be read.
     Failed(String),
 }
 
@@ -51,7 +51,8 @@ pub(super) enum Ready {
     There(RowGroupMetaData),
     /// A piece that cannot be read.
     Failed(String),
-    /// The end of a file that is read from beginning to end. There is no note of it: where it ends another time, others number their parts.
+    /// The end of a file that is read from beginning to end. There is no note of it: where it ends another time, others have the numbers of its
+    /// parts.
     Broken(String),
 }
 
@@ -68,13 +69,13 @@ pub(super) struct Growing {
 /// The end of the file, where one part at a time is written.
 struct Tail {
     writer: Writer,
-    /// The part whose turn it is.
+    /// The part that is written next.
     next: usize,
     is_given_up: bool,
 }
 
 impl Growing {
-    /// What an earlier run of the same plan has left, or an empty file; what another run left is removed.
+    /// Opens what an earlier run of the same plan has left, or an empty file; removes what another run left.
     pub fn open(output: &Path, plan: &str, has_view: bool) -> Result<Self, FleetError> {
         let mut name = output.file_name().unwrap_or_default().to_os_string();
         name.push(".parts");
@@ -93,7 +94,7 @@ impl Growing {
         let schema = schema(has_view);
         let described =
             ArrowSchemaConverter::new().convert(&schema).map_err(|e| FleetError::parquet(&rows, &e))?;
-        // What is in the file already is written over itself.
+        // The new writer starts at the beginning of the file and overwrites what is there.
         let writer = SerializedFileWriter::new(
             BufWriter::new(file),
             described.root_schema_ptr(),
@@ -112,12 +113,12 @@ impl Growing {
         })
     }
 
-    /// What an earlier run says of a part.
+    /// Returns the note of an earlier run on a part.
     pub fn note(&self, part: usize) -> Option<&Note> {
         self.notes.get(part)
     }
 
-    /// The rows of a part that is there; none where they cannot be read after all.
+    /// Returns the rows of a part that is there; none where they cannot be read after all.
     pub fn read(&self, group: &RowGroupMetaData) -> Option<SolvedRows> {
         let metadata = Arc::new(self.alone(group));
         let metadata = ArrowReaderMetadata::try_new(metadata, ArrowReaderOptions::new()).ok()?;
@@ -129,7 +130,7 @@ impl Growing {
         SolvedRows::of_record_batch(&batch).ok().filter(|solved| solved.answers.len() == rows)
     }
 
-    /// Rows as they will be in the file. Each column is let go when it is encoded.
+    /// Encodes rows as in the file. Each column is freed when it is encoded.
     pub fn encode(&self, part: usize, rows: SolvedRows) -> Result<Ready, FleetError> {
         let rows = rows.with_view(self.schema.column_with_name("view").is_some()).record_batch()?;
         let (_, columns, _) = rows.into_parts();
@@ -147,7 +148,7 @@ impl Growing {
         encoded().map(Ready::Solved).map_err(|e| FleetError::parquet(&self.folder, &e))
     }
 
-    /// Writes a part when all before it are written, and notes it. False where the run was given up meanwhile.
+    /// Writes a part when all before it are written, and records it. Returns false where the run was given up meanwhile.
     pub fn write(&self, part: usize, ready: Ready) -> Result<bool, FleetError> {
         let mut tail = self.lock();
         while tail.next != part && !tail.is_given_up {
@@ -172,13 +173,13 @@ impl Growing {
         written.map(|()| true).map_err(|e| FleetError::at(&self.folder, format!("cannot write: {e}")))
     }
 
-    /// Threads that wait for a part that will not come stop.
+    /// Stops threads that wait for a part that will not come.
     pub fn give_up(&self) {
         self.lock().is_given_up = true;
         self.turn.notify_all();
     }
 
-    /// All parts are written: the file gets its footer and its name. Returns how many row groups it has.
+    /// Completes the file with its footer and its name. Returns the number of its row groups.
     pub fn finish(self, output: &Path) -> Result<usize, FleetError> {
         let rows = self.folder.join(ROWS);
         let at_rows = |e: std::io::Error| FleetError::at(&rows, format!("cannot write: {e}"));
@@ -187,7 +188,7 @@ impl Growing {
         if output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
             stream_atomically(output, |file| as_csv(&rows, &self.schema, file))?;
         } else {
-            // A symbolic link stays one; what it points to is replaced.
+            // A symbolic link remains one; its destination is replaced.
             let destination = std::fs::canonicalize(output).unwrap_or_else(|_| output.to_path_buf());
             std::fs::rename(&rows, &destination)
                 .map_err(|e| FleetError::at(output, format!("cannot write: {e}")))?;
@@ -206,7 +207,7 @@ impl Growing {
         std::fs::write(self.folder.join(name(part, WRITTEN)), note)
     }
 
-    /// The footer of a file that holds one row group.
+    /// Returns the footer of a file that contains one row group.
     fn alone(&self, group: &RowGroupMetaData) -> ParquetMetaData {
         let about = FileMetaData::new(1, group.num_rows(), None, None, self.described.clone(), None);
         ParquetMetaData::new(about, vec![group.clone()])
@@ -214,7 +215,7 @@ impl Growing {
 }
 
 impl Tail {
-    /// A row group, in the file when this returns.
+    /// Writes a row group, which is in the file when this returns.
     fn group(
         &mut self,
         fill: impl FnOnce(&mut SerializedRowGroupWriter<'_, BufWriter<File>>) -> Result<(), ParquetError>,
@@ -234,7 +235,7 @@ fn name(part: usize, ending: &str) -> String {
     format!("{part:08}.{ending}")
 }
 
-/// The notes of the first parts, as far as they go together with a file of so many bytes; others are removed.
+/// Returns the notes of the first parts, as far as they are consistent with a file of so many bytes; removes others.
 fn notes(folder: &Path, bytes: u64) -> Vec<Note> {
     let mut notes = Vec::new();
     let mut end = 4;
@@ -260,14 +261,14 @@ fn notes(folder: &Path, bytes: u64) -> Vec<Note> {
 fn group_of(note: &[u8]) -> Option<RowGroupMetaData> {
     let (footer, end) = note.split_at_checked(note.len().checked_sub(FOOTER_END)?)?;
     let is_whole = end[4..] == *b"PAR1" && end[..4] == u32::try_from(footer.len()).ok()?.to_le_bytes();
-    // Whole, for it is written again.
+    // The statistics are read completely, because the note is written again.
     let options = ParquetMetaDataOptions::new().with_encoding_stats_as_mask(false);
     let decoded = ParquetMetaDataReader::decode_metadata_with_options(footer, Some(&options));
     let metadata = decoded.ok().filter(|_| is_whole)?;
     metadata.row_groups().first().cloned()
 }
 
-/// Whether each column begins where the one before it ends.
+/// Returns whether each column begins where the one before it ends.
 fn follows(group: &RowGroupMetaData, end: &mut u64) -> bool {
     group.columns().iter().all(|column| {
         let (first, length) = column.byte_range();
@@ -277,7 +278,7 @@ fn follows(group: &RowGroupMetaData, end: &mut u64) -> bool {
     })
 }
 
-/// A row group as it is, not decoded.
+/// Copies a row group without decoding it.
 fn copied(
     rows: &File,
     group: &RowGroupMetaData,
@@ -297,7 +298,7 @@ fn copied(
     Ok(())
 }
 
-/// The footer, and everything on the disk. What an earlier run left behind the end is cut off.
+/// Writes the footer and flushes the file. What an earlier run left behind the end is cut off.
 fn close(mut writer: Writer) -> std::io::Result<usize> {
     let metadata = writer.finish().map_err(io)?;
     writer.flush()?;
@@ -332,7 +333,8 @@ fn remove(folder: &Path) {
     let _ = std::fs::remove_dir(folder);
 }
 
-/// Poses are random to a compressor: their columns are written as they are; names and statuses are numbers into a dictionary.
+/// Returns the properties. Poses cannot be compressed, so their columns are written as they are; names and statuses are numbers into a
+/// dictionary.
 fn properties() -> WriterProperties {
     let mut properties = WriterProperties::builder()
         .set_compression(Compression::UNCOMPRESSED)

@@ -1,14 +1,14 @@
-//! What a run is about, as text: parts of another run are none of this one.
+//! The identity of a run, as text: the parts of a run with another identity are not used.
 
 use super::Job;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 use std::time::UNIX_EPOCH;
 
-/// Raised when parts are written in another way.
+/// Raised when the format of the parts changes.
 const VERSION: u32 = 2;
 
-/// Inputs with their sizes and times, cameras, noise; equal where every part would be the same.
+/// Returns inputs with their sizes and times, cameras, noise; equal where every part would be the same.
 pub(super) fn of(job: &Job) -> String {
     let mut plan = format!("resight batch, parts of version {VERSION}\n");
     for path in job.inputs {

@@ -1,15 +1,15 @@
-//! What is still to be done, handed out in the order of the input.
+//! The remaining work, distributed in the order of the input.
 
 use crate::FleetError;
 use crate::source::{Batches, Piece, Source};
 use arrow_array::RecordBatch;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// A part to be done.
+/// A part to be solved.
 pub(super) struct Claim {
-    /// Its place in the output.
+    /// Its index in the output.
     pub part: usize,
-    /// The file it comes from.
+    /// The index of its file.
     pub file: usize,
     pub task: Task,
 }
@@ -19,11 +19,11 @@ pub(super) enum Task {
     Piece(Piece),
     /// Rows of a file that is read from beginning to end.
     Rows(RecordBatch),
-    /// Such a file ends here, in this way.
+    /// The end of such a file, with its error.
     Broken(FleetError),
 }
 
-/// The files from the one that is at work on.
+/// The remaining files, from the current one on.
 pub(super) struct Queue<'a> {
     sources: &'a [Source],
     file: usize,
@@ -34,7 +34,7 @@ pub(super) struct Queue<'a> {
 enum Open {
     Pieces(std::vec::IntoIter<Piece>),
     Stream(Batches),
-    /// Nothing more comes of it.
+    /// The file has ended.
     Ended,
 }
 
@@ -43,7 +43,7 @@ impl<'a> Queue<'a> {
         Queue { sources, file: 0, part: 0, open: None }
     }
 
-    /// The next part; none: all are handed out.
+    /// Returns the next part; none when all are distributed.
     pub fn claim(&mut self) -> Option<Claim> {
         while let Some(source) = self.sources.get(self.file) {
             if let Some(task) = self.task(source) {
@@ -83,7 +83,7 @@ impl<'a> Queue<'a> {
     }
 }
 
-/// Damaged bytes may make a decoder give up in its own way.
+/// Calls a decoder, which damaged bytes may make panic.
 pub(super) fn guarded<T>(
     source: &Source,
     read: impl FnOnce() -> Result<T, FleetError>,

@@ -1,4 +1,4 @@
-//! One simulated camera: where it stands, what becomes of it, what it sees at a time.
+//! One simulated camera: its pose, its fate, and its observation at a time.
 
 use super::Simulation;
 use nalgebra::{Vector2, Vector3};
@@ -8,19 +8,19 @@ use resight::core::locate::{Config, locate};
 use resight::core::statistics::random::{SplitMix64, mixed};
 use resight::core::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
 
-/// What becomes of a camera on the day.
+/// The fate of a camera on the day.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fate {
-    /// It stays.
+    /// The camera does not move.
     Steady,
-    /// It moves suddenly at a time, seconds from the first image, and stays where it then is.
+    /// A sudden motion at a time, after which the camera does not move.
     Step {
         /// Seconds from the first image.
         at_s: f64,
         /// Small motion of the camera, `[rotation_rad; translation_m]`, in its own frame.
         motion: Vector6,
     },
-    /// It moves slowly from a time to the end.
+    /// A slow motion from a time to the end.
     Drifting {
         /// Seconds from the first image.
         at_s: f64,
@@ -29,22 +29,22 @@ pub enum Fate {
     },
     /// A point of its map is wrong.
     WrongMap,
-    /// It is seen until a time, seconds from the first image; 0: never.
+    /// The camera provides rows until a time.
     Dead {
-        /// Seconds from the first image.
+        /// Seconds from the first image; 0: no rows at all.
         at_s: f64,
     },
-    /// Its clock is ahead, behind, or is set back at noon.
+    /// The clock is ahead, behind, or is set back at noon.
     Clock {
-        /// Seconds that its times are ahead.
+        /// Seconds by which its times are ahead.
         offset_s: f64,
-        /// From when on, seconds from the first image.
+        /// Start of the offset, seconds from the first image.
         from_s: f64,
     },
 }
 
 impl Fate {
-    /// The word in the truth table.
+    /// Returns the word in the truth table.
     pub fn name(&self) -> &'static str {
         match self {
             Fate::Steady => "steady",
@@ -57,31 +57,31 @@ impl Fate {
     }
 }
 
-/// A camera, what it sees and what becomes of it.
+/// A camera with its observations and its fate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatedCamera {
     /// Its name.
     pub name: String,
-    /// The crossing that it stands at.
+    /// Its crossing.
     pub site: String,
     /// Degrees of longitude and latitude.
     pub east_north: [f64; 2],
     /// Its lens.
     pub camera: Camera,
-    /// Where the points are.
+    /// Positions of the points.
     pub points: [Point; 4],
-    /// Where the map says they are.
+    /// Positions of the points according to the map.
     pub map_points: [Point; 4],
-    /// Where it stands at first.
+    /// Its initial pose.
     pub cam_from_target: Pose,
-    /// What becomes of it.
+    /// Its fate.
     pub fate: Fate,
     /// Rotation at the warmest time, radians.
     thermal: Vector3<f64>,
     seed: u64,
 }
 
-/// Cameras at one crossing.
+/// Number of cameras at one crossing.
 const AT_A_SITE: usize = 4;
 /// Three points on a line and one off it, metres: marks on a kerb and a post beside it.
 const LAYOUT: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]];
@@ -95,7 +95,7 @@ impl SimulatedCamera {
         let fate = fate(day, rng);
         let mut map_points = points;
         if fate == Fate::WrongMap {
-            // Off the line, which no pose explains; along it, or of the fourth point, the pose takes much of the error in.
+            // An error across the line, which no pose explains; the pose absorbs most of an error along it, or of the fourth point.
             map_points[1].y += rng.between(0.1, 0.3);
         }
         let site = number / AT_A_SITE;
@@ -114,7 +114,7 @@ impl SimulatedCamera {
         }
     }
 
-    /// The pose at a time, seconds from the first image; days are warmest at 15 h.
+    /// Returns the pose at a time, seconds from the first image; days are warmest at 15 h.
     pub fn cam_from_target_at(&self, t_s: f64) -> Pose {
         let warmth = (std::f64::consts::TAU * (t_s / 86_400.0 - 0.375)).sin();
         let thermal = self.thermal * warmth;
@@ -129,12 +129,12 @@ impl SimulatedCamera {
         warm * moved * self.cam_from_target
     }
 
-    /// What it reports of an image: its time and pixels; none where there is no row.
+    /// Returns the row of an image: its time and pixels; none where there is no row.
     pub fn row(&self, day: &Simulation, tick: usize) -> Option<(f64, [Pixel; 4])> {
         self.row_moved(day, tick, &Vector6::zeros())
     }
 
-    /// The same of a camera that is elsewhere in its own frame by a small motion, `[rotation_rad; translation_m]`.
+    /// Returns the same row for a camera moved by a small motion in its own frame, `[rotation_rad; translation_m]`.
     pub fn row_moved(&self, day: &Simulation, tick: usize, motion: &Vector6) -> Option<(f64, [Pixel; 4])> {
         let t_s = tick as f64 * day.every_s;
         let mut rng = SplitMix64::scattered(self.seed ^ mixed(tick as u64));
@@ -167,7 +167,7 @@ fn lens(rng: &mut SplitMix64) -> Camera {
     Camera { lens: Pinhole { matrix }.into(), size: Some(ImageSize { width_px: 1920, height_px: 1080 }) }
 }
 
-/// A pose from which all points are well visible and only one pose fits, as an installer would choose it.
+/// Returns a pose from which all points are well visible and only one pose fits, as an installer would choose it.
 fn stand(camera: &Camera, points: &[Point; 4], sigma_px: f64, rng: &mut SplitMix64) -> Pose {
     let centre = points.iter().sum::<Point>() / 4.0;
     loop {
@@ -190,7 +190,7 @@ fn is_well_seen(camera: &Camera, points: &[Point; 4], cam_from_target: &Pose, si
     };
     let seen: Option<Vec<Correspondence>> = points.iter().map(one).collect();
     let found = seen.and_then(|seen| locate(&seen, camera, &Config::default()).ok());
-    // The other minimum must be far off whatever the noise: χ² of 80 leaves no doubt in ten standard deviations.
+    // The other minimum must be far off whatever the noise: Δχ² of 80 leaves no doubt in ten standard deviations.
     found.is_some_and(|found| {
         let is_unique = matches!(found.ambiguity, Ambiguity::Unique { .. });
         is_unique && found.probability > 1.0 - 1e-9 && found.covariance[(5, 5)] < 0.05 * 0.05
@@ -223,7 +223,7 @@ fn clock_fault(day: &Simulation, rng: &mut SplitMix64) -> Fate {
     }
 }
 
-/// Of 0.01° to 1°, most of it a rotation about the camera's own centre, as of a bracket that gave way.
+/// Returns a motion of 0.01° to 1°, most of it a rotation about the camera's own centre, as of a loose bracket.
 fn motion(rng: &mut SplitMix64) -> Vector6 {
     let angle = 10_f64.powf(rng.between(-2.0, 0.0)).to_radians();
     let (rotation, shift) = (direction(rng) * angle, direction(rng) * (angle * 0.05));

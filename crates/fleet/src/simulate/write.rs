@@ -17,17 +17,17 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Seconds of a file of views.
+/// Length of a file of views, seconds.
 const FILE_S: f64 = 3600.0;
-/// Rows of a row group.
+/// Number of rows of a row group.
 const GROUP: usize = 1 << 20;
-/// Rows made at a time.
+/// Number of rows generated at a time.
 const BATCH: usize = 65_536;
 
 /// Writes `cameras.csv`, `truth.csv` and `views/NNN.parquet` into a folder. Returns the files of views.
 ///
 /// # Errors
-/// What the disk says.
+/// The error of the disk.
 pub fn write_day(fleet: &SimulatedFleet, folder: &Path) -> Result<Vec<PathBuf>, FleetError> {
     let views = folder.join("views");
     std::fs::create_dir_all(&views).map_err(|e| FleetError::at(&views, e.to_string()))?;
@@ -117,7 +117,7 @@ fn write_views(fleet: &SimulatedFleet, ticks: std::ops::Range<usize>, path: &Pat
     Ok(())
 }
 
-/// The rows of a time, poison among them.
+/// Returns the rows of a time, with bad ones among them.
 fn rows_of(fleet: &SimulatedFleet, tick: usize) -> Vec<Row> {
     let day = &fleet.simulation;
     let mut rng = SplitMix64::scattered(day.seed ^ mixed(!(tick as u64)));

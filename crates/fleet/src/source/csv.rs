@@ -1,4 +1,4 @@
-//! CSV with a header line. A cell that holds no number is a missing number, whose row is kept and says so.
+//! CSV with a header line. A cell without a number is a missing number, whose row is kept with a status.
 
 use super::lines::Lines;
 use super::{Batches, PIECE};
@@ -27,7 +27,7 @@ fn open(path: &Path) -> Result<(Reader, SchemaRef), FleetError> {
     Ok((reader, Arc::new(Schema::new(fields))))
 }
 
-/// Its columns: names are text, all others numbers.
+/// Returns its columns: names are text, all others numbers.
 pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
     let (_, schema) = open(path)?;
     if schema.fields().len() < 2 {
@@ -37,7 +37,7 @@ pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
     Ok(schema)
 }
 
-/// Its rows; columns that are not used stay empty.
+/// Returns its rows; columns that are not used stay empty.
 pub(super) fn batches(path: &Path, layout: &Layout) -> Result<Batches, FleetError> {
     let (reader, schema) = open(path)?;
     Ok(Box::new(Rows { path: path.to_path_buf(), reader, schema, used: layout.read(), is_over: false }))
@@ -54,7 +54,7 @@ struct Rows {
 enum Column {
     Text(StringBuilder),
     Number(Float64Builder),
-    /// As many empty cells as there are rows.
+    /// An empty cell for each row.
     Unused,
 }
 

@@ -1,4 +1,4 @@
-//! JSON Lines, an object a row. A line that is no object is a row without a camera, which is kept and says so.
+//! JSON Lines, one object for each row. A line that is no object is a row without a camera, which is kept with a status.
 
 use super::lines::Lines;
 use super::{Batches, PIECE};
@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 type Reader = BufReader<Lines<File>>;
 
-/// Lines that are looked at for their keys.
+/// Number of lines from which keys are read.
 const LOOKED_AT: usize = 1000;
 const LISTS: [&str; 2] = ["points_px", "points_m"];
 
@@ -24,7 +24,7 @@ fn open(path: &Path) -> Result<Reader, FleetError> {
     Ok(BufReader::new(Lines::new(file)))
 }
 
-/// Keys of the first lines.
+/// Returns the keys of the first lines.
 pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
     let mut keys = BTreeSet::new();
     for line in open(path)?.lines().take(LOOKED_AT) {
@@ -44,7 +44,7 @@ pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
     Ok(Arc::new(Schema::new(fields)))
 }
 
-/// Its rows.
+/// Returns its rows.
 pub(super) fn batches(path: &Path) -> Result<Batches, FleetError> {
     Ok(Box::new(Rows {
         path: path.to_path_buf(),
@@ -126,7 +126,7 @@ fn lists<'a>(values: impl Iterator<Item = Option<&'a Value>>) -> ArrayRef {
     Arc::new(builder.finish())
 }
 
-/// The numbers of an array, of pairs or not.
+/// Appends the numbers of an array, of pairs or not.
 fn append(value: &Value, builder: &mut Float64Builder) {
     for item in value.as_array().into_iter().flatten() {
         match item {

@@ -1,11 +1,11 @@
-//! Lines that end in time.
+//! Lines of limited length.
 
 use std::io::{Error, ErrorKind, Read};
 
 /// Longest line, bytes.
 const MOST: usize = 1 << 24;
 
-/// Bytes of a text file; a line that does not end is an error of reading, not memory.
+/// Bytes of a text file; a line without an end is a read error, instead of filling the memory.
 pub(super) struct Lines<R> {
     inner: R,
     since: usize,

@@ -3,13 +3,13 @@
 use crate::FleetError;
 use std::path::{Path, PathBuf};
 
-/// Endings of files that are looked for in folders.
+/// Endings of the files that are used in folders.
 const ENDINGS: [&str; 5] = ["parquet", "csv", "jsonl", "ndjson", "json"];
 
-/// The files that are meant: as given, those of a folder (and of the folders in it) by name, those that match a pattern by name.
+/// Returns the files of the arguments: files as given, those of a folder (and of its subfolders) by name, those that match a pattern by name.
 ///
 /// # Errors
-/// What is not there, or holds no file of views.
+/// An argument that does not exist, or contains no file of views.
 pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>, FleetError> {
     let mut files = Vec::new();
     for argument in arguments {
@@ -35,10 +35,10 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>, FleetError> {
     Ok(files)
 }
 
-/// Folders in folders are followed so far down.
+/// Largest depth of subfolders.
 const DEEPEST: usize = 16;
 
-/// Hidden files, and those that Spark leaves besides (`_SUCCESS`), are no views.
+/// Adds the files below a folder; hidden files, and those that Spark leaves (`_SUCCESS`), are no views.
 fn below(folder: &Path, files: &mut Vec<PathBuf>, depth: usize) -> Result<(), FleetError> {
     let entries = std::fs::read_dir(folder).map_err(|e| FleetError::at(folder, e.to_string()))?;
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();

@@ -5,7 +5,7 @@ use crate::FleetError;
 use std::sync::PoisonError;
 
 /// The first bytes; the last one is the version.
-const MAGIC: [u8; 8] = *b"resight\x03";
+const MAGIC: [u8; 8] = *b"resight\x04";
 
 impl FleetState {
     /// The state as bytes, the same ones whatever the order in which its rows came.
@@ -16,10 +16,10 @@ impl FleetState {
     /// A state for each camera, by name; merged they are this one but for the rows that name no camera.
     pub fn split(&self) -> Vec<(String, Vec<u8>)> {
         let names = self.spans().into_iter().map(|(name, _)| name);
-        names.map(|name| (name.clone(), self.bytes_of(|other| *other == name, [0; 5]))).collect()
+        names.map(|name| (name.clone(), self.bytes_of(|other| *other == name, [0; 6]))).collect()
     }
 
-    fn bytes_of(&self, is_meant: impl Fn(&String) -> bool, unnamed: [u64; 5]) -> Vec<u8> {
+    fn bytes_of(&self, is_meant: impl Fn(&String) -> bool, unnamed: [u64; 6]) -> Vec<u8> {
         let mut cameras: Vec<(String, Vec<u8>)> = Vec::new();
         for shard in &self.shards {
             let shard = shard.lock().unwrap_or_else(PoisonError::into_inner);
@@ -142,8 +142,8 @@ impl<'a> Reader<'a> {
         usize::try_from(self.whole()?).ok().filter(|n| *n <= self.0.len())
     }
 
-    fn counts(&mut self) -> Option<[u64; 5]> {
-        let mut counts = [0; 5];
+    fn counts(&mut self) -> Option<[u64; 6]> {
+        let mut counts = [0; 6];
         for n in &mut counts {
             *n = self.whole()?;
         }

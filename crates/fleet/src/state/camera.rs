@@ -29,8 +29,8 @@ pub struct Sample {
 /// Counts, times, sums over periods and a few rows of one camera.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CameraState {
-    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, anything else.
-    pub counts: [u64; 5],
+    /// Rows of each status: ok, ambiguous, degenerate, inconsistent, implausible, anything else.
+    pub counts: [u64; 6],
     /// Rows that state no time.
     pub without_time: u64,
     /// Poses too far from the target to be summed.
@@ -163,7 +163,8 @@ pub(super) fn kind(status: Status) -> usize {
         Status::Ambiguous => 1,
         Status::Degenerate => 2,
         Status::Inconsistent => 3,
-        _ => 4,
+        Status::Implausible => 4,
+        _ => 5,
     }
 }
 

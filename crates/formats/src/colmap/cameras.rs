@@ -57,7 +57,7 @@ pub(super) fn camera_line(
         cy_px: need("cy") - 0.5,
     };
     let camera = lens::camera(&at, &lens_numbers(model, &need), matrix, Some(size), warnings)?;
-    Ok(NamedCamera { name: id.to_string(), camera, placement: None, intrinsics_covariance: None })
+    Ok(NamedCamera::new(id.to_string(), camera, None))
 }
 
 fn parameter_names(at: &Entry<'_>, model: &str) -> Result<Vec<&'static str>, Fault> {

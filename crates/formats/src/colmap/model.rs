@@ -152,16 +152,17 @@ impl Model {
         let mut contents = Contents { warnings: self.warnings, ..Contents::default() };
         for image in &self.images {
             let lens = self.cameras.iter().find(|c| c.name == image.camera_id);
-            contents.cameras.extend(lens.map(|c| NamedCamera {
-                name: image.name.clone(),
-                camera: c.camera.clone(),
-                placement: Some(Placement {
-                    b: image.name.clone(),
-                    a: "world".into(),
-                    b_from_a: image.cam_from_world,
-                    covariance: None,
-                }),
-                intrinsics_covariance: None,
+            contents.cameras.extend(lens.map(|c| {
+                NamedCamera::new(
+                    image.name.clone(),
+                    c.camera.clone(),
+                    Some(Placement {
+                        b: image.name.clone(),
+                        a: "world".into(),
+                        b_from_a: image.cam_from_world,
+                        covariance: None,
+                    }),
+                )
             }));
         }
         let taken = |c: &NamedCamera| self.images.iter().any(|i| i.camera_id == c.name);
@@ -177,12 +178,7 @@ impl Model {
             let name = self.folder_of(&camera.name).unwrap_or_else(|| camera.name.clone());
             let sensor = self.sensors.iter().find(|s| s.is_camera() && s.id == camera.name);
             let placement = sensor.and_then(|s| s.placement(&name, &names));
-            contents.cameras.push(NamedCamera {
-                name,
-                camera: camera.camera.clone(),
-                placement,
-                intrinsics_covariance: None,
-            });
+            contents.cameras.push(NamedCamera::new(name, camera.camera.clone(), placement));
         }
         let others = self.sensors.iter().filter(|s| !s.is_camera());
         contents.relations.extend(others.filter_map(|s| s.placement(&s.frame_name(), &names)));

@@ -1,5 +1,8 @@
 //! The name that was meant, where one slip of the hand explains the name that was given.
 
+/// Letters of a word that are compared: a hostile one stays cheap.
+const LONGEST: usize = 64;
+
 /// The candidate nearest to a name, when it is near enough to be a slip of the hand.
 pub fn nearest(name: &str, candidates: impl Iterator<Item = String>) -> Option<String> {
     let limit = (name.chars().count() / 3).clamp(1, 4);
@@ -11,7 +14,8 @@ pub fn nearest(name: &str, candidates: impl Iterator<Item = String>) -> Option<S
 
 /// Levenshtein distance with swaps of neighbours counted as one.
 fn edits(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let letters = |word: &str| word.chars().take(LONGEST).collect::<Vec<char>>();
+    let (a, b) = (letters(a), letters(b));
     let mut before: Vec<usize> = Vec::new();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for i in 1..=a.len() {

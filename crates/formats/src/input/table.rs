@@ -115,9 +115,15 @@ impl Table {
         FileError::at_line(&self.path, 1, reason)
     }
 
-    /// Where a column is.
+    /// The names of the columns.
+    pub fn header(&self) -> &[String] {
+        &self.header
+    }
+
+    /// Where a column is; capitals do not matter where no other column differs by them.
     pub fn find(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|column| column == name)
+        let position = |is_it: &dyn Fn(&String) -> bool| self.header.iter().position(is_it);
+        position(&|column| column == name).or_else(|| position(&|column| column.eq_ignore_ascii_case(name)))
     }
 
     /// Where a column is that must be there. `hint` says more about a missing one; else a column of a similar name is offered.
@@ -242,7 +248,7 @@ impl TableRow<'_> {
     }
 }
 
-/// Of a missing column in metres, radians or seconds: the column that holds it in another unit, and what to divide by.
+/// Of a missing column with a unit: the column that holds it in another unit, and what to divide by, or the one that states no unit.
 fn other_unit(name: &str, header: &[String]) -> Option<String> {
     const UNITS: [(&str, &str, &str); 5] = [
         ("_m", "_mm", "divide by 1000"),
@@ -251,11 +257,19 @@ fn other_unit(name: &str, header: &[String]) -> Option<String> {
         ("_rad", "_deg", "multiply by pi/180"),
         ("_s", "_ms", "divide by 1000"),
     ];
-    UNITS.iter().find_map(|(unit, other, change)| {
+    const NAMES: [(&str, &str); 4] =
+        [("_m", "metres"), ("_px", "pixels"), ("_rad", "radians"), ("_s", "seconds")];
+    let without = NAMES.iter().find_map(|(unit, words)| {
+        let stem = name.strip_suffix(unit)?;
+        let there = header.iter().find(|column| column.eq_ignore_ascii_case(stem))?;
+        Some(format!("`{there}` states no unit: call it `{name}` where it is in {words}"))
+    });
+    let in_another = UNITS.iter().find_map(|(unit, other, change)| {
         let there = format!("{}{other}", name.strip_suffix(unit)?);
         let is_there = header.contains(&there);
         is_there.then(|| format!("`{there}` is in another unit: {change}, and call it `{name}`"))
-    })
+    });
+    in_another.or(without)
 }
 
 fn complaint(path: &Path, line: u64, error: &csv::Error) -> FileError {
@@ -341,6 +355,7 @@ mod tests {
         for (bytes, wanted) in [
             (utf_16.as_slice(), "UTF-16 text"),
             (b"x_mm,y_mm\n1,2\n", "divide by 1000, and call it `x_m`"),
+            (b"x,y\n1,2\n", "`x` states no unit: call it `x_m` where it is in metres"),
             (b"x_m,y_m\n1,5,2,5\n", "decimal commas"),
             (b"PK\x03\x04\0\0xl/workbook.xml", "save it as CSV"),
         ] {

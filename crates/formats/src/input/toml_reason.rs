@@ -8,7 +8,7 @@ pub fn toml_reason(text: &str, error: &toml::de::Error) -> (Option<usize>, Strin
     let before = &text[..text.floor_char_boundary(span.start.min(text.len()))];
     let number = 1 + before.matches('\n').count();
     let line = text.lines().nth(number - 1).unwrap_or_default();
-    let hint = of_value(line).or_else(|| of_key(&message));
+    let hint = of_value(line).or_else(|| of_key(&message, line));
     (Some(number), hint.map_or(message.clone(), |hint| format!("{message}; {hint}")))
 }
 
@@ -21,7 +21,7 @@ fn of_value(line: &str) -> Option<String> {
         None => ("", value.trim_start_matches('+')),
     };
     let are_digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-    if let Some(fraction) = digits.strip_prefix('.').filter(|fraction| are_digits(fraction)) {
+    if let Some(fraction) = digits.strip_prefix('.').filter(|_| digits.parse::<f64>().is_ok()) {
         return Some(format!("write a digit before the point: {sign}0.{fraction}"));
     }
     let (whole, fraction) = digits.split_once(',')?;
@@ -29,13 +29,32 @@ fn of_value(line: &str) -> Option<String> {
         .then(|| format!("a decimal comma; write a point: {sign}{whole}.{fraction}"))
 }
 
-/// A key that is another one in another unit: the message names both.
-fn of_key(message: &str) -> Option<String> {
+/// A key that is another one in another unit: the message names both, and the value in metres where the line has one.
+fn of_key(message: &str, line: &str) -> Option<String> {
     let (seen, rest) = message.strip_prefix("unknown field `")?.split_once('`')?;
-    let stem = ["_mm", "_cm", "_inch", "_in", "_km"].iter().find_map(|unit| seen.strip_suffix(unit))?;
+    let value = line.split_once('=').map(|(_, value)| value.split('#').next().unwrap_or_default().trim());
+    let in_metres = in_metres(seen, value.and_then(|value| value.parse().ok()), |wanted| {
+        rest.contains(&format!("`{wanted}`"))
+    })?;
+    Some(format!("the unit is part of the name; write {in_metres}"))
+}
+
+/// What to write instead of a length whose key states another unit than metres, where the key in metres `is_known`.
+pub fn in_metres(key: &str, value: Option<f64>, is_known: impl Fn(&str) -> bool) -> Option<String> {
+    const UNITS: [(&str, f64); 5] =
+        [("_mm", 1e-3), ("_cm", 1e-2), ("_inch", 0.0254), ("_in", 0.0254), ("_km", 1e3)];
+    let (stem, metres) = UNITS.iter().find_map(|(unit, metres)| Some((key.strip_suffix(unit)?, metres)))?;
     let wanted = format!("{stem}_m");
-    rest.contains(&format!("`{wanted}`"))
-        .then(|| format!("the unit is part of the name; write `{wanted}`, in metres"))
+    is_known(&wanted).then(|| match value {
+        // Rounded to twelve digits: 25 × 0.001 is 0.025.
+        Some(value) => format!("`{wanted} = {}` (metres)", short(value * metres)),
+        None => format!("`{wanted}`, in metres"),
+    })
+}
+
+/// A number to twelve digits, without zeros at its end.
+fn short(number: f64) -> String {
+    format!("{number:.11e}").parse::<f64>().unwrap_or(number).to_string()
 }
 
 #[cfg(test)]
@@ -58,7 +77,9 @@ mod tests {
             ("# ä\ndistance_m = 6,9895\n", 2, "write a point: 6.9895"),
             ("distance_m = -0,5 # taped\n", 1, "write a point: -0.5"),
             ("\ndistance_m = .025\n", 2, "write a digit before the point: 0.025"),
-            ("distance_mm = 25\n", 1, "write `distance_m`, in metres"),
+            ("distance_mm = 25\n", 1, "write `distance_m = 0.025` (metres)"),
+            ("distance_cm = 698.95 # taped\n", 1, "write `distance_m = 6.9895` (metres)"),
+            ("distance_m = .9e3\n", 1, "write a digit before the point: 0.9e3"),
         ] {
             let (at, said) = reason(text);
             assert_eq!(at, Some(line), "{said}");

@@ -108,7 +108,7 @@ class FleetState:
     @property
     def counts(self) -> dict[str, int]:
         """Rows by status."""
-        return dict(zip(("ok", "ambiguous", "degenerate", "inconsistent", "error"), self._state.counts))
+        return dict(zip(("ok", "ambiguous", "degenerate", "inconsistent", "implausible", "error"), self._state.counts))
 
     def __len__(self) -> int:
         return len(self._state)

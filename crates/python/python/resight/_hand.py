@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -13,8 +14,6 @@ from ._make import unmasked
 from ._native import Pose, PoseAnswer
 from ._table import given_columns
 
-_QUATERNION = ("qw", "qx", "qy", "qz", "x_m", "y_m", "z_m")
-
 
 def motion_names(motions: Any) -> list[str] | None:
     """Names of the views by place, of a list or an array; None where views have names of their own."""
@@ -22,13 +21,19 @@ def motion_names(motions: Any) -> list[str] | None:
 
 
 def motions_of(motions: Any, views: list[str] | None) -> Any:
-    """A path, or each view with the numbers of its pose; lists and arrays take the names of `views`, or count from 0."""
+    """A path, the shape and numbers of an array of rows, JSON of a table, or each view with the numbers of its pose.
+
+    Lists and arrays of matrices take the names of `views`, or count from 0.
+    """
     if isinstance(motions, (str, os.PathLike)):
         return os.fspath(motions)
     if _is_table(motions):
         return _of_table(motions)
     if isinstance(motions, Mapping):
         return [(str(view), _matrix("motions", pose)) for view, pose in motions.items()]
+    if getattr(motions, "ndim", None) == 2:
+        rows = np.asarray(unmasked("motions", motions), dtype=np.float64)
+        return (list(rows.shape), rows.ravel().tolist())
     if views is None:
         views = [str(i) for i in range(len(motions))]
     if len(views) != len(motions):
@@ -69,22 +74,21 @@ def _is_named(motions: Any) -> bool:
 
 
 def _is_table(motions: Any) -> bool:
-    return "qw" in motions if isinstance(motions, Mapping) else any(hasattr(motions, name) for name in ("columns", "column_names"))
+    if isinstance(motions, Mapping):
+        return bool(motions) and all(np.ndim(column) == 1 for column in motions.values())
+    return any(hasattr(motions, name) for name in ("columns", "column_names"))
 
 
-def _of_table(table: Any) -> list[tuple[str, list[float]]]:
-    given = given_columns(table)
-    for name in ("view", *_QUATERNION):
-        if name not in given:
-            raise Error(f"motions: column {name} is missing; there are {', '.join(given)}")
+def _of_table(table: Any) -> tuple[str]:
+    """The rows of a table as JSON, which is read as the rows of a file."""
+    given = {str(name): np.asarray(unmasked(str(name), column)).tolist() for name, column in given_columns(table).items()}
+    if len({len(column) for column in given.values()}) > 1:
+        raise Error("motions: columns of one length are needed")
+    rows = [dict(zip(given, row)) for row in zip(*given.values())]
     try:
-        numbers = np.stack([np.asarray(unmasked(name, given[name]), dtype=np.float64) for name in _QUATERNION], axis=1)
-    except (TypeError, ValueError) as reason:
-        raise Error(f"motions: columns of numbers of one length are needed ({reason})") from None
-    views = list(given["view"])
-    if len(views) != len(numbers):
-        raise Error(f"motions: {len(views)} views and {len(numbers)} poses are given")
-    return [(str(view), row.tolist()) for view, row in zip(views, numbers)]
+        return (json.dumps(rows, allow_nan=False, default=str),)
+    except ValueError:
+        raise Error("motions: a number is not finite") from None
 
 
 def _matrix(what: str, pose: Any) -> list[float]:

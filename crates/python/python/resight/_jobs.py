@@ -81,22 +81,24 @@ def hand_eye(motions: Any, *, cameras: Any = (), targets: Any = (), images: Any 
              poses_covariance: Any = None, sigma_px: float | None = None, reference: str | None = None, eye_to_hand: bool = False,
              robot_sigma_rad: float | None = None, robot_sigma_m: float | None = None, height_m: float | None = None,
              height_sigma_m: float = 1e-3, height_axis: Sequence[float] = (0.0, 0.0, 1.0),
-             progress: Any = None) -> Answer:
+             rotation: str | None = None, length: str | None = None, inverse: bool = False, progress: Any = None) -> Answer:
     """Where a camera or rig is mounted on a robot or vehicle.
 
-    `motions`: the gripper's poses base_from_gripper: a CSV file as `resight hand-eye` reads it, an array (n, 4, 4), a list of `Pose`, a table
-    with the columns of the file, or names of views to matrices or `Pose`s. Either `poses`: JSON Lines of `locate` or `solve`, a list of
-    `PoseAnswer`, or cam_from_target as of `motions` with `poses_covariance` (n, 6, 6) of the small motion `[rotation_rad; translation_m]`. Or
+    `motions`: the gripper's poses base_from_gripper: a file as `resight hand-eye` reads it, an array (n, 4, 4), (n, 7) or (n, 6), a list of
+    `Pose`, a table with the columns of a file, or names of views to matrices or `Pose`s. `rotation` (such as "kuka"), `length` ("mm") and
+    `inverse` state what files, arrays and tables do not. Samples of easy_handeye and MoveIt need nothing else. Either `poses`: JSON Lines of
+    `locate` or `solve`, a file of poses cam_from_target, a list of `PoseAnswer`, or cam_from_target as of `motions` with `poses_covariance` (n, 6, 6) of the small motion `[rotation_rad; translation_m]`. Or
     `cameras` with `targets` and `images`, or with `detections` (CSV files or a table). Lists and arrays go together by place, all else by the
     name of the view. `robot_sigma_rad`, `robot_sigma_m`: the robot's own noise, estimated from the views where not given. `height_m`: a known
     coordinate of the camera along `height_axis` in the gripper's frame, metres.
     """
     robot = {"eye_to_hand": eye_to_hand, "sigma_rad": robot_sigma_rad, "sigma_m": robot_sigma_m, "height_m": height_m,
-             "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis)}
-    if sum(given is not None for given in (poses, images, detections)) != 1:
+             "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis), "rotation": rotation, "length": length,
+             "inverse": inverse}
+    if 1 < sum(given is not None for given in (poses, images, detections)):
         raise Error("one of poses, images and detections is needed")
-    if poses is not None:
-        seen = seen_poses(poses, poses_covariance, motion_names(motions))
+    if images is None and detections is None:
+        seen = None if poses is None else seen_poses(poses, poses_covariance, motion_names(motions))
         return Answer(*_native.hand_eye_of_poses(motions_of(motions, None), seen, robot))
     only = _only(cameras)
     if images is not None and not isinstance(images, Mapping):

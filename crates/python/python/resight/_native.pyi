@@ -167,7 +167,7 @@ class Target:
 
     @property
     def kind(self) -> str:
-        """`tag`, `aprilgrid`, `chessboard`, `charuco`, `tag_map`, `line_plus_one` or `points`."""
+        """`tag`, `aprilgrid`, `chessboard`, `charuco`, `circle_grid`, `tag_map`, `line_plus_one` or `points`."""
 
     @property
     def warnings(self) -> list[str]:
@@ -244,7 +244,7 @@ class PoseAnswer:
 
     @property
     def status(self) -> str:
-        """`ok`, `ambiguous`, `inconsistent`, `degenerate`, `not_found` or `error`; only `ok` may be used unseen."""
+        """`ok`, `ambiguous`, `inconsistent`, `implausible`, `degenerate`, `not_found` or `error`; only `ok` may be used unseen."""
 
     @property
     def message(self) -> str:
@@ -289,6 +289,10 @@ class PoseAnswer:
     @property
     def sigma_translation_m(self) -> _Array | None:
         """Standard deviations of `cam_from_target.translation_m` itself, (3,), metres: a rotation of the camera changes it too."""
+
+    @property
+    def budget(self) -> list[dict[str, Any]] | None:
+        """The parts of `covariance` by the sources of the errors, objects with `part`, `sigma_rad`, `sigma_m`, `share` of the position's variance and `covariance`; None where there are none."""
 
     @property
     def probability(self) -> float | None:
@@ -536,12 +540,12 @@ def check_intrinsics(
     progress: Any,
 ) -> list[str]: ...
 def hand_eye_of_poses(
-    motions: str | list[tuple[str, list[float]]],
-    poses: str | list[tuple[str, PoseAnswer]] | list[tuple[str, list[float], list[float]]],
+    motions: str | tuple[list[int], list[float]] | tuple[str] | list[tuple[str, list[float]]],
+    poses: str | list[tuple[str, PoseAnswer]] | list[tuple[str, list[float], list[float]]] | None,
     robot: dict[str, Any],
 ) -> list[str]: ...
 def hand_eye(
-    motions: str | list[tuple[str, list[float]]],
+    motions: str | tuple[list[int], list[float]] | tuple[str] | list[tuple[str, list[float]]],
     cameras: _Named,
     targets: _Named,
     images: _Taken,

@@ -13,7 +13,7 @@ from . import _native, spark
 from ._error import Error
 
 _ENDINGS = {".csv": "csv", ".jsonl": "json", ".ndjson": "json", ".json": "json"}
-_STATUSES = ("ok", "ambiguous", "degenerate", "inconsistent")
+_STATUSES = ("ok", "ambiguous", "degenerate", "inconsistent", "implausible")
 # A file that cannot be read is reported; the others are solved.
 _READ = {"ignoreCorruptFiles": "true"}
 

@@ -1,8 +1,8 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
 use super::{
-    advise, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph, print,
-    rig, rig_pose, scene_view,
+    advise, capture, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph,
+    print, rig, rig_pose, scene_view,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -39,7 +39,7 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer, with the name of its job.
-const ANSWERS: [(&str, Generate); 23] = [
+const ANSWERS: [(&str, Generate); 25] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("rig_pose", SchemaGenerator::subschema_for::<rig_pose::RigPoseAnswer>),
@@ -48,6 +48,8 @@ const ANSWERS: [(&str, Generate); 23] = [
     ("hand_eye", SchemaGenerator::subschema_for::<hand_eye::HandEyeAnswer>),
     ("intrinsics", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsAnswer>),
     ("intrinsics_check", SchemaGenerator::subschema_for::<intrinsics::IntrinsicsCheckAnswer>),
+    ("capture_view", SchemaGenerator::subschema_for::<capture::CaptureViewAnswer>),
+    ("capture", SchemaGenerator::subschema_for::<capture::CaptureAnswer>),
     ("compare_rigs", SchemaGenerator::subschema_for::<compare::RigsCompared>),
     ("compare_poses", SchemaGenerator::subschema_for::<compare::ViewCompared>),
     ("detect", SchemaGenerator::subschema_for::<detection::DetectionAnswer>),

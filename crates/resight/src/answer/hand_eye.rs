@@ -5,7 +5,7 @@ use super::{SchemaNumber, Status, Unsolved};
 use crate::core::multiview::hand_eye::{
     HandEye, HandEyeCause, HandEyeViewResult, Mounting, RejectedView as Rejection,
 };
-use crate::report::verdict::figures;
+use crate::report::verdict::{Verdict, figures};
 use crate::rig::relative::UncertainPose;
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
@@ -34,6 +34,10 @@ pub struct SolvedHandEye {
     pub left_out: Vec<(String, String)>,
     /// Why the rig of several cameras is inconsistent; `None` where it is consistent, or where there is one camera.
     pub rig_contradiction: Option<String>,
+    /// Sizes of the target and positions of the robot that are implausible in metres: with one, an answer that would be `ok` is `implausible`.
+    pub sizes: Vec<String>,
+    /// What is unusual about files and observations.
+    pub remarks: Vec<String>,
 }
 
 /// How well one view agrees with all.
@@ -81,10 +85,15 @@ impl HandEyeAnswer {
 impl SolvedHandEye {
     /// Returns whether the poses may be relied on; they are no better than the rig that they rest on.
     pub fn status(&self) -> Status {
-        match self.solution.is_inconsistent || self.rig_contradiction.is_some() {
+        self.verdict().status
+    }
+
+    fn verdict(&self) -> Verdict {
+        let status = match self.solution.is_inconsistent || self.rig_contradiction.is_some() {
             true => Status::Inconsistent,
             false => Status::Ok,
-        }
+        };
+        Verdict { status, message: self.agreement() }.with_sizes(&self.sizes)
     }
 
     /// Returns the names of the two poses: `cam_from_gripper` and `base_from_target`, or, for a camera at rest, `cam_from_base` and
@@ -130,6 +139,10 @@ impl SolvedHandEye {
 
     /// Returns one line: how many views agree, or the likely cause why the answer cannot be trusted.
     pub fn message(&self) -> String {
+        self.verdict().message
+    }
+
+    fn agreement(&self) -> String {
         let found = &self.solution;
         let used = format!("{} of {} views agree", found.n_used, found.views.len());
         if let Some(cause) = self.causes().first() {
@@ -149,14 +162,20 @@ impl SolvedHandEye {
     fn json(&self) -> HandEyeObject {
         let found = &self.solution;
         let (carrier, holder) = self.pose_names();
-        let pose = |b_from_a, covariance| UncertainObject::of(&UncertainPose { b_from_a, covariance });
+        let pose = |b_from_a, covariance, budget| {
+            UncertainObject::of(&UncertainPose { b_from_a, covariance }).with_budget(budget)
+        };
         let poses = BTreeMap::from([
-            (carrier, pose(found.cam_from_carrier, found.carrier_covariance)),
-            (holder.to_string(), pose(found.holder_from_target, found.holder_covariance)),
+            (carrier, pose(found.cam_from_carrier, found.carrier_covariance, &found.carrier_budget)),
+            (
+                holder.to_string(),
+                pose(found.holder_from_target, found.holder_covariance, &found.holder_budget),
+            ),
         ]);
+        let Verdict { status, message } = self.verdict();
         HandEyeObject {
             schema: SchemaNumber,
-            status: self.status(),
+            status,
             mounting: if found.mounting == Mounting::CameraOnGripper { "eye_in_hand" } else { "eye_to_hand" },
             poses,
             n_views: found.views.len(),
@@ -176,7 +195,8 @@ impl SolvedHandEye {
             views: self.agreements(),
             rejected: self.rejected(),
             causes: self.causes(),
-            message: self.message(),
+            remarks: self.remarks.clone(),
+            message,
         }
     }
 }
@@ -224,6 +244,8 @@ pub(super) struct HandEyeObject {
     rejected: Vec<RejectedView>,
     /// Why the answer is not to be believed, the likely cause first.
     causes: Vec<String>,
+    /// What is unusual about files and observations.
+    remarks: Vec<String>,
     message: String,
 }
 

@@ -28,10 +28,17 @@ impl IntrinsicsAnswer {
         IntrinsicsAnswer { schema: SchemaNumber, kind: "intrinsics", status, cameras, remarks }
     }
 
-    /// Returns the cameras whose intrinsics may be relied on, as a camera file holds them.
+    /// Returns the cameras whose intrinsics may be relied on, as a camera file holds them; they do not depend on the target's size, and so
+    /// not on whether that is plausible.
     pub fn reliable(&self) -> Vec<NamedCamera> {
-        let ok = self.cameras.iter().filter(|camera| camera.status == Status::Ok);
-        ok.filter_map(|camera| camera.camera.clone()).collect()
+        self.cameras.iter().filter(|one| one.is_reliable()).filter_map(|one| one.camera.clone()).collect()
+    }
+}
+
+impl CameraIntrinsics {
+    /// Returns whether the intrinsics may be relied on.
+    pub fn is_reliable(&self) -> bool {
+        matches!(self.status, Status::Ok | Status::Implausible) && self.camera.is_some()
     }
 }
 
@@ -45,7 +52,8 @@ pub(crate) fn worst(statuses: impl IntoIterator<Item = Status>) -> Status {
 pub struct CameraIntrinsics {
     /// Its name.
     pub name: String,
-    /// `ok`; `inconsistent` where the data contradict themselves; `degenerate` where they determine no camera; `not_found` without a target.
+    /// `ok`; `inconsistent` where the data contradict themselves; `implausible` where a size of the target hardly exists, on which the views'
+    /// poses depend and the intrinsics do not; `degenerate` where they determine no camera; `not_found` without a target.
     pub status: Status,
     /// The status in a sentence, with the way out.
     pub message: String,
@@ -151,6 +159,7 @@ pub struct IntrinsicsObject {
 
 /// One parameter.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
+#[schemars(rename = "IntrinsicParameterObject")]
 pub struct ParameterObject {
     /// Its name, as in camera.toml.
     pub name: &'static str,
@@ -226,6 +235,7 @@ pub struct TargetShapeObject {
 
 /// Corners by cell of a grid over the image, row by row.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
+#[schemars(rename = "ImageCoverageObject")]
 pub struct CoverageObject {
     /// Cells in a row.
     pub columns: usize,
@@ -268,7 +278,7 @@ pub struct NextViewObject {
     pub centre_px: [f64; 2],
     /// By how much it should be tilted, rad.
     pub tilt_rad: f64,
-    /// Axis of the tilt in the image, rad from the u axis towards the v axis.
+    /// Axis of the tilt in the image, rad from the u axis towards the v axis; about v (90°) the right edge moves towards the camera.
     pub axis_rad: f64,
     /// Distance, metres.
     pub distance_m: f64,

@@ -1,6 +1,8 @@
 //! Poses of cameras with their covariances, where known, as JSON.
 
+use super::budget::{BudgetPartObject, parts};
 use super::{TransformObject, rows};
+use crate::core::budget::Budget;
 use crate::core::{Matrix6, Pose};
 use crate::report::words::{sigmas, translation_sigma_m};
 use crate::rig::relative::UncertainPose;
@@ -45,6 +47,9 @@ pub(super) struct UncertainObject {
     sigma_m: [f64; 3],
     /// Of the translation itself, which a rotation changes too.
     sigma_translation_m: [f64; 3],
+    /// The parts of `covariance` by the sources of the errors, where they are known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    budget: Vec<BudgetPartObject>,
 }
 
 impl UncertainObject {
@@ -56,7 +61,13 @@ impl UncertainObject {
             sigma_rad,
             sigma_m,
             sigma_translation_m: translation_sigma_m(&pose.b_from_a, &pose.covariance),
+            budget: Vec::new(),
         }
+    }
+
+    /// The object with the parts of its covariance.
+    pub(super) fn with_budget(self, budget: &Budget) -> Self {
+        UncertainObject { budget: parts(budget), ..self }
     }
 }
 

@@ -1,7 +1,11 @@
 //! The answer of a job that finds one pose, and the JSON object that it becomes.
 
+pub use super::budget::rows;
+use super::budget::{BudgetPartObject, parts};
 use super::print::PrintedScaleObject;
 use super::{Agreement, EstimatedFocal, SchemaNumber};
+use crate::core::Pose;
+use crate::core::budget::Budget;
 use crate::core::locate::PoseEstimate;
 use crate::core::locate::choose::{Ambiguity, Hypothesis, Minimum};
 use crate::core::locate::consistency::Consistency;
@@ -9,7 +13,6 @@ use crate::core::locate::observability::{Axis, Observability};
 use crate::core::multiview::tag_map::DisplacedTag;
 use crate::core::solve::configuration::{Configuration, Geometry, Measure};
 use crate::core::solve::line_plus_one::Weakness;
-use crate::core::{Matrix6, Pose};
 use crate::locate::{IntrinsicsCost, PointsCause};
 use crate::report::verdict::{Status, Verdict, weakness_figures};
 use crate::report::words::{sigmas, translation_sigma_m};
@@ -27,6 +30,8 @@ pub struct PoseAnswer {
     pub verdict: Verdict,
     /// The pose, when there is one.
     pub estimate: Option<PoseEstimate>,
+    /// The parts of the pose's covariance by their sources; `None` where lines or the focal length are estimated with.
+    pub budget: Option<Budget>,
     /// The motion that the points determine least.
     pub observability: Option<Observability>,
     /// Number of points.
@@ -183,6 +188,9 @@ pub struct PoseObject {
     sigma_m: Option<[f64; 3]>,
     /// Of the vector `cam_from_target.translation_m` itself, which a rotation of the camera changes too.
     sigma_translation_m: Option<[f64; 3]>,
+    /// The parts of `covariance` by the sources of the errors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    budget: Option<Vec<BudgetPartObject>>,
     rms_px: Option<f64>,
     chi2: Option<f64>,
     degrees_of_freedom: Option<usize>,
@@ -299,6 +307,7 @@ impl PoseAnswer {
             view,
             verdict: Verdict { status, message: message.into() },
             estimate: None,
+            budget: None,
             observability: None,
             n_points: 0,
             n_lines: 0,
@@ -338,6 +347,7 @@ impl PoseAnswer {
             sigma_rad: sigma.map(|s| s.0),
             sigma_m: sigma.map(|s| s.1),
             sigma_translation_m: e.map(|e| translation_sigma_m(&e.cam_from_target, &e.covariance)),
+            budget: self.budget.as_ref().map(parts),
             rms_px: e.map(|e| e.rms_px),
             chi2: e.map(|e| e.chi2),
             degrees_of_freedom: e.map(|e| e.degrees_of_freedom),
@@ -467,9 +477,4 @@ fn geometry(g: &Geometry) -> GeometryObject {
         line_height: g.line_height.map(measure),
         thickness_over_width: g.thickness.map(measure),
     }
-}
-
-/// Returns a 6×6 matrix row by row.
-pub fn rows(m: &Matrix6) -> [[f64; 6]; 6] {
-    std::array::from_fn(|i| std::array::from_fn(|j| m[(i, j)]))
 }

@@ -3,14 +3,16 @@
 mod rejected;
 mod views;
 
+use super::budget::{BudgetPartObject, parts};
 use super::placed::{JointObject, UncertainObject};
 use super::{SchemaNumber, Status, TransformObject, Unsolved, rows};
 use crate::core::Pose;
 use crate::core::multiview::rig::{CameraInRig, Cause, RigSolution, TargetOnBody, TargetScale};
 use crate::formats::{JointCovariance, WriteError, own_rig_file, status_keys};
 use crate::report::rig::{
-    camera_status, rig_camera_sentence, rig_headline, rig_status, rig_verdict_sentence, scale_sentences,
+    camera_status, rig_camera_sentence, rig_status, rig_verdict, rig_verdict_sentence, scale_sentences,
 };
+use crate::report::verdict::Verdict;
 use crate::report::words::{distance_sigma_m, sigmas, translation_sigma_m};
 use crate::rig::relative::{InWorld, UncertainPose, between};
 use crate::rig::{InputFile, LeftOut, RigRun};
@@ -74,7 +76,7 @@ impl RigAnswer {
 impl SolvedRig {
     /// Returns whether the rig may be relied on.
     pub fn status(&self) -> Status {
-        rig_status(&self.run.solution)
+        rig_status(&self.run)
     }
 
     /// Writes the file of cameras with poses and covariances that other commands read (TOML), with the status in its first line.
@@ -83,7 +85,8 @@ impl SolvedRig {
     /// A lens that the format cannot hold.
     pub fn file(&self) -> Result<String, WriteError> {
         let file = own_rig_file(&self.run.placed_cameras(), self.joint())?;
-        Ok(with_status(&file, rig_verdict_sentence(&self.run).as_deref()))
+        let why = rig_verdict_sentence(&self.run).or_else(|| self.run.rig.size_remarks().into_iter().next());
+        Ok(with_status(&file, self.status(), why.as_deref()))
     }
 
     /// Returns the covariance of all cameras together, where it is known.
@@ -95,10 +98,10 @@ impl SolvedRig {
 }
 
 /// Adds the status as the first line of a camera file; commands that read the file repeat it.
-pub(super) fn with_status(file: &str, contradiction: Option<&str>) -> String {
+pub(super) fn with_status(file: &str, status: Status, why: Option<&str>) -> String {
     // A single camera without a pose is not a rig and needs no status.
     match file.contains("[[") {
-        true => format!("{}{file}", status_keys(contradiction)),
+        true => format!("{}{file}", status_keys(status.name(), why)),
         false => file.to_owned(),
     }
 }
@@ -161,6 +164,8 @@ struct CameraObject {
     sigma_m: [f64; 3],
     /// Of the translation of `cam_from_rig` itself, which a rotation changes too.
     sigma_translation_m: [f64; 3],
+    /// The parts of `covariance` by the sources of the errors; empty for the reference.
+    budget: Vec<BudgetPartObject>,
     /// Views in which it took part, of those in which it saw something.
     n_views: usize,
     n_views_seen: usize,
@@ -235,9 +240,10 @@ struct InputObject {
 
 fn object(solved: &SolvedRig) -> RigObject {
     let s = &solved.run.solution;
+    let Verdict { status, message } = rig_verdict(&solved.run);
     RigObject {
         schema: SchemaNumber,
-        status: rig_status(s),
+        status,
         contradiction: rig_verdict_sentence(&solved.run),
         reference: camera_name(solved, s.reference),
         rms_px: s.rms_px,
@@ -262,7 +268,7 @@ fn object(solved: &SolvedRig) -> RigObject {
         joint_covariance: joint(solved),
         inputs: solved.run.inputs.iter().map(input).collect(),
         command: solved.run.command.clone(),
-        message: rig_headline(&solved.run),
+        message,
     }
 }
 
@@ -293,7 +299,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
         let (losses, n_views_seen) =
             (&solved.run.solution.verdict.cameras[i], solved.run.solution.shared.counts[i][i]);
         let object = CameraObject {
-            status: camera_status(&solved.run.solution, i),
+            status: camera_status(&solved.run, i),
             cause: losses.cause.map(cause_word),
             message: rig_camera_sentence(&solved.run, i),
             cam_from_rig: c.cam_from_rig.into(),
@@ -302,6 +308,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
             sigma_rad,
             sigma_m,
             sigma_translation_m: translation_sigma_m(&c.cam_from_rig, &c.covariance),
+            budget: solved.run.solution.budgets.get(i).map(parts).unwrap_or_default(),
             n_views: c.n_views,
             n_views_seen,
             n_observations_rejected: losses.n_lost,

@@ -2,7 +2,6 @@
 
 use super::pose::rows;
 use super::{SchemaNumber, Status, TransformObject};
-use crate::core::Pose;
 use crate::core::multiview::rig_pose::{RigAmbiguity, RigPoseEstimate};
 use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
@@ -49,9 +48,9 @@ pub struct RigPoseAnswer {
     pub cameras: Vec<RigCameraFit>,
     /// Which rows agree, where wrong ones were looked for.
     pub agreement: Option<RigAgreement>,
-    /// The pose that the JSON shows.
+    /// The estimate that the JSON shows.
     #[serde(skip)]
-    pub pose: Option<Pose>,
+    pub estimate: Option<RigPoseEstimate>,
     /// What is unusual about the input.
     pub remarks: Vec<String>,
 }
@@ -121,7 +120,7 @@ impl RigPoseAnswer {
             ambiguity: None,
             cameras: Vec::new(),
             agreement: None,
-            pose: None,
+            estimate: None,
             remarks: Vec::new(),
         }
     }
@@ -152,7 +151,7 @@ impl RigPoseAnswer {
             chi2: Some(e.chi2),
             degrees_of_freedom: Some(e.degrees_of_freedom),
             ambiguity: Some(ambiguity),
-            pose: Some(e.rig_from_target),
+            estimate: Some(*e),
             ..self
         }
     }

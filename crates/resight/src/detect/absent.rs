@@ -8,11 +8,12 @@
 
 mod charuco;
 mod chessboard;
+mod circles;
 mod grid;
 mod tags;
 
 use super::Detector;
-use super::dots::DotDetector;
+use super::dots::DotFinder;
 use crate::GrayImage;
 use resight_core::Target;
 use resight_core::target::LinePlusOne;
@@ -72,6 +73,7 @@ fn wanted(target: &Target) -> String {
                 b.rows, b.columns, b.dictionary, b.square_m
             )
         }
+        Target::CircleGrid(g) => circles::wanted(g),
         Target::LinePlusOne(_) => "target of three dots on a line and one off it".to_owned(),
         other => format!("{} target", other.kind()),
     }
@@ -92,6 +94,7 @@ pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
         Target::AprilGrid(grid) => grid::instead(grid, image),
         Target::Charuco(board) => charuco::instead(board, image),
         Target::Chessboard(board) => chessboard::instead(board, image),
+        Target::CircleGrid(grid) => circles::instead(grid, image).or_else(|| of_whole_image(target, image)),
         Target::LinePlusOne(dots) => other_dots(dots, image).or_else(|| of_whole_image(target, image)),
         _ => None,
     }
@@ -139,7 +142,7 @@ fn other_dots(target: &LinePlusOne, image: &GrayImage) -> Option<String> {
     if 4 <= n_points(&Target::LinePlusOne(*target), &mirrored) {
         return Some(format!("{MIRRORED} (seen from behind, it looks the same)"));
     }
-    let dots = DotDetector::new(target).ok()?.dots(image).ok()?;
+    let dots = DotFinder::default().dots(image).ok()?;
     let dark = dots.iter().filter(|dot| dot.contrast < 0.0).count();
     let (light, most) = (dots.len() - dark, dark.max(dots.len() - dark));
     let seen = format!("{dark} dark and {light} light dots are seen");

@@ -11,13 +11,13 @@
 
 mod centroid;
 mod components;
+mod find;
 mod identify;
 mod layout;
 mod threshold;
 mod view;
 
 use crate::GrayImage;
-use components::{Component, Labeller};
 use identify::{Explanation, Search};
 use layout::{Layout, ViewDot};
 use resight_core::correspondence::Detection;
@@ -27,6 +27,8 @@ use thiserror::Error;
 use view::View;
 
 pub use centroid::Dot;
+pub use find::DotFinder;
+pub(super) use layout::rim_centroid;
 
 /// Why an image cannot be searched.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -56,6 +58,14 @@ pub enum DotError {
         camera_width_px: u32,
         /// Rows of the camera's images.
         camera_height_px: u32,
+    },
+    /// Several copies of the target.
+    #[error(
+        "the dot target is seen {count} times, so which one is meant is not known; cover or remove the copies"
+    )]
+    Copies {
+        /// How often it was seen.
+        count: usize,
     },
 }
 
@@ -113,15 +123,8 @@ pub struct DotTarget {
 pub struct DotDetector {
     layout: Layout,
     config: DotConfig,
-    classes: Vec<u8>,
-    labeller: Labeller,
-    scratch: centroid::Scratch,
+    finder: DotFinder,
 }
-
-/// Regions smaller than this are specks, px.
-const MIN_AREA_PX: f64 = 2.0;
-/// Beyond this number, the least conspicuous specks are discarded before any is measured.
-const MAX_MEASURED: usize = 1200;
 
 impl DotDetector {
     /// Builds a detector for one target, with dots of any size and polarity. Fails on invalid dimensions of the target.
@@ -144,16 +147,14 @@ impl DotDetector {
         Ok(DotDetector {
             layout: Layout::new(target, config.diameter_m),
             config,
-            classes: Vec::new(),
-            labeller: Labeller::default(),
-            scratch: centroid::Scratch::default(),
+            finder: DotFinder::new(config.polarity, config.min_contrast),
         })
     }
 
     /// Returns the four detections of the most certain target, or none. Without a camera the lens is assumed to be free of distortion; the shift
     /// by perspective is removed as far as the dots' own shapes determine it.
     pub fn detect(&mut self, image: &GrayImage) -> Result<Vec<Detection>, DotError> {
-        self.first(image, None)
+        self.only(image, None)
     }
 
     /// Detects with known intrinsics: straightness and rigidity are tested with the distortion of the lens.
@@ -162,7 +163,7 @@ impl DotDetector {
         image: &GrayImage,
         camera: &Camera,
     ) -> Result<Vec<Detection>, DotError> {
-        self.first(image, Some(camera))
+        self.only(image, Some(camera))
     }
 
     /// Every instance of the target in the image, surest first.
@@ -172,7 +173,7 @@ impl DotDetector {
         camera: Option<&Camera>,
     ) -> Result<Vec<DotTarget>, DotError> {
         check_size(image, camera)?;
-        let dots = self.dots(image)?;
+        let dots = self.finder.dots(image)?;
         let size = Pixel::new(image.width_px as f64, image.height_px as f64);
         let view = match camera {
             Some(camera) => View::Calibrated(camera),
@@ -196,44 +197,12 @@ impl DotDetector {
         Ok(found.into_iter().map(|(_, target)| target).collect())
     }
 
-    /// Every dot in the image, target or not, the most conspicuous first (contrast times radius).
-    pub fn dots(&mut self, image: &GrayImage) -> Result<Vec<Dot>, DotError> {
-        let (width, height) = (image.width_px as usize, image.height_px as usize);
-        if image.data.len() != width * height {
-            let seen = image.data.len();
-            return Err(DotError::BufferSize { width_px: image.width_px, height_px: image.height_px, seen });
+    fn only(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DotError> {
+        let found = self.detect_all(image, camera)?;
+        match found.len() {
+            0 | 1 => Ok(found.into_iter().next().map_or(Vec::new(), |target| target.detections)),
+            count => Err(DotError::Copies { count }),
         }
-        let noise = threshold::noise_sigma(image);
-        threshold::classify(image, self.config.min_contrast.max(10.0 * noise), &mut self.classes);
-        let max_area = 0.25 * (width * height) as f64;
-        let mut regions = self.labeller.components(&self.classes, width, MIN_AREA_PX, max_area);
-        regions.retain(|c| self.may_be_dot(c));
-        if MAX_MEASURED < regions.len() {
-            regions.sort_by(|a, b| b.area.total_cmp(&a.area));
-            regions.truncate(MAX_MEASURED);
-        }
-        let (classes, scratch) = (&self.classes, &mut self.scratch);
-        let mut dots: Vec<Dot> =
-            regions.iter().filter_map(|c| centroid::measure(image, classes, c, noise, scratch)).collect();
-        dots.retain(|d| self.config.min_contrast.max(6.0 * noise) <= d.contrast.abs());
-        let weight = |d: &Dot| d.contrast.abs() * d.moments_px2.determinant().max(0.0).powf(0.25);
-        dots.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
-        Ok(dots)
-    }
-
-    fn first(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DotError> {
-        Ok(self.detect_all(image, camera)?.into_iter().next().map_or(Vec::new(), |t| t.detections))
-    }
-
-    fn may_be_dot(&self, c: &Component) -> bool {
-        let wanted = match self.config.polarity {
-            Polarity::Either => true,
-            Polarity::DarkOnLight => c.class == threshold::DARK,
-            Polarity::LightOnDark => c.class == threshold::LIGHT,
-        };
-        // Letters, rings and dots that touch a neighbour fill their ellipse less; few pixels fill it badly anyway.
-        let least_fill = 0.98 - 1.2 / c.area.sqrt();
-        wanted && !c.at_border && (c.area < 20.0 || least_fill < c.ellipse_fill())
     }
 
     /// Removes perspective's shift, twice: the first time the homography itself is still shifted.

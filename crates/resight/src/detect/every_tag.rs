@@ -21,8 +21,9 @@ use std::collections::BTreeSet;
 /// found too. Of 4 × 4 bits only fifty codes are used: with a thousand, one square in fifteen would bear one by chance.
 const DICTIONARIES: [&str; 5] =
     ["DICT_4X4_50", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL"];
-/// Families used in Kalibr's grids.
-const OF_GRIDS: [&str; 3] = ["tag36h11", "tag25h9", "tag16h5"];
+/// Families used in Kalibr's grids, in both conventions.
+const OF_GRIDS: [&str; 6] =
+    ["tag36h11", "tag25h9", "tag16h5", "DICT_APRILTAG_36h11", "DICT_APRILTAG_25h9", "DICT_APRILTAG_16h5"];
 
 /// The tags of one family in an image.
 #[derive(Debug, Clone, PartialEq)]

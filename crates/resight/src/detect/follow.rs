@@ -9,7 +9,6 @@
 mod board;
 mod tags;
 
-use super::dots::DotDetector;
 use super::{DetectError, Detector, Finder};
 use crate::GrayImage;
 use board::BoardFollower;
@@ -39,8 +38,8 @@ pub struct Follower {
 enum Kind {
     Tags(Box<TagFollower>),
     Board(Box<BoardFollower>),
-    /// Dots are found by comparing all spots of an image.
-    Dots(Box<DotDetector>),
+    /// Dots and circles are found among all spots of an image, which takes few milliseconds.
+    Spots(Box<Detector>),
 }
 
 impl Follower {
@@ -52,7 +51,9 @@ impl Follower {
         let kind = match Detector::new(target)?.finder {
             Finder::Tag(finder) => Kind::Tags(Box::new(TagFollower::new(finder, false))),
             Finder::TagMap(finder) => Kind::Tags(Box::new(TagFollower::new(finder, true))),
-            Finder::Dots(finder) => Kind::Dots(finder),
+            spots @ (Finder::Dots(_) | Finder::CircleGrid(_)) => {
+                Kind::Spots(Box::new(Detector { finder: spots, copies: Vec::new() }))
+            }
             board => Kind::Board(Box::new(BoardFollower::new(
                 Detector { finder: board, copies: Vec::new() },
                 target,
@@ -78,7 +79,7 @@ impl Follower {
         let found = match &mut self.kind {
             Kind::Tags(follower) => follower.detect(image, elapsed_s, expected),
             Kind::Board(follower) => follower.detect(image, elapsed_s, expected),
-            Kind::Dots(finder) => Ok((finder.detect_with_camera(image, camera)?, Extent::Whole)),
+            Kind::Spots(detector) => Ok((detector.detect_with_camera(image, camera)?, Extent::Whole)),
         };
         let (found, extent) = found?;
         self.extent = extent;

@@ -28,21 +28,81 @@ pub(super) fn stretched(image: &GrayImage, least_gray: u8) -> Option<GrayImage> 
     if !is_taken(image) {
         return None;
     }
-    let width = image.width_px as usize;
-    let low = smoothed(extreme(&image.data, width, |a, b| a.min(b)), width);
-    let high = smoothed(extreme(&image.data, width, |a, b| a.max(b)), width);
-    // The windows begin at their first pixel, so that their centre is this much farther.
-    let shift = (WINDOW_PX / 2 + SMOOTH_PX / 4) * (width + 1);
+    let (width, height) = (image.width_px as usize, image.height_px as usize);
     let mut data = vec![FLAT; image.data.len()];
-    for ((out, gray), (low, high)) in
-        data[shift..].iter_mut().zip(&image.data[shift..]).zip(low.iter().zip(&high))
-    {
-        let range = high.saturating_sub(*low);
-        if least_gray.max(1) <= range {
-            *out = (255 * u16::from(gray.saturating_sub(*low)) / u16::from(range)).min(255) as u8;
+    let mut part = Vec::new();
+    for top in (0..height).step_by(PART_PX[1]) {
+        for left in (0..width).step_by(PART_PX[0]) {
+            let columns = Span::around(left, PART_PX[0], width);
+            let rows = Span::around(top, PART_PX[1], height);
+            part.clear();
+            let line = |v: usize| &image.data[v * width..][columns.first..columns.end];
+            (rows.first..rows.end).for_each(|v| part.extend_from_slice(line(v)));
+            let n = columns.end - columns.first;
+            if let Some([low, high]) = extremes(&part, n, least_gray) {
+                let shift = SHIFT * (n + 1);
+                for v in rows.own.clone() {
+                    let at = (v - rows.first) * n + columns.own.start - columns.first;
+                    // The first rows have no complete window.
+                    let Some(before) = at.checked_sub(shift) else { continue };
+                    let out = &mut data[v * width..][columns.own.clone()];
+                    stretch(out, &part[at..], &low[before..], &high[before..], least_gray);
+                }
+            }
         }
     }
     Some(GrayImage { data, ..*image })
+}
+
+/// Columns and rows of the parts that are stretched at once: they fit the fastest memory, and those without contrast are left out.
+const PART_PX: [usize; 2] = [256, 128];
+/// The windows begin at their first pixel, so that their centre is this much farther.
+const SHIFT: usize = WINDOW_PX / 2 + SMOOTH_PX / 4;
+
+/// Columns or rows of a part, and those around it that its windows reach.
+struct Span {
+    own: std::ops::Range<usize>,
+    first: usize,
+    end: usize,
+}
+
+impl Span {
+    fn around(start: usize, length: usize, size: usize) -> Self {
+        let end = (start + length).min(size);
+        Span {
+            own: start..end,
+            first: start.saturating_sub(SHIFT),
+            end: (end + WINDOW_PX + SMOOTH_PX).min(size),
+        }
+    }
+}
+
+/// Returns the darkest and brightest values around the pixels of a part; `None` where nowhere these differ enough.
+fn extremes(part: &[u8], width: usize, least_gray: u8) -> Option<[Vec<u8>; 2]> {
+    let darkest = part.iter().fold(u8::MAX, |low, gray| low.min(*gray));
+    let brightest = part.iter().fold(0, |high, gray| high.max(*gray));
+    if brightest.saturating_sub(darkest) < least_gray.max(1) {
+        return None;
+    }
+    let low = smoothed(extreme(part, width, |a, b| a.min(b)), width);
+    Some([low, smoothed(extreme(part, width, |a, b| a.max(b)), width)])
+}
+
+/// Floating-point numbers around this one, 1.5 · 2²³, are whole numbers.
+const WHOLE: f32 = 12_582_912.0;
+
+/// Stretches the pixels of a row.
+fn stretch(out: &mut [u8], gray: &[u8], low: &[u8], high: &[u8], least_gray: u8) {
+    let n = out.len();
+    let (gray, low, high) = (&gray[..n], &low[..n], &high[..n]);
+    for i in 0..n {
+        let range = high[i].saturating_sub(low[i]);
+        let share = 255.0 * f32::from(gray[i].saturating_sub(low[i])) / f32::from(range.max(1));
+        // Added to this number, the value is rounded to a whole number in its last bits. Quotients of whole numbers up to 255 are at least 1/255 below the next whole
+        // number, so that this rounds down; unlike a conversion, it is computed for many pixels at once.
+        let value = (share.min(255.0) - 0.498 + WHOLE).to_bits() as u8;
+        out[i] = if least_gray.max(1) <= range { value } else { FLAT };
+    }
 }
 
 /// The grey level of a pixel without contrast around it.
@@ -147,6 +207,21 @@ mod tests {
                 assert!(150 < stretched.at(u, v), "{u} {v}: {}", stretched.at(u, v));
             } else if is_inside {
                 assert!(stretched.at(u, v) < 105, "{u} {v}: {}", stretched.at(u, v));
+            }
+        }
+    }
+
+    /// Every grey level between every pair of extremes is stretched as by division of whole numbers.
+    #[test]
+    fn stretching_is_exact() {
+        for (low, high) in (0..=255u8).flat_map(|low| (low..=255).map(move |high| (low, high))) {
+            let gray: Vec<u8> = (0..=255).collect();
+            let mut out = vec![1; 256];
+            stretch(&mut out, &gray, &[low; 256], &[high; 256], 1);
+            for (gray, out) in gray.iter().zip(&out) {
+                let share = 255 * u32::from(gray.saturating_sub(low)) / u32::from(high - low).max(1);
+                let expected = if low < high { share.min(255) as u8 } else { FLAT };
+                assert_eq!(*out, expected, "{gray} between {low} and {high}");
             }
         }
     }

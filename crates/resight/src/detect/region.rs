@@ -31,6 +31,11 @@ impl Region {
         Some(Region { first: [u0, v0], end: [u1, v1] })
     }
 
+    /// Returns all of an image with pixels.
+    pub fn whole(size_px: [u32; 2]) -> Self {
+        Region { first: [0, 0], end: size_px }
+    }
+
     /// Returns strip `index` of `count`, which tile the image from top to bottom, with `overlap_px` more on both sides.
     pub fn strip(index: u32, count: u32, overlap_px: u32, size_px: [u32; 2]) -> Self {
         let row = |i: u32| (size_px[1] as u64 * i as u64 / count as u64) as u32;

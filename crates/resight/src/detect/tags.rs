@@ -5,17 +5,19 @@ use super::apriltag::{DecodedTag, Edges, QuadDecoder};
 use super::chessboard::squares::{Square, black_squares};
 use super::families::Family;
 use super::found_tag::sorted;
-use super::joints::{halved, joints};
+use super::joints::halved;
 use super::light;
 use super::noise::{Quietened, noise_gray, spread_of_tiles};
 use super::outlines::{self, Ink};
 use super::region::{Region, joined, longer_side_px};
+use super::saddles::saddles;
 use super::tag_print::{self, LaidTag, Print};
 use super::tiles::{self, CameraWatcher};
 use super::{DetectError, sigma};
 use crate::GrayImage;
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
+use std::cell::OnceCell;
 
 pub use super::found_tag::FoundTag;
 
@@ -32,6 +34,27 @@ pub struct TagFinder {
     part: GrayImage,
     /// Finds the same tags in an AprilGrid, whose squares touch them; built when needed.
     in_grid: Option<GridTagFinder>,
+}
+
+/// An image, and what several searches need to know of it.
+pub(super) struct Ground<'a> {
+    image: &'a GrayImage,
+    /// Difference of grey levels that noise rarely reaches.
+    least_gray: u8,
+    is_structured: OnceCell<bool>,
+    half: OnceCell<GrayImage>,
+}
+
+impl Ground<'_> {
+    /// Returns whether anything in the image is as large as a readable tag.
+    fn has_structure(&self) -> bool {
+        *self.is_structured.get_or_init(|| light::has_structure(self.image, self.least_gray))
+    }
+
+    /// Returns the image at half its size.
+    fn half(&self) -> &GrayImage {
+        self.half.get_or_init(|| halved(self.image))
+    }
 }
 
 impl TagFinder {
@@ -68,23 +91,40 @@ impl TagFinder {
         // At half the size all copies of a tag are found; at a quarter, the large ones that are blurred.
         let levels: &[f32] = if self.wanted == 1 { &[FINE, COARSE, FINEST] } else { &[FINE, FINEST] };
         let quiet = Quietened::new(image);
+        let ground = self.ground_of(image, quiet.noise_gray);
         let tags = if quiet.is_smoothed() {
-            self.search_noisy(image, &quiet, levels)
+            self.search_noisy(&ground, &quiet, levels)
         } else {
-            self.search(image, levels)
+            self.search_ground(&ground, levels)
         };
-        let found = self.measured(image, quiet.noise_gray, &tags);
-        if found.is_empty() { self.find_in_grid(image) } else { found }
+        let mut found = self.measured(image, quiet.noise_gray, &tags);
+        if found.is_empty() || self.wanted == 1 {
+            // The same tag in a grid beside it is a copy too.
+            found.extend(self.find_in_grid(&ground, &tags));
+        }
+        sorted(found)
     }
 
-    /// Finds the tags that are part of an AprilGrid, where the image may show one.
-    pub(super) fn find_in_grid(&mut self, image: &GrayImage) -> Vec<FoundTag> {
-        if !light::has_structure(image, self.least_gray(image)) {
+    /// Returns an image with what several searches need to know of it.
+    pub(super) fn ground<'a>(&self, image: &'a GrayImage) -> Ground<'a> {
+        self.ground_of(image, noise_gray(image))
+    }
+
+    fn ground_of<'a>(&self, image: &'a GrayImage, noise_gray: f64) -> Ground<'a> {
+        let least_gray = spread_of_tiles(noise_gray, self.min_margin_gray as u8);
+        Ground { image, least_gray, is_structured: OnceCell::new(), half: OnceCell::new() }
+    }
+
+    /// Finds the tags that are part of an AprilGrid, where the image may show one, beside those that are known.
+    pub(super) fn find_in_grid(&mut self, ground: &Ground, known: &[DecodedTag]) -> Vec<FoundTag> {
+        if !ground.has_structure() {
             return Vec::new();
         }
-        // At half the size it takes a quarter of the time to find out whether there are black squares with joints at their corners, and where.
-        let half = halved(image);
-        let joints = joints(&half);
+        let image = ground.image;
+        // Whether there are black squares with joints at their corners, and where, is found out at half the size and at whole pixels, which takes
+        // a thirtieth of the time.
+        let half = ground.half();
+        let joints = saddles(half, LEAST_JOINT_GRAY);
         if joints.len() < LEAST_JOINTS {
             return Vec::new();
         }
@@ -93,7 +133,16 @@ impl TagFinder {
             let corners = square.map(|k| 2.0 * joints[k].pixel + Pixel::new(0.5, 0.5));
             Region::around(&corners, 16.0 + AROUND_SQUARE * longer_side_px(&corners), size_px)
         };
-        let squares = black_squares(&joints, &half, noise_gray(&half));
+        // The bits of a tag touch at their corners as well.
+        let is_of_known = |square: &Square| {
+            let middle = square.iter().map(|k| 2.0 * joints[*k].pixel).sum::<Pixel>() / 4.0;
+            known.iter().any(|tag| {
+                let centre = tag.corners.iter().sum::<Pixel>() / 4.0;
+                (middle - centre).norm() < ABOUT_KNOWN * longer_side_px(&tag.corners)
+            })
+        };
+        let mut squares = black_squares(&joints, half, noise_gray(half));
+        squares.retain(|square| !is_of_known(square));
         let regions: Vec<Region> = squares.into_iter().filter_map(around).collect();
         if regions.is_empty() {
             return Vec::new();
@@ -102,21 +151,21 @@ impl TagFinder {
             Some(finder) => self.in_grid.insert(finder),
             None => return Vec::new(),
         };
-        if outlines::is_texture(&regions, image) {
-            return finder.find(image);
-        }
+        let is_texture = outlines::is_texture(&regions, image);
+        let regions = if is_texture { vec![Region::whole(size_px)] } else { joined(regions) };
         let mut part = GrayImage::filled(0, 0, 0);
         let mut all: Vec<FoundTag> = Vec::new();
-        for region in joined(regions) {
+        for region in regions {
             let found = region.cut(image, &mut part).map(|()| finder.find(&part)).unwrap_or_default();
             for mut tag in found {
                 tag.corners.iter_mut().for_each(|corner| *corner += region.origin());
-                if !all.iter().any(|known| same_place(&known.decoded(), &tag.decoded())) {
+                let is_new = |other: &DecodedTag| !same_place(other, &tag.decoded());
+                if known.iter().all(is_new) && all.iter().all(|other| is_new(&other.decoded())) {
                     all.push(tag);
                 }
             }
         }
-        sorted(all)
+        all
     }
 
     /// Measures each tag by its print; sorted by id, then from the left.
@@ -142,7 +191,8 @@ impl TagFinder {
     }
 
     /// Searches the smoothed image, but measures in the original one, in which alone the smallest tags are visible.
-    fn search_noisy(&mut self, image: &GrayImage, quiet: &Quietened, levels: &[f32]) -> Vec<DecodedTag> {
+    fn search_noisy(&mut self, ground: &Ground, quiet: &Quietened, levels: &[f32]) -> Vec<DecodedTag> {
+        let image = ground.image;
         let least = self.min_margin_gray as u8;
         self.decoder.set_least_contrast(quiet.least_contrast(least));
         let reduced: Vec<f32> = levels.iter().copied().filter(|level| FINEST < *level).collect();
@@ -154,7 +204,7 @@ impl TagFinder {
         if all.len() < self.wanted {
             self.decoder.set_least_contrast(quiet.least_contrast_unsmoothed(least));
             if all.is_empty() {
-                self.at_outlines(image, true, &mut all);
+                self.at_outlines(ground, true, &mut all);
             } else if image.data.len() <= FINEST_PIXELS {
                 self.add_at(image, FINEST, &mut all);
             }
@@ -165,18 +215,23 @@ impl TagFinder {
 
     /// Returns the tags found at these reductions, from coarse to fine, until all that are wanted are found.
     pub(super) fn search(&mut self, image: &GrayImage, levels: &[f32]) -> Vec<DecodedTag> {
+        self.search_ground(&self.ground(image), levels)
+    }
+
+    fn search_ground(&mut self, ground: &Ground, levels: &[f32]) -> Vec<DecodedTag> {
+        let image = ground.image;
         let mut all: Vec<DecodedTag> = Vec::new();
         for &level in levels {
             if level == FINEST && !all.is_empty() && FINEST_PIXELS < image.data.len() {
                 break;
             }
             if level == FINEST && all.is_empty() {
-                self.at_outlines(image, false, &mut all);
+                self.at_outlines(ground, false, &mut all);
             } else {
                 self.add_at(image, level, &mut all);
             }
             if all.is_empty() && level == FINE {
-                self.in_shadow(image, &mut all);
+                self.in_shadow(ground, &mut all);
             }
             if self.wanted <= all.len() {
                 break;
@@ -188,11 +243,11 @@ impl TagFinder {
     /// Adds the tags that are found only at full size, in a soft shadow or without a white margin: they are decoded where the image, stretched
     /// to black and white, has outlines with four sides. Codes that arise by chance, and noise, are checked in the original image by their
     /// contrast.
-    fn at_outlines(&mut self, image: &GrayImage, is_noisy: bool, all: &mut Vec<DecodedTag>) {
-        let least = self.least_gray(image);
-        if !light::has_structure(image, least) {
+    fn at_outlines(&mut self, ground: &Ground, is_noisy: bool, all: &mut Vec<DecodedTag>) {
+        if !ground.has_structure() {
             return;
         }
+        let (image, least) = (ground.image, ground.least_gray);
         let mut tile = GrayImage::filled(0, 0, 0);
         for part in tiles::parts([image.width_px, image.height_px]) {
             if part.cut(image, &mut tile).is_none() {
@@ -213,29 +268,26 @@ impl TagFinder {
 
     /// Adds the tags under a shadow with hard edges, which are visible in the logarithm of the image. Outlines are searched for at half the
     /// size.
-    fn in_shadow(&mut self, image: &GrayImage, all: &mut Vec<DecodedTag>) {
-        if self.family.is_weak() || !light::has_structure(image, self.least_gray(image)) {
+    fn in_shadow(&mut self, ground: &Ground, all: &mut Vec<DecodedTag>) {
+        if self.family.is_weak() || !ground.has_structure() {
             return;
         }
-        let half = halved(image);
-        let least = self.least_gray(&half);
-        let Some(log) = light::logarithm(&half) else { return };
+        let (image, half) = (ground.image, ground.half());
+        let least = self.ground(half).least_gray;
+        let Some(log) = light::logarithm(half) else { return };
         let Some(stretched) = light::stretched(&log, least.saturating_mul(2)) else { return };
         let enlarged = |quad: outlines::Quad| quad.map(|p| 2.0 * p + Pixel::new(0.5, 0.5));
         let outlines: Vec<outlines::Quad> = outlines::quads(&stretched, self.ink(), self.family.border_width)
             .into_iter()
             .map(enlarged)
             .collect();
-        if outlines.is_empty() {
-            return;
+        for region in self.regions_around(image, &outlines) {
+            let mut part = GrayImage::filled(0, 0, 0);
+            let log = region.cut(image, &mut part).and_then(|()| light::logarithm(&part));
+            let mut found = log.map(|log| self.find_at(&log, FINE, &[])).unwrap_or_default();
+            found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
+            add_new(all, found);
         }
-        let found = light::logarithm(image).map(|log| self.find_around(&log, &outlines, FINE));
-        add_new(all, found.unwrap_or_default());
-    }
-
-    /// Returns the difference of grey levels that noise rarely reaches in the original image.
-    fn least_gray(&self, image: &GrayImage) -> u8 {
-        spread_of_tiles(noise_gray(image), self.min_margin_gray as u8)
     }
 
     /// Returns the colour of the border inside the corners.
@@ -245,13 +297,16 @@ impl TagFinder {
 
     /// Finds tags in the parts of an image around outlines.
     fn find_around(&mut self, image: &GrayImage, outlines: &[outlines::Quad], level: f32) -> Vec<DecodedTag> {
+        let regions = self.regions_around(image, outlines);
+        regions.iter().flat_map(|region| self.find_in(image, region, level)).collect()
+    }
+
+    /// Returns the parts of an image around outlines, or the whole image where they cover about as much.
+    fn regions_around(&self, image: &GrayImage, outlines: &[outlines::Quad]) -> Vec<Region> {
         let size_px = [image.width_px, image.height_px];
         let regions: Vec<Region> =
             outlines.iter().filter_map(|quad| self.region(quad, 0.0, size_px)).collect();
-        if outlines::is_texture(&regions, image) {
-            return self.find_at(image, level, &[]);
-        }
-        joined(regions).iter().flat_map(|region| self.find_in(image, region, level)).collect()
+        if outlines::is_texture(&regions, image) { vec![Region::whole(size_px)] } else { joined(regions) }
     }
 
     /// Finds tags in a part of an image; the corners are in the pixels of the whole image.
@@ -270,7 +325,7 @@ impl TagFinder {
     pub(super) fn find_small_in(&mut self, image: &GrayImage, region: &Region) -> Vec<DecodedTag> {
         let (mut part, mut found) = (GrayImage::filled(0, 0, 0), Vec::new());
         if region.cut(image, &mut part).is_some() {
-            self.at_outlines(&part, false, &mut found);
+            self.at_outlines(&self.ground(&part), false, &mut found);
         }
         found.iter_mut().flat_map(|tag| &mut tag.corners).for_each(|corner| *corner += region.origin());
         found
@@ -311,6 +366,10 @@ impl TagFinder {
     }
 }
 
+/// Black squares within this distance of a tag's centre, in longer sides of it, belong to the tag.
+const ABOUT_KNOWN: f64 = 0.75;
+/// Least contrast around a joint of a grid; an accepted tag has twice as much.
+const LEAST_JOINT_GRAY: u8 = 15;
 /// Least number of joints around a tag of a grid.
 const LEAST_JOINTS: usize = 8;
 /// A tag of a grid is searched for this far around its square, in longer sides of it: with the joints at its corners.

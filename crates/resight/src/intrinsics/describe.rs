@@ -6,28 +6,35 @@ use crate::answer::intrinsics::*;
 use crate::core::Target;
 use crate::core::camera::ImageSize;
 use crate::core::multiview::intrinsics::{
-    BadView, Finding, IntrinsicsOutcome, IntrinsicsView, LEAST_POINTS, NextView, Severity, SolvedIntrinsics,
+    BadView, Finding, IntrinsicsOutcome, IntrinsicsView, LEAST_POINTS, NextView, Placement, Severity,
+    SolvedIntrinsics,
 };
 use crate::core::multiview::intrinsics_check::SkippedFrame;
 use crate::formats::NamedCamera;
 use crate::report::face::is_from_behind;
+use crate::report::verdict::Verdict;
 use crate::rig::Collected;
 
 /// Returns the answer for a camera that observed no target.
-pub(super) fn not_found(camera: &CameraViews) -> CameraIntrinsics {
-    let n = camera.left_out.iter().filter(|one| one.what == "frame").count();
+pub(crate) fn not_found(camera: &CameraViews, n_images: usize) -> CameraIntrinsics {
     let seen = Collected::explanation(&camera.left_out, &camera.name);
     let seen = seen.map_or_else(
         || "check the target file and that the whole target is in focus".to_owned(),
         |seen| format!("in the first one, {seen}"),
     );
-    let message = format!("no target was found in any of {n} images; {seen}");
+    let message = format!("no target was found in any of {n_images} images; {seen}");
     unsolved(camera, Status::NotFound, message, Vec::new(), &[])
 }
 
 /// Returns the answer for a camera whose views have too few points each, for any pose of the target.
 pub(super) fn too_few_points(camera: &CameraViews, most: usize) -> CameraIntrinsics {
-    let target = camera.views.iter().find_map(|view| view.target.as_ref()).map(Target::design);
+    let message = too_few_points_of(camera.views.iter().find_map(|view| view.target.as_ref()), most);
+    unsolved(camera, Status::Degenerate, message, Vec::new(), &[])
+}
+
+/// Explains that a view of a target has too few points, and which target to take instead.
+pub(crate) fn too_few_points_of(target: Option<&Target>, most: usize) -> String {
+    let target = target.map(Target::design);
     let instead = match target {
         Some(Target::Tag(tag)) => format!(
             "print a sheet of several, `resight print --kind tag --family {} --id 0-11 --size-m {} -o tags.pdf`, and give its file tags.toml as the target",
@@ -37,10 +44,9 @@ pub(super) fn too_few_points(camera: &CameraViews, most: usize) -> CameraIntrins
         _ => "take a board of many corners: `resight print --kind charuco --rows 8 --columns 5 --square-m 0.03 -o board.pdf`".to_owned(),
     };
     let kind = target.map_or("target", Target::kind).replace('_', " ");
-    let message = format!(
+    format!(
         "a view of this {kind} has {most} points at most, {LEAST_POINTS} are needed to estimate a lens from; {instead}"
-    );
-    unsolved(camera, Status::Degenerate, message, Vec::new(), &[])
+    )
 }
 
 /// Twelve tags of this size with their margins fit on a sheet of A4, metres.
@@ -49,7 +55,7 @@ const LARGEST_OF_SHEET_M: f64 = 0.035;
 pub(super) fn described(
     camera: &CameraViews,
     size: ImageSize,
-    outcome: IntrinsicsOutcome,
+    outcome: &IntrinsicsOutcome,
 ) -> CameraIntrinsics {
     let name_of = |view: usize| camera.views[view].name.clone();
     let object = |finding: &Finding| FindingObject {
@@ -69,7 +75,7 @@ pub(super) fn described(
         }
         IntrinsicsOutcome::Solved(solved) => {
             let mut findings: Vec<FindingObject> = solved.findings.iter().map(object).collect();
-            findings.extend(mirrored(camera, &solved));
+            findings.extend(mirrored(camera, solved));
             let status = match solved.severity() {
                 Severity::Remark => Status::Ok,
                 Severity::Inconsistent => Status::Inconsistent,
@@ -81,13 +87,15 @@ pub(super) fn described(
                 placement: None,
                 intrinsics_covariance: Some(solved.covariance.clone()),
             };
+            let message = if status == Status::Ok { good(solved) } else { findings[0].message.clone() };
+            let Verdict { status, message } = Verdict { status, message }.with_sizes(&camera.size_remarks());
             CameraIntrinsics {
                 name: camera.name.clone(),
                 status,
-                message: if status == Status::Ok { good(&solved) } else { findings[0].message.clone() },
+                message,
                 findings,
                 left_out: left_out(camera, &solved.skipped),
-                intrinsics: Some(intrinsics(camera, size, &solved)),
+                intrinsics: Some(intrinsics(camera, size, solved)),
                 camera: Some(lens),
             }
         }
@@ -246,6 +254,31 @@ fn bad_view(view: String, bad: &BadView) -> BadViewObject {
 }
 
 fn next_view(next: &NextView, size: ImageSize) -> NextViewObject {
+    let Placement { centre, tilt_rad, axis_rad, .. } = next.placement;
+    NextViewObject {
+        centre_px: centre.into(),
+        tilt_rad,
+        axis_rad,
+        distance_m: next.distance_m,
+        now_px: next.now_px,
+        then_px: next.then_px,
+        message: next_view_words(next, size),
+    }
+}
+
+/// Describes a recommended view, and what it gains, in a sentence.
+pub(crate) fn next_view_words(next: &NextView, size: ImageSize) -> String {
+    format!(
+        "{}, {:.2} m away: the projection's uncertainty falls from {:.3} to {:.3} px",
+        placed(&next.placement, size),
+        next.distance_m,
+        next.now_px,
+        next.then_px
+    )
+}
+
+/// Says where to put a target in the image, and how to tilt it.
+pub(crate) fn placed(placement: &Placement, size: ImageSize) -> String {
     let part = |x: f64, side: u32, names: [&'static str; 3]| {
         let part = x / f64::from(side.max(1));
         if part < 0.35 {
@@ -257,31 +290,34 @@ fn next_view(next: &NextView, size: ImageSize) -> NextViewObject {
         }
     };
     let place = match (
-        part(next.centre.y, size.height_px, ["top", "middle", "bottom"]),
-        part(next.centre.x, size.width_px, ["left", "middle", "right"]),
+        part(placement.centre.y, size.height_px, ["top", "middle", "bottom"]),
+        part(placement.centre.x, size.width_px, ["left", "middle", "right"]),
     ) {
         ("middle", "middle") => "in the middle".to_string(),
         ("middle", side) | (side, "middle") => format!("at the {side}"),
         (vertical, horizontal) => format!("at the {vertical} {horizontal}"),
     };
-    let tilt = match next.tilt_rad {
+    let tilt = match placement.tilt_rad {
         0.0 => "facing the camera".to_string(),
-        tilt => format!(
-            "tilted by {:.0}° about an axis at {:.0}° from the image's rows",
-            tilt.to_degrees(),
-            next.axis_rad.to_degrees()
-        ),
+        tilt => {
+            format!("tilted by {:.0}° with its {} nearer", tilt.to_degrees(), nearer(placement.axis_rad))
+        }
     };
-    NextViewObject {
-        centre_px: next.centre.into(),
-        tilt_rad: next.tilt_rad,
-        axis_rad: next.axis_rad,
-        distance_m: next.distance_m,
-        now_px: next.now_px,
-        then_px: next.then_px,
-        message: format!(
-            "put the target {place} of the image, {tilt}, {:.2} m away: the projection's uncertainty falls from {:.3} to {:.3} px",
-            next.distance_m, next.now_px, next.then_px
-        ),
-    }
+    format!("put the target {place} of the image, {tilt}")
+}
+
+/// Returns the part of a target that a tilt about this axis moves towards the camera: the direction (sin, −cos) of the image.
+fn nearer(axis_rad: f64) -> &'static str {
+    const PARTS: [&str; 8] = [
+        "top edge",
+        "top right corner",
+        "right edge",
+        "bottom right corner",
+        "bottom edge",
+        "bottom left corner",
+        "left edge",
+        "top left corner",
+    ];
+    let eighths = (axis_rad / std::f64::consts::FRAC_PI_4).round() as i64;
+    PARTS[eighths.rem_euclid(8) as usize]
 }

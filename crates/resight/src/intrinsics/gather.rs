@@ -4,7 +4,7 @@ use super::{IntrinsicsRequest, IntrinsicsSource, NAMELESS};
 use crate::core::camera::{ImageSize, Pinhole};
 use crate::core::{Camera, CameraMatrix, Correspondence, Target};
 use crate::error::Error;
-use crate::formats::NamedCamera;
+use crate::formats::{NamedCamera, plausible};
 use crate::rig::names::natural;
 use crate::rig::{
     Collected, DetectionSource, LeftOut, OTHER_SIZE, RigRequest, camera_names, collect_detections,
@@ -13,7 +13,7 @@ use crate::rig::{
 
 /// One target in one image.
 #[derive(Debug, Clone)]
-pub(super) struct NamedView {
+pub(crate) struct NamedView {
     /// Its name, combined with that of the target where there are several.
     pub name: String,
     /// Its target, where that is known.
@@ -25,7 +25,7 @@ pub(super) struct NamedView {
 
 /// The observations of one camera.
 #[derive(Debug, Clone)]
-pub(super) struct CameraViews {
+pub(crate) struct CameraViews {
     pub name: String,
     /// Size of the images; `None` where nothing was found.
     pub size: Option<ImageSize>,
@@ -41,22 +41,29 @@ impl CameraViews {
         let scale = |view: &NamedView| Some(view.target.as_ref()?.printed_scale()?.relative_sigma());
         self.views.iter().find_map(scale).unwrap_or_default()
     }
+
+    /// Returns remarks on sizes of the targets, or on stated positions of points, that are implausible in metres.
+    pub fn size_remarks(&self) -> Vec<String> {
+        let stated = self.views.iter().filter(|view| view.target.is_none()).flat_map(|view| &view.points);
+        let mut remarks: Vec<String> =
+            plausible::of_uncertain_points(stated.map(|c| (c.x_in_target, c.sigma_m))).into_iter().collect();
+        for target in self.views.iter().filter_map(|view| view.target.as_ref()) {
+            remarks.extend(plausible::of_target(target));
+        }
+        remarks.dedup();
+        remarks
+    }
 }
 
 #[derive(Debug, Clone)]
-pub(super) struct Gathered {
+pub(crate) struct Gathered {
     pub cameras: Vec<CameraViews>,
     pub remarks: Vec<String>,
 }
 
 pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
     let names = names(request)?;
-    let mut collected = Collected::new(&RigRequest {
-        cameras: names.iter().map(|name| of_unknown_lens(name)).collect(),
-        targets: request.targets.clone(),
-        ..RigRequest::default()
-    })?;
-    collected.knows_lenses = false;
+    let mut collected = nothing_observed(&names, &request.targets)?;
     let stated = match &request.source {
         IntrinsicsSource::Images { images, options } => {
             collect_images(images, options, &mut collected)?;
@@ -74,6 +81,17 @@ pub(super) fn gather(request: &IntrinsicsRequest) -> Result<Gathered, Error> {
     let cameras =
         (0..names.len()).filter(|i| wanted(&names[*i])).map(|i| of_camera(i, &collected, stated)).collect();
     Ok(Gathered { cameras, remarks })
+}
+
+/// Returns cameras of unknown lenses that observed nothing yet.
+pub(crate) fn nothing_observed(names: &[String], targets: &[(String, Target)]) -> Result<Collected, Error> {
+    let mut collected = Collected::new(&RigRequest {
+        cameras: names.iter().map(|name| of_unknown_lens(name)).collect(),
+        targets: targets.to_vec(),
+        ..RigRequest::default()
+    })?;
+    collected.knows_lenses = false;
+    Ok(collected)
 }
 
 /// Returns the names of all cameras: those of the request, or those of the detections.
@@ -131,7 +149,8 @@ fn check_sizes(collected: &Collected) -> Result<(), Error> {
     )))
 }
 
-fn of_camera(camera: usize, collected: &Collected, stated: Option<ImageSize>) -> CameraViews {
+/// Returns the observations of one camera; `stated` is the size of its images where detections do not state it.
+pub(crate) fn of_camera(camera: usize, collected: &Collected, stated: Option<ImageSize>) -> CameraViews {
     let NamedCamera { name, camera: lens, .. } = &collected.cameras[camera];
     let mut frames: Vec<_> = collected.frames.iter().filter(|frame| frame.camera == camera).collect();
     frames.sort_by(|a, b| natural(&a.name, &b.name));

@@ -1,8 +1,11 @@
-//! Finds the likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels.
+//! Finds the likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels, intrinsics of another
+//! resolution, another focal length.
 //!
 //! This is tried only where the answer cannot be relied on. Each cause is corrected and the view solved again, and it is named only where noise
 //! explains the remaining residual.
 
+use crate::minimum::golden_section;
+use resight_core::camera::ImageSize;
 use resight_core::locate::consistency::{Consistency, is_unlikely};
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
@@ -12,7 +15,7 @@ use serde::Serialize;
 /// A likely fault of the points of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PointsCause {
-    /// `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed` or `labels_exchanged`.
+    /// `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed`, `labels_exchanged`, `other_resolution` or `other_focal_length`.
     cause: &'static str,
     /// χ² per degree of freedom once the fault is corrected.
     chi2_per_degree_of_freedom: f64,
@@ -26,6 +29,16 @@ const MOST_LABELS: usize = 12;
 const MOST_POINTS: usize = 200;
 /// χ² must fall to this share: a correction that fits slightly better by chance is not a cause.
 const MOST_PART: f64 = 0.1;
+/// Image sizes over those of the intrinsics, as fractions, that are tried.
+const RESOLUTIONS: [[u32; 2]; 10] =
+    [[1, 4], [1, 3], [1, 2], [2, 3], [3, 4], [4, 3], [3, 2], [2, 1], [3, 1], [4, 1]];
+/// With more points the focal length is not tried: it takes more than fifty solutions.
+const MOST_SCANNED: usize = 10_000;
+/// Largest factor of the focal length that is tried, and steps up to it.
+const FOCAL_RANGE: f64 = 3.0;
+const FOCAL_STEPS: f64 = 12.0;
+/// Steps of the refinement, which leave a millionth of the range.
+const SECTIONS: usize = 29;
 /// Largest number of causes named in the sentence.
 const MOST_NAMED: usize = 3;
 
@@ -46,6 +59,9 @@ pub(super) fn causes(
     let mut causes = contradiction.columns();
     if causes.is_empty() {
         causes = contradiction.labels(label);
+    }
+    if causes.is_empty() {
+        causes.extend(contradiction.resolution().or_else(|| contradiction.focal_length()));
     }
     causes.sort_by(|a, b| a.chi2_per_degree_of_freedom.total_cmp(&b.chi2_per_degree_of_freedom));
     causes
@@ -69,9 +85,68 @@ impl Contradiction<'_> {
         };
         let changed: Option<Vec<Correspondence>> = self.seen.iter().enumerate().map(change).collect();
         let e = locate(&changed?, self.camera, self.config).ok()?;
-        let is_noise = 0 < e.degrees_of_freedom && !is_unlikely(e.chi2, e.degrees_of_freedom);
-        let is_much_better = self.pose.is_none_or(|found| e.chi2 < MOST_PART * found.chi2);
-        (is_noise && is_much_better).then_some(e.chi2 / e.degrees_of_freedom as f64)
+        self.is_explained(e.chi2, e.degrees_of_freedom)
+    }
+
+    /// Returns χ² per degree of freedom, where it is noise and far below that of the points as stated.
+    fn is_explained(&self, chi2: f64, degrees_of_freedom: usize) -> Option<f64> {
+        let is_noise = 0 < degrees_of_freedom && !is_unlikely(chi2, degrees_of_freedom);
+        let is_much_better = self.pose.is_none_or(|found| chi2 < MOST_PART * found.chi2);
+        (is_noise && is_much_better).then_some(chi2 / degrees_of_freedom as f64)
+    }
+
+    /// Solves the same pixels with another camera.
+    fn seen_by(&self, camera: &Camera) -> Option<PoseEstimate> {
+        let seen: Option<Vec<Correspondence>> = self
+            .seen
+            .iter()
+            .map(|c| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }))
+            .collect();
+        locate(&seen?, camera, self.config).ok()
+    }
+
+    /// Tries intrinsics that were stated for images of another size than those that the pixels are of.
+    fn resolution(&self) -> Option<PointsCause> {
+        let size = self.camera.size?;
+        let tried = RESOLUTIONS.iter().filter_map(|[times, over]| {
+            let scaled = |side: u32| side.is_multiple_of(*over).then(|| (side / over).checked_mul(*times))?;
+            let (width_px, height_px) = (scaled(size.width_px)?, scaled(size.height_px)?);
+            let found = self.seen_by(&self.camera.scaled_to(width_px, height_px).ok()?)?;
+            Some((self.is_explained(found.chi2, found.degrees_of_freedom)?, width_px, height_px))
+        });
+        let (chi2_per_degree_of_freedom, w, h) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let ImageSize { width_px, height_px } = size;
+        let message = format!(
+            "with pixels of images of {w} × {h} px, for which the intrinsics, stated for {width_px} × {height_px} px, are scaled"
+        );
+        Some(PointsCause { cause: "other_resolution", chi2_per_degree_of_freedom, message })
+    }
+
+    /// Tries other focal lengths, the rest of the lens as stated.
+    fn focal_length(&self) -> Option<PointsCause> {
+        let stated = self.camera.size.and(self.camera.matrix())?;
+        if MOST_SCANNED < self.seen.len() {
+            return None;
+        }
+        let fit = |factor: f64| {
+            let mut values = self.camera.parameters().iter().map(|(_, value)| *value).collect::<Vec<_>>();
+            values[..2].iter_mut().for_each(|f| *f *= factor);
+            self.seen_by(&self.camera.with_parameters(&values).ok()?)
+        };
+        let chi2 = |log_factor: f64| fit(log_factor.exp()).map_or(f64::INFINITY, |found| found.chi2);
+        let step = FOCAL_RANGE.ln() / FOCAL_STEPS;
+        let steps = (-(FOCAL_STEPS as i32)..=FOCAL_STEPS as i32).map(|k| step * f64::from(k));
+        let nearest = steps.map(|at| (chi2(at), at)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let best = golden_section(nearest.1, step, SECTIONS, chi2).1.exp();
+        let found = fit(best)?;
+        let chi2_per_degree_of_freedom =
+            self.is_explained(found.chi2, found.degrees_of_freedom.saturating_sub(1))?;
+        let message = format!(
+            "with a focal length of {:.0} px instead of {:.0} px (another lens or zoom, or images of another size?)",
+            best * stated.fx_px,
+            stated.fx_px
+        );
+        Some(PointsCause { cause: "other_focal_length", chi2_per_degree_of_freedom, message })
     }
 
     fn columns(&self) -> Vec<PointsCause> {
@@ -135,6 +210,28 @@ impl Contradiction<'_> {
         worst.sort_by(|a, b| b.1.total_cmp(&a.1));
         worst.into_iter().take(MOST_LABELS).map(|(i, _)| i).collect()
     }
+}
+
+/// Returns what is outside the image that the intrinsics are stated for; none where all points are inside, or where no size is stated.
+pub(super) fn outside(
+    seen: &[Correspondence],
+    camera: &Camera,
+    label: impl Fn(usize) -> String,
+) -> Option<String> {
+    let ImageSize { width_px, height_px } = camera.size?;
+    let out: Vec<usize> = (0..seen.len()).filter(|i| !camera.contains(&seen[*i].pixel)).collect();
+    let first = seen[*out.first()?].pixel;
+    let more = match out.len() - 1 {
+        0 => "lies".to_owned(),
+        1 => "and 1 more lie".to_owned(),
+        n => format!("and {n} more lie"),
+    };
+    Some(format!(
+        "{} at ({:.1}, {:.1}) px {more} outside the {width_px} × {height_px} px of the camera's images",
+        label(out[0]),
+        first.x,
+        first.y
+    ))
 }
 
 /// Returns the sentence about the causes; `None` without causes.
@@ -221,12 +318,29 @@ mod tests {
         assert!(message.contains("the pixels of point 2 and point 7 exchanged"), "{message}");
     }
 
-    /// Correct points have no cause, nor have other faults: a wrong lens, a wrong point, a mirrored image with a wrong point.
+    /// Intrinsics of another resolution and another focal length are named with the right number.
+    #[test]
+    fn another_resolution_and_focal_length_are_named() {
+        let half = camera(900.0).scaled_to(640, 480).expect("half");
+        let answer = solved(&points(), &half);
+        assert_eq!((answer.status(), answer.causes[0].cause), (Status::Inconsistent, "other_resolution"));
+        assert!(answer.verdict.message.contains("of 1280 × 960 px"), "{}", answer.verdict.message);
+        assert!(answer.verdict.message.contains("outside the 640 × 480 px"), "{}", answer.verdict.message);
+        let answer = solved(&points(), &camera(1300.0));
+        assert_eq!((answer.status(), answer.causes[0].cause), (Status::Inconsistent, "other_focal_length"));
+        let (_, said) = answer.causes[0].message.split_once("focal length of ").expect("it");
+        let focal_px: f64 = said.split_once(' ').expect("px").0.parse().expect("a number");
+        assert!((focal_px - 900.0).abs() < 9.0, "{focal_px}");
+    }
+
+    /// Correct points have no cause, nor have other faults: another principal point, a wrong point, a mirrored image with a wrong point.
     #[test]
     fn other_faults_have_none_of_these_causes() {
         let answer = solved(&points(), &camera(900.0));
         assert_eq!((answer.status(), answer.causes.len()), (Status::Ok, 0));
-        let lens = solved(&points(), &camera(1300.0));
+        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 255.0, cy_px: 741.0 };
+        let lens = Camera::new(Pinhole { matrix }, camera(900.0).size).expect("a camera");
+        let lens = solved(&points(), &lens);
         assert_eq!((lens.status(), lens.causes.len()), (Status::Inconsistent, 0), "{}", lens.verdict.message);
         let mut wrong = points();
         wrong[4].1.x += 60.0;

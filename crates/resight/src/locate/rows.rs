@@ -3,7 +3,10 @@
 use super::{NamedPoint, PointsOptions, locate_points};
 use crate::answer::PoseAnswer;
 use resight_core::locate::consistency::Consistency;
-use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point, Pose};
+
+/// Squares of larger numbers, and their products, overflow.
+pub(crate) const LARGEST: f64 = 1e60;
 
 /// Points in the target frame and their pixels, one row each.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +78,13 @@ impl PointRows<'_> {
                 ),
             ));
         }
+        let numbers = [x, y, z, u, v, self.sigma_px[row], self.sigma_m[row]];
+        if let Some(number) = numbers.into_iter().find(|x| x.is_finite() && LARGEST < x.abs()) {
+            let reason = format!(
+                "one of its numbers is {number:e}; the largest accepted is {LARGEST:e}, check the unit"
+            );
+            return Err(fault(None, reason));
+        }
         let seen = Correspondence::new(camera, Point::new(x, y, z), Pixel::new(u, v), self.sigma_px[row]);
         let seen = seen.map_err(|reason| fault(Some(reason.clone()), reason.to_string()))?;
         Ok(Correspondence { sigma_m: self.sigma_m[row], ..seen })
@@ -90,6 +100,17 @@ impl SeenRows {
     /// Returns whether no point was observed.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
+    }
+
+    /// Returns the observed pixel less the projected point for each row of the input; NaN where the point was not observed, or is outside the
+    /// field of the camera at this pose.
+    pub fn residuals_px(&self, camera: &Camera, cam_from_target: &Pose) -> Vec<[f64; 2]> {
+        let mut residuals = vec![[f64::NAN; 2]; self.names.len()];
+        for (row, NamedPoint { seen, .. }) in self.rows.iter().zip(&self.points) {
+            let projected = camera.project(&(*cam_from_target * seen.x_in_target));
+            residuals[*row] = projected.map_or([f64::NAN; 2], |pixel| (seen.pixel - pixel).into());
+        }
+        residuals
     }
 
     /// Solves for the pose from the observed points; row numbers in the answer are those of the input.
@@ -120,7 +141,7 @@ impl SeenRows {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resight_core::{CameraMatrix, Lens, Pose, Vector6, camera::Pinhole};
+    use resight_core::{CameraMatrix, Lens, Vector6, camera::Pinhole};
 
     const NAN: f64 = f64::NAN;
 
@@ -172,6 +193,29 @@ mod tests {
         let answer = seen(&points, &pixels).unwrap().locate("v", &camera(), &PointsOptions::default());
         let worst = serde_json::to_value(&answer).unwrap()["worst_point"].clone();
         assert_eq!((worst["index"].as_u64(), worst["name"].as_str()), (Some(5), Some("5")));
+    }
+
+    /// Rows as given; together they are the root mean square of the answer.
+    #[test]
+    fn residuals_are_observed_less_projected() {
+        let (points, mut pixels) = points();
+        pixels[2] = [NAN, NAN];
+        pixels[5][0] += 0.75;
+        let seen = seen(&points, &pixels).unwrap();
+        let estimate = seen.locate("v", &camera(), &PointsOptions::default()).estimate.expect("a pose");
+        let residuals = seen.residuals_px(&camera(), &estimate.cam_from_target);
+        assert!(residuals.len() == 12 && residuals[2].iter().all(|x| x.is_nan()));
+        assert!(0.3 < residuals[5][0], "{residuals:?}");
+        let sum: f64 = residuals.iter().flatten().filter(|x| !x.is_nan()).map(|x| x * x).sum();
+        assert!(((sum / 11.0).sqrt() - estimate.rms_px).abs() < 1e-9, "{}", estimate.rms_px);
+    }
+
+    #[test]
+    fn a_number_whose_square_overflows_is_named() {
+        let (mut points, pixels) = points();
+        points[1][2] = -1e300;
+        let fault = seen(&points, &pixels).unwrap_err();
+        assert!(fault.message.starts_with("point 1: one of its numbers is -1e300;"), "{}", fault.message);
     }
 
     #[test]

@@ -23,8 +23,9 @@ pub(super) fn judged(mut answer: PoseAnswer, target: &Target) -> PoseAnswer {
     };
     answer.verdict.message = format!(
         "the board looks the same after {rotation}, so {count} poses fit alike, {} each; the first is the one that is upright in the image: choose by what \
-         you know, or take a board with an odd and an even number of corners (6 × 9){tilt}",
-        percent(estimate.probability)
+         you know, or take {}{tilt}",
+        percent(estimate.probability),
+        crate::formats::unambiguous_instead(target)
     );
     answer.verdict.status = Status::Ambiguous;
     answer.estimate = Some(estimate);

@@ -12,6 +12,7 @@ use crate::core::{Camera, Pixel, Pose};
 use crate::drawing::{Anchor, strokes};
 use crate::image::exif::Heading;
 use crate::overlay::canvas::{Canvas, Color, Path, Pen};
+use crate::overlay::font;
 use crate::overlay::geometry::round_down_125;
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
@@ -32,9 +33,11 @@ const RIM: f64 = 0.35;
 const CELL_PX: usize = 6;
 /// Pixels between hatch lines.
 const HATCH_PX: usize = 26;
-const CAPTION_PX: u32 = 62;
+/// Height of capitals: 8 px where the image is a third as large, as beside the photograph on a page.
+const TEXT_PX: f64 = 24.0;
+const LINE_PX: f64 = 40.0;
 /// Length of the arrow to the north, px.
-const ARROW_PX: f64 = 56.0;
+const ARROW_PX: f64 = 90.0;
 /// Least horizontal part of a unit line of sight whose heading is defined: that of a camera that points 12° from vertically down.
 const LEAST_LEVEL: f64 = 0.2;
 /// √χ² of two degrees of freedom at 95 %.
@@ -89,19 +92,24 @@ pub fn birdseye(
     let ground = ground(scene, answers, &source)?;
     let size = ground.size_m * ground.px_per_m;
     let (width, height) = (size.x.ceil() as u32, size.y.ceil() as u32);
+    let north = heading.and_then(|heading| north(&ground.axes, &source.cam_from_world, heading.deg));
+    let lines = caption(scene, photo, ground.grid_m(), width, heading.filter(|_| north.is_some()));
+    let caption_px = ((lines.len() as f64 + 0.5) * LINE_PX) as u32;
     let mut canvas =
-        Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, CAPTION_PX, BACKGROUND);
+        Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, caption_px, BACKGROUND);
     canvas.open_rows = height;
     let worth = Field::new(&ground, &source, width, height);
     limits(&mut canvas, &worth, scene);
-    let step = grid(&mut canvas, &ground, scene, width, height);
+    grid(&mut canvas, &ground, scene, width, height);
     points(&mut canvas, &ground, scene, answers);
-    let north = heading.and_then(|heading| north(&ground.axes, &source.cam_from_world, heading.deg));
     if let Some(north) = &north {
         arrow(&mut canvas, north);
     }
     canvas.open_rows = canvas.height;
-    caption(&mut canvas, scene, photo, step, height, heading.filter(|_| north.is_some()));
+    for (i, line) in lines.iter().enumerate() {
+        let at = Vector2::new(10.0, f64::from(height) + (i as f64 + 0.9) * LINE_PX);
+        write(&mut canvas, line, at, PAPER, Anchor::Start);
+    }
     Some(canvas)
 }
 
@@ -293,9 +301,12 @@ fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
         canvas.stroke_with_rim(&lines, thick(color));
         if let Some(at) = lines.get(lines.len() / part).and_then(|line| line.first()) {
             let (w, h) = (f64::from(canvas.width), f64::from(canvas.open_rows));
-            let at =
-                Vector2::new(at.x.clamp(60.0, (w - 60.0).max(60.0)), at.y.clamp(20.0, (h - 8.0).max(20.0)));
-            write(canvas, &text, at - Vector2::new(0.0, 8.0), 12.0, color, Anchor::Middle);
+            let beside = 0.5 * font::width(&text, TEXT_PX) + 4.0;
+            let at = Vector2::new(
+                at.x.clamp(beside, (w - beside).max(beside)),
+                at.y.clamp(2.0 * TEXT_PX, (h - 8.0).max(2.0 * TEXT_PX)),
+            );
+            write(canvas, &text, at - Vector2::new(0.0, 8.0), color, Anchor::Middle);
         }
     }
 }
@@ -304,34 +315,46 @@ fn centimetres(x_m: f64) -> String {
     if x_m < 1.0 { format!("{} cm", (x_m * 1000.0).round() / 10.0) } else { format!("{x_m} m") }
 }
 
-fn write(canvas: &mut Canvas, text: &str, at: Vector2<f64>, height: f64, color: Color, anchor: Anchor) {
-    let pen = Pen { color, width: (0.14 * height).max(1.2), opacity: 1.0 };
-    canvas.stroke_with_rim(&strokes(text, at, height, anchor, 0.0), pen);
+fn write(canvas: &mut Canvas, text: &str, at: Vector2<f64>, color: Color, anchor: Anchor) {
+    let pen = Pen { color, width: 0.14 * TEXT_PX, opacity: 1.0 };
+    canvas.stroke_with_rim(&strokes(text, at, TEXT_PX, anchor, 0.0), pen);
 }
 
-/// Draws grid lines with a round step, labelled in the scene's coordinates along the plane; returns the step.
-fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, height: u32) -> f64 {
-    let step = round_down_125(130.0 / ground.px_per_m);
-    let decimals = (-step.log10().floor()).max(0.0) as usize;
+impl Ground {
+    /// Returns the step of the grid, m.
+    fn grid_m(&self) -> f64 {
+        round_down_125(130.0 / self.px_per_m)
+    }
+}
+
+/// Draws grid lines with a round step, labelled in the scene's coordinates along the plane, as many of them as have room for their labels.
+fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, height: u32) {
+    let step = ground.grid_m();
+    let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
     let shift = ground.axes.tr_mul(&(ground.origin + scene.origin_m));
     let pen = Pen { color: GRID, width: 1.0, opacity: 0.55 };
     let (w, h) = (f64::from(width), f64::from(height));
-    let lines = |axis: usize| {
-        let (low, high) =
-            (ground.least[axis] + shift[axis], ground.least[axis] + ground.size_m[axis] + shift[axis]);
-        ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
-    };
-    for x in lines(0) {
-        let u = ground.px(&Vector2::new(x - shift.x, 0.0)).x;
-        canvas.stroke(&[vec![Vector2::new(u, 0.0), Vector2::new(u, h)]], pen);
-        write(canvas, &format!("{x:.decimals$}"), Vector2::new(u + 3.0, h - 5.0), 9.0, GRID, Anchor::Start);
+    for axis in [0, 1] {
+        let low = ground.least[axis] + shift[axis];
+        let lines = (low / step).ceil() as i64..=((low + ground.size_m[axis]) / step).floor() as i64;
+        let label = |i: i64| format!("{:.decimals$}", i as f64 * step);
+        let widest = lines.clone().map(|i| font::width(&label(i), TEXT_PX)).fold(0.0, f64::max);
+        let needed = [widest + TEXT_PX, 2.0 * TEXT_PX][axis];
+        let every = (needed / (step * ground.px_per_m)).ceil().max(1.0) as i64;
+        for i in lines {
+            let mut flat = Vector2::zeros();
+            flat[axis] = i as f64 * step - shift[axis];
+            let at = ground.px(&flat);
+            let (ends, corner) = match axis {
+                0 => ([Vector2::new(at.x, 0.0), Vector2::new(at.x, h)], Vector2::new(at.x + 4.0, h - 8.0)),
+                _ => ([Vector2::new(0.0, at.y), Vector2::new(w, at.y)], Vector2::new(5.0, at.y - 6.0)),
+            };
+            canvas.stroke(&[ends.to_vec()], pen);
+            if i % every == 0 {
+                write(canvas, &label(i), corner, GRID, Anchor::Start);
+            }
+        }
     }
-    for y in lines(1) {
-        let v = ground.px(&Vector2::new(0.0, y - shift.y)).y;
-        canvas.stroke(&[vec![Vector2::new(0.0, v), Vector2::new(w, v)]], pen);
-        write(canvas, &format!("{y:.decimals$}"), Vector2::new(4.0, v - 4.0), 9.0, GRID, Anchor::Start);
-    }
-    step
 }
 
 fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &Answers) {
@@ -343,11 +366,11 @@ fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &An
         let circle: Path = (0..=24)
             .map(|i| {
                 let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
-                at + Vector2::new(cos, sin) * 7.0
+                at + Vector2::new(cos, sin) * 10.0
             })
             .collect();
-        canvas.stroke_with_rim(&[circle], Pen { color, width: 1.8, opacity: 1.0 });
-        write(canvas, &scene.points[*point], at + Vector2::new(11.0, -8.0), 12.0, color, Anchor::Start);
+        canvas.stroke_with_rim(&[circle], Pen { color, width: 3.0, opacity: 1.0 });
+        write(canvas, &scene.points[*point], at + Vector2::new(14.0, -8.0), color, Anchor::Start);
     }
 }
 
@@ -365,22 +388,16 @@ fn arrow(canvas: &mut Canvas, north: &Vector2<f64>) {
     let aside = Vector2::new(-along.y, along.x);
     let centre = Vector2::new(f64::from(canvas.width) - ARROW_PX, ARROW_PX);
     let at = |a: f64, b: f64| centre + (along * a + aside * b) * ARROW_PX;
-    let pen = Pen { color: PAPER, width: 2.4, opacity: 1.0 };
+    let pen = Pen { color: PAPER, width: 4.0, opacity: 1.0 };
     canvas.stroke_with_rim(
         &[vec![at(-0.45, 0.0), at(0.45, 0.0)], vec![at(0.2, 0.16), at(0.45, 0.0), at(0.2, -0.16)]],
         pen,
     );
-    write(canvas, "N", at(0.7, 0.0) + Vector2::new(0.0, 6.0), 14.0, PAPER, Anchor::Middle);
+    write(canvas, "N", at(0.7, 0.0) + Vector2::new(0.0, 0.5 * TEXT_PX), PAPER, Anchor::Middle);
 }
 
-fn caption(
-    canvas: &mut Canvas,
-    scene: &NamedScene,
-    photo: usize,
-    step: f64,
-    height: u32,
-    heading: Option<Heading>,
-) {
+/// Returns the lines below the image.
+fn caption(scene: &NamedScene, photo: usize, step: f64, width: u32, heading: Option<Heading>) -> Vec<String> {
     let name = &scene.photos[photo].name;
     let north = match heading {
         Some(Heading { is_magnetic: true, .. }) => "; N: magnetic north by the camera's compass",
@@ -395,11 +412,22 @@ fn caption(
         scene.sigma_px,
         centimetres(scene.error_limit_m)
     );
-    for (i, text) in [first, second].iter().enumerate() {
-        let at = Vector2::new(10.0, f64::from(height) + 22.0 + 24.0 * i as f64);
-        let pen = Pen { color: PAPER, width: 1.4, opacity: 1.0 };
-        canvas.stroke(&strokes(text, at, 10.0, Anchor::Start, 0.0), pen);
+    [first, second].iter().flat_map(|text| wrapped(text, f64::from(width) - 20.0)).collect()
+}
+
+/// Breaks a text between words into lines of a width, px.
+fn wrapped(text: &str, width_px: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if font::width(&format!("{line} {word}"), TEXT_PX) <= width_px => {
+                *line += " ";
+                *line += word;
+            }
+            _ => lines.push(word.to_owned()),
+        }
     }
+    lines
 }
 
 #[cfg(test)]
@@ -413,6 +441,16 @@ mod tests {
         let x = z.cross(&Vector3::z()).try_normalize(1e-9).unwrap_or(Vector3::x());
         let rotation = Matrix3::from_rows(&[x.transpose(), z.cross(&x).transpose(), z.transpose()]);
         Pose::new(rotation, Vector3::new(0.3, -0.2, 4.0))
+    }
+
+    #[test]
+    fn captions_keep_all_words_and_their_width() {
+        let text = "hatched / : one pixel covers more than 5 cm; grey: not in the photograph";
+        let lines = wrapped(text, 400.0);
+        assert!(1 < lines.len() && lines.iter().all(|line| font::width(line, TEXT_PX) <= 400.0), "{lines:?}");
+        assert_eq!(lines.join(" "), text);
+        // A word that is too long stands alone.
+        assert_eq!(wrapped("a incomprehensible b", 60.0).len(), 3);
     }
 
     #[test]

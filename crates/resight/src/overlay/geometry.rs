@@ -1,6 +1,7 @@
 //! The elements of an overlay, as curves in the target frame and in the image: outlines, grid, axes, ellipses.
 
 use super::canvas::Path;
+use crate::core::target::Feature;
 use crate::core::{Camera, Matrix6, Pixel, Point, Pose, Target};
 use nalgebra::{Matrix2, Matrix2x3, Vector2};
 
@@ -76,6 +77,10 @@ pub fn outline(target: &Target) -> Vec<(Point, Point)> {
         Target::Tag(_) | Target::AprilGrid(_) | Target::TagMap(_) => tag_edges(target),
         Target::Chessboard(t) => board_lines(t.columns - 1, t.rows - 1, t.square_m, (0.0, 0.0)),
         Target::Charuco(t) => board_lines(t.columns, t.rows, t.square_m, (0.0, 0.0)),
+        Target::CircleGrid(_) => {
+            let at = |f: &Feature| target.point(*f).map(|p| p.position);
+            target.features().windows(2).filter_map(|pair| Some((at(&pair[0])?, at(&pair[1])?))).collect()
+        }
         _ => Vec::new(),
     }
 }

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::render::Style;
 use crate::render::ink::{self, Ink, Sheet};
 use resight_core::Target;
-use resight_core::target::{LinePlusOne, Tag, TagMap};
+use resight_core::target::{Tag, TagMap};
 
 /// A target to be placed on pages.
 #[derive(Debug, Clone)]
@@ -37,11 +37,18 @@ pub(super) fn contents(request: &PrintRequest) -> Result<Vec<Content>, Error> {
     let one = |target: &Target| Content::new(target, &style, request);
     match request.target.design() {
         Target::Points(points) => Err(Error::request(format!(
-            "{} surveyed points are not printed; printed are line_plus_one, tag, aprilgrid, chessboard, charuco and tag_map",
+            "{} surveyed points are not printed; printed are line_plus_one, tag, aprilgrid, chessboard, charuco, circle_grid and tag_map",
             points.len()
         ))),
         Target::LinePlusOne(dots) => {
-            check_dots(dots, dot_diameter_m)?;
+            let line = dots.line_m.iter().map(|x| [*x, 0.0]);
+            check_dots(&line.chain([dots.off_m]).collect::<Vec<_>>(), dot_diameter_m)?;
+            Ok(vec![one(request.target.design())?])
+        }
+        Target::CircleGrid(grid) => {
+            let next = 0.5f64.sqrt() * grid.pitch_m();
+            let neighbours = if grid.asymmetric { [next, next] } else { [grid.spacing_m, 0.0] };
+            check_dots(&[[0.0; 2], neighbours], dot_diameter_m)?;
             Ok(vec![one(request.target.design())?])
         }
         Target::TagMap(map) if !is_one_sheet(map) => {
@@ -69,8 +76,7 @@ fn lone(map: &TagMap, tag: &resight_core::target::MapTag) -> Target {
     Target::Tag(Tag { family: map.family.clone(), id: tag.id, size_m: tag.size_m })
 }
 
-fn check_dots(dots: &LinePlusOne, diameter_m: Option<f64>) -> Result<(), Error> {
-    let points: Vec<[f64; 2]> = dots.line_m.iter().map(|x| [*x, 0.0]).chain([dots.off_m]).collect();
+fn check_dots(points: &[[f64; 2]], diameter_m: Option<f64>) -> Result<(), Error> {
     let apart = |(i, a): (usize, &[f64; 2])| {
         points[i + 1..].iter().map(|b| (a[0] - b[0]).hypot(a[1] - b[1])).fold(f64::INFINITY, f64::min)
     };
@@ -127,8 +133,13 @@ fn ids(target: &Target, page: &dyn Fn([f64; 2]) -> [f64; 2]) -> Vec<Shape> {
     let one = |tag: &resight_core::target::MapTag| {
         let rim = crate::render::family::cells(&map.family, tag.id)
             .map_or(0.0, |c| (c.per_side - c.per_size) as f64 / c.per_size as f64);
-        let free_mm = 1e3 * tag.size_m * 0.15;
         let t = tag.world_from_tag.translation;
+        let step_m = |other: &resight_core::target::MapTag| {
+            let step = other.world_from_tag.translation - t;
+            (step.x.abs() < tag.size_m && 0.0 < step.y.abs()).then_some(step.y.abs())
+        };
+        let next_m = map.tags.iter().filter_map(step_m).fold(f64::INFINITY, f64::min);
+        let free_mm = 1e3 * (0.15 * tag.size_m).min(next_m - tag.size_m * (1.0 + rim) + 1e-9);
         let [x, y] = page([t.x, t.y]);
         let below = y + 1e3 * tag.size_m * 0.5 * (1.0 + rim);
         let size = (0.6 * free_mm).min(4.0);
@@ -156,6 +167,8 @@ fn white(target: &Target, sheet: &Sheet) -> [f64; 2] {
     match target {
         // The end of the board decides which corner is the first: docs/math/print.md section 3.
         Target::Chessboard(t) => [(500.0 * t.square_m).max(5.0), 5.0],
+        // The end of the grid decides which circle is the first, where some are hidden: docs/math/circle_grid.md section 3.
+        Target::CircleGrid(t) => [1e3 * t.pitch_m(), 4.0],
         Target::LinePlusOne(_) => {
             let radius = sheet
                 .ink
@@ -181,6 +194,14 @@ fn title(target: &Target) -> String {
             t.line_m.map(mm).join(", "),
             mm(t.off_m[0]),
             mm(t.off_m[1])
+        ),
+        Target::CircleGrid(t) => format!(
+            "{} circle grid of {} rows × {} columns, rows {} mm apart, circles of one row {} mm",
+            if t.asymmetric { "asymmetric" } else { "symmetric" },
+            t.rows,
+            t.columns,
+            mm(t.spacing_m),
+            mm(if t.asymmetric { 2.0 * t.spacing_m } else { t.spacing_m })
         ),
         Target::Tag(t) => format!("{} id {}, {} mm (outer edge of the square)", t.family, t.id, mm(t.size_m)),
         Target::AprilGrid(t) => format!(
@@ -230,8 +251,9 @@ fn words(target: &Target, title: &str, request: &PrintRequest) -> Vec<String> {
     let y = if let Target::AprilGrid(_) = target { "up" } else { "down" };
     let file = latin(&request.name);
     let mut first = title.to_owned();
-    if let Some(letter) =
-        first.get_mut(..1).filter(|_| title.starts_with("four") || title.starts_with("chess"))
+    if let Some(letter) = first
+        .get_mut(..1)
+        .filter(|_| ["four", "chess", "symm", "asymm"].iter().any(|start| title.starts_with(start)))
     {
         letter.make_ascii_uppercase();
     }

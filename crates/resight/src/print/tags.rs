@@ -36,10 +36,12 @@ pub fn sheet_of_tags(
     // The cells outside the square of width size_m, on both sides.
     let rims = (tag.per_side - tag.per_size) as f64 / tag.per_size as f64;
     let spacing = spacing_ratio.unwrap_or(rims + BETWEEN_RIMS);
-    let possible = rims <= spacing && spacing.is_finite();
+    // White rims may overlap, as on OpenCV's GridBoard: one cell between two black frames is enough for a detector.
+    let needed = if tag.has_black_frame() { 1.0 / tag.per_size as f64 } else { rims };
+    let possible = needed <= spacing && spacing.is_finite();
     if !possible {
         return Err(Error::request(format!(
-            "tag_spacing_ratio is {spacing}; what is printed around a tag of {family} needs {rims:.3} between two of them"
+            "tag_spacing_ratio is {spacing}; a tag of {family} needs {needed:.3} between two of them"
         )));
     }
     let columns = columns.unwrap_or_else(|| f64::from(count).sqrt().ceil() as u32).clamp(1, count);

@@ -48,6 +48,7 @@ pub fn sheet(target: &Target, style: &Style) -> Result<Sheet, RenderError> {
         Target::AprilGrid(t) => Sheet::of(&pattern::april_grid(t, style)?, true),
         Target::Chessboard(t) => down(pattern::chessboard(t)),
         Target::Charuco(t) => down(pattern::charuco(t)?),
+        Target::CircleGrid(t) => down(pattern::circle_grid(t, style)),
         Target::TagMap(t) => {
             let facing =
                 t.sheet_facing().ok_or(RenderError::Unsupported { kind: "tag_map in several planes" })?;

@@ -3,7 +3,9 @@
 use super::family::{self, Cells};
 use super::{Placed, RenderError, Style};
 use nalgebra::Matrix3;
-use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, NamedPoint, PrintedScale, Target};
+use resight_core::target::{
+    AprilGrid, Charuco, Chessboard, CircleGrid, Feature, LinePlusOne, NamedPoint, PrintedScale, Target,
+};
 use resight_core::{Point, Pose};
 
 /// An object that a ray can hit.
@@ -211,6 +213,10 @@ pub(super) fn patches(placed: &Placed) -> Result<Vec<Patch>, RenderError> {
         }
         Target::Chessboard(t) => board_on_sheet(at, chessboard(t), style),
         Target::Charuco(t) => board_on_sheet(at, charuco(t)?, style),
+        Target::CircleGrid(t) => {
+            let (low, high, pattern) = circle_grid(t, style);
+            one(plane(at, low, high, pattern, 1.0))
+        }
         Target::Points(points) => balls(points, &at, style),
         other => return Err(RenderError::Unsupported { kind: other.kind() }),
     })
@@ -265,6 +271,17 @@ pub(super) type Extent = ([f64; 2], [f64; 2], Pattern);
 pub(super) fn line_plus_one(t: &LinePlusOne, style: &Style) -> Extent {
     let centres: Vec<[f64; 2]> = t.line_m.iter().map(|x| [*x, 0.0]).chain([t.off_m]).collect();
     let radius_m = 0.5 * style.dot_diameter_m.unwrap_or_else(|| smallest_distance(&centres) / 3.0);
+    dots(centres, radius_m)
+}
+
+pub(super) fn circle_grid(t: &CircleGrid, style: &Style) -> Extent {
+    let target = Target::CircleGrid(*t);
+    let place = |feature: Feature| target.point(feature).map(|p| [p.position.x, p.position.y]);
+    let centres = target.features().into_iter().filter_map(place).collect();
+    dots(centres, 0.5 * style.dot_diameter_m.unwrap_or(t.printed_diameter_m()))
+}
+
+fn dots(centres: Vec<[f64; 2]>, radius_m: f64) -> Extent {
     let fold = |pick: fn(f64, f64) -> f64, start: f64| {
         [0, 1].map(|axis| centres.iter().map(|c| c[axis]).fold(start, pick))
     };

@@ -15,7 +15,11 @@ pub fn is_from_behind(target: &Target, cam_from_target: &Pose, points: &[Corresp
 /// Returns 1 where z points into the surface, −1 for Kalibr's grid, whose z points to the viewer; `None` for targets without a front.
 fn facing(target: &Target) -> Option<f64> {
     match target.design() {
-        Target::Chessboard(_) | Target::Charuco(_) | Target::Tag(_) | Target::LinePlusOne(_) => Some(1.0),
+        Target::Chessboard(_)
+        | Target::Charuco(_)
+        | Target::CircleGrid(_)
+        | Target::Tag(_)
+        | Target::LinePlusOne(_) => Some(1.0),
         Target::AprilGrid(_) => Some(-1.0),
         _ => None,
     }

@@ -16,11 +16,12 @@ mod verdict;
 mod views;
 
 use super::html::{Page, escaped};
+use crate::report::verdict::Status;
 use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
-pub use sentences::{rejection_sentence, rig_headline, scale_sentences, weakest_link_sentence};
-pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict_sentence};
+pub use sentences::{rejection_sentence, scale_sentences, weakest_link_sentence};
+pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict, rig_verdict_sentence};
 
 const STYLE: &str = include_str!("rig/page.css");
 /// The parts of one script, which share one scope and nothing else on the page.
@@ -59,8 +60,11 @@ pub fn rig_page(run: &RigRun) -> String {
     let packed = residuals::packed(run);
     let n = run.rig.cameras.len();
     let mut page = Page::new(&format!("Rig of {n} camera{}", if n == 1 { "" } else { "s" }));
-    page.style(STYLE).verdict(rig_status(&run.solution), &judged(run), &summary(run)).markup(controls());
-    page.heading("Cameras").markup(&cameras::table(run)).markup(&cameras::legend(run));
+    page.style(STYLE).verdict(rig_status(run), &judged(run), &summary(run)).markup(controls());
+    page.heading("Cameras")
+        .markup(&cameras::table(run))
+        .markup(&cameras::legend(run))
+        .markup(&cameras::budgets(run));
     page.heading("In space").markup(&space::figure(&drawn)).markup(&plan::figure(&drawn));
     page.heading("Residuals").markup(&residuals::figures(&drawn, &packed));
     page.heading("What hangs on what").markup(&sentences::section(run)).markup(&pairs::table(run));
@@ -78,6 +82,7 @@ fn script() -> String {
 fn judged(run: &RigRun) -> String {
     match rig_verdict_sentence(run) {
         Some(sentence) => format!("{sentence}."),
+        None if rig_status(run) == Status::Implausible => format!("{}.", run.rig.size_remarks().join("; ")),
         None => "Nothing seen contradicts this rig.".to_string(),
     }
 }

@@ -4,10 +4,12 @@ use super::job::ObservedRig;
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
 use super::{NamedRig, uncertain_lens};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
+use crate::core::budget::ErrorSource;
 use crate::core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Camera, Correspondence, Error as MathError, Pose};
 use crate::error::Error;
+use crate::formats::plausible;
 use crate::report::rig::rig_verdict_sentence;
 use nalgebra::{DMatrix, DVector};
 
@@ -29,6 +31,8 @@ pub struct HandEyeRequest {
     pub views: HandEyeViews,
     /// Whether camera or target is on the gripper, and coordinates of the camera that are known otherwise.
     pub config: HandEyeConfig,
+    /// Remarks on the file of the robot's poses, which the answer repeats.
+    pub remarks: Vec<String>,
 }
 
 /// Solves for the pose of a camera or rig on a robot or vehicle, and for that of the target.
@@ -39,13 +43,13 @@ pub struct HandEyeRequest {
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/hand_eye"))?;
-/// use resight::rig::{Detections, HandEyeRequest, HandEyeViews, ObservedRig, RigRequest, read_robot_poses};
+/// use resight::rig::{Detections, HandEyeRequest, HandEyeViews, ObservedRig, RigRequest, RobotFile, read_robot_file};
 /// let mut request = RigRequest::default();
 /// request.read_camera(Some("cam"), "camera.toml")?;
 /// let observed = ObservedRig::from_detections(&Detections::files(&["detections.csv".into()]), &request)?;
-/// let robot = read_robot_poses("motions.csv".as_ref(), None)?;
+/// let RobotFile { robot, remarks, .. } = read_robot_file("motions.csv".as_ref(), &Default::default(), None)?;
 /// let views = HandEyeViews::Points(Box::new(observed));
-/// let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default() })?;
+/// let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default(), remarks })?;
 /// assert_eq!(answer.status(), resight::Status::Ok);
 /// if let Some(solved) = answer.solved() {
 ///     println!("the camera is at {} m in the gripper", solved.solution.cam_from_carrier.origin().transpose());
@@ -55,18 +59,19 @@ pub struct HandEyeRequest {
 /// ```
 ///
 /// # Errors
-/// Observations of more or fewer than one target.
+/// Observations of more or fewer than one target; robot poses without names whose number is not that of the views.
 pub fn hand_eye(request: HandEyeRequest) -> Result<HandEyeAnswer, Error> {
-    let HandEyeRequest { robot, views, config } = request;
+    let HandEyeRequest { robot, views, config, remarks } = request;
+    let sizes = size_remarks(&robot);
     match views {
         HandEyeViews::Poses(poses) => {
-            let (robot_views, left_out) = joined(robot, poses);
+            let (robot_views, left_out) = joined(robot, poses)?;
             let views: Vec<HandEyeView> = robot_views.iter().map(|view| view.view(&[])).collect();
             let names = names(&robot_views);
-            let named = Named { eye: "cam", views: names, left_out, rig_contradiction: None };
+            let named = Named { eye: "cam", views: names, left_out, rig_contradiction: None, sizes, remarks };
             Ok(answer(solve_hand_eye(&views, &config), named))
         }
-        HandEyeViews::Points(observed) => from_points(robot, *observed, &config),
+        HandEyeViews::Points(observed) => from_points(robot, *observed, &config, (sizes, remarks)),
     }
 }
 
@@ -75,8 +80,11 @@ fn from_points(
     robot: Vec<RobotPose>,
     observed: ObservedRig,
     config: &HandEyeConfig,
+    (mut sizes, mut remarks): (Vec<String>, Vec<String>),
 ) -> Result<HandEyeAnswer, Error> {
     let rig = observed.gathered.rig.clone();
+    sizes.extend(rig.size_remarks());
+    remarks.extend(observed.remarks.iter().cloned());
     let (cam_from_rig, rig_contradiction) = match cameras(observed.clone()) {
         Ok(placed) => placed,
         Err(unsolved) => return Ok(HandEyeAnswer::Unsolved(unsolved)),
@@ -88,18 +96,28 @@ fn from_points(
         )));
     }
     let without_pose = |view: &String| ViewPoses { view: view.clone(), candidates: Vec::new() };
-    let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect());
+    let (robot_views, left_out) = joined(robot, rig.views.iter().map(without_pose).collect())?;
     let mut solution = mounted(&rig, &cam_from_rig, &robot_views, config);
     if let Ok(found) = &mut solution
         && let Some(share) = lens_share(found, &observed, &robot_views, config)
     {
-        found.carrier_covariance += share.fixed_view::<6, 6>(0, 0);
-        found.holder_covariance += share.fixed_view::<6, 6>(6, 6);
+        let [of_carrier, of_holder] = [0, 6].map(|at| share.fixed_view::<6, 6>(at, at).into_owned());
+        found.carrier_covariance += of_carrier;
+        found.holder_covariance += of_holder;
+        found.carrier_budget.add(ErrorSource::Lens, &of_carrier);
+        found.holder_budget.add(ErrorSource::Lens, &of_holder);
         found.joint_covariance += share;
     }
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
-    let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction };
+    let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction, sizes, remarks };
     Ok(answer(solution, named))
+}
+
+/// Returns a remark where the robot's positions are implausible in metres.
+fn size_remarks(robot: &[RobotPose]) -> Vec<String> {
+    let sigma_m = |pose: &RobotPose| pose.covariance.map_or(0.0, |c| c[(3, 3)].max(0.0).sqrt());
+    let positions = robot.iter().map(|pose| (pose.base_from_gripper.translation, sigma_m(pose)));
+    plausible::of_uncertain_points(positions).map(|remark| format!("motions: {remark}")).into_iter().collect()
 }
 
 /// Solves the hand–eye calibration of a rig whose cameras have known poses in it.
@@ -193,10 +211,12 @@ struct Named {
     views: Vec<String>,
     left_out: Vec<(String, String)>,
     rig_contradiction: Option<String>,
+    sizes: Vec<String>,
+    remarks: Vec<String>,
 }
 
 fn answer(solution: Result<HandEye, MathError>, named: Named) -> HandEyeAnswer {
-    let Named { eye, views: names, left_out, rig_contradiction } = named;
+    let Named { eye, views: names, left_out, rig_contradiction, sizes, remarks } = named;
     match solution {
         Ok(solution) => HandEyeAnswer::Solved(Box::new(SolvedHandEye {
             solution,
@@ -204,6 +224,8 @@ fn answer(solution: Result<HandEye, MathError>, named: Named) -> HandEyeAnswer {
             views: names,
             left_out,
             rig_contradiction,
+            sizes,
+            remarks,
         })),
         Err(reason) => {
             let status = match reason {

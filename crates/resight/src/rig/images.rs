@@ -13,10 +13,12 @@ use crate::detect::absent::not_found;
 use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::formats::check_image_size;
-use crate::image::GrayImage;
+use crate::image::{GrayImage, orientation_remark};
 use crate::parallel::{detect_in_order, report};
+use crate::report::words::counted;
 use crate::video::{Video, is_video};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use views::ImageFile;
 
@@ -82,12 +84,14 @@ enum Pixels<'a> {
 }
 
 impl Pixels<'_> {
-    /// Returns the image, or why it cannot be read.
-    fn read(&self) -> Result<Cow<'_, GrayImage>, String> {
+    /// Returns the image and how EXIF asks viewers to show it, or why it cannot be read.
+    fn read(&self) -> Result<(Cow<'_, GrayImage>, Option<&'static str>), String> {
         match self {
-            Pixels::Given(image) => Ok(Cow::Borrowed(image)),
-            Pixels::Decoded(image) => Ok(Cow::Borrowed(image)),
-            Pixels::File(path) => GrayImage::read(path).map(Cow::Owned).map_err(|e| e.to_string()),
+            Pixels::Given(image) => Ok((Cow::Borrowed(image), None)),
+            Pixels::Decoded(image) => Ok((Cow::Borrowed(image), None)),
+            Pixels::File(path) => GrayImage::read_with_orientation(path)
+                .map(|(image, orientation)| (Cow::Owned(image), orientation))
+                .map_err(|e| e.to_string()),
         }
     }
 
@@ -101,6 +105,28 @@ impl Pixels<'_> {
     }
 }
 
+/// Images that EXIF asks viewers to show otherwise than they are stored: for each camera and way, their number.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Orientations(BTreeMap<(usize, &'static str), usize>);
+
+impl Orientations {
+    /// Counts an image; `None` for one that is shown as it is stored.
+    pub(crate) fn add(&mut self, camera: usize, how: Option<&'static str>) {
+        if let Some(how) = how {
+            *self.0.entry((camera, how)).or_default() += 1;
+        }
+    }
+
+    /// Returns a warning for each camera and way.
+    pub(crate) fn remarks(&self, name: impl Fn(usize) -> String) -> Vec<String> {
+        let remark = |((camera, how), n): (&(usize, &'static str), &usize)| {
+            let which = format!("{} of camera {}", counted(*n, "image"), name(*camera));
+            format!("warning: {}", orientation_remark(&which, how))
+        };
+        self.0.iter().map(remark).collect()
+    }
+}
+
 /// The detections in one frame.
 struct FrameResult {
     camera: usize,
@@ -109,13 +135,16 @@ struct FrameResult {
 }
 
 /// The targets in an image of a certain size.
-struct FoundTargets {
+pub(crate) struct FoundTargets {
     /// The camera, scaled to the size of the image.
-    lens: Camera,
-    targets: Vec<(usize, Vec<(String, Correspondence)>)>,
+    pub lens: Camera,
+    /// How EXIF asks viewers to show the image.
+    orientation: Option<&'static str>,
+    /// The targets (indices into those given) and their points.
+    pub targets: Vec<(usize, Vec<(String, Correspondence)>)>,
     skipped: Vec<(String, String)>,
     /// Why targets are not unique, such as several copies in view.
-    failed: Vec<String>,
+    pub failed: Vec<String>,
 }
 
 /// Searches every frame for every target.
@@ -132,13 +161,14 @@ pub(crate) fn collect(
     let (jobs, videos) = jobs(images, options, &names, collected)?;
     let n_cameras = collected.cameras.len();
     let (lenses, without) = (vec![None; n_cameras], (0..n_cameras).map(|_| None).collect());
-    let mut search = Search { options, lenses, without, collected };
+    let mut search = Search { options, lenses, without, oriented: Orientations::default(), collected };
     search.frames(&jobs)?;
     for (camera, path) in videos {
         search.video(camera, &path)?;
     }
     search.explain();
-    let Search { lenses, .. } = search;
+    let Search { lenses, oriented, .. } = search;
+    collected.remarks.extend(oriented.remarks(|camera| names[camera].clone()));
     for (camera, lens) in collected.cameras.iter_mut().zip(lenses) {
         camera.camera = lens.unwrap_or_else(|| camera.camera.clone());
     }
@@ -215,6 +245,7 @@ struct Search<'a> {
     lenses: Vec<Option<Camera>>,
     /// For each camera: the first frame that shows no target, and its index in `left_out`.
     without: Vec<Option<(usize, Pixels<'static>)>>,
+    oriented: Orientations,
     collected: &'a mut Collected,
 }
 
@@ -264,6 +295,7 @@ impl Search<'_> {
             Ok(found) => found,
             Err(reason) => return self.leave_out(camera, name, "frame", reason),
         };
+        self.oriented.add(camera, found.orientation);
         let lens = self.lenses[camera].get_or_insert_with(|| found.lens.clone());
         if lens.size != found.lens.size {
             return self.leave_out(camera, name, "frame", OTHER_SIZE.into());
@@ -271,16 +303,14 @@ impl Search<'_> {
         if found.targets.is_empty() && !found.failed.is_empty() {
             return self.leave_out(camera, name, "frame", found.failed.join("; "));
         }
-        for (what, reason) in found.skipped {
-            self.leave_out(camera, name.clone(), &what, reason);
-        }
         if found.targets.is_empty() {
+            self.collected.add_found(camera, name.clone(), found);
             if self.without[camera].is_none() {
                 self.without[camera] = Some((self.collected.left_out.len(), image.kept()));
             }
             return self.leave_out(camera, name, "frame", NO_TARGET.into());
         }
-        self.collected.frames.push(Frame { camera, name, t_s: None, targets: found.targets });
+        self.collected.add_found(camera, name, found);
     }
 
     /// For each camera that observed no target, explains what its first frame shows instead, in the same words as other commands.
@@ -289,7 +319,7 @@ impl Search<'_> {
         for (camera, without) in std::mem::take(&mut self.without).into_iter().enumerate() {
             let saw_something = self.collected.frames.iter().any(|frame| frame.camera == camera);
             let Some((place, pixels)) = without.filter(|_| !saw_something) else { continue };
-            let Ok(image) = pixels.read() else { continue };
+            let Ok((image, _)) = pixels.read() else { continue };
             let said: Vec<String> = targets.iter().map(|target| not_found(target, &image)).collect();
             if let Some(left_out) = self.collected.left_out.get_mut(place) {
                 left_out.reason = said.join("; ");
@@ -301,6 +331,29 @@ impl Search<'_> {
         let camera = self.collected.cameras[camera].name.clone();
         self.collected.left_out.push(LeftOut { camera, view, what: what.into(), reason });
     }
+}
+
+impl Collected {
+    /// Stores the targets in a frame, where there are any, and the points that take no part.
+    pub(crate) fn add_found(&mut self, camera: usize, view: String, found: FoundTargets) {
+        for (what, reason) in found.skipped {
+            let camera = self.cameras[camera].name.clone();
+            self.left_out.push(LeftOut { camera, view: view.clone(), what, reason });
+        }
+        if !found.targets.is_empty() {
+            self.frames.push(Frame { camera, name: view, t_s: None, targets: found.targets });
+        }
+    }
+}
+
+/// Searches an image of a camera with an unknown lens for targets, each with its detector.
+pub(crate) fn search_image(
+    detectors: &mut [Detector],
+    targets: &[Target],
+    camera: &Camera,
+    image: &GrayImage,
+) -> Result<FoundTargets, String> {
+    find(detectors, targets, (camera, false), &Pixels::Given(image))
 }
 
 /// Returns the next block of frames; `None` at the end. A block in which nothing could be decoded is not the end.
@@ -315,9 +368,11 @@ fn find(
     (camera, knows_lens): (&Camera, bool),
     pixels: &Pixels,
 ) -> Result<FoundTargets, String> {
-    let image = &*pixels.read()?;
+    let (image, orientation) = pixels.read()?;
+    let image = &*image;
     let lens = check_image_size(camera, image.width_px, image.height_px)?;
-    let mut found = FoundTargets { lens, targets: Vec::new(), skipped: Vec::new(), failed: Vec::new() };
+    let mut found =
+        FoundTargets { lens, orientation, targets: Vec::new(), skipped: Vec::new(), failed: Vec::new() };
     for (number, (detector, target)) in detectors.iter_mut().zip(targets).enumerate() {
         let detections = match knows_lens {
             true => detector.detect_with_camera(image, &found.lens),

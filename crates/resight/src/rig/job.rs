@@ -167,6 +167,8 @@ impl ObservedRig {
         let config = RigConfig {
             reference: self.reference,
             joint_covariance: true,
+            // What views agree on about the lenses is an error of every place.
+            lens_errors: true,
             known_distances: &self.known_distances,
             intrinsics: &intrinsics,
             scale_sigma: scale_sigma(&rig.targets),

@@ -3,7 +3,7 @@
 use super::KnownCamera;
 use crate::core::Point;
 use crate::error::Error;
-use crate::input::table::{Table, TableRow};
+use crate::input::table::{Table, TableRow, how_read};
 use crate::rig::not_among;
 use std::collections::HashMap;
 use std::path::Path;
@@ -34,6 +34,8 @@ pub struct RigPointsView {
     pub name: String,
     /// In file order.
     pub rows: Vec<RigPoint>,
+    /// The remark on a table whose cells are not separated by commas.
+    pub how_read: Option<&'static str>,
 }
 
 /// Reads the views of a table in the order of first appearance; rows of a view need not be adjacent.
@@ -50,12 +52,13 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
     let (sigma_px, sigma_m) = (table.find("sigma_px"), table.find("sigma_m"));
     let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let names: Vec<String> = rig.iter().map(|camera| camera.named.name.clone()).collect();
+    let how_read = how_read(path);
     let mut views: Vec<RigPointsView> = Vec::new();
     let mut index = HashMap::new();
     table.each(|cells: TableRow<'_>| {
         let name = view.map_or(file_name.as_str(), |i| cells.text(i).unwrap_or_default());
         let at = *index.entry(name.to_string()).or_insert_with(|| {
-            views.push(RigPointsView { name: name.to_string(), rows: Vec::new() });
+            views.push(RigPointsView { name: name.to_string(), rows: Vec::new(), how_read });
             views.len() - 1
         });
         let called = cells.text(camera).unwrap_or_default();
@@ -84,8 +87,29 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
 }
 
 /// Returns a remark where the coordinates of the points are implausible in metres.
-pub fn unit_remark(views: &[RigPointsView]) -> Option<String> {
+fn unit_remark(views: &[RigPointsView]) -> Option<String> {
     let rows = views.iter().flat_map(|view| &view.rows);
     let points = rows.map(|row| (Point::from(row.x_in_target), row.sigma_m.unwrap_or(0.0)));
     crate::formats::plausible::of_uncertain_points(points)
+}
+
+/// The remarks on a whole table, which apply to every answer.
+#[derive(Debug, Clone, Default)]
+pub struct TableRemarks {
+    /// Coordinates that are implausible in metres: with one, an answer that would be `ok` is `implausible`.
+    pub sizes: Vec<String>,
+    how_read: Option<String>,
+}
+
+impl TableRemarks {
+    /// Collects the remarks on the views of a table.
+    pub fn of(views: &[RigPointsView]) -> Self {
+        let how_read = views.iter().find_map(|view| view.how_read).map(str::to_string);
+        TableRemarks { sizes: unit_remark(views).into_iter().collect(), how_read }
+    }
+
+    /// Returns all of them.
+    pub fn all(&self) -> impl Iterator<Item = &String> {
+        self.sizes.iter().chain(&self.how_read)
+    }
 }

@@ -9,11 +9,10 @@ use crate::core::multiview::rig_pose::{
     RigAmbiguity, RigConsistency, RigPoseEstimate, RigView, locate_rig, rig_consensus,
 };
 use crate::core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+use crate::locate::LARGEST;
 use crate::report::verdict::{self, figures};
 use crate::report::words::{self, sigmas};
 
-/// Squares of larger numbers, and their products, overflow.
-const LARGEST: f64 = 1e60;
 /// A camera with fewer rows may lose most of them to wrong correspondences without being judged.
 const ROWS_TO_JUDGE: usize = 6;
 
@@ -86,6 +85,15 @@ pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPos
         .collect();
     answer.remarks.extend(words::repeated(seen.n_repeated, view.rows.len()));
     (answer.status, answer.message) = judged(&estimate, &answer, &seen, view, rig);
+    if answer.status == Status::Ok {
+        let z_m = view.rows.iter().map(|row| row.x_in_target[2]);
+        answer.remarks.extend(words::below_one_level(
+            "rig",
+            "x_m and y_m are exchanged",
+            z_m,
+            estimate.rig_from_target.origin().z,
+        ));
+    }
     answer.with_estimate(&estimate, exact)
 }
 

@@ -145,6 +145,7 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
     let solution = RigSolution {
         reference: 0,
         cameras,
+        budgets: vec![],
         targets: vec![TargetOnBody { body_from_target: Pose::identity(), covariance: Matrix6::zeros() }],
         bodies,
         observations,

@@ -25,11 +25,11 @@ use tokio::time::{MissedTickBehavior, interval, timeout};
 /// Interval between states.
 const STATES: Duration = Duration::from_millis(250);
 /// For a client to take a message.
-const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 /// A message of a page.
-const MESSAGE_BYTES: usize = 4096;
+pub(crate) const MESSAGE_BYTES: usize = 4096;
 /// Size of a single write; a page's picture is larger.
-const WRITE_BYTES: usize = 8 << 10;
+pub(crate) const WRITE_BYTES: usize = 8 << 10;
 
 /// Returns its route.
 pub fn routes() -> Router<App> {
@@ -49,7 +49,7 @@ async fn open(State(app): State<App>, upgrade: WebSocketUpgrade) -> Result<Respo
 pub struct PageMessage {
     /// It has taken a picture and is ready for the next.
     #[serde(default)]
-    ack: Option<u64>,
+    pub(crate) ack: Option<u64>,
     /// The one camera that it shows at full size; null: all of them, small.
     #[serde(default, deserialize_with = "given")]
     #[schemars(with = "Option<String>")]

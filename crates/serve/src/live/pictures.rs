@@ -324,6 +324,14 @@ impl Source for Tap {
         self.source.is_live()
     }
 
+    fn are_photographs(&self) -> bool {
+        self.source.are_photographs()
+    }
+
+    fn orientation(&self) -> Option<&'static str> {
+        self.source.orientation()
+    }
+
     fn reuse(&mut self, spent: GrayImage) {
         self.source.reuse(spent);
     }

@@ -1,4 +1,4 @@
-//! What a camera remembers from one session to the next.
+//! The state of a camera that one session saves for the next.
 
 use super::LiveCamera;
 use super::look::CameraWatcher;
@@ -9,13 +9,13 @@ use std::time::Instant;
 pub(super) struct Memory<'a> {
     name: String,
     state: Option<&'a StateFile>,
-    /// Capture time of the earlier session's last frame, and how long ago that was, seconds.
+    /// Capture time of the earlier session's last frame, and its age, seconds.
     pub resumed: Option<(f64, f64)>,
     due: Instant,
 }
 
 impl<'a> Memory<'a> {
-    /// Puts what is known into `look`.
+    /// Restores the saved state into `look`.
     pub fn restore(look: &mut CameraWatcher, camera: &LiveCamera, state: Option<&'a StateFile>) -> Self {
         let mut memory = Memory { name: camera.name.clone(), state, resumed: None, due: Instant::now() };
         let Some((state, record)) = state.and_then(|state| Some((state, state.of(&camera.name)?))) else {
@@ -33,7 +33,7 @@ impl<'a> Memory<'a> {
         memory
     }
 
-    /// Hands the state over when it is time, and at the end. True when it did.
+    /// Hands the state over when it is due, and at the end. Returns true when it did.
     pub fn keep(&mut self, look: &CameraWatcher, last: Option<(f64, Instant)>, is_end: bool) -> bool {
         let (Some(state), Some((last_s, arrived))) = (self.state, last) else { return false };
         let is_due = is_end || self.due <= Instant::now();

@@ -1,58 +1,58 @@
-//! How often a session says something: a state that comes and goes with every frame must not fill a disk and an inbox.
+//! The rate of reports of a session: a state that alternates with every frame must not fill a disk and an inbox.
 //!
-//! Every change of a state, and of what moved, passes here. Alarms pass at once. What has been reported already and comes again, and the calm
-//! (`steady`) after it, must last: for `CALM_S`, twice as long after each time that it comes again, `LONGEST_S` at most. So an event is one
-//! message and one correction, and what flickers is reported a few times, then once an hour at most. All of it passes through a bucket besides:
-//! `BURST` at once, then one every `AGAIN_S`. What must wait is not lost: the newest state is reported when its time has come, or at the end.
+//! Every change of a state, and of what moved, passes here. Alarms pass at once. A state that recurs after it was reported, and the calm
+//! (`steady`) after it, must last `CALM_S`, twice as long after each recurrence, at most `LONGEST_S`. So an event causes one message and one
+//! correction, and an alternating state is reported a few times, then at most once an hour. All reports also pass a token bucket: `BURST` at
+//! once, then one every `AGAIN_S`. What must wait is not lost: the newest state is reported when it is due, or at the end.
 
 use super::{CheckingReason, Event, State};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// A state that was in doubt is called steady when it has been so for this long, seconds of capture time;
+/// A doubtful state is reported as steady when it has been so for this long, seconds of capture time;
 const CALM_S: f64 = 2.0;
-/// twice as long after each time that the doubt came again, up to this.
+/// twice as long after each recurrence of the doubt, up to this.
 const LONGEST_S: f64 = 3600.0;
-/// One such time is forgotten after this long, seconds.
+/// One recurrence is no longer counted after this long, seconds.
 const FORGOTTEN_S: f64 = 6.0 * 3600.0;
-/// Changes of one kind that may follow each other at once,
+/// Largest number of changes of one kind in immediate succession,
 const BURST: f64 = 10.0;
 /// and then one in this time, seconds of capture time.
 const AGAIN_S: f64 = 60.0;
-/// Two beginnings further apart than this many standard deviations of both are of two motions.
+/// Two start times that differ by more than this many of their combined standard deviations belong to two motions.
 const APART: f64 = 3.0;
-/// Where nothing is heard for this long the clock of this machine continues that of the frames.
+/// After this long without events, the clock of this machine continues that of the frames.
 const SILENT: Duration = Duration::from_secs(1);
 
-/// What was reported of every pair and of what moved, and what waits.
+/// The last reports of every pair and of what moved, and the waiting ones.
 #[derive(Default)]
 pub(super) struct Outlet {
     pairs: BTreeMap<(usize, usize), Pair>,
     moved: Moved,
-    /// Newest capture time of any camera, seconds: what moved is said of all of them.
+    /// Newest capture time of any camera, seconds: a report of what moved concerns all of them.
     now_s: f64,
-    /// When something was last heard.
+    /// Time of the last event.
     heard: Option<Instant>,
 }
 
 #[derive(Default)]
 struct Pair {
     reported: Option<State>,
-    /// Of alarms and of the rest: neither uses up what the other may say.
+    /// One bucket for alarms and one for the rest: neither uses up the tokens of the other.
     buckets: [Bucket; 2],
     waiting: Option<(f64, State)>,
     flicker: Flicker,
-    /// Beginning of the motion that was last reported and its standard deviation, seconds; whether it has been corrected.
+    /// Start of the motion that was last reported and its standard deviation, seconds; whether it has been corrected.
     motion: Option<(f64, f64)>,
     is_corrected: bool,
 }
 
-/// Which doubts have come and gone of late.
+/// The recent recurrences of doubtful states.
 #[derive(Default)]
 struct Flicker {
     /// Kinds of states, and when they were last reported.
     reported_s: Vec<(Kind, f64)>,
-    /// How often one came again, as far as it is not forgotten at `at_s`.
+    /// Number of recurrences, less those no longer counted at `at_s`.
     times: f64,
     at_s: f64,
 }
@@ -97,12 +97,12 @@ impl Flicker {
         0.5 < self.times(t_s)
     }
 
-    /// How long a change must last that has come again, or that ends one which has, seconds.
+    /// Returns how long a recurring change, or one that ends it, must last, seconds.
     fn patience_s(&self, t_s: f64) -> f64 {
         (CALM_S * self.times(t_s).exp2()).min(LONGEST_S)
     }
 
-    /// Whether a state of this kind has been reported within an hour, or while others came and went.
+    /// Returns whether a state of this kind has been reported within an hour, or while states alternated.
     fn is_known(&self, kind: Kind, t_s: f64) -> bool {
         let is_recent = |at_s: f64| self.goes_on(t_s) || t_s - at_s < LONGEST_S;
         self.reported_s.iter().any(|(known, at_s)| *known == kind && is_recent(*at_s))
@@ -117,14 +117,14 @@ impl Flicker {
 }
 
 impl Outlet {
-    /// What is to be reported now that this has happened.
+    /// Returns the events to report after this one.
     pub fn take(&mut self, event: Event) -> Vec<Event> {
         self.heard = Some(Instant::now());
         match event {
             Event::StateChanged { camera, target, t_s, state } => {
                 self.now_s = self.now_s.max(t_s);
                 let pair = self.pairs.entry((camera, target)).or_default();
-                // What waited is overtaken by what is.
+                // A waiting state is replaced by the current one.
                 let since_s = match &pair.waiting {
                     Some((since_s, waiting)) if pair.continues(waiting, &state) => *since_s,
                     _ => t_s,
@@ -149,7 +149,7 @@ impl Outlet {
         }
     }
 
-    /// What is to be reported though nothing happens: a camera that shows nothing has no frames whose times say how long that lasts.
+    /// Returns the events to report without a new event: a camera without frames has no capture times that show how long that lasts.
     pub fn idle(&mut self, now: Instant) -> Vec<Event> {
         let silent = self.heard.map(|heard| now.saturating_duration_since(heard));
         let Some(silent) = silent.filter(|silent| SILENT < *silent) else { return Vec::new() };
@@ -158,7 +158,7 @@ impl Outlet {
         pairs.collect()
     }
 
-    /// What still waits when all sources have ended.
+    /// Returns the events that still wait when all sources have ended.
     pub fn finish(&mut self) -> Vec<Event> {
         let moved = self.moved.waiting.take().into_iter();
         let pairs = self.pairs.iter_mut().filter_map(|(key, pair)| {
@@ -185,12 +185,12 @@ impl Pair {
             return None;
         }
         if self.reported.as_ref().is_some_and(is_away) && is_away(state) {
-            return None; // How far it is away is said again at the end.
+            return None; // return None; // Its distance is reported again at the end.
         }
         let was_drifted = matches!(self.reported, Some(State::Drifted(_)));
         let is_known = self.is_known_motion(state);
         if was_drifted && is_known && self.is_corrected {
-            return None; // What is known of it at the end is reported then.
+            return None; // return None; // Its final estimate is reported at the end.
         }
         if t_s < since_s + self.patience_s(state, t_s)
             || !self.buckets[usize::from(is_alarm(state))].takes(t_s)
@@ -210,18 +210,18 @@ impl Pair {
         Some(Event::StateChanged { camera, target, t_s: since_s, state })
     }
 
-    /// Whether what waits is the same state as before, though known otherwise: a further motion is another.
+    /// Returns whether the waiting state is the same, though estimated otherwise: a further motion is a different one.
     fn continues(&self, waiting: &State, now: &State) -> bool {
         kind(waiting) == kind(now) && (!matches!(now, State::Drifted(_)) || self.is_known_motion(now))
     }
 
-    /// Whether this is the motion that was last reported, perhaps known better: it began no later.
+    /// Returns whether this is the motion that was last reported, perhaps with a better estimate: it began no later.
     fn is_known_motion(&self, state: &State) -> bool {
         let (Some((began_s, sigma_s)), State::Drifted(now)) = (self.motion, state) else { return false };
         now.began_s - began_s <= APART * now.began_sigma_s.hypot(sigma_s)
     }
 
-    /// How long this state must have lasted before it is reported, seconds.
+    /// Returns how long this state must have lasted before it is reported, seconds.
     fn patience_s(&self, state: &State, t_s: f64) -> f64 {
         let was_in_doubt = self.reported.as_ref().is_some_and(is_doubt);
         let is_return = match state {
@@ -229,17 +229,17 @@ impl Pair {
             _ => matches!(state, State::Steady | State::Tracking),
         };
         let came_again = match self.reported {
-            // After the first alarm the return is reported at once; a doubt was perhaps none.
+            // After the first alarm the return is reported at once, because the doubt may have been none.
             Some(State::Checking(_)) if is_return => true,
             _ if is_return => was_in_doubt && self.flicker.goes_on(t_s),
-            // From calm an alarm passes at once, however often it has come.
+            // From a calm state an alarm passes at once, however often it has recurred.
             _ => is_doubt(state) && was_in_doubt && self.flicker.is_known(kind(state), t_s),
         };
         if came_again { self.flicker.patience_s(t_s) } else { 0.0 }
     }
 }
 
-/// Whether a state says nothing that was not reported.
+/// Returns whether a state contains nothing that was not reported.
 fn is_same(reported: &State, now: &State) -> bool {
     match (reported, now) {
         (State::Stale { .. }, State::Stale { .. }) | (State::Learning { .. }, State::Learning { .. }) => true,
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!(states(outlet.finish()).len(), 1, "that it is steady at the end");
     }
 
-    /// What comes and goes every five seconds for a day, an alarm each time: no more than is stated, and the last one is reported.
+    /// An alarm that recurs every five seconds for a day: no more reports than stated, and the last one is reported.
     #[test]
     fn no_output_exceeds_its_stated_rate() {
         let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
@@ -313,13 +313,13 @@ mod tests {
             reported.extend(states(outlet.take(frame(f64::from(t_s)))));
             reported.extend(states(outlet.take(state(f64::from(t_s), now))));
         }
-        // Until a calm of five seconds is too short, and again when that is forgotten.
+        // Until a calm period of five seconds is too short, and again when the recurrences are no longer counted.
         assert!((6..=26).contains(&reported.len()), "{} told", reported.len());
         reported.extend(states(outlet.finish()));
         assert!(matches!(reported.last(), Some((_, State::Stale { .. }))), "{:?}", reported.last());
     }
 
-    /// An alarm is never kept back by the doubts before it.
+    /// Doubts do not delay an alarm that follows them.
     #[test]
     fn alarms_pass_at_once() {
         let mut outlet = Outlet::default();
@@ -344,7 +344,7 @@ mod tests {
         }))
     }
 
-    /// One motion is one message and one correction, and what is known of it at the end; another motion is another message.
+    /// One motion causes one message, one correction and the final estimate at the end; another motion causes another message.
     #[test]
     fn a_motion_is_corrected_once() {
         let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
@@ -358,8 +358,8 @@ mod tests {
         assert_eq!(states(outlet.finish()), [(400.0, moved(228.0, 1.0))]);
     }
 
-    /// Three states that come and go at random, some seconds each, for a day: a few messages at first, and no more than one doubt and one
-    /// calm an hour later. What holds at the end is reported.
+    /// Three states that alternate at random, some seconds each, for a day: a few messages at first, then no more than one doubt and one calm an
+    /// hour. The last state is reported at the end.
     #[test]
     fn what_flickers_is_reported_seldom() {
         let (mut outlet, mut reported, mut chance) = (Outlet::default(), Vec::new(), 1u32);
@@ -381,7 +381,7 @@ mod tests {
         assert!(late.len() <= 44, "{} in 22 hours", late.len());
     }
 
-    /// A camera that moved and is seen only now and then: the motion is reported a few times, a further one at once.
+    /// A camera that moved and is observed only at times: the motion is reported a few times, a further one at once.
     #[test]
     fn a_motion_that_is_seen_now_and_then_is_not_repeated() {
         let (mut outlet, mut reported) = (Outlet::default(), Vec::new());
@@ -396,7 +396,7 @@ mod tests {
         assert_eq!(states(outlet.take(state(80_002.0, further.clone()))), [(80_002.0, further)]);
     }
 
-    /// After flickering the cable is cut: nothing comes any more, and that is reported when it has lasted.
+    /// After alternating states the cable is cut: no event arrives any more, and that is reported when it has lasted.
     #[test]
     fn a_silence_after_a_flicker_is_reported() {
         let (mut outlet, stale) = (Outlet::default(), State::Stale { for_s: 5.0, reason: None });
@@ -413,7 +413,7 @@ mod tests {
         assert_eq!(states(outlet.idle(now + Duration::from_secs(3700))), [(3600.0, stale)]);
     }
 
-    /// Dark every night: no return is kept back for more than seconds, for months.
+    /// Darkness every night: no return is delayed by more than seconds, for months.
     #[test]
     fn nights_are_no_flicker() {
         let mut outlet = Outlet::default();

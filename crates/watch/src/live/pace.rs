@@ -1,9 +1,9 @@
-//! How far cameras may run ahead of each other where their frames are put together: the reader of a recording waits for those behind it.
+//! The largest lead of cameras whose frames form frame sets: the reader of a recording waits for those behind it.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Shared by the threads that read and the one that puts frames together.
+/// State shared by the threads that read and the one that forms frame sets.
 pub(super) struct Pace {
     runners: Mutex<Vec<Runner>>,
     changed: Condvar,
@@ -12,7 +12,7 @@ pub(super) struct Pace {
 #[derive(Debug, Clone, Copy, Default)]
 struct Runner {
     is_held: bool,
-    /// Since when its source has had nothing to give; none while it is read, however long that takes.
+    /// Time since which its source has provided nothing; none while it is read, however long that takes.
     silent_since: Option<Instant>,
 }
 
@@ -21,12 +21,12 @@ impl Pace {
         Pace { runners: Mutex::new(vec![Runner::default(); cameras]), changed: Condvar::new() }
     }
 
-    /// A thread that panicked while it held the lock left marks that are still whole.
+    /// A thread that panicked while it held the lock left valid entries.
     fn lock(&self) -> MutexGuard<'_, Vec<Runner>> {
         self.runners.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether a camera may read on; one that is held waits, but not longer than `patience`.
+    /// Returns whether a camera may read on; one that is held waits, but not longer than `patience`.
     pub fn may_read(&self, camera: usize, patience: Duration) -> bool {
         let is_held = |runners: &mut Vec<Runner>| runners[camera].is_held;
         let waited = self.changed.wait_timeout_while(self.lock(), patience, is_held);
@@ -34,23 +34,23 @@ impl Pace {
         !runners[camera].is_held
     }
 
-    /// Which cameras are held from now on.
+    /// Sets which cameras are held.
     pub fn hold(&self, held: &[bool]) {
         self.lock().iter_mut().zip(held).for_each(|(runner, is_held)| runner.is_held = *is_held);
         self.changed.notify_all();
     }
 
-    /// The camera's source gave a frame.
+    /// Records that the camera's source provided a frame.
     pub fn gave(&self, camera: usize) {
         self.lock()[camera].silent_since = None;
     }
 
-    /// The camera's source has nothing to give.
+    /// Records that the camera's source has nothing to provide.
     pub fn fell_silent(&self, camera: usize, now: Instant) {
         self.lock()[camera].silent_since.get_or_insert(now);
     }
 
-    /// Since when it has had nothing to give.
+    /// Returns the time since which it has provided nothing.
     pub fn silent_since(&self, camera: usize) -> Option<Instant> {
         self.lock()[camera].silent_since
     }

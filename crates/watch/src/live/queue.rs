@@ -1,4 +1,4 @@
-//! A queue of few frames between the thread that reads and the one that looks: full, it forgets its oldest.
+//! A queue of few frames between the thread that reads and the one that processes; a full queue drops its oldest.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -13,15 +13,15 @@ pub(super) struct Queue<T> {
 
 struct Inner<T> {
     waiting: VecDeque<T>,
-    /// Used items, on their way back to the writer.
+    /// Used items, returned to the writer.
     spent: Vec<T>,
     dropped: u64,
     is_closed: bool,
-    /// Why no more will come, where that is not the end of the source.
+    /// Reason why no more items will come, where that is not the end of the source.
     failure: Option<String>,
 }
 
-/// What a reader got.
+/// The result of taking an item.
 pub(super) enum Taken<T> {
     Item(T),
     Nothing,
@@ -40,12 +40,12 @@ impl<T> Queue<T> {
         Queue { inner: Mutex::new(inner), changed: Condvar::new(), capacity: capacity.max(1) }
     }
 
-    /// A thread that panicked while it held the lock left a queue that is still whole.
+    /// A thread that panicked while it held the lock left a valid queue.
     fn lock(&self) -> MutexGuard<'_, Inner<T>> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an item; the oldest makes room. Returns false when the reader is gone.
+    /// Adds an item and drops the oldest of a full queue. Returns false when the reader is gone.
     pub fn push_dropping(&self, item: T) -> bool {
         let mut inner = self.lock();
         if inner.is_closed {
@@ -62,7 +62,7 @@ impl<T> Queue<T> {
         true
     }
 
-    /// Adds an item when there is room. Returns false when the reader is gone.
+    /// Waits for room and adds an item. Returns false when the reader is gone.
     pub fn push_waiting(&self, item: T) -> bool {
         let mut inner = self.lock();
         while self.capacity <= inner.waiting.len() && !inner.is_closed {
@@ -77,7 +77,7 @@ impl<T> Queue<T> {
         is_open
     }
 
-    /// The oldest item, waiting for one at most this long.
+    /// Takes the oldest item; waits for one at most this long.
     pub fn take(&self, patience: Duration) -> Taken<T> {
         let inner = self.lock();
         let (mut inner, _) = self
@@ -94,34 +94,34 @@ impl<T> Queue<T> {
         taken
     }
 
-    /// The reader is done with an item.
+    /// Returns a used item to the writer.
     pub fn give_back(&self, item: T) {
         self.lock().spent.push(item);
     }
 
-    /// Items that the writer may use again: those given back, and those dropped.
+    /// Returns the items that the writer may use again: those given back, and those dropped.
     pub fn take_back(&self) -> Vec<T> {
         std::mem::take(&mut self.lock().spent)
     }
 
-    /// No more items will come, or the reader is gone.
+    /// Closes the queue: no more items will come, or the reader is gone.
     pub fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_all();
     }
 
-    /// No more will come, because the writer failed.
+    /// Closes the queue because the writer failed.
     pub fn fail(&self, reason: String) {
         self.lock().failure = Some(reason);
         self.close();
     }
 
-    /// Why the writer failed.
+    /// Takes the reason why the writer failed.
     pub fn take_failure(&self) -> Option<String> {
         self.lock().failure.take()
     }
 
-    /// Items dropped since the last call.
+    /// Returns the number of items dropped since the last call.
     pub fn take_dropped(&self) -> u64 {
         std::mem::take(&mut self.lock().dropped)
     }

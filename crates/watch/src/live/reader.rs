@@ -1,4 +1,4 @@
-//! The thread that reads a source: frames into the queue, losses and steps of the clock reported.
+//! The thread that reads a source: it puts frames into the queue and reports losses and steps of the clock.
 
 use super::clock::{CaptureClock, Stamp};
 use super::pace::Pace;
@@ -11,7 +11,7 @@ use std::sync::mpsc::SyncSender;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How long a thread waits before it looks whether the session is to end, and whether a camera has been silent too long.
+/// Longest wait before a thread checks whether the session ends and whether a camera has been silent too long.
 pub(super) const PATIENCE: Duration = Duration::from_millis(100);
 /// Longest pause before a lost source is tried again, in first pauses.
 const LONGEST_RETRY: f64 = 32.0;
@@ -24,22 +24,22 @@ pub(super) struct Reader<'a> {
     pub event_sender: &'a SyncSender<Event>,
     pub stop: &'a AtomicBool,
     pub pace: &'a Pace,
-    /// Capture time of an earlier session's last frame, and how long ago that was, seconds.
+    /// Capture time of an earlier session's last frame, and its age, seconds.
     pub resumed: Option<(f64, f64)>,
 }
 
-/// What is remembered between frames.
+/// The state kept between frames.
 struct Progress {
     connected: bool,
     pause_s: f64,
     clock: CaptureClock,
     started: Instant,
-    /// Whether the source made us wait for the next frame.
+    /// Whether the reader had to wait for the next frame.
     waited: bool,
-    /// A frame of a recording whose time may be wrong; the next one tells.
+    /// A frame of a recording whose time may be wrong; the next frame decides.
     doubtful: Option<Frame>,
     left_out: Sparingly,
-    /// Why the last frame left out was.
+    /// Reason why the last frame left out was left out.
     reason: String,
 }
 
@@ -78,7 +78,7 @@ impl Reader<'_> {
         self.queue.close();
     }
 
-    /// The clock of frames that come at their own pace continues where an earlier session stopped; a recording read again has its own times.
+    /// Starts the clock. That of live frames continues from an earlier session; a recording read again has its own times.
     fn start(&self, is_live: bool) -> Progress {
         let resumed = self.resumed.filter(|_| is_live);
         Progress {
@@ -94,7 +94,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A listener that is gone needs no telling.
+    /// A send to a receiver that is gone needs no error.
     fn tell(&self, event: Event) {
         let _ = self.event_sender.send(event);
     }
@@ -132,7 +132,7 @@ impl Reader<'_> {
         doubtful.is_none_or(|doubtful| self.pass(doubtful, false, false, progress))
     }
 
-    /// Puts a frame into the queue. False when nobody looks at the frames any more.
+    /// Puts a frame into the queue. Returns false when frames are no longer processed.
     fn pass(&self, mut frame: Frame, at_own_pace: bool, is_live: bool, progress: &mut Progress) -> bool {
         let arrived = Instant::now();
         self.stamp(&mut frame, arrived, at_own_pace, progress);
@@ -147,7 +147,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Puts the frame on the clock that only goes forward.
+    /// Converts the time of the frame to the monotonic clock.
     fn stamp(&self, frame: &mut Frame, arrived: Instant, at_own_pace: bool, progress: &mut Progress) {
         let arrived_s = arrived.saturating_duration_since(progress.started).as_secs_f64();
         if !frame.capture_s.is_finite() {
@@ -190,7 +190,7 @@ impl Reader<'_> {
         progress.pause_s = (2.0 * progress.pause_s).min(LONGEST_RETRY * self.config.retry_s);
     }
 
-    /// Sleeps, but not through the end of the session.
+    /// Sleeps, but not beyond the end of the session.
     fn rest(&self, seconds: f64) {
         let until = Instant::now() + Duration::from_secs_f64(seconds);
         while Instant::now() < until && !self.stop.load(Ordering::Relaxed) {
@@ -199,7 +199,7 @@ impl Reader<'_> {
     }
 }
 
-/// A frame whose successor continues from before it.
+/// Marks a frame whose successor has an earlier time.
 fn wrongly_timed(frame: Frame, next_s: f64) -> Frame {
     let content = Content::Unreadable(format!(
         "{}: its time is {:.3} s after that of the next frame, so it is wrong",

@@ -1,4 +1,4 @@
-//! The file of a reference: the pose that a camera is compared with, and the noise that is no drift.
+//! The file of a reference: the pose with which a camera is compared, and the noise of its readings.
 
 use resight::FileError;
 use resight_core::temporal::monitor::{DriftNoise, Reference};
@@ -8,7 +8,7 @@ use std::path::Path;
 
 type Rows = [[f64; 6]; 6];
 
-/// As TOML. Covariances are of the small left motion `[rotation_rad; translation_m]` in the camera frame.
+/// The file as TOML. Covariances are of the small left motion `[rotation_rad; translation_m]` in the camera frame.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -28,7 +28,7 @@ struct Transform {
     translation_m: [f64; 3],
 }
 
-/// The reference as text; numbers keep every digit.
+/// Returns the reference as text; numbers keep every digit.
 ///
 /// # Errors
 /// A number that TOML cannot hold.
@@ -51,7 +51,7 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
 /// Reads what `to_text` wrote.
 ///
 /// # Errors
-/// No such file, no such keys, a quaternion that is none, a covariance that is not symmetric, noise that is none.
+/// A missing file or key, an invalid quaternion, a covariance that is not symmetric, or invalid noise.
 pub fn read(path: &Path) -> Result<Reference, FileError> {
     let reported = |reason: String| FileError::new(path, reason);
     let text = resight::input::read_text(path, resight::input::Kind::Text)
@@ -113,7 +113,7 @@ mod tests {
         assert_eq!(read.a_from_b.translation, a_from_b.translation);
     }
 
-    /// A reference written by version 1.
+    /// Reads a reference written by version 1.
     #[test]
     fn keys_of_version_1_are_read() {
         let noise = DriftNoise {

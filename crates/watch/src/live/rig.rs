@@ -1,7 +1,7 @@
-//! Several cameras and targets: what moved, camera or target, decided from all that they see of each other.
+//! Several cameras and targets: the decision whether a camera or a target moved, from all observations.
 //!
-//! Where targets stand still every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms
-//! moved. Where a target is hand-held only the relations among the cameras are watched, frame set by frame set.
+//! Where targets are fixed every pair of a camera and a target is an edge, and the smallest set of nodes that explains the alarms moved. Where a
+//! target is hand-held only the relative poses of the cameras are monitored, by frame set.
 
 mod config;
 mod attributed;
@@ -20,39 +20,39 @@ use std::sync::Arc;
 use std::time::Instant;
 use watched::Cameras;
 
-/// What a session is made of, by name.
+/// The cameras and targets of a session, by name.
 pub(super) struct Nodes {
     pub cameras: Vec<String>,
     pub lenses: Vec<Camera>,
     pub targets: Vec<String>,
-    /// Whether each camera's frames come at their own pace.
+    /// Whether each camera's source is live.
     pub is_live: Vec<bool>,
-    /// Of each camera against each target, camera by camera, where they are known.
+    /// References of each camera and each target, camera by camera, where they are known.
     pub references: Vec<Option<Reference>>,
-    /// As an earlier session left them, in the same order.
+    /// Monitors of an earlier session, in the same order.
     pub monitors: Vec<Option<Monitor>>,
-    /// What the state of a rig whose targets are hand-held depends on, by name.
+    /// The settings on which the state of a rig with hand-held targets depends, by name.
     pub settings: BTreeMap<String, String>,
-    /// Which camera must wait for which.
+    /// Controls which camera must wait for which.
     pub pace: Arc<Pace>,
 }
 
-/// Stands between the cameras' threads and the listener, and adds what only all of them together say.
+/// Processes events between the cameras' threads and the listener, and adds results that need all of them.
 pub(super) enum Relations {
-    /// One camera and one target, of which it cannot be known which moved.
+    /// One camera and one target: which of them moved cannot be known.
     None,
-    /// Targets that stand still.
+    /// Fixed targets.
     Pairs(Box<Pairs>),
-    /// Targets that are hand-held.
+    /// Hand-held targets.
     Cameras(Box<Cameras>),
 }
 
 impl Relations {
-    /// A rig continues from what an earlier session left in `state`.
+    /// Builds the relations; a rig continues from the `state` of an earlier session.
     pub fn new(nodes: Nodes, config: &LiveConfig, state: Option<&StateFile>) -> Self {
         match &config.rig {
             Some(rig) => Relations::Cameras(Box::new(Cameras::new(nodes, rig, config, state))),
-            // Landmarks alone tell each camera's rotation for itself.
+            // Landmarks alone give each camera's rotation independently.
             None if nodes.targets.is_empty() => Relations::None,
             None if 2 < nodes.cameras.len() + nodes.targets.len() => {
                 Relations::Pairs(Box::new(Pairs::new(nodes, config)))
@@ -61,7 +61,7 @@ impl Relations {
         }
     }
 
-    /// The event, as it is to be reported, and what follows from it.
+    /// Returns the event as it is to be reported, and those that follow from it.
     pub fn take(&mut self, event: Event) -> Vec<Event> {
         match self {
             Relations::None => vec![event],
@@ -70,7 +70,7 @@ impl Relations {
         }
     }
 
-    /// The consequences of a time without any frame.
+    /// Returns the events after a time without any frame.
     pub fn idle(&mut self) -> Vec<Event> {
         match self {
             Relations::Cameras(cameras) => cameras.idle(Instant::now()),
@@ -78,7 +78,7 @@ impl Relations {
         }
     }
 
-    /// Up to when a camera was heard as part of a rig by an earlier session, a capture time, and how long ago that was, seconds.
+    /// Returns the capture time of a camera's last frame in an earlier session as part of a rig, and its age, seconds.
     pub fn resumed(&self, camera: usize) -> Option<(f64, f64)> {
         match self {
             Relations::Cameras(cameras) => cameras.resumed(camera),
@@ -86,14 +86,14 @@ impl Relations {
         }
     }
 
-    /// Hands over how things stand when it is time, and at the end; cameras alone hand over their own.
+    /// Hands over the state when it is due, and at the end; without relations the cameras hand over their own.
     pub fn keep(&mut self, state: Option<&StateFile>, is_end: bool) {
         if let (Relations::Cameras(cameras), Some(state)) = (self, state) {
             cameras.keep(state, is_end);
         }
     }
 
-    /// What is still to be reported when all sources have ended.
+    /// Returns the events to report when all sources have ended.
     pub fn finish(&mut self) -> Vec<Event> {
         match self {
             Relations::Cameras(cameras) => cameras.finish(),

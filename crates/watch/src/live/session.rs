@@ -1,4 +1,4 @@
-//! The threads of a session: for each camera one that reads its source and one that looks at its frames.
+//! The threads of a session: for each camera one that reads its source and one that processes its frames.
 
 use super::guard::{Ending, guarded};
 use super::look::{CameraWatcher, CameraWatcherError};
@@ -19,11 +19,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread;
 use std::time::Instant;
 
-/// Events waiting to be taken; a slow listener makes the cameras wait, and their queues drop.
+/// Events that may wait for the listener; a slow listener makes the cameras wait, and their queues drop frames.
 const EVENTS: usize = 256;
 
-/// Runs until every source has ended or `stop` is set, telling `listener` each event. With `stop` no more is read, and what was read is
-/// still looked at and reported. False from the listener ends the session at once; it receives nothing more.
+/// Runs until every source has ended or `stop` is set, and passes each event to `listener`. After `stop` no more is read, and what was read is
+/// still processed and reported. A return of false from the listener ends the session at once; it receives nothing more.
 ///
 /// # Errors
 /// A camera that cannot be watched, before anything has started.
@@ -36,10 +36,10 @@ pub fn run(
     run_from(cameras, config, stop, None, listener)
 }
 
-/// As `run`, going on from the state in a file, and keeping that file up to date: never more than about a second behind.
+/// Runs as `run`, continues from the state in a file, and keeps that file at most about a second behind.
 ///
 /// # Errors
-/// As `run`; a state that is not one of these cameras is no error but begins anew.
+/// Those of `run`; a state of other cameras is no error but starts anew.
 pub fn run_from(
     cameras: Vec<LiveCamera>,
     config: &LiveConfig,
@@ -48,7 +48,7 @@ pub fn run_from(
     mut listener: impl FnMut(&Event) -> bool,
 ) -> Result<(), CameraWatcherError> {
     let mut nodes = nodes(&cameras, config);
-    // A rig's cameras go on from where it was heard, and what is remembered is the rig's.
+    // The cameras of a rig continue from the rig's last frames, and the state is the rig's.
     let own = state.filter(|_| config.rig.is_none());
     let mut prepared =
         cameras.into_iter().map(|camera| prepare(camera, config, own)).collect::<Result<Vec<_>, _>>()?;
@@ -96,7 +96,7 @@ pub fn run_from(
                 }
             });
         }
-        drop(sender); // The channel ends with the last thread.
+        drop(sender); // drop(sender); // The channel ends with the last thread.
         hear(events, &mut relations, state, &mut |event| {
             let goes_on = listener(event);
             if !goes_on {
@@ -108,7 +108,7 @@ pub fn run_from(
     Ok(())
 }
 
-/// Runs until all threads have ended, or `tell` returns false, upon which the threads find their receiver gone.
+/// Runs until all threads have ended, or `tell` returns false, after which the threads find their receiver gone.
 fn hear(
     events: Receiver<Event>,
     relations: &mut Relations,
@@ -125,7 +125,7 @@ fn hear(
         let late = if event_sender.is_empty() { outlet.idle(Instant::now()) } else { Vec::new() };
         let due = event_sender.into_iter().flat_map(|event| outlet.take(event)).chain(late);
         if !due.into_iter().all(|event| tell(&event)) {
-            return; // What was not reported is not kept in the state: it is processed again.
+            return; // return; // What was not reported is not kept in the state: it is processed again.
         }
         relations.keep(state, false);
     }
@@ -135,7 +135,7 @@ fn hear(
     }
 }
 
-/// What all threads together are about. Every camera watches the same targets.
+/// Returns the cameras and targets common to all threads. Every camera watches the same targets.
 fn nodes(cameras: &[LiveCamera], config: &LiveConfig) -> Nodes {
     let targets = cameras.first().map(|camera| camera.targets.as_slice()).unwrap_or_default();
     Nodes {

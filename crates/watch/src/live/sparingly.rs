@@ -1,11 +1,11 @@
-//! What happens with every frame is reported at once, then together: an event for each would fill a disk and an inbox.
+//! Counts that are reported at once, then together: an event with every frame would fill a disk and an inbox.
 
 use std::time::{Duration, Instant};
 
-/// What has been reported is reported again after this long.
+/// Shortest interval between two reports.
 const AGAIN: Duration = Duration::from_secs(60);
 
-/// Counts what is reported now and then.
+/// A count that is reported at intervals.
 #[derive(Default)]
 pub(super) struct Sparingly {
     untold: u64,
@@ -17,7 +17,7 @@ impl Sparingly {
         self.untold += count;
     }
 
-    /// How many are to be reported now; at the end all that are not reported yet.
+    /// Returns the number to report now; at the end all that are not reported yet.
     pub fn due(&mut self, now: Instant, is_end: bool) -> Option<u64> {
         let is_due =
             is_end || self.reported.is_none_or(|reported| AGAIN <= now.saturating_duration_since(reported));

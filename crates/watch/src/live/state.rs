@@ -1,7 +1,7 @@
 //! The state file: trackers, monitors and readings learned so far, so that a session continues where another stopped, or was killed.
 //!
-//! Two lines of JSON: what the file is with the SHA-256 of the second line, and the state. It is replaced as a whole, at most half a second
-//! after something new. Only a state of the same camera, target, reference and settings is taken up; a damaged one is put aside.
+//! Two lines of JSON: the kind of the file with the SHA-256 of the second line, and the state. It is replaced as a whole, at most half a second
+//! after a change. Only a state of the same camera, target, reference and settings is used; a damaged one is renamed.
 
 mod record;
 pub(super) mod rig_record;

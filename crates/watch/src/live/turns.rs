@@ -5,7 +5,7 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::available_parallelism;
 
-/// Shared by the threads that look at frames.
+/// State shared by the threads that process frames.
 pub(super) struct Turns {
     line: Mutex<Line>,
     changed: Condvar,
@@ -18,11 +18,11 @@ struct Line {
     called: u64,
 }
 
-/// Ends when dropped.
+/// A granted search, given back when dropped.
 pub(super) struct Turn<'a>(&'a Turns);
 
 impl Turns {
-    /// One turn for each processor.
+    /// Allows one search at a time for each processor.
     pub fn new() -> Self {
         Self::of(available_parallelism().map_or(1, usize::from))
     }
@@ -31,12 +31,12 @@ impl Turns {
         Turns { line: Mutex::new(Line { free, next: 0, called: 0 }), changed: Condvar::new() }
     }
 
-    /// A thread that panicked in its turn has given it back.
+    /// A thread that panicked during its search has given it back.
     fn lock(&self) -> MutexGuard<'_, Line> {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a turn.
+    /// Waits until a search is granted.
     pub fn take(&self) -> Turn<'_> {
         let mut line = self.lock();
         let number = line.next;

@@ -1,4 +1,4 @@
-//! The thread that looks at the frames of one camera, and tells what it saw and how things stand.
+//! The thread that processes the frames of one camera and reports observations and states.
 
 use super::look::{CameraWatcher, FrameResult};
 use super::memory::Memory;
@@ -12,7 +12,7 @@ use crate::source::{Content, Frame};
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
 
-/// Looks at frames until their queue is closed and empty.
+/// Processes frames until their queue is closed and empty.
 pub(super) struct Watcher<'a> {
     look: CameraWatcher,
     memory: Memory<'a>,
@@ -20,11 +20,11 @@ pub(super) struct Watcher<'a> {
     turns: &'a Turns,
     relearn: Relearn,
     teller: Teller,
-    /// Capture time and arrival of the last frame taken in: what the clock of the frames says while none comes.
+    /// Capture time and arrival of the last processed frame: they give the time of the frames' clock while none arrives.
     last: Option<(f64, Instant)>,
-    /// Whether a frame could be read; before that frames have no time that is sure to be of this camera's clock.
+    /// Whether a frame could be read; before that no time is certain to be of this camera's clock.
     has_begun: bool,
-    /// Whether there is something that the state file does not have yet.
+    /// Whether there is something that the state file does not contain yet.
     is_new: bool,
 }
 
@@ -54,7 +54,7 @@ impl<'a> Watcher<'a> {
         self.queue.close();
     }
 
-    /// This thread or the one that reads has failed, so that the state is unknown.
+    /// Reports that this thread or the reading one has failed, so that the state is unknown.
     pub fn fail(&mut self, reason: String) {
         self.queue.close();
         let camera = self.teller.camera;
@@ -69,7 +69,7 @@ impl<'a> Watcher<'a> {
         self.last.map(|(capture_s, arrived)| capture_s + arrived.elapsed().as_secs_f64())
     }
 
-    /// How things stand after the pause: what was not looked at was not seen.
+    /// Reports the states after the pause: what was not processed was not observed.
     fn resume(&mut self) -> bool {
         let Some((last_s, ago_s)) = self.memory.resumed else { return true };
         self.last = Some((last_s + ago_s, Instant::now()));
@@ -84,7 +84,7 @@ impl<'a> Watcher<'a> {
         }
         let now_s = self.now_s().filter(|_| self.memory.resumed.is_some());
         let (t_s, looked) = match now_s {
-            // Taken in long ago, it says nothing of how things stand.
+            // A frame processed long ago does not show the present state.
             Some(now_s) if self.look.is_old(&frame) => {
                 (now_s, self.look.passed_over(&frame, waited_us, now_s))
             }
@@ -150,7 +150,7 @@ impl<'a> Watcher<'a> {
 struct Teller {
     camera: usize,
     event_sender: SyncSender<Event>,
-    /// As last reported, for each target.
+    /// The last reported state of each target.
     states: Vec<Option<State>>,
     dropped: Sparingly,
 }
@@ -184,7 +184,7 @@ impl Teller {
         states.into_iter().enumerate().all(|(target, state)| self.state(target, t_s, state))
     }
 
-    /// A change of kind, or of a drift's size: not the seconds that something has been unseen, nor each reading learned.
+    /// Reports a change of kind, or of a drift's size; not the duration of a stale state, nor each reading learned.
     fn state(&mut self, target: usize, t_s: f64, state: State) -> bool {
         self.states.resize(self.states.len().max(target + 1), None);
         let is_new = match (&self.states[target], &state) {
@@ -200,7 +200,7 @@ impl Teller {
         !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
     }
 
-    /// A drift, and where a camera is, is known better at the end than when it was reported.
+    /// Reports drifts and deviations again at the end, where their estimates are better.
     fn at_the_end(&self, t_s: f64, states: Vec<State>) {
         let camera = self.camera;
         for (target, state) in states.into_iter().enumerate() {

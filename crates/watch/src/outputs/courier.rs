@@ -1,4 +1,4 @@
-//! A thread that tells one receiver what waits in an outbox.
+//! A thread that sends one receiver the items of an outbox.
 
 use super::Common;
 use super::outbox::{Counted, Outbox, Weight};
@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 
-/// The session's side of it.
+/// The session's side of the thread.
 pub struct Courier<T> {
     outbox: Arc<Outbox<T>>,
     standing: Standing,
@@ -20,10 +20,10 @@ pub struct Courier<T> {
 }
 
 impl<T: Send + 'static> Courier<T> {
-    /// Starts `work` on a thread of its own. `part` speaks in the log and counts in the metrics.
+    /// Starts `work` on a thread of its own. `part` is its name in the log and in the metrics.
     ///
     /// # Errors
-    /// No thread to be had.
+    /// The operating system provides no thread.
     pub fn start(
         part: &'static str,
         receiver: &str,
@@ -37,7 +37,7 @@ impl<T: Send + 'static> Courier<T> {
         let (shared, standing) = (Arc::clone(&outbox), Standing::new(common.log, part, receiver));
         let run = move || {
             work(shared, standing, runtime);
-            drop(alive); // Whoever waits for the end sees it.
+            drop(alive); // drop(alive); // Shows the end of the thread to `finish`.
         };
         std::thread::Builder::new().name(part.to_string()).spawn(run).context("a thread for it")?;
         common.counted.push((part, Arc::clone(&outbox) as Arc<dyn Counted>));
@@ -45,7 +45,7 @@ impl<T: Send + 'static> Courier<T> {
         Ok(Courier { outbox, standing, done, flush_s: common.flush_s, capacity })
     }
 
-    /// Never waits.
+    /// Adds an item without waiting.
     pub fn tell(&self, weight: Weight, item: T) {
         if self.outbox.push(weight, item) {
             let capacity = self.capacity;
@@ -54,10 +54,10 @@ impl<T: Send + 'static> Courier<T> {
         }
     }
 
-    /// The session is over: what waits may take so long and no longer.
+    /// Ends the session: what waits may take at most the configured time.
     pub fn finish(&self) {
         self.outbox.close();
-        // Whether it ended or not, what is left is counted.
+        // Whether it ended or not, the rest is counted.
         let _ = self.done.recv_timeout(Duration::from_secs_f64(self.flush_s));
         let counts = self.outbox.counts();
         let (taken, lost) = (counts.taken, counts.taken.saturating_sub(counts.delivered));

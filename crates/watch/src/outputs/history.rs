@@ -1,4 +1,4 @@
-//! Every frame and event into a history file, by a thread of its own.
+//! The output of every frame and event to a history file, by a thread of its own.
 
 use super::super::log::Log;
 use super::super::names::Names;
@@ -27,24 +27,24 @@ use std::thread::{self, JoinHandle};
 pub struct HistoryConfig {
     /// The SQLite file.
     pub file: PathBuf,
-    /// What becomes of old rows.
+    /// The treatment of old rows.
     pub retention: Retention,
     /// Longest time until a frame is on the disk, seconds.
     pub commit_s: f64,
-    /// Told, from the thread that writes, what is on the disk for good: an object `{"event": "stored", …}`.
+    /// Receives, from the thread that writes, what is on the disk permanently: an object `{"event": "stored", …}`.
     pub on_stored: Option<OnStored>,
 }
 
-/// Takes an object that says what is stored.
+/// Receives an object with what is stored.
 pub type OnStored = Arc<dyn Fn(&Value) + Send + Sync>;
 
-/// Frames waiting for the disk: some 20 MB, half a minute of 20 cameras at 30 frames a second.
+/// Largest number of frames that wait for the disk: some 20 MB, half a minute of 20 cameras at 30 frames a second.
 const WAITING: usize = 20_000;
 
-/// The output.
+/// Opens the output.
 ///
 /// # Errors
-/// Whether a file needs the user's attention; a full disk is tried again.
+/// A file that needs the user's attention; a full disk is tried again instead.
 pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Box<dyn Output>> {
     let pairs: Vec<(String, String)> = names
         .cameras
@@ -68,7 +68,7 @@ pub(super) fn open(config: HistoryConfig, names: &Names, log: &Log) -> Result<Bo
     Ok(Box::new(Kept { names: names.clone(), said, states, recorder, thread: Some(thread) }))
 }
 
-/// Ends the program where a file needs the user's attention; a full disk is tried again.
+/// Starts the history; returns an error where a file needs the user's attention; a full disk is tried again.
 fn begin(recording: &Recording, reported: &Teller) -> Result<Option<Store>, HistoryError> {
     match Store::open(&recording.path, &recording.pairs) {
         Ok(opened) => {
@@ -88,7 +88,7 @@ fn begin(recording: &Recording, reported: &Teller) -> Result<Option<Store>, Hist
 struct Kept {
     names: Names,
     said: EventText,
-    /// The state of each pair, as last reported.
+    /// The last reported state of each pair.
     states: Vec<&'static str>,
     recorder: Recorder,
     thread: Option<JoinHandle<()>>,
@@ -113,7 +113,7 @@ impl Output for Kept {
     fn finish(&mut self) -> Result<()> {
         self.recorder.close();
         if let Some(thread) = self.thread.take() {
-            // A writer that panicked has said so itself.
+            // A writer that panicked has reported so itself.
             let _ = thread.join();
         }
         Ok(())
@@ -142,8 +142,8 @@ impl Kept {
     }
 }
 
-/// The frame's own pose: a filtered one could not be averaged any more. A rotation of natural landmarks is no pose against the target: it has a
-/// place of its own.
+/// Returns the row of a frame with the frame's own pose, because a filtered one could not be averaged. A rotation of natural landmarks is no
+/// pose against the target and has a column of its own.
 fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRow {
     let landmark_observation = observation.landmarks.as_deref();
     FrameRow {
@@ -158,7 +158,7 @@ fn frame(pair: usize, state: &'static str, observation: &Observation) -> FrameRo
     }
 }
 
-/// A rotation that most of what was found contradicts is no answer, and must not count in a mean.
+/// Returns the rotation by landmarks, unless most of them contradict it: such a rotation must not count in a mean.
 fn rotated(landmark_observation: &LandmarkObservation) -> Option<StoredRotation> {
     let (rotation_rad, covariance_rad2) = landmark_observation.relative_rotation.old_from_new();
     let n_landmarks = landmark_observation.relative_rotation.used.len() as f64;
@@ -169,7 +169,7 @@ fn rotated(landmark_observation: &LandmarkObservation) -> Option<StoredRotation>
     })
 }
 
-/// Says how it goes.
+/// Reports the progress.
 struct Teller {
     pairs: Vec<String>,
     on_stored: Option<OnStored>,

@@ -1,10 +1,10 @@
-//! The pose of a frame alone, with what belongs to it.
+//! The pose of a frame alone, with its residual and covariance.
 
 use crate::history::Measured;
 use crate::live::Observation;
 
-/// The one of its minima that time chose, with the residual of that one: the minimum that fits best may be the flipped pose. Where nothing is
-/// followed through time (cameras of a rig against a target that is hand-held) it is the one that fits best.
+/// Returns the minimum that tracking selected, with its residual: the minimum that fits best may be the flipped pose. Without tracking (cameras
+/// of a rig against a hand-held target) it is the one that fits best.
 pub fn measured(observation: &Observation) -> Option<Measured> {
     let estimate = observation.estimate.as_ref()?;
     let (cam_from_target, covariance, rms_px) =
@@ -29,7 +29,7 @@ mod tests {
     use resight::core::temporal::monitor::Reading;
     use resight::core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 
-    /// A small far square, tilted: its flipped pose is a second minimum.
+    /// Returns an estimate for a small, distant, tilted square: its flipped pose is a second minimum.
     fn estimate() -> PoseEstimate {
         let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 640.0, cy_px: 480.0 };
         let camera = Camera { lens: Lens::Pinhole(Pinhole::new(matrix).expect("a lens")), size: None };

@@ -1,4 +1,4 @@
-//! What Prometheus reads: counts, states and latencies, at `/metrics`; whether all is well, at `/healthz`.
+//! Metrics for Prometheus: counts, states and latencies at `/metrics`; the health of the session at `/healthz`.
 
 mod exposition;
 mod histogram;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use tally::Tally;
 
-/// The metrics.
+/// The settings of the metrics.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MetricsConfig {
     /// `ADDRESS:PORT` to listen on.
@@ -30,11 +30,11 @@ pub struct MetricsConfig {
     pub hosts: Vec<String>,
 }
 
-/// Where its parts come from.
+/// The flags of its settings.
 const FLAGS: Flags =
     Flags { address: "--metrics", token_file: "--metrics-token-file", host: "--metrics-host" };
 
-/// The output.
+/// Opens the output.
 ///
 /// # Errors
 /// An address that cannot be listened on; one that other machines can reach without a token.

@@ -1,4 +1,4 @@
-//! States kept at an MQTT broker, one topic for each camera and target, and whether this session is there.
+//! States kept at an MQTT broker, with one topic for each camera and target, and the availability of this session.
 
 mod broker;
 mod discovery;
@@ -18,10 +18,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use topics::Topics;
 
-/// Messages that may wait; alarms are kept longest.
+/// Largest number of waiting messages; alarms are dropped last.
 const WAITING: usize = 1000;
 
-/// The broker.
+/// The settings of the broker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MqttConfig {
     /// `mqtt://HOST[:PORT][/PREFIX]`, `mqtts://` with TLS, `USER@` before HOST.
@@ -30,14 +30,14 @@ pub struct MqttConfig {
     pub password_file: Option<PathBuf>,
     /// Whether every frame is sent.
     pub frames: bool,
-    /// The prefix below which Home Assistant listens, where the cameras are announced to it.
+    /// The prefix under which Home Assistant listens for announcements of the cameras.
     pub discovery: Option<String>,
 }
 
-/// The output.
+/// Opens the output.
 ///
 /// # Errors
-/// An address that is none; two cameras that would share a topic.
+/// An invalid address; two cameras that would share a topic.
 pub(super) fn open(config: &MqttConfig, common: &mut Common<'_>) -> Result<Box<dyn Output>> {
     let broker = Broker::read(&config.url, config.password_file.as_deref())?;
     let topics = Topics::new(&broker.prefix, common.names);
@@ -66,10 +66,10 @@ struct Mqtt {
     notices: Notices,
     courier: Courier<Message>,
     topics: Topics,
-    /// Whether the broker is; frames do not wait for it.
+    /// Whether the broker is connected; frames do not wait for it.
     connected: Arc<AtomicBool>,
     frames: bool,
-    /// Of which cameras it was reported whether the source is there: the broker may still hold what an earlier session said of it.
+    /// For each camera whether the state of its source was reported: the broker may still hold that of an earlier session.
     sources: Vec<bool>,
 }
 

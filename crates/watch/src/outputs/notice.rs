@@ -1,4 +1,4 @@
-//! Notices to other programs: changes of state, what moved, sources lost and back. The same object as the JSON line, and where it comes from.
+//! Notices to other programs: changes of state, what moved, sources lost and back. The same object as the JSON line, and its origin.
 
 use super::super::names::Names;
 use super::outbox::Weight;
@@ -7,18 +7,18 @@ use super::said::EventText;
 use crate::live::{Event, State};
 use serde_json::{Value, json};
 
-/// One of them.
+/// A notice.
 #[derive(Debug, Clone)]
 pub struct Notice {
     /// Unique among all sessions, so that a receiver recognises a repeated notice.
     pub id: String,
-    /// How much it matters.
+    /// Its weight when the queue is full.
     pub weight: Weight,
     /// The JSON line, with `id`, `host` and `text`.
     pub body: Value,
 }
 
-/// Makes notices of events.
+/// Builds notices of events.
 pub struct Notices {
     said: EventText,
     host: String,
@@ -31,7 +31,7 @@ impl Notices {
         Notices { said: EventText::new(names), host: host(), session: random(), made: 0 }
     }
 
-    /// None for what others are not reported: frames, counts, references, ends.
+    /// Returns the notice of an event; none for events that others do not receive: frames, counts, references, ends.
     pub fn of(&mut self, event: &Event) -> Option<Notice> {
         let weight = weight(event)?;
         self.made += 1;
@@ -43,7 +43,7 @@ impl Notices {
         Some(Notice { id, weight, body })
     }
 
-    /// The object of a frame.
+    /// Returns the object of a frame.
     pub fn frame(&self, event: &Event) -> Value {
         self.said.object(event)
     }
@@ -63,7 +63,7 @@ fn weight(event: &Event) -> Option<Weight> {
     }
 }
 
-/// What this machine is called.
+/// Returns the name of this machine.
 pub fn host() -> String {
     let kernel = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let named = ["HOSTNAME", "COMPUTERNAME"].into_iter().filter_map(|name| std::env::var(name).ok());

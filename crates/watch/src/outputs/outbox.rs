@@ -1,4 +1,4 @@
-//! What waits for a receiver that is slow or away: in order, bounded, and what matters least makes room.
+//! The queue for a receiver that is slow or absent: in order and bounded; the items of least weight are dropped first.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -6,38 +6,38 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-/// What makes room first, least first.
+/// The weights in the order in which items are dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Weight {
     /// One of many frames.
     Frame,
-    /// A camera is (again) as it should be, or not decided yet.
+    /// A state without an alarm: steady again, or not decided yet.
     Routine,
-    /// Needs attention.
+    /// An event that needs attention.
     Alarm,
 }
 
-/// What became of all that was to be reported.
+/// The counts of all items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Put in.
+    /// Items added.
     pub taken: u64,
     /// Acknowledged by the receiver.
     pub delivered: u64,
-    /// Not wanted by the receiver, and not tried again.
+    /// Items that the receiver rejected, and that are not tried again.
     pub refused: u64,
-    /// Pushed out because too many waited.
+    /// Items dropped because too many waited.
     pub dropped: u64,
 }
 
 impl Counts {
-    /// Not yet acknowledged, those on their way included.
+    /// Returns the number of items not yet acknowledged, including those being sent.
     pub fn waiting(&self) -> u64 {
         self.taken.saturating_sub(self.delivered + self.refused + self.dropped)
     }
 }
 
-/// One writer that never waits, one reader that does.
+/// A queue with one writer that never waits and one reader that does.
 pub struct Outbox<T> {
     inner: Mutex<Inner<T>>,
     changed: Notify,
@@ -47,14 +47,14 @@ pub struct Outbox<T> {
 struct Inner<T> {
     waiting: VecDeque<(Weight, T)>,
     counts: Counts,
-    /// Dropped since nothing waited any more.
+    /// Items dropped since the queue was last empty.
     dropped_lately: u64,
     is_closed: bool,
 }
 
-/// Something that counts what it delivers; the metrics read it.
+/// An output that counts its deliveries; the metrics read the counts.
 pub trait Counted: Send + Sync {
-    /// As of now.
+    /// Returns the present counts.
     fn counts(&self) -> Counts;
 }
 
@@ -75,13 +75,13 @@ impl<T> Outbox<T> {
         Outbox { inner: Mutex::new(inner), changed: Notify::new(), capacity: capacity.max(1) }
     }
 
-    /// A thread that panicked while it held the lock left a queue that is still whole.
+    /// A thread that panicked while it held the lock left a valid queue.
     fn lock(&self) -> MutexGuard<'_, Inner<T>> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an item. A full queue drops the oldest of those that weigh least, which may be the new one; true when this is the first
-    /// one dropped since nothing waited any more.
+    /// Adds an item. A full queue drops the oldest of least weight, which may be the new one; returns true when this is the first one dropped
+    /// since the queue was last empty.
     pub fn push(&self, weight: Weight, item: T) -> bool {
         let mut inner = self.lock();
         inner.counts.taken += 1;
@@ -96,7 +96,7 @@ impl<T> Outbox<T> {
         is_first
     }
 
-    /// The oldest item, however long it takes; none when the queue is closed and empty.
+    /// Waits for the oldest item; none when the queue is closed and empty.
     pub async fn next(&self) -> Option<(Weight, T)> {
         loop {
             {
@@ -111,26 +111,26 @@ impl<T> Outbox<T> {
         }
     }
 
-    /// An item that could not be delivered goes back to where it was.
+    /// Puts an item that could not be delivered back at its place.
     pub fn put_back(&self, weight: Weight, item: T) {
         self.lock().waiting.push_front((weight, item));
     }
 
-    /// The receiver acknowledged an item. Where nothing waits any more: how many were dropped since the last time it was so.
+    /// Counts an acknowledged item. Where the queue is empty now, returns how many were dropped since it was last empty.
     pub fn delivered(&self) -> u64 {
         let mut inner = self.lock();
         inner.counts.delivered += 1;
         inner.dropped_meanwhile()
     }
 
-    /// The receiver does not want an item.
+    /// Counts an item that the receiver rejects.
     pub fn refused(&self) -> u64 {
         let mut inner = self.lock();
         inner.counts.refused += 1;
         inner.dropped_meanwhile()
     }
 
-    /// Nothing more will come; a pause of the reader ends at once, so that it tries again while there is time.
+    /// Closes the queue; a pause of the reader ends at once, so that it tries again while there is time.
     pub fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_one();
@@ -140,7 +140,7 @@ impl<T> Outbox<T> {
         self.lock().is_closed
     }
 
-    /// A pause before the next try, cut short where the queue is closed meanwhile.
+    /// Waits before the next try, at most until the queue is closed.
     pub async fn rest(&self, pause: Duration) {
         if self.is_closed() {
             tokio::time::sleep(pause).await;
@@ -151,13 +151,14 @@ impl<T> Outbox<T> {
                 self.changed.notified().await;
             }
         };
-        // Over or cut short: either way it is time to try again.
+        // Whether over or cut short, the pause ends with a try.
         let _ = timeout(pause, closed).await;
     }
 }
 
 impl<T> Inner<T> {
-    /// A receiver that is a little too slow all the time drops something at every step: that is one event, reported at its beginning and its end.
+    /// Returns the number dropped. A slightly slow receiver drops something at every step: that is one event, reported at its beginning and its
+    /// end.
     fn dropped_meanwhile(&mut self) -> u64 {
         if self.waiting.is_empty() { std::mem::take(&mut self.dropped_lately) } else { 0 }
     }
@@ -209,7 +210,7 @@ mod tests {
         assert_eq!(all(&outbox), [2, 3]);
     }
 
-    /// Slower than what is to be reported, for long: one beginning and, when it has caught up, one end.
+    /// A receiver that is slower than the events for long: one beginning and, when it has caught up, one end.
     #[test]
     fn a_slow_receiver_is_one_story() {
         let outbox = Outbox::new(3);

@@ -1,4 +1,4 @@
-//! What an output is, and what it knows of its session.
+//! The interface of an output, and what it knows of its session.
 
 use super::outbox::Counted;
 use crate::live::Event;
@@ -9,19 +9,19 @@ use resight::core::temporal::monitor::Reference;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Takes every event, in order, and never waits for anybody else: an output that talks to a server has a thread and a bounded
-/// queue of its own, and says in the log what went wrong. An error ends the session.
+/// An output receives every event in order and never waits for another program: one that talks to a server has a thread and a bounded queue of
+/// its own, and reports failures in the log. An error ends the session.
 pub trait Output {
-    /// The next event.
+    /// Processes the next event.
     fn take(&mut self, event: &Event) -> Result<()>;
 
-    /// The session is over.
+    /// Ends the output with the session.
     fn finish(&mut self) -> Result<()> {
         Ok(())
     }
 }
 
-/// Tells every output, whatever becomes of the others: an alarm must not get lost because a terminal is closed. The first error is kept.
+/// Passes an event to every output, even after a failure: an alarm must not get lost because a terminal is closed. Returns the first error.
 pub fn tell(
     outputs: &mut [Box<dyn Output>],
     mut each: impl FnMut(&mut dyn Output) -> Result<()>,
@@ -29,28 +29,28 @@ pub fn tell(
     outputs.iter_mut().map(|output| each(output.as_mut())).fold(Ok(()), Result::and)
 }
 
-/// What is known of a session before it starts.
+/// The data of a session before it starts.
 pub struct Session<'a> {
     /// Names of cameras and targets.
     pub names: &'a Names,
-    /// What each pair is compared with, where that is known already.
+    /// The reference of each pair, where it is known already.
     pub references: Vec<Option<Reference>>,
-    /// False alarms a day that are allowed.
+    /// Number of false alarms allowed per day.
     pub false_alarms_per_day: f64,
-    /// What the session itself has to say.
+    /// The log of the session.
     pub log: &'a Log,
-    /// Ends the session.
+    /// The flag that ends the session.
     pub stop: &'a Arc<AtomicBool>,
-    /// The session ends with its sources.
+    /// Whether the session ends with its sources.
     pub is_once: bool,
 }
 
-/// What outputs that talk to servers have in common.
+/// The common settings of outputs that talk to servers.
 pub(super) struct Common<'a> {
     pub names: &'a Names,
     pub log: &'a Log,
     pub ca: Option<Vec<u8>>,
     pub flush_s: f64,
-    /// What counts its deliveries, by name.
+    /// The outputs that count their deliveries, by name.
     pub counted: Vec<(&'static str, Arc<dyn Counted>)>,
 }

@@ -1,4 +1,4 @@
-//! When to try again, and what the log hears of it: each change once, not each try.
+//! The pauses before another try, and its messages in the log: one for each change, not for each try.
 
 use super::super::log::Log;
 use super::outbox::Outbox;
@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 
 /// First pause, seconds.
 const FIRST_S: f64 = 0.5;
-/// Longest pause of our own choice, seconds.
+/// Longest pause without a request of the receiver, seconds.
 const LONGEST_S: f64 = 60.0;
-/// Longest pause that a receiver may ask for, seconds.
+/// Longest pause that a receiver may request, seconds.
 const LONGEST_ASKED_S: f64 = 3600.0;
 
-/// Pauses that double after each failure. Each is shortened by chance, to as little as half: a hundred sessions that lost the same
-/// receiver do not all come back in the same moment.
+/// Pauses that double after each failure. Each is shortened at random, to as little as half, so that a hundred sessions that lost the same
+/// receiver do not return at the same time.
 pub struct Backoff {
     next_s: f64,
     chance: SplitMix64,
@@ -28,7 +28,7 @@ impl Backoff {
         Backoff { next_s: FIRST_S, chance: SplitMix64::new(random()), is_hurried: false }
     }
 
-    /// The next pause; at least what the receiver asked for.
+    /// Returns the next pause; at least what the receiver requested.
     pub fn pause(&mut self, asked: Option<Duration>) -> Duration {
         let share = self.chance.uniform();
         let own_s = self.next_s * (0.5 + 0.5 * share);
@@ -37,7 +37,7 @@ impl Backoff {
         Duration::from_secs_f64(own_s.max(asked_s))
     }
 
-    /// Pauses. Once the session is over little time is left: a pause is cut short by its end, and later ones begin small again.
+    /// Pauses. A pause is cut short by the end of the session, after which little time is left, and later ones start small again.
     pub async fn rest<T>(&mut self, outbox: &Outbox<T>, asked: Option<Duration>) {
         if outbox.is_closed() && !self.is_hurried {
             self.is_hurried = true;
@@ -46,26 +46,26 @@ impl Backoff {
         outbox.rest(self.pause(asked)).await;
     }
 
-    /// After a success.
+    /// Resets the pauses after a success.
     pub fn reset(&mut self) {
         self.next_s = FIRST_S;
     }
 }
 
-/// An unpredictable number: the standard library draws its hash keys from the operating system.
+/// Returns an unpredictable number: the standard library draws its hash keys from the operating system.
 pub fn random() -> u64 {
     let mut hasher = RandomState::new().build_hasher();
     hasher.write_u32(std::process::id());
     hasher.finish()
 }
 
-/// How it stands with one receiver.
+/// The state of the delivery to one receiver.
 pub struct Standing {
     log: Log,
     part: &'static str,
     receiver: String,
     trouble: Option<Trouble>,
-    /// As last reported; none once something else was taken.
+    /// The reason last reported; none once something else was accepted.
     refusal: Option<String>,
     was_reached: bool,
 }
@@ -77,7 +77,7 @@ struct Trouble {
 }
 
 impl Standing {
-    /// `receiver` appears in the log, so that it must hold no secrets.
+    /// `receiver` appears in the log, so that it must not contain secrets.
     pub fn new(log: &Log, part: &'static str, receiver: &str) -> Self {
         Standing {
             log: log.clone(),
@@ -89,7 +89,7 @@ impl Standing {
         }
     }
 
-    /// A try failed; it will be tried again.
+    /// Reports a failed try that will be repeated.
     pub fn failed(&mut self, reason: &str) {
         match &mut self.trouble {
             Some(trouble) => {
@@ -106,7 +106,7 @@ impl Standing {
         }
     }
 
-    /// Something was taken; `dropped` were pushed out until nothing waited any more.
+    /// Reports a success; `dropped` items were dropped until the queue was empty.
     pub fn delivered(&mut self, dropped: u64) {
         self.refusal = None;
         self.answered(dropped);
@@ -126,7 +126,7 @@ impl Standing {
         }
     }
 
-    /// A receiver answers that it does not want what it was reported: said when its words change.
+    /// Reports that a receiver rejects an item; again only when its reason changes.
     pub fn refused(&mut self, dropped: u64, reason: &str) {
         self.answered(dropped);
         if self.refusal.as_deref() != Some(reason) {
@@ -135,7 +135,7 @@ impl Standing {
         }
     }
 
-    /// A connection stands: said the first time, and after each failure.
+    /// Reports a connection: the first time, and after each failure.
     pub fn reached(&mut self) {
         if self.trouble.is_none() && !self.was_reached {
             self.say("connected");
@@ -144,7 +144,7 @@ impl Standing {
         self.answered(0);
     }
 
-    /// One line of the log.
+    /// Writes one line to the log.
     pub fn say(&self, text: &str) {
         self.log.say(self.part, &format!("{}: {text}", self.receiver));
     }
@@ -166,7 +166,7 @@ mod tests {
         assert!(backoff.pause(None).as_secs_f64() <= FIRST_S);
     }
 
-    /// Only that it ends, and long before a minute: whether the session ends before or during a pause.
+    /// The pause ends long before a minute, whether the session ends before or during it.
     #[test]
     fn no_long_pause_outlasts_the_session() {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().expect("a runtime");

@@ -19,12 +19,12 @@ use resight::report::words::moment;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-/// Says events in words and as JSON.
+/// Converts events to words and JSON.
 pub struct EventText {
     names: Names,
 }
 
-/// What moved, as it was last reported.
+/// What moved, according to the last report.
 #[derive(Debug, Clone, Default)]
 pub struct Moved {
     nodes: Vec<String>,
@@ -34,7 +34,7 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// The next event of the session.
+    /// Processes the next event of the session.
     pub fn take(&mut self, event: &Event) {
         if let Event::Attributed { moved, alternatives, .. } = event {
             let nodes = moved.iter().map(|(name, _)| name.clone()).collect();
@@ -47,7 +47,7 @@ impl Moved {
         }
     }
 
-    /// `camera gate moved`, or `one of camera gate, target door moved`.
+    /// Returns `camera gate moved`, or `one of camera gate, target door moved`.
     fn words(&self, names: &Names) -> String {
         let set =
             |set: &Vec<String>| set.iter().map(|node| names.kind(node)).collect::<Vec<_>>().join(" and ");
@@ -60,7 +60,7 @@ impl Moved {
     }
 }
 
-/// What moved, and how each pair ended: one line each, in words or as JSON.
+/// Returns what moved, and the last state of each pair: one line each, in words or as JSON.
 pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved: &Moved) -> Vec<String> {
     let mut lines = Vec::new();
     if !moved.nodes.is_empty() {
@@ -98,7 +98,7 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
     lines
 }
 
-/// Where it is, of a camera that is in doubt because of that.
+/// Returns the deviation of a camera that is in doubt because of it.
 fn away(state: &State) -> Option<&Deviation> {
     match state {
         State::Checking(CheckingReason::Away(deviation)) => Some(deviation),
@@ -110,23 +110,23 @@ fn line(object: &EventObject) -> String {
     value(object).to_string()
 }
 
-/// Numbers, strings, lists and maps of strings always become JSON.
+/// Converts an object to JSON, which never fails for numbers, strings, lists and maps of strings.
 fn value(object: &EventObject) -> Value {
     serde_json::to_value(object).unwrap_or_default()
 }
 
-/// How a session ended.
+/// The result of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Every camera is where it was, or followed.
+    /// Every camera is at its reference pose, or tracked.
     Steady,
-    /// Of some camera it cannot be said: not seen, contradicts itself, still learning or checking.
+    /// The state of some camera is open: not observed, contradictory, still learning or checking.
     Unclear,
-    /// Something moved, also while its reference was learned.
+    /// Something moved, perhaps while its reference was learned.
     Moved,
 }
 
-/// The exit status of a session by its last states. Only a camera that is where it was counts as answered.
+/// Returns the verdict from the last states of a session. Only a camera at its reference pose counts as answered.
 pub fn verdict(states: &[Option<State>], moved: &Moved) -> Verdict {
     let is_drifted = |state: &Option<State>| matches!(state, Some(State::Drifted(_)));
     let is_well = |state: &Option<State>| matches!(state, Some(State::Steady | State::Tracking));
@@ -139,19 +139,19 @@ pub fn verdict(states: &[Option<State>], moved: &Moved) -> Verdict {
 }
 
 impl EventText {
-    /// Of the cameras and targets of these names.
+    /// Builds the converter for cameras and targets of these names.
     pub fn new(names: &Names) -> Self {
         EventText { names: names.clone() }
     }
 
-    /// Cameras that may have moved instead.
+    /// Returns the cameras that may have moved instead, in words.
     fn others(&self, alternatives: &[usize]) -> String {
         let names: Vec<&str> =
             alternatives.iter().map(|alternative| self.names.camera(*alternative)).collect();
         if names.is_empty() { String::new() } else { format!("; or {} moved instead", names.join(" or ")) }
     }
 
-    /// An event in words.
+    /// Returns an event in words.
     pub fn words(&self, event: &Event) -> String {
         match event {
             Event::Observed { camera, target, observation } => {
@@ -225,7 +225,7 @@ impl EventText {
         }
     }
 
-    /// The event as one JSON object.
+    /// Returns the event as one JSON object.
     pub fn object(&self, event: &Event) -> Value {
         value(&self.event_object(event))
     }
@@ -348,15 +348,15 @@ fn clock_words(step_s: f64) -> String {
     format!("the clock of its frames went {way} by {:.3} s; times go on without that", step_s.abs())
 }
 
-/// All words of `word`.
+/// All results of `word`.
 pub const WORDS: [&str; 7] =
     ["learning", "steady", "checking", "drifted", "stale", "inconsistent", "tracking"];
 
-/// The same, the gravest last.
+/// The same words, the gravest last.
 pub const BY_SEVERITY: [&str; 7] =
     ["steady", "tracking", "learning", "stale", "checking", "inconsistent", "drifted"];
 
-/// The word of the JSON.
+/// Returns the word of a state in JSON.
 pub fn word(state: &State) -> &'static str {
     match state {
         State::Learning { .. } => "learning",
@@ -369,7 +369,7 @@ pub fn word(state: &State) -> &'static str {
     }
 }
 
-/// A state in words.
+/// Returns a state in words.
 pub fn state_words(state: &State) -> String {
     match state {
         State::Learning { readings, needed } => format!("learning: {readings} of {needed} readings"),
@@ -398,7 +398,7 @@ fn unrest_word(unrest: Unrest) -> &'static str {
     }
 }
 
-/// Why learning continues.
+/// Returns the reason why learning continues, in words.
 fn unsettled_words(unsettled: &Unsettled) -> String {
     let Unsettled { unrest, reading, drift } = unsettled;
     let sigma = drift.covariance.diagonal().map(f64::sqrt);
@@ -459,7 +459,7 @@ fn state_object(state: &State) -> EventObject {
     }
 }
 
-/// The size of a node's motion.
+/// Returns the size of a node's motion, in words.
 fn by(node: &MovedNode) -> String {
     let turn_deg = node.old_from_new.fixed_rows::<3>(0).norm().to_degrees();
     let shift_mm = 1e3 * node.old_from_new.fixed_rows::<3>(3).norm();

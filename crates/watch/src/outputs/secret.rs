@@ -1,4 +1,4 @@
-//! Secrets come from files, never from what the log or the list of processes shows.
+//! Secrets come from files, never from the arguments, which the log or the list of processes shows.
 
 use anyhow::{Context, Result, bail};
 use std::path::Path;
@@ -36,12 +36,12 @@ pub fn must_be_private(_flag: &str, _path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Words that a secret is called by in an address, in small letters; `accesstoken`, `user_password` and `api-key` end in one.
+/// Names of a secret in an address, in lower case; `accesstoken`, `user_password` and `api-key` end in one of them.
 const NAMES: [&str; 9] =
     ["password", "passwd", "passphrase", "pwd", "pass", "token", "secret", "key", "signature"];
 
-/// Where the value of the first secret begins that an address names as `password=…`, `token=…` and the like: behind `?`, or in its path, as many
-/// cameras have it (`…/user=admin_password=…_channel=1`).
+/// Returns the start of the value of the first secret that an address names as `password=…`, `token=…` and the like: behind `?`, or in its path,
+/// as in the addresses of many cameras (`…/user=admin_password=…_channel=1`).
 pub fn named_in(address: &str) -> Option<usize> {
     let begin = address.split_once("://").map_or(0, |(scheme, _)| scheme.len() + 3);
     let equals = address.match_indices('=').map(|(at, _)| at).filter(|at| begin <= *at);
@@ -55,8 +55,8 @@ pub fn named_in(address: &str) -> Option<usize> {
     })
 }
 
-/// Whether an address holds a secret that no list of processes may show: `user:password@` before the host (a password may hold a slash that should
-/// have been written %2F), or one by its name.
+/// Returns whether an address contains a secret that no list of processes may show: `user:password@` before the host (a password may contain a
+/// slash that should have been written %2F), or one by its name.
 pub fn is_in(address: &str) -> bool {
     let Some((_, rest)) = address.split_once("://") else { return false };
     let is_port = |text: &str| text.chars().all(|c| c.is_ascii_digit());
@@ -68,11 +68,11 @@ pub fn is_in(address: &str) -> bool {
     has_user || named_in(address).is_some()
 }
 
-/// An address as it was given: itself, what the first line of a private file holds (`@FILE`), or what a variable does (`env:VARIABLE`). `flag` is
-/// what it was given for, `session` the file that it stands in, if it is no argument.
+/// Returns an address from its argument: the address itself, the first line of a private file (`@FILE`), or a variable (`env:VARIABLE`). `flag`
+/// is the flag of the argument, `session` the file that contains it, if it is no argument.
 ///
 /// # Errors
-/// A secret in an argument, or in a session file that others can read, unshown; no such file or variable.
+/// A secret in an argument, or in a session file that others can read (the message does not show it); a missing file or variable.
 pub fn address(flag: &str, given: &str, session: Option<&Path>) -> Result<String> {
     if let Some(file) = given.strip_prefix('@') {
         return read(&format!("{flag} @FILE"), Path::new(file));
@@ -91,7 +91,7 @@ pub fn address(flag: &str, given: &str, session: Option<&Path>) -> Result<String
     Ok(given.to_string())
 }
 
-/// Whether two secrets are the same, in a time that does not tell where they differ.
+/// Returns whether two secrets are equal, in a time that does not depend on where they differ.
 pub fn is_same(given: &[u8], known: &[u8]) -> bool {
     let differing = given.iter().zip(known).fold(0, |all, (a, b)| all | (a ^ b));
     std::hint::black_box(differing) == 0 && given.len() == known.len()

@@ -1,7 +1,7 @@
 //! `--tf`: poses, references and drift corrections as a recording of ROS 2 messages.
 //!
-//! The file is written by a thread of its own, so that a slow disk delays nobody, and every chunk is handed to the disk within a
-//! second: whatever ends the program, what was written before can be read. An existing file is kept; the new one gets the next free name.
+//! The file is written by a thread of its own, so that a slow disk delays nothing else, and every chunk is passed to the disk within a second:
+//! however the program ends, what was written before can be read. An existing file is kept; the new one gets the next free name.
 
 mod frames;
 mod recorder;
@@ -18,23 +18,23 @@ use resight::core::temporal::monitor::{Drift, Reference};
 use resight::core::{Pose, Vector6};
 use std::path::PathBuf;
 
-/// A recording of poses.
+/// The settings of a recording of poses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TfConfig {
-    /// The recording; where there is such a file, the next free name is taken.
+    /// The file; where it exists, the next free name is used.
     pub file: PathBuf,
     /// Whether the target is the parent on `/tf`; otherwise the camera.
     pub target_is_parent: bool,
-    /// `NAME=FRAME_ID` of cameras and targets that are called otherwise there.
+    /// `NAME=FRAME_ID` of cameras and targets with another frame id.
     pub frames: Vec<String>,
 }
 
-/// Events as ROS 2 messages.
+/// The output of events as ROS 2 messages.
 pub struct Tf {
     names: Names,
     frames: Frames,
     recorder: Recorder,
-    /// Capture time of the last frame of each camera, ns: what has no time of its own happened then. None before the first frame.
+    /// Capture time of the last frame of each camera, ns, used for what has no time of its own. None before the first frame.
     last_ns: Vec<Option<u64>>,
     /// Pairs that are reported as moved.
     corrected: Vec<bool>,
@@ -43,7 +43,7 @@ pub struct Tf {
 /// Opens the file.
 ///
 /// # Errors
-/// Frame ids of names that are none; a file that cannot be written.
+/// Invalid frame ids; a file that cannot be written.
 pub(super) fn open(config: &TfConfig, session: &Session<'_>) -> Result<Box<dyn Output>> {
     let names = session.names;
     let mut tf = Tf {
@@ -53,7 +53,7 @@ pub(super) fn open(config: &TfConfig, session: &Session<'_>) -> Result<Box<dyn O
         last_ns: vec![None; names.cameras.len()],
         corrected: vec![false; names.pairs().len()],
     };
-    // References that are known from the start hold from the start.
+    // References that are known from the start are valid from the start.
     for (pair, reference) in session.references.iter().enumerate() {
         if let Some(reference) = reference {
             tf.reference(pair / names.targets.len(), pair % names.targets.len(), reference, None);
@@ -109,7 +109,7 @@ impl Tf {
         });
     }
 
-    /// Where the camera was when all was well; it has not moved from there. `time_ns` is none before the first frame.
+    /// Records the reference pose of a camera that has not moved from it. `time_ns` is none before the first frame.
     fn reference(&mut self, camera: usize, target: usize, reference: &Reference, time_ns: Option<u64>) {
         let transforms = vec![
             self.frames.reference(camera, target, &reference.a_from_b),
@@ -154,7 +154,7 @@ impl Tf {
     }
 }
 
-/// The pose of the camera as it is now in its own old frame: a rotation alone where it may just have turned, which is known far better.
+/// Returns the present pose of the camera in its own old frame: a rotation alone where that explains the motion, because it is far more certain.
 fn moved(drift: &Drift) -> Pose {
     let motion = match drift.pure_rotation() {
         Some((turn, _)) => Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0),

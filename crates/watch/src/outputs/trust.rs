@@ -1,4 +1,4 @@
-//! Whose certificates are believed: those of this machine, or those of `--ca-file`. Verification cannot be turned off.
+//! The trusted certificates: those of this machine, or those of `--ca-file`. Verification cannot be switched off.
 
 use anyhow::{Context, Result, bail};
 use rumqttc::Transport;
@@ -8,7 +8,7 @@ use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
 /// Reads `--ca-file`.
 ///
 /// # Errors
-/// No such file, or no certificate in it.
+/// A missing file, or a file without a certificate.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let shown = path.display();
     let pem = resight::input::read(path, resight::input::Kind::Secret).context("--ca-file")?;
@@ -28,7 +28,7 @@ fn certificates(pem: &[u8]) -> Vec<Certificate<'static>> {
     parse_pem(pem).filter_map(certificate).collect()
 }
 
-/// For the webhook. A machine without certificates of its own believes the public authorities.
+/// Returns the settings of the webhook. A machine without certificates of its own trusts the public authorities.
 pub fn of_webhook(ca: Option<&[u8]>) -> TlsConfig {
     let known = match ca {
         Some(pem) => certificates(pem),
@@ -41,7 +41,7 @@ pub fn of_webhook(ca: Option<&[u8]>) -> TlsConfig {
     TlsConfig::builder().root_certs(roots).build()
 }
 
-/// For `mqtts`.
+/// Returns the settings of `mqtts`.
 ///
 /// # Errors
 /// The machine's certificates cannot be read.

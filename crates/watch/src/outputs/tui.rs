@@ -1,5 +1,5 @@
-//! The session drawn in the terminal. A thread of its own draws a copy, ten times a second at most, and reads the keys; taking an event
-//! only changes numbers.
+//! The session drawn in the terminal. A thread of its own draws a copy at most ten times a second, and reads the keys; processing an event only
+//! changes numbers.
 
 mod bars;
 mod details;
@@ -24,35 +24,35 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use terminal::Screen;
 
-/// Images are at least so far apart.
+/// Shortest interval between two images.
 const PERIOD: Duration = Duration::from_millis(100);
-/// How often a session that is over looks whether its view was closed.
+/// Interval at which a session that has ended checks whether its view was closed.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The terminal view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TuiConfig {
-    /// Frames over which medians, percentiles and standard deviations are taken.
+    /// Number of frames over which medians, percentiles and standard deviations are taken.
     pub window: usize,
-    /// Whether standard output carries JSON: then the view is drawn on the controlling terminal.
+    /// Whether standard output carries JSON; the view is then drawn on the controlling terminal.
     pub has_json: bool,
 }
 
-/// The view, as the session knows it.
+/// The session's side of the view.
 pub struct Tui {
     shared: Shared,
     thread: Option<JoinHandle<Result<()>>>,
     is_once: bool,
 }
 
-/// What session and view both hold.
+/// The state that session and view share.
 #[derive(Clone)]
 struct Shared {
     board: Arc<Mutex<Board>>,
     log: Log,
-    /// Ends the session.
+    /// The flag that ends the session.
     stop: Arc<AtomicBool>,
-    /// Ends the view.
+    /// The flag that ends the view.
     is_closing: Arc<AtomicBool>,
     started: Instant,
 }
@@ -78,7 +78,7 @@ pub(super) fn open(config: TuiConfig, session: &Session<'_>) -> Result<Box<dyn O
 }
 
 impl Shared {
-    /// A thread that panicked in the midst of an event left numbers that can still be shown.
+    /// A thread that panicked during an event left numbers that can still be shown.
     fn board(&self) -> MutexGuard<'_, Board> {
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -94,7 +94,7 @@ impl Output for Tui {
         if self.is_gone() { self.close() } else { Ok(()) }
     }
 
-    /// What was watched to its end stays to be looked at until it is closed; a nightly check ends by itself.
+    /// Waits until the user closes the view of a session that has ended, except in a nightly check, which ends by itself.
     fn finish(&mut self) -> Result<()> {
         self.shared.board().is_over = true;
         while !self.is_once && !self.is_gone() && !self.shared.stop.load(Ordering::Relaxed) {
@@ -109,7 +109,7 @@ impl Tui {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Gives the terminal back, and says why the view ended if it did so by itself.
+    /// Restores the terminal, and returns the reason if the view ended by itself.
     fn close(&mut self) -> Result<()> {
         self.shared.is_closing.store(true, Ordering::SeqCst);
         let Some(thread) = self.thread.take() else { return Ok(()) };
@@ -154,7 +154,7 @@ fn show(mut screen: Screen, shared: &Shared) -> Result<()> {
     Ok(())
 }
 
-/// Takes in keys until the next image is due.
+/// Reads keys until the next image is due.
 fn read_keys(until: Instant, view: &mut View, shared: &Shared) -> Result<()> {
     while event::poll(until.saturating_duration_since(Instant::now()))
         .context("--tui: no keys can be read")?

@@ -14,24 +14,24 @@ use post::{Answer, Post};
 use std::path::PathBuf;
 use tokio::runtime::Runtime;
 
-/// Notices that may wait; alarms are kept longest.
+/// Largest number of waiting notices; alarms are dropped last.
 const WAITING: usize = 1000;
 
-/// The webhook.
+/// The settings of the webhook.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WebhookConfig {
     /// The http or https address that notices are posted to, `@FILE`, or `env:VARIABLE`.
     pub url: String,
-    /// The session file that it stands in; none where it is an argument.
+    /// The session file that contains it; none where it is an argument.
     pub session: Option<PathBuf>,
-    /// Headers, `Name: value`, or `@FILE` with one a line.
+    /// Headers, `Name: value`, or `@FILE` with one on each line.
     pub headers: Vec<String>,
 }
 
-/// The output.
+/// Opens the output.
 ///
 /// # Errors
-/// An address or a header that is none.
+/// An invalid address or header.
 pub(super) fn open(config: &WebhookConfig, common: &mut Common<'_>) -> Result<Box<dyn Output>> {
     let url = secret::address("--webhook", &config.url, config.session.as_deref())?;
     let post = Post::new(&url, post::headers(&config.headers)?, common.ca.as_deref())?;
@@ -62,7 +62,7 @@ impl Output for Webhook {
     }
 }
 
-/// Until the queue is closed and empty.
+/// Delivers notices until the queue is closed and empty.
 fn deliver(post: &Post, outbox: &Outbox<Notice>, mut standing: Standing, runtime: &Runtime) {
     let mut backoff = Backoff::new();
     while let Some((_, notice)) = runtime.block_on(outbox.next()) {

@@ -1,11 +1,11 @@
-//! A mosaic of colours to grey, whichever of the four patterns it is.
+//! Conversion of a colour mosaic to grey, for any of the four patterns.
 //!
-//! The weights 1 2 1 in each direction give every pixel a quarter red, a half green and a quarter blue, wherever it lies in the pattern,
-//! and are symmetric: no corner moves. What it costs is a blur of 0.7 px.
+//! The weights 1 2 1 in each direction give every pixel a quarter red, a half green and a quarter blue, at any position in the pattern, and are
+//! symmetric, so that no corner moves. The cost is a blur of 0.7 px.
 
-/// `mosaic` row by row, width × height.
+/// Converts `mosaic`, row by row, width × height.
 pub(super) fn gray(mosaic: &[u8], width: usize, height: usize) -> Vec<u8> {
-    // Across, then down; sums of 16 weights.
+    // First across, then down; sums of 16 weights.
     let across: Vec<u16> = mosaic.chunks_exact(width).flat_map(|row| weighted(row, width)).collect();
     let at = |u: usize, v: usize| u32::from(across[v * width + u]);
     let pixel = |u: usize, v: usize| {
@@ -22,7 +22,7 @@ fn weighted(row: &[u8], width: usize) -> impl Iterator<Item = u16> + '_ {
     })
 }
 
-/// Mirrored about the edge pixel, which keeps the colours in turn.
+/// Returns the two neighbours, mirrored about an edge pixel, which keeps the alternation of colours.
 fn neighbours(at: usize, length: usize) -> (usize, usize) {
     let before = if at == 0 { 1.min(length - 1) } else { at - 1 };
     let after = if at + 1 == length { length.saturating_sub(2) } else { at + 1 };
@@ -33,7 +33,7 @@ fn neighbours(at: usize, length: usize) -> (usize, usize) {
 mod tests {
     use super::*;
 
-    /// One colour gives one grey everywhere, edges too, in every phase of the pattern.
+    /// One colour gives the same grey everywhere, also at edges, in every phase of the pattern.
     #[test]
     fn a_uniform_colour_is_a_uniform_grey() {
         let (red, green, blue) = (200, 100, 20);

@@ -1,4 +1,5 @@
-//! `sensor_msgs/Image` and `sensor_msgs/CompressedImage` (Foxglove's `RawImage` and `CompressedImage` have the same fields) to grey.
+//! Conversion of `sensor_msgs/Image` and `sensor_msgs/CompressedImage` (Foxglove's `RawImage` and `CompressedImage` have the same fields) to
+//! grey.
 //!
 //! Encodings: sensor_msgs/image_encodings.hpp. Colours become luma with the weights of Rec. 709, as in images read from files.
 
@@ -9,13 +10,13 @@ use resight_recording::ros::value::Value;
 /// Largest image accepted, pixels, as for images.
 const MAX_PIXELS: u64 = 64_000_000;
 
-/// How pixels lie in memory.
+/// The layout of pixels in memory.
 enum Pixels {
     Gray,
     Gray16,
-    /// Channels, and which of them are red, green and blue.
+    /// Number of channels, and the indices of red, green and blue.
     Color(usize, [usize; 3]),
-    /// Two bytes a pixel; brightness is the first or the second.
+    /// Two bytes for each pixel; brightness is the first or the second.
     Yuv422(usize),
     /// A plane of brightness, then one of colours at half its height or more.
     Planes,
@@ -48,10 +49,10 @@ impl Pixels {
     }
 }
 
-/// The image of an image message.
+/// Returns the image of an image message.
 ///
 /// # Errors
-/// An encoding that is none of brightness, more than 64 Mpx, fewer bytes than the size needs.
+/// An encoding without brightness, more than 64 Mpx, fewer bytes than the size needs.
 pub(super) fn raw(message: &Value<'_>) -> Result<GrayImage, String> {
     let (width, height) = (message.count("width")?, message.count("height")?);
     let encoding = message.text("encoding")?;
@@ -107,7 +108,7 @@ fn luma(r: u8, g: u8, b: u8) -> u8 {
     ((2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b)) / 10_000) as u8
 }
 
-/// Sensors of 10, 12 and 14 bits leave the high bits empty: the range is the smallest of these that holds the image.
+/// Converts to eight bits. Sensors of 10, 12 and 14 bits leave the high bits empty: the range is the smallest of these that holds the image.
 fn to_eight_bits(words: &[u16]) -> Vec<u8> {
     let brightest = words.iter().copied().max().unwrap_or_default();
     let bits = [8u32, 10, 12, 14].into_iter().find(|bits| u32::from(brightest) < 1 << bits).unwrap_or(16);
@@ -120,7 +121,7 @@ fn unknown(encoding: &str) -> String {
     format!("encoding `{encoding}` is not read; publish one of {}", names.join(", "))
 }
 
-/// The image of a compressed image message.
+/// Returns the image of a compressed image message.
 ///
 /// # Errors
 /// Anything but a PNG or JPEG.
@@ -166,7 +167,7 @@ mod tests {
     fn every_layout_gives_its_brightness() {
         assert_eq!(read("mono8", (2, 2), 3, &[1, 2, 9, 3, 4, 9]), [1, 2, 3, 4], "rows end in padding");
         assert_eq!(read("mono8", (2, 2), 3, &[1, 2, 9, 3, 4]), [1, 2, 3, 4], "but for the last");
-        // 200 times 0.2126, 0.7152 and 0.0722, without what follows the point.
+        // 200 times 0.2126, 0.7152 and 0.0722, without the fraction.
         let (red, green, blue, grey) = (42, 143, 14, 7);
         let rgb = [200, 0, 0, 0, 200, 0, 0, 0, 200, 7, 7, 7];
         assert_eq!(read("rgb8", (4, 1), 0, &rgb), [red, green, blue, grey]);

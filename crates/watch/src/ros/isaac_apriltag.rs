@@ -1,17 +1,17 @@
 //! `isaac_ros_apriltag_interfaces/AprilTagDetectionArray` of NVIDIA's Isaac ROS.
 //!
-//! Corners run top-left, top-right, bottom-right, bottom-left (NVIDIA's description of the detector; its node turns the order of VPI,
-//! that of the AprilTag C library, round before it publishes: isaac_ros_apriltag, src/apriltag_node.cpp, "Corners are in reverse order
-//! from expected"). That is our order. Where pixel centres lie is not written down; VPI calls itself a drop-in replacement for the
-//! reference detector, whose centre of the top-left pixel is (0.5, 0.5), so half a pixel is taken off here too. If the library in use
-//! should count otherwise, every pose is rotated by half a pixel, the same in all images: no drift.
+//! Corners run top-left, top-right, bottom-right, bottom-left (NVIDIA's description of the detector; its node reverses the order of VPI, that of
+//! the AprilTag C library, before it publishes: isaac_ros_apriltag, src/apriltag_node.cpp, "Corners are in reverse order from expected"). That
+//! is our order. The convention of pixel centres is not documented; VPI calls itself a drop-in replacement for the reference detector, whose
+//! centre of the top-left pixel is (0.5, 0.5), so half a pixel is subtracted here too. If the library in use has another convention, every pose
+//! is rotated by half a pixel, the same in all images: no drift.
 
 use super::tags::{ReportedTag, detections, four_corners, label};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_recording::ros::value::Value;
 
-/// All corners of a message.
+/// Returns all corners of a message.
 ///
 /// # Errors
 /// A message of another shape.

@@ -1,4 +1,4 @@
-//! What a camera sees, from the messages that show it.
+//! Observations of a camera from the messages that contain them.
 
 use super::{apriltag_msgs, image, isaac_apriltag};
 use resight::GrayImage;
@@ -6,16 +6,16 @@ use resight_core::correspondence::Detection;
 pub use resight_recording::ros::decoder::{Decoder, Kind};
 use resight_recording::ros::value::Value;
 
-/// What a camera sees.
+/// The content of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MessageContent {
     /// An image.
     Image(GrayImage),
-    /// What another program found in one.
+    /// Detections of another program in an image.
     Detections(Vec<Detection>),
 }
 
-/// What a message shows.
+/// Returns the content of a message.
 ///
 /// # Errors
 /// A message of another shape, an image that cannot be read.

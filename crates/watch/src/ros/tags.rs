@@ -1,4 +1,4 @@
-//! What the messages of tag detectors have in common.
+//! The common parts of the messages of tag detectors.
 
 use resight::detect::sigma::tag_corner_px;
 use resight_core::Pixel;
@@ -7,19 +7,19 @@ use resight_core::target::Feature;
 use resight_recording::ros::value::Value;
 use std::collections::BTreeMap;
 
-/// More tags than this are in no image.
+/// Largest number of tags in an image.
 const MAX_TAGS: usize = 4096;
 
-/// A tag as a message tells it, its corners already in our order and pixels.
+/// A tag of a message, with its corners in our order and pixel convention.
 pub(super) struct ReportedTag {
     pub family: String,
     pub id: u32,
-    /// Grey levels, where the detector says.
+    /// Grey levels, where the detector states them.
     pub margin_gray: Option<f64>,
     pub corners: [Pixel; 4],
 }
 
-/// The corners of all tags of a message, read one by one. A tag that is there twice is left out, because either may be the right one.
+/// Returns the corners of all tags of a message, read one by one. A tag that occurs twice is left out, because either may be the right one.
 ///
 /// # Errors
 /// Tags of several families, which would share ids.
@@ -60,12 +60,12 @@ fn corners(tag: &ReportedTag) -> [Detection; 4] {
     })
 }
 
-/// Family and id.
+/// Returns family and id.
 pub(super) fn label(tag: &Value<'_>) -> Result<(String, u32), String> {
     Ok((tag.text("family")?.to_string(), tag.count("id")?))
 }
 
-/// Four corners as they stand in the message: a list of points with x and y, or eight numbers.
+/// Returns four corners in the order of the message: a list of points with x and y, or eight numbers.
 pub(super) fn four_corners(tag: &Value<'_>) -> Result<[Pixel; 4], String> {
     let points: Vec<Pixel> = match tag.get("corners") {
         Some(Value::Numbers(numbers)) => numbers.chunks_exact(2).map(|x| Pixel::new(x[0], x[1])).collect(),

@@ -1,5 +1,5 @@
-//! Detections of another program, one JSON object a line: `{"camera": "left", "t_s": 12.5, "detections": [{"id": 3, "corner": 0,
-//! "u_px": 301.2, "v_px": 88.0, "sigma_px": 0.2}, …]}`, as `resight detect --json` prints them with a time.
+//! Detections of another program, one JSON object on each line: `{"camera": "left", "t_s": 12.5, "detections": [{"id": 3, "corner": 0, "u_px":
+//! 301.2, "v_px": 88.0, "sigma_px": 0.2}, …]}`, as `resight detect --json` prints them with a time.
 
 use super::{Content, Frame, Next, Source};
 use resight_core::Pixel;
@@ -12,11 +12,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// A longer line is no list of detections.
+/// Longest line of detections, bytes.
 const MAX_LINE_BYTES: usize = 4 << 20;
-/// Of the rest of such a line so much is held at a time.
+/// Size of the parts in which the rest of a longer line is skipped, bytes.
 const SKIPPED_BYTES: u64 = 1 << 16;
-/// Lines waiting for a camera that looks at them; then the reader waits.
+/// Largest number of lines that wait for a camera; the reader then waits.
 const WAITING: usize = 64;
 
 #[derive(Deserialize)]
@@ -33,22 +33,22 @@ struct Found {
     u_px: f64,
     v_px: f64,
     sigma_px: f64,
-    /// As `resight detect --json` states it; without it `sigma_px` holds all.
+    /// The value that `resight detect --json` states; without it `sigma_px` contains all errors.
     lens_sigma_px: Option<f64>,
 }
 
-/// The part of a line that names its camera, where the rest cannot be read.
+/// The part of a line that names its camera, for lines whose rest cannot be read.
 #[derive(Deserialize)]
 struct Whose {
     camera: Option<String>,
 }
 
-/// The lines that belong to one camera.
+/// The lines of one camera.
 pub struct Lines {
     frames: Receiver<Frame>,
 }
 
-/// Sources for `cameras` from lines of text, read on a thread of its own. A line without `camera` belongs to the only one; a line that
+/// Returns sources for `cameras` from lines of text, read on a thread of its own. A line without `camera` belongs to the only one; a line that
 /// cannot be read is an unreadable frame of the camera it names, or of the first.
 pub fn sources(input: impl BufRead + Send + 'static, cameras: &[String]) -> Vec<Lines> {
     let (mut to_cameras, mut sources) = (BTreeMap::new(), Vec::new());
@@ -62,10 +62,10 @@ pub fn sources(input: impl BufRead + Send + 'static, cameras: &[String]) -> Vec<
     sources
 }
 
-/// The reader of a camera's lines.
+/// The sending end of a camera's lines.
 struct Camera {
     sender: SyncSender<Frame>,
-    /// Time of its last line: what cannot be read has this one.
+    /// Time of its last line, which also applies to lines that cannot be read.
     last_s: f64,
 }
 
@@ -73,7 +73,7 @@ fn read(mut input: impl BufRead, mut cameras: BTreeMap<String, Camera>, first: &
     let mut line = Vec::new();
     for number in 1u64.. {
         let bytes = match read_line(&mut input, &mut line) {
-            Ok(0) | Err(_) => return, // The end, or a pipe that broke: the same to whoever listens.
+            Ok(0) | Err(_) => return, // Ok(0) | Err(_) => return, // The end and a broken pipe are the same to the receivers.
             Ok(bytes) => bytes,
         };
         if line.iter().all(u8::is_ascii_whitespace) {
@@ -92,12 +92,12 @@ fn read(mut input: impl BufRead, mut cameras: BTreeMap<String, Camera>, first: &
         let content =
             content.unwrap_or_else(|reason| Content::Unreadable(format!("line {number}: {reason}")));
         let (capture_s, name) = (camera.last_s, format!("line {number}"));
-        // A camera that no longer listens has ended; the others go on.
+        // A camera whose receiver is gone has ended; the others continue.
         let _ = camera.sender.send(Frame { number: number - 1, capture_s, name, content });
     }
 }
 
-/// Reads a line, of one that is too long only the beginning; how long it was, 0 at the end.
+/// Reads a line, or the beginning of one that is too long; returns its length, 0 at the end.
 fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Result<usize> {
     line.clear();
     let mut bytes = input.by_ref().take(MAX_LINE_BYTES as u64 + 1).read_until(b'\n', line)?;
@@ -114,12 +114,12 @@ fn read_line(input: &mut impl BufRead, line: &mut Vec<u8>) -> std::io::Result<us
     Ok(bytes)
 }
 
-/// The camera that a line names, whatever else it holds.
+/// Returns the camera that a line names, whatever else it contains.
 fn whose(line: &[u8]) -> Option<String> {
     serde_json::from_slice::<Whose>(line).ok()?.camera
 }
 
-/// Camera, time and content, where the content may be bad at a good time.
+/// Camera, time and content; the content may be unreadable where the time is valid.
 type Reported = (String, Option<f64>, Result<Content, String>);
 
 fn reported(line: &[u8], first: &str, cameras: &BTreeMap<String, Camera>) -> Result<Reported, String> {
@@ -170,7 +170,7 @@ impl Source for Lines {
         }
     }
 
-    /// The other program waits while its pipe is full.
+    /// Returns false: the other program waits while its pipe is full.
     fn is_live(&self) -> bool {
         false
     }

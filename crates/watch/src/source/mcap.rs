@@ -8,7 +8,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// One topic being read.
+/// A topic that is being read.
 pub struct McapTopic {
     path: PathBuf,
     topic: String,
@@ -19,23 +19,23 @@ pub struct McapTopic {
     times: Times,
     last_s: f64,
     is_growing: bool,
-    /// How the file was cut off, to be reported behind its last message.
+    /// The reason why the file is cut off, reported after its last message.
     cut: Option<String>,
 }
 
-/// Whose clock a topic's times are of. The first message that can be read decides for all: the recorder's clock may be another than that
-/// of the stamps, and a time of the one among times of the other would be a leap.
+/// The clock of a topic's times. The first readable message decides for all: the recorder's clock may differ from that of the stamps, and a
+/// mixture would contain jumps.
 enum Times {
     Undecided,
     Recorded,
-    /// By how much the last stamp was ahead of the recorder.
+    /// Time by which the last stamp was ahead of the recorder.
     Stamped {
         ahead_s: f64,
     },
 }
 
 impl Times {
-    /// When a message was taken, and what to say of it.
+    /// Returns the capture time of a message, and a remark on it.
     fn of(&mut self, stamp_s: Option<f64>, logged_s: f64, is_read: bool) -> (f64, &'static str) {
         if is_read && matches!(self, Times::Undecided) {
             *self = stamp_s.map_or(Times::Recorded, |_| Times::Stamped { ahead_s: 0.0 });
@@ -55,11 +55,11 @@ impl Times {
 }
 
 impl McapTopic {
-    /// Reads `topic`, or the only topic of images where none is named (of detections where there are no images). A file that was
-    /// not closed is taken for one that is still being written: what is added is read too.
+    /// Reads `topic`, or the only topic of images if none is named (of detections where there are no images). A file that was not closed counts
+    /// as one that is still being written: what is added is read too.
     ///
     /// # Errors
-    /// No MCAP file, no such topic, or one that is not read; the topics that there are, are listed.
+    /// A file that is no MCAP, a missing topic, or one that is not supported; the message lists the topics.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, FileError> {
         let reported = |reason: String| FileError::new(path, reason);
         let open = || File::open(path).map_err(|e| reported(e.to_string()));
@@ -91,7 +91,7 @@ impl McapTopic {
         })
     }
 
-    /// Ends with what the file holds now, also where it was not closed.
+    /// Ends at the present end of the file, also where the file was not closed.
     pub fn as_it_is(self) -> Self {
         McapTopic { is_growing: false, ..self }
     }
@@ -113,7 +113,7 @@ impl McapTopic {
         Frame { number: self.number - 1, capture_s: self.last_s, name, content }
     }
 
-    /// A part that is no message, at the time of the last one.
+    /// Returns a frame for a part that is no message, at the time of the last one.
     fn unreadable(&mut self, reason: &str) -> Frame {
         let content = Content::Unreadable(format!("{}: {reason}", self.path.display()));
         let name = format!("{} {}", self.topic, self.number);
@@ -148,13 +148,13 @@ impl Source for McapTopic {
         self.look(patience).unwrap_or_else(|reason| self.lost(reason.0))
     }
 
-    /// Its messages wait in the file.
+    /// Returns false: the messages wait in the file.
     fn is_live(&self) -> bool {
         false
     }
 }
 
-/// The topic of that name, or the only one that shows something.
+/// Returns the topic of that name, or the only one with images or detections.
 fn choose<'a>(all: &'a [Topic], name: Option<&str>) -> Result<(Kind, &'a Topic), String> {
     let kinds = || {
         all.iter().filter_map(|t| Kind::of(&t.channel.kind).filter(|k| k.is_camera_message()).map(|k| (k, t)))

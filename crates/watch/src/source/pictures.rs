@@ -1,4 +1,4 @@
-//! Images in files: a list, or a folder that fills up.
+//! Images in files: a list, or a growing folder.
 
 use super::{Content, Frame, Next, Source};
 use resight::{FileError, GrayImage};
@@ -6,21 +6,21 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
-/// What a folder's images end in.
+/// Endings of a folder's images.
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// A file that was changed within this time may still be being written.
 const SETTLED: Duration = Duration::from_millis(200);
-/// A slow upload may rest for longer: an image that cannot be decoded is given up only when it has been left alone for this time.
+/// A slow upload may pause for longer: an image that cannot be decoded is given up only when it has not changed for this time.
 const RESTING: Duration = Duration::from_secs(2);
 
-/// When images were taken.
+/// The origin of the capture times of images.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Clock {
-    /// When their files were last changed.
+    /// The last change of the file.
     Modified,
-    /// As their EXIF says; where it says nothing, when their files were last changed.
+    /// The EXIF time; where there is none, the last change of the file.
     Taken,
-    /// One after the other, seconds apart, the first at 0.
+    /// A fixed interval, seconds, the first image at 0.
     Every(f64),
 }
 
@@ -29,12 +29,13 @@ pub struct ImageFiles {
     paths: VecDeque<PathBuf>,
     clock: Clock,
     number: u64,
+    orientation: Option<&'static str>,
 }
 
 impl ImageFiles {
-    /// A list; it is read as fast as it is looked at.
+    /// Builds a source from a list, which is read as fast as its frames are processed.
     pub fn new(paths: impl IntoIterator<Item = PathBuf>, clock: Clock) -> Self {
-        ImageFiles { paths: paths.into_iter().collect(), clock, number: 0 }
+        ImageFiles { paths: paths.into_iter().collect(), clock, number: 0, orientation: None }
     }
 }
 
@@ -42,44 +43,56 @@ impl Source for ImageFiles {
     fn next(&mut self, _: Duration) -> Next {
         let Some(path) = self.paths.pop_front() else { return Next::End };
         self.number += 1;
-        Next::Frame(picture(&path, self.number - 1, self.clock))
+        let (frame, orientation) = picture(&path, self.number - 1, self.clock);
+        self.orientation = orientation;
+        Next::Frame(frame)
     }
 
     fn is_live(&self) -> bool {
         false
     }
+
+    fn are_photographs(&self) -> bool {
+        true
+    }
+
+    fn orientation(&self) -> Option<&'static str> {
+        self.orientation
+    }
 }
 
-/// A folder in which images appear, taken by name; those already there come first.
+/// A folder in which images appear; they are processed by name, those already there first.
 pub struct Folder {
     path: PathBuf,
     clock: Clock,
-    /// Images of the last listing that were taken; what is deleted is forgotten, and its name may come again.
+    /// Images of the last listing that were processed; a deleted one is removed, and its name may occur again.
     taken: BTreeMap<PathBuf, Taken>,
     waiting: VecDeque<PathBuf>,
     number: u64,
     is_filling: bool,
+    orientation: Option<&'static str>,
 }
 
-/// What became of an image.
+/// The treatment of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Taken {
-    /// Given, or waiting.
+    /// Provided, or waiting.
     Whole,
-    /// It could not be decoded at this size: it is read again when it has grown, and a last time when it is no longer written.
+    /// Not decodable at this size: it is read again when it has grown, and a last time when it is no longer written.
     Torn { bytes: u64, is_reported: bool },
 }
 
 impl Folder {
     /// # Errors
-    /// No such folder.
+    /// A missing folder.
     pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
         std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
         let (taken, waiting) = (BTreeMap::new(), VecDeque::new());
-        Ok(Folder { path: path.to_path_buf(), clock, taken, waiting, number: 0, is_filling: true })
+        let path = path.to_path_buf();
+        Ok(Folder { path, clock, taken, waiting, number: 0, is_filling: true, orientation: None })
     }
 
-    /// Ends when all that is there has been given, instead of waiting for more.
+    /// Makes the source end after the present images, instead of waiting for more.
     pub fn as_it_is(self) -> Self {
         Folder { is_filling: false, ..self }
     }
@@ -106,7 +119,7 @@ impl Folder {
         Ok(is_growing)
     }
 
-    /// Whether an image is to be read now (or else later); none where it has been.
+    /// Returns whether an image is to be read now (or else later); none where it has been read.
     fn state(&self, path: &Path) -> Option<bool> {
         let is_due = match self.taken.get(path) {
             None => true,
@@ -122,10 +135,10 @@ impl Folder {
         Some(is_due && has_rested(path, SETTLED))
     }
 
-    /// The image, or none where it may be whole later.
+    /// Returns the image, or none where it may be complete later.
     fn read(&mut self, path: &Path) -> Option<Frame> {
-        let bytes = size(path); // Before it is read: what grows meanwhile has grown.
-        let frame = picture(path, self.number, self.clock);
+        let bytes = size(path); // Before reading, so that growth during the reading shows later.
+        let (frame, orientation) = picture(path, self.number, self.clock);
         if matches!(frame.content, Content::Unreadable(_)) {
             let is_reported = has_rested(path, RESTING);
             self.taken.insert(path.to_path_buf(), Taken::Torn { bytes, is_reported });
@@ -134,6 +147,7 @@ impl Folder {
             }
         }
         self.number += 1;
+        self.orientation = orientation;
         Some(frame)
     }
 }
@@ -158,13 +172,22 @@ impl Source for Folder {
         self.read(&path).map_or(Next::Nothing, Next::Frame)
     }
 
-    /// Its files wait on the disk.
+    /// Returns false: the files wait on the disk.
     fn is_live(&self) -> bool {
         false
     }
+
+    fn are_photographs(&self) -> bool {
+        true
+    }
+
+    fn orientation(&self) -> Option<&'static str> {
+        self.orientation
+    }
 }
 
-fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
+/// Reads an image, and how EXIF asks viewers to show it.
+fn picture(path: &Path, number: u64, clock: Clock) -> (Frame, Option<&'static str>) {
     let bytes = resight::input::read(path, resight::input::Kind::Image).map_err(|fault| fault.reason);
     let taken_s = || resight::image::exif::taken_s(bytes.as_ref().ok()?);
     let capture_s = match clock {
@@ -176,10 +199,11 @@ fn picture(path: &Path, number: u64, clock: Clock) -> Frame {
         Ok(image) => Content::Image(image),
         Err(reason) => Content::Unreadable(FileError::new(path, reason).to_string()),
     };
-    Frame { number, capture_s, name: path.display().to_string(), content }
+    let orientation = bytes.as_ref().ok().and_then(|bytes| resight::image::exif::orientation(bytes));
+    (Frame { number, capture_s, name: path.display().to_string(), content }, orientation)
 }
 
-/// Seconds since 1970; 0 of a file that is gone, which then cannot be read either.
+/// Returns the time of the last change, seconds since 1970; 0 for a file that is gone, which cannot be read either.
 fn modified_s(path: &Path) -> f64 {
     let modified = std::fs::metadata(path).and_then(|data| data.modified());
     modified
@@ -190,7 +214,7 @@ fn modified_s(path: &Path) -> f64 {
 
 fn is_picture(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    // Half-written files of careful writers begin with a dot.
+    // The names of incomplete files begin with a dot where the writer renames complete ones.
     let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
     !is_hidden && ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
 }
@@ -198,11 +222,11 @@ fn is_picture(path: &Path) -> bool {
 /// Returns whether a file has not been written for this long.
 fn has_rested(path: &Path, time: Duration) -> bool {
     let age = std::fs::metadata(path).and_then(|data| data.modified()).map(|at| at.elapsed());
-    // A time in the future is another clock's: nothing to wait for.
+    // A time in the future belongs to another clock, so there is nothing to wait for.
     !matches!(age, Ok(Ok(age)) if age < time)
 }
 
-/// 0 of a file that is gone.
+/// Returns the size of a file, bytes; 0 for one that is gone.
 fn size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |data| data.len())
 }

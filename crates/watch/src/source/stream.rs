@@ -1,6 +1,6 @@
-//! Live streams and cameras, through the system's `ffmpeg`: RTSP, HTTP, TCP, UDP, RTMP and whatever else it speaks, V4L2.
+//! Live streams and cameras, through the system's `ffmpeg`: RTSP, HTTP, TCP, UDP, RTMP and its other protocols, V4L2.
 //!
-//! A stream that ends, stalls or changes the size of its frames is lost; the next look at it opens it again.
+//! A stream that ends, stalls or changes the size of its frames is lost; the next read opens it again.
 
 mod address;
 mod clock;
@@ -15,15 +15,15 @@ use resight::{FileError, GrayImage};
 use std::ffi::OsStr;
 use std::time::{Duration, Instant};
 
-/// The first frame may take longer, seconds: a connection is made, the stream looked at, a key frame waited for.
+/// Further time for the first frame, seconds: the connection, the analysis of the stream, and the wait for a key frame.
 const OPENING_S: f64 = 15.0;
 
-/// How a stream is read.
+/// Settings of a stream.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StreamConfig {
     /// Further options of ffmpeg for its input, one word each.
     pub input_options: Vec<String>,
-    /// Without a frame for this long the stream is lost, seconds; the first frame may take 15 s longer.
+    /// Time without a frame after which the stream is lost, seconds; the first frame may take 15 s longer.
     pub lost_after_s: f64,
     /// Whether the source ends where the stream ends or is lost; otherwise it is opened again.
     pub ends: bool,
@@ -41,7 +41,7 @@ pub struct Stream {
     address: Address,
     config: StreamConfig,
     connection: Option<Connection>,
-    /// Frames so far, over all connections.
+    /// Number of frames so far, over all connections.
     number: u64,
     is_over: bool,
 }
@@ -49,16 +49,16 @@ pub struct Stream {
 struct Connection {
     decoder: Decoder,
     clock: StreamClock,
-    /// When something last came of it.
+    /// Time of its last sign of life.
     alive: Instant,
     has_given: bool,
 }
 
 impl Stream {
-    /// Nothing is connected before the first look.
+    /// Opens a stream without connecting before the first read.
     ///
     /// # Errors
-    /// No `ffmpeg`; how to get it is said. One that cannot verify the certificate of a TLS server.
+    /// A missing `ffmpeg`; the message states how to get it. An `ffmpeg` that cannot verify the certificate of a TLS server.
     pub fn open(address: &str, config: StreamConfig) -> Result<Self, FileError> {
         let address = Address::new(address);
         let ffmpeg = Ffmpeg::find().map_err(|reason| FileError::new(&address.shown, reason))?;
@@ -92,7 +92,7 @@ impl Stream {
         self.ffmpeg.decode_without_arguments(&options, playlist, &self.address.input)
     }
 
-    /// What came of a connection: a frame's time and content, or none while nothing has.
+    /// Returns the result of a connection: a frame's time and content, or none while there is none.
     fn look(&self, connection: &mut Connection, patience: Duration) -> Result<Option<(f64, Content)>, Gone> {
         let came = match connection.decoder.next(patience) {
             Decoded::Frame(shot) => {
@@ -121,13 +121,13 @@ impl Stream {
         Ok(None)
     }
 
-    /// In brackets: our own reason before ffmpeg's.
+    /// Returns `reason`, or ffmpeg's last message where there is none, in brackets and without secrets.
     fn last_words(&self, connection: &Connection, reason: Option<String>) -> String {
         let words = reason.or_else(|| connection.decoder.last_words_since(connection.alive));
         words.map_or(String::new(), |words| format!(" ({})", self.address.hide(&words)))
     }
 
-    /// Ends at the first loss, instead of opening a silent camera for ever.
+    /// Returns the result of a lost connection. With `StreamConfig::ends` the source is over at the first loss, instead of opening a silent camera for ever.
     fn lost(&mut self, gone: Gone, has_given: bool) -> Next {
         self.is_over = self.config.ends;
         let reason = match gone {
@@ -140,19 +140,19 @@ impl Stream {
     }
 }
 
-/// Whether stamps in these units count frames: of formats that carry no time ffmpeg makes some up, 25 a second.
+/// Returns whether stamps in these units count frames: for formats without times ffmpeg generates 25 a second.
 fn is_count(tick_s: f64) -> bool {
     COUNTED_IN_S.iter().any(|count_s| (tick_s / count_s - 1.0).abs() < 1e-9)
 }
 
-/// Parts of a multipart document, images one after the other; bare streams of a codec. No format with times of its own has these units.
+/// Units of parts of a multipart document (consecutive images) and of bare streams of a codec. No format with times of its own has these units.
 const COUNTED_IN_S: [f64; 2] = [1.0 / 25.0, 1.0 / 1_200_000.0];
 
-/// Why a connection is of no more use.
+/// The reason why a connection is unusable.
 enum Gone {
-    /// ffmpeg has ended, its last words.
+    /// ffmpeg has ended, with its last message.
     Ended(String),
-    /// It continues, but is of no use.
+    /// ffmpeg still runs, but is of no use.
     Lost(String),
 }
 

@@ -14,20 +14,20 @@ pub struct Film {
     video: Video,
     name: String,
     number: u64,
-    /// Time of the last frame, and how long after the one before it that was.
+    /// Time of the last frame, and its interval from the one before it.
     last_s: f64,
     period_s: f64,
 }
 
 impl Film {
     /// # Errors
-    /// As `Video::open`.
+    /// Opens a file like `Video::open`.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let (video, name) = (Video::open(path)?, path.display().to_string());
         Ok(Film { video, name, number: 0, last_s: 0.0, period_s: 0.0 })
     }
 
-    /// A frame without a stamp comes as long after the last one as that one came.
+    /// Returns the capture time; a frame without a stamp continues the last interval.
     fn capture_s(&mut self, time_s: Option<f64>) -> f64 {
         let capture_s = time_s.unwrap_or(self.last_s + self.period_s);
         if 0 < self.number {

@@ -1,15 +1,15 @@
-//! Access control: answered are requests that name this machine as it is known (a page that got its own name to point here names itself),
-//! and, where a token is asked for, that bring it.
+//! Access control: the server answers requests that name this machine by a known name (a foreign page whose name points to this machine uses its
+//! own name), and, where a token is required, that contain it.
 
 use crate::outputs::secret;
 use anyhow::{Result, bail};
 use std::net::SocketAddr;
 use std::path::Path;
 
-/// Fewer letters can be guessed: 32 of base64 hold 192 bits.
+/// Shorter tokens can be guessed: 32 letters of base64 have 192 bits.
 const TOKEN_LETTERS: usize = 32;
 
-/// The rules.
+/// The access rules.
 #[derive(Debug, Clone)]
 pub struct Access {
     hosts: Vec<String>,
@@ -33,7 +33,7 @@ pub fn token(flag: &str, path: &Path) -> Result<String> {
 }
 
 impl Access {
-    /// Of a server at this address, reached by these names besides.
+    /// Builds the rules of a server at this address, with these further names.
     pub fn new(place: SocketAddr, token: Option<String>, hosts: &[String]) -> Self {
         let port = place.port();
         let own = ["localhost", "127.0.0.1", "[::1]"].map(|name| format!("{name}:{port}"));
@@ -43,14 +43,14 @@ impl Access {
         Access { hosts, token }
     }
 
-    /// Whether `Host` names this machine. A name given without a port stands for every port.
+    /// Returns whether `Host` names this machine. A name given without a port stands for every port.
     pub fn knows_host(&self, host: &str) -> bool {
         let host = host.to_ascii_lowercase();
         let name = host.rsplit_once(':').map_or(host.as_str(), |(name, _)| name);
         self.hosts.iter().any(|known| *known == host || known == name)
     }
 
-    /// Whether `Origin` is a page of this server: none is no browser, or a page of its own.
+    /// Returns whether `Origin` is a page of this server: none means no browser, or a page of its own.
     pub fn knows_origin(&self, origin: Option<&str>) -> bool {
         let Some(origin) = origin else { return true };
         origin
@@ -58,12 +58,12 @@ impl Access {
             .is_some_and(|(scheme, host)| (scheme == "http" || scheme == "https") && self.knows_host(host))
     }
 
-    /// Whether a token is asked for.
+    /// Returns whether a token is required.
     pub fn asks_for_token(&self) -> bool {
         self.token.is_some()
     }
 
-    /// Whether `Authorization` brings the token, where one is asked for.
+    /// Returns whether `Authorization` contains the token, where one is required.
     pub fn admits(&self, authorization: Option<&str>) -> bool {
         let Some(token) = &self.token else { return true };
         let given = authorization.and_then(|text| text.split_once(' '));

@@ -1,4 +1,4 @@
-//! A connection that is given up where its other side takes nothing for long: it would hold its place among the few for ever.
+//! A connection that is given up where its other side accepts nothing for long: it would otherwise occupy one of the few places for ever.
 
 use hyper::rt::{Read, ReadBufCursor, Write};
 use std::future::Future;
@@ -8,7 +8,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 use tokio::time::{Sleep, sleep};
 
-/// The stream, and since when a write waits.
+/// The stream, and the time since which a write waits.
 pub(super) struct Patient<S> {
     stream: S,
     limit: Duration,
@@ -20,7 +20,7 @@ impl<S> Patient<S> {
         Patient { stream, limit, waiting: None }
     }
 
-    /// What a write came to, unless it has waited for too long.
+    /// Returns the result of a write, or an error once it has waited too long.
     fn in_time<T>(
         &mut self,
         context: &mut Context<'_>,

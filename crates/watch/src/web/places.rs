@@ -1,5 +1,5 @@
-//! The places that connections take: few, so that whoever is slow is left when somebody else wants to be answered. A connection that has asked nothing yet
-//! goes first, then the one whose request comes most slowly; one that is being answered stays.
+//! The limited number of connections: the slowest is closed when another one needs an answer. A connection without a request goes first, then
+//! the one whose request arrives most slowly; one that is being answered stays.
 
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
@@ -13,15 +13,15 @@ use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
-/// A connection that is younger, or whose request began later, is not left for another one.
+/// A connection that is younger, or whose request began later, is not closed for another one.
 const GRACE: Duration = Duration::from_secs(1);
 
-/// What a connection is doing.
+/// The activity of a connection.
 #[derive(Debug, Clone, Copy)]
 enum Doing {
-    /// It has asked nothing, or has its answer.
+    /// It has sent no request, or has its answer.
     Nothing,
-    /// The body of its request comes.
+    /// The body of its request is arriving.
     Sending { bytes: u64 },
     /// It is being answered, or has become a WebSocket.
     Answered,
@@ -33,22 +33,22 @@ struct Kept {
     leave: Arc<Notify>,
 }
 
-/// All places.
+/// All connections.
 #[derive(Default)]
 pub(super) struct Places {
     kept: Mutex<(u64, BTreeMap<u64, Kept>)>,
 }
 
-/// One of them, until it is dropped.
+/// A connection, until it is dropped.
 pub(super) struct Place {
     places: Arc<Places>,
     number: u64,
-    /// Notified when the connection is to be left.
+    /// Notified when the connection is to be closed.
     pub leave: Arc<Notify>,
 }
 
 impl Places {
-    /// A place for a connection.
+    /// Adds a connection.
     pub fn take(self: &Arc<Self>) -> Place {
         let leave = Arc::new(Notify::new());
         let mut all = self.lock();
@@ -59,7 +59,7 @@ impl Places {
         Place { places: Arc::clone(self), number, leave }
     }
 
-    /// Leaves the connection that is the slowest; whether there is one that may be left.
+    /// Closes the slowest connection; returns whether there is one that may be closed.
     pub fn leave_one(&self) -> bool {
         let now = Instant::now();
         let all = self.lock();
@@ -91,7 +91,7 @@ impl Places {
 }
 
 impl Place {
-    /// The request with a body that says how it comes.
+    /// Returns the request with a body that records its progress.
     pub fn asked(&self, request: Request) -> Request {
         self.places.set(self.number, Doing::Sending { bytes: 0 });
         if request.body().is_end_stream() {
@@ -101,7 +101,7 @@ impl Place {
         request.map(|body| Body::new(Counted { body, end: self.end(Doing::Answered) }))
     }
 
-    /// The answer with a body that says when it has been sent.
+    /// Returns the answer with a body that records its end.
     pub fn answered(&self, response: Response) -> Response {
         self.places.set(self.number, Doing::Answered);
         if response.status() == StatusCode::SWITCHING_PROTOCOLS {
@@ -121,7 +121,7 @@ impl Drop for Place {
     }
 }
 
-/// What follows when a body has ended or was given up.
+/// The state after a body has ended or was given up.
 struct End {
     places: Arc<Places>,
     number: u64,

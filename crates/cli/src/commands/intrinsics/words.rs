@@ -11,7 +11,7 @@ use std::path::Path;
 const NAMED: usize = 5;
 
 /// The answer for a person.
-pub(super) fn describe(answer: &IntrinsicsAnswer, output: Option<&Path>) -> String {
+pub fn describe(answer: &IntrinsicsAnswer, output: Option<&Path>) -> String {
     let mut text: String = answer.cameras.iter().map(camera).collect::<Vec<_>>().join("\n");
     if let Some(path) = output {
         let written: Vec<String> = answer.reliable().into_iter().map(|camera| camera.name).collect();

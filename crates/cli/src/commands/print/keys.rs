@@ -13,7 +13,7 @@ use std::path::Path;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Target without a file")]
 pub struct TargetKeys {
-    /// Kind: tag, aprilgrid, chessboard, charuco or line_plus_one; --help lists the keys of each.
+    /// Kind: tag, aprilgrid, chessboard, charuco, circle_grid or line_plus_one; --help lists the keys of each.
     #[arg(long, value_name = "KIND")]
     kind: Option<String>,
     /// Family of tags, such as tag36h11 or DICT_4X4_50 [default: tag36h11].
@@ -25,7 +25,7 @@ pub struct TargetKeys {
     /// Outer edge of a tag's square, in metres.
     #[arg(long, value_name = "M", value_parser = positive)]
     size_m: Option<f64>,
-    /// Rows: of tags, of inner corners (chessboard) or of squares (charuco).
+    /// Rows: of tags, of inner corners (chessboard), of squares (charuco) or of circles (circle_grid).
     #[arg(long, value_name = "N", hide_short_help = true)]
     rows: Option<u32>,
     /// Columns, likewise.
@@ -52,13 +52,22 @@ pub struct TargetKeys {
     /// Id of an AprilGrid's first tag [default: 0].
     #[arg(long, value_name = "ID", hide_short_help = true)]
     first_id: Option<u32>,
+    /// Distance between rows of circles, in metres; circles of one row of an asymmetric grid are twice as far apart.
+    #[arg(long, value_name = "M", hide_short_help = true, value_parser = positive)]
+    spacing_m: Option<f64>,
+    /// Diameter of circles, in metres [default: half the distance between neighbours].
+    #[arg(long, value_name = "M", hide_short_help = true, value_parser = positive)]
+    diameter_m: Option<f64>,
+    /// Whether every second row of circles is shifted, as in OpenCV's asymmetric grid.
+    #[arg(long, value_name = "true|false", hide_short_help = true)]
+    asymmetric: Option<bool>,
     /// Abscissae of three dots on a line, in metres: A,B,C.
     #[arg(long, value_name = "M,M,M", hide_short_help = true, value_parser = numbers, allow_negative_numbers = true)]
     line_m: Option<String>,
     /// The fourth dot along and across the line, in metres: ALONG,ACROSS.
     #[arg(long, value_name = "M,M", hide_short_help = true, value_parser = numbers, allow_negative_numbers = true)]
     off_m: Option<String>,
-    /// Diameter of dots, in metres, also of a target from a file [default: a third of the smallest distance].
+    /// Diameter of dots or circles, in metres, also of a target from a file [default: a third of the smallest distance; of circles --diameter-m].
     #[arg(long, value_name = "M", hide_short_help = true, value_parser = positive)]
     pub dot_diameter_m: Option<f64>,
 }
@@ -93,6 +102,9 @@ impl TargetKeys {
             ("tag_size_m", number(self.tag_size_m)),
             ("tag_spacing_ratio", number(self.tag_spacing_ratio)),
             ("first_id", count(self.first_id)),
+            ("spacing_m", number(self.spacing_m)),
+            ("diameter_m", number(self.diameter_m)),
+            ("asymmetric", self.asymmetric.map(|flag| flag.to_string())),
             ("line_m", self.line_m.clone()),
             ("off_m", self.off_m.clone()),
         ];

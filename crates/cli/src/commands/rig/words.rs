@@ -5,13 +5,12 @@ use resight::answer::SolvedRig;
 use resight::core::multiview::rig::shared_views as shared;
 use resight::formats::cells;
 use resight::report::rig::{
-    camera_status, rejection_sentence, rig_camera_sentence, rig_headline, rig_verdict_sentence,
-    scale_sentences, weakest_link_sentence,
+    rejection_sentence, rig_camera_sentence, rig_verdict, rig_verdict_sentence, scale_sentences,
+    weakest_link_sentence,
 };
-use resight::report::verdict::Status;
-use resight::report::verdict::figures;
+use resight::report::verdict::{Verdict, figures};
 use resight::report::words::{
-    coordinate, counted, degrees, distance_sigma_m, length, position_sigma_m, sigmas,
+    budget, coordinate, counted, degrees, distance_sigma_m, length, position_sigma_m, sigmas,
 };
 use resight::rig::gather::Gathered;
 use resight::rig::relative::between;
@@ -57,12 +56,19 @@ fn columns(table: &[Vec<String>]) -> String {
 
 /// The whole answer, whether it can be believed first.
 pub fn describe(solved: &SolvedRig) -> String {
+    let Verdict { status, message } = rig_verdict(&solved.run);
+    let word = status.name().to_uppercase();
     let mut out = match rig_verdict_sentence(&solved.run) {
-        Some(sentence) => format!("INCONSISTENT   {sentence}.\n\n"),
-        None => "OK   ".to_string(),
+        Some(sentence) => format!("{word}   {sentence}.\n\n"),
+        None => format!("{word}   "),
     };
-    out.push_str(&format!("RIG   {}\n\n", rig_headline(&solved.run)));
+    out.push_str(&format!("RIG   {message}\n\n"));
     out.push_str(&cameras(solved));
+    for (i, text) in solved.run.solution.budgets.iter().map(budget).enumerate() {
+        if let Some(text) = text {
+            line(&mut out, "budget", &format!("{} {text}", name(solved, i)));
+        }
+    }
     contradicted(solved, &mut out);
     out.push('\n');
     out.push_str(&pairs(solved));
@@ -117,9 +123,7 @@ fn cameras(solved: &SolvedRig) -> String {
 
 /// Cameras that do not fit, other than the one that the verdict names.
 fn contradicted(solved: &SolvedRig, out: &mut String) {
-    let s = &solved.run.solution;
-    let wrong = (0..s.cameras.len()).filter(|c| camera_status(s, *c) != Status::Ok);
-    for camera in wrong {
+    for camera in 0..solved.run.solution.cameras.len() {
         if let Some(sentence) = rig_camera_sentence(&solved.run, camera) {
             line(out, "camera", &format!("{} inconsistent: {sentence}", name(solved, camera)));
         }

@@ -9,14 +9,19 @@ use resight::input::{self, Kind};
 use resight::nominal::NominalLens;
 use resight_watch::live::WatchedLandmarks;
 use resight_watch::names::{Names, by_name};
+use resight_watch::source::{Source, size_of_first};
+use std::time::Duration;
+
+/// Time to wait for the first image of a camera whose lens follows from its size.
+const FIRST_IMAGE: Duration = Duration::from_secs(30);
 
 /// What is known of the lenses.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Camera without a file")]
 pub struct LensArgs {
-    /// Without a camera file: horizontal field of view, in degrees, of a camera that is watched by --landmarks.
+    /// Without a camera file: horizontal field of view, in degrees, of a camera that is watched by landmarks.
     ///
-    /// Its rotation then holds in its ± how far such nominal figures are off. Without any flag the EXIF of the reference image is asked.
+    /// Its rotation then holds in its ± how far such nominal figures are off. Without any flag the EXIF of the reference image of --landmarks is asked.
     #[arg(long, hide_short_help = true, value_name = "[NAME=]DEG")]
     hfov_deg: Vec<String>,
     /// Without a camera file: focal length in millimetres, with --sensor-width-mm.
@@ -33,21 +38,42 @@ impl LensArgs {
         self.hfov_deg.iter().chain(&self.focal_mm)
     }
 
-    /// The camera of a name that has no file.
-    pub fn camera(
+    /// Returns the size of the images of a camera without a file: of its reference image or, before there is one, of its first frame, which
+    /// the source still gives.
+    pub fn image_size(
         &self,
         names: &Names,
         i: usize,
         landmarks: Option<&WatchedLandmarks>,
+        source: Box<dyn Source>,
+    ) -> Result<(ImageSize, Box<dyn Source>)> {
+        let name = &names.cameras[i];
+        let Some(landmarks) = landmarks else {
+            bail!(
+                "camera {name} has neither a camera file nor landmarks; give --camera {name}=FILE, or --landmarks {name}=IMAGE or --save-landmarks {name}=IMAGE"
+            )
+        };
+        if let Some(image) = &landmarks.reference_image {
+            return Ok((ImageSize { width_px: image.width_px, height_px: image.height_px }, source));
+        }
+        if self.given(names, i)?.is_none() {
+            bail!(
+                "camera {name} has neither a camera file nor an angle of view; give --camera {name}=FILE, or --hfov-deg {name}=DEG"
+            );
+        }
+        size_of_first(source, FIRST_IMAGE)
+            .map_err(|reason| anyhow::anyhow!("--source of camera {name}: {reason}"))
+    }
+
+    /// Returns the camera of a name that has no file.
+    pub fn camera(
+        &self,
+        names: &Names,
+        i: usize,
+        size: ImageSize,
         picture: Option<&str>,
     ) -> Result<NamedCamera> {
         let name = &names.cameras[i];
-        let Some(image) = landmarks.and_then(|landmarks| landmarks.reference_image.as_ref()) else {
-            bail!(
-                "camera {name} has neither a camera file nor a reference image that its lens could be of; give --camera {name}=FILE, or --landmarks {name}=IMAGE"
-            )
-        };
-        let size = ImageSize { width_px: image.width_px, height_px: image.height_px };
         let lens = match self.given(names, i)? {
             Some(lens) => lens,
             None => {

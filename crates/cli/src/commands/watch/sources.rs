@@ -9,7 +9,8 @@ use resight_watch::source::mcap::McapTopic;
 use resight_watch::source::pictures::{Clock, Folder, ImageFiles};
 use resight_watch::source::stream::{Stream, StreamConfig, is_stream};
 use resight_watch::source::{Source, lines, video};
-use std::io::BufReader;
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use video::Film;
 
@@ -17,11 +18,11 @@ use video::Film;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sources")]
 pub struct SourceArgs {
-    /// Where frames come from: a folder, images, a video, a recording, a stream, a device, or - for stdin.
+    /// Where frames come from: a folder, images, a video, a recording, a stream, a device, detections, or - for stdin.
     ///
     /// A folder that fills up, images ('night/*.png'), a video file, a recording (run.mcap, or run.mcap#/topic where several topics show
-    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0, or its number: 0), or - for detections as JSON Lines on
-    /// stdin. NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
+    /// something), a stream (rtsp://…, http://…, tcp://…, udp://…, rtmp://…), a camera (/dev/video0, or its number: 0), detections as JSON Lines (a file, or - for
+    /// stdin). NAME=SOURCE where there are several cameras. An address with a password comes from the first line of a file that only you can
     /// read (@FILE) or from a variable (env:VARIABLE).
     #[arg(long, help_heading = None, required_unless_present_any = ["session", "print_session"], value_name = "[NAME=]SOURCE")]
     source: Vec<String>,
@@ -42,11 +43,19 @@ pub struct SourceArgs {
 
 /// A source for each camera. With `once` a folder ends with what it holds, and a stream where it ends.
 pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<dyn Source>>> {
-    if args.source.iter().any(|argument| split(argument).1 == "-") {
+    let is_lines = |source: &&str| *source == "-" || is_json(Path::new(source));
+    if let Some(lines) = args.source.iter().map(|argument| split(argument).1).find(is_lines) {
         if args.source.len() != 1 {
-            bail!("--source - serves all cameras; give it alone");
+            bail!("--source {lines} serves all cameras; give it alone");
         }
-        let all = lines::sources(BufReader::new(std::io::stdin()), names);
+        if args.source.iter().any(|argument| split(argument).0.is_some()) {
+            by_name("--source", &args.source, names)?;
+        }
+        let input: Box<dyn Read + Send> = match lines {
+            "-" => Box::new(std::io::stdin()),
+            path => Box::new(File::open(path).with_context(|| path.to_owned())?),
+        };
+        let all = lines::sources(BufReader::new(input), names);
         return Ok(all.into_iter().map(|source| Box::new(source) as Box<dyn Source>).collect());
     }
     let given = by_name("--source", &args.source, names)?;
@@ -55,26 +64,37 @@ pub fn open(args: &SourceArgs, names: &[String], once: bool) -> Result<Vec<Box<d
             value.with_context(|| format!("camera {name} has no --source; give --source {name}=…"))?;
         let address =
             secret::address(&format!("--source of camera {name}"), &value, args.session.as_deref())?;
-        one(args, &address, name, names, once)
+        let mut config =
+            StreamConfig { lost_after_s: args.lost_after_s, ends: once, ..StreamConfig::default() };
+        if is_stream(&address) {
+            config.input_options = input_options(&args.ffmpeg_input_options, name, names)?;
+        }
+        let clock = args.period_s.map_or(Clock::Taken, Clock::Every);
+        one(&format!("--source of camera {name}"), &address, config, clock)
     };
     given.into_iter().zip(names).map(source).collect()
 }
 
-fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool) -> Result<Box<dyn Source>> {
-    let path = Path::new(value);
+/// One source, read to its end: a folder ends with what it holds, and a stream where it ends or is lost. `shown` stands for the argument in
+/// messages, for an address may hold a password.
+pub fn open_one(shown: &str, value: &str, options: Option<&str>) -> Result<Box<dyn Source>> {
+    let address = secret::address(shown, value, None)?;
+    let input_options = options.map_or(Ok(Vec::new()), words).context("--ffmpeg-input-options …")?;
+    one(shown, &address, StreamConfig { input_options, ends: true, ..StreamConfig::default() }, Clock::Taken)
+}
+
+fn one(shown: &str, value: &str, config: StreamConfig, clock: Clock) -> Result<Box<dyn Source>> {
+    let (path, once) = (Path::new(value), config.ends);
     if is_stream(value) {
-        let input_options = input_options(&args.ffmpeg_input_options, name, names)?;
-        let config = StreamConfig { input_options, lost_after_s: args.lost_after_s, ends: once };
         return Ok(Box::new(Stream::open(value, config)?));
     }
     if value.contains("://") && !path.exists() {
         // What stands behind may hold a password.
         let before = value.split("://").next().unwrap_or_default();
         bail!(
-            "--source of camera {name}: `{before}://…` is no address; its protocol is written in small letters, as in rtsp://…"
+            "{shown}: `{before}://…` is no address; its protocol is written in small letters, as in rtsp://…"
         );
     }
-    let clock = args.period_s.map_or(Clock::Taken, Clock::Every);
     if path.is_dir() {
         let folder = Folder::open(path, clock)?;
         return Ok(Box::new(if once { folder.as_it_is() } else { folder }));
@@ -88,6 +108,13 @@ fn one(args: &SourceArgs, value: &str, name: &str, names: &[String], once: bool)
     }
     let pictures: Vec<PathBuf> = crate::files::expand(&[value.to_string()])?;
     Ok(Box::new(ImageFiles::new(pictures, clock)))
+}
+
+/// Whether a file holds detections as JSON Lines, as stdin has them.
+fn is_json(path: &Path) -> bool {
+    let mut first = [0];
+    path.is_file()
+        && File::open(path).and_then(|mut file| file.read_exact(&mut first)).is_ok_and(|()| first == *b"{")
 }
 
 /// A recording and its topic; a `#` belongs to the file's name where there is a file of that whole name.

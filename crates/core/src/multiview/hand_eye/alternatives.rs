@@ -1,10 +1,12 @@
-//! Mistakes that would explain why views disagree: other sizes, inverted gripper poses, another order of quaternions, shifted rows.
+//! Mistakes that would explain why views disagree: other sizes, inverted gripper poses, another order of quaternions, another convention of
+//! rotations, shifted rows.
 //!
 //! They are tried only where the answer is inconsistent: each alternative is solved completely, and named where it reduces the noise.
 
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled, settled};
 use super::views::{Known, located};
+use super::written::RotationConvention;
 use super::{Candidate, HandEyeConfig, HandEyeView, MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
 use crate::Pose;
 use crate::locate::consistency::loses_too_many;
@@ -40,14 +42,65 @@ fn of_known(views: &[HandEyeView], known: &[Known], config: &HandEyeConfig) -> O
         (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_gripper, 1))),
         (HandEyeCause::QuaternionOrder, with_hands(&plain, |i| reordered(&plain[i].base_from_gripper, 3))),
     ];
+    let transposed = |i: usize| {
+        let written = plain[i].base_from_gripper;
+        Pose::new(written.rotation.transpose(), written.translation)
+    };
+    all.push((HandEyeCause::TransposedRotation, with_hands(&plain, transposed)));
     for by in [-1isize, 1] {
         all.push((HandEyeCause::ShiftedRows(by), shifted(&plain, by)));
     }
     let solved =
         all.into_iter().filter_map(|(cause, views)| Some((badness_of_alternative(&views, config)?, cause)));
     let sized = UNIT_STARTS.into_iter().find_map(|start| size_from(&plain, start, config));
-    let best = solved.chain(sized).min_by(|a, b| a.0.total_cmp(&b.0));
+    let rewritten = best_convention(&plain, config);
+    let rewritten = rewritten.map(|(noise, convention)| (noise, HandEyeCause::Convention(convention)));
+    let best = solved.chain(sized).chain(rewritten).min_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(noise, _)| *noise < f64::min(1.0, MAX_PART * given)).map(|(_, cause)| cause)
+}
+
+/// Returns the convention of the rotations' numbers that brings views together, if it is another one than that of the file.
+pub(super) fn other_convention(views: &[HandEyeView], config: &HandEyeConfig) -> Option<RotationConvention> {
+    let plain = plain(views, &located(views, config).ok()?.0);
+    let (noise, convention) = best_convention(&plain, config)?;
+    (noise < 1.0).then_some(convention)
+}
+
+/// Least noise, in units of the largest plausible one, at which the other conventions of rotations are tried although nothing else is wrong: 0.1
+/// degrees or 0.1 % of the way. What another convention changes is far more.
+const DOUBTFUL: f64 = 0.05;
+
+/// Returns the convention that fits where the noise is plausible, but another convention explains most of it.
+pub(super) fn better_convention(
+    views: &[HandEyeView],
+    found: &Settled,
+    config: &HandEyeConfig,
+) -> Option<HandEyeCause> {
+    if !views.iter().any(|view| view.written.is_some()) {
+        return None;
+    }
+    let plain = plain(views, &found.known);
+    let given = badness(&settled(&plain, config).ok()?);
+    if given < DOUBTFUL {
+        return None;
+    }
+    let (noise, convention) = best_convention(&plain, config)?;
+    (noise < MAX_PART * given).then_some(HandEyeCause::Convention(convention))
+}
+
+/// Returns the best of the other conventions and the noise with it.
+fn best_convention(
+    plain: &[HandEyeView<'static>],
+    config: &HandEyeConfig,
+) -> Option<(f64, RotationConvention)> {
+    let written: Vec<_> = plain.iter().map(|view| view.written).collect::<Option<_>>()?;
+    let given = written.first()?.convention;
+    let others = RotationConvention::all().filter(|other| *other != given);
+    let noise = |convention| {
+        let views = with_hands(plain, |i| written[i].base_from_gripper(convention));
+        Some((badness_of_alternative(&views, config)?, convention))
+    };
+    others.filter_map(noise).min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
 /// Returns the size with which the views agree; the proven error itself where none is found.
@@ -67,6 +120,7 @@ fn plain(views: &[HandEyeView], known: &[Known]) -> Vec<HandEyeView<'static>> {
     let view = |known: &Known| HandEyeView {
         base_from_gripper: views[known.index].base_from_gripper,
         gripper_covariance: None,
+        written: views[known.index].written,
         candidates: known.candidates.clone(),
         seen: &[],
     };

@@ -1,6 +1,7 @@
 //! The causes of an inconsistent hand–eye answer, in words.
 
 use super::settle::Settled;
+use super::written::RotationConvention;
 use super::{MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
 use crate::multiview::intrinsics_check::Group;
 use core::fmt;
@@ -28,6 +29,10 @@ pub enum HandEyeCause {
     InvertedGripper,
     /// The views agree if the numbers of the quaternion are in another order.
     QuaternionOrder,
+    /// The views agree if every rotation of the gripper is transposed, with its position as it is.
+    TransposedRotation,
+    /// The views agree if the three numbers of each rotation are read as this convention.
+    Convention(RotationConvention),
     /// The views agree if every view has the gripper pose of its neighbour (this many rows later).
     ShiftedRows(isize),
     /// The gripper's noise would have to be larger than that of any robot.
@@ -78,10 +83,17 @@ impl fmt::Display for HandEyeCause {
                 }
             }
             HandEyeCause::InvertedGripper => f.write_str(
-                "the views agree once every pose of the gripper is inverted: hand_from_base was given for base_from_gripper, or the target is on the gripper and not the camera (or the other way round)",
+                "the views agree once every pose of the gripper is inverted: gripper_from_base was given for base_from_gripper, target_from_cam for cam_from_target, or the target is on the gripper and not the camera (or the other way round)",
             ),
             HandEyeCause::QuaternionOrder => f.write_str(
                 "the views agree once the quaternion's numbers are read in another order: its scalar is first in one convention and last in the other",
+            ),
+            HandEyeCause::TransposedRotation => f.write_str(
+                "the views agree once every rotation of the gripper is transposed and its position kept: the matrices were written column by column, or the quaternions are conjugated",
+            ),
+            HandEyeCause::Convention(convention) => write!(
+                f,
+                "the views agree once the three numbers of each rotation are read as {convention}"
             ),
             HandEyeCause::ShiftedRows(by) => write!(
                 f,

@@ -8,6 +8,7 @@
 use super::noise::{Besides, Effects, Normal};
 use super::views::{Known, Poses, centre};
 use super::{HandEyeConfig, Height};
+use crate::budget::ErrorSource;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::dense::{DenseEquations, minimize_dense};
 use crate::locate::curvature::Cost;
@@ -180,9 +181,18 @@ fn of_pose(view: &Known, candidate: usize, weight: &Matrix6, poses: &Poses) -> S
     Share { chi2: r.dot(&(weight * r)), gradient: weighted * r, information: weighted * jacobian }
 }
 
-/// Returns the contribution of the pixels of all cameras, with variances `pixel_scale` times the stated ones and the gripper's motion eliminated
-/// about its most probable value m, eqs. (14)–(15).
-fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
+/// The pixels of all cameras about the gripper's most probable motion m, with variances `pixel_scale` times the stated ones.
+struct AtPixels {
+    hand: Matrix6,
+    m: Vector6,
+    chi2: f64,
+    gradient: Vector6,
+    information: Matrix6,
+    /// Of the gripper's motion: (1 + information · hand)⁻¹.
+    share: Matrix6,
+}
+
+fn at_pixels(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<AtPixels> {
     let cost = RigCost::new(view.seen);
     let pivot = cost.pivot();
     let predicted = poses.cam_from_target(view);
@@ -198,14 +208,103 @@ fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) ->
     let information = about_pivot.transpose() * normal.information() * about_pivot / pixel_scale;
     let gradient = normal.gradient_at_camera(&place.pivot_in_cam) / pixel_scale;
     let share = (Matrix6::identity() + information * hand).try_inverse()?;
+    Some(AtPixels { hand, m, chi2: normal.chi2 / pixel_scale, gradient, information, share })
+}
+
+/// Returns the contribution of the pixels of all cameras, with variances `pixel_scale` times the stated ones and the gripper's motion eliminated
+/// about its most probable value m, eqs. (14)–(15).
+fn of_points(view: &Known, candidate: usize, poses: &Poses, pixel_scale: f64) -> Option<Share> {
+    let AtPixels { hand, m, chi2, gradient, information, share } =
+        at_pixels(view, candidate, poses, pixel_scale)?;
     let (eliminated, information) = (share * gradient, share * information);
     let moved = information * m;
     Some(Share {
-        chi2: normal.chi2 / pixel_scale - gradient.dot(&(hand * eliminated))
-            + m.dot(&(eliminated * 2.0 + moved)),
+        chi2: chi2 - gradient.dot(&(hand * eliminated)) + m.dot(&(eliminated * 2.0 + moved)),
         gradient: eliminated + moved,
         information: (information + information.transpose()) * 0.5,
     })
+}
+
+/// What each source contributes to the equations: the covariance of its pull in place of the information.
+#[derive(Default)]
+struct Pulls(Vec<(ErrorSource, DenseEquations)>);
+
+impl Pulls {
+    /// The sums of a source, which begin with zeros.
+    fn of(&mut self, source: ErrorSource) -> &mut DenseEquations {
+        let at = self.0.iter().position(|(known, _)| *known == source).unwrap_or(self.0.len());
+        if at == self.0.len() {
+            self.0.push((source, DenseEquations::new(12)));
+        }
+        &mut self.0[at].1
+    }
+
+    /// Adds the pulls on one view's T.
+    fn add<const N: usize>(&mut self, by_holder: &Matrix6, pulls: [(ErrorSource, Matrix6); N]) {
+        for (source, information) in pulls {
+            let share = Share { chi2: 0.0, gradient: Vector6::zeros(), information };
+            add(self.of(source), &share, by_holder);
+        }
+    }
+}
+
+/// Returns what each source contributes to the covariance of a minimum, 12×12: docs/math/budget.md eqs. (10), (11).
+pub(super) fn parts(
+    fit: &Fit,
+    known: &[Known],
+    used: &[(usize, usize)],
+    config: &HandEyeConfig,
+    level: Level,
+) -> Option<Vec<(ErrorSource, DMatrix<f64>)>> {
+    let weights = weights(known, used, &fit.poses).ok()?;
+    let mut pulls = Pulls::default();
+    for (&(view, candidate), weight) in used.iter().zip(&weights) {
+        let view = &known[view];
+        let by_holder = (fit.poses.cam_from_carrier * view.carrier_from_holder).adjoint();
+        match level {
+            Level::Points { pixel_scale } if !view.seen.is_empty() => {
+                let at = at_pixels(view, candidate, &fit.poses, pixel_scale)?;
+                pulls.add(&by_holder, at.pulls(pixel_scale));
+            }
+            _ => pulls.add(&by_holder, pulls_of_pose(view, candidate, weight, &fit.poses)),
+        }
+    }
+    if let Some(height) = &config.height {
+        add_height(pulls.of(ErrorSource::Priors), height, &fit.poses, known);
+    }
+    let part = |(source, pull): (ErrorSource, DenseEquations)| {
+        (source, &fit.covariance * pull.information * &fit.covariance)
+    };
+    Some(pulls.0.into_iter().map(part).collect())
+}
+
+impl AtPixels {
+    fn pulls(&self, pixel_scale: f64) -> [(ErrorSource, Matrix6); 3] {
+        let left = self.share * self.information;
+        let of_pixels = left * self.share.transpose();
+        [
+            (ErrorSource::Pixels, of_pixels / pixel_scale),
+            (ErrorSource::Residuals, of_pixels * (1.0 - 1.0 / pixel_scale)),
+            (ErrorSource::Robot, left * self.hand * left.transpose()),
+        ]
+    }
+}
+
+fn pulls_of_pose(
+    view: &Known,
+    candidate: usize,
+    weight: &Matrix6,
+    poses: &Poses,
+) -> [(ErrorSource, Matrix6); 2] {
+    let measured = &view.candidates[candidate];
+    let (_, jacobian) = residual(&measured.cam_from_target, &poses.cam_from_target(view));
+    let gain = jacobian.transpose() * weight;
+    let hand = gripper_noise(view, poses).unwrap_or_default();
+    let own = if view.seen.is_empty() { ErrorSource::CameraPoses } else { ErrorSource::Pixels };
+    [
+        (own, gain * measured.covariance * gain.transpose()),
+        (ErrorSource::Robot, gain * hand * gain.transpose()),
+    ]
 }
 
 /// Returns the information of the height about the effects.

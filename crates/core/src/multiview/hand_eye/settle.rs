@@ -8,6 +8,9 @@ use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
 use crate::Error;
 use nalgebra::{DMatrix, SVector};
 
+/// Least travel that measures a size, in standard deviations of the gripper's position.
+const MIN_TRAVEL: f64 = 3.0;
+
 /// The answer based on poses.
 pub(super) struct Settled<'a> {
     pub known: Vec<Known<'a>>,
@@ -90,6 +93,15 @@ impl Settled<'_> {
         let lever2 = |(view, _): &(usize, usize)| self.known[*view].base_lever2();
         let lever2 = used.iter().map(lever2).sum::<f64>() / used.len().max(1) as f64;
         Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
+    }
+
+    /// Returns whether the gripper's travel stands out of its noise: one that only rotates about its own origin says nothing about the target's size.
+    pub fn measures_size(&self) -> bool {
+        let used = self.used();
+        let travel2: f64 =
+            used.iter().map(|(view, _)| self.known[*view].gripper_in_base().norm_squared()).sum();
+        let travel_m = (travel2 / used.len().max(1) as f64).sqrt();
+        self.sigmas().is_none_or(|[_, sigma_m]| MIN_TRAVEL * sigma_m <= travel_m)
     }
 
     /// Returns the gripper's root mean square distance from its mean position, or the target's distance, whichever is larger, m.

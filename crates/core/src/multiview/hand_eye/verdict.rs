@@ -1,6 +1,6 @@
 //! Decides whether the answer is consistent, and if not, why. docs/math/hand_eye.md section 7.
 
-use super::alternatives::{alternatives, resized};
+use super::alternatives::{alternatives, better_convention, resized};
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Larger, Settled};
 use super::{HandEyeConfig, HandEyeView, TargetSize};
@@ -51,12 +51,15 @@ pub(super) fn judged(
         seen.push(HandEyeCause::ManyContradict { n_rejected, n_views });
     }
     let larger = settled.larger(config).map(|larger| widened(larger, settled, residuals));
-    let proven = larger.filter(|larger| is_proven(larger, settled));
+    let proven = larger.filter(|larger| settled.measures_size() && is_proven(larger, settled));
     let wrong = proven.filter(|larger| MAX_SIZE_ERROR < larger.part.abs());
     let mut causes: Vec<HandEyeCause> =
         intrinsics(settled, contradicts(residuals.pixels)).into_iter().collect();
     if causes.is_empty() && !seen.is_empty() {
         causes.extend(alternatives(views, settled, config));
+    }
+    if causes.is_empty() && seen.is_empty() {
+        causes.extend(better_convention(views, settled, config));
     }
     if let (true, Some(larger)) = (causes.is_empty() && large_noise(settled).is_none(), wrong) {
         causes.push(resized(views, settled, &larger, config));

@@ -27,24 +27,39 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    pub(super) fn of(corners: impl Iterator<Item = Pixel>, size: ImageSize) -> Self {
+    /// Counts the corners in an image.
+    pub fn of(corners: impl Iterator<Item = Pixel>, size: ImageSize) -> Self {
         let [columns, rows] = COVERAGE_GRID;
         let mut counts = vec![0; columns * rows];
-        let cell = |x: f64, side: u32, n: usize| {
-            let part = (x + 0.5) / f64::from(side.max(1)) * n as f64;
-            (part.max(0.0) as usize).min(n - 1)
-        };
-        for pixel in corners {
-            counts[cell(pixel.y, size.height_px, rows) * columns + cell(pixel.x, size.width_px, columns)] +=
-                1;
-        }
+        corners.for_each(|pixel| counts[cell(&pixel, size)] += 1);
         Coverage { columns, rows, counts }
+    }
+
+    /// Returns the centres of the cells with a corner.
+    pub fn covered(&self, size: ImageSize) -> impl Iterator<Item = Pixel> {
+        let (wide, high) = (f64::from(size.width_px), f64::from(size.height_px));
+        let centre = move |i: usize| {
+            let (column, row) = (i % self.columns, i / self.columns);
+            let along = |k: usize, n: usize, side: f64| (k as f64 + 0.5) / n as f64 * side - 0.5;
+            Pixel::new(along(column, self.columns, wide), along(row, self.rows, high))
+        };
+        (0..self.counts.len()).filter(|i| 0 < self.counts[*i]).map(centre)
     }
 
     /// Returns the share of cells with a corner.
     pub fn share(&self) -> f64 {
         self.counts.iter().filter(|n| 0 < **n).count() as f64 / self.counts.len().max(1) as f64
     }
+}
+
+/// Returns the index of a pixel's cell; pixels outside the image belong to the nearest one.
+fn cell(pixel: &Pixel, size: ImageSize) -> usize {
+    let [columns, rows] = COVERAGE_GRID;
+    let along = |x: f64, side: u32, n: usize| {
+        let part = (x + 0.5) / f64::from(side.max(1)) * n as f64;
+        (part.max(0.0) as usize).min(n - 1)
+    };
+    along(pixel.y, size.height_px, rows) * columns + along(pixel.x, size.width_px, columns)
 }
 
 /// The views that repeat an earlier one.

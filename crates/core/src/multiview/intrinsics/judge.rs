@@ -5,7 +5,7 @@ use super::findings::Finding;
 use super::geometry::{Copies, Coverage, Tilts, tilts};
 use super::groups::{TwoGroups, two_groups};
 use super::held_out::held_out;
-use super::next_view::next_view;
+use super::next_view::{Forecast, Known, next_view};
 use super::projection::Projection;
 use super::robust::{BadView, Clean};
 use super::scatter::{Noise, Spread, spread};
@@ -23,7 +23,7 @@ const LEAST_SPREAD_RAD: f64 = 0.17;
 /// A larger relative uncertainty of the focal length is reported.
 const GOOD_FOCAL: f64 = 0.01;
 /// A smaller share of the image's cells with corners is reported.
-const GOOD_COVERAGE: f64 = 0.6;
+pub const GOOD_COVERAGE: f64 = 0.6;
 /// A stretch is real beyond this many standard deviations, and if it exceeds that of paper in damp air.
 const REAL_SIGMAS: f64 = 5.0;
 const LEAST_STRETCH: f64 = 1.5e-3;
@@ -48,12 +48,14 @@ pub(super) struct Context<'a> {
 pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsics> {
     let found = &clean.fit;
     let spread = spread(found, context.config.noise)?;
-    let covariance = over_choices(found, &spread, context.chosen);
     let camera = found.shared.camera.clone();
+    let names: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
+    let covariance = over_choices(found, &spread, context.chosen, &names);
     let corners = || found.seen.iter().flat_map(used_pixels);
     let projection = Projection::new(&camera, &covariance, corners()).over_image(context.size, 17, 13);
     let views = views(found, &spread)?;
     let widening = spread.noise * spread.contradiction;
+    let forecast = projection.rms_px().and_then(|px| forecast(found, &spread, context, px));
     let coverage = Coverage::of(corners(), context.size);
     let tilts = tilts(&found.seen);
     let findings = findings(clean, &spread, &covariance, &coverage, context);
@@ -80,7 +82,8 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
         coverage,
         projection,
         held_out: held_out(found, widening),
-        next_view: next_view(found, context.size, &spread.covariance, widening),
+        next_view: forecast.as_ref().and_then(|forecast| next_view(found, context.size, forecast)),
+        forecast,
         findings,
         covariance,
         camera,
@@ -126,26 +129,54 @@ fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
     0.5 * (&all + all.transpose())
 }
 
-/// Returns the covariance of the parameters, including the choice of the model: docs/math/intrinsics.md eq. (8).
-fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen) -> DMatrix<f64> {
+/// Returns the covariance of the named parameters, including the choice of the model: docs/math/intrinsics.md eq. (8).
+fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen, names: &[&str]) -> DMatrix<f64> {
     let own = of_parameters(fit, &spread.covariance);
-    let names = fit.shared.camera.parameters();
-    let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
-    let reference: Vec<f64> = in_terms_of(&names, &chosen.own);
+    let own_names: Vec<&str> = fit.shared.camera.parameters().iter().map(|(name, _)| *name).collect();
+    let own = by_names(&own, &own_names, names);
+    let reference: Vec<f64> = in_terms_of(names, &chosen.own);
     let mut total = DMatrix::zeros(own.nrows(), own.nrows());
-    let mut weight_of_others = 0.0;
     for (weight, other) in &chosen.others {
         let conditional = &other.covariance * (spread.noise * spread.contradiction);
-        let places: Vec<Option<usize>> =
-            names.iter().map(|name| other.names.iter().position(|known| known == name)).collect();
-        let off: Vec<f64> = in_terms_of(&names, other).iter().zip(&reference).map(|(a, b)| a - b).collect();
-        total += DMatrix::from_fn(own.nrows(), own.nrows(), |i, j| {
-            let within = places[i].zip(places[j]).map_or(0.0, |(i, j)| conditional[(i, j)]);
-            weight * (within + off[i] * off[j])
-        });
-        weight_of_others += weight;
+        let within = by_names(&conditional, &other.names, names);
+        let off: Vec<f64> = in_terms_of(names, other).iter().zip(&reference).map(|(a, b)| a - b).collect();
+        total +=
+            DMatrix::from_fn(own.nrows(), own.nrows(), |i, j| weight * (within[(i, j)] + off[i] * off[j]));
     }
-    own * (1.0 - weight_of_others).max(0.0) + total
+    own * (1.0 - weight_of_others(chosen)) + total
+}
+
+fn weight_of_others(chosen: &Chosen) -> f64 {
+    chosen.others.iter().map(|(weight, _)| weight).sum::<f64>().min(1.0)
+}
+
+/// Returns a covariance for other names; a missing one has no variance.
+fn by_names(covariance: &DMatrix<f64>, names: &[&str], wanted: &[&str]) -> DMatrix<f64> {
+    let places: Vec<Option<usize>> =
+        wanted.iter().map(|name| names.iter().position(|known| known == name)).collect();
+    DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| {
+        places[i].zip(places[j]).map_or(0.0, |(i, j)| covariance[(i, j)])
+    })
+}
+
+/// Prepares the forecast of further views, in the parameters of every choice that is possibly right: a coefficient that the chosen lens lacks may
+/// be what is uncertain. docs/math/intrinsics.md section 9.
+fn forecast(fit: &Fit, spread: &Spread, context: &Context, now_px: f64) -> Option<Forecast> {
+    let widest = context.chosen.widest();
+    let camera = widest.camera(&fit.shared.camera).ok()?;
+    let directions = widest.directions(&camera);
+    let names: Vec<&str> = directions.iter().map(|d| camera.parameters()[d[0].0].0).collect();
+    let of_lens = over_choices(fit, spread, context.chosen, &names);
+    let (n_own, n) = (fit.shared.directions.len(), names.len());
+    // The shape of the target does not depend on the choice.
+    let n_shape = spread.covariance.nrows() - n_own;
+    let mut covariance = DMatrix::zeros(n + n_shape, n + n_shape);
+    covariance.view_mut((0, 0), (n, n)).copy_from(&of_lens);
+    let shape = spread.covariance.view((n_own, n_own), (n_shape, n_shape));
+    covariance.view_mut((n, n), (n_shape, n_shape)).copy_from(&shape);
+    let shared = Shared { camera, directions, ..fit.shared.clone() };
+    let noise = spread.noise * spread.contradiction;
+    Some(Forecast::new(fit, context.size, Known { shared, covariance, noise, now_px }))
 }
 
 /// Returns the parameters of another choice of the family, by the names of this one; a missing coefficient is zero.

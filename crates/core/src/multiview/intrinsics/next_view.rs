@@ -1,23 +1,34 @@
 //! Selects the view to take next: among views of flat targets at several positions, distances and tilts, the one after which the projection over
 //! the image is most certain. docs/math/intrinsics.md section 9.
 
-use super::adjust::{Fit, Seen, equations};
-use super::projection::{Projection, grid};
+use super::adjust::{Fit, Seen, Shared, equations};
+use super::projection::{Projection, grid, worse_variance};
 use crate::camera::ImageSize;
 use crate::least_squares::PivotedPose;
-use crate::{Correspondence, Pixel, Point, Pose, Vector6};
-use nalgebra::{DMatrix, Vector3};
+use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
+use nalgebra::{DMatrix, Dyn, OMatrix, U2, Vector3};
 
-/// A recommended view.
+/// Where a target is to be in the image, and how it is tilted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NextView {
+pub struct Placement {
     /// Position of the target's centre in the image.
     pub centre: Pixel,
     /// The angle by which it should be tilted, rad, about …
     pub tilt_rad: f64,
-    /// … this axis in the image, rad from the u axis towards the v axis: a tilt about v (90°) moves the target's left or right edge towards the
+    /// … this axis in the image, rad from the u axis towards the v axis: a tilt about v (90°) moves the target's right edge towards the
     /// camera.
     pub axis_rad: f64,
+    /// Its size in the image, as a part of the image's shorter side.
+    pub part: f64,
+}
+
+/// A recommended view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NextView {
+    /// Where the target should be.
+    pub placement: Placement,
+    /// Its pose there, for a target with the axes of the camera where it is not tilted.
+    pub cam_from_target: Pose,
     /// Its distance, metres.
     pub distance_m: f64,
     /// Root mean square projection uncertainty over the image, px: now …
@@ -34,101 +45,145 @@ const TILTS_RAD: [f64; 2] = [0.0, 0.7];
 const AXES: usize = 4;
 /// Sizes of the target in the image, as parts of its shorter side.
 const SIZES: [f64; 2] = [0.35, 0.7];
-/// A view counts if at least this part of the target is in the image.
+/// A view counts if at least this part of the target is in the image, or as much as every view so far has shown: a detector may need all of it.
 const VISIBLE: f64 = 0.7;
 
-/// Returns the best of the grid of views; `None` where no view shows the target, or the fit has no covariance.
-pub(super) fn next_view(
-    fit: &Fit,
-    size: ImageSize,
-    covariance: &DMatrix<f64>,
-    noise: f64,
-) -> Option<NextView> {
-    let model = fit.seen.iter().max_by_key(|view| view.points.len())?;
-    let information = covariance.clone().try_inverse()?;
-    let n = fit.shared.camera.parameters().len();
-    let corners: Vec<Pixel> = fit.seen.iter().flat_map(|view| view.points.iter().map(|c| c.pixel)).collect();
-    let zero = DMatrix::zeros(n, n);
-    let projection = Projection::new(&fit.shared.camera, &zero, corners);
-    let rows: Vec<_> = grid(size, 9, 7).filter_map(|pixel| projection.by_parameters(&pixel)).collect();
-    let rms_px = |covariance: &DMatrix<f64>| {
-        let of_place = |row: &nalgebra::OMatrix<f64, nalgebra::U2, nalgebra::Dyn>| {
-            let small =
-                nalgebra::OMatrix::<f64, nalgebra::U2, nalgebra::Dyn>::from_fn(covariance.nrows(), |i, j| {
-                    fit.shared
-                        .directions
-                        .get(j)
-                        .map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
-                });
-            (&small * covariance * small.transpose()).trace()
+/// The uncertainty of the projection over the image, and what one more view would make of it.
+#[derive(Debug, Clone)]
+pub struct Forecast {
+    known: Known,
+    /// The derivatives of the projection at the positions of a grid, with respect to the shared unknowns.
+    rows: Vec<Rows>,
+    /// Root mean square over the grid, px, which is finer where `now_px` is computed.
+    of_grid_px: f64,
+}
+
+/// What is known before the view.
+#[derive(Debug, Clone)]
+pub(super) struct Known {
+    /// The shared unknowns, among them every coefficient that is possibly needed.
+    pub(super) shared: Shared,
+    /// Their covariance, singular where a coefficient is known to be zero.
+    pub(super) covariance: DMatrix<f64>,
+    /// Factor on the variances of the corners of a further view.
+    pub(super) noise: f64,
+    /// Root mean square uncertainty of the projection over the image, px.
+    pub(super) now_px: f64,
+}
+
+type Rows = OMatrix<f64, U2, Dyn>;
+
+impl Forecast {
+    /// Prepares the forecast.
+    pub(super) fn new(fit: &Fit, size: ImageSize, known: Known) -> Self {
+        let n = known.shared.camera.parameters().len();
+        let corners: Vec<Pixel> =
+            fit.seen.iter().flat_map(|view| view.points.iter().map(|c| c.pixel)).collect();
+        let zero = DMatrix::zeros(n, n);
+        let projection = Projection::new(&known.shared.camera, &zero, corners);
+        let along = |row: Rows| {
+            Rows::from_fn(known.covariance.nrows(), |i, j| {
+                let direction = known.shared.directions.get(j);
+                direction.map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
+            })
         };
-        (rows.iter().map(of_place).sum::<f64>() / rows.len().max(1) as f64).sqrt()
-    };
-    let now_px = rms_px(covariance);
-    let mut best: Option<NextView> = None;
-    for (centre, tilt_rad, axis_rad, part) in candidates(size) {
-        let Some(view) = imagined(fit, model, size, centre, tilt_rad, axis_rad, part) else { continue };
+        let rows: Vec<Rows> =
+            grid(size, 9, 7).filter_map(|pixel| projection.by_parameters(&pixel)).map(along).collect();
+        let of_grid_px = rms_px(&rows, &known.covariance);
+        Forecast { known, rows, of_grid_px }
+    }
+
+    /// Returns the root mean square projection uncertainty over the image, px.
+    pub fn now_px(&self) -> f64 {
+        self.known.now_px
+    }
+
+    /// Returns the root mean square projection uncertainty with one more view of these points, px; `None` where the camera has no pose for them.
+    pub fn with_view_px(&self, points: &[Correspondence]) -> Option<f64> {
+        let weights = vec![1.0; points.len()];
+        let view = Seen::located(0, points, weights, &self.known.shared.camera).ok()?;
+        self.with(&view)
+    }
+
+    /// Computes docs/math/intrinsics.md eq. (15).
+    fn with(&self, view: &Seen) -> Option<f64> {
+        let Known { shared, covariance, noise, now_px } = &self.known;
         let place = PivotedPose::new(&view.cam_from_target, &view.pivot);
-        let Some(added) =
-            equations(std::slice::from_ref(&view), &[place], &fit.shared).and_then(|e| e.reduced())
-        else {
+        let added = equations(std::slice::from_ref(view), &[place], shared)?.reduced()?.information / *noise;
+        let identity = DMatrix::identity(covariance.nrows(), covariance.nrows());
+        let then = covariance * (identity + added * covariance).try_inverse()?;
+        Some(now_px * rms_px(&self.rows, &then) / self.of_grid_px).filter(|px| px.is_finite())
+    }
+}
+
+/// Returns the root mean square of the standard deviations along the worse directions.
+fn rms_px(rows: &[Rows], covariance: &DMatrix<f64>) -> f64 {
+    let sum: f64 = rows.iter().map(|row| worse_variance(&(row * covariance * row.transpose()))).sum();
+    (sum / rows.len().max(1) as f64).sqrt()
+}
+
+/// Returns the best of the grid of views; `None` where no view shows the target.
+pub(super) fn next_view(fit: &Fit, size: ImageSize, forecast: &Forecast) -> Option<NextView> {
+    let model = fit.seen.iter().max_by_key(|view| view.points.len())?;
+    let fewest = fit.seen.iter().map(|view| view.points.len()).min()?;
+    let needed = (VISIBLE * model.points.len() as f64).max(fewest as f64).max(6.0);
+    let mut best: Option<NextView> = None;
+    for placement in candidates(size) {
+        let Some(view) = imagined(fit, model, size, &placement) else { continue };
+        if (view.points.len() as f64) < needed {
             continue;
-        };
-        let Some(then) = (&information + added.information / noise).cholesky().map(|c| c.inverse()) else {
-            continue;
-        };
-        let then_px = rms_px(&then);
-        if best.is_none_or(|best| then_px < best.then_px) && then_px.is_finite() {
+        }
+        let Some(then_px) = forecast.with(&view) else { continue };
+        if best.is_none_or(|best| then_px < best.then_px) {
             let distance_m = (view.cam_from_target * view.pivot).norm();
-            best = Some(NextView { centre, tilt_rad, axis_rad, distance_m, now_px, then_px });
+            let (cam_from_target, now_px) = (view.cam_from_target, forecast.now_px());
+            best = Some(NextView { placement, cam_from_target, distance_m, now_px, then_px });
         }
     }
     best
 }
 
-fn candidates(size: ImageSize) -> impl Iterator<Item = (Pixel, f64, f64, f64)> {
+fn candidates(size: ImageSize) -> impl Iterator<Item = Placement> {
     let (width, height) = (f64::from(size.width_px), f64::from(size.height_px));
     let places =
         PLACES.iter().flat_map(move |u| PLACES.iter().map(move |v| Pixel::new(u * width, v * height)));
     places.flat_map(|centre| {
-        TILTS_RAD.iter().flat_map(move |tilt| {
-            let axes = if *tilt == 0.0 { 1 } else { 2 * AXES };
+        TILTS_RAD.iter().flat_map(move |tilt_rad| {
+            let axes = if *tilt_rad == 0.0 { 1 } else { 2 * AXES };
             (0..axes).flat_map(move |axis| {
                 let axis_rad = std::f64::consts::PI * axis as f64 / AXES as f64;
-                SIZES.iter().map(move |part| (centre, *tilt, axis_rad, *part))
+                SIZES.iter().map(move |part| Placement { centre, tilt_rad: *tilt_rad, axis_rad, part: *part })
             })
         })
     })
 }
 
-/// Returns the view of the target with its centre at a pixel, tilted, at the distance where it fills a part of the image; `None` if hardly
-/// visible.
-fn imagined(
-    fit: &Fit,
-    model: &Seen,
-    size: ImageSize,
-    centre: Pixel,
-    tilt_rad: f64,
-    axis_rad: f64,
-    part: f64,
-) -> Option<Seen> {
+impl Placement {
+    /// Returns the pose of a target whose points lie between two corners of a box; `None` where the centre is outside the camera's field.
+    pub fn cam_from_target(&self, camera: &Camera, size: ImageSize, [low, high]: [Point; 2]) -> Option<Pose> {
+        let towards = camera.bearing(&self.centre).ok()?.into_inner();
+        let shorter = f64::from(size.width_px.min(size.height_px));
+        let distance = camera.matrix()?.fx_px * (high - low).amax() / (self.part * shorter);
+        let turn = |w: Vector3<f64>| Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
+        let axis = Vector3::new(self.axis_rad.cos(), self.axis_rad.sin(), 0.0);
+        let rotation = turn(axis * self.tilt_rad);
+        let middle: Point = 0.5 * (low + high);
+        Some(Pose::new(rotation, towards * distance - rotation * middle))
+    }
+}
+
+/// Returns a view of the points of the target that are in the image; `None` where there is none.
+fn imagined(fit: &Fit, model: &Seen, size: ImageSize, placement: &Placement) -> Option<Seen> {
     let camera = &fit.shared.camera;
-    let towards = camera.bearing(&centre).ok()?.into_inner();
-    let (low, high) = model.points.iter().fold((model.pivot, model.pivot), |(low, high), c| {
-        (low.zip_map(&c.x_in_target, f64::min), high.zip_map(&c.x_in_target, f64::max))
+    let bounds = model.points.iter().fold([model.pivot; 2], |[low, high], c| {
+        [low.zip_map(&c.x_in_target, f64::min), high.zip_map(&c.x_in_target, f64::max)]
     });
-    let focal = camera.matrix()?.fx_px;
-    let shorter = f64::from(size.width_px.min(size.height_px));
-    let distance = focal * (high - low).amax() / (part * shorter);
-    let turn = |w: Vector3<f64>| Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
-    let rotation = turn(Vector3::new(axis_rad.cos(), axis_rad.sin(), 0.0) * tilt_rad);
-    let middle: Point = 0.5 * (low + high);
-    let cam_from_target = Pose::new(rotation, towards * distance - rotation * middle);
+    let cam_from_target = placement.cam_from_target(camera, size, bounds)?;
     let in_image = |c: &&Correspondence| {
         camera.project(&(cam_from_target * c.x_in_target)).is_some_and(|pixel| camera.contains(&pixel))
     };
     let points: Vec<Correspondence> = model.points.iter().filter(in_image).copied().collect();
-    if (points.len() as f64) < VISIBLE * model.points.len() as f64 || points.len() < 6 {
+    if points.is_empty() {
         return None;
     }
     let weights = vec![1.0; points.len()];

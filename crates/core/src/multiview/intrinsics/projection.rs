@@ -82,6 +82,12 @@ impl<'a> Projection<'a> {
         Some(&d * self.covariance * d.transpose())
     }
 
+    /// Returns the standard deviation of the projection at a pixel along the worse direction, px; `None` outside the field.
+    pub fn sigma_px(&self, pixel: &Pixel) -> Option<f64> {
+        let variance = worse_variance(&self.covariance_px2(pixel)?);
+        Some(variance.max(0.0).sqrt()).filter(|sigma| sigma.is_finite())
+    }
+
     /// Returns the derivative of the projection with respect to the parameters, without the rotation; `None` outside the field.
     pub fn by_parameters(&self, pixel: &Pixel) -> Option<Rows> {
         let (by_rotation, by_parameters) = derivatives(self.camera, pixel)?;
@@ -90,16 +96,16 @@ impl<'a> Projection<'a> {
 
     /// Evaluates a grid over the image.
     pub fn over_image(&self, size: ImageSize, columns: usize, rows: usize) -> ProjectionUncertainty {
-        let places = grid(size, columns, rows).map(|pixel| {
-            let largest = |c: nalgebra::Matrix2<f64>| {
-                let (mean, half) = (0.5 * (c.m11 + c.m22), 0.5 * (c.m11 - c.m22));
-                (mean + half.hypot(c.m12)).max(0.0).sqrt()
-            };
-            let sigma_px = self.covariance_px2(&pixel).map(largest).filter(|s| s.is_finite());
-            ProjectionSigma { pixel, sigma_px }
-        });
+        let places =
+            grid(size, columns, rows).map(|pixel| ProjectionSigma { pixel, sigma_px: self.sigma_px(&pixel) });
         ProjectionUncertainty { columns, rows, places: places.collect() }
     }
+}
+
+/// Returns the variance along the worse direction.
+pub(super) fn worse_variance(c: &nalgebra::Matrix2<f64>) -> f64 {
+    let (mean, half) = (0.5 * (c.m11 + c.m22), 0.5 * (c.m11 - c.m22));
+    mean + half.hypot(c.m12)
 }
 
 /// Returns positions from corner to corner of an image, row by row.

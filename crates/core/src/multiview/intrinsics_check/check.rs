@@ -1,4 +1,4 @@
-//! Whether the given intrinsics fit: a score (Lagrange multiplier) test over many frames, docs/math/frames.md section 3.
+//! A test of the given intrinsics: a score (Lagrange multiplier) test over many frames, docs/math/frames.md section 3.
 //!
 //! Each frame is solved with the intrinsics as given. The score of its residual for them, with the pose eliminated, is
 //! summed over the frames: no parameter is changed, so the test also holds where the true intrinsics are far away.
@@ -18,7 +18,7 @@ use crate::{Camera, Correspondence, Error};
 use core::fmt;
 use nalgebra::DVector;
 
-/// Chance of blaming good intrinsics.
+/// Probability of a false alarm where the intrinsics are right.
 pub const FALSE_ALARM_RATE: f64 = 1e-3;
 
 /// The result of the test of the given intrinsics.
@@ -26,9 +26,9 @@ pub const FALSE_ALARM_RATE: f64 = 1e-3;
 pub struct IntrinsicsCheck {
     /// The score statistic, divided by `noise_scale`; χ² with `degrees_of_freedom` for right intrinsics.
     pub statistic: f64,
-    /// How many parameters the frames determine, hence could be tested.
+    /// Number of parameters that the frames determine and that are therefore tested.
     pub degrees_of_freedom: usize,
-    /// Chance of such a statistic if the intrinsics are right.
+    /// Probability of a statistic at least this large if the intrinsics are right.
     pub p_value: f64,
     /// The wrong parameters, the most significant first; empty when `p_value` ≥ `FALSE_ALARM_RATE`.
     pub blamed: Vec<Blame>,
@@ -36,20 +36,21 @@ pub struct IntrinsicsCheck {
     pub tested: Vec<ParameterOffset>,
     /// Names of the parameters that the frames leave undetermined; they were taken as given.
     pub undetermined: Vec<&'static str>,
-    /// Variance of the residuals over the stated one, where they prove it larger (else 1), the intrinsics' part taken out.
+    /// Variance of the residuals over the stated one, without the part that the intrinsics explain; 1 where the residuals do not prove it
+    /// larger.
     pub noise_scale: f64,
     /// Frames that took part.
     pub n_frames: usize,
-    /// Frames that did not.
+    /// Frames that did not take part.
     pub skipped: Vec<SkippedFrame>,
 }
 
-/// A kind of parameter that is off.
+/// A kind of parameter that is wrong.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Blame {
     /// Which kind.
     pub group: Group,
-    /// Its parameters, with only those of the blamed kinds free.
+    /// Its parameters, estimated with only those of the blamed kinds free.
     pub parameters: Vec<ParameterOffset>,
 }
 
@@ -67,7 +68,7 @@ pub struct ParameterOffset {
 }
 
 impl IntrinsicsCheck {
-    /// Whether the frames do not contradict the given intrinsics.
+    /// Returns whether the frames agree with the given intrinsics.
     pub fn fits(&self) -> bool {
         self.blamed.is_empty()
     }
@@ -106,7 +107,7 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
     })
 }
 
-/// Score and information of all intrinsics at the poses found, and χ² there.
+/// Returns the score and the information of all intrinsics at the poses found, and χ² there.
 fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
     if views.is_empty() {
         return None;
@@ -119,7 +120,7 @@ fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
     Some((equations.reduced()?, equations.chi2))
 }
 
-/// The parameters the frames determine, and the names of the others: the worst is held until the rest is determined.
+/// Returns the parameters that the frames determine, and the names of the others: the least determined one is held until the rest is determined.
 fn determined(
     reduced: &Reduced,
     scales: &[f64],
@@ -140,14 +141,14 @@ fn determined(
     }
 }
 
-/// T of some parameters, the others held, docs/math/frames.md eq. (8).
+/// Returns T of some parameters with the others held, docs/math/frames.md eq. (8).
 fn statistic(reduced: &Reduced, keep: &[usize]) -> f64 {
     let score = picked(&reduced.gradient, keep);
     let solved = restricted(&reduced.information, keep).cholesky().map(|c| c.solve(&score));
     solved.map_or(0.0, |solved| score.dot(&solved).max(0.0))
 }
 
-/// What every question to the score needs.
+/// The inputs of every statistic of the test.
 struct Test<'a> {
     reduced: &'a Reduced,
     parameters: &'a Parameters,
@@ -191,7 +192,7 @@ impl Test<'_> {
         groups.iter().map(|&group| Blame { group, parameters: belongs(group).collect() }).collect()
     }
 
-    /// One Gauss–Newton step of some parameters, the others held, docs/math/frames.md eq. (10).
+    /// Returns one Gauss–Newton step of some parameters with the others held, docs/math/frames.md eq. (10).
     fn offsets(&self, keep: &[usize]) -> Vec<ParameterOffset> {
         let Some(cholesky) = restricted(&self.reduced.information, keep).cholesky() else {
             return Vec::new();

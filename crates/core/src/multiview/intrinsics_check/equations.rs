@@ -12,17 +12,17 @@ use nalgebra::{Matrix2x6, Vector2};
 /// One free parameter as a direction in the space of intrinsics: (index, change per unit) of each parameter that takes part.
 pub(super) type Direction = ArrayVec<(usize, f64), 2>;
 
-/// Every parameter by itself.
+/// Returns one direction for each parameter.
 pub(super) fn every_parameter(camera: &Camera) -> Vec<Direction> {
     (0..camera.parameters().len()).map(|i| Direction::from_iter([(i, 1.0)])).collect()
 }
 
-/// The pivots of the views: the centroids of their points.
+/// Returns the pivots of the views: the centroids of their points.
 pub(super) fn pivots(views: &[View]) -> Vec<Point> {
     views.iter().map(|view| centroid(&view.seen)).collect()
 }
 
-/// The equations of all views at given poses; none where a point leaves the camera's field.
+/// Returns the equations of all views at given poses; none where a point leaves the camera's field.
 pub(super) fn equations(
     views: &[View],
     pivots: &[Point],

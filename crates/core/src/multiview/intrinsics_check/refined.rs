@@ -1,4 +1,4 @@
-//! Chosen intrinsics and every pose together, by maximum likelihood: docs/math/frames.md section 2.
+//! The joint estimate of chosen intrinsics and every pose, by maximum likelihood: docs/math/frames.md section 2.
 //!
 //! Starts from the intrinsics given and the poses they lead to. Wrong intrinsics can turn a view to its mirror pose: after convergence
 //! each view is solved again with the new intrinsics, and where that fits better the joint minimum is sought from there.
@@ -16,10 +16,10 @@ use nalgebra::{DMatrix, DVector};
 pub enum Focal {
     /// None.
     Held,
-    /// One: fx and fy keep their ratio.
+    /// One factor: fx and fy keep their ratio.
     #[default]
     Common,
-    /// fx and fy.
+    /// fx and fy independently.
     Separate,
 }
 
@@ -58,9 +58,9 @@ pub struct RefinedIntrinsics {
     pub covariance: Vec<f64>,
     /// Every frame that took part.
     pub frames: Vec<RefinedFrame>,
-    /// Frames that did not.
+    /// Frames that did not take part.
     pub skipped: Vec<SkippedFrame>,
-    /// Sum of squared residuals over their variances, all frames.
+    /// Sum of squared residuals over their variances, over all frames.
     pub chi2: f64,
     /// Two for each point, less six for each frame, less the free intrinsics.
     pub degrees_of_freedom: usize,
@@ -69,16 +69,16 @@ pub struct RefinedIntrinsics {
 }
 
 impl RefinedIntrinsics {
-    /// Standard deviations, in the order of `Camera::parameters`; zero where held.
+    /// Returns the standard deviations in the order of `Camera::parameters`; zero where held.
     pub fn sigmas(&self) -> Vec<f64> {
         let n = self.camera.parameters().len();
         (0..n).map(|i| self.covariance[i * n + i].sqrt()).collect()
     }
 }
 
-/// How often views may change to a better pose: a bound on the work, since each change lowers χ².
+/// Largest number of rounds in which views change to a better pose; it bounds the work only, since each change lowers χ².
 const MAX_ROUNDS: usize = 5;
-/// A pose found again is another one if it lowers χ² by more than this: far below a sigma, far above rounding.
+/// A pose found again is a different one if it lowers χ² by more than this: far less than one σ, far more than rounding.
 const SAME_CHI2: f64 = 1e-3;
 
 /// Estimates the chosen intrinsics of `camera` and the pose of every frame, each the correspondences of one view.
@@ -109,7 +109,7 @@ pub fn refine_intrinsics<F: AsRef<[Correspondence]>>(
     Err(Error::NotConverged { steps: MAX_ROUNDS })
 }
 
-/// The directions of the chosen parameters.
+/// Returns the directions of the chosen parameters.
 fn directions(camera: &Camera, free: Free) -> Vec<Direction> {
     let parameters = camera.parameters();
     let of = |group: Group| -> Vec<Direction> {
@@ -121,7 +121,7 @@ fn directions(camera: &Camera, free: Free) -> Vec<Direction> {
         Focal::Held => Vec::new(),
         Focal::Separate => focal,
         Focal::Common => {
-            // Per unit of the first: fx and fy grow in proportion.
+            // Change per unit of the first one: fx and fy grow in proportion.
             let indices = focal.iter().flatten().map(|(i, _)| *i);
             let first = parameters[0].1;
             vec![indices.map(|i| (i, parameters[i].1 / first)).collect()]
@@ -136,7 +136,7 @@ fn directions(camera: &Camera, free: Free) -> Vec<Direction> {
     directions
 }
 
-/// The camera with its parameters moved along the directions.
+/// Returns the camera with its parameters moved along the directions.
 fn changed(camera: &Camera, directions: &[Direction], change: &DVector<f64>) -> Result<Camera, Error> {
     let mut values: Vec<f64> = camera.parameters().iter().map(|(_, value)| *value).collect();
     for (direction, change) in directions.iter().zip(change.iter()) {
@@ -147,7 +147,7 @@ fn changed(camera: &Camera, directions: &[Direction], change: &DVector<f64>) -> 
     camera.with_parameters(&values)
 }
 
-/// The joint minimum reached from the views' poses and the given camera.
+/// Returns the joint minimum reached from the views' poses and the given camera.
 fn minimum(
     views: &[View],
     pivots: &[Point],
@@ -165,13 +165,14 @@ fn minimum(
     if solution.is_minimum() {
         return Ok(solution);
     }
-    // Along a direction that the frames leave open the loop wanders: then that is the reason.
+    // Along a direction that the frames leave undetermined the iteration does not converge; the error then names that direction.
     let reached = changed(camera, directions, &solution.state.change)?;
     covariance_of_directions(&solution.equations, views, &reached, directions)?;
     Err(Error::NotConverged { steps: solution.steps })
 }
 
-/// Puts the solution's poses into the views, or the poses found afresh with the new camera where those fit better; whether any did.
+/// Puts the solution's poses into the views, or the poses found again with the new camera where those fit better; returns whether any fits
+/// better.
 fn take_better_poses(
     views: &mut [View],
     pivots: &[Point],
@@ -220,7 +221,7 @@ fn answer(
     Ok(RefinedIntrinsics { camera, covariance, frames, skipped, chi2, degrees_of_freedom, noise_scale })
 }
 
-/// Marginal covariance of the free parameters, docs/math/frames.md eq. (5); refuses undetermined parameters, eq. (9).
+/// Returns the marginal covariance of the free parameters, docs/math/frames.md eq. (5); refuses undetermined parameters, eq. (9).
 fn covariance_of_directions(
     equations: &SharedEquations,
     views: &[View],
@@ -240,7 +241,7 @@ fn covariance_of_directions(
     }
 }
 
-/// From the free directions to all parameters: D Σ Dᵀ.
+/// Returns the covariance of all parameters from that of the free directions: D Σ Dᵀ.
 fn covariance_of_parameters(small: &DMatrix<f64>, directions: &[Direction], n: usize) -> Vec<f64> {
     let mut covariance = vec![0.0; n * n];
     for (a, left) in directions.iter().enumerate() {
@@ -255,7 +256,7 @@ fn covariance_of_parameters(small: &DMatrix<f64>, directions: &[Direction], n: u
     covariance
 }
 
-/// The covariance of the left motion from that about the pivot: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
+/// Returns the covariance of the left motion from that about the pivot: ν_left = ν + c × ω, docs/math/refine.md eq. (7).
 fn about_camera(about_pivot: &Matrix6, pivot_in_cam: &Point) -> Matrix6 {
     let mut to_camera = Matrix6::identity();
     to_camera.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_cam.cross_matrix());

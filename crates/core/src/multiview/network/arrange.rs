@@ -7,26 +7,26 @@ use super::{Adjusted, Constraint, NetworkProblem};
 use crate::locate::consistency::{is_unlikely, unlikely_above};
 use crate::{Error, Pose};
 
-/// Other poses of photographs tried.
+/// Largest number of alternative poses of photographs that are tried.
 const MOST_ALTERNATIVES: usize = 12;
-/// Arrangements tried in all, where none fits.
+/// Largest number of arrangements that are tried in all where none fits.
 const MOST_DRAFTS: usize = 60;
-/// An arrangement that places one thing more may fit worse by this: a mirrored photograph gives points without parallax a place, but a
-/// wrong one.
+/// An arrangement that determines one item more may have a χ² larger by this: a mirrored photograph determines points without parallax, but at
+/// wrong positions.
 const COST_OF_LOSS_CHI2: f64 = 25.0;
-/// Two arrangements are one when their χ² and the photographs' places agree to this.
+/// Two arrangements are the same when their χ² and the photographs' poses agree to this.
 const SAME: f64 = 1e-3;
 
-/// A slow arrangement that is higher above the best one than this, times the factor that widens its variances, is given up: the gate of
-/// a second solution is a tenth of it.
+/// An arrangement that converges slowly and whose χ² exceeds the best one's by more than this, times the factor that widens its variances, is
+/// given up: the gate of a second solution is a tenth of it.
 const FAR_CHI2: f64 = 100.0;
 
-/// How thoroughly to look.
+/// The extent of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Depth {
-    /// Other poses of one photograph at a time, and only arrangements whose constraints may agree: those of a hypothesis.
+    /// Tries other poses of one photograph at a time, and keeps only arrangements whose constraints may agree: used to test a hypothesis.
     Single,
-    /// Where that fits badly, other poses of several photographs together.
+    /// Also tries other poses of several photographs together where single ones fit badly.
     Together,
 }
 
@@ -42,12 +42,12 @@ struct Search<'a> {
     useless_above: Option<f64>,
 }
 
-/// χ², and the penalty of leaving points or photographs without a pose.
+/// Returns χ² plus the penalty of leaving points or photographs without a pose.
 pub(super) fn cost(a: &Adjusted) -> f64 {
     a.chi2 + COST_OF_LOSS_CHI2 * a.undetermined.len() as f64
 }
 
-/// The best of all arrangements.
+/// Returns the best of all arrangements.
 pub(super) fn best_of(
     network: &NetworkProblem,
     arrangements: &[Places],
@@ -58,7 +58,8 @@ pub(super) fn best_of(
     let mut search = Search { network, found: Vec::new(), refusal: None, drafts: 0, useless_above };
     let mut open: Vec<(usize, Forced)> = (0..arrangements.len()).map(|k| (k, Vec::new())).collect();
     for control_points in arrangements {
-        // Where photographs join in, the whole network says better which distance is wrong.
+        // This error is returned only where no arrangement is solved: with photographs, the whole network shows better which distance is wrong.
+        // solved.
         search.refusal = search.refusal.or(check_distances(network, control_points).err());
     }
     let deepest = if depth == Depth::Single { 1 } else { network.camera_of_photo.len() };
@@ -78,7 +79,7 @@ pub(super) fn best_of(
 }
 
 impl Search<'_> {
-    /// Adjusts one arrangement; the forced poses to try after it.
+    /// Adjusts one arrangement; returns the forced poses to try after it.
     fn follow(&mut self, control_points: &Places, forced: &Forced) -> Vec<Forced> {
         self.drafts += 1;
         let first = draft(self.network, control_points, forced);
@@ -94,7 +95,7 @@ impl Search<'_> {
         next
     }
 
-    /// χ² above which an arrangement is of no use, or no alternative to one that was found and places everything.
+    /// Returns the χ² above which an arrangement is of no use, or is no alternative to one that determines everything.
     fn far_chi2(&self) -> Option<f64> {
         let whole = self.found.iter().filter(|a| a.undetermined.is_empty());
         whole.map(|a| a.chi2 + FAR_CHI2 * a.noise_scale).chain(self.useless_above).reduce(f64::min)

@@ -1,7 +1,7 @@
-//! Which single constraint is wrong, where everything together contradicts itself or cannot be solved: docs/math/survey.md eq. (23).
+//! The single wrong constraint, where the network contradicts itself or cannot be solved: docs/math/survey.md eq. (23).
 //!
-//! Each distance is tried with its decimal point moved, then each suspect constraint is left out. The constraint that explains everything is named, and
-//! the places are found without it.
+//! Each distance is tried with its decimal point moved, then each suspect constraint is left out. The constraint that explains everything is
+//! named, and the positions are solved without it.
 
 use super::arrange::{Depth, best_of};
 use super::solve::settle;
@@ -13,7 +13,7 @@ use crate::Error;
 
 /// The misplaced decimal points that are tried: by one digit first, then two or three.
 const SLIPS: [&[i32]; 2] = [&[1, -1], &[2, -2, 3, -3]];
-/// The constraints that are left out one by one.
+/// Largest number of constraints that are left out one by one.
 const MOST_REMOVED: usize = 40;
 /// The number of suspects of the whole network that are left out one by one.
 const MOST_SUSPECTS: usize = 6;
@@ -21,7 +21,8 @@ const MOST_SUSPECTS: usize = 6;
 const TIED_CHI2: f64 = 9.0;
 /// The prediction of the others must contradict the constraint by this many standard deviations.
 const LEAST_SIGMAS: f64 = 4.0;
-/// A distance slipped if it is the predicted one times a power of ten to this part, or to five standard deviations.
+/// A distance has a misplaced decimal point if it is the predicted one times a power of ten to within this share, or to five standard
+/// deviations.
 const SLIP_TOLERANCE: f64 = 0.03;
 
 /// A network without one constraint, and its prediction of that constraint.
@@ -30,12 +31,12 @@ struct Explanation {
     without: Adjusted,
 }
 
-/// The best of all arrangements of a network.
+/// Returns the best of all arrangements of a network.
 pub(super) fn attempt(network: &NetworkProblem, depth: Depth) -> Result<Adjusted, Error> {
     best_of(network, &control_points(network)?, depth)
 }
 
-/// The same answer, or a better one without the constraint that is wrong.
+/// Returns the same solution, or a better one without the constraint that is wrong.
 pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>) -> Result<Adjusted, Error> {
     let is_line = |a: &Adjusted| !contradicts(a) && spread::of_adjusted(network, a).is_some();
     if whole.as_ref().is_ok_and(|a| !is_doubtful(network, a) || is_line(a)) {
@@ -54,7 +55,7 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     let tied: Vec<Suspect> =
         found.take_while(|e| e.without.chi2 < least + TIED_CHI2).map(|e| e.suspect).collect();
     let mut best = match whole {
-        // Nothing tells which of them is wrong: all take part.
+        // Nothing shows which of them is wrong, so all take part.
         Ok(whole) if !tied.is_empty() && whole.undetermined.len() <= first.without.undetermined.len() => {
             whole
         }
@@ -66,7 +67,7 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     Ok(best)
 }
 
-/// The network with two labels exchanged that explains everything.
+/// Returns the network with two labels exchanged, if that explains everything.
 fn exchanged(
     network: &NetworkProblem,
     whole: &Result<Adjusted, Error>,
@@ -83,7 +84,8 @@ fn exchanged(
     })
 }
 
-/// Whether something is wrong: constraints that contradict each other, or a control point that was clicked but left out, and what is known of it with it.
+/// Returns whether something is wrong: constraints contradict each other, or a control point in a photograph was left out together with the
+/// constraints on it.
 fn is_doubtful(network: &NetworkProblem, adjusted: &Adjusted) -> bool {
     contradicts(adjusted) || adjusted.lost_control_points(network).next().is_some()
 }
@@ -92,7 +94,7 @@ fn contradicts(adjusted: &Adjusted) -> bool {
     adjusted.is_inconsistent || !adjusted.suspects.is_empty()
 }
 
-/// Whether a network without a constraint, or with another value of it, explains everything.
+/// Returns whether a network without a constraint, or with another value of it, explains everything.
 fn explains(network: &NetworkProblem, whole: &Result<Adjusted, Error>, found: &Adjusted) -> bool {
     let lost = |a: &Adjusted| a.undetermined.len();
     let keeps = whole.as_ref().is_ok_and(|w| lost(found) <= lost(w)) || whole.is_err();
@@ -100,7 +102,7 @@ fn explains(network: &NetworkProblem, whole: &Result<Adjusted, Error>, found: &A
     keeps && is_checked && !is_doubtful(network, found)
 }
 
-/// Distances that agree with all others once their decimal point is moved.
+/// Returns the distances that agree with all others once their decimal point is moved.
 fn slips(network: &NetworkProblem, whole: &Result<Adjusted, Error>, powers: &[i32]) -> Vec<Explanation> {
     let mut found = Vec::new();
     for (index, constraint) in network.constraints.iter().enumerate() {
@@ -117,7 +119,7 @@ fn slips(network: &NetworkProblem, whole: &Result<Adjusted, Error>, powers: &[i3
     found
 }
 
-/// The slip that a corrected network proves: the others alone predict the corrected distance.
+/// Returns the misplaced decimal point that a corrected network proves: the others alone predict the corrected distance.
 fn slip(
     network: &NetworkProblem,
     index: usize,
@@ -138,7 +140,7 @@ fn predicted(network: &NetworkProblem, index: usize, without: &Adjusted) -> Opti
     snoop::against_the_rest(&network.constraints[index], &without.state, &without.layout, &without.covariance)
 }
 
-/// Constraints without which all others agree.
+/// Returns the constraints without which all others agree.
 fn removals(network: &NetworkProblem, whole: &Result<Adjusted, Error>) -> Vec<Explanation> {
     let is_distance = |i: &usize| matches!(network.constraints[*i], Constraint::Distance { .. });
     let mut tried: Vec<usize> = match whole {
@@ -163,7 +165,7 @@ fn speaks_of_a_control_point(network: &NetworkProblem, index: usize) -> bool {
     }
 }
 
-/// The network without one constraint, from its own starts or from places that are near.
+/// Solves the network without one constraint, from its own initial values or from positions that are near.
 fn without(network: &NetworkProblem, index: usize, near: Option<Adjusted>) -> Option<Explanation> {
     let mut constraints = network.constraints.to_vec();
     constraints.remove(index);
@@ -188,7 +190,7 @@ fn without(network: &NetworkProblem, index: usize, near: Option<Adjusted>) -> Op
 }
 
 impl Adjusted {
-    /// Control points that a photograph shows but that were left out, and what is known of them with them.
+    /// Returns the control points that a photograph shows but that were left out, and the constraints on them.
     pub(super) fn lost_control_points<'a>(
         &'a self,
         network: &'a NetworkProblem,
@@ -208,7 +210,7 @@ impl Adjusted {
         })
     }
 
-    /// The constraints that took part, except those of points or photographs without a pose.
+    /// Returns the constraints that took part, except those on points or photographs without a pose.
     pub(super) fn used_constraints(&self) -> Vec<Constraint> {
         let is_used = |(i, _): &(usize, &Constraint)| !self.left_out.contains(i);
         self.constraints.iter().enumerate().filter(is_used).map(|(_, f)| *f).collect()

@@ -5,7 +5,7 @@ use crate::locate::prior::Prior;
 use crate::{Error, Pose};
 use nalgebra::Matrix3;
 
-/// A standard deviation: its variance and the inverse of it must be numbers too.
+/// Returns whether a number is a standard deviation: its variance and the inverse of the variance must be finite too.
 fn is_sigma(s: f64) -> bool {
     0.0 < s && (s * s).is_normal() && (s * s).recip().is_normal()
 }
@@ -13,7 +13,7 @@ fn is_sigma(s: f64) -> bool {
 const POSITIVE: &str = "a standard deviation must be positive and finite";
 /// Variance of a pixel below which it is no measurement (1e-12 px).
 const LEAST_VARIANCE_PX2: f64 = 1e-24;
-/// A unit vector given in decimals is one to this.
+/// Largest deviation from length 1 of a unit vector given in decimals.
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 fn check_pose(index: usize, cam_from_world: &Pose) -> Result<(), Error> {
@@ -84,7 +84,7 @@ impl Constraint {
 }
 
 impl NetworkProblem<'_> {
-    /// Whether every number is possible for its kind.
+    /// Checks that every number is possible for its kind.
     pub(super) fn check(&self) -> Result<(), Error> {
         for (index, camera) in self.camera_of_photo.iter().enumerate() {
             if self.cameras.len() <= *camera {

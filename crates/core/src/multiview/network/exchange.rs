@@ -1,4 +1,4 @@
-//! Two exchanged labels of one photograph: tried where a network contradicts itself, and named where everything then agrees.
+//! Two exchanged labels of one photograph: tried where a network contradicts itself, and named where the exchange makes everything agree.
 
 use super::{Adjusted, Constraint, NetworkProblem};
 
@@ -37,7 +37,7 @@ pub(super) fn exchanged(
 ) -> Option<Adjusted> {
     let mut pairs = pairs(network, suspected);
     pairs.retain(|pair| !is_explained || 0 < pair.n_suspected);
-    // Control points first: they determine the pose of the photograph.
+    // Control points come first because they determine the pose of the photograph.
     pairs.sort_by_key(|pair| (2 - pair.n_control_points, 2 - pair.n_suspected));
     pairs.truncate(MOST_PAIRS);
     let attempt = |pair: &Pair| {

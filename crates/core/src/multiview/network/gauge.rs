@@ -1,16 +1,16 @@
-//! The frame of the positions: the part that the constraints determine, and the part that has to be held. docs/math/survey.md, section 4.
+//! The frame of the positions: the part that the constraints determine, and the part that must be held. docs/math/survey.md, section 4.
 
 use super::state::{Layout, State};
 use super::{Constraint, Frame, Item, NetworkProblem, Plane, rows};
 use crate::{Point, Pose, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 
-/// Height over longest side of the triangle that spans the frame.
+/// Smallest height over longest side of the triangle that spans the frame.
 const LEAST_HEIGHT: f64 = 0.05;
-/// Information about a motion of everything, relative to the best known one, below which it is free.
+/// A motion of everything is free if its information, relative to that of the best known motion, is below this.
 const FREE: f64 = 1e-10;
 
-/// First mark, second, and the first that stands well off their line.
+/// Returns the first control point, the second, and the first one far enough from the line through them.
 pub(super) fn frame_control_points(places: &[Option<Point>]) -> Option<[usize; 3]> {
     let control_points: Vec<usize> = (0..places.len()).filter(|p| places[*p].is_some()).collect();
     let at = |p: usize| places[p].unwrap_or_default();
@@ -24,7 +24,7 @@ pub(super) fn frame_control_points(places: &[Option<Point>]) -> Option<[usize; 3
     control_points.into_iter().skip(2).find(|c| off(*c)).map(|c| [a, b, c])
 }
 
-/// Whether coordinates, poses or known planes determine anything of the frame.
+/// Returns whether coordinates, poses or known planes determine any part of the frame.
 pub(super) fn is_given(network: &NetworkProblem) -> bool {
     let speaks = |f: &Constraint| match f {
         Constraint::Place { .. } | Constraint::Pose { .. } => true,
@@ -36,7 +36,7 @@ pub(super) fn is_given(network: &NetworkProblem) -> bool {
     network.constraints.iter().any(speaks)
 }
 
-/// The layout of the unknowns in the frame, and its name.
+/// Returns the layout of the unknowns in the frame, and the frame.
 pub(super) fn layout(
     network: &NetworkProblem,
     state: &State,
@@ -54,8 +54,8 @@ pub(super) fn layout(
     (layout, frame)
 }
 
-/// The same places rotated by half a turn about an axis of the frame, and normals reversed, where the adjustment carried the cameras to the
-/// other side of the plane, or the second mark to the other end of the x axis; none where all is as it should be.
+/// Returns the same state rotated by half a turn about an axis of the frame, and with normals reversed, where the adjustment moved the cameras
+/// to the other side of the plane, or the second control point to the negative x axis; none where neither happened.
 pub(super) fn facing_cameras(
     network: &NetworkProblem,
     state: &State,
@@ -107,10 +107,10 @@ fn exact_coordinates(network: &NetworkProblem) -> Vec<(usize, usize)> {
     network.constraints.iter().flat_map(of).collect()
 }
 
-/// Motions of everything that no constraint resists, as directions of the unknowns.
+/// Returns the motions of everything that no constraint resists, as directions of the unknowns.
 fn free_motions(network: &NetworkProblem, state: &State, layout: &Layout) -> Vec<DVector<f64>> {
     let Some(equations) = rows::equations(network.constraints, state, layout) else { return Vec::new() };
-    // What is exact resists in a way that no information shows.
+    // An exact pose fixes the frame, but the information matrix does not show it.
     let held = layout.photo.iter().enumerate().any(|(i, at)| at.is_none() && layout.has_photo(i));
     if held {
         return Vec::new();
@@ -119,7 +119,7 @@ fn free_motions(network: &NetworkProblem, state: &State, layout: &Layout) -> Vec
     let exact: Vec<(usize, usize)> = exact_coordinates(network);
     let generators = DMatrix::from_columns(&[0, 1, 2, 3, 4, 5].map(|k| {
         let unit = Vector3::ith(k % 3, 1.0);
-        // Turns about the middle, as large as a shift of one at the rim.
+        // Rotations about the middle, of a size that moves the farthest point by one unit, as a translation does.
         let (turn, shift) =
             if k < 3 { (unit / size, centre.cross(&unit) / size) } else { (Vector3::zeros(), unit) };
         generator(state, layout, &Vector6::new(turn.x, turn.y, turn.z, shift.x, shift.y, shift.z))
@@ -140,7 +140,7 @@ fn free_motions(network: &NetworkProblem, state: &State, layout: &Layout) -> Vec
     (0..6).filter(is_free).map(pin).collect()
 }
 
-/// Coordinates held exactly resist as if each were known to a metre.
+/// Returns the resistance of coordinates held exactly, each counted as if it were known to one metre.
 fn resistance_of_exact(state: &State, exact: &[(usize, usize)], centre: &Point, size: f64) -> Matrix6<f64> {
     let mut sum = Matrix6::zeros();
     for (point, axis) in exact {
@@ -162,7 +162,7 @@ fn middle(state: &State, layout: &Layout) -> (Point, f64) {
     (centre, if 0.0 < size { size } else { 1.0 })
 }
 
-/// How the unknowns change when everything moves by ξ in the world frame: docs/math/survey.md eq. (11).
+/// Returns the change of the unknowns when everything moves by ξ in the world frame: docs/math/survey.md eq. (11).
 fn generator(state: &State, layout: &Layout, motion: &Vector6) -> DVector<f64> {
     let (turn, shift) =
         (Vector3::new(motion[0], motion[1], motion[2]), Vector3::new(motion[3], motion[4], motion[5]));

@@ -5,9 +5,9 @@ use crate::Point;
 use nalgebra::{Matrix2xX, Matrix3, Vector3};
 
 impl Adjusted {
-    /// Covariance, m², of the place that one more image point of `sigma_px` in a photograph would give a point of the plane near `x_in_world`:
-    /// the image point's share, and that of photograph, lens and plane with all their correlations. None where one of them has no place, the point
-    /// is outside the photograph's field, or its ray runs along the plane.
+    /// Returns the covariance, m², of the position that one more image point of `sigma_px` in a photograph would give a point of the plane near
+    /// `x_in_world`: the share of the image point, and that of photograph, lens and plane with all their correlations. None where one of them is
+    /// undetermined, the point is outside the photograph's field, or its ray runs along the plane.
     pub fn image_point_on_plane_covariance_m2(
         &self,
         photo: usize,
@@ -25,7 +25,7 @@ impl Adjusted {
         let inverse =
             Matrix3::from_rows(&[by_world.row(0).into(), by_world.row(1).into(), at.normal.transpose()])
                 .try_inverse()?;
-        // Columns by unknown: pixel above, distance from the plane below.
+        // One column for each unknown: its effect on the pixel in the first two rows, on the distance from the plane in the third.
         let mut unknowns: Vec<(usize, Vector3<f64>)> = Vec::with_capacity(16);
         if let Some(first) = self.layout.photo[photo] {
             unknowns.extend((0..3).map(|k| (first + k, Vector3::new(by_turn[(0, k)], by_turn[(1, k)], 0.0))));
@@ -42,14 +42,14 @@ impl Adjusted {
         let mut v = Matrix3::from_diagonal(&Vector3::new(sigma_px * sigma_px, sigma_px * sigma_px, 0.0));
         for (i, by_i) in &unknowns {
             for (j, by_j) in &unknowns {
-                v += by_i * by_j.transpose() * self.covariance[(*i, *j)];
+                v += by_i * by_j.transpose() * self.covariance.at(*i, *j);
             }
         }
         let covariance = inverse * v * inverse.transpose();
         covariance.sum().is_finite().then_some(covariance)
     }
 
-    /// Distance of the point from the plane, by the plane's unknowns.
+    /// Returns the derivatives of the point's distance from the plane by the plane's unknowns.
     fn by_plane(&self, plane: usize, x_in_world: &Point) -> Vec<(usize, Vector3<f64>)> {
         let at = &self.state.planes[plane];
         let off = x_in_world - at.pivot;

@@ -1,5 +1,5 @@
-//! 95 % intervals by profile likelihood: the values of a quantity for which all that is known can still be met at a χ² not more than
-//! 3.84 above the least. Unlike value ± 1.96 σ they bend with the quantity: docs/math/survey.md eqs. (12)–(14).
+//! 95 % intervals by profile likelihood: the values of a quantity for which all constraints can still be met at a χ² at most 3.84 above the
+//! least. Unlike value ± 1.96 σ they follow the curvature of the quantity: docs/math/survey.md eqs. (12)–(14).
 
 use super::query::Query;
 use super::rows::equations;
@@ -12,7 +12,7 @@ use nalgebra::DVector;
 /// A value with its uncertainty, in metres, radians or square metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// Maximum likelihood.
+    /// The maximum likelihood estimate.
     pub value: f64,
     /// Standard deviation to first order.
     pub sigma: f64,
@@ -20,28 +20,28 @@ pub struct Measured {
     pub low: f64,
     /// Upper end of the 95 % interval.
     pub high: f64,
-    /// Whether the interval is that of the profile likelihood; where that could not be followed to its ends it is value ± 1.96 σ.
+    /// Whether the interval is that of the profile likelihood; where that could not be followed to its ends the interval is value ± 1.96 σ.
     pub is_profile: bool,
 }
 
 /// Two-sided 95 % point of the standard normal distribution.
 pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
-/// The end of an interval is found when √Δχ² is this near to its aim.
+/// Tolerance in √Δχ² at which an end of an interval is found.
 const NEAR: f64 = 2e-3;
-/// Secant steps towards an end.
+/// Largest number of secant steps towards an end.
 const MOST_STEPS: usize = 12;
 
 /// The part of a network that an interval depends on.
 struct Part {
     constraints: Vec<Constraint>,
     layout: Layout,
-    /// Which unknown of the network each of its unknowns is.
+    /// The index in the network of each unknown of the part.
     unknowns: Vec<usize>,
 }
 
 impl Adjusted {
-    /// The network without the points that the question does not ask for and that nothing checks: wherever everything else goes, they follow at
-    /// no cost. docs/math/survey.md eq. (28).
+    /// Returns the network without the points that the query does not use and that nothing checks: they follow every change of the rest without
+    /// adding to χ². docs/math/survey.md eq. (28).
     fn part(&self, query: &Query) -> Part {
         let (members, points) = (self.layout.members(), query.points());
         let is_unchecked = self.unchecked_groups();
@@ -52,7 +52,7 @@ impl Adjusted {
         Part { constraints, layout, unknowns }
     }
 
-    /// Which groups of points have no more residuals than unknowns.
+    /// Returns for each group of points whether it has no more residuals than unknowns.
     fn unchecked_groups(&self) -> Vec<bool> {
         let (members, unknowns) = (self.layout.members(), self.layout.arrow().groups());
         let mut group_of = vec![None; self.layout.point.len()];
@@ -68,7 +68,7 @@ impl Adjusted {
         n_rows.iter().zip(unknowns).map(|(n, unknowns)| *n == unknowns.len()).collect()
     }
 
-    /// One a point: whether it has no more residuals than unknowns, so that nothing checks it and no other answer depends on it.
+    /// Returns for each point whether it has no more residuals than unknowns, so that nothing checks it and no other answer depends on it.
     pub fn points_that_nothing_checks(&self) -> Vec<bool> {
         let mut is = vec![false; self.layout.point.len()];
         let of_groups = self.layout.members().iter().zip(self.unchecked_groups());
@@ -78,14 +78,14 @@ impl Adjusted {
         is
     }
 
-    /// The answer to a question about places that were found, with its 95 % interval.
+    /// Returns the value of a query with its 95 % interval.
     ///
     /// # Errors
-    /// The reason why a point or plane has no place; `InvalidSetting` for too few points, or those not in the network.
+    /// The reason why a point or plane is undetermined; `InvalidSetting` for too few points, or those not in the network.
     pub fn measure(&self, query: &Query) -> Result<Measured, Error> {
         self.check(query)?;
         let (value, gradient) = query.value(&self.state, &self.layout);
-        let by = &self.covariance * &gradient;
+        let by = self.covariance.times(&gradient);
         let sigma = gradient.dot(&by).max(0.0).sqrt();
         if !(value.is_finite() && sigma.is_finite()) {
             return Err(Error::NotFinite { what: "the value asked for", index: 0 });
@@ -135,7 +135,7 @@ impl Adjusted {
         }
     }
 
-    /// The value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant from 1.96 σ on.
+    /// Returns the value at which √(Δχ²/scale) reaches 1.96 on one side, by the secant method starting at 1.96 σ.
     fn end(
         &self,
         query: &Query,
@@ -148,7 +148,7 @@ impl Adjusted {
         let (mut at, mut aim) = (value, value + side * NORMAL_95 * sigma);
         let mut reached = 0.0;
         for _ in 0..MOST_STEPS {
-            // Along the line of minima to first order; the loop on the level does the rest.
+            // A first-order step along the line of constrained minima; the iteration on the level corrects it.
             state = state.moved(layout, &(by * ((aim - at) / (sigma * sigma))))?;
             let level = |s: &State| {
                 let (value, gradient) = query.value(s, layout);
@@ -166,7 +166,7 @@ impl Adjusted {
             }
             let slope = (root - reached) / (aim - at);
             let next = aim + (NORMAL_95 - root) / slope;
-            // Away from the value, at most doubling: a flat profile has no end.
+            // The step must stay on this side of the value and within 20 σ: the interval of a flat profile has no end.
             let is_usable = next.is_finite() && side * (next - value) > 0.0;
             if !is_usable || 20.0 * sigma < (next - value).abs() {
                 return None;

@@ -4,43 +4,43 @@ use super::state::{Layout, State};
 use crate::Point;
 use nalgebra::{DVector, Vector3};
 
-/// A question about places.
+/// A quantity to measure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Query {
-    /// Between two points, m.
+    /// The distance between two points, m.
     Distance {
-        /// From.
+        /// First point.
         a: usize,
-        /// To.
+        /// Second point.
         b: usize,
     },
-    /// Along points in order, m.
+    /// The length of the line through points in order, m.
     Polyline {
-        /// At least two.
+        /// The points, at least two.
         points: Vec<usize>,
     },
-    /// At a point, between the directions to two others, rad.
+    /// The angle at a point, between the directions to two others, rad.
     Angle {
-        /// One direction.
+        /// The point of one direction.
         a: usize,
-        /// Where.
+        /// The vertex.
         vertex: usize,
-        /// The other direction.
+        /// The point of the other direction.
         b: usize,
     },
-    /// Of a flat polygon in space, its corners in order, m².
+    /// The area of a flat polygon in space, its corners in order, m².
     Area {
-        /// At least three.
+        /// The corners, at least three.
         points: Vec<usize>,
     },
-    /// Above a plane, positive on the side of its normal, m.
+    /// The height above a plane, positive on the side of its normal, m.
     Height {
         /// Which plane.
         plane: usize,
         /// Which point.
         point: usize,
     },
-    /// One coordinate, m.
+    /// One coordinate of a point, m.
     Coordinate {
         /// Which point.
         point: usize,
@@ -50,7 +50,7 @@ pub enum Query {
 }
 
 impl Query {
-    /// The points of the query.
+    /// Returns the points of the query.
     pub fn points(&self) -> Vec<usize> {
         match self {
             Query::Distance { a, b } => vec![*a, *b],
@@ -60,7 +60,7 @@ impl Query {
         }
     }
 
-    /// The number of points it needs.
+    /// Returns the number of points that it needs.
     pub(super) fn least_points(&self) -> usize {
         match self {
             Query::Polyline { .. } => 2,
@@ -69,7 +69,7 @@ impl Query {
         }
     }
 
-    /// The value, and its gradient by the unknowns.
+    /// Returns the value, and its gradient by the unknowns.
     pub(super) fn value(&self, state: &State, layout: &Layout) -> (f64, DVector<f64>) {
         let mut gradient = DVector::zeros(layout.n);
         let mut by = |point: usize, slope: Vector3<f64>| {
@@ -108,7 +108,7 @@ impl Query {
     }
 }
 
-/// Unit vector, zero where there is none.
+/// Returns the unit vector; zero for a zero vector.
 fn direction(v: Vector3<f64>) -> Vector3<f64> {
     v.try_normalize(0.0).unwrap_or_default()
 }
@@ -124,7 +124,7 @@ fn length(points: &[usize], at: &impl Fn(usize) -> Point, by: &mut impl FnMut(us
     points.windows(2).map(piece).sum()
 }
 
-/// Moving an end across its arm by δ turns the arm by δ over its length.
+/// Returns the angle at `vertex`: moving an end across its arm by δ rotates the arm by δ over its length.
 fn angle(
     [a, vertex, b]: [usize; 3],
     at: &impl Fn(usize) -> Point,
@@ -140,7 +140,7 @@ fn angle(
     u.cross(&v).norm().atan2(u.dot(&v))
 }
 
-/// Half the length of Σ xᵢ × xᵢ₊₁; corners relative to the first, so that no digits are lost far from the origin.
+/// Returns half the length of Σ xᵢ × xᵢ₊₁, with corners relative to the first, so that no digits are lost far from the origin.
 fn area(points: &[usize], at: &impl Fn(usize) -> Point, by: &mut impl FnMut(usize, Vector3<f64>)) -> f64 {
     let n = points.len();
     let origin = at(points[0]);

@@ -1,4 +1,4 @@
-//! Which errors of a measurement would be noticed, and what do unnoticed ones do to an answer? docs/math/survey.md section 9.
+//! The errors of a measurement that would be noticed, and the effect of unnoticed ones on an answer: docs/math/survey.md section 9.
 //!
 //! ```text
 //!   J whitened rows of one constraint  ·  C covariance of the unknowns  ·  R = I − J C Jᵀ its redundancy, ρ, e eigenvalue and eigenvector
@@ -12,29 +12,29 @@ use crate::Error;
 use crate::multiview::triangulate::matrix_of;
 use nalgebra::{DMatrix, DVector, Vector2};
 
-/// Standard normal quantile of the chance, 80 %, with which the smallest error is noticed.
+/// Standard normal quantile of the probability, 80 %, with which the smallest error is noticed.
 const POWER: f64 = 0.841_621;
-/// Least part of an answer's variance with which a constraint matters for the answer.
+/// Smallest share of an answer's variance for which a constraint matters to the answer.
 const LEAST_SHARE: f64 = 0.01;
-/// The parameters that scale an image.
+/// Names of the parameters that scale an image.
 const FOCAL: [&str; 3] = ["f", "fx_px", "fy_px"];
 
-/// What may be wrong by itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A possible source of a single error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ErrorSource {
-    /// The constraint of an index.
+    /// The constraint with this index.
     Constraint(usize),
-    /// The focal length of the camera of an index, beyond its covariance.
+    /// The focal length of the camera with this index, beyond its covariance.
     Focal(usize),
 }
 
-/// How well an answer is checked.
+/// The extent to which an answer is checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QueryReliability {
     /// The largest error that a single wrong constraint or lens puts into the answer without being noticed in four of five cases, in the unit of
     /// the answer; none where the answer depends on something that nothing checks in some direction.
     pub largest_unnoticed_error: Option<f64>,
-    /// The constraint or lens behind it.
+    /// The constraint or lens that causes it.
     pub weakest: Option<ErrorSource>,
     /// Constraints and lenses that the answer depends on and that nothing checks.
     pub unchecked: Vec<ErrorSource>,
@@ -46,7 +46,7 @@ pub struct QueryReliability {
 struct PossibleError {
     source: ErrorSource,
     redundancy: f64,
-    /// Jᵀe, by unknown.
+    /// Jᵀe, one entry for each unknown.
     pull: Vec<(usize, f64)>,
     /// The error in the source's own unit.
     unit: f64,
@@ -70,7 +70,7 @@ impl Adjusted {
         NetworkReliability { adjusted: self, all, kappa }
     }
 
-    /// R = I − J C Jᵀ in its eigenvectors, docs/math/survey.md eq. (29).
+    /// Returns the possible errors of a constraint: R = I − J C Jᵀ in its eigenvectors, docs/math/survey.md eq. (29).
     fn of_constraint(&self, index: usize) -> Vec<PossibleError> {
         let constraint = &self.constraints[index];
         let rows = rows(constraint, &self.state, &self.layout).unwrap_or_default();
@@ -95,14 +95,15 @@ impl Adjusted {
         (0..rows.len()).map(error).collect()
     }
 
-    /// aᵀ C b of two sparse rows, with the covariance by the constraints as stated.
+    /// Returns aᵀ C b of two sparse rows, with the covariance by the constraints as stated.
     fn scatter(&self, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
         let of =
-            |(i, x): &(usize, f64)| b.iter().map(|(k, y)| x * y * self.covariance[(*i, *k)]).sum::<f64>();
+            |(i, x): &(usize, f64)| b.iter().map(|(k, y)| x * y * self.covariance.at(*i, *k)).sum::<f64>();
         a.iter().map(of).sum::<f64>() / self.noise_scale
     }
 
-    /// A focal length that is off by a part of itself moves all image points of its camera together: docs/math/survey.md eq. (32).
+    /// Returns the effect of a relative error of the focal length, which moves all image points of its camera together: docs/math/survey.md eq.
+    /// (32).
     fn of_focal(&self, camera: usize, used: &[usize]) -> Option<PossibleError> {
         let (mut squared, mut pull) = (0.0, DVector::<f64>::zeros(self.layout.n));
         for index in used {
@@ -121,12 +122,13 @@ impl Adjusted {
             return None;
         }
         let length = squared.sqrt();
-        let pull: Vec<(usize, f64)> = pull.iter().map(|x| x / length).enumerate().collect();
-        let redundancy = 1.0 - self.scatter(&pull, &pull);
+        let pull = pull / length;
+        let redundancy = 1.0 - pull.dot(&self.covariance.times(&pull)) / self.noise_scale;
+        let pull = pull.iter().copied().enumerate().collect();
         Some(PossibleError { source: ErrorSource::Focal(camera), redundancy, pull, unit: 1.0 / length })
     }
 
-    /// Returns how far an image point moves, in its standard deviations, as the focal length grows by the whole of itself.
+    /// Returns the motion of an image point, in its standard deviations, per relative change of the focal length.
     fn moved_by_focal(&self, camera: usize, image_point: &Constraint) -> Option<Vector2<f64>> {
         let Constraint::ImagePoint { photo, point, covariance_px2, .. } = image_point else { return None };
         let lens = &self.state.lenses[camera].camera;
@@ -139,17 +141,23 @@ impl Adjusted {
 }
 
 impl NetworkReliability<'_> {
-    /// Returns the smallest error of a source that is noticed in four of five cases, in its own unit (px, m, rad; of a focal length the part of
-    /// itself): docs/math/survey.md eq. (30). None where nothing checks the source or some direction of it.
+    /// Returns the smallest error of a source that is noticed in four of five cases, in its own unit (px, m, rad; for a focal length its
+    /// relative error): docs/math/survey.md eq. (30). None where nothing checks the source or some direction of it.
     pub fn smallest_noticed_error(&self, source: ErrorSource) -> Option<f64> {
-        let of_source = self.all.iter().filter(|error| error.source == source);
-        let least = of_source.min_by(|a, b| a.redundancy.total_cmp(&b.redundancy))?;
+        let least = self.of(source).iter().min_by(|a, b| a.redundancy.total_cmp(&b.redundancy))?;
         let is_checked = LEAST_REDUNDANCY < least.redundancy;
         is_checked.then(|| self.kappa * least.unit / least.redundancy.sqrt())
     }
 
+    /// The possible errors of a source: all are sorted by source.
+    fn of(&self, source: ErrorSource) -> &[PossibleError] {
+        let from = self.all.partition_point(|error| error.source < source);
+        let n = self.all[from..].partition_point(|error| error.source == source);
+        &self.all[from..from + n]
+    }
+
     fn is_checked_in_some_direction(&self, source: ErrorSource) -> bool {
-        self.all.iter().any(|error| error.source == source && LEAST_REDUNDANCY < error.redundancy)
+        self.of(source).iter().any(|error| LEAST_REDUNDANCY < error.redundancy)
     }
 
     /// Returns every constraint and lens that took part.
@@ -159,19 +167,18 @@ impl NetworkReliability<'_> {
         sources
     }
 
-    /// Returns how well the answer to a question is checked: docs/math/survey.md eq. (31).
+    /// Returns how well the answer to a query is checked: docs/math/survey.md eq. (31).
     ///
     /// # Errors
-    /// Those of [`Adjusted::measure`].
+    /// The errors of [`Adjusted::measure`].
     pub fn of_query(&self, query: &Query) -> Result<QueryReliability, Error> {
         self.adjusted.check(query)?;
         let (_, gradient) = query.value(&self.adjusted.state, &self.adjusted.layout);
-        let gradient: Vec<(usize, f64)> =
-            gradient.iter().copied().enumerate().filter(|(_, x)| *x != 0.0).collect();
-        let variance = self.adjusted.scatter(&gradient, &gradient);
+        let by = self.adjusted.covariance.times(&gradient) / self.adjusted.noise_scale;
+        let variance = gradient.dot(&by);
         let (mut largest, mut weakest, mut open) = (0.0, None, Vec::new());
         for error in &self.all {
-            let influence = self.adjusted.scatter(&gradient, &error.pull);
+            let influence: f64 = error.pull.iter().map(|(at, x)| x * by[*at]).sum();
             if !(LEAST_SHARE * variance <= influence * influence) {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! Constraints as whitened residuals, observed − predicted, with the derivatives of what was predicted: docs/math/survey.md eqs. (2)–(8).
+//! Constraints as whitened residuals, observed − predicted, with the derivatives of the prediction: docs/math/survey.md eqs. (2)–(8).
 
 use super::Constraint;
 use super::state::{Layout, PlaneAt, State};
@@ -35,7 +35,7 @@ impl Row {
     }
 }
 
-/// The rows of one constraint; none where a point leaves its camera's field.
+/// Returns the rows of one constraint; none where a point leaves its camera's field.
 pub(crate) fn rows(constraint: &Constraint, state: &State, layout: &Layout) -> Option<Vec<Row>> {
     Some(match constraint {
         Constraint::ImagePoint { .. } => image_point(constraint, state, layout)?,
@@ -71,7 +71,8 @@ pub(crate) fn rows(constraint: &Constraint, state: &State, layout: &Layout) -> O
     })
 }
 
-/// The direction down as a camera measures it; a rotation of the plane's normal moves the predicted direction as a rotation of the camera would.
+/// Returns the rows of the direction down as a camera measures it; a rotation of the plane's normal moves the predicted direction as a rotation
+/// of the camera would.
 fn gravity(constraint: &Constraint, state: &State, layout: &Layout) -> Vec<Row> {
     let Constraint::Gravity { plane, photo, down_in_cam, sigma_rad } = constraint else { return Vec::new() };
     let (pose, at) = (&state.photos[*photo], &state.planes[*plane]);
@@ -95,7 +96,7 @@ fn of_pose(pose: &Pose, expected: &Pose, covariance: &Matrix6, at: Option<usize>
     factors(&prior, pose).iter().map(|f| by_motion(f, at)).collect()
 }
 
-/// Pixel by pose, point and intrinsics, whitened by the inverse of Cholesky's factor of the pixel covariance.
+/// Returns the rows of a pixel by pose, point and intrinsics, whitened by the inverse of Cholesky's factor of the pixel covariance.
 fn image_point(constraint: &Constraint, state: &State, layout: &Layout) -> Option<Vec<Row>> {
     let Constraint::ImagePoint { photo, point, pixel, covariance_px2 } = constraint else {
         return Some(Vec::new());
@@ -127,7 +128,7 @@ fn image_point(constraint: &Constraint, state: &State, layout: &Layout) -> Optio
     Some(vec![row(0), row(1)])
 }
 
-/// The inclination of top over foot about the plane's two tangents, as sines.
+/// Returns the rows of the inclination of top over foot about the plane's two tangents, as sines.
 fn upright(
     plane: &PlaneAt,
     [foot, top]: [usize; 2],
@@ -149,7 +150,7 @@ fn upright(
     plane.tangents().iter().enumerate().map(|(k, b)| lean(k, b)).collect()
 }
 
-/// z ~ N(0, 1) for each uncertain direction of the intrinsics.
+/// Returns the prior z ~ N(0, 1) of each uncertain direction of the intrinsics.
 pub(crate) fn lens_rows(state: &State, layout: &Layout) -> Vec<Row> {
     let of = |(lens, at): (&super::state::LensAt, &usize)| {
         let at = *at;
@@ -159,12 +160,12 @@ pub(crate) fn lens_rows(state: &State, layout: &Layout) -> Vec<Row> {
     state.lenses.iter().zip(&layout.lens).flat_map(of).collect()
 }
 
-/// Unknowns that the frame leaves free are held.
+/// Returns the rows that hold the unknowns that the frame leaves free.
 fn pin_rows(layout: &Layout) -> impl Iterator<Item = Row> {
     layout.pins.iter().map(|pin| Row::new(0.0).by(Some(0), pin.as_slice()))
 }
 
-/// The whole cost at a state.
+/// Returns the equations of all constraints at a state.
 pub(crate) fn equations(
     constraints: &[Constraint],
     state: &State,
@@ -182,7 +183,7 @@ pub(crate) fn equations(
     sum.chi2.is_finite().then_some(sum)
 }
 
-/// How many residuals there are.
+/// Returns the number of residuals.
 pub(crate) fn n_rows(constraints: &[Constraint], state: &State, layout: &Layout) -> usize {
     let of_constraints = constraints.iter().filter(|f| layout.has(f)).filter_map(|f| rows(f, state, layout));
     of_constraints.map(|rows| rows.len()).sum::<usize>() + lens_rows(state, layout).len() + layout.pins.len()
@@ -249,7 +250,7 @@ mod tests {
         (state, layout, constraints)
     }
 
-    /// Central differences err by h² and ε/h; residuals here are up to 100 standard deviations. The upright's tangents turn with the
+    /// Central differences err by h² and ε/h; residuals here are up to 100 standard deviations. The tangents of the upright rotate with the
     /// normal, so its rows are compared through their sum of squares, whose derivative is −2 rᵀJ.
     #[test]
     fn rows_match_central_differences() {

@@ -1,4 +1,4 @@
-//! A plane of which only separate lengths are known, such as the dashes of a lane: its pose in one photograph from three or more of them.
+//! A plane on which only separate lengths are known, such as the dashes of a lane: its pose in one photograph from three or more of them.
 //!
 //! ```text
 //!   r ray of a image_point, camera frame  ·  ν = n/h normal over height: the plane is ν·x = 1, a point of it X = r/(ν·r)
@@ -11,17 +11,17 @@ use crate::least_squares::point::{PointEquations, minimize_point};
 use crate::{Error, Point};
 use nalgebra::{Matrix3, Vector3};
 
-/// Three unknowns need three lengths.
+/// Smallest number of lengths: the plane has three unknowns.
 const LEAST_SEGMENTS: usize = 3;
-/// Directions on the hemisphere from which the search for normals starts: 5° apart.
+/// Number of directions on the hemisphere from which the search for normals starts: 5° apart.
 const DIRECTIONS: usize = 900;
-/// Normals followed.
+/// Largest number of normals that are followed.
 const MOST_NORMALS: usize = 6;
-/// Width over length of points that count as a line.
+/// Width over length below which points count as a line.
 const LEAST_WIDTH: f64 = 0.05;
 /// Relative misfit that counts as one standard deviation: the descent ends three thousandths of a part in ten million from a minimum.
 const SIGMA: f64 = 1e-7;
-/// Two normals nearer than this are one, rad.
+/// Angle below which two normals are the same, rad.
 const SAME_RAD: f64 = 1e-3;
 /// A minimum is followed where the lengths fit it to this many times the best one's misfit, or to a tenth.
 const FOLLOWED: f64 = 30.0;
@@ -36,18 +36,18 @@ struct Segment {
 /// The image of one plane in one photograph.
 struct View {
     segments: Vec<Segment>,
-    /// Points of the plane and their rays.
+    /// Indices and rays of the points of the plane.
     rays: Vec<(usize, Vector3<f64>)>,
 }
 
-/// Places of the points of a plane by the lengths between them, from the photograph with the most of them; several where the lengths
-/// fit alike, none below three lengths. The plane is z = 0, the camera above it.
+/// Returns positions of the points of a plane by the lengths between them, from the photograph with the most of them; several where the lengths
+/// fit equally well, none below three lengths. The plane is z = 0, the camera above it.
 pub(super) fn by_segments(network: &NetworkProblem) -> Vec<Places> {
     let Some(best) = best_view(network) else { return Vec::new() };
     normals(&best).into_iter().map(|nu| laid(&best, &nu, network.n_points)).collect()
 }
 
-/// The line of separate lengths that look like one line to the photograph with the most of them: their rays lie in one plane.
+/// Returns the error that separate lengths lie on one line, judged in the photograph with the most of them: their rays lie in one plane.
 pub(super) fn line_of_segments(network: &NetworkProblem) -> Option<Error> {
     let best = best_view(network)?;
     let ends: Vec<Vector3<f64>> = best.segments.iter().flat_map(|s| s.ends).collect();
@@ -92,7 +92,7 @@ fn view(network: &NetworkProblem, plane: usize, photo: usize) -> View {
     View { segments: known.collect(), rays }
 }
 
-/// ln of the length that ν gives over the known one, and its gradient: eqs. (20), (21).
+/// Returns ln of the length that ν gives over the known one, and its gradient: eqs. (20), (21).
 fn misfit(segment: &Segment, nu: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     let [a, b] = &segment.ends;
     let (m, by_a, by_b) = (a.cross(b), nu.dot(a), nu.dot(b));
@@ -102,7 +102,8 @@ fn misfit(segment: &Segment, nu: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     (value.is_finite() && gradient.sum().is_finite()).then_some((value, gradient))
 }
 
-/// The misfits, ν being three unknowns as a point is; none where the plane passes a ray.
+/// Returns the sum of the misfits, with ν in the place of a point's three unknowns; none where a ray does not meet the plane in front of the
+/// camera.
 fn cost(view: &View, nu: &Vector3<f64>) -> Option<PointEquations> {
     if !view.rays.iter().all(|(_, r)| 0.0 < nu.dot(r)) {
         return None;
@@ -118,7 +119,7 @@ fn cost(view: &View, nu: &Vector3<f64>) -> Option<PointEquations> {
     Some(sum)
 }
 
-/// The ν that fit the lengths, best first: minima from every direction that sees all points.
+/// Returns the ν that fit the lengths, best first: minima from every direction in which all points are visible.
 fn normals(view: &View) -> Vec<Vector3<f64>> {
     let mut found: Vec<(f64, Vector3<f64>)> = Vec::new();
     for n in directions().filter_map(|n| scaled(view, &n)) {
@@ -134,18 +135,18 @@ fn normals(view: &View) -> Vec<Vector3<f64>> {
     found.into_iter().take(MOST_NORMALS).map(|f| f.1).collect()
 }
 
-/// Directions spread evenly over the half of the sphere before and around the camera, along Fibonacci's spiral.
+/// Returns directions spread evenly over the half of the sphere before and around the camera, along Fibonacci's spiral.
 fn directions() -> impl Iterator<Item = Vector3<f64>> {
     let golden = core::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..DIRECTIONS).map(move |i| {
-        // Down to z = −0.5: the normal of a road under a level camera is across its axis.
+        // z goes down to −0.5: the normal of a road is perpendicular to the axis of a level camera.
         let z = 1.0 - 1.5 * (i as f64 + 0.5) / DIRECTIONS as f64;
         let (across, angle) = ((1.0 - z * z).sqrt(), golden * i as f64);
         Vector3::new(across * angle.cos(), across * angle.sin(), z)
     })
 }
 
-/// The height that fits a normal best is the mean: ln of a length falls by ln s when ν grows by s, eq. (22).
+/// Returns the normal scaled by the height that fits best, which is a mean: ln of a length falls by ln s when ν grows by s, eq. (22).
 fn scaled(view: &View, n: &Vector3<f64>) -> Option<Vector3<f64>> {
     cost(view, n)?;
     let all: Option<Vec<f64>> = view.segments.iter().map(|s| misfit(s, n).map(|m| m.0)).collect();
@@ -153,13 +154,13 @@ fn scaled(view: &View, n: &Vector3<f64>) -> Option<Vector3<f64>> {
     Some(n * (all.iter().sum::<f64>() / all.len() as f64).exp())
 }
 
-/// The mean squared misfit and ν where the descent from a direction ends.
+/// Returns the mean squared misfit and ν at the minimum reached from a direction.
 fn descended(view: &View, start: Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     let found = minimize_point(&start, |nu| cost(view, nu))?;
     Some((found.equations.chi2 * SIGMA * SIGMA / view.segments.len() as f64, found.state))
 }
 
-/// The points where their rays meet the plane, in a frame whose z axis points from the plane to the camera.
+/// Returns the points where their rays meet the plane, in a frame whose z axis points from the plane to the camera.
 fn laid(view: &View, nu: &Vector3<f64>, n_points: usize) -> Places {
     let z = -nu.normalize();
     let x = z.cross(&Vector3::ith(z.iamin(), 1.0)).normalize();
@@ -177,7 +178,7 @@ fn laid(view: &View, nu: &Vector3<f64>, n_points: usize) -> Places {
 mod tests {
     use super::*;
 
-    /// Dashes of two lanes as a camera sees them that looks along the road, pitched and rolled.
+    /// Returns the dashes of two lanes, as observed by a pitched and rolled camera that looks along the road.
     fn made(nu: &Vector3<f64>, ends: &[[[f64; 2]; 2]]) -> View {
         let at = |[x, y]: [f64; 2]| Vector3::new(x, y, 1.0).normalize();
         let segments = ends.iter().map(|[a, b]| {

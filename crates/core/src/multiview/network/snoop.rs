@@ -3,6 +3,7 @@
 use super::Constraint;
 use super::rows::rows;
 use super::state::{Layout, State};
+use crate::least_squares::arrow::ArrowInverse;
 use nalgebra::{DMatrix, DVector};
 
 /// A constraint that the others contradict.
@@ -12,7 +13,7 @@ pub struct Suspect {
     pub constraint: usize,
     /// Its residual over the standard deviation that it should have.
     pub sigmas: f64,
-    /// Estimated error of the constraint, given minus predicted by the others, in its own unit (px, m, rad); the length of it for several numbers.
+    /// Estimated error of the constraint, given minus predicted by the others, in its own unit (px, m, rad); its norm for several numbers.
     pub off: f64,
     /// A known distance whose decimal point is misplaced according to the others.
     pub slip: Option<DecimalSlip>,
@@ -25,21 +26,21 @@ pub struct DecimalSlip {
     pub expected_m: f64,
     /// Its standard deviation, m.
     pub sigma_m: f64,
-    /// The given distance is about the expected one times ten to this.
+    /// The given distance is about the expected one times ten to this power.
     pub power_of_ten: i32,
 }
 
-/// Chance that any of the constraints of a good network is called a suspect.
+/// Probability that any constraint of a good network is called a suspect.
 const FALSE_ALARM: f64 = 1e-3;
 /// Redundancy below which the others do not check a constraint.
 pub(super) const LEAST_REDUNDANCY: f64 = 1e-3;
 
-/// Statistic and estimated error of one constraint; none where nothing checks it.
+/// Returns the statistic and the estimated error of one constraint; none where nothing checks it.
 fn test(
     constraint: &Constraint,
     state: &State,
     layout: &Layout,
-    covariance: &DMatrix<f64>,
+    covariance: &ArrowInverse,
 ) -> Option<(f64, f64)> {
     let rows = rows(constraint, state, layout)?;
     let k = rows.len();
@@ -52,7 +53,7 @@ fn test(
         for j in 0..k {
             for (a, x) in &rows[i].entries {
                 for (b, y) in &rows[j].entries {
-                    redundancy[(i, j)] -= x * y * covariance[(*a, *b)];
+                    redundancy[(i, j)] -= x * y * covariance.at(*a, *b);
                 }
             }
         }
@@ -76,7 +77,7 @@ pub(super) fn suspect_above(n_tested: usize) -> f64 {
     2.0 * (n_tested.max(1) as f64 / FALSE_ALARM).ln()
 }
 
-/// One standard deviation in the constraint's own unit.
+/// Returns one standard deviation in the constraint's own unit.
 pub(super) fn unit(constraint: &Constraint) -> f64 {
     match constraint {
         Constraint::ImagePoint { covariance_px2, .. } => covariance_px2.sigma_px(),
@@ -87,13 +88,14 @@ pub(super) fn unit(constraint: &Constraint) -> f64 {
     }
 }
 
-/// A constraint that took no part, against what the others predict: its residual over its own and their standard deviations, given minus
-/// predicted, and the standard deviation of what is predicted, in the constraint's unit. None where the others do not predict it.
+/// Compares a constraint that took no part with the prediction of the others. Returns its residual in standard deviations (its own and that of
+/// the prediction), given minus predicted, and the standard deviation of the prediction, both in the constraint's unit. None where the others do
+/// not predict it.
 pub(super) fn against_the_rest(
     constraint: &Constraint,
     state: &State,
     layout: &Layout,
-    covariance: &DMatrix<f64>,
+    covariance: &ArrowInverse,
 ) -> Option<(f64, f64, f64)> {
     if !layout.has(constraint) {
         return None;
@@ -102,7 +104,7 @@ pub(super) fn against_the_rest(
     let residual = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.residual));
     let predicted = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
         let of = |(a, x): &(usize, f64)| {
-            rows[j].entries.iter().map(|(b, y)| x * y * covariance[(*a, *b)]).sum::<f64>()
+            rows[j].entries.iter().map(|(b, y)| x * y * covariance.at(*a, *b)).sum::<f64>()
         };
         rows[i].entries.iter().map(of).sum()
     });
@@ -112,12 +114,12 @@ pub(super) fn against_the_rest(
     Some((sigmas, off * unit(constraint), predicted.trace().max(0.0).sqrt() * unit(constraint)))
 }
 
-/// The suspects, worst first. `covariance` is that of the unknowns by the constraints as stated.
+/// Returns the suspects, worst first. `covariance` is that of the unknowns by the constraints as stated.
 pub(super) fn suspects(
     constraints: &[Constraint],
     state: &State,
     layout: &Layout,
-    covariance: &DMatrix<f64>,
+    covariance: &ArrowInverse,
 ) -> Vec<Suspect> {
     let tested: Vec<(usize, f64, f64)> = constraints
         .iter()

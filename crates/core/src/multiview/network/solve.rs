@@ -6,19 +6,19 @@ use super::state::{Layout, LensAt, State};
 use super::trilaterate::{Places, lengths, plane_of};
 use super::{Adjusted, Constraint, Frame, Item, NetworkProblem, gauge, snoop};
 use crate::least_squares::Minimum;
-use crate::least_squares::arrow::ArrowEquations;
+use crate::least_squares::arrow::{ArrowEquations, ArrowInverse};
 use crate::least_squares::dense::{MAX_STEPS, minimize_dense, minimize_dense_within};
 use crate::locate::consistency::{is_unlikely, noise_scale};
 use crate::{Error, Point};
-use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{DVector, Matrix3, SymmetricEigen, Vector3};
 
-/// A point whose largest standard deviation exceeds this part of its distance from the camera has no place.
+/// A point whose largest standard deviation exceeds this share of its distance from the camera is undetermined.
 const LARGEST_SIGMA: f64 = 1.0 / 3.0;
-/// Scaled information below which a direction counts as unknown: rounding of a few hundred unknowns.
+/// Scaled information below which a direction counts as undetermined: rounding of a few hundred unknowns.
 const LEAST_INFORMATION: f64 = 1e-12;
 
-/// Adjusts a draft; what turns out to be undetermined is dropped and the rest adjusted again. Where there is a limit, a draft that is slow and
-/// still above it is given up.
+/// Adjusts a draft: drops what turns out to be undetermined and adjusts the rest again. With a limit `far_chi2`, gives up a draft that converges
+/// slowly and is still above the limit.
 pub(super) fn settle(
     network: &NetworkProblem,
     draft: Draft,
@@ -64,10 +64,10 @@ pub(super) fn settle(
 
 type NetworkMinimum = Minimum<State, ArrowEquations>;
 
-/// After so many evaluations a draft that is still above so many times the limit is given up.
+/// (steps, factor): after so many steps a draft whose χ² is still above the factor times the limit is given up.
 const LOOKS: [(usize, f64); 2] = [(12, 100.0), (40, 1.0)];
 
-/// The minimum from a state; one that is not converged where it is far above the limit when it is looked at.
+/// Returns the minimum from a state; a state that has not converged where its χ² is far above the limit at one of the checks of `LOOKS`.
 fn lowest(
     network: &NetworkProblem,
     state: &State,
@@ -97,7 +97,7 @@ fn conclude(
     solved: NetworkMinimum,
     layout: Layout,
     frame: Frame,
-    covariance: DMatrix<f64>,
+    covariance: ArrowInverse,
     mut undetermined: Vec<(Item, Error)>,
 ) -> Result<Adjusted, Error> {
     if !solved.is_minimum() {
@@ -116,7 +116,7 @@ fn conclude(
         exchanged: None,
         on_line: None,
         has_lost_control_points: false,
-        covariance: covariance * scale,
+        covariance: covariance.scaled(scale),
         chi2,
         degrees_of_freedom,
         noise_scale: scale,
@@ -130,23 +130,18 @@ fn conclude(
     })
 }
 
-/// H⁻¹; where there is none, the direction that nothing determines, each unknown over its own scale.
-fn inverse(equations: &ArrowEquations) -> Result<DMatrix<f64>, DVector<f64>> {
+/// Returns H⁻¹; where H is singular, the direction that nothing determines, each unknown over its own scale.
+fn inverse(equations: &ArrowEquations) -> Result<ArrowInverse, DVector<f64>> {
     let unit: Vec<f64> = equations.diagonal().iter().map(|d| d.sqrt().recip()).collect();
     let n = unit.len();
     if let Some(none) = unit.iter().position(|u| !u.is_finite()) {
         return Err(DVector::from_fn(n, |i, _| f64::from(u8::from(i == none))));
     }
     let scaled = equations.scaled(&unit);
-    let factor = scaled.factor(0.0).filter(|factor| LEAST_INFORMATION < factor.least_pivot().powi(2));
-    match factor {
-        Some(factor) => {
-            let mut inverse = factor.inverse();
-            for (i, mut row) in inverse.row_iter_mut().enumerate() {
-                row.iter_mut().zip(&unit).for_each(|(entry, of_column)| *entry *= unit[i] * of_column);
-            }
-            Ok(inverse)
-        }
+    let is_known = scaled.factor(0.0).is_some_and(|factor| LEAST_INFORMATION < factor.least_pivot().powi(2));
+    // Units change nothing but rounding in a factor.
+    match equations.factor(0.0).filter(|_| is_known) {
+        Some(factor) => Ok(factor.inverse()),
         None => {
             let eigen = SymmetricEigen::new(scaled.dense());
             Err(eigen.eigenvectors.column(eigen.eigenvalues.imin()).into_owned())
@@ -154,7 +149,7 @@ fn inverse(equations: &ArrowEquations) -> Result<DMatrix<f64>, DVector<f64>> {
     }
 }
 
-/// The point that an undetermined direction moves most; a photograph where no point moves.
+/// Returns the point that an undetermined direction moves most; a photograph where no point moves.
 fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
     let part = |at: &[Option<usize>]| at.iter().flatten().map(|i| direction[*i].powi(2)).sum::<f64>();
     let points = layout.point.iter().enumerate().map(|(i, at)| (part(at), Item::Point(i)));
@@ -177,27 +172,29 @@ fn blamed(direction: &DVector<f64>, layout: &Layout) -> Option<(Item, Error)> {
     (0.0 < share).then_some((item, why))
 }
 
-/// The point known worst, if it is known too badly to have a place.
+/// Returns the least determined point, if its uncertainty is too large for a position.
 fn weakest(
     network: &NetworkProblem,
     solved: &NetworkMinimum,
     layout: &Layout,
-    covariance: &DMatrix<f64>,
+    covariance: &ArrowInverse,
 ) -> Option<(Item, Error)> {
+    let mut nearest = vec![f64::INFINITY; network.n_points];
+    for constraint in network.constraints {
+        let Constraint::ImagePoint { photo, point, .. } = constraint else { continue };
+        if layout.has_photo(*photo) {
+            let distance = (solved.state.points[*point] - solved.state.photos[*photo].origin()).norm();
+            nearest[*point] = distance.min(nearest[*point]);
+        }
+    }
     let relative = |point: usize| {
         let at = layout.point[point];
         let block = Matrix3::from_fn(|i, j| match (at[i], at[j]) {
-            (Some(i), Some(j)) => covariance[(i, j)],
+            (Some(i), Some(j)) => covariance.at(i, j),
             _ => 0.0,
         });
         let sigma = block.symmetric_eigenvalues().max().max(0.0).sqrt();
-        let nearest = network.constraints.iter().filter_map(|f| match f {
-            Constraint::ImagePoint { photo, point: p, .. } if *p == point && layout.has_photo(*photo) => {
-                Some((solved.state.points[point] - solved.state.photos[*photo].origin()).norm())
-            }
-            _ => None,
-        });
-        nearest.reduce(f64::min).map(|distance| (sigma / distance, point))
+        nearest[point].is_finite().then(|| (sigma / nearest[point], point))
     };
     let all = (0..network.n_points).filter(|p| layout.has_point(*p));
     let (worst, point) = all.filter_map(relative).max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -206,7 +203,7 @@ fn weakest(
         .then(|| (Item::Point(point), undetermined("point", point, reason, worst, LARGEST_SIGMA)))
 }
 
-/// A point outside the field of a photograph that shows it.
+/// Returns a point outside the field of a photograph that shows it.
 fn out_of_field(network: &NetworkProblem, state: &State, dropped: &[Item]) -> Option<(Item, Error)> {
     network.constraints.iter().find_map(|f| {
         let Constraint::ImagePoint { photo, point, .. } = f else { return None };
@@ -224,7 +221,7 @@ fn out_of_field(network: &NetworkProblem, state: &State, dropped: &[Item]) -> Op
     })
 }
 
-/// Whether the mutual distances alone agree, before any photograph is looked at.
+/// Checks whether the mutual distances alone agree, before any photograph is used.
 pub(super) fn check_distances(network: &NetworkProblem, control_points: &Places) -> Result<(), Error> {
     let is_laid = |p: usize| control_points[p].is_some();
     let used: Vec<usize> =
@@ -272,7 +269,7 @@ pub(super) fn check_distances(network: &NetworkProblem, control_points: &Places)
     }
 }
 
-/// Places in the frame of three control points.
+/// Returns the positions in the frame of three control points.
 fn in_frame(control_points: &Places, [a, b, c]: [usize; 3]) -> Vec<Point> {
     let at = |p: usize| control_points[p].unwrap_or_default();
     let x: Vector3<f64> = (at(b) - at(a)).normalize();

@@ -1,5 +1,5 @@
-//! Whether the control points are on one line. A rotation of everything about it is then hardly visible, and the mirror image fits as well:
-//! docs/math/survey.md eq. (24).
+//! The test whether the control points are on one line. A rotation of everything about that line is then hardly visible, and the mirror image
+//! fits as well: docs/math/survey.md eq. (24).
 
 use super::trilaterate::{LEAST_HEIGHT, LINE_SIGMAS, Network, Places, lengths, plane_of};
 use super::{Adjusted, Constraint, NetworkProblem, Query};
@@ -10,7 +10,7 @@ use crate::{Error, Point};
 pub struct OnLine {
     /// The two control points farthest from each other.
     pub ends: [usize; 2],
-    /// How far they are from each other, m.
+    /// Their distance, m.
     pub length_m: f64,
     /// The distance of the control point farthest from their line, m.
     pub width_m: f64,
@@ -19,7 +19,7 @@ pub struct OnLine {
 }
 
 impl OnLine {
-    /// As an error.
+    /// Returns the corresponding error.
     pub(super) fn refusal(&self) -> Error {
         let [a, b] = self.ends;
         Error::ControlPointsOnLine {
@@ -32,7 +32,7 @@ impl OnLine {
     }
 }
 
-/// The two places farthest from each other, and the one farthest from their line, with its distance from it.
+/// Returns the two positions farthest from each other, and the one farthest from their line, with its distance from it.
 fn widest(places: &[(usize, Point)]) -> Option<([usize; 3], f64, f64)> {
     let mut ends: Option<(f64, [usize; 2])> = None;
     for i in 0..places.len() {
@@ -51,13 +51,13 @@ fn widest(places: &[(usize, Point)]) -> Option<([usize; 3], f64, f64)> {
     Some(([places[a].0, places[b].0, places[c].0], length, width))
 }
 
-/// Control points known by coordinates or distances.
+/// Returns whether a point is a control point: known by coordinates or distances.
 fn is_control_point(network: &NetworkProblem, point: usize) -> bool {
     let speaks = |f: &&Constraint| matches!(f, Constraint::Place { .. } | Constraint::Distance { .. });
     network.constraints.iter().filter(speaks).any(|f| f.points().contains(&Some(point)))
 }
 
-/// Whether photographs are placed by marks at all.
+/// Returns whether the pose of any photograph comes from control points.
 fn by_control_points(network: &NetworkProblem) -> bool {
     let is_given = |photo| {
         network.constraints.iter().any(|f| matches!(f, Constraint::Pose { photo: p, .. } if *p == photo))
@@ -65,7 +65,7 @@ fn by_control_points(network: &NetworkProblem) -> bool {
     !(0..network.camera_of_photo.len()).all(is_given)
 }
 
-/// The line through adjusted control points.
+/// Returns the line through adjusted control points.
 pub(super) fn of_adjusted(network: &NetworkProblem, adjusted: &Adjusted) -> Option<OnLine> {
     let control_points: Vec<(usize, Point)> = (0..network.n_points)
         .filter(|p| is_control_point(network, *p))
@@ -73,13 +73,13 @@ pub(super) fn of_adjusted(network: &NetworkProblem, adjusted: &Adjusted) -> Opti
         .collect();
     let ([a, b, c], length_m, width_m) = widest(&control_points).filter(|_| by_control_points(network))?;
     let (_, gradient) = Query::Area { points: vec![a, b, c] }.value(&adjusted.state, &adjusted.layout);
-    let area_sigma = gradient.dot(&(&adjusted.covariance * &gradient)).max(0.0).sqrt();
+    let area_sigma = gradient.dot(&adjusted.covariance.times(&gradient)).max(0.0).sqrt();
     let needed_m = (LEAST_HEIGHT * length_m).max(LINE_SIGMAS * 2.0 * area_sigma / length_m);
-    // A doubling back of the gradient where the area vanishes leaves the first bound.
+    // Where the area vanishes its gradient does too; the first bound then applies.
     (width_m < needed_m).then_some(OnLine { ends: [a, b], length_m, width_m, needed_m })
 }
 
-/// The line through coordinates, where only coordinates are known of the control points.
+/// Returns the line through coordinates, where only coordinates are known of the control points.
 pub(super) fn of_coordinates(network: &NetworkProblem) -> Option<Error> {
     let place = |f: &Constraint| match f {
         Constraint::Place { point, x_in_world, sigma_m } => Some(((*point, *x_in_world), sigma_m.max())),
@@ -92,7 +92,7 @@ pub(super) fn of_coordinates(network: &NetworkProblem) -> Option<Error> {
     line(&control_points, sigma_m).filter(|_| !has_lengths && by_control_points(network))
 }
 
-/// The line of places laid down from separate lengths.
+/// Returns the line of positions found from separate lengths.
 pub(super) fn of_laid(network: &NetworkProblem, laid: &Places) -> Option<Error> {
     let control_points: Vec<(usize, Point)> = (0..laid.len())
         .filter(|p| is_control_point(network, *p))
@@ -107,7 +107,7 @@ fn line(control_points: &[(usize, Point)], sigma_m: f64) -> Option<Error> {
     (width_m < needed_m).then(|| OnLine { ends: [a, b], length_m, width_m, needed_m }.refusal())
 }
 
-/// The line of control points whose measured triangles all are slim.
+/// Returns the line of control points whose measured triangles are all slim.
 pub(super) fn of_lengths(network: &NetworkProblem) -> Option<Error> {
     let lengths: Vec<_> = lengths(network).into_iter().map(|l| l.1).collect();
     let planes = plane_of(network);

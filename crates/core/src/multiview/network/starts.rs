@@ -10,16 +10,17 @@ use crate::multiview::triangulate::{PointView, triangulate};
 use crate::{Error, Point, Pose};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-/// Everything that was placed, and the reasons for the rest.
+/// The initial values, and the reasons why the rest has none.
 pub(super) struct Draft {
     pub(super) state: State,
     pub(super) dropped: Vec<(Item, Error)>,
-    /// Other poses of photographs that fit their marks about as well.
+    /// Other poses of photographs that fit their control points about as well.
     pub(super) alternatives: Vec<(usize, Pose)>,
     pub(super) control_points: Option<[usize; 3]>,
 }
 
-/// Arrangements of the control points whose coordinates or mutual distances are given; one without any control point where poses are given instead.
+/// Returns the arrangements of the control points whose coordinates or mutual distances are given; one without any control point where poses are
+/// given instead.
 pub(super) fn control_points(problem: &NetworkProblem) -> Result<Vec<Places>, Error> {
     check_length(problem)?;
     let mut places: Places = vec![None; problem.n_points];
@@ -62,7 +63,7 @@ pub(super) fn control_points(problem: &NetworkProblem) -> Result<Vec<Places>, Er
     Ok(network.grow(places, &normals))
 }
 
-/// Why distances alone place nothing.
+/// Returns the reason why distances alone give no initial values.
 fn no_start(problem: &NetworkProblem, lengths: &[Length]) -> Error {
     spread::of_lengths(problem).unwrap_or(Error::Undetermined {
             what: "the frame of point",
@@ -83,7 +84,7 @@ fn check_length(problem: &NetworkProblem) -> Result<(), Error> {
     if is_known { Ok(()) } else { Err(Error::NoLength) }
 }
 
-/// The known plane that all corners of the triangle lie on.
+/// Returns the known plane on which all corners of the triangle lie.
 fn known_plane_of(problem: &NetworkProblem, plane_of: &[Option<usize>], laid: &Places) -> Option<PlaneAt> {
     let mut corners = (0..laid.len()).filter(|p| laid[*p].is_some());
     let plane = plane_of[corners.next()?]?;
@@ -94,14 +95,14 @@ fn known_plane_of(problem: &NetworkProblem, plane_of: &[Option<usize>], laid: &P
     }
 }
 
-/// The plan of the xy-plane laid onto a plane.
+/// Maps positions in the frame of the xy-plane onto a plane.
 fn onto(laid: &Places, plane: &PlaneAt) -> Places {
     let [u, _] = plane.tangents();
     let v = plane.normal.cross(&u);
     laid.iter().map(|x| x.map(|x| plane.pivot + u * x.x + v * x.y + plane.normal * x.z)).collect()
 }
 
-/// Normals of known planes, and of those that three placed points span.
+/// Returns the normals of known planes, and of those that three placed points span.
 fn normals(
     problem: &NetworkProblem,
     plane_of: &[Option<usize>],
@@ -114,10 +115,10 @@ fn normals(
     problem.planes.iter().enumerate().map(normal).collect()
 }
 
-/// Middle over largest extent of points that span a plane.
+/// Smallest ratio of middle to largest extent of points that span a plane.
 const LEAST_WIDTH: f64 = 1e-3;
 
-/// The plane nearest to the placed points that lie on it; none below three or where they lie on a line.
+/// Returns the plane nearest to the placed points that lie on it; none below three or where they lie on a line.
 fn fitted(index: usize, plane_of: &[Option<usize>], places: &Places) -> Option<PlaneAt> {
     let on_it: Vec<Point> =
         (0..places.len()).filter(|p| plane_of[*p] == Some(index)).filter_map(|p| places[p]).collect();
@@ -134,7 +135,7 @@ fn fitted(index: usize, plane_of: &[Option<usize>], places: &Places) -> Option<P
     is_spanned.then(|| PlaneAt { normal: eigen.eigenvectors.column(least).into(), pivot, height_m: 0.0 })
 }
 
-/// The points, photographs and planes placed so far.
+/// The points, photographs and planes that have initial values so far.
 struct Building<'a> {
     problem: &'a NetworkProblem<'a>,
     plane_of: Vec<Option<usize>>,
@@ -145,7 +146,7 @@ struct Building<'a> {
     reasons: Vec<(Item, Error)>,
 }
 
-/// Places everything that can be, from an arrangement of the control points; `forced` poses replace those of `locate`.
+/// Finds initial values from an arrangement of the control points; `forced` poses replace those of `locate`.
 pub(super) fn draft(problem: &NetworkProblem, control_points: &Places, forced: &[(usize, Pose)]) -> Draft {
     let mut building = Building {
         problem,
@@ -205,7 +206,7 @@ impl Building<'_> {
         self.face_cameras();
     }
 
-    /// A plane whose normal alone is known, from gravity.
+    /// Returns a plane of which only the normal is known, from gravity.
     fn level(&self, index: usize) -> Option<PlaneAt> {
         self.problem.constraints.iter().find_map(|f| match f {
             Constraint::Gravity { plane, photo, down_in_cam, .. } if *plane == index => {
@@ -216,7 +217,7 @@ impl Building<'_> {
         })
     }
 
-    /// Normals of planes to be found point to the cameras' side, or up where gravity says so.
+    /// Orients the normals of unknown planes to the side of the cameras, or up where gravity is measured.
     fn face_cameras(&mut self) {
         for (index, plane) in self.problem.planes.iter().enumerate() {
             let Some(found) = self.planes[index].filter(|_| *plane == Plane::Unknown) else { continue };
@@ -236,13 +237,13 @@ impl Building<'_> {
         self.problem.constraints.iter().filter(wanted).copied().collect()
     }
 
-    /// Photographs with the most marks first: four or more where any has as many, three otherwise.
+    /// Places photographs with at least four placed points; where there is none, one with three.
     fn place_photos(&mut self) {
         for least in [4, 3] {
             let mut placed = false;
             for photo in 0..self.photos.len() {
                 let image_points = self.image_points(|p, point| p == photo && self.points[point].is_some());
-                // Three points leave up to four poses: one photograph at a time, so that what it places helps the next.
+                // Three points leave up to four poses: one photograph is placed at a time, so that the points it adds help the next.
                 let is_next = !(placed && least == 3);
                 if self.photos[photo].is_none() && is_next && least <= image_points.len() {
                     placed |= self.place_photo(photo, &image_points);
@@ -292,8 +293,16 @@ impl Building<'_> {
     }
 
     fn place_points(&mut self) {
+        let mut seen: Vec<Vec<Constraint>> = vec![Vec::new(); self.points.len()];
+        for image_point in
+            self.image_points(|photo, p| self.photos[photo].is_some() && self.points[p].is_none())
+        {
+            if let [Some(point), _] = image_point.points() {
+                seen[point].push(image_point);
+            }
+        }
         for point in (0..self.points.len()).filter(|p| self.points[*p].is_none()).collect::<Vec<_>>() {
-            let image_points = self.image_points(|photo, p| p == point && self.photos[photo].is_some());
+            let image_points = core::mem::take(&mut seen[point]);
             let found = self.by_rays(&image_points);
             let place = match &found {
                 Some(Ok(x)) => Some(*x),
@@ -336,7 +345,7 @@ impl Building<'_> {
         (2 <= views.len()).then(|| triangulate(&views).map(|t| t.x_in_world))
     }
 
-    /// Centre and direction of an image point's ray, world frame.
+    /// Returns centre and direction of an image point's ray, world frame.
     fn ray(&self, image_point: &Constraint) -> Option<(Point, Vector3<f64>)> {
         let Constraint::ImagePoint { photo, pixel, .. } = image_point else { return None };
         let pose = self.photos[*photo]?;
@@ -353,7 +362,7 @@ impl Building<'_> {
         })
     }
 
-    /// The point of the upright through its foot (or below its top) that is nearest to the ray.
+    /// Returns the point of the upright through its foot (or below its top) that is nearest to the ray.
     fn above_foot(&self, point: usize, image_points: &[Constraint]) -> Option<Point> {
         let (other, up) = self.problem.constraints.iter().find_map(|f| match f {
             Constraint::Upright { plane, foot, top, .. } if *top == point => {
@@ -365,7 +374,7 @@ impl Building<'_> {
             _ => None,
         })?;
         let (centre, ray) = self.ray(image_points.first()?)?;
-        // Nearest points of other + s up and centre + t ray.
+        // The nearest points of the lines other + s up and centre + t ray.
         let (between, cos) = (centre - other, up.dot(&ray));
         let s = (up.dot(&between) - cos * ray.dot(&between)) / (1.0 - cos * cos);
         (0.0 < s && s.is_finite()).then(|| other + up * s)
@@ -398,7 +407,7 @@ impl Building<'_> {
         Draft { state, dropped, alternatives: self.alternatives, control_points: frame }
     }
 
-    /// Everything into the frame of three control points, z towards the cameras.
+    /// Transforms everything into the frame of three control points, z towards the cameras.
     fn turn_into(&mut self, [a, b, c]: [usize; 3]) {
         let at = |p: usize| self.points[p].unwrap_or_default();
         let x = (at(b) - at(a)).normalize();

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3, Vector6};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// All poses, positions and planes. Those that are undetermined are kept, unused.
+/// All poses, positions and planes. Undetermined ones remain in the lists but are unused.
 #[derive(Debug, Clone)]
 pub(crate) struct State {
     pub(crate) photos: Vec<Pose>,
@@ -17,7 +17,7 @@ pub(crate) struct State {
     pub(crate) camera_of_photo: Vec<usize>,
 }
 
-/// The points with normal · (x − pivot) = height. The pivot stays.
+/// A plane: the points with normal · (x − pivot) = height. The pivot is constant.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlaneAt {
     pub(crate) normal: Vector3<f64>,
@@ -25,12 +25,12 @@ pub(crate) struct PlaneAt {
     pub(crate) height_m: f64,
 }
 
-/// A camera at intrinsics θ₀ + L z, z unknown with mean 0 and covariance 1.
+/// A camera with intrinsics θ₀ + L z, z unknown with mean 0 and covariance 1.
 #[derive(Debug, Clone)]
 pub(crate) struct LensAt {
     pub(crate) camera: Camera,
     base: Vec<f64>,
-    /// L, a column for each direction in which the intrinsics are uncertain.
+    /// L, with one column for each direction in which the intrinsics are uncertain.
     pub(crate) root: DMatrix<f64>,
     pub(crate) z: DVector<f64>,
 }
@@ -38,32 +38,32 @@ pub(crate) struct LensAt {
 /// The index of each unknown in the joint vector; none where it is held.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Layout {
-    /// First of six.
+    /// Index of the first of six unknowns.
     pub(crate) photo: Vec<Option<usize>>,
     pub(crate) point: Vec<[Option<usize>; 3]>,
-    /// First of the two tilts.
+    /// Index of the first of the two tilts.
     pub(crate) tilt: Vec<Option<usize>>,
     pub(crate) height: Vec<Option<usize>>,
-    /// First of the columns of L.
+    /// Index of the first of the columns of L.
     pub(crate) lens: Vec<usize>,
     pub(crate) n: usize,
     /// Directions that are undetermined and need not be determined: held by rows of residual 0.
     pub(crate) pins: Vec<DVector<f64>>,
     dropped: BTreeSet<Item>,
-    /// Points that no constraint joins to others are groups of their own.
+    /// The structure of the normal equations: groups of points that constraints join to no other point.
     arrow: Arc<Arrow>,
     /// The points of each group.
     members: Vec<Vec<usize>>,
 }
 
-/// Points joined by distances and uprights form one group where they are not more.
+/// Largest number of points, joined by distances and uprights, that form one group.
 const LARGEST_GROUP: usize = 4;
 
-/// Relative eigenvalues of the intrinsics' correlation below this are rounding.
+/// Relative eigenvalues of the intrinsics' correlation below this are rounding errors.
 const LEAST_EIGENVALUE: f64 = 1e-12;
 
 impl LensAt {
-    /// Intrinsics as stated, with the factor of their covariance: docs/math/survey.md eq. (3).
+    /// Builds a lens from the stated intrinsics, with the factor of their covariance: docs/math/survey.md eq. (3).
     pub(crate) fn new(camera: &Camera, covariance: Option<&[f64]>) -> Self {
         let base: Vec<f64> = camera.parameters().iter().map(|p| p.1).collect();
         let root = covariance.map_or(DMatrix::zeros(base.len(), 0), |c| root_of(c, base.len()));
@@ -82,7 +82,7 @@ impl LensAt {
     }
 }
 
-/// L with L Lᵀ = C, by the eigenvectors of the correlation: parameters differ in unit by many orders of magnitude.
+/// Returns L with L Lᵀ = C, by the eigenvectors of the correlation: parameters differ in unit by many orders of magnitude.
 fn root_of(covariance: &[f64], n: usize) -> DMatrix<f64> {
     let c = DMatrix::from_row_slice(n, n, covariance);
     let sigma: Vec<f64> = (0..n).map(|i| c[(i, i)].max(0.0).sqrt()).collect();
@@ -109,12 +109,12 @@ impl PlaneAt {
         PlaneAt { normal: *normal, pivot: normal * offset_m, height_m: 0.0 }
     }
 
-    /// Signed distance of a point, positive on the normal's side.
+    /// Returns the signed distance of a point, positive on the side of the normal.
     pub(crate) fn above_m(&self, x: &Point) -> f64 {
         self.normal.dot(&(x - self.pivot)) - self.height_m
     }
 
-    /// Two unit vectors across the normal: the directions of its two unknowns.
+    /// Returns two unit vectors perpendicular to the normal: the directions of its two unknowns.
     pub(crate) fn tangents(&self) -> [Vector3<f64>; 2] {
         let first = self.normal.cross(&Vector3::ith(self.normal.iamin(), 1.0)).normalize();
         [first, self.normal.cross(&first).normalize()]
@@ -122,7 +122,7 @@ impl PlaneAt {
 }
 
 impl State {
-    /// The state after a change of the unknowns; none where the intrinsics make no camera.
+    /// Returns the state after a change of the unknowns; none where the intrinsics make no camera.
     pub(crate) fn moved(&self, layout: &Layout, by: &DVector<f64>) -> Option<State> {
         let mut state = self.clone();
         for (pose, at) in state.photos.iter_mut().zip(&layout.photo) {
@@ -149,7 +149,7 @@ impl State {
     }
 }
 
-/// Points by what joins them; those that are held or joined to many others belong to no group.
+/// Returns the groups of points joined by constraints; points that are held or joined to many others belong to no group.
 fn groups(network: &NetworkProblem, layout: &Layout) -> Vec<Vec<usize>> {
     let mut group_of: Vec<usize> = (0..network.n_points).collect();
     let mut members: Vec<Vec<usize>> = (0..network.n_points).map(|p| vec![p]).collect();
@@ -171,7 +171,7 @@ fn groups(network: &NetworkProblem, layout: &Layout) -> Vec<Vec<usize>> {
 }
 
 impl Layout {
-    /// All unknowns of a network but those of `dropped` items and of coordinates that are `held`.
+    /// Numbers all unknowns of a network except those of `dropped` items and of coordinates that are `held`.
     pub(crate) fn new(
         network: &NetworkProblem,
         state: &State,
@@ -213,7 +213,7 @@ impl Layout {
         layout
     }
 
-    /// Holds directions in which nothing is known. Their rows join everything.
+    /// Holds directions that are undetermined. Their rows join all unknowns, so that no groups remain.
     pub(crate) fn pin(&mut self, pins: Vec<DVector<f64>>) {
         if !pins.is_empty() {
             self.members.clear();
@@ -227,17 +227,17 @@ impl Layout {
         self.arrow = Arc::new(Arrow::new(self.n, self.members.iter().map(unknowns).collect()));
     }
 
-    /// Which unknowns are joined to which.
+    /// Returns the structure of the normal equations.
     pub(crate) fn arrow(&self) -> &Arc<Arrow> {
         &self.arrow
     }
 
-    /// The points of each group.
+    /// Returns the points of each group.
     pub(crate) fn members(&self) -> &[Vec<usize>] {
         &self.members
     }
 
-    /// The same without some groups, and for each of its unknowns which it was.
+    /// Returns the layout without some groups, and the old index of each of its unknowns.
     pub(crate) fn without(&self, is_left_out: impl Fn(usize) -> bool) -> (Layout, Vec<usize>) {
         let mut rest = self.clone();
         let out: Vec<usize> = (0..self.members.len())
@@ -251,7 +251,7 @@ impl Layout {
         let moved = |at: &mut Option<usize>| *at = at.and_then(|at| now[at]);
         rest.photo.iter_mut().chain(&mut rest.tilt).chain(&mut rest.height).for_each(moved);
         rest.point.iter_mut().flatten().for_each(moved);
-        // A lens without unknowns stands where the next one begins.
+        // A lens without unknowns has the index at which the next one begins.
         let first = |at: usize| kept.iter().position(|was| at <= *was).unwrap_or(kept.len());
         rest.lens.iter_mut().for_each(|at| *at = first(*at));
         rest.n = kept.len();
@@ -278,7 +278,7 @@ impl Layout {
         plane < self.tilt.len() && !self.dropped.contains(&Item::Plane(plane))
     }
 
-    /// Whether all points, photographs and planes of a constraint are determined.
+    /// Returns whether all points, photographs and planes of a constraint are determined.
     pub(crate) fn has(&self, constraint: &Constraint) -> bool {
         let is_dropped = |item: Item| self.dropped.contains(&item);
         !(constraint.points().into_iter().flatten().any(|p| is_dropped(Item::Point(p)))

@@ -1,7 +1,7 @@
 //! Positions of control points of which only mutual distances are known: docs/math/survey.md eqs. (9)–(10).
 //!
-//! A triangle is placed; each further control point is where circles (in a common plane) or spheres meet. Where two positions fit equally well, both
-//! are followed, and the photographs decide.
+//! A triangle comes first; each further control point is where circles (in a common plane) or spheres meet. Where two positions fit equally
+//! well, both are followed, and the photographs decide.
 
 use super::{Constraint, NetworkProblem};
 use crate::Point;
@@ -18,7 +18,7 @@ pub(super) struct Length {
 /// Positions of some of the points.
 pub(super) type Places = Vec<Option<Point>>;
 
-/// Distances given, in order, with the constraint each comes from.
+/// Returns the given distances in order, with the constraint of each.
 pub(super) fn lengths(problem: &NetworkProblem) -> Vec<(usize, Length)> {
     let length = |(index, constraint): (usize, &Constraint)| match constraint {
         Constraint::Distance { a, b, distance_m, sigma_m } => {
@@ -29,7 +29,7 @@ pub(super) fn lengths(problem: &NetworkProblem) -> Vec<(usize, Length)> {
     problem.constraints.iter().enumerate().filter_map(length).collect()
 }
 
-/// The plane that each point lies on.
+/// Returns the plane on which each point lies.
 pub(super) fn plane_of(problem: &NetworkProblem) -> Vec<Option<usize>> {
     let mut planes = vec![None; problem.n_points];
     for constraint in problem.constraints {
@@ -40,22 +40,22 @@ pub(super) fn plane_of(problem: &NetworkProblem) -> Vec<Option<usize>> {
     planes
 }
 
-/// Arrangements followed at once; each further control point with two places doubles them.
+/// Largest number of arrangements followed at once; each further control point with two possible positions doubles them.
 const MOST_ARRANGEMENTS: usize = 8;
-/// A place whose χ² over its distances is this far above the best is not followed.
+/// A position whose χ² over its distances exceeds the best by more than this is not followed.
 const FOLLOWED_CHI2: f64 = 25.0;
-/// Height over longest side of a triangle that can be laid down.
+/// Smallest height over longest side of a triangle that can be used.
 pub(super) const LEAST_HEIGHT: f64 = 0.02;
 
-/// Standard deviations that marks must stand off their line by: the mirror image then lies ten away.
+/// Smallest distance of control points from their line, in standard deviations: the mirror image is then ten away.
 pub(super) const LINE_SIGMAS: f64 = 5.0;
-/// A height is known from distances where its square exceeds this many of its standard deviations.
+/// A height is known from distances where its square exceeds this many of the square's standard deviations.
 const UNSURE_SIGMAS: f64 = 3.0;
 
-/// Distances and planes, by point.
+/// Distances between points, and the planes of the points.
 pub(super) struct Network<'a> {
     pub(super) lengths: &'a [Length],
-    /// Which plane each point lies on.
+    /// The plane on which each point lies.
     pub(super) plane_of: &'a [Option<usize>],
 }
 
@@ -64,7 +64,7 @@ impl Network<'_> {
         self.lengths.iter().find(|l| l.ends == [a, b] || l.ends == [b, a]).copied()
     }
 
-    /// Distances from a point to others.
+    /// Returns the distances from a point to others.
     fn from(&self, a: usize) -> impl Iterator<Item = (usize, Length)> + '_ {
         self.lengths.iter().filter_map(move |l| match l.ends {
             [x, y] if x == a => Some((y, *l)),
@@ -73,8 +73,8 @@ impl Network<'_> {
         })
     }
 
-    /// The triangle of measured sides with the largest area, laid down with its first corner at the origin, its second on the x axis and
-    /// its third in the xy-plane.
+    /// Returns the triangle of measured sides with the largest area, with its first corner at the origin, its second on the x axis and its third
+    /// in the xy-plane.
     pub(super) fn triangle(&self) -> Option<Places> {
         let n = self.plane_of.len();
         let mut best: Option<(f64, [usize; 3], Point)> = None;
@@ -100,8 +100,8 @@ impl Network<'_> {
         Some(places)
     }
 
-    /// Of the triangle of measured sides that is the least slim: its height, how high it would have to be to be distinguished from a line, and its
-    /// longest side; none without any triangle.
+    /// Returns the height of the least slim triangle of measured sides, the height it needs to be distinguished from a line, and its longest
+    /// side; none without any triangle.
     pub(super) fn tallest(&self) -> Option<(f64, f64, Length)> {
         let mut best: Option<(f64, f64, Length)> = None;
         for ab in self.lengths {
@@ -112,7 +112,7 @@ impl Network<'_> {
                 let (p, q, r) = (ab.length_m, ac.length_m, bc.length_m);
                 let along = (q * q - r * r + p * p) / (2.0 * p);
                 let height = (q * q - along * along).max(0.0).sqrt();
-                // The height's square by each side.
+                // Half the derivative of the squared height by each side.
                 let by = [q * (1.0 - along / p), along * r / p, along * (1.0 - along / p)];
                 let sigmas = [ac.sigma_m, bc.sigma_m, ab.sigma_m];
                 let square = by.iter().zip(sigmas).map(|(b, s)| (2.0 * b * s).powi(2)).sum::<f64>().sqrt();
@@ -126,8 +126,8 @@ impl Network<'_> {
         best
     }
 
-    /// Adds every point that its distances to placed ones determine; several arrangements where they leave a choice. `normals` are those
-    /// of the planes known so far.
+    /// Adds every point that its distances to placed ones determine; returns several arrangements where the distances leave a choice. `normals`
+    /// are those of the planes known so far.
     pub(super) fn grow(&self, start: Places, normals: &[Option<Vector3<f64>>]) -> Vec<Places> {
         let (mut open, mut done) = (vec![start], Vec::new());
         while let Some(places) = open.pop() {
@@ -145,7 +145,7 @@ impl Network<'_> {
         done
     }
 
-    /// The unplaced point with the most distances to placed ones, and where it may stand, best first.
+    /// Returns the unplaced point with the most distances to placed ones, and its possible positions, best first.
     fn next(&self, places: &Places, normals: &[Option<Vector3<f64>>]) -> Option<(usize, Vec<Point>)> {
         let known = |p: usize| self.from(p).filter(|(q, _)| places[*q].is_some()).count();
         let mut order: Vec<usize> =
@@ -185,7 +185,7 @@ impl Network<'_> {
     }
 }
 
-/// Where two circles about points of a plane meet: of the pair that crosses most squarely.
+/// Returns the points where two circles about points of a plane meet, for the pair that crosses most squarely.
 fn circles(known: &[(Point, Length)], normal: &Vector3<f64>) -> Vec<Point> {
     let mut best: Option<(f64, [Point; 2])> = None;
     for (i, (a, da)) in known.iter().enumerate() {
@@ -204,7 +204,7 @@ fn circles(known: &[(Point, Length)], normal: &Vector3<f64>) -> Vec<Point> {
     best.map_or(Vec::new(), |(_, both)| both.to_vec())
 }
 
-/// Where three spheres meet: of the three centres that span the largest triangle.
+/// Returns the points where three spheres meet, for the three centres that span the largest triangle.
 fn spheres(known: &[(Point, Length)]) -> Vec<Point> {
     let mut best: Option<(f64, [usize; 3])> = None;
     for k in 2..known.len() {
@@ -235,7 +235,7 @@ fn spheres(known: &[(Point, Length)]) -> Vec<Point> {
     let y = (da * da - dc * dc + s * s + t * t - 2.0 * s * x) / (2.0 * t);
     let z = (da * da - x * x - y * y).max(0.0).sqrt();
     let foot = a + u * x + v * y;
-    // Whether it stands above, below or level is not known: the photographs raise it better than two wrong guesses.
+    // The sign of the height is not known: the photographs determine it better from zero than from two wrong guesses.
     if z * z <= slack { vec![foot] } else { vec![foot + w * z, foot - w * z] }
 }
 
@@ -252,7 +252,7 @@ mod tests {
 
     const CENTRES: [[f64; 3]; 4] = [[0.3, -0.2, 0.1], [4.0, 0.5, 0.3], [1.2, 3.0, -0.4], [2.5, 2.0, 1.0]];
 
-    /// Before any refinement: one of two places is the true one, to rounding.
+    /// Before any refinement one of the two positions is the true one, to rounding.
     #[test]
     fn spheres_meet_at_the_point() {
         let centres = CENTRES.map(Point::from);
@@ -277,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Four sides and both diagonals: one arrangement, the square; without a diagonal its mirrored fourth corner as well.
+    /// Four sides and both diagonals give one arrangement, the square; without a diagonal there is also one with a mirrored fourth corner.
     #[test]
     fn arrangements_are_as_many_as_the_distances_allow() {
         let corners = [[0.0, 0.0], [5.0, 0.0], [5.5, 4.0], [-0.5, 4.5]].map(|[x, y]| Point::new(x, y, 0.0));

@@ -11,12 +11,12 @@ pub enum NetworkStatus {
     Ambiguous,
     /// Constraints contradict each other, or one was left out because it contradicts the rest.
     Inconsistent,
-    /// The control points stand on one line, or a control point was left out, and what is known of it with it.
+    /// The control points are on one line, or a control point was left out together with the constraints on it.
     Degenerate,
 }
 
 impl NetworkStatus {
-    /// As in JSON.
+    /// Returns the name in JSON.
     pub fn name(self) -> &'static str {
         match self {
             NetworkStatus::Ok => "ok",
@@ -28,7 +28,7 @@ impl NetworkStatus {
 }
 
 impl Adjusted {
-    /// The word for the whole network; that of each of its answers unless the answer has no value.
+    /// Returns the status of the whole network, which is also that of each of its answers unless the answer has no value.
     pub fn status(&self) -> NetworkStatus {
         if self.on_line.is_some() {
             NetworkStatus::Degenerate
@@ -43,7 +43,7 @@ impl Adjusted {
         }
     }
 
-    /// The second best arrangement, where it fits about as well.
+    /// Returns the second best arrangement, where it fits about as well.
     pub fn second_solution(&self) -> Option<&Adjusted> {
         let is_near = self.alternative_delta_chi2.is_some_and(|d| d < ALTERNATIVE_GATE_CHI2);
         self.alternative.as_deref().filter(|_| is_near)

@@ -1,4 +1,4 @@
-//! Each camera by the chain of pairs whose errors add up to least: Dijkstra's shortest paths from the reference camera.
+//! The chain of pairs with the least sum of errors to each camera: Dijkstra's shortest paths from the reference camera.
 //!
 //! Paper: E. W. Dijkstra, "A note on two problems in connexion with graphs", Numerische Mathematik 1, 1959.
 
@@ -10,7 +10,7 @@ use crate::{Error, Matrix6, Pose};
 pub struct Chain {
     /// The camera whose frame is the rig's.
     pub reference_camera: usize,
-    /// One entry a camera.
+    /// One entry for each camera.
     pub cameras: Vec<ChainedCamera>,
 }
 
@@ -19,17 +19,18 @@ pub struct Chain {
 pub struct ChainedCamera {
     /// x_in_cam = cam_from_rig · x_in_rig; identity for the reference camera.
     pub cam_from_rig: Pose,
-    /// The cameras on the way, the reference camera first, this one last.
+    /// The cameras along the chain, the reference camera first, this one last.
     pub path: Vec<usize>,
-    /// The pairs on the way, indices, in the same order.
+    /// Indices of the pairs along the chain, in the same order.
     pub pairs: Vec<usize>,
-    /// Sum of the pairs' errors along the way; for pairs with covariances, of `cost_of`.
+    /// Sum of the pairs' errors along the chain; for pairs with covariances, of `cost_of`.
     pub error: f64,
-    /// The pairs' covariances carried along the way, left motion in the camera frame; none where pairs state errors only.
+    /// The pairs' covariances propagated along the chain, left motion in the camera frame; none where pairs state errors only.
     pub covariance: Option<Matrix6>,
 }
 
-/// The length of a pair in a chain: its error; for a covariance its trace in m², turns taken at one metre. Variances add up along a chain.
+/// Returns the length of a pair in a chain: its error; for a covariance its trace in m², rotations taken at one metre. Variances add along a
+/// chain.
 fn cost_of(pair: &RelativePose) -> f64 {
     match pair.noise {
         PairNoise::Error(error) => error,
@@ -37,10 +38,10 @@ fn cost_of(pair: &RelativePose) -> f64 {
     }
 }
 
-/// Every camera by the chain of least summed error; of chains that are equally good the one through cameras and pairs named earlier.
+/// Returns the chain of least summed error to each camera; of equally good chains the one through cameras and pairs with lower indices.
 ///
 /// # Errors
-/// `InvalidPose`, `InvalidSetting`, `Disconnected`.
+/// `InvalidPose`, `InvalidSetting` or `Disconnected`.
 pub fn chain(graph: &PoseGraph, reference_camera: usize) -> Result<Chain, Error> {
     check(graph, reference_camera)?;
     let mut known = vec![None; graph.n_cameras];
@@ -58,7 +59,7 @@ pub fn chain(graph: &PoseGraph, reference_camera: usize) -> Result<Chain, Error>
     Ok(Chain { reference_camera, cameras: known.into_iter().flatten().collect() })
 }
 
-/// The camera not yet known that a known one reaches with the least error.
+/// Returns the camera not yet known that a known one reaches with the least error.
 fn nearest(graph: &PoseGraph, known: &[Option<ChainedCamera>]) -> Option<(usize, ChainedCamera)> {
     let mut best: Option<(f64, usize, usize, usize)> = None;
     for (index, pair) in graph.pairs.iter().enumerate() {

@@ -11,10 +11,10 @@ use crate::multiview::relative::residual;
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{DMatrix, DVector};
 
-/// Where the adjustment ended.
+/// The result of an adjustment.
 pub(super) struct Adjustment {
     pub poses: Vec<Pose>,
-    /// 6 rows a camera, zero for the reference camera.
+    /// 6 rows for each camera, zero for the reference camera.
     pub covariance: DMatrix<f64>,
     pub chi2: f64,
     pub steps: usize,
@@ -29,7 +29,7 @@ pub(super) struct Linearised {
     pub by_a: Matrix6,
 }
 
-/// r and its derivatives, eqs. (1), (4).
+/// Returns r and its derivatives, eqs. (1), (4).
 pub(super) fn linearised(graph: &PoseGraph, pair: usize, poses: &[Pose]) -> Linearised {
     let pair = &graph.pairs[pair];
     let predicted = poses[pair.b] * poses[pair.a].inverse();
@@ -43,7 +43,7 @@ pub(super) struct Weights<'a> {
     pub loss: Loss,
 }
 
-/// The minimum next to `start`; the reference camera stays.
+/// Finds the minimum next to `start`; the reference camera is constant.
 pub(super) fn adjust(
     graph: &PoseGraph,
     reference_camera: usize,
@@ -73,7 +73,7 @@ pub(super) fn adjust(
     Ok(Adjustment { poses: solution.state, covariance, chi2, steps: solution.steps })
 }
 
-/// Rows and columns of zeros for the reference camera.
+/// Inserts rows and columns of zeros for the reference camera.
 fn with_reference_camera(
     n_cameras: usize,
     covariance: &DMatrix<f64>,

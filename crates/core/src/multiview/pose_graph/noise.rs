@@ -1,4 +1,4 @@
-//! The uncertainty of each pair: as stated, or as estimated from the pairs' agreement. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
+//! The uncertainty of each pair: as stated, or estimated from the agreement of the pairs. Derivation: docs/math/pose_graph.md eqs. (8)–(9).
 
 use super::equations::linearised;
 use super::{PairNoise, PairSigma, PoseGraph};
@@ -7,25 +7,25 @@ use crate::{Error, Matrix6, Pose};
 
 /// Median of χ² with three degrees of freedom.
 const MEDIAN_CHI2_3: f64 = 2.366;
-/// A rotation or shift no smaller than this is distinguished from rounding: where pairs agree exactly the estimate would be zero.
+/// A rotation (rad) or translation (m) of at least this is distinguished from rounding: where pairs agree exactly the estimate would be zero.
 const LEAST_SIGMA: f64 = 1e-12;
 
 /// Standard deviations of all pairs.
 #[derive(Debug, Clone)]
 pub(super) enum Noise {
-    /// A covariance each.
+    /// One covariance for each pair.
     Stated(Vec<Matrix6>),
     /// Errors relative to the median, and the sigmas of a pair of median error.
     Relative {
         relative: Vec<f64>,
         sigma: PairSigma,
-        /// Whether the sigmas follow the residuals.
+        /// Whether the sigmas are estimated from the residuals.
         is_estimated: bool,
     },
 }
 
 impl Noise {
-    /// As the graph states it; sigmas to be estimated begin with what the start leaves.
+    /// Returns the noise that the graph states; sigmas to be estimated start from the residuals at the initial poses.
     pub fn of(graph: &PoseGraph, stated: Option<PairSigma>, start: &[Pose]) -> Result<Self, Error> {
         let mut errors = Vec::new();
         let mut covariances = Vec::new();
@@ -82,7 +82,8 @@ impl Noise {
         information_of("pair", pair, &self.covariance(pair))
     }
 
-    /// The sigmas by the residuals of the pairs used, eq. (9): sums of squares over redundancies, one for turns and one for shifts.
+    /// Returns the noise with sigmas estimated from the residuals of the pairs used, eq. (9): sums of squares over redundancies, one for
+    /// rotations and one for translations.
     pub fn re_estimated(&self, turn: (f64, f64), shift: (f64, f64)) -> Self {
         match self {
             Noise::Relative { relative, sigma, is_estimated: true } => {
@@ -101,7 +102,7 @@ impl Noise {
     }
 }
 
-/// From the median residual of the pairs that the start does not meet by construction.
+/// Returns initial sigmas from the median residual of the pairs that the initial poses do not meet by construction.
 fn first_sigma(graph: &PoseGraph, relative: &[f64], start: &[Pose]) -> PairSigma {
     let squares = |from: usize, least: f64| {
         let square = |i: usize| {
@@ -114,7 +115,7 @@ fn first_sigma(graph: &PoseGraph, relative: &[f64], start: &[Pose]) -> PairSigma
     PairSigma { sigma_rad: squares(0, 1e-9), sigma_m: squares(3, 1e-9) }
 }
 
-/// The middle one, the upper of two.
+/// Returns the median; of an even number of values the upper of the middle two.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(1.0)

@@ -1,4 +1,4 @@
-//! The pairs that contradict the others: each is compared with the prediction of the rest, and the worst is left out, until none is far off.
+//! The pairs that contradict the others: each is compared with the prediction of the rest, and the worst is left out, until all agree.
 //!
 //! Paper: W. Baarda, "A testing procedure for use in geodetic networks", 1968, with the variance estimated from the others.
 //! Derivation: docs/math/pose_graph.md eqs. (8)–(11).
@@ -17,24 +17,25 @@ pub(super) struct Settled {
     pub pairs: Vec<PairResult>,
 }
 
-/// 95 % of χ² with six degrees of freedom: where the loss of the first adjustment begins to bend.
+/// 95 % quantile of χ² with six degrees of freedom: the threshold of the loss of the first adjustment.
 const CHI2_6_95: f64 = 12.59;
 /// Median of χ² with six degrees of freedom.
 const MEDIAN_CHI2_6: f64 = 5.348;
-/// A pair of which less than this is checked by others is a bridge; rounding leaves far less.
+/// Redundancy below which a pair is a bridge; rounding leaves far less.
 const LEAST_REDUNDANCY: f64 = 1e-3;
 /// Where the others agree exactly, their χ² is rounding; χ² with six degrees of freedom is below this twice in 10¹¹.
 const LEAST_CHI2: f64 = 1e-3;
 /// Rounds of adjusting and estimating the sigmas; each gains a digit or more.
 const MAX_ROUNDS: usize = 50;
-/// The sigmas have settled when χ² over its degrees of freedom is 1 to within this.
+/// The sigmas have converged when χ² over its degrees of freedom is 1 to within this.
 const SETTLED: f64 = 1e-9;
 
-/// Where turns or shifts keep less of the redundancy than this, the other kind has begun to explain their residuals (a rotation of a camera closes a
-/// loop's shifts), and a variance would run to zero: from then on one factor scales both. A loop by itself gives each a half.
+/// Where rotations or translations keep less of the redundancy than this, the other kind has begun to explain their residuals (a rotation of a
+/// camera closes a loop's translations), and a variance would converge to zero: from then on one factor scales both. A single loop gives each a
+/// half.
 const LEAST_SHARE: f64 = 0.25;
 
-/// The joint answer: first under a loss that wrong pairs cannot pull far, then without those that contradict the rest.
+/// Finds the joint solution: first under a loss that limits the influence of wrong pairs, then without those that contradict the rest.
 pub(super) fn settle(
     graph: &PoseGraph,
     reference_camera: usize,
@@ -67,8 +68,8 @@ pub(super) fn settle(
     Err(Error::NotConverged { steps: 4 * graph.pairs.len() })
 }
 
-/// Pairs that the same loops check and no others, so that a misclosure may be the fault of any of them: with both gone the cameras fall apart,
-/// with either they do not.
+/// Returns the pairs that only the same loops check, so that any of them may cause a misclosure: without either pair the cameras stay connected,
+/// without both they do not.
 fn duplicates(graph: &PoseGraph, used: &[bool], of: usize) -> Vec<usize> {
     let mut without = used.to_vec();
     without[of] = false;
@@ -91,7 +92,7 @@ fn weights(noise: &Noise, used: &[bool], loss: Loss) -> Result<OwnWeights, Error
     Ok(OwnWeights(used.iter().enumerate().map(one).collect::<Result<_, _>>()?, loss))
 }
 
-/// How much larger than stated the middle residual is; at least 1.
+/// Returns the factor by which the median squared residual exceeds the stated one; at least 1.
 fn robust_scale(graph: &PoseGraph, poses: &[Pose], noise: &Noise) -> Result<f64, Error> {
     let mut squares = Vec::new();
     for i in 0..graph.pairs.len() {
@@ -101,7 +102,7 @@ fn robust_scale(graph: &PoseGraph, poses: &[Pose], noise: &Noise) -> Result<f64,
     Ok(f64::max(1.0, median(squares) / MEDIAN_CHI2_6))
 }
 
-/// The minimum over the pairs used, the sigmas re-estimated until they agree with the residuals.
+/// Returns the minimum over the pairs used, with sigmas re-estimated until they agree with the residuals.
 fn adjusted(
     graph: &PoseGraph,
     reference_camera: usize,
@@ -131,7 +132,7 @@ fn adjusted(
     Ok((adjustment, noise))
 }
 
-/// Sum of squares and redundancy of turns, and of shifts, over the pairs used.
+/// Sum of squares and redundancy of rotations, then of translations, over the pairs used.
 type Shares = ((f64, f64), (f64, f64));
 
 fn shares(graph: &PoseGraph, adjustment: &Adjustment, noise: &Noise, used: &[bool]) -> Result<Shares, Error> {
@@ -149,7 +150,7 @@ fn shares(graph: &PoseGraph, adjustment: &Adjustment, noise: &Noise, used: &[boo
     Ok(((turn, turn_redundancy), (shift, shift_redundancy)))
 }
 
-/// Q = J P Jᵀ: covariance of the prediction of a pair, eq. (8).
+/// Returns Q = J P Jᵀ: the covariance of the prediction of a pair, eq. (8).
 fn predicted_covariance(graph: &PoseGraph, index: usize, adjustment: &Adjustment) -> Matrix6 {
     let pair = &graph.pairs[index];
     let l = linearised(graph, index, &adjustment.poses);
@@ -162,7 +163,7 @@ fn predicted_covariance(graph: &PoseGraph, index: usize, adjustment: &Adjustment
         + cross.transpose()
 }
 
-/// Residual, redundancy and disagreement of every pair.
+/// Returns residual, redundancy and disagreement of every pair.
 fn results(
     graph: &PoseGraph,
     adjustment: &Adjustment,
@@ -175,7 +176,7 @@ fn results(
         let residual = linearised(graph, index, &adjustment.poses).residual;
         let (own, predicted) = (noise.covariance(index), predicted_covariance(graph, index, adjustment));
         let redundancy = if used { 6.0 - (predicted * noise.information(index)?).trace() } else { 6.0 };
-        // The residual of a pair used is smaller than its error by what it pulled the solution over; that of another larger.
+        // The residual of a pair used is smaller than its error, because the pair attracts the solution; the residual of another pair is larger.
         let expected = if used { own - predicted } else { own + predicted };
         let testable = LEAST_REDUNDANCY < redundancy;
         let distance = expected.cholesky().filter(|_| testable).map(|c| residual.dot(&c.solve(&residual)));
@@ -190,8 +191,9 @@ fn results(
     used.iter().enumerate().map(result).collect()
 }
 
-/// The pair's squared distance from the others against the others' own χ² (its own share taken out where it took part), as a normal number:
-/// Paulson's transformation of F with 6 and n degrees of freedom, eqs. (10)–(11). None where the others have no redundancy of their own.
+/// Returns the pair's squared distance from the others relative to the others' own χ² (without the share of the pair where it took part), as a
+/// normal number: Paulson's transformation of F with 6 and n degrees of freedom, eqs. (10)–(11). None where the others have no redundancy of
+/// their own.
 fn disagreement(distance: f64, (chi2, degrees_of_freedom, own_share): (f64, f64, f64)) -> Option<f64> {
     let n = degrees_of_freedom - 6.0 * own_share;
     if n < 5.5 {
@@ -203,7 +205,7 @@ fn disagreement(distance: f64, (chi2, degrees_of_freedom, own_share): (f64, f64,
     Some(((1.0 - others) * root - (1.0 - own)) / (others * root * root + own).sqrt())
 }
 
-/// The pair farthest from the others among some, when it is too far.
+/// Returns the pair that disagrees most among some, if its disagreement is too large.
 fn worst(pairs: &[PairResult], among: impl Fn(usize) -> bool) -> Option<usize> {
     let far = |i: &usize| pairs[*i].disagreement_sigma.is_some_and(|d| SUSPICIOUS < d) && among(*i);
     let by = |i: &usize, j: &usize| {
@@ -213,12 +215,13 @@ fn worst(pairs: &[PairResult], among: impl Fn(usize) -> bool) -> Option<usize> {
     (0..pairs.len()).filter(far).max_by(by)
 }
 
-/// A pair left out that agrees after all, now that a worse one is gone; well below the gate, so that nothing goes in and out for ever.
+/// Returns a pair left out that agrees after all once a worse one is left out; its limit is well below the gate, so that no pair alternates for
+/// ever.
 fn innocent(pairs: &[PairResult], used: &[bool]) -> Option<usize> {
     (0..pairs.len()).find(|i| !used[*i] && pairs[*i].disagreement_sigma.is_some_and(|d| d < 0.5 * SUSPICIOUS))
 }
 
-/// Whether the cameras stay joined without this pair.
+/// Returns whether the cameras stay connected without this pair.
 fn removable(graph: &PoseGraph, used: &[bool], without: usize) -> bool {
     let kept =
         graph.pairs.iter().enumerate().filter(|(i, _)| used[*i] && *i != without).map(|(_, p)| p.clone());

@@ -1,4 +1,4 @@
-//! Whether the graph is consistent: the rule of `consistency`, applied to the residuals and to the pairs that contradict.
+//! The consistency of the graph: the rule of `consistency`, applied to the residuals and to the pairs that contradict the others.
 
 use super::noise::Noise;
 use super::{PairResult, PoseGraph};
@@ -23,20 +23,20 @@ pub enum GraphFault {
 pub struct GraphVerdict {
     /// The contradiction; none where the pairs agree.
     pub fault: Option<GraphFault>,
-    /// The camera whose pairs disagree most, where something is wrong.
+    /// The camera whose pairs disagree most, where there is a fault.
     pub worst_camera: Option<usize>,
-    /// The pair that disagrees most, where something is wrong.
+    /// The pair that disagrees most, where there is a fault.
     pub worst_pair: Option<usize>,
-    /// One entry a camera: whether its own pairs contradict the others.
+    /// One entry for each camera: whether its own pairs contradict the others.
     pub is_contradicted: Vec<bool>,
 }
 
-/// Estimated from the pairs themselves, sigmas follow any error. Eleven cameras of a room with right files have 0.0022 rad; pairs written
-/// the wrong way round 0.072.
+/// Limit of an estimated rotation sigma, because sigmas estimated from the pairs adapt to any error. Eleven cameras of a room have 0.0022 rad
+/// with right files, 0.072 rad with pairs written in the wrong direction.
 const LOOSE_RAD: f64 = 0.035;
-/// The same of a shift, over the middle distance of the pairs' cameras: 0.003 at most with right files.
+/// Limit of an estimated translation sigma over the median distance of the pairs' cameras: 0.003 at most with right files.
 const LOOSE_SHARE: f64 = 0.02;
-/// A pair of which less than this is checked cannot be judged.
+/// A pair with less redundancy than this cannot be tested.
 const LEAST_REDUNDANCY: f64 = 1e-3;
 
 pub(super) fn verdict(
@@ -77,12 +77,12 @@ fn touches(graph: &PoseGraph, pair: usize, camera: usize) -> bool {
     graph.pairs[pair].a == camera || graph.pairs[pair].b == camera
 }
 
-/// Pairs that others check.
+/// Returns the pairs that others check.
 fn checked(pairs: &[PairResult]) -> impl Iterator<Item = usize> {
     (0..pairs.len()).filter(|i| LEAST_REDUNDANCY < pairs[*i].redundancy)
 }
 
-/// How far it is off, squared, in sigmas or, where those were estimated, beside the others.
+/// Returns the squared residual in units of the median pair's sigmas where pairs state errors; otherwise the disagreement with the others.
 fn size(pair: &PairResult, noise: &Noise) -> f64 {
     let squared = |from: usize| pair.residual.fixed_rows::<3>(from).norm_squared();
     match noise.median_sigma() {

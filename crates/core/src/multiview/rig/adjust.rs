@@ -23,18 +23,18 @@ pub(super) struct Adjusted {
     pub(super) graph: RigGraph,
     pub(super) parts: Parts,
     pub(super) residuals: Vec<Residuals>,
-    /// Variance of the inner half of the points, in units of the stated one, at least 1: the gate is as much wider.
+    /// Variance of the inner half of the points, in units of the stated one, at least 1: it widens the gate.
     pub(super) variance: f64,
     pub(super) steps: usize,
 }
 
-/// Rounds of taking points in and out; each lowers the truncated cost, two or three are usual.
+/// Largest number of rounds of selecting points; each lowers the truncated cost, two or three are usual.
 const MAX_ROUNDS: usize = 20;
-/// Evaluations of the rough minimum before the points are judged.
+/// Tolerance of the rough minimum before the points are selected.
 const ROUGH: f64 = 1e-4;
 
-/// The points that take part, by observation.
-type Active<'a> = Vec<Cow<'a, [Correspondence]>>;
+/// The points that take part, for each observation.
+pub(super) type Active<'a> = Vec<Cow<'a, [Correspondence]>>;
 
 struct Adjustment<'a> {
     layout: &'a Layout<'a>,
@@ -48,7 +48,7 @@ struct Adjustment<'a> {
 }
 
 /// # Errors
-/// `NotConverged`; `CamerasUnconnected` when what contradicts was all that joined them.
+/// `NotConverged`; `CamerasUnconnected` when only contradicting observations joined the cameras.
 pub(super) fn adjust(
     layout: &Layout,
     located_views: &LocatedViews,
@@ -72,15 +72,15 @@ impl<'a> Adjustment<'a> {
         self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
     }
 
-    /// Of the inner half of the points, in units of the stated one; never less than that.
+    /// Returns the variance of the inner half of the points, in units of the stated one, at least 1.
     fn variance(&self) -> f64 {
         let n_active = self.graph.is_active.iter().filter(|a| **a).count();
         let unknown = 6 * (self.graph.n_blocks + n_active);
         robust_variance(&self.residuals, unknown).max(1.0)
     }
 
-    /// Cauchy's loss, as wide as the start is rough, drawn in to what the points' inner half shows. Some points of a large observation do:
-    /// what they leave open the rest closes in a step.
+    /// Minimises Cauchy's loss, at first as wide as the initial residuals, then narrowed to the variance of the points' inner half. Some points
+    /// of a large observation suffice: the remaining error vanishes in one step of the final adjustment.
     fn approach(&mut self) -> Result<(), Error> {
         let mut sigmas = f64::INFINITY;
         for _ in 0..MAX_ROUNDS {
@@ -91,7 +91,7 @@ impl<'a> Adjustment<'a> {
             sigmas = next;
             let active: Active = self.layout.observations.iter().map(|s| enough(&s.seen)).collect();
             let found = self.minimize(&active, Loss::Cauchy { sigmas }, ROUGH)?;
-            // A valley too flat to end in is start enough.
+            // A state in a flat valley is good enough as an initial value.
             self.move_to(found.state);
         }
         Ok(())
@@ -141,8 +141,7 @@ impl<'a> Adjustment<'a> {
 
     /// Minimises over the points that take part, until that set no longer changes.
     fn settle(mut self) -> Result<Adjusted, Error> {
-        let loss =
-            if let Loss::Truncated { .. } = self.config.loss { Loss::Squared } else { self.config.loss };
+        let loss = settled_loss(self.config.loss);
         let variance = self.variance();
         let mut parts = self.parts(variance);
         for _ in 0..MAX_ROUNDS {
@@ -204,8 +203,13 @@ impl<'a> Adjustment<'a> {
     }
 }
 
-/// The points that take part, borrowed where that is all of them.
-fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
+/// Returns the loss of the points that take part.
+pub(super) fn settled_loss(configured: Loss) -> Loss {
+    if let Loss::Truncated { .. } = configured { Loss::Squared } else { configured }
+}
+
+/// Returns the points that take part, borrowed where all of them do.
+pub(super) fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
     let of_observation = |(s, used): (&&'a super::Observation, &Vec<bool>)| {
         if used.iter().all(|u| *u) {
             return Cow::Borrowed(&s.seen[..]);
@@ -215,8 +219,8 @@ fn active<'a>(layout: &Layout<'a>, parts: &Parts) -> Active<'a> {
     layout.observations.iter().zip(&parts.is_used).map(of_observation).collect()
 }
 
-/// The sums of one observation. Under a robust loss a point that projects nowhere costs what one far off would and pulls at nothing; under
-/// the square there is no such point but for a step that went too far.
+/// Returns the sums of one observation. Under a robust loss a point that cannot be projected costs as much as one far off and has no gradient;
+/// under the square such a point occurs only after a step that went too far.
 fn sums(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<NormalEquations> {
     let whole = normal_equations(place, pivot, problem);
     if whole.is_some() || problem.loss == Loss::Squared {

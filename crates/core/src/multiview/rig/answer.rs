@@ -1,21 +1,24 @@
 //! From the minimum to the solution: covariances, counts, the weakest link.
 
 use super::adjust::Adjusted;
+use super::budget::Budgets;
 use super::classify::rms_px;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::{Shared, scores};
+use super::neighbours::Neighbours;
 use super::scale::scales;
 use super::sighted::LocatedViews;
 use super::uncertain_lens::UncertainLenses;
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
+use crate::budget::ErrorSource;
 use crate::covariance::is_covariance;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::clustered::{Cluster, clustered};
 use crate::least_squares::rig::Eliminated;
-use crate::locate::consistency::noise_scale;
+use crate::locate::consistency::{measured_scale, noise_scale};
 use crate::locate::loss::Loss;
 use crate::locate::refine::OVERFLOW;
 use crate::locate::sandwich::widening;
@@ -42,14 +45,18 @@ pub(super) fn answer(
     let tallies = tallies(&adjusted);
     let total = sum(tallies.iter());
     let degrees_of_freedom = degrees_of_freedom(layout, &adjusted, &total, config);
-    let (chi2, noise_scale) = noise(&adjusted, &total, degrees_of_freedom, config);
-    let widened = noise_scale * loss_widening(config.loss);
+    let Noise { chi2, scale: noise_scale, measured } = noise(&adjusted, &total, degrees_of_freedom, config);
+    let neighbours = Neighbours::new(layout, &adjusted);
+    let measured = measured * neighbours.of_lenses;
+    let of_loss = loss_widening(config.loss);
+    let of_noise = noise_scale * of_loss;
+    let widened = of_noise * neighbours.of_poses;
     let inverse = eliminated.reduced.inverse();
     let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
     let held = clustered(&inverse, &clusters, widened);
     let lenses = scores(layout, &adjusted, &eliminated, config.lens_errors);
     let doubts = match keeps_minimum(config.loss) {
-        true => LensDoubts::new(&lenses, noise_scale, &Shared { inverse: &inverse, clusters: &clusters }),
+        true => LensDoubts::new(&lenses, measured, &Shared { inverse: &inverse, clusters: &clusters }),
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
@@ -62,6 +69,17 @@ pub(super) fn answer(
         }
     }
     let bodies = bodies(layout, &adjusted, &tallies, &of_bodies);
+    let mut budgets = Budgets::new(layout);
+    budgets.add_observations(&adjusted, &eliminated, &inverse, config);
+    budgets.scale(of_loss);
+    budgets.add(ErrorSource::Residuals, &(&inverse * (of_noise - of_loss)));
+    budgets.add_excess(ErrorSource::SharedInView, &held.covariance, &(&inverse * of_noise));
+    let mut of_lenses = DMatrix::zeros(inverse.nrows(), inverse.ncols());
+    uncertain.add_to_shared(&mut of_lenses);
+    if config.lens_errors {
+        doubts.add_to_shared(&mut of_lenses);
+    }
+    budgets.add(ErrorSource::Lens, &of_lenses);
     let (mut of_shared, within) = (held.covariance, held.within);
     uncertain.add_to_shared(&mut of_shared);
     let mut with_lenses = of_shared.clone();
@@ -82,6 +100,7 @@ pub(super) fn answer(
         chi2,
         degrees_of_freedom,
         noise_scale,
+        measured_noise: measured,
         view_scale: within / widened,
     };
     let verdict = evidence.verdict();
@@ -89,6 +108,7 @@ pub(super) fn answer(
         reference: layout.reference,
         weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),
         cameras,
+        budgets: budgets.finish(),
         targets: targets(layout, &adjusted, &shared),
         bodies,
         observations: observations(layout, &adjusted),
@@ -101,12 +121,12 @@ pub(super) fn answer(
         n_used: total.n_used,
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
         noise_scale,
-        view_scale: within / widened,
+        view_scale: neighbours.of_poses * within / widened,
         lens_sigma_m,
         steps: adjusted.steps,
         verdict,
     };
-    // A measured distance between cameras says how long everything is, whatever the targets are.
+    // A measured distance between cameras determines the scale, whatever the size of the targets.
     if 0.0 < config.scale_sigma && config.known_distances.is_empty() {
         solution.add_scale(config.scale_sigma);
     }
@@ -115,15 +135,15 @@ pub(super) fn answer(
     if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
 }
 
-/// Returns whether the answer is the minimum of a sum of squares; otherwise wrong points would bias the score of a lens.
+/// Returns whether the solution is the minimum of a sum of squares; otherwise wrong points would bias the score of a lens.
 pub(super) fn keeps_minimum(loss: Loss) -> bool {
     matches!(loss, Loss::Squared | Loss::Truncated { .. })
 }
 
-/// The largest standard deviation of a camera's position along an axis of the rig.
+/// Returns the largest standard deviation of a camera's position along an axis of the rig.
 fn largest_sigma_m(cameras: &[CameraInRig]) -> f64 {
     let of_camera = |c: &CameraInRig| {
-        // A small motion of the left moves the centre by −Rᵀv.
+        // A small left motion moves the centre by −Rᵀν.
         let (r, moved) = (&c.cam_from_rig.rotation, c.covariance.fixed_view::<3, 3>(3, 3));
         (r.transpose() * moved * r).diagonal().max()
     };
@@ -144,13 +164,13 @@ fn sum<'a>(tallies: impl Iterator<Item = &'a Tally>) -> Tally {
     })
 }
 
-/// One a view.
+/// Returns one cluster for each view.
 fn clusters(layout: &Layout, adjusted: &Adjusted, eliminated: &Eliminated) -> Vec<Cluster> {
     let views: Vec<usize> = layout.bodies.iter().map(|(view, _)| *view).collect();
     adjusted.equations.clusters(eliminated, &adjusted.places, &adjusted.graph, &views)
 }
 
-/// One an observation.
+/// Returns one tally for each observation.
 fn tallies(adjusted: &Adjusted) -> Vec<Tally> {
     let of_observation = |(r, used): (&super::classify::Residuals, &Vec<bool>)| {
         let points = r.points.iter().zip(used).filter(|(_, u)| **u).filter_map(|(p, _)| p.as_ref());
@@ -169,14 +189,23 @@ fn degrees_of_freedom(layout: &Layout, adjusted: &Adjusted, total: &Tally, confi
     (2 * total.n_used + config.known_distances.len()).saturating_sub(unknown)
 }
 
-/// χ² of the points that took part, and the variance by which it proves the sigmas too small. Beyond a robust loss's reach wrong points
-/// are expected: those past the gate are set apart.
-fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: &RigConfig) -> (f64, f64) {
-    let scale_of = |chi2: f64, degrees_of_freedom: usize| {
-        noise_scale(chi2 / truncation(config.loss), degrees_of_freedom)
-    };
-    if let Loss::Squared | Loss::Truncated { .. } = config.loss {
-        return (total.chi2, scale_of(total.chi2, degrees_of_freedom));
+/// What the points that took part show of the noise.
+struct Noise {
+    chi2: f64,
+    /// The variance by which χ² proves the sigmas too small.
+    scale: f64,
+    /// The same, below 1 where it proves them too large.
+    measured: f64,
+}
+
+/// Under a robust loss wrong points are expected: those past the gate are not counted.
+fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: &RigConfig) -> Noise {
+    let chi2 = total.chi2;
+    if keeps_minimum(config.loss) {
+        let whole = chi2 / truncation(config.loss);
+        let (scale, measured) =
+            (noise_scale(whole, degrees_of_freedom), measured_scale(whole, degrees_of_freedom));
+        return Noise { chi2, scale, measured };
     }
     let gate_chi2 = super::GATE_SIGMAS * super::GATE_SIGMAS * adjusted.variance;
     let (good, n_wrong) = adjusted
@@ -184,10 +213,11 @@ fn noise(adjusted: &Adjusted, total: &Tally, degrees_of_freedom: usize, config: 
         .iter()
         .flat_map(|r| r.points.iter().flatten())
         .fold((0.0, 0), |s, p| if p.1 <= gate_chi2 { (s.0 + p.1, s.1) } else { (s.0, s.1 + 1) });
-    (total.chi2, noise_scale(good, degrees_of_freedom.saturating_sub(2 * n_wrong)))
+    let scale = noise_scale(good, degrees_of_freedom.saturating_sub(2 * n_wrong));
+    Noise { chi2, scale, measured: scale }
 }
 
-/// The share of the good points' χ² below the gate, relative to their number: docs/math/rig.md eq. (13).
+/// Returns the share of the good points' χ² below the gate, relative to their number: docs/math/rig.md eq. (13).
 fn truncation(loss: Loss) -> f64 {
     let Loss::Truncated { sigmas } = loss else { return 1.0 };
     let half = 0.5 * sigmas * sigmas;
@@ -207,7 +237,7 @@ fn block(shared: &DMatrix<f64>, row: usize, column: usize) -> Matrix6 {
     shared.fixed_view::<6, 6>(6 * row, 6 * column).into()
 }
 
-/// From a motion about a pivot to the left motion about the frame's origin: ν_left = ν + c × ω.
+/// Converts the covariance of a motion about a pivot to that of the left motion about the frame's origin: ν_left = ν + c × ω.
 fn about_origin(covariance: &Matrix6, pivot_in_b: &Point) -> Matrix6 {
     let mut transport = Matrix6::identity();
     transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot_in_b.cross_matrix());
@@ -278,7 +308,7 @@ fn bodies(
     bodies
 }
 
-/// In the order given; observations without points have nothing to say.
+/// Returns the results in the order given; observations without points have an empty one.
 fn observations(layout: &Layout, adjusted: &Adjusted) -> Vec<ObservationResult> {
     let empty = ObservationResult { residuals_px: Vec::new(), rejected: None };
     let mut results = vec![empty; layout.problem.observations.len()];
@@ -305,7 +335,7 @@ fn joint(layout: &Layout, shared: &DMatrix<f64>) -> DMatrix<f64> {
     joint
 }
 
-/// cam_b_from_cam_a and the covariance of its small left motion, from the covariance of all cameras together (6 rows a camera).
+/// Returns cam_b_from_cam_a and the covariance of its small left motion, from the covariance of all cameras together (6 rows for each camera).
 pub(super) fn relative(cameras: &[CameraInRig], joint: &DMatrix<f64>, a: usize, b: usize) -> (Pose, Matrix6) {
     let cam_b_from_cam_a = cameras[b].cam_from_rig * cameras[a].cam_from_rig.inverse();
     let ad = cam_b_from_cam_a.adjoint();
@@ -339,7 +369,7 @@ fn weakest_link(
         let (a, b) = (groups.root(link.camera), groups.root(link.with));
         if a != b {
             let size = |root: usize, groups: &mut Groups| (0..n).filter(|c| groups.root(*c) == root).count();
-            // The smaller side is the one that hangs; of equal ones that without the reference.
+            // The link is attributed to the smaller side; of equal ones to that without the reference.
             let key = |root: usize, groups: &mut Groups| {
                 (size(root, groups), groups.root(layout.reference) == root)
             };
@@ -353,7 +383,7 @@ fn weakest_link(
     weakest
 }
 
-/// The link of two cameras, ranked by the uncertainty of a point at the distance of the two (or 1 m).
+/// Returns the link of two cameras, ranked by the uncertainty of a point at the distance of the two (or 1 m).
 fn link(
     cameras: &[CameraInRig],
     joint: &DMatrix<f64>,
@@ -373,15 +403,15 @@ fn link(
 }
 
 impl RigSolution {
-    /// cam_b_from_cam_a, the pose of camera b relative to camera a, with the covariance of its small left motion (frame of camera b); none
-    /// without the joint covariance.
+    /// Returns cam_b_from_cam_a, the pose of camera b relative to camera a, with the covariance of its small left motion (frame of camera b);
+    /// none without the joint covariance.
     pub fn cam_b_from_cam_a(&self, b: usize, a: usize) -> Option<(Pose, Matrix6)> {
         let n = self.cameras.len();
         let joint = self.joint_covariance.as_ref().filter(|_| a < n && b < n)?;
         Some(relative(&self.cameras, joint, a, b))
     }
 
-    /// Root mean square of all residuals of an observation that project, used or not, px.
+    /// Returns the root mean square of all residuals of an observation that can be projected, used or not, px.
     pub fn observation_rms_px(&self, observation: usize) -> Option<f64> {
         let points = self.observations.get(observation)?.residuals_px.iter();
         let points = points.map(|p| p.map(|p| (p.0, 0.0))).collect();

@@ -1,4 +1,4 @@
-//! Decides which points and observations take part.
+//! The selection of the points and observations that take part.
 //!
 //! A point takes part when its squared residual, in units of the variance that the inner half of all points shows, is below the gate; a
 //! observation when most of its points do. docs/math/rig.md section 5.
@@ -13,21 +13,21 @@ use nalgebra::Vector2;
 /// The residuals of one observation.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Residuals {
-    /// Observed − predicted, px, and the squared whitened length; none where a point projects nowhere.
+    /// Observed − predicted, px, and the squared whitened length; none where a point cannot be projected.
     pub(super) points: Vec<Option<(Vector2<f64>, f64)>>,
 }
 
 /// The points that take part.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Parts {
-    /// By observation and point.
+    /// One entry for each observation and point.
     pub(super) is_used: Vec<Vec<bool>>,
     pub(super) rejected: Vec<Option<RejectedObservation>>,
-    /// By body in view.
+    /// One entry for each body in a view.
     pub(super) is_active: Vec<bool>,
 }
 
-/// Computes the residuals of every point at `places`, of none where the body takes no part.
+/// Computes the residuals of every point at `places`; none where the body takes no part.
 pub(super) fn residuals(layout: &Layout, places: &RigPoses, is_active: &[bool]) -> Vec<Residuals> {
     let of_link = |(i, link): (usize, &crate::least_squares::rig::RigLink)| {
         let pivot = &layout.pivot_in_target[link.target];
@@ -41,7 +41,7 @@ pub(super) fn residuals(layout: &Layout, places: &RigPoses, is_active: &[bool]) 
     layout.graph.links.iter().enumerate().map(of_link).collect()
 }
 
-/// Variance in units of the stated one, from the median over all points that project, of whose numbers the unknowns take some.
+/// Returns the variance in units of the stated one, from the median over all points that can be projected, corrected for the number of unknowns.
 pub(super) fn robust_variance(residuals: &[Residuals], unknown: usize) -> f64 {
     let mut all: Vec<f64> = residuals.iter().flat_map(|r| r.points.iter().flatten().map(|p| p.1)).collect();
     let rows = 2.0 * all.len() as f64;
@@ -49,7 +49,7 @@ pub(super) fn robust_variance(residuals: &[Residuals], unknown: usize) -> f64 {
     median(&mut all).map_or(1.0, |m| m / MEDIAN_CHI2 * free)
 }
 
-/// The gate as a squared residual.
+/// Selects the points and observations with the gate given as a squared residual.
 pub(super) fn parts(
     residuals: &[Residuals],
     gate_chi2: f64,
@@ -77,7 +77,7 @@ pub(super) fn parts(
     parts
 }
 
-/// Over the points that project.
+/// Returns the root mean square over the points that can be projected.
 pub(super) fn rms_px(residuals: &Residuals) -> f64 {
     let (sum, n) =
         residuals.points.iter().flatten().fold((0.0, 0.0), |s, p| (s.0 + p.0.norm_squared(), s.1 + 1.0));
@@ -85,7 +85,7 @@ pub(super) fn rms_px(residuals: &Residuals) -> f64 {
 }
 
 impl Parts {
-    /// A body in a view needs three points.
+    /// Drops every body in a view that has fewer than three points.
     fn drop_undetermined(&mut self, layout: &Layout, located_views: &LocatedViews) {
         for (body, range) in layout.ranges().into_iter().enumerate() {
             let n: usize = range.clone().map(|i| self.is_used[i].iter().filter(|u| **u).count()).sum();

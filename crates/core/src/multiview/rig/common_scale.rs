@@ -1,10 +1,11 @@
 //! The effect of an uncertain size of the targets on a rig: all lengths change together. docs/math/printed_scale.md section 3.
 
 use super::RigSolution;
+use crate::budget::ErrorSource;
 use crate::{Matrix6, Pose, Vector6};
 use nalgebra::DVector;
 
-/// The left motion of a pose for one unit of relative scale, eq. (8): its translation grows, its rotation stays.
+/// Returns the left motion of a pose for one unit of relative scale, eq. (8): its translation grows, its rotation is constant.
 fn grows(b_from_a: &Pose) -> Vector6 {
     let t = b_from_a.translation;
     Vector6::new(0.0, 0.0, 0.0, t.x, t.y, t.z)
@@ -18,6 +19,11 @@ impl RigSolution {
             *covariance += by * by.transpose();
         };
         self.cameras.iter_mut().for_each(|c| add(&mut c.covariance, &c.cam_from_rig));
+        for (budget, camera) in self.budgets.iter_mut().zip(&self.cameras) {
+            let mut part = Matrix6::zeros();
+            add(&mut part, &camera.cam_from_rig);
+            budget.add(ErrorSource::Target, &part);
+        }
         self.targets.iter_mut().for_each(|t| add(&mut t.covariance, &t.body_from_target));
         self.bodies.iter_mut().for_each(|b| add(&mut b.covariance, &b.rig_from_body));
         if let Some(joint) = &mut self.joint_covariance {

@@ -1,10 +1,10 @@
-//! Measured distances between cameras: residuals of the cameras alone, docs/math/rig.md eq. (12).
+//! Measured distances between cameras: residuals that depend on the cameras alone, docs/math/rig.md eq. (12).
 
 use super::KnownDistance;
 use crate::least_squares::rig::{RigEquations, RigGraph, RigPoses};
 use crate::{Pose, Vector6};
 
-/// Measured less present distance, standard deviations, and the derivative of the present one by both cameras' motions.
+/// Returns measured less computed distance in standard deviations, and the derivatives of the computed one by both cameras' motions.
 fn residual(known: &KnownDistance, cam_from_rig: &[Pose]) -> (f64, [(usize, Vector6); 2]) {
     let (a, b) = (&cam_from_rig[known.a], &cam_from_rig[known.b]);
     let apart = a.origin() - b.origin();

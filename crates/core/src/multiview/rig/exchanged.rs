@@ -1,7 +1,7 @@
 //! Camera files of two cameras exchanged: tried where the offsets of both lenses suggest it, and named where the views then agree much better.
 //!
-//! A focal length 1 % off moves a camera by 1 % of its distance from the target, which residuals of a few views hardly show: alone, each of two
-//! exchanged files passes for right. Together they are one hypothesis with nothing to estimate. docs/math/rig.md eqs. (22), (23).
+//! A focal length 1 % off moves a camera by 1 % of its distance from the target, which residuals of a few views hardly show: each of two
+//! exchanged files passes the test alone. Together they are one hypothesis with nothing to estimate. docs/math/rig.md eqs. (22), (23).
 
 use super::{Cause, LensOffset, Losses, Observation, RigConfig, RigProblem, RigSolution};
 use crate::locate::loss::Loss;
@@ -9,11 +9,11 @@ use crate::{Camera, Correspondence, Error, Point};
 
 /// The number of pairs that are solved again.
 const MOST_PAIRS: usize = 3;
-/// χ² by which the exchange must fit better, in units of what views show errors to be: 2 ln 10⁴, for files are right far more often than
+/// Smallest gain of χ² by the exchange, in units of the variance that the views show: 2 ln 10⁴, because files are right far more often than
 /// exchanged.
 const NEEDED_GAIN: f64 = 18.4;
 
-/// The solution as stated; inconsistent where the files of two cameras look exchanged.
+/// Returns the solution as stated; inconsistent where the files of two cameras appear to be exchanged.
 pub(super) fn examined(
     problem: &RigProblem,
     config: &RigConfig,
@@ -42,14 +42,14 @@ pub(super) fn examined(
     }
 }
 
-/// The observation with the bearings of another lens; none where that does not see a pixel.
+/// Returns the observation with the bearings of another lens; none where a pixel has no bearing there.
 fn seen_through(observation: &Observation, camera: &Camera) -> Option<Observation> {
     let through = |c: &Correspondence| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c });
     let seen = observation.seen.iter().map(through).collect::<Option<Vec<_>>>()?;
     Some(Observation { seen, ..observation.clone() })
 }
 
-/// χ², with points left out counted at the gate.
+/// Returns χ², with points left out counted at the gate.
 fn misfit(solution: &RigSolution, config: &RigConfig) -> f64 {
     let gate = match config.loss {
         Loss::Truncated { sigmas } => sigmas,
@@ -58,7 +58,8 @@ fn misfit(solution: &RigSolution, config: &RigConfig) -> f64 {
     solution.chi2 + gate * gate * (solution.n_seen - solution.n_used) as f64
 }
 
-/// Pairs of cameras with images of one size and different lenses, each of whose offsets the other's lens makes up for; the best first.
+/// Returns the pairs of cameras with images of one size and different lenses, where the other's lens compensates the offset of each; the best
+/// first.
 fn suspected(problem: &RigProblem, config: &RigConfig, stated: &RigSolution) -> Vec<(usize, usize)> {
     if !matches!(config.loss, Loss::Squared | Loss::Truncated { .. }) {
         return Vec::new();
@@ -78,7 +79,7 @@ fn suspected(problem: &RigProblem, config: &RigConfig, stated: &RigSolution) -> 
     pairs.into_iter().take(MOST_PAIRS).map(|(_, pair)| pair).collect()
 }
 
-/// By how much another lens lowers the squares of an offset over its standard deviations.
+/// Returns the decrease of the squared offset over its variance when another lens is used.
 fn made_up_for(offset: &LensOffset, from: &Camera, to: &Camera) -> Option<f64> {
     let axis =
         |camera: &Camera| camera.project_with_jacobian(&Point::z()).map(|(c, by)| (c, by[(0, 0)].abs()));
@@ -92,7 +93,7 @@ fn made_up_for(offset: &LensOffset, from: &Camera, to: &Camera) -> Option<f64> {
     Some(terms.iter().map(|(off, by, sigma)| (off * off - (off - by) * (off - by)) / (sigma * sigma)).sum())
 }
 
-/// The exchange explains every other fault.
+/// Attributes the contradiction to the exchange, which explains every other fault.
 fn blaming(stated: RigSolution, (a, b): (usize, usize)) -> RigSolution {
     let mut verdict = stated.verdict.clone();
     let of = |camera: usize| match camera {

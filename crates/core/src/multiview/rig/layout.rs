@@ -1,14 +1,14 @@
-//! The observations in canonical order, checked, and which unknowns each of them touches.
+//! The observations in canonical order, checked, and the unknowns on which each of them depends.
 //!
-//! Everything after this file works in the order view, body, camera, target: sums are taken in it, so that the answer does not depend on
-//! the order of the input, to the last bit.
+//! Everything after this file works in the order view, body, camera, target. Sums are taken in this order, so that the answer is bit for bit
+//! independent of the order of the input.
 
 use super::{Observation, RigConfig, RigProblem};
 use crate::least_squares::rig::{RigGraph, RigLink};
 use crate::solve::configuration::check_numbers;
 use crate::{Camera, Error, Point};
 
-/// A rig problem, checked and in order.
+/// A rig problem, checked and in canonical order.
 pub(super) struct Layout<'a> {
     pub(super) problem: &'a RigProblem<'a>,
     pub(super) reference: usize,
@@ -18,9 +18,9 @@ pub(super) struct Layout<'a> {
     pub(super) given_at: Vec<usize>,
     /// View and body of every body in a view.
     pub(super) bodies: Vec<(usize, usize)>,
-    /// The first target of the body of each target: the body's frame.
+    /// The first target on the body of each target; its frame is the body's.
     pub(super) first_target: Vec<usize>,
-    /// Mean of the points seen of each target, target frame: the pivot of its small motions.
+    /// Mean of the observed points of each target, target frame: the pivot of its small motions.
     pub(super) pivot_in_target: Vec<Point>,
     pub(super) graph: RigGraph,
 }
@@ -59,12 +59,12 @@ impl<'a> Layout<'a> {
         })
     }
 
-    /// The camera of an observation.
+    /// Returns the camera of an observation.
     pub(super) fn camera(&self, link: usize) -> &'a Camera {
         &self.problem.cameras[self.observations[link].camera]
     }
 
-    /// Observations of one body in one view, as ranges of canonical indices.
+    /// Returns the observations of each body in each view, as ranges of canonical indices.
     pub(super) fn ranges(&self) -> Vec<core::ops::Range<usize>> {
         let mut ranges: Vec<core::ops::Range<usize>> = Vec::with_capacity(self.bodies.len());
         for (i, link) in self.graph.links.iter().enumerate() {
@@ -123,7 +123,7 @@ fn check_distances(config: &RigConfig, n_cameras: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// Observations with points, by view, body, camera, target; equal ones by their contents.
+/// Returns the observations with points, by view, body, camera, target; equal ones by their contents.
 fn in_order<'a>(problem: &'a RigProblem<'a>) -> (Vec<&'a Observation>, Vec<usize>) {
     let mut order: Vec<usize> = (0..problem.observations.len()).collect();
     order.retain(|i| !problem.observations[*i].seen.is_empty());
@@ -145,7 +145,7 @@ fn contents(s: &Observation) -> impl Iterator<Item = u64> + '_ {
     s.seen.iter().flat_map(numbers)
 }
 
-/// The lowest target of the same body.
+/// Returns the lowest target of the same body, for each target.
 fn first_targets(body_of_target: &[usize]) -> Vec<usize> {
     let mut firsts: Vec<(usize, usize)> = body_of_target.iter().copied().zip(0..).collect();
     firsts.sort_unstable();
@@ -177,7 +177,7 @@ fn links(observations: &[&Observation], body_of_target: &[usize]) -> (Vec<(usize
     (bodies, links)
 }
 
-/// The first observation of each body in a view.
+/// Returns the first observation of each body in a view.
 fn first_links(links: &[RigLink], n_bodies: usize) -> Vec<usize> {
     let mut firsts = Vec::with_capacity(n_bodies);
     for (i, link) in links.iter().enumerate() {

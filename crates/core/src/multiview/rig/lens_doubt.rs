@@ -1,7 +1,8 @@
-//! The share of lens files that the rig contradicts in its covariance. docs/math/rig.md section 11.
+//! The share of contradicted intrinsics in the covariance of a rig. docs/math/rig.md section 11.
 //!
-//! Intrinsics are taken as exact until views agree that some camera's are not. From then on every camera's are as uncertain as they seem to
-//! be off, and poses follow them: a focal length 3 % off moves a camera by 3 % of its distance from the board, hardly visible in residuals.
+//! Intrinsics are taken as exact until views agree that some camera's are not. From then on every camera's intrinsics are as uncertain as their
+//! estimated offset, and poses follow them: a focal length 3 % off moves a camera by 3 % of its distance from the board, hardly visible in
+//! residuals.
 
 use super::lens_score::{LensScore, LensStep, Shared};
 use crate::Matrix6;
@@ -9,7 +10,7 @@ use crate::least_squares::rig::Common;
 use crate::statistics::variance_ratio::as_normal;
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 
-/// One in ten thousand for each camera, as elsewhere: the covariance may grow a thousandfold. Standard normal quantile.
+/// One in ten thousand for each camera, as in the other tests: the covariance may grow a thousandfold. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
 
 /// The uncertainty of one camera's parameters, and the derivatives of the poses by them.
@@ -19,7 +20,7 @@ struct LensUncertainty<'a> {
     following: &'a [Common; 4],
 }
 
-/// The share of the lenses in the covariances; empty where nothing contradicts them.
+/// The share of the intrinsics in the covariances; empty where nothing contradicts them.
 pub(super) struct LensDoubts<'a> {
     doubts: Vec<LensUncertainty<'a>>,
 }
@@ -46,7 +47,7 @@ impl<'a> LensDoubts<'a> {
         self.doubts.is_empty()
     }
 
-    /// Of the shared blocks.
+    /// Adds the share to the covariance of the shared blocks.
     pub(super) fn add_to_shared(&self, covariance: &mut DMatrix<f64>) {
         for doubt in &self.doubts {
             let by: [&DVector<f64>; 4] = doubt.following.each_ref().map(|f| &f.shared);
@@ -55,7 +56,7 @@ impl<'a> LensDoubts<'a> {
         }
     }
 
-    /// Of a body in a view.
+    /// Adds the share to the covariance of a body in a view.
     pub(super) fn add_to_body(&self, covariance: &mut Matrix6, body: usize) {
         for doubt in &self.doubts {
             let moved =
@@ -65,12 +66,12 @@ impl<'a> LensDoubts<'a> {
     }
 }
 
-/// E θ θᵀ about the value given, which knows no better.
+/// Returns E θ θᵀ about the value given, without prior knowledge.
 fn squared<const N: usize>(step: &LensStep<N>) -> SMatrix<f64, N, N> {
     step.x * step.x.transpose() + step.by_views.unwrap_or(step.by_points)
 }
 
-/// By how many standard deviations of a normal number the views contradict the lens: the lesser of what points and what views say.
+/// Returns the contradiction between views and lens as a standard normal number: the lesser of those by points and by views.
 fn contradiction(lens: &LensScore, variance: f64, shared: &Shared) -> f64 {
     match (lens.four(variance), lens.three(variance)) {
         (Some(four), _) => by_both(lens, four, variance, shared),
@@ -81,7 +82,7 @@ fn contradiction(lens: &LensScore, variance: f64, shared: &Shared) -> f64 {
 
 fn by_both<const N: usize>(lens: &LensScore, mut step: LensStep<N>, variance: f64, shared: &Shared) -> f64 {
     let rough = unlikely(&step);
-    // The whole leverage of a view costs as much as an elimination, and only makes it less.
+    // Taking off the whole leverage of a view costs as much as an elimination and can only lower the result.
     if rough <= QUANTILE || shared.clusters.is_empty() {
         return rough;
     }

@@ -1,6 +1,6 @@
 //! Tests the intrinsics of each camera against all observations of the rig, by a score test at the minimum.
 //!
-//! Alone a camera hardly shows its focal length on small boards: the distance of the board absorbs it. In a rig the other cameras
+//! A single camera hardly shows its focal length on small boards, because the distance of the board absorbs it. In a rig the other cameras
 //! determine that distance. docs/math/rig.md eqs. (14)–(18).
 //!
 //!   d  a pixel from the principal point, in focal lengths   ·   columns: d (focal length), 1 0, 0 1 (principal point), d |d|² (distortion)
@@ -14,7 +14,7 @@ use crate::locate::refine::whitening;
 use crate::{Camera, Correspondence, Point, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector, Vector2, Vector4};
 
-/// Of its information, what nothing shows keeps only rounding.
+/// A parameter that nothing shows keeps only this share of its information, by rounding.
 const NOTHING_LEFT: f64 = 1e-10;
 /// A view's leverage above this is not distinguished from one.
 const RIDGE: f64 = 1e-6;
@@ -29,29 +29,30 @@ struct Sums {
     n: f64,
 }
 
-/// The information of one view on a camera's parameters, the poses following them, docs/math/rig.md eq. (17).
+/// The information of one view on a camera's parameters after elimination of the poses, docs/math/rig.md eq. (17).
 struct OfView {
     view: usize,
     left: Matrix4<f64>,
     pull: Vector4<f64>,
-    /// Their cross terms with cameras and targets.
+    /// Cross terms of the parameters with cameras and targets.
     common: Vec<(usize, SMatrix<f64, 6, 4>)>,
 }
 
 /// The information of a camera's residuals on its four parameters, every pose free.
 pub(super) struct LensScore {
-    /// Information of the parameters by themselves, and with all places free, eq. (15).
+    /// Information of the parameters by themselves, and with all poses free, eq. (15).
     own: Matrix4<f64>,
     left: Matrix4<f64>,
     pull: Vector4<f64>,
     of_views: Vec<OfView>,
-    /// By parameter: H⁻¹K; of bodies only where they were asked for.
+    /// H⁻¹K for each parameter; its part for bodies only where requested.
     pub(super) following: [Common; 4],
     /// Root mean square of |d|³.
     reach: f64,
 }
 
-/// One entry a camera; none where its optical axis projects nowhere. `with_bodies`: what bodies do is kept, in every view, for every camera.
+/// Returns one entry for each camera; none where its optical axis cannot be projected. With `with_bodies` the entries contain the derivatives of
+/// every body in every view.
 pub(super) fn scores(
     layout: &Layout,
     adjusted: &Adjusted,
@@ -92,7 +93,7 @@ fn score(
     Some(LensScore { own: total.own, left: total.own - lost, pull: total.pull, of_views, following, reach })
 }
 
-/// A camera's observations that take part.
+/// Returns a camera's observations that take part.
 fn observations(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<Vec<(usize, Sums)>> {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let lens = &layout.problem.cameras[camera];
@@ -134,16 +135,17 @@ fn of_view(
     sum
 }
 
-/// The information of every view on cameras and targets, and their inverse information, with which a camera's parameters share leverage.
+/// The information of every view on cameras and targets, and their inverse information: a view's leverage on them reduces a camera's
+/// parameters'.
 pub(super) struct Shared<'a> {
     pub(super) inverse: &'a DMatrix<f64>,
     pub(super) clusters: &'a [Cluster],
 }
 
-/// A step of some of the parameters, all places free.
+/// A step of some of the parameters, with all poses free.
 pub(super) struct LensStep<const N: usize> {
     pub(super) x: SVector<f64, N>,
-    /// By single points, and by the scatter of views; none where those are too few.
+    /// Covariance from single points, and from the scatter of views; none where there are too few views.
     pub(super) by_points: SMatrix<f64, N, N>,
     pub(super) by_views: Option<SMatrix<f64, N, N>>,
     /// Number of views with information.
@@ -152,13 +154,14 @@ pub(super) struct LensStep<const N: usize> {
 }
 
 impl LensScore {
-    /// Root mean square of |d|³, docs/math/rig.md eq. (14): the displacement that distortion makes.
+    /// Returns the root mean square of |d|³, docs/math/rig.md eq. (14): the displacement that distortion causes.
     pub(super) fn reach(&self) -> f64 {
         self.reach
     }
 
-    /// The first three alone, then all four: distortion trades with the principal point where few points lie far out. `stated` are the
-    /// standard deviations of focal length, principal point and distortion that are known beforehand: an offset within them is none.
+    /// Returns the offset of the first three parameters with distortion held, then of distortion with all four free: distortion correlates with
+    /// the principal point where few points are far from it. `stated` are the prior standard deviations of focal length, principal point and
+    /// distortion: they widen those of the offset.
     pub(super) fn offset(&self, variance: f64, stated: &[f64; 3]) -> Option<LensOffset> {
         let [focal, centre, distortion_stated] = *stated;
         let three = self.three(variance)?;
@@ -178,17 +181,17 @@ impl LensScore {
         })
     }
 
-    /// Focal length and principal point, distortion held.
+    /// Returns the step of focal length and principal point, distortion held.
     pub(super) fn three(&self, variance: f64) -> Option<LensStep<3>> {
         self.step(variance)
     }
 
-    /// All four parameters.
+    /// Returns the step of all four parameters.
     pub(super) fn four(&self, variance: f64) -> Option<LensStep<4>> {
         self.step(variance)
     }
 
-    /// The first N parameters, docs/math/rig.md eqs. (16), (18); none where the equations leave some open.
+    /// Returns the step of the first N parameters, docs/math/rig.md eqs. (16), (18); none where the equations leave one undetermined.
     fn step<const N: usize>(&self, variance: f64) -> Option<LensStep<N>> {
         let left: SMatrix<f64, N, N> = self.left.fixed_view::<N, N>(0, 0).into();
         let pull: SVector<f64, N> = self.pull.fixed_rows::<N>(0).into();
@@ -202,8 +205,8 @@ impl LensScore {
         is_right.then_some(LensStep { x, by_points, by_views, n_views, chi2 })
     }
 
-    /// Σ of the squares by which the step changes without one view: the view's pull beyond what the step explains, its leverage on the
-    /// parameters taken off. Views have leverage on cameras too: it is too small, if not by much.
+    /// Returns Σ of the squared changes of the step without one view: the view's residual gradient, corrected for its leverage on the
+    /// parameters. The leverage of views on cameras is not corrected, so that the result is slightly too small.
     fn scatter<const N: usize>(
         &self,
         x: &SVector<f64, N>,
@@ -217,7 +220,7 @@ impl LensScore {
         })
     }
 
-    /// The same with all of the view's leverage taken off, docs/math/rig.md eq. (18).
+    /// Returns the same scatter corrected for all of the view's leverage, docs/math/rig.md eq. (18).
     pub(super) fn whole_scatter<const N: usize>(
         &self,
         step: &LensStep<N>,
@@ -239,7 +242,7 @@ impl OfView {
         self.left.fixed_view::<N, N>(0, 0).into()
     }
 
-    /// The parameters' part of (1 − B)⁻¹ s, B and s of cameras, targets and parameters together as in docs/math/clustered.md eq. (3).
+    /// Returns the parameters' part of (1 − B)⁻¹ s, B and s of cameras, targets and parameters together as in docs/math/clustered.md eq. (3).
     fn without<const N: usize>(
         &self,
         cluster: &Cluster,
@@ -274,7 +277,8 @@ impl OfView {
     }
 }
 
-/// The inverse of the information that places leave; none where a parameter keeps only rounding once those before it are free.
+/// Returns the inverse of the information that remains with all poses free; none where a parameter keeps only rounding once those before it are
+/// free.
 fn inverse_of_known<const N: usize>(
     left: &SMatrix<f64, N, N>,
     own: &Matrix4<f64>,
@@ -292,7 +296,7 @@ fn inverse_of_known<const N: usize>(
 }
 
 impl<const N: usize> LensStep<N> {
-    /// The larger of the two of each.
+    /// Returns the larger of the two standard deviations of each parameter.
     fn sigma(&self) -> SVector<f64, N> {
         let by_views = self.by_views.unwrap_or_else(SMatrix::zeros);
         SVector::from_fn(|i, _| self.by_points[(i, i)].max(by_views[(i, i)]).max(0.0).sqrt())

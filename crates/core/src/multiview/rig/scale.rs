@@ -1,4 +1,4 @@
-//! Tests each target's stated size against all other lengths: one more parameter a target, at the minimum, without solving again.
+//! The test of each target's stated size against all other lengths: one more parameter for each target, at the minimum, without solving again.
 //!
 //! docs/math/rig.md eqs. (10)–(11).
 
@@ -11,7 +11,7 @@ use crate::locate::refine::whitening;
 use crate::{Camera, Correspondence, Point, Vector6};
 use nalgebra::Vector3;
 
-/// Of its information, a scale that nothing else in the rig shows keeps only rounding: exactly the gauge of size.
+/// A scale that nothing else in the rig shows keeps only this share of its information, by rounding: it is the gauge of size.
 const NOTHING_LEFT: f64 = 1e-10;
 
 /// JᵀWj, jᵀWj and jᵀWr of a target's scale.
@@ -34,7 +34,7 @@ pub(super) fn scales(
         own.into_iter().any(|(_, used)| used.iter().any(|u| *u))
     };
     let targets = 0..layout.first_target.len();
-    // The size of the only one is the gauge itself, whatever rounding leaves of its information.
+    // The size of the only target is the gauge itself, whatever information rounding leaves.
     let compares = has_distances || 1 < targets.clone().filter(takes_part).count();
     let of_target = |target: usize| match compares {
         true => scale(target, layout, adjusted, eliminated, noise_scale),
@@ -81,7 +81,7 @@ fn scale(
     unknown(extent_m)
 }
 
-/// Over points that all project.
+/// Sums over points, all of which can be projected.
 fn sums<'a>(
     used: impl Iterator<Item = &'a Correspondence>,
     place: &PivotedPose,
@@ -90,7 +90,7 @@ fn sums<'a>(
 ) -> Sums {
     let mut sums = Sums { by_motion: Vector6::zeros(), own: 0.0, pull: 0.0 };
     for c in used {
-        // What grows with the scale is the arm from the pivot.
+        // The scale multiplies the arm from the pivot.
         let y = place.rotation * (c.x_in_target - pivot);
         let Some((pixel, jacobian)) = camera.project_with_jacobian(&(y + place.pivot_in_cam)) else {
             continue;
@@ -113,7 +113,7 @@ impl Sums {
     }
 }
 
-/// About the largest distance between two points seen of a target: the farthest from any, and the farthest from that.
+/// Returns about the largest distance between two observed points of a target: the point farthest from any, and the one farthest from that.
 fn extent_m(target: usize, layout: &Layout) -> f64 {
     let points = || {
         let own = layout.observations.iter().filter(move |s| s.target == target);

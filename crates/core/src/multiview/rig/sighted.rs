@@ -14,7 +14,7 @@ use std::borrow::Cow;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hypothesis {
     pub(super) cam_from_target: Pose,
-    /// Of its small left motion, widened to the residuals.
+    /// Covariance of its small left motion, widened to the residuals.
     pub(super) covariance: Matrix6,
     /// Probability among the minima of the observation.
     pub(super) probability: f64,
@@ -27,13 +27,13 @@ pub(super) type LocatedViews = Vec<Result<Vec<Hypothesis>, Error>>;
 
 /// Minima less probable than this are not followed.
 const LEAST_WEIGHT: f64 = 1e-4;
-/// The threshold of the loss that finds wrong points, in robust standard deviations: 98 % as precise as the square.
+/// The threshold of the loss that finds wrong points, in robust standard deviations: its estimates are 98 % as efficient as least squares.
 pub(super) const CAUCHY_SIGMAS: f64 = 3.0;
 /// Median of χ² with two degrees of freedom.
 pub(super) const MEDIAN_CHI2: f64 = 2.0 * core::f64::consts::LN_2;
-/// Fewest points among which a wrong one can be found; fewer are judged by the other cameras.
+/// Smallest number of points among which a wrong one can be found; smaller observations are tested by the other cameras.
 const ENOUGH_POINTS: usize = 6;
-/// Largest number of samples for a consensus, which serves as a start only.
+/// Largest number of samples for a consensus, which serves only as an initial value.
 const MAX_SAMPLES: usize = 2000;
 
 pub(super) fn poses_of_observations(layout: &Layout) -> LocatedViews {
@@ -61,15 +61,15 @@ fn poses(seen: &[Correspondence], camera: &Camera) -> Result<Vec<Hypothesis>, Er
     }
 }
 
-/// Largest number of points for a start; the joint adjustment uses all.
+/// Largest number of points for an initial pose; the joint adjustment uses all.
 const MANY_POINTS: usize = 30;
 
-/// All of a small observation, some of a large one.
+/// Returns all points of a small observation, some of a large one.
 pub(super) fn enough(seen: &[Correspondence]) -> Cow<'_, [Correspondence]> {
     if MANY_POINTS < seen.len() { Cow::Owned(spread(seen)) } else { Cow::Borrowed(seen) }
 }
 
-/// `MANY_POINTS` of them, taken by golden section so that they fall into no row of a board.
+/// Returns at most `MANY_POINTS` points, selected by the golden section so that they are not all in one row of a board.
 fn spread(seen: &[Correspondence]) -> Vec<Correspondence> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let mut places: Vec<usize> =
@@ -79,7 +79,7 @@ fn spread(seen: &[Correspondence]) -> Vec<Correspondence> {
     places.into_iter().map(|i| seen[i]).collect()
 }
 
-/// Whether the residuals are as small as stated.
+/// Returns whether the residuals are as small as stated.
 fn is_clean(found: &PoseEstimate) -> bool {
     !is_unlikely(found.chi2, found.degrees_of_freedom)
 }
@@ -96,14 +96,15 @@ fn hypothesis(cam_from_target: Pose, covariance: Matrix6, probability: f64) -> O
     Some(Hypothesis { cam_from_target, covariance, probability, size })
 }
 
-/// −½ ln |Σ|; none where Σ is no covariance.
+/// Returns −½ ln |Σ|; none where Σ is no covariance.
 pub(super) fn sharpness(covariance: &Matrix6) -> Option<f64> {
     let factor = covariance.cholesky()?;
     let sum: f64 = (0..6).map(|i| factor.l_dirty()[(i, i)].ln()).sum();
     sum.is_finite().then_some(-sum)
 }
 
-/// From each minimum of the square, under a loss that wrong points hardly pull at; a consensus where none of those comes near the points.
+/// Refines each minimum of the squared loss under a loss on which wrong points have little influence; adds a consensus where none of the results
+/// is near the points.
 fn without_wrong_points(plain: &[Hypothesis], seen: &[Correspondence], camera: &Camera) -> Vec<Hypothesis> {
     let mut found: Vec<(f64, Hypothesis)> = Vec::new();
     for start in plain {
@@ -114,7 +115,7 @@ fn without_wrong_points(plain: &[Hypothesis], seen: &[Correspondence], camera: &
         found.extend(by_consensus(seen, camera).and_then(|pose| settled(pose, seen, camera)));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // Of duplicates the first stays; one whose points lie twice as far off is no alternative.
+    // Of duplicates the first remains; a pose whose points are twice as far off is no alternative.
     let best = found.first().map_or(0.0, spread);
     let mut kept: Vec<Hypothesis> = Vec::new();
     for (spread, h) in found {
@@ -128,10 +129,10 @@ fn without_wrong_points(plain: &[Hypothesis], seen: &[Correspondence], camera: &
     kept
 }
 
-/// Half of the points ten standard deviations off or more: the square led nowhere.
+/// Variance of the inner half of the points, ten standard deviations squared, above which the squared loss has failed.
 const FAR_SPREAD: f64 = 100.0;
 
-/// The minimum under Cauchy's loss, its threshold drawn in with the residuals, and the variance its inner half shows.
+/// Returns the minimum under Cauchy's loss, its threshold narrowed with the residuals, and the variance of its inner half.
 fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64, Hypothesis)> {
     let mut pose = start;
     for _ in 0..4 {
@@ -147,7 +148,7 @@ fn settled(start: Pose, seen: &[Correspondence], camera: &Camera) -> Option<(f64
     Some((spread, hypothesis(found.cam_from_target, found.covariance * spread.max(1.0), 1.0)?))
 }
 
-/// Variance in units of the stated one, from the median of the squared residuals, six numbers being taken by the pose.
+/// Returns the variance in units of the stated one, from the median of the squared residuals, corrected for the six unknowns of the pose.
 fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) -> Option<f64> {
     let squared =
         |c: &Correspondence| whitened_residual(cam_from_target, c, camera).map_or(f64::INFINITY, |r| r.2);
@@ -157,8 +158,8 @@ fn variance(cam_from_target: &Pose, seen: &[Correspondence], camera: &Camera) ->
     Some(median(&mut all)? / MEDIAN_CHI2 * free).filter(|v| v.is_finite())
 }
 
-/// Whether its points fit one pose by its own camera: the inner half of them, at the best of its poses, no worse than twice the stated
-/// noise. False for one without a pose.
+/// Returns whether the points fit one pose by their own camera: the inner half of them, at the best of its poses, has at most twice the stated
+/// noise. True for an observation without a pose.
 pub(super) fn fits_alone(
     poses: &Result<Vec<Hypothesis>, Error>,
     seen: &[Correspondence],
@@ -169,10 +170,10 @@ pub(super) fn fits_alone(
     poses.iter().filter_map(spread).fold(f64::INFINITY, f64::min) < LARGEST_ALONE
 }
 
-/// In variances.
+/// Largest variance of an observation that fits by itself, in units of the stated one.
 const LARGEST_ALONE: f64 = 4.0;
 
-/// None of nothing.
+/// Returns the median, the upper of two; none for an empty list.
 pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)

@@ -1,8 +1,8 @@
-//! The start: from the reference camera outwards, each camera and target is placed by the pose that the most views agree on.
+//! The initial poses: from the reference camera outwards, each camera and target gets the pose on which the most views agree.
 //!
-//! With rig_from_body known in a view through a camera and a target already placed, an observation of a placed target by a new camera gives
-//! cam_from_rig, the paper's (13), (14) chained (docs/math/rig.md eq. (9)), and an observation of a new target by a placed camera gives
-//! body_from_target. What is known best by the most views is placed next: a tree grown along its best links.
+//! With rig_from_body known in a view through a placed camera and target, an observation of a placed target by a new camera gives cam_from_rig,
+//! the paper's (13), (14) chained (docs/math/rig.md eq. (9)), and an observation of a new target by a placed camera gives body_from_target. The
+//! camera or target that the views determine best is placed next, so that a tree grows along its best links.
 
 use super::layout::Layout;
 use super::sighted::{Hypothesis, LocatedViews};
@@ -14,7 +14,7 @@ use crate::locate::loss::Loss;
 use crate::locate::refine::whitened_residual;
 use crate::{Error, Matrix6, Pose};
 
-/// Poses found so far; those of a body's targets in the frame of the target found first.
+/// Poses found so far; those of a body's targets are in the frame of the target found first.
 struct Grown {
     cam_from_rig: Vec<Option<Pose>>,
     anchor_from_target: Vec<Option<Pose>>,
@@ -22,7 +22,7 @@ struct Grown {
     known: Vec<Option<usize>>,
 }
 
-/// The poses that a new camera or target may have.
+/// A camera or target that has no pose yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Node {
     Camera(usize),
@@ -48,7 +48,7 @@ pub(super) fn start(layout: &Layout, located_views: &LocatedViews) -> Result<Rig
     Ok(grown.places(layout, located_views))
 }
 
-/// Every camera has a pose of something, and chains of bodies in views join them all.
+/// Checks that every camera has an observation with a pose, and that chains of bodies in views join all cameras.
 fn check_connected(layout: &Layout, located_views: &LocatedViews) -> Result<(), Error> {
     let n = layout.problem.cameras.len();
     for camera in 0..n {
@@ -60,7 +60,7 @@ fn check_connected(layout: &Layout, located_views: &LocatedViews) -> Result<(), 
     check_joined(layout, |i| located_views[i].is_ok())
 }
 
-/// Whether the observations that take part join all cameras.
+/// Checks whether the observations that take part join all cameras.
 ///
 /// # Errors
 /// `CamerasUnconnected`, with the reference's group first.
@@ -94,7 +94,7 @@ impl Grown {
         Grown { cam_from_rig, anchor_from_target, known: vec![None; layout.bodies.len()] }
     }
 
-    /// Gives every body seen by a placed camera a frame, and every body in a view its best placed observation.
+    /// Gives every body observed by a placed camera a frame, and every body in a view its best placed observation.
     fn look_again(&mut self, layout: &Layout, located_views: &LocatedViews) {
         let mut counts = vec![0usize; self.anchor_from_target.len()];
         for (i, s) in layout.observations.iter().enumerate() {
@@ -105,7 +105,7 @@ impl Grown {
             let own: Vec<usize> =
                 (first..counts.len()).filter(|t| layout.first_target[*t] == first).collect();
             if own.iter().all(|t| self.anchor_from_target[*t].is_none()) {
-                // The lowest of the most seen.
+                // The target with the most observations; of equal ones the lowest.
                 let most = own
                     .iter()
                     .copied()
@@ -135,7 +135,7 @@ impl Grown {
                 continue;
             };
             let Some(own) = first(located_views, i) else { continue };
-            // |Σ₁ + Σ₂|^(1/6) is about the sum of both: the information of a link, per number.
+            // Σ₁ + Σ₂|^(1/6) is approximately the sum of both sizes; its inverse measures the information of a link.
             let gain = 1.0 / (known.size + own.size);
             match (self.cam_from_rig[s.camera], self.anchor_from_target[s.target]) {
                 (None, Some(_)) => of_camera[s.camera] += gain,
@@ -168,7 +168,7 @@ impl Grown {
         votes
     }
 
-    /// Of a known observation and one of a new camera or target, each with one of its poses.
+    /// Returns the vote of a known observation and one of a new camera or target, each with one of its poses.
     fn vote(
         &self,
         group: usize,
@@ -217,7 +217,7 @@ impl Grown {
         Ok(())
     }
 
-    /// All poses, bodies in the frame of their first target; in each view the pose of a body that fits all its observations best.
+    /// Returns all poses, bodies in the frame of their first target; in each view a body has the pose that fits all its observations best.
     fn places(&self, layout: &Layout, located_views: &LocatedViews) -> RigPoses {
         let cam_from_rig: Vec<Pose> =
             self.cam_from_rig.iter().map(|p| p.unwrap_or_else(Pose::identity)).collect();
@@ -241,17 +241,17 @@ impl Grown {
     }
 }
 
-/// The most probable pose of an observation.
+/// Returns the most probable pose of an observation.
 fn first(located_views: &LocatedViews, i: usize) -> Option<&Hypothesis> {
     located_views[i].as_ref().ok()?.first()
 }
 
-/// Points of each observation by which the poses of a body are compared.
+/// Number of points of each observation by which the poses of a body are compared.
 const COMPARED_POINTS: usize = 8;
-/// Their loss: wide, for the start is rough.
+/// Loss of the comparison: wide, because the initial poses are rough.
 const COMPARED_LOSS: Loss = Loss::Cauchy { sigmas: 5.0 };
 
-/// Of the poses that the observations of a body in a view suggest, and the one it has, that which all of them fit best.
+/// Returns the pose of a body in a view that fits all its observations best, among those that the observations suggest and its present one.
 pub(super) fn best_of_body(
     range: core::ops::Range<usize>,
     layout: &Layout,
@@ -289,5 +289,5 @@ pub(super) fn best_of_body(
     best.1.copied()
 }
 
-/// Counted for a point that projects nowhere: ten thousand standard deviations off.
+/// Squared residual assigned to a point that cannot be projected: ten thousand standard deviations off.
 pub(super) const UNOBSERVED_CHI2: f64 = 1e8;

@@ -1,7 +1,7 @@
 //! The share of stated uncertainties of the intrinsics in a rig's covariances: docs/math/rig.md eq. (21).
 //!
-//! Every pose follows each parameter as D = H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, which adds
-//! D C Dᵀ. The intrinsics themselves stay as given: the minimum is that of the problem stated.
+//! The derivative of every pose by a camera's parameters is D = H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, which
+//! adds D C Dᵀ. The intrinsics are not adjusted: the minimum is that of the problem stated.
 
 use super::adjust::Adjusted;
 use super::layout::Layout;
@@ -12,20 +12,20 @@ use crate::locate::refine::whitening;
 use crate::{Camera, Error, Matrix6, Vector6};
 use nalgebra::{DMatrix, Matrix6xX};
 
-/// One camera's.
+/// The uncertain intrinsics of one camera.
 struct Uncertain<'a> {
     covariance: &'a DMatrix<f64>,
-    /// One a parameter.
+    /// One entry for each parameter.
     following: Vec<Common>,
 }
 
-/// Those of all cameras that are not exact.
+/// The uncertain intrinsics of all cameras that are not exact.
 pub(super) struct UncertainLenses<'a> {
     each: Vec<Uncertain<'a>>,
 }
 
 impl<'a> UncertainLenses<'a> {
-    /// One entry a camera; an empty list: all exact.
+    /// `covariances` has one entry for each camera; with an empty list all are exact.
     pub(super) fn new(
         covariances: &'a [Option<DMatrix<f64>>],
         layout: &Layout,
@@ -42,7 +42,7 @@ impl<'a> UncertainLenses<'a> {
         UncertainLenses { each: covariances.iter().enumerate().filter_map(uncertain).collect() }
     }
 
-    /// Of the shared blocks.
+    /// Adds the share to the covariance of the shared blocks.
     pub(super) fn add_to_shared(&self, covariance: &mut DMatrix<f64>) {
         for lens in &self.each {
             let moved = DMatrix::from_fn(covariance.nrows(), lens.following.len(), |i, k| {
@@ -52,7 +52,7 @@ impl<'a> UncertainLenses<'a> {
         }
     }
 
-    /// Of a body in a view.
+    /// Adds the share to the covariance of a body in a view.
     pub(super) fn add_to_body(&self, covariance: &mut Matrix6, body: usize) {
         for lens in &self.each {
             let columns: Vec<Vector6> = lens.following.iter().map(|f| f.bodies[body]).collect();
@@ -63,7 +63,7 @@ impl<'a> UncertainLenses<'a> {
     }
 }
 
-/// K of one camera, a column a parameter.
+/// Returns K of one camera, with one column for each parameter.
 fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Common> {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let lens = &layout.problem.cameras[camera];
@@ -120,8 +120,8 @@ pub(super) fn check(covariances: &[Option<DMatrix<f64>>], cameras: &[Camera]) ->
     Ok(())
 }
 
-/// Standard deviations of focal length (relative), principal point (over the focal length) and distortion (the displacement it makes at
-/// `reach`, root mean square over the focal length) that a camera's covariance states.
+/// Returns the standard deviations of focal length (relative), principal point (over the focal length) and distortion (the displacement it
+/// causes at `reach`, root mean square over the focal length) according to a camera's covariance.
 pub(super) fn stated(camera: &Camera, covariance: &DMatrix<f64>, reach: f64) -> [f64; 3] {
     let parameters = camera.parameters();
     let focal_px = camera.matrix().map_or(1.0, |k| k.fx_px);
@@ -129,7 +129,7 @@ pub(super) fn stated(camera: &Camera, covariance: &DMatrix<f64>, reach: f64) -> 
         let i = parameters.iter().position(|(known, _)| *known == name);
         i.map_or(0.0, |i| covariance[(i, i)].max(0.0).sqrt())
     };
-    // Of the other parameters the first is that of the third power of the distance from the axis, where the model has one.
+    // The first of the other parameters is the coefficient of the third power of the distance from the axis, where the model has one.
     let distortion = parameters.get(4).map_or(0.0, |(name, _)| sigma(name));
     let focal = sigma("fx_px").max(sigma("fy_px")) / focal_px;
     [focal, sigma("cx_px").max(sigma("cy_px")) / focal_px, reach * distortion]

@@ -1,7 +1,7 @@
-//! The verdict on a rig by the rule of `consistency`: counts the losses, and finds the likely cause.
+//! The verdict on a rig by the rule of `consistency`: the losses are counted, and the likely cause is found.
 //!
-//! Noise stated and seen · observations and points lost by each camera, target and view · intrinsics against all cameras (`lens_score`) · sizes of
-//! targets against each other (`scale`). docs/math/rig.md section 10.
+//! It uses stated and estimated noise, observations and points lost by each camera, target and view, intrinsics against all cameras
+//! (`lens_score`), and sizes of targets against each other (`scale`). docs/math/rig.md section 10.
 
 use super::adjust::Adjusted;
 use super::layout::Layout;
@@ -15,20 +15,20 @@ use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
 use crate::{Camera, Point};
 
-/// Whether the answer contradicts the observations, and which camera or target is the likely cause. The default contradicts nothing.
+/// The contradictions between the solution and the observations, and the camera or target that is the likely cause. The default has none.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RigVerdict {
-    /// Whether anything below contradicts; then no pose may be used before the cause is found.
+    /// Whether any entry below contradicts; no pose may then be used before the cause is found.
     pub is_inconsistent: bool,
     /// Whether the residuals of the points used are far above their stated sigmas.
     pub is_noisy: bool,
-    /// One entry a camera.
+    /// One entry for each camera.
     pub cameras: Vec<Losses>,
-    /// One entry a target.
+    /// One entry for each target.
     pub targets: Vec<Losses>,
     /// Views that lose more of their observations than a few damaged images explain.
     pub contradicting_views: Vec<usize>,
-    /// One entry a camera: the offset of its intrinsics; none where that was not determined.
+    /// One entry for each camera: the offset of its intrinsics; none where undetermined.
     pub lens_offsets: Vec<Option<LensOffset>>,
     /// The camera to check first.
     pub worst_camera: Option<usize>,
@@ -39,40 +39,40 @@ pub struct RigVerdict {
 /// The losses of a camera or target, with their cause.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Losses {
-    /// Observations whose points determine anything.
+    /// Number of observations whose points determine anything.
     pub n_observations: usize,
-    /// Of these, those that took no part because they contradict.
+    /// Number of those that took no part because they contradict the rest.
     pub n_lost: usize,
-    /// Points of the observations counted.
+    /// Number of points of the observations counted.
     pub n_points: usize,
-    /// Points of them that took no part.
+    /// Number of those points that took no part.
     pub n_points_lost: usize,
     /// The likely cause; none where there is no fault.
     pub cause: Option<Cause>,
 }
 
-/// Why a camera or target does not fit.
+/// The reason why a camera or target does not fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
     /// The camera's intrinsics: focal length, principal point, distortion or image size.
     Intrinsics,
-    /// Its intrinsics, or its images, are exchanged with those of another camera: with each other's lens, everything agrees.
+    /// Its intrinsics, or its images, are exchanged with those of another camera: with the two lenses exchanged, everything agrees.
     ExchangedIntrinsics {
         /// The other camera.
         with: usize,
     },
-    /// Its observations fit by themselves and contradict those of the others: views mislabelled, cameras not synchronised, cameras swapped, a
-    /// target that moved.
+    /// Its observations fit by themselves and contradict those of the others: mislabelled views, unsynchronised or exchanged cameras, a target
+    /// that moved.
     Contradiction,
-    /// The target's points are not as its file states (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit
-    /// by themselves in no camera.
+    /// The target's points differ from its file (kind, rows and columns, labels), or the sigmas of its points are far too small: they fit by
+    /// themselves in no camera.
     Target,
     /// The target's size contradicts the other lengths.
     Size,
-    /// The stated sigmas of its points are too small, or everything is a little wrong.
+    /// The stated sigmas of its points are too small, or all points have small errors.
     Noise,
-    /// The camera itself fits, but the reference camera does not, in whose frame it is placed.
+    /// The camera itself fits, but the reference camera, in whose frame it is placed, does not.
     Reference,
 }
 
@@ -82,15 +82,16 @@ impl Losses {
         self.cause.is_none()
     }
 
-    /// Of the points counted, those that took no part.
+    /// Returns the share of the points counted that took no part.
     pub fn share_lost(&self) -> f64 {
         self.n_points_lost as f64 / self.n_points.max(1) as f64
     }
 
-    /// Whole observations first, then the points of those kept, because a damaged image loses all of its own.
+    /// Returns whether the losses are too large: whole observations are counted first, then the points of those kept, because a damaged image
+    /// loses all of its own.
     fn is_too_much(&self, n_points_kept: usize) -> bool {
         let n_single = n_points_kept.saturating_sub(self.n_points - self.n_points_lost);
-        // Points of either kind, in observations' worth of them.
+        // Lost points of either kind, converted to a number of observations.
         let n_worth = (self.share_lost() * self.n_observations as f64) as usize;
         loses_too_many(self.n_lost, self.n_observations)
             || loses_too_many(n_single, n_points_kept)
@@ -98,7 +99,7 @@ impl Losses {
     }
 }
 
-/// What the judge looks at.
+/// The evidence for the verdict.
 pub(super) struct Evidence<'a> {
     pub(super) layout: &'a Layout<'a>,
     pub(super) located_views: &'a LocatedViews,
@@ -109,18 +110,21 @@ pub(super) struct Evidence<'a> {
     pub(super) chi2: f64,
     pub(super) degrees_of_freedom: usize,
     pub(super) noise_scale: f64,
+    /// The same, below 1 where the residuals prove the stated sigmas too large: lenses are tested against it.
+    pub(super) measured_noise: f64,
     pub(super) view_scale: f64,
 }
 
-/// A camera whose intrinsics explain less than this share of what the worst explains suffers from the worst.
+/// A camera whose intrinsics explain less than this share of what the worst one's explain is affected by the worst one.
 const OWN_FAULT: f64 = 0.4;
-/// Sizes of targets that differ by less are a matter of printing, in shares of the size.
+/// Relative differences of targets' sizes below this are printing errors.
 const SIZE_OFF: f64 = 0.005;
-/// Where residuals prove the sigmas too small, variances that views show to be this much larger are no longer noise: errors four times as
-/// large as stated. On recordings with right files 5.9 at the most where sigmas are those of fair corners (31 with sigmas of 0.16 px, which
-/// show that the webcams were not synchronised), with the images of one webcam under the names of the next view 24 to 42.
+/// Where residuals prove the sigmas too small, variances larger than this by the scatter of views are no longer noise: errors four times as
+/// large as stated. On recordings with right files the largest value is 5.9 where sigmas are those of fair corners (31 with sigmas of 0.16 px,
+/// which show that the webcams were not synchronised), and 24 to 42 with the images of one webcam under the names of the next view.
 const APART: f64 = 16.0;
-/// And as large as this over the focal length: right files 0.0018 at the most, views under the names of the next one 0.0022 to 0.0053.
+/// The errors must also be as large as this over the focal length: right files 0.0018 at most, views under the names of the next one 0.0022 to
+/// 0.0053.
 const APART_FOCAL: f64 = 0.002;
 
 impl Evidence<'_> {
@@ -158,7 +162,7 @@ impl Evidence<'_> {
         }
     }
 
-    /// Under a loss that keeps wrong points, their χ² says nothing: the good ones' variance does.
+    /// Returns whether the noise is too large. Under a loss that keeps wrong points, the variance of the good points replaces χ².
     fn is_noisy(&self) -> bool {
         let degrees_of_freedom = self.degrees_of_freedom;
         match self.config.loss {
@@ -167,7 +171,7 @@ impl Evidence<'_> {
         }
     }
 
-    /// Views contradict each other by far more than points that are noisier than stated explain.
+    /// Returns whether views contradict each other by far more than points that are noisier than stated explain.
     fn views_are_apart(&self) -> bool {
         let apart = self.noise_scale * self.view_scale;
         1.0 < self.noise_scale
@@ -175,7 +179,7 @@ impl Evidence<'_> {
             && APART_FOCAL * APART_FOCAL <= apart * self.mean_variance_over_focal()
     }
 
-    /// Mean stated variance of the points used, along one axis of the image, over the square of the focal length.
+    /// Returns the mean stated variance of the points used, along one axis of the image, over the square of the focal length.
     fn mean_variance_over_focal(&self) -> f64 {
         let cameras = &self.layout.problem.cameras;
         let focal_px = |camera: &Camera| camera.project_with_jacobian(&Point::z()).map(|p| p.1[(0, 0)].abs());
@@ -193,13 +197,13 @@ impl Evidence<'_> {
         sum / f64::max(n, 1.0)
     }
 
-    /// Of cameras in the minimum of a sum of squares: elsewhere the score of wrong points passes for the lens's.
+    /// Returns the lens offsets at the minimum of a sum of squares; none under other losses, where wrong points would bias the score of a lens.
     fn lens_offsets(&self) -> Vec<Option<LensOffset>> {
         match self.config.loss {
             Loss::Squared | Loss::Truncated { .. } => {
                 let offset = |(camera, lens): (usize, &Option<LensScore>)| {
                     let lens = lens.as_ref()?;
-                    lens.offset(self.noise_scale, &self.stated_of_lens(camera, lens.reach()))
+                    lens.offset(self.measured_noise, &self.stated_of_lens(camera, lens.reach()))
                 };
                 self.lenses.iter().enumerate().map(offset).collect()
             }
@@ -207,7 +211,7 @@ impl Evidence<'_> {
         }
     }
 
-    /// What is stated of a camera's intrinsics; nothing: they are exact.
+    /// Returns the stated standard deviations of a camera's intrinsics; zeros where they are exact.
     fn stated_of_lens(&self, camera: usize, reach: f64) -> [f64; 3] {
         let covariance = self.config.intrinsics.get(camera).and_then(Option::as_ref);
         covariance.map_or([0.0; 3], |c| stated(&self.layout.problem.cameras[camera], c, reach))
@@ -230,7 +234,8 @@ impl Evidence<'_> {
         lens_offsets.iter().enumerate().map(camera).collect()
     }
 
-    /// Observations that fit no pose of their own camera are the lens's fault, or the target's where several cameras see it so.
+    /// Returns the cause of lost observations: those that fit no pose of their own camera are the lens's fault, or the target's where the target
+    /// fits no camera.
     fn cause_of_loss(&self, camera: usize, targets: &[Losses]) -> Cause {
         let lost = self.of(|s| s.camera == camera).filter(|i| 0 < self.n_lost_points(*i));
         let (fit, unfit): (Vec<usize>, Vec<usize>) = lost.partition(|i| self.fits_alone(*i));
@@ -262,7 +267,7 @@ impl Evidence<'_> {
         (0..self.layout.first_target.len()).map(target).collect()
     }
 
-    /// Most of the observations of two cameras and more fit by themselves nowhere.
+    /// Returns whether most of the target's observations by each of at least two cameras fit no pose by themselves.
     fn fits_no_camera(&self, target: usize) -> bool {
         let of_camera = |camera: usize| {
             let own: Vec<usize> = self.of(|s| s.camera == camera && s.target == target).collect();
@@ -273,7 +278,7 @@ impl Evidence<'_> {
         1 < cameras.len() && cameras.iter().all(|unfit| *unfit)
     }
 
-    /// Observations of a kind, in canonical order.
+    /// Returns the indices of the observations of a kind, in canonical order.
     fn of(&self, is_one: impl Fn(&Observation) -> bool) -> impl Iterator<Item = usize> {
         let observations = self.layout.observations.iter().enumerate();
         observations.filter(move |(_, s)| is_one(s)).map(|(i, _)| i)
@@ -283,7 +288,8 @@ impl Evidence<'_> {
         self.layout.observations[observation].seen.len() - self.adjusted.parts.n_used(observation)
     }
 
-    /// Over some observations; also the points of those that were kept. One that nothing determines is not lost: it says nothing.
+    /// Returns the losses over some observations, and the number of points of those that were kept. An observation that determines nothing is
+    /// not counted.
     fn losses(&self, among: impl Iterator<Item = usize>) -> (Losses, usize) {
         let (mut losses, mut n_points_kept) = (Losses::default(), 0);
         for i in among {
@@ -300,7 +306,7 @@ impl Evidence<'_> {
         (losses, n_points_kept)
     }
 
-    /// Views that lose too many of their observations, and how many views there are.
+    /// Returns the views that lose too many of their observations, and the number of views.
     fn views(&self) -> (Vec<usize>, usize) {
         let (mut contradicting, mut n_views) = (Vec::new(), 0);
         let mut at = 0;
@@ -315,7 +321,8 @@ impl Evidence<'_> {
         (contradicting, n_views)
     }
 
-    /// Of the cameras blamed, that whose intrinsics explain most, else that which lost most; of noise, that with the largest χ² a point.
+    /// Returns the blamed camera whose intrinsics explain most, else the one that lost most; where only noise is at fault, the one with the
+    /// largest χ² for each point.
     fn worst(&self, cameras: &[Losses], lens: &[Option<LensOffset>], is_noisy: bool) -> Option<usize> {
         let of_lens = |c: usize| match cameras[c].cause {
             Some(Cause::Intrinsics) => lens[c].filter(LensOffset::is_off).map_or(0.0, |o| o.explained_chi2),
@@ -330,7 +337,7 @@ impl Evidence<'_> {
         blamed.or_else(|| noisiest().filter(|_| is_noisy))
     }
 
-    /// χ² a point used, of a camera.
+    /// Returns χ² for each point used of a camera.
     fn chi2_of(&self, camera: usize) -> f64 {
         let (mut sum, mut n) = (0.0, 0.0);
         for i in self.of(|s| s.camera == camera) {

@@ -1,8 +1,8 @@
-//! Which cameras share views, and which groups that makes: a count, nothing is solved.
+//! The views that cameras share, and the groups of connected cameras: a count without solving.
 
 use super::{RigProblem, SharedViews};
 
-/// Which cameras share views, before anything is solved. Observations without points, or that name what does not exist, count for nothing.
+/// Counts the views that cameras share, before anything is solved. Observations without points, or with an invalid index, are not counted.
 pub fn shared_views(problem: &RigProblem) -> SharedViews {
     let n = problem.cameras.len();
     let mut seen: Vec<(usize, usize, usize)> = Vec::with_capacity(problem.observations.len());
@@ -21,7 +21,7 @@ pub fn shared_views(problem: &RigProblem) -> SharedViews {
     SharedViews { counts, groups: groups.members() }
 }
 
-/// Views of each pair, a view in which it shares two bodies counted once.
+/// Returns the number of views of each pair, where a view in which it shares two bodies counts once.
 pub(super) fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>> {
     let mut counts = vec![vec![0; n]; n];
     let mut counted_in = vec![vec![None; n]; n];
@@ -38,7 +38,7 @@ pub(super) fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>
     counts
 }
 
-/// Which things hang together.
+/// A union–find structure: which elements are connected.
 pub(super) struct Groups {
     parent: Vec<usize>,
 }
@@ -56,13 +56,13 @@ impl Groups {
         i
     }
 
-    /// The lower root stays, so that the result does not depend on the order of joining.
+    /// Joins two groups. The lower root remains, so that the result does not depend on the order of joining.
     pub(super) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b)] = a.min(b);
     }
 
-    /// The largest first, among equals that with the lowest member.
+    /// Returns the groups, the largest first, among equals that with the lowest member.
     pub(super) fn members(&mut self) -> Vec<Vec<usize>> {
         let n = self.parent.len();
         let mut groups: Vec<Vec<usize>> = vec![Vec::new(); n];

@@ -1,4 +1,4 @@
-//! Many estimates of one pose, some of them wrong: the one that the most agree with, and the mean of those.
+//! Many estimates of one pose, some of them wrong: the one on which the most agree, and the mean of those.
 
 use super::sighted::sharpness;
 use crate::{Matrix6, Pose, Vector6};
@@ -6,24 +6,24 @@ use crate::{Matrix6, Pose, Vector6};
 /// One estimate of a pose.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Vote {
-    /// Votes of one group exclude each other: a body in one view.
+    /// Group of the vote, a body in one view: the votes of one group exclude each other.
     pub(super) group: usize,
     pub(super) b_from_a: Pose,
-    /// Of its small left motion.
+    /// Covariance of its small left motion.
     pub(super) covariance: Matrix6,
     /// Probability that it is the right one of its group.
     pub(super) probability: f64,
 }
 
-/// Two estimates agree when their difference is less probable than this once in a thousand: χ² of six numbers.
+/// Two estimates agree when their squared difference is below this 99.9 % quantile of χ² with six degrees of freedom.
 const AGREES_CHI2: f64 = 22.46;
-/// Estimates tried as the centre of a group of agreeing ones, the sharpest first: half wrong among them leave a wrong choice one chance in
-/// 10⁵.
+/// Number of estimates tried as the centre of a group of agreeing ones, the sharpest first: with half of them wrong, the probability that all
+/// are wrong is 10⁻⁵.
 const CENTRES: usize = 16;
-/// Groups looked at: the sharpest, and as many again spread over all.
+/// Number of groups that are used because they are the sharpest, and about that of further ones spread over all.
 const GROUPS: usize = 64;
 
-/// The pose that the most groups agree with, averaged over them.
+/// Returns the pose on which the most groups agree, averaged over them.
 pub(super) fn agreed(votes: &[Vote]) -> Option<Pose> {
     let votes = thinned(votes);
     let support = |centre: &Vote| support(centre, &votes);
@@ -39,7 +39,7 @@ pub(super) fn agreed(votes: &[Vote]) -> Option<Pose> {
     Some(pose)
 }
 
-/// The sharpest groups and some of the others, ordered by sharpness; votes of a group stay together.
+/// Returns the sharpest groups and some of the others, ordered by sharpness; votes of a group stay together.
 fn thinned(votes: &[Vote]) -> Vec<Vote> {
     let mut ranked: Vec<(f64, &Vote)> =
         votes.iter().filter_map(|v| Some((sharpness(&v.covariance)? + v.probability.ln(), v))).collect();
@@ -60,14 +60,14 @@ fn thinned(votes: &[Vote]) -> Vec<Vote> {
     ranked.into_iter().map(|(_, v)| *v).collect()
 }
 
-/// Squared difference of two estimates in units of their covariances, and the difference as a motion.
+/// Returns the squared difference of two estimates in units of their covariances, and the difference as a motion.
 fn difference(vote: &Vote, centre: &Vote, covariance: &Matrix6) -> Option<(f64, Vector6)> {
     let motion = (vote.b_from_a * centre.b_from_a.inverse()).log();
     let chi2 = motion.dot(&covariance.cholesky()?.solve(&motion));
     chi2.is_finite().then_some((chi2, motion))
 }
 
-/// Sum over groups of how well the best vote of each agrees.
+/// Returns the sum over groups of the agreement of the best vote of each.
 fn support(centre: &Vote, votes: &[Vote]) -> f64 {
     let mut best: Vec<(usize, f64)> = Vec::with_capacity(votes.len());
     for v in votes {
@@ -81,7 +81,7 @@ fn support(centre: &Vote, votes: &[Vote]) -> f64 {
     best.iter().map(|b| b.1).sum()
 }
 
-/// One step to the mean of the votes that agree, weighted by their information; the centre where none does.
+/// Returns the mean of the votes that agree, weighted by their information, after one step; the centre where none does.
 fn averaged(centre: &Vote, votes: &[Vote]) -> Pose {
     let (mut information, mut pull) = (Matrix6::zeros(), Vector6::zeros());
     for v in votes {

@@ -1,4 +1,4 @@
-//! Is this a rig, and do its points determine a pose? Decided before anything is solved.
+//! Checks before anything is solved: whether the numbers describe a rig, and whether its points determine a pose.
 
 use super::RigView;
 use super::cost::RigCost;
@@ -14,7 +14,7 @@ use num_traits::Float as _;
 /// Largest entry of RᵀR − 1 accepted: a matrix written with six digits.
 const MAX_ROTATION_DEFECT: f64 = 1e-5;
 
-/// Every number of every camera.
+/// Checks every number of every camera.
 pub(crate) fn check_views(views: &[RigView]) -> Result<(), Error> {
     if views.is_empty() {
         return Err(Error::EmptyRig);
@@ -72,7 +72,7 @@ fn check_covariance(camera: usize, covariance: &Matrix6) -> Result<(), Error> {
     Ok(())
 }
 
-/// The same complaint with the camera's name.
+/// Adds the camera's name to an error.
 fn in_camera(camera: usize, error: Error) -> Error {
     match error {
         Error::NotFinite { what, index: point } => {
@@ -85,7 +85,7 @@ fn in_camera(camera: usize, error: Error) -> Error {
     }
 }
 
-/// Enough points, and not on a line: about that the rig could turn unseen, whatever its cameras.
+/// Checks that there are enough points, and that they are not on a line, about which the rig could rotate without any visible change.
 pub(crate) fn check_points(cost: &RigCost) -> Result<Extents, Error> {
     let (seen, needed) = (cost.n_points(), 3);
     if seen < needed {

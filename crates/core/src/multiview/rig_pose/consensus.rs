@@ -1,7 +1,7 @@
-//! The pose of a rig that the most points agree with, when many may be wrong: samples of three rays, whichever cameras they are of.
+//! The pose of a rig with which the most points agree, when many may be wrong: samples of three rays of any cameras.
 //!
-//! sample three → generalised P3P → count → enough samples? → is it more than chance? → `locate_rig` on those that agree, until who agrees no
-//! longer changes. The evidence is that of docs/math/robust.md sections 2 and 3, a sample having up to eight poses.
+//! sample three → generalised P3P → count → enough samples? → is it more than chance? → `locate_rig` on the points that agree, until that set no
+//! longer changes. The evidence is that of docs/math/robust.md sections 2 and 3, with up to eight poses for a sample.
 
 use super::check::check_views;
 use super::{RigAmbiguity, RigPoseEstimate, RigView, locate_rig};
@@ -12,20 +12,20 @@ use crate::statistics::SplitMix64;
 use crate::{Correspondence, Error, Pose};
 use nalgebra::Unit;
 
-/// A point by its view and its place in it.
+/// A point: the index of its view, and its index in the view.
 pub type RigPoint = (usize, usize);
 
-/// What the search came to.
+/// The result of the search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigConsensus {
-    /// The whole answer of `locate_rig` on the points that agree; its indices are those of the points given, its covariance is divided by
+    /// The estimate of `locate_rig` on the points that agree; its indices are those of the points given, its covariance is divided by
     /// `truncation`.
     pub estimate: RigPoseEstimate,
     /// Points that agree with the pose to within the threshold, ascending.
     pub inliers: Vec<RigPoint>,
-    /// Samples drawn.
+    /// Number of samples drawn.
     pub n_samples: usize,
-    /// Probability with which no larger consensus was missed.
+    /// Probability that no larger consensus was missed.
     pub confidence: f64,
     /// log₁₀ of the expected number of poses that as many random points would agree with.
     pub log10_false_alarms: f64,
@@ -38,7 +38,7 @@ const MAX_SAMPLES: usize = 50_000;
 const MAX_FALSE_ALARMS: f64 = 1e-3;
 /// Share of the samples of good points that find their consensus in spite of noise.
 const GOOD_SAMPLES: f64 = 0.5;
-/// Up to eight poses meet three rays.
+/// Largest number of poses for three rays.
 const MOST_POSES: f64 = 8.0;
 /// Largest number of rounds of locating and selecting the points that agree.
 const MAX_ROUNDS: usize = 30;
@@ -49,11 +49,11 @@ struct Search<'a> {
     threshold_px: f64,
 }
 
-/// The pose that the most points agree with to within `threshold_px`. The same input gives the same answer.
+/// Finds the pose with which the most points agree to within `threshold_px`. The same input gives the same result.
 ///
 /// # Errors
-/// `NoConsensus` where too few agree to rule out chance, `InvalidSetting` for a threshold that is none, and those of [`locate_rig`] on the
-/// points that agree.
+/// `NoConsensus` where too few agree to rule out chance, `InvalidSetting` for an invalid threshold, and those of [`locate_rig`] on the points
+/// that agree.
 pub fn rig_consensus(views: &[RigView], threshold_px: f64) -> Result<RigConsensus, Error> {
     check_views(views)?;
     if !(0.0 < threshold_px && threshold_px.is_finite()) {
@@ -84,7 +84,7 @@ impl Search<'_> {
         }
     }
 
-    /// Points within the threshold of a pose, and the truncated sum of their squared distances.
+    /// Returns the points within the threshold of a pose, and the truncated sum of their squared distances.
     fn agreeing(&self, rig_from_target: &Pose) -> (Vec<RigPoint>, f64) {
         let limit = self.threshold_px * self.threshold_px;
         let (mut inliers, mut cost) = (Vec::new(), 0.0);
@@ -101,7 +101,7 @@ impl Search<'_> {
         (inliers, cost)
     }
 
-    /// The best consensus of the samples, and how many were drawn.
+    /// Returns the best consensus of the samples, and the number of samples drawn.
     fn sampled(&self) -> (Vec<RigPoint>, usize) {
         let n = self.points.len();
         let mut chance = SplitMix64::new(0);
@@ -123,7 +123,7 @@ impl Search<'_> {
         (best, drawn)
     }
 
-    /// What chance could do: a point agrees with a pose it has no part in where it falls into a disc by accident.
+    /// Returns the evidence against chance: a point agrees with a wrong pose where it is in the disc of the threshold by accident.
     fn evidence(&self) -> Evidence {
         let of_view = |view: &RigView| {
             let (low, high) =
@@ -179,7 +179,7 @@ impl Search<'_> {
         Err(Error::NotConverged { steps: MAX_ROUNDS })
     }
 
-    /// As in `robust::settle`.
+    /// Returns the truncation factor as in `robust::settle`.
     fn truncation(&self, inliers: &[RigPoint]) -> f64 {
         let (mut kept, mut all) = (0.0, 0.0);
         for point in inliers {
@@ -193,7 +193,7 @@ impl Search<'_> {
     }
 }
 
-/// The tail beyond the threshold is missing in the residual; indices become those of all points.
+/// Corrects the estimate for the residuals beyond the threshold, which are missing; indices become those of all points.
 fn widen(estimate: &mut RigPoseEstimate, truncation: f64, inliers: &[RigPoint]) {
     estimate.covariance /= truncation;
     if let RigAmbiguity::Ambiguous { other, .. } = &mut estimate.ambiguity {
@@ -205,7 +205,7 @@ fn widen(estimate: &mut RigPoseEstimate, truncation: f64, inliers: &[RigPoint]) 
     }
 }
 
-/// Share of the triples of n that consist of the m good ones.
+/// Returns the share of the triples of n that consist of the m good ones.
 fn share_of_triples(m: usize, n: usize) -> f64 {
     let of = |k: usize| (k as f64) * (k as f64 - 1.0).max(0.0) * (k as f64 - 2.0).max(0.0);
     of(m) / of(n).max(1.0)

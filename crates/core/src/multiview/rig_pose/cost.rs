@@ -1,4 +1,4 @@
-//! The reprojection error of a rig: the residuals of all its cameras, one pose. Derivation: docs/math/rig_pose.md eqs. (1)–(6), (8)–(10).
+//! The reprojection error of a rig: the residuals of all its cameras for one pose. Derivation: docs/math/rig_pose.md eqs. (1)–(6), (8)–(10).
 //!
 //! ```text
 //!   r = W (observed − π(x_c)),   x_c = R_c x + t_c,   x = R (X − X̄) + c,   y = x − c
@@ -31,7 +31,7 @@ impl<'a> RigCost<'a> {
         RigCost { views, weights_at: None }
     }
 
-    /// The same with the weights of uncertain points, if there are any, as they are at a pose.
+    /// Returns the same cost with the weights of uncertain points, if there are any, held at those of a pose.
     pub fn held_at(&self, rig_from_target: &Pose) -> Self {
         RigCost { weights_at: self.has_uncertain_points().then_some(*rig_from_target), ..*self }
     }
@@ -40,12 +40,12 @@ impl<'a> RigCost<'a> {
         self.points().any(|(_, c)| c.sigma_m != 0.0)
     }
 
-    /// Whether every camera's intrinsics are.
+    /// Returns whether every camera's intrinsics are exact.
     pub fn has_exact_lenses(&self) -> bool {
         self.views.iter().all(|view| view.intrinsics_covariance.is_none())
     }
 
-    /// The pose of one camera at which its uncertain points are weighed.
+    /// Returns the pose of one camera at which its uncertain points are weighted.
     fn weights_of(&self, view: &RigView) -> Option<Pose> {
         self.weights_at.map(|pose| view.cam_from_rig * pose)
     }
@@ -54,12 +54,13 @@ impl<'a> RigCost<'a> {
         self.views.iter().map(|view| view.seen.len()).sum()
     }
 
-    /// Every point with the view that sees it.
+    /// Returns every point with the view that observes it.
     pub fn points(&self) -> impl Iterator<Item = (&'a RigView<'a>, &'a Correspondence)> + Clone + use<'a> {
         self.views.iter().flat_map(|view| view.seen.iter().map(move |c| (view, c)))
     }
 
-    /// χ² and root mean square distance, px, with the cameras where and the lenses as they are said to be; infinite where a point leaves a field.
+    /// Returns χ² and the root mean square distance, px, with poses and intrinsics of the cameras as stated; infinite where a point leaves a
+    /// field.
     pub fn residual_sums(&self, rig_from_target: &Pose) -> (f64, f64) {
         let (mut chi2, mut sum) = (0.0, 0.0);
         for view in self.views {
@@ -77,7 +78,7 @@ impl<'a> RigCost<'a> {
         (chi2, (sum / self.n_points().max(1) as f64).sqrt())
     }
 
-    /// As `refine::log_determinant`, over all cameras.
+    /// Returns the same as `refine::log_determinant`, over all cameras.
     fn log_determinant(&self, rig_from_target: &Pose) -> f64 {
         let of_view = |view: &RigView| {
             let cam_from_target = view.cam_from_rig * *rig_from_target;
@@ -86,7 +87,7 @@ impl<'a> RigCost<'a> {
         self.views.iter().map(of_view).sum::<f64>() + self.log_determinant_of_lenses(rig_from_target)
     }
 
-    /// What uncertain intrinsics add to it, eq. (10).
+    /// Returns the share of uncertain intrinsics in it, eq. (10).
     fn log_determinant_of_lenses(&self, rig_from_target: &Pose) -> f64 {
         let pivot = self.pivot();
         let place = PivotedPose::new(rig_from_target, &pivot);
@@ -102,7 +103,7 @@ impl<'a> RigCost<'a> {
         self.views.iter().filter_map(of_view).sum()
     }
 
-    /// Refines `start` to the nearest minimum, with its covariance. A flat valley is given where the loop left it:
+    /// Refines `start` to the nearest minimum, with its covariance. In a flat valley the result is where the iteration stopped:
     /// docs/math/rig_pose.md, section 3.
     ///
     /// `NoSolution` when the start has points outside a camera's field, `DegenerateView` when a direction of the pose stays free.
@@ -130,7 +131,7 @@ impl<'a> RigCost<'a> {
 }
 
 impl Cost for RigCost<'_> {
-    /// The centroid of all points.
+    /// Returns the centroid of all points.
     fn pivot(&self) -> Point {
         self.points().map(|(_, c)| c.x_in_target).sum::<Point>() / self.n_points().max(1) as f64
     }
@@ -156,7 +157,8 @@ impl Cost for RigCost<'_> {
     }
 }
 
-/// The equations of one camera alone, its unknown motion and its unknown intrinsics eliminated where its place or its lens is uncertain.
+/// Returns the equations of one camera alone, with its unknown motion and its unknown intrinsics eliminated where its pose or its lens is
+/// uncertain.
 fn view_equations(
     view: &RigView,
     weights_at: Option<Pose>,
@@ -183,7 +185,7 @@ fn view_equations(
     }
 }
 
-/// The residuals of one camera, eqs. (2)–(3).
+/// Adds the residuals of one camera, eqs. (2)–(3).
 fn add_view(
     normal: &mut NormalEquations,
     view: &RigView,
@@ -206,8 +208,8 @@ fn add_view(
     Some(())
 }
 
-/// Covariance of the motion of the rig, about the pivot at c, that has the same effect on this camera's pixels as the
-/// camera's own, eq. (4).
+/// Returns the covariance of the motion of the rig, about the pivot at c, that has the same effect on this camera's pixels as the camera's own,
+/// eq. (4).
 fn as_pivoted_motion(view: &RigView, covariance: &Matrix6, pivot_in_rig: &Point) -> Matrix6 {
     let in_rig = view.cam_from_rig.inverse_covariance(covariance);
     let mut about_pivot = Matrix6::identity();

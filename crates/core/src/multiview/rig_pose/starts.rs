@@ -1,4 +1,4 @@
-//! Where the search for a rig's pose starts: three-ray solutions over triples far apart, and what a camera finds alone.
+//! The initial poses of a rig: three-ray solutions over triples far apart, and the poses from single cameras.
 
 use super::RigView;
 use super::cost::RigCost;
@@ -11,14 +11,14 @@ use crate::{Correspondence, Point, Pose};
 use arrayvec::ArrayVec;
 use nalgebra::{Unit, Vector3};
 
-/// Starts kept, best first. Three rays have up to eight poses, and the true one may be any of them.
+/// Largest number of starts, best first. Three rays have up to eight poses, and the true one may be any of them.
 const MAX_STARTS: usize = 12;
 /// Starts nearer to each other than this (chord of the rotation; translation over distance) lead to one minimum.
 const DUPLICATES: f64 = 0.03;
 
-/// Where noise has made two roots complex their minimum still exists: a triangle larger or smaller by this gives them back.
+/// Where noise has made two roots complex their minimum still exists: the roots of a triangle scaled by one of these factors lead to it.
 const SCALES: [f64; 7] = [1.0, 1.01, 0.99, 1.04, 0.96, 1.15, 0.85];
-/// With so few points the minima of χ² are those of a triple, or nearly.
+/// Largest number of points for which the minima of χ² are nearly those of a triple.
 const FEW: usize = 5;
 
 /// Poses to refine, ordered by their cost.
@@ -27,8 +27,7 @@ pub(crate) type Starts = ArrayVec<(f64, Pose), MAX_STARTS>;
 /// A point with the camera that observes it.
 type Observed<'a> = (&'a RigView<'a>, &'a Correspondence);
 
-/// The starts of triple number `round` = 0, 1, …; each round has a triple of its own, one inside a camera as it comes, one
-/// across cameras.
+/// Adds the starts of triple number `round` = 0, 1, …; each round has two triples, one without regard to cameras and one across cameras.
 pub(crate) fn push_triples(starts: &mut Starts, cost: &RigCost, round: usize) {
     for across in [false, true] {
         let Some(triple) = triple(cost, round, across) else { continue };
@@ -43,7 +42,7 @@ pub(crate) fn push_triples(starts: &mut Starts, cost: &RigCost, round: usize) {
     }
 }
 
-/// What each camera with at least three points, not on a line, finds alone.
+/// Adds the poses from each single camera with at least three points that are not on a line.
 pub(crate) fn push_single_cameras(starts: &mut Starts, cost: &RigCost) {
     for view in cost.views {
         let Ok(configuration) = classify(view.seen) else { continue };
@@ -56,7 +55,7 @@ pub(crate) fn push_single_cameras(starts: &mut Starts, cost: &RigCost) {
     }
 }
 
-/// Keeps the list ordered, without duplicates; the worst falls off when it is full.
+/// Inserts a start in order, without duplicates; the worst is removed when the list is full.
 fn push(starts: &mut Starts, cost: &RigCost, rig_from_target: Pose) {
     let chi2 = cost.residual_sums(&rig_from_target).0;
     if !chi2.is_finite() {
@@ -87,9 +86,8 @@ fn ray((view, c): Observed) -> Ray {
     }
 }
 
-/// Three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list.
-/// `across`: the second by another camera
-/// than the first, the third by a third one, where there are such.
+/// Returns three points far apart: in round 0 from the point farthest from the first one, later from one picked along the list. With `across`
+/// the second is of another camera than the first, the third of a third one, where possible.
 fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Observed<'a>; 3]> {
     let n = cost.n_points();
     let any = cost.points().nth(round * 7 % n)?;
@@ -103,7 +101,7 @@ fn triple<'a>(cost: &RigCost<'a>, round: usize, across: bool) -> Option<[Observe
     let off_line = |x: &Point| (x - first.1.x_in_target).cross(&along).norm_squared();
     let best = farthest(cost.points(), off_line)?;
     let third = cost.points().filter(|p| is_other(p, &first) && is_other(p, &second));
-    // A third camera is worth half the distance off the line.
+    // A point in a third camera is preferred up to a factor of two in the distance from the line.
     let third = farthest(third, off_line)
         .filter(|third| across && 0.25 * off_line(&best.1.x_in_target) < off_line(&third.1.x_in_target));
     Some([first, second, third.unwrap_or(best)])
@@ -137,7 +135,7 @@ impl Extents {
         Some(Extents { length, width, normal, thickness })
     }
 
-    /// For a flat target the start for the other minimum, as seen from the middle of the cameras.
+    /// Adds the start of the other minimum of a flat target, as observed from the middle of the cameras.
     pub fn push_mirrored(&self, starts: &mut Starts, cost: &RigCost, rig_from_target: &Pose, centre: &Point) {
         let is_flat = self.thickness <= MAX_PLANE_THICKNESS * self.width;
         if !is_flat {

@@ -1,4 +1,4 @@
-//! The unknown error of a camera's intrinsics, eliminated from its equations: it has a share in the weights, the covariance and the verdict.
+//! The unknown error of a camera's intrinsics, eliminated from its equations: it affects the weights, the covariance and the verdict.
 //!
 //! ```text
 //!   of one camera, whitened: J by the rig's motion about the pivot, K by its parameters θ, C = Cov θ, r residual
@@ -20,7 +20,7 @@ use num_traits::Float as _;
 
 type Square = SMatrix<f64, MAX_PARAMETERS, MAX_PARAMETERS>;
 
-/// How the residual of one camera depends on its own parameters. Rows and columns beyond them are zero.
+/// The dependence of the residual of one camera on its own parameters. Rows and columns beyond them are zero.
 pub(super) struct UncertainLens {
     /// G, about the pivot.
     by_motion: SMatrix<f64, 6, MAX_PARAMETERS>,
@@ -33,7 +33,7 @@ pub(super) struct UncertainLens {
     n_parameters: usize,
 }
 
-/// Refuses what is no covariance of a camera's intrinsics.
+/// Refuses a matrix that is no covariance of a camera's intrinsics.
 pub(super) fn check(view: &RigView) -> Result<(), Error> {
     let Some(rows) = view.intrinsics_covariance else { return Ok(()) };
     let n_parameters = view.camera.parameters().len();
@@ -56,8 +56,8 @@ fn square(rows: &[f64], n: usize) -> Square {
 }
 
 impl UncertainLens {
-    /// Of a camera at a pose of the rig, its uncertain points weighed as at `weights_at`. None where a point leaves its field; inside, none
-    /// where its intrinsics are exact or it sees nothing.
+    /// Builds the terms of a camera at a pose of the rig, with its uncertain points weighted as at `weights_at`. The outer option is none where
+    /// a point leaves its field; the inner one where its intrinsics are exact or it observes nothing.
     pub(super) fn at(
         view: &RigView,
         weights_at: Option<Pose>,
@@ -110,8 +110,8 @@ impl UncertainLens {
         Some(())
     }
 
-    /// The same where the camera's place is uncertain too, its unknown motion eliminated first, as in eqs. (5), (6); `normal` are the
-    /// equations with the place as stated. None where the inverse does not exist.
+    /// Returns the same terms where the camera's pose is uncertain too, with its unknown motion eliminated first, as in eqs. (5), (6); `normal`
+    /// are the equations with the pose as stated. None where the inverse does not exist.
     pub(super) fn with_uncertain_motion(
         mut self,
         normal: &NormalEquations,
@@ -125,7 +125,7 @@ impl UncertainLens {
         Some(self)
     }
 
-    /// The camera's equations with its parameters eliminated, eqs. (8), (9). None where the inverse does not exist.
+    /// Returns the camera's equations with its parameters eliminated, eqs. (8), (9). None where the inverse does not exist.
     pub(super) fn eliminated_from(&self, normal: &NormalEquations) -> Option<NormalEquations> {
         let (share, _) = self.share()?;
         let n = self.n_parameters;
@@ -145,15 +145,15 @@ impl UncertainLens {
         Some(NormalEquations::from_parts(chi2.max(0.0), &gradient, &information))
     }
 
-    /// By how much the parameters make the covariance of the residual larger, eq. (10).
+    /// Returns the logarithm of the factor by which the parameters increase the determinant of the residual's covariance, eq. (10).
     pub(super) fn log_determinant(&self) -> Option<f64> {
         let (_, determinant) = self.share()?;
         let log_determinant = determinant.abs().ln();
         log_determinant.is_finite().then_some(log_determinant.max(0.0))
     }
 
-    /// E = (1 + C M)⁻¹ C and the determinant, by elimination in as many rows as there are parameters: a square of the greatest size would cost
-    /// twenty times that for a lens without distortion.
+    /// Returns E = (1 + C M)⁻¹ C and the determinant, by elimination in as many rows as there are parameters: a square of the largest size would
+    /// cost twenty times as much for a lens without distortion.
     fn share(&self) -> Option<(Square, f64)> {
         let n = self.n_parameters;
         let (mut left, mut right, mut determinant) = (Square::identity(), self.covariance, 1.0);

@@ -12,7 +12,7 @@ use super::drift::{Again, Rate};
 use super::gate::{Gate, Passed};
 use super::milestones::{Milestone, Milestones};
 use super::onsets::Change;
-use super::priors::{CONFIRM, MEDIAN, MotionKind, deflated};
+use super::priors::{CONFIRM, MEDIAN, MotionKind, OUTLIER, deflated};
 use super::scatter::{Excess, Scatter};
 use super::test::{self, SURPRISE, whitening};
 use super::trace::{Fitted, Trace};
@@ -30,6 +30,10 @@ pub(super) struct Aftermath {
     /// The levels before the drift and at the alarm.
     base: Milestone,
     found: Milestone,
+    /// The motion until the last alarm, where that was held: what is reported since may be that much too large.
+    held: Vector6,
+    /// The level is of readings from then on, seconds.
+    since_s: f64,
     /// Whether that was a further alarm, which may have been the way back.
     is_further: bool,
     /// ln R of the alarm.
@@ -62,6 +66,8 @@ const OVER_ONE_TIME: f64 = 0.672;
 const LEFT: f64 = 0.25;
 /// The alarm chose its time and its onset: its estimate errs by more than its covariance says (simulated: section 11 of monitor.md).
 const FOUND: f64 = 1.5;
+/// Decisions before the onset that may be of the motion, and that of the onset.
+const ONSET: f64 = 2.0;
 /// A slow drift's end is the mean of this share of it.
 const END: f64 = 0.05;
 
@@ -73,6 +79,8 @@ impl Aftermath {
             trace: Trace::new(),
             base: start,
             found: start,
+            held: Vector6::zeros(),
+            since_s: start.t_s,
             is_further: false,
             log_r: 0.0,
             rate: None,
@@ -95,6 +103,7 @@ impl Aftermath {
     /// The camera is where it was: what comes is compared with `home`.
     fn begin_at(&mut self, home: Milestone) {
         (self.milestones, self.base, self.found) = (Milestones::from(home), home, home);
+        (self.held, self.since_s) = (Vector6::zeros(), home.t_s - home.over_s);
         (self.trace, self.rate) = (Trace::new(), None);
         self.scatter.interrupt();
     }
@@ -138,8 +147,9 @@ impl Monitor {
         self.locate(joined, &motion);
         let aftermath = &mut self.aftermath;
         // Where noise is measured the models of the test know of correlated errors.
-        if self.test.measured().is_none() {
-            aftermath.scatter.push(joined.t_s, &joined.reading, self.test.noise());
+        match self.test.measured() {
+            Some(_) => self.wander.push(&self.test.whitened(&motion, &Matrix6::zeros()).value),
+            None => aftermath.scatter.push(joined.t_s, &joined.reading, self.test.noise()),
         }
         aftermath.trace.push(joined.t_s, &motion, self.drift.map(|drift| drift.began_s));
         aftermath.decisions = aftermath.decisions.saturating_add(1);
@@ -158,14 +168,16 @@ impl Monitor {
     /// The present level.
     fn level(&self, t_s: f64) -> Milestone {
         let (motion, covariance) = self.test.level();
-        Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }
+        let over_s = t_s - self.aftermath.since_s;
+        Milestone { t_s, motion: self.seen_from_reference(&motion), covariance, over_s }
     }
 
     /// The level, onset and course of the change that raised the alarm.
     fn changed(&self, t_s: f64) -> Option<(Milestone, Change)> {
         let change = self.test.change()?;
         let (motion, covariance) = self.test.level_after(&change);
-        Some((Milestone { t_s, motion: self.seen_from_reference(&motion), covariance }, change))
+        let over_s = t_s - change.onset_s;
+        Some((Milestone { t_s, motion: self.seen_from_reference(&motion), covariance, over_s }, change))
     }
 
     fn alarmed(&mut self, t_s: f64, log_r: f64, first_s: f64) {
@@ -187,7 +199,7 @@ impl Monitor {
         if drift.matters(&self.config) {
             self.motions = Motions::none(base);
             self.aftermath.is_further = false;
-            self.hold(&drift, true);
+            self.hold(&drift, now.t_s, true);
             self.reported(drift, base, now);
         }
     }
@@ -201,7 +213,8 @@ impl Monitor {
         if is_likely(&away, &at_home) && along(&away, &was_away, &at_home).abs() < LEFT {
             return self.is_home(now.t_s, change.onset_s);
         }
-        if !drift(&from, now, change).matters(&self.config) {
+        let own = drift(&from, now, change);
+        if !own.matters(&self.config) {
             return;
         }
         // A ramp continues, as its rate states.
@@ -212,15 +225,39 @@ impl Monitor {
             if before.course == MotionKind::Step {
                 self.is_named(before, &ramp);
             }
-            self.aftermath.found = *now;
-            let found = self.begin_around(now, change.onset_s);
-            return self.motions.goes_on(found);
+            return self.goes_on(now, change.onset_s);
+        }
+        let whole = drift(&base, now, change);
+        if self.is_recurring(before, &from, &own, now.t_s) {
+            self.hold(&whole, now.t_s, true);
+            // It may have been the way back.
+            (self.aftermath.is_further, self.aftermath.decisions) = (true, 0);
+            return self.goes_on(now, change.onset_s);
         }
         self.aftermath.trace.forget_before(before.began_s);
+        if self.is_held(now.t_s) {
+            self.aftermath.held = between(&base.motion, &from.motion);
+        }
         (self.aftermath.is_further, self.aftermath.rate) = (true, None);
-        let drift = drift(&base, now, change);
-        self.hold(&drift, false);
-        self.reported(drift, from, now);
+        self.hold(&whole, now.t_s, false);
+        self.reported(whole, from, now);
+    }
+
+    /// The motion that was reported last continues to here.
+    fn goes_on(&mut self, now: &Milestone, onset_s: f64) {
+        self.aftermath.found = *now;
+        let found = self.begin_around(now, onset_s);
+        self.motions.goes_on(found);
+    }
+
+    /// Whether a further motion, `own`, is one of those that come back by themselves. The last one is one of them where this does not continue it.
+    fn is_recurring(&mut self, before: &Drift, from: &Milestone, own: &Drift, t_s: f64) -> bool {
+        let (last, reading) = (self.motions.last(from), &self.reference.noise.reading);
+        if along(&own.old_from_new, &last, reading) < LEFT {
+            self.transients.add_small(before.began_s, own.began_s, transients::size(&last, reading));
+        }
+        let size = transients::size(&own.old_from_new, reading);
+        self.test.measured().is_some() && self.transients.may_last_until(t_s, size).is_some()
     }
 
     /// Further readings are compared with what is reported.
@@ -238,6 +275,7 @@ impl Monitor {
         let own = self.reference.noise;
         let covariance = now.covariance + own.reading + own.bias + own.reference;
         self.test_from(&now.motion, covariance, onset_s, false);
+        self.aftermath.since_s = onset_s;
         Milestone { covariance, ..*now }
     }
 
@@ -276,11 +314,22 @@ impl Monitor {
 
     /// The camera is back where it was, which is known as well as before the motion.
     fn is_home(&mut self, t_s: f64, onset_s: f64) {
-        let home = Milestone { t_s, ..self.aftermath.base };
+        let home = self.aftermath.base;
         if let Some(was) = self.drift.take().filter(|_| self.test.measured().is_some()) {
-            let size = transients::size(&was.old_from_new, &self.reference.noise.reading);
+            let reading = &self.reference.noise.reading;
+            let size = transients::size(&was.old_from_new, reading);
             self.transients.add(was.began_s, onset_s, size);
+            let is_long = transients::LONGEST_S < onset_s - was.began_s;
+            if size < OUTLIER && (is_long || self.transients.known(t_s).is_some()) {
+                self.wander.count();
+            }
+            self.wander.forget();
+            if is_long {
+                let motion = between(&home.motion, &self.motions.before(onset_s).motion);
+                self.regimes.add((was.began_s, onset_s), &motion, reading);
+            }
         }
+        let home = Milestone { t_s, ..home };
         self.held_until_s = None;
         self.test_from(&home.motion, home.covariance, onset_s, true);
         self.aftermath.begin_at(home);
@@ -359,43 +408,76 @@ impl Monitor {
         };
         let odds = from(found, &at_found).zip(from(base, &at_home)).map(|(found, base)| found - base);
         let is_near = from(base, &at_home).is_some_and(|chi2| chi2 < MEDIAN);
-        // Where a further alarm put it near its old place, the two are hardly distinguished: that it stays there must do.
-        let stays = self.aftermath.is_further && DOUBT_DECISIONS <= self.aftermath.decisions;
+        // Where a further alarm, or one that is held, put it near its old place, the two are hardly distinguished: that it stays there must do.
+        let may_be_home = self.aftermath.is_further || self.held_until_s.is_some();
+        let stays = may_be_home && DOUBT_DECISIONS <= self.aftermath.decisions;
         if is_near && (stays || odds.is_some_and(|odds| 2.0 * BACK < odds)) {
             self.is_home(t_s, t_s);
         }
     }
 
     /// A motion like others that came back by themselves is not reported yet.
-    fn hold(&mut self, moved: &Drift, is_first: bool) {
-        if self.test.measured().is_none() {
-            return;
-        }
-        let size = transients::size(&moved.old_from_new, &self.reference.noise.reading);
-        let may_be = self.transients.may_last_until(moved.began_s, size);
+    fn hold(&mut self, moved: &Drift, t_s: f64, is_first: bool) {
+        let Some(measured) = self.test.measured() else { return };
+        let (motion, began_s, reading) = (&moved.old_from_new, moved.began_s, &self.reference.noise.reading);
+        let may_be = [
+            self.transients.may_last_until(t_s, transients::size(motion, reading)),
+            self.regimes.may_last_until(began_s, motion, reading),
+        ];
+        let may_be = may_be.into_iter().flatten().reduce(f64::max);
         self.held_until_s = if is_first { may_be } else { self.held_until_s.and(may_be) };
+        match self.held_until_s {
+            Some(_) => self.wander.count(),
+            None => self.wander.set_aside((t_s - began_s) / measured.between_s() + ONSET),
+        }
     }
 
-    /// The size, with all readings since the alarm.
+    /// The size, with all readings since the alarm, as honest as readings that wander allow.
     pub(super) fn refined(&self, drift: &Drift) -> Drift {
-        let Aftermath { base, found, .. } = &self.aftermath;
-        let now = self.level(self.last_s);
+        let Aftermath { base, held, .. } = &self.aftermath;
+        let now = self.reached(drift);
+        let by_models = self.by_models(drift);
+        let covariance = self.wandering(&by_models.covariance, &[base, &now]) + held * held.transpose();
+        let honest = |again: Again| Again {
+            covariance: self.wandering(&again.covariance, &[self.motions.from(), &now]),
+            ..again
+        };
+        Drift { covariance, again: by_models.again.map(honest), ..by_models }
+    }
+
+    /// The size by the models of the noise.
+    pub(super) fn by_models(&self, drift: &Drift) -> Drift {
+        let (base, now) = (&self.aftermath.base, self.reached(drift));
+        let again = self.motions.again(&now);
+        let between_places =
+            |again: Again| Again { covariance: self.between_places(&again.covariance), ..again };
+        Drift {
+            old_from_new: between(&base.motion, &now.motion),
+            covariance: self.between_places(&(now.covariance + base.covariance)),
+            rate: self.aftermath.rate,
+            again: again.map(between_places),
+            ..*drift
+        }
+    }
+
+    /// Where the camera is now.
+    fn reached(&self, drift: &Drift) -> Milestone {
+        let (found, now) = (&self.aftermath.found, self.level(self.last_s));
         let typical = self.reference.noise.reading.diagonal();
         let size = |covariance: &Matrix6| covariance.diagonal().component_div(&typical).sum();
         // Right after the alarm its own estimate is the better one.
         let chosen = Milestone { covariance: found.covariance * FOUND, ..*found };
         let now = if size(&chosen.covariance) < size(&now.covariance) { chosen } else { now };
-        let now = self.end_of(drift).unwrap_or(now);
-        Drift {
-            old_from_new: between(&base.motion, &now.motion),
-            covariance: self.between_places(&(now.covariance + base.covariance)),
-            rate: self.aftermath.rate,
-            again: self
-                .motions
-                .again(&now)
-                .map(|again| Again { covariance: self.between_places(&again.covariance), ..again }),
-            ..*drift
-        }
+        self.end_of(drift).unwrap_or(now)
+    }
+
+    /// The covariance of a motion between two places, at least as large as readings wander over the times for which both were observed.
+    fn wandering(&self, covariance: &Matrix6, places: &[&Milestone; 2]) -> Matrix6 {
+        let Some(measured) = self.test.measured() else { return *covariance };
+        let variance = |place: &&Milestone| self.wander.variance(place.over_s / measured.between_s());
+        let known = self.test.whitened(&Vector6::zeros(), covariance).variance;
+        let beyond = (places.iter().map(variance).sum::<Vector6>() - known).map(|beyond| beyond.max(0.0));
+        covariance + self.test.spread(&beyond)
     }
 
     /// Where a slow drift has come to: the test's level is the mean since its last alarm, and behind.
@@ -406,7 +488,8 @@ impl Monitor {
         let (t_s, motion, readings) = self.aftermath.trace.end(over_s)?;
         let since_s = self.last_s - t_s;
         let covariance = own.reading / readings + own.bias + rate.covariance * since_s.powi(2);
-        Some(Milestone { t_s: self.last_s, motion: motion + rate.per_s * since_s, covariance })
+        let motion = motion + rate.per_s * since_s;
+        Some(Milestone { t_s: self.last_s, motion, covariance, over_s })
     }
 
     /// Returns the jump of frame a since `onset_s` and its covariance, with or without an alarm, as `attribute` needs it.
@@ -456,6 +539,8 @@ numbers!(Aftermath {
     trace,
     base,
     found,
+    held,
+    since_s,
     is_further,
     log_r,
     rate,

@@ -6,6 +6,7 @@
 use super::between;
 use super::drift::Again;
 use super::milestones::{Milestone, Milestones};
+use crate::Vector6;
 use crate::temporal::snapshot::numbers;
 
 /// The motions of a camera since it was last where it was.
@@ -43,6 +44,16 @@ impl Motions {
 
     pub fn note(&mut self, level: Milestone) {
         self.since.push(level);
+    }
+
+    /// The level before the last one.
+    pub fn from(&self) -> &Milestone {
+        &self.from
+    }
+
+    /// The last motion alone, as far as `to`.
+    pub fn last(&self, to: &Milestone) -> Vector6 {
+        between(&self.from.motion, &to.motion)
     }
 
     /// The level before a further motion that begins then.

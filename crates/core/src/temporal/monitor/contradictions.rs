@@ -46,6 +46,11 @@ impl Contradictions {
         self.is_reported
     }
 
+    /// How many of the last readings do, without one between them that agrees.
+    pub fn run(&self) -> f64 {
+        self.run
+    }
+
     pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
         let ratio =
             |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };

@@ -17,6 +17,8 @@ pub(super) struct Milestone {
     /// From the pose of the reference, `[rotation_rad; translation_m]`.
     pub motion: Vector6,
     pub covariance: Matrix6,
+    /// For how long it was observed, seconds.
+    pub over_s: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +58,7 @@ impl Milestones {
     }
 }
 
-numbers!(Milestone { t_s, motion, covariance });
+numbers!(Milestone { t_s, motion, covariance, over_s });
 numbers!(Milestones { kept });
 
 #[cfg(test)]
@@ -66,7 +68,12 @@ mod tests {
     /// A week of decisions: an onset a tenth of its age before which nothing is kept would be measured from too long ago.
     #[test]
     fn there_is_one_shortly_before_any_onset() {
-        let at = |t_s| Milestone { t_s, motion: Vector6::repeat(t_s), covariance: Matrix6::identity() };
+        let at = |t_s| Milestone {
+            t_s,
+            motion: Vector6::repeat(t_s),
+            covariance: Matrix6::identity(),
+            over_s: t_s,
+        };
         let mut milestones = Milestones::from(at(0.0));
         for t_s in 1..=604_800 {
             milestones.push(at(f64::from(t_s)));

@@ -43,6 +43,19 @@ pub struct Detectable {
     pub translation_m: [f64; 3],
 }
 
+/// Motions that ended by themselves, more of them than the promised rate of false alarms explains, and which motions are held for that.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recurrence {
+    /// How many were counted.
+    pub count: u64,
+    /// A motion below these is reported only when it has lasted for so long, seconds.
+    pub held_s: f64,
+    /// A rotation about x, y and z alone, radians.
+    pub rotation_rad: [f64; 3],
+    /// A translation along x, y and z alone, metres.
+    pub translation_m: [f64; 3],
+}
+
 /// Readings that are followed one by one; of more, several count as one.
 const FOLLOWED: usize = 128;
 /// The statistic of a mean motion is exceeded by half of them; nine in ten do with this much more, in standard deviations of it.

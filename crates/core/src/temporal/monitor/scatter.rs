@@ -22,7 +22,7 @@ const USUAL: f64 = 10.0;
 /// Least differences of a block's length.
 const LEAST: f64 = 4.0;
 /// An excess smaller than this is none: no model is that exact.
-const NEGLIGIBLE: f64 = 1.2;
+pub(super) const NEGLIGIBLE: f64 = 1.2;
 /// Neighbouring differences share a block: they are worth this share of independent ones.
 const INDEPENDENT: f64 = 0.6;
 /// One scatter in ten thousand of a right model seems this many standard deviations too large.
@@ -183,7 +183,7 @@ fn correlated_difference(noise: &AxisNoise, apart_s: f64) -> f64 {
 }
 
 /// What a variance of so many degrees of freedom is at least, as a share of what it seems.
-fn surely(degrees: f64) -> f64 {
+pub(super) fn surely(degrees: f64) -> f64 {
     degrees / quick_quantile(degrees, ONE_IN_10_000)
 }
 

@@ -16,7 +16,7 @@ impl SolvedPoseGraph {
     /// A camera of the pairs that is missing in `cameras`; a lens that the format cannot hold.
     pub fn file(&self, cameras: &[NamedCamera]) -> Result<String, Error> {
         let file = if cameras.is_empty() { self.poses_only()? } else { self.with_lenses(cameras)? };
-        Ok(with_status(&file, self.contradiction().as_deref()))
+        Ok(with_status(&file, self.status(), self.contradiction().as_deref()))
     }
 
     fn placement(&self, i: usize) -> Placement {

@@ -27,7 +27,7 @@ pub(super) fn instead(board: &Charuco, image: &GrayImage) -> Option<String> {
     let stated = Charuco { dictionary: dictionary_of(board, markers), ..board.clone() };
     let seen = match &other {
         Some(other) => format!(
-            "no tag of {} is there, but tags of {} are: {}; correct `dictionary`",
+            "no tag of {} is there, but tags of {} are: {}",
             board.dictionary,
             other.family,
             named(other)
@@ -36,11 +36,15 @@ pub(super) fn instead(board: &Charuco, image: &GrayImage) -> Option<String> {
     };
     let fits =
         |(found, _): &(Charuco, String)| *found != *board && shows(&Target::Charuco(found.clone()), image);
-    if let Some((_, what)) = candidates(&stated, markers).into_iter().find(fits) {
+    if let Some((found, what)) = candidates(&stated, markers).into_iter().find(fits) {
+        let is_other = found.dictionary != board.dictionary;
+        let seen = if is_other { format!("{seen}; correct `dictionary`") } else { seen };
         return Some(if what.is_empty() { seen } else { format!("{seen}; the board is found with {what}") });
     }
     Some(match other {
-        Some(_) => seen,
+        Some(_) => format!(
+            "{seen}; they are not markers of such a board (tags beside each other are of kind `aprilgrid`)"
+        ),
         None => format!(
             "tags of {} are there, but none with {}: {}",
             board.dictionary,

@@ -23,7 +23,7 @@ pub(super) fn instead(grid: &AprilGrid, image: &GrayImage) -> Option<String> {
         family: &grid.family,
         ids: (grid.first_id..=last_id(grid.first_id, count)).collect(),
         named: format!("ids {} to {}", grid.first_id, last_id(grid.first_id, count)),
-        way_out: "correct `family`",
+        way_out: "their layout is not that of the file",
     };
     let whole = Target::AprilGrid(grid.clone());
     let mut finder = EveryTagFinder::new(&grid.family).ok()?;
@@ -37,39 +37,39 @@ pub(super) fn instead(grid: &AprilGrid, image: &GrayImage) -> Option<String> {
         return Some(INVERTED.to_owned());
     }
     let found = EveryTagFinder::new("any").ok()?.find(image);
-    let other = found.iter().find(|other| {
-        let family = other.family.clone();
-        shows(&Target::AprilGrid(AprilGrid { family, ..grid.clone() }), image)
-    });
-    match other {
-        Some(other) => Some(format!(
-            "no tag of {} is there, but tags of {} are: {}, laid out as stated; correct `family`",
+    let of_other = |other: &FamilyTags| {
+        let stated = AprilGrid { family: other.family.clone(), ..grid.clone() };
+        let what = followed(grid, &stated, other, image)?;
+        Some(format!(
+            "no tag of {} is there, but tags of {} are: {}; {what}",
             grid.family,
             other.family,
             named(other)
-        )),
-        None => tags::instead(&wanted, image),
-    }
+        ))
+    };
+    found.iter().find_map(of_other).or_else(|| tags::instead(&wanted, image))
+}
+
+/// Returns the change of the file with which the grid is found; `stated` has the family of the tags that are there.
+fn followed(grid: &AprilGrid, stated: &AprilGrid, tags: &FamilyTags, image: &GrayImage) -> Option<String> {
+    let candidates = candidates(grid, stated, tags);
+    let fits =
+        |(other, _): &(AprilGrid, String)| *other != *grid && shows(&Target::AprilGrid(other.clone()), image);
+    candidates.into_iter().find(fits).map(|(_, what)| what)
 }
 
 /// Tags of the right family were found, but other ids or another layout.
 fn of_family(grid: &AprilGrid, wanted: &Wanted, own: &FamilyTags, image: &GrayImage) -> String {
     let has_wanted = own.tags.iter().any(|tag| wanted.ids.contains(&tag.id));
-    let steps = Steps::of(&own.tags, 1.0 + grid.tag_spacing_ratio);
-    for (other, what) in candidates(grid, own, steps) {
-        if other != *grid && shows(&Target::AprilGrid(other), image) {
-            let seen = if has_wanted {
-                "its tags are there in another layout".to_owned()
-            } else {
-                none_of(wanted, own)
-            };
-            return format!("{seen}; {what}");
-        }
+    if let Some(what) = followed(grid, grid, own, image) {
+        let seen =
+            if has_wanted { "its tags are there in another layout".to_owned() } else { none_of(wanted, own) };
+        return format!("{seen}; {what}");
     }
     if !has_wanted {
         return none_of(wanted, own);
     }
-    match steps {
+    match Steps::of(&own.tags, 1.0 + grid.tag_spacing_ratio) {
         Some(Steps { right: 1, up }) if up < -1 => format!(
             "its tags are there, but numbered from the top row down ({} tags a row); a grid's ids run from the bottom row up, so give the tags as \
              kind `tag_map`, or print the grid with `resight print`",
@@ -89,44 +89,55 @@ fn none_of(wanted: &Wanted, own: &FamilyTags) -> String {
     format!("tags of {} are there, but none with {}: {}", wanted.family, wanted.named, named(own))
 }
 
-/// Returns the grids that may have these tags, each with the change of the file that it needs.
-fn candidates(grid: &AprilGrid, own: &FamilyTags, steps: Option<Steps>) -> Vec<(AprilGrid, String)> {
+/// Returns the grids that may have these tags, each with the change of the file that it needs. `stated` is the grid of the file, with the family of
+/// the tags.
+fn candidates(grid: &AprilGrid, stated: &AprilGrid, own: &FamilyTags) -> Vec<(AprilGrid, String)> {
     let ids = || own.tags.iter().map(|tag| tag.id);
-    let lowest = ids().min().unwrap_or(0);
-    let first_id = if grid.first_id <= lowest && lowest < grid.first_id + grid.rows * grid.columns {
-        grid.first_id
-    } else {
-        lowest
-    };
-    let first = move |other: AprilGrid| AprilGrid { first_id, ..other };
-    let shift = if first_id == grid.first_id { String::new() } else { format!("`first_id` {first_id}, ") };
-    let swapped = AprilGrid { rows: grid.columns, columns: grid.rows, ..grid.clone() };
-    let mut all = vec![
-        (first(grid.clone()), format!("correct `first_id` to {first_id}")),
-        (
-            first(swapped),
-            format!(
-                "rows and columns are exchanged: {shift}`rows` {} and `columns` {}",
-                grid.columns, grid.rows
-            ),
-        ),
-    ];
-    if let Some(family) = other_convention(&grid.family) {
-        let what = format!(
-            "each tag is turned by half, as {} prints them: correct `family` to {shift}{family}",
-            if family.starts_with("DICT") { "OpenCV" } else { "AprilTag" }
-        );
-        all.push((first(AprilGrid { family: family.to_owned(), ..grid.clone() }), what));
+    let (lowest, last) = (ids().min().unwrap_or(0), ids().max().unwrap_or(0));
+    let is_stated = grid.first_id <= lowest && lowest < grid.first_id + grid.rows * grid.columns;
+    let first_id = if is_stated { grid.first_id } else { lowest };
+    let mut shapes = vec![[grid.rows, grid.columns], [grid.columns, grid.rows]];
+    // In tags that are turned by half, the ids grow to the left and downwards.
+    let steps = Steps::of(&own.tags, 1.0 + grid.tag_spacing_ratio);
+    if let Some(Steps { right: 1 | -1, up }) = steps.filter(|steps| 1 < steps.right * steps.up) {
+        let columns = up.unsigned_abs() as u32;
+        shapes.push([(last - first_id) / columns + 1, columns]);
     }
-    if let Some(Steps { right: 1, up }) = steps.filter(|steps| 1 < steps.up) {
-        let (columns, last) = (up as u32, ids().max().unwrap_or(0));
-        let rows = (last - first_id) / columns + 1;
-        let what = format!(
-            "it has {columns} tags a row: correct {shift}`rows` to {rows} and `columns` to {columns}"
-        );
-        all.push((first(AprilGrid { rows, columns, ..grid.clone() }), what));
+    let mut all = Vec::new();
+    for family in [Some(stated.family.as_str()), other_convention(&stated.family)].into_iter().flatten() {
+        for [rows, columns] in &shapes {
+            let family = family.to_owned();
+            let other = AprilGrid { rows: *rows, columns: *columns, first_id, family, ..grid.clone() };
+            let what = change(grid, stated, &other);
+            all.push((other, what));
+        }
     }
     all
+}
+
+/// Describes how to change the file of one grid into that of another.
+fn change(grid: &AprilGrid, stated: &AprilGrid, other: &AprilGrid) -> String {
+    let (mut causes, mut keys) = (Vec::new(), Vec::new());
+    if other.family != stated.family {
+        let by = if other.family.starts_with("DICT") { "OpenCV" } else { "AprilTag" };
+        causes.push(format!("each tag is turned by half, as {by} prints them"));
+    }
+    if other.first_id != grid.first_id {
+        keys.push(format!("`first_id` to {}", other.first_id));
+    }
+    if [other.rows, other.columns] != [grid.rows, grid.columns] {
+        let is_exchanged = [other.rows, other.columns] == [grid.columns, grid.rows];
+        causes.push(match is_exchanged {
+            true => "rows and columns are exchanged".to_owned(),
+            false => format!("it has {} tags a row", other.columns),
+        });
+        keys.push(format!("`rows` to {} and `columns` to {}", other.rows, other.columns));
+    }
+    if other.family != grid.family {
+        keys.push(format!("`family` to {}", other.family));
+    }
+    let causes = if causes.is_empty() { String::new() } else { format!("{}: ", causes.join(", and ")) };
+    format!("{causes}correct {}", keys.join(", "))
 }
 
 fn other_convention(family: &str) -> Option<&'static str> {

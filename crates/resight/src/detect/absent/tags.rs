@@ -69,12 +69,13 @@ fn reversed(what: &str) -> &'static str {
 fn other_family(wanted: &Wanted, image: &GrayImage) -> Option<String> {
     let found = EveryTagFinder::new("any").ok()?.find(image);
     let other = found.first()?;
+    let has_wanted = other.tags.iter().any(|tag| wanted.ids.contains(&tag.id));
+    let way_out = if has_wanted { wanted.way_out.to_owned() } else { format!("none has {}", wanted.named) };
     Some(format!(
-        "no tag of {} is there, but tags of {} are: {}; {}",
+        "no tag of {} is there, but tags of {} are: {}; {way_out}",
         wanted.family,
         other.family,
         named(other),
-        wanted.way_out
     ))
 }
 

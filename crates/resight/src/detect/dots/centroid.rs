@@ -2,11 +2,11 @@
 //!
 //! Notation: I grey, b(x) plane through the surroundings, f(x) plane through the inside, w = (I − b)/(f − b) the part of
 //! a pixel that the dot covers, C = f − b the contrast, S = Σw the area; docs/math/dots.md eqs. (1)–(6).
-//! A symmetric blur leaves ∑w·x where it is, so no model of the edge is needed. Dots without a flat inside (lamps) take
-//! f − b constant. Pixels deep inside count 1, those far outside 0: they carry noise and no information.
+//! A symmetric blur leaves ∑w·x where it is, so no model of the edge is needed. Of dark dots f − b is proportional to b, because light falls
+//! on ink and paper alike; dots without a flat inside (lamps) take it constant. Pixels deep inside count 1, those far outside 0: they carry noise and no information.
 
 use super::components::Component;
-use super::threshold::LIGHT;
+use super::threshold::{DARK, LIGHT};
 use crate::GrayImage;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use resight_core::Pixel;
@@ -42,6 +42,10 @@ const RING_PX: f64 = 3.0;
 const MAX_SIGMA_PX: f64 = 0.3;
 /// Foreign pixels in the ring reach into the rim of the dot too: error of the centroid, px, for a completely foreign ring.
 const FOREIGN_PX: f64 = 0.15;
+/// Least half width of the band around the edge, px.
+const LEAST_MARGIN_PX: f64 = 2.0;
+/// Half width of the band in standard deviations of the blur.
+const EDGE_BLURS: f64 = 2.5;
 /// Recentring steps of the window; the shift shrinks about tenfold each.
 const STEPS: usize = 4;
 /// Below this shift another step changes the centroid by less than 0.002 px.
@@ -54,19 +58,27 @@ struct Window {
     /// Unit direction of the first axis.
     along: Vector2<f64>,
     semi_px: [f64; 2],
+    /// Half the width of the band around the edge in which pixels are mixed.
+    margin_px: f64,
 }
 
 impl Window {
     fn of(moments: &Matrix2<f64>, centre: Pixel) -> Window {
         let eigen = moments.symmetric_eigen();
         let semi = |i: usize| 2.0 * eigen.eigenvalues[i].max(0.02).sqrt();
-        Window { centre, along: eigen.eigenvectors.column(0).into(), semi_px: [semi(0), semi(1)] }
+        let semi_px = [semi(0), semi(1)];
+        // It allows for a blur of σ ≤ 1.5 px.
+        let margin_px = (0.8 * semi_px[0].min(semi_px[1])).clamp(LEAST_MARGIN_PX, 4.0);
+        Window { centre, along: eigen.eigenvectors.column(0).into(), semi_px, margin_px }
     }
 
-    /// Returns half the width of the band around the edge in which pixels are mixed: it allows for a blur of σ ≤ 1.5 px.
-    fn margin_px(&self) -> f64 {
-        let small = self.semi_px[0].min(self.semi_px[1]);
-        (0.8 * small).clamp(2.0, 4.0)
+    /// Narrows the band to a measured edge, dots.md eq. (6b): pixels beyond it carry noise and no information.
+    fn narrow(&mut self, edge_sum_px2: f64) {
+        let [a, b] = self.semi_px;
+        let perimeter_px = std::f64::consts::PI * (3.0 * (a + b) - ((3.0 * a + b) * (a + 3.0 * b)).sqrt());
+        let blur_px = std::f64::consts::PI.sqrt() * edge_sum_px2 / perimeter_px;
+        let needed_px = EDGE_BLURS * blur_px + 0.5;
+        self.margin_px = self.margin_px.min(needed_px.max(LEAST_MARGIN_PX));
     }
 
     /// Returns whether `x` (from the centre) is inside the ellipse enlarged by `by_px`; nothing is inside an ellipse that has shrunk to nothing.
@@ -157,21 +169,24 @@ pub(super) fn measure(
     let mut window =
         Window::of(&Matrix2::new(uu, uv, uv, vv), Pixel::new(component.mean[0], component.mean[1]));
     let mut dot = None;
-    for _ in 0..STEPS {
+    for step in 0..STEPS {
         let foreign = scratch.collect(image, classes, component.class, &window)?;
         // Another dot's light in the window pulls the centroid; a speck of noise does not.
         if 0.03 < foreign {
             return None;
         }
-        let found = weigh(scratch, &window, component, noise_sigma)?;
+        let (found, edge_sum_px2) = weigh(scratch, &window, component, noise_sigma)?;
         let shift = (found.centroid - window.centre).norm();
         if 1.0 + 0.3 * window.semi_px[0].min(window.semi_px[1]) < shift {
             return None;
         }
         window.centre = found.centroid;
         dot = Some(found);
-        if shift < SETTLED_PX {
+        if step != 0 && shift < SETTLED_PX {
             break;
+        }
+        if let Some(edge_sum_px2) = edge_sum_px2.filter(|_| step == 0) {
+            window.narrow(edge_sum_px2);
         }
     }
     dot.filter(|d| is_disc(d, component))
@@ -184,7 +199,7 @@ impl Scratch {
         self.ring.clear();
         self.band.clear();
         self.inside.clear();
-        let margin = window.margin_px();
+        let margin = window.margin_px;
         let reach = window.semi_px[0].max(window.semi_px[1]) + margin + RING_PX;
         let low = window.centre.map(|x| (x - reach).floor());
         let high = window.centre.map(|x| (x + reach).ceil());
@@ -226,6 +241,8 @@ struct Coverage {
     /// Plane of the inside where there is one.
     inside: Option<GreyPlane>,
     contrast: f64,
+    /// Whether ink and paper have the same light, so that the contrast varies as the surroundings do.
+    is_print: bool,
 }
 
 impl Coverage {
@@ -238,11 +255,15 @@ impl Coverage {
             Some(f) => f.p.z - around.p.z,
             None => sign * scratch.band.iter().chain(&scratch.inside).fold(0.0, largest),
         };
-        (0.0 < sign * contrast).then_some(Coverage { around, inside, contrast })
+        let is_print = inside.is_some() && component.class == DARK;
+        (0.0 < sign * contrast).then_some(Coverage { around, inside, contrast, is_print })
     }
 
     fn of_pixel(&self, x: &Vector2<f64>, grey: f64) -> f64 {
         let b = self.around.at(x);
+        if self.is_print {
+            return (grey - b) / (self.contrast * (b / self.around.p.z).max(0.25));
+        }
         let c = self.inside.as_ref().map_or(self.contrast, |f| f.at(x) - b);
         // The two planes may cross far from the dot; there the contrast of the centre is the better guess.
         let c = if c * self.contrast <= 0.25 * self.contrast * self.contrast { self.contrast } else { c };
@@ -262,6 +283,8 @@ struct Sums {
     /// Σ(1 − w)|x|² and Σw|x|²: how the slopes of the planes around and inside enter.
     around: f64,
     inside: f64,
+    /// Σw(1 − w) over the band.
+    edge: f64,
 }
 
 impl Sums {
@@ -272,6 +295,7 @@ impl Sums {
     }
 
     fn add_noisy(&mut self, w: f64, x: &Vector2<f64>, flat: bool) {
+        self.edge += w * (1.0 - w);
         let r2 = x.norm_squared();
         self.x2 += r2;
         self.x4 += r2 * r2;
@@ -280,8 +304,13 @@ impl Sums {
     }
 }
 
-/// dots.md eqs. (2)–(6).
-fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma: f64) -> Option<Dot> {
+/// dots.md eqs. (2)–(6b): the dot, and Σw(1 − w) of its edge where it has a flat inside.
+fn weigh(
+    scratch: &Scratch,
+    window: &Window,
+    component: &Component,
+    noise_sigma: f64,
+) -> Option<(Dot, Option<f64>)> {
     let coverage = Coverage::of(scratch, component)?;
     let flat = coverage.inside.is_some();
     let mut sums = Sums::default();
@@ -297,17 +326,21 @@ fn weigh(scratch: &Scratch, window: &Window, component: &Component, noise_sigma:
         return None;
     }
     let mean = sums.first / sums.s;
-    let of_inside = coverage.inside.as_ref().map_or(0.0, |f| sums.inside.powi(2) / f.spread);
+    let slope = coverage.inside.as_ref().filter(|_| !coverage.is_print);
+    let of_inside = slope.map_or(0.0, |f| sums.inside.powi(2) / f.spread);
     let slopes = sums.around.powi(2) / coverage.around.spread + of_inside;
     let noise = coverage.noise(noise_sigma) / (coverage.contrast * sums.s).abs();
     let foreign = FOREIGN_PX * coverage.around.foreign;
-    Some(Dot {
+    let grey_noise = coverage.noise(noise_sigma) / coverage.contrast;
+    let edge_px2 = sums.edge + scratch.band.len() as f64 * grey_noise * grey_noise;
+    let dot = Dot {
         centroid: window.centre + mean,
         sigma_px: (noise * noise * 0.5 * (sums.x2 + slopes) + foreign * foreign).sqrt(),
         moments_px2: sums.second / sums.s - mean * mean.transpose(),
         moments_sigma_px2: noise * (0.5 * sums.x4).sqrt(),
         contrast: coverage.contrast,
-    })
+    };
+    Some((dot, flat.then_some(edge_px2)))
 }
 
 impl Coverage {
@@ -318,12 +351,19 @@ impl Coverage {
     }
 }
 
+/// Returns by how much blurs up to σ = 2 px lengthen a semi-axis that is measured from moments.
+fn widened(axis_px: f64) -> f64 {
+    const MOST_BLUR_PX: f64 = 2.0;
+    let sharp_px2 = axis_px * axis_px - 4.0 * MOST_BLUR_PX * MOST_BLUR_PX;
+    axis_px / sharp_px2.max(0.25 * axis_px * axis_px).sqrt()
+}
+
 /// Returns whether the moments are positive and the region is as large as their ellipse (with a tolerance for the rounding of its rim).
 fn is_disc(dot: &Dot, component: &Component) -> bool {
     let [long, short] = dot.semi_axes_px();
     let area = std::f64::consts::PI * long * short;
     // A blurred spot is wider than its half-height region: up to 2.9 times in area for a Gaussian (σ² against 2 ln 2 σ²/4).
-    let most = if short < 6.0 { 3.5 } else { 1.25 };
+    let most = if short < 6.0 { 3.5 } else { (1.08 * widened(long) * widened(short)).max(1.25) };
     // Structured surroundings (text, texture) make sigma large; then neither position nor shape is meaningful.
     let clean = dot.sigma_px < MAX_SIGMA_PX && dot.moments_sigma_px2 < 0.25 * dot.moments_px2.trace();
     clean

@@ -8,6 +8,7 @@
 
 use super::centroid::Dot;
 use super::view::View;
+use crate::minimum::golden_section;
 use nalgebra::{Matrix2, Matrix3, Vector2};
 use resight_core::target::LinePlusOne;
 use resight_core::{Pixel, Point};
@@ -144,7 +145,7 @@ pub(super) fn fit_shapes(layout: &Layout, dots: &[ViewDot; 4], k: f64) -> Option
     let round = (-STEPS..=STEPS).map(|i| i as f64 * h);
     let nearest = round.map(|ln| (cost(ln), ln)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     // 0.618¹⁰ h: this determines λ to a thousandth, hundreds of times better than the shapes do.
-    let dip = deepest(nearest.1, h, 10, &cost);
+    let dip = golden_section(nearest.1, h, 10, cost);
     let ln = if dip.0 < nearest.0 { dip.1 } else { nearest.1 };
     shapes_at(layout, dots, &line, below * ln.exp())
 }
@@ -246,7 +247,11 @@ pub(super) fn centroid_shifts(layout: &Layout, fit: &Fit, view: &View) -> Option
 }
 
 /// Returns the area centroid, relative to `origin`, of the polygon through 48 points of the rim (its area is 0.3 % too small, its shift 0.6 %).
-fn rim_centroid(radius: f64, place: &dyn Fn(f64, f64) -> Option<Pixel>, origin: Pixel) -> Option<Pixel> {
+pub(in crate::detect) fn rim_centroid(
+    radius: f64,
+    place: &dyn Fn(f64, f64) -> Option<Pixel>,
+    origin: Pixel,
+) -> Option<Pixel> {
     const POINTS: usize = 48;
     let point = |i: usize| {
         let (sin, cos) = (i as f64 * std::f64::consts::TAU / POINTS as f64).sin_cos();
@@ -330,7 +335,7 @@ impl Circle {
             let beside = round[(i + 1) % STEPS].min(round[(i + STEPS - 1) % STEPS]);
             if round[i] <= beside && round[i].is_finite() {
                 // 0.618²⁰ of a twelfth of a rotation is a hundred-thousandth of the radius.
-                let dip = deepest(i as f64 * step, step, 20, &distance);
+                let dip = golden_section(i as f64 * step, step, 20, distance);
                 best = if dip.0 < best.0 { dip } else { best };
             }
         }
@@ -341,26 +346,6 @@ impl Circle {
         let (sin, cos) = angle.sin_cos();
         view.pixel(&(self.centre + self.first * cos + self.second * sin))
     }
-}
-
-/// Refines a minimum between `middle` ± `width` by golden section; returns (depth, position).
-fn deepest(middle: f64, width: f64, steps: usize, depth: &dyn Fn(f64) -> f64) -> (f64, f64) {
-    const GOLDEN: f64 = 0.618_033_988_749_894_8;
-    let (mut low, mut high) = (middle - width, middle + width);
-    let (mut a, mut b) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));
-    let (mut at_a, mut at_b) = (depth(a), depth(b));
-    for _ in 0..steps {
-        if at_a < at_b {
-            (high, b, at_b) = (b, a, at_a);
-            a = high - GOLDEN * (high - low);
-            at_a = depth(a);
-        } else {
-            (low, a, at_a) = (a, b, at_b);
-            b = low + GOLDEN * (high - low);
-            at_b = depth(b);
-        }
-    }
-    if at_a < at_b { (at_a, a) } else { (at_b, b) }
 }
 
 #[cfg(test)]

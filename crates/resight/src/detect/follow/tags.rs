@@ -222,7 +222,14 @@ impl TagFollower {
             // All copies are included, so that the first image reports the same copies as later ones.
             add_new(found, self.finder.search(image, &[FINE]));
             if found.is_empty() {
-                add_new(found, self.finder.find_in_grid(image).iter().map(FoundTag::decoded).collect());
+                add_new(
+                    found,
+                    self.finder
+                        .find_in_grid(&self.finder.ground(image), &[])
+                        .iter()
+                        .map(FoundTag::decoded)
+                        .collect(),
+                );
             }
         }
         let strips = self.small_round.take(elapsed_s);

@@ -104,7 +104,7 @@ impl Builder {
                 );
             }
             let picture = photo.file.as_ref().map(|f| self.folder.join(f));
-            let size = picture.as_deref().map(picture_size).transpose()?;
+            let size = picture.as_deref().map(crate::image::size).transpose()?;
             let source = (photo.camera.clone(), photo.camera_text.clone());
             let known = used.iter().position(|(camera, s, _)| *camera == source && *s == size);
             let camera = match known {
@@ -416,11 +416,6 @@ impl Builder {
             }
         }
     }
-}
-
-fn picture_size(path: &Path) -> Result<(u32, u32), FileError> {
-    ::image::image_dimensions(path)
-        .map_err(|e| FileError::new(path, format!("not a readable PNG or JPEG image: {e}")))
 }
 
 /// Adds a floor to a covariance in which a direction is exact (a hinge), so that it has an inverse: 1e-6 of its largest variances, and (1 µrad)²

@@ -1,7 +1,7 @@
 use super::*;
 use crate::detect::families::APRILTAG_FAMILIES;
 use crate::render::Pcg;
-use resight_core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};
+use resight_core::target::{AprilGrid, Charuco, Chessboard, CircleGrid, LinePlusOne, Tag};
 
 fn is_inside(outline: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
     let edges = outline.iter().zip(outline.iter().cycle().skip(1));
@@ -47,6 +47,13 @@ fn targets() -> Vec<Target> {
             first_id: 7,
         }),
         Target::Chessboard(Chessboard { rows: 3, columns: 4, square_m: 0.03 }),
+        Target::CircleGrid(CircleGrid {
+            rows: 5,
+            columns: 3,
+            spacing_m: 0.02,
+            diameter_m: Some(0.012),
+            asymmetric: true,
+        }),
         Target::TagMap(resight_core::target::TagMap { family: family(), tags }),
     ]);
     all.extend([(5, 4, false), (4, 5, true), (5, 5, true)].map(|(rows, columns, legacy_pattern)| {

@@ -2,7 +2,9 @@
 
 use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
+use crate::core::budget::{Budget, ErrorSource};
 use crate::core::multiview::rig::CameraInRig;
+use crate::formats::NamedCamera;
 use crate::report::html::escaped;
 use crate::report::words;
 use crate::rig::RigRun;
@@ -36,7 +38,7 @@ fn cells(run: &RigRun, camera: usize) -> Vec<String> {
         "<span class=\"swatch {}\"></span>{name}<br><small>{lens}</small>",
         color_class(camera)
     )];
-    cells.push(super::camera_status(&run.solution, camera).name().to_string());
+    cells.push(super::camera_status(run, camera).name().to_string());
     cells.extend(if camera == run.solution.reference { reference() } else { place(placed) });
     let left_out = placed.n_seen.saturating_sub(placed.n_used);
     let share = 100.0 * left_out as f64 / placed.n_seen.max(1) as f64;
@@ -90,6 +92,10 @@ pub(super) fn legend(run: &RigRun) -> String {
         "The residuals are as large as the stated standard deviations of the points say.".into()
     };
     let views = match run.solution.view_scale {
+        scale if 1.0 < scale && run.rig.views.len() == 1 => format!(
+            " Neighbouring points are displaced together: every ± was widened by {} for that.",
+            fixed(scale.sqrt(), 2)
+        ),
         scale if 1.0 < scale => format!(
             " Views contradict each other by {} times what their points explain (cameras that are not synchronised, a bent board): every ± holds that.",
             fixed(scale.sqrt(), 2)
@@ -98,7 +104,7 @@ pub(super) fn legend(run: &RigRun) -> String {
     };
     let lenses = match run.solution.lens_sigma_m {
         Some(sigma_m) => format!(
-            " Views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}.",
+            " Views agree that intrinsics are off, and every ± holds that: places are known to ± {}.",
             words::length(sigma_m)
         ),
         None => String::new(),
@@ -106,4 +112,27 @@ pub(super) fn legend(run: &RigRun) -> String {
     format!(
         "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}{views}{lenses}</p>"
     )
+}
+
+/// Draws what the variance of each camera's position consists of; nothing where one source is all there is.
+pub(super) fn budgets(run: &RigRun) -> String {
+    let bar_of = |(budget, camera): (&Budget, &NamedCamera)| {
+        let shares = words::budget_shares(budget);
+        let (mut at, mut bar, mut named) = (0.0, String::new(), Vec::new());
+        for (source, share) in shares {
+            let color = color_class(ErrorSource::ALL.iter().position(|one| *one == source).unwrap_or(0));
+            let (x, width) = (fixed(at, 2), fixed(100.0 * share, 2));
+            bar.push_str(&format!("<rect class=\"{color}\" x=\"{x}\" width=\"{width}\" height=\"2\"/>"));
+            named.push(format!(
+                "<span class=\"swatch {color}\"></span>{}",
+                words::share_words((source, share))
+            ));
+            at += 100.0 * share;
+        }
+        let (name, sigma) = (escaped(&camera.name), words::length(words::budget_sigma_m(budget)));
+        let text = format!("<p class=\"note\">{name} ± {sigma}: {}</p>", named.join(" "));
+        let svg = format!("<svg class=\"budget\" viewBox=\"0 0 100 2\" aria-hidden=\"true\">{bar}</svg>");
+        (!named.is_empty()).then(|| text + &svg)
+    };
+    run.solution.budgets.iter().zip(&run.rig.cameras).filter_map(bar_of).collect()
 }

@@ -114,6 +114,7 @@ mod tests {
         let solution = RigSolution {
             reference: 0,
             cameras,
+            budgets: vec![],
             targets: vec![],
             bodies: vec![],
             observations: vec![],

@@ -55,7 +55,7 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
 }
 
 /// Returns one line: the numbers of cameras, views and points, and the residual.
-pub fn rig_headline(run: &RigRun) -> String {
+pub(super) fn figures_of(run: &RigRun) -> String {
     let s = &run.solution;
     let noise = match s.noise_scale {
         scale if 1.0 < scale => format!(
@@ -65,6 +65,10 @@ pub fn rig_headline(run: &RigRun) -> String {
         _ => String::new(),
     };
     let views = match s.view_scale {
+        scale if 1.0 < scale && run.rig.views.len() == 1 => format!(
+            "; neighbouring points are displaced together, and every ± is widened by {} for that",
+            figures(scale.sqrt())
+        ),
         scale if 1.0 < scale => format!(
             "; views contradict each other by {} times what their points explain, and every ± holds that",
             figures(scale.sqrt())
@@ -73,7 +77,7 @@ pub fn rig_headline(run: &RigRun) -> String {
     };
     let lenses = match s.lens_sigma_m {
         Some(sigma_m) => format!(
-            "; views agree that intrinsics are off: with those as uncertain as they seem, places are known to ± {}",
+            "; views agree that intrinsics are off, and every ± holds that: places are known to ± {}",
             words::length(sigma_m)
         ),
         None => String::new(),

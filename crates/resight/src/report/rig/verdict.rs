@@ -1,18 +1,26 @@
 //! The verdict on a rig in words: the first line of the program's output, its files and the page.
 
-use crate::core::multiview::rig::{Cause, LensOffset, Losses, RigSolution};
-use crate::report::verdict::{Status, figures};
+use super::sentences::figures_of;
+use crate::core::multiview::rig::{Cause, LensOffset, Losses};
+use crate::report::verdict::{Status, Verdict, figures};
 use crate::rig::RigRun;
 
-/// Returns the status of the whole rig.
-pub fn rig_status(solution: &RigSolution) -> Status {
-    if solution.verdict.is_inconsistent { Status::Inconsistent } else { Status::Ok }
+/// Returns the status of the whole rig, and the key figures in one line; a size that hardly exists comes before them.
+pub fn rig_verdict(run: &RigRun) -> Verdict {
+    let status = if run.solution.verdict.is_inconsistent { Status::Inconsistent } else { Status::Ok };
+    Verdict { status, message: figures_of(run) }.with_sizes(&run.rig.size_remarks())
 }
 
-/// Returns the status of one camera of the rig.
-pub fn camera_status(solution: &RigSolution, camera: usize) -> Status {
-    let losses = solution.verdict.cameras.get(camera);
-    if losses.is_none_or(Losses::is_ok) { Status::Ok } else { Status::Inconsistent }
+/// Returns the status of the whole rig.
+pub fn rig_status(run: &RigRun) -> Status {
+    rig_verdict(run).status
+}
+
+/// Returns the status of one camera of the rig; where a size is implausible, no camera is `ok`.
+pub fn camera_status(run: &RigRun, camera: usize) -> Status {
+    let losses = run.solution.verdict.cameras.get(camera);
+    let status = if losses.is_none_or(Losses::is_ok) { Status::Ok } else { Status::Inconsistent };
+    Verdict { status, message: String::new() }.with_sizes(&run.rig.size_remarks()).status
 }
 
 /// Describes the contradiction with its camera or target and the likely cause; `None` where nothing contradicts.

@@ -41,6 +41,9 @@ pub(super) fn names(images: &[ImageFile], are_timed: bool) -> Result<(Vec<String
         }
     }
     match duplicates {
+        Some((a, b)) if a == b => {
+            Err(Error::request(format!("{} is given twice; leave one out", a.display())))
+        }
         Some((a, b)) => Err(Error::request(format!(
             "{} and {} are of one camera and would be one view; give folders by a pattern (NAME='*/image*.png') or rename them",
             a.display(),

@@ -1,4 +1,4 @@
-//! A camera and its natural landmarks: the rotation since the reference image, and its decision, while no target is seen.
+//! A camera and its natural landmarks: the rotation since the reference image, and the decision from it while no target is observed.
 
 use super::{CameraWatcherError, FrameResult, micros};
 use crate::live::state::{LandmarksRecord, changed, landmark_settings};
@@ -14,36 +14,37 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a camera watches its landmarks with.
+/// The landmarks of one camera and their monitor.
 pub(super) struct LandmarkWatch {
     landmarks: Option<Landmarks>,
-    /// From the first observation on, which says how uncertain one is.
+    /// Present from the first observation on, which provides the uncertainty of an observation.
     monitor: Option<Monitor>,
-    /// The rotation of the image before: the next is near.
+    /// The rotation in the previous image, which is near the next one.
     near: Option<Matrix3<f64>>,
     first_s: Option<f64>,
-    /// When a reference image was last tried, seconds.
+    /// Time of the last attempt to take a reference image, seconds.
     tried_s: Option<f64>,
     config: LiveConfig,
-    /// How well the intrinsics are known.
+    /// Covariance of the intrinsics.
     intrinsics: Option<IntrinsicsCovariance>,
-    /// What its state depends on; none where the image is this session's own.
+    /// The settings on which its state depends; none where the reference image was taken in this session.
     settings: Option<BTreeMap<String, String>>,
 }
 
-/// Errors common to all landmarks that last for minutes (shadows that wander, a lens that warms up), px of the image. Two
-/// images in quick succession do not show them.
+/// Errors common to all landmarks that last for minutes (moving shadows, a lens that warms up), px of the image. Two images in quick succession
+/// do not show them.
 const LASTING_PX: f64 = 0.1;
-/// What the test takes for the size of a translation, m². Readings say nothing of it, so any size serves.
+/// Assumed size of a translation in the test, m². Readings contain no information on it, so any size serves.
 const TRANSLATION_M2: f64 = 1.0;
-/// How badly a reading knows the translation, m²: 10⁴ readings that all say zero are worth one. Docs/math/turn.md section 4.
+/// Variance of the translation in a reading, m²: 10⁴ readings of zero are worth one. docs/math/turn.md section 4.
 const UNKNOWN_M2: f64 = 1e4;
-/// While a target is seen a reference image is tried this often, seconds: it takes long, and the target must not wait for it.
+/// Interval between attempts to take a reference image while a target is observed, seconds: an attempt is slow, and the target must not wait for
+/// it.
 const TRY_AGAIN_S: f64 = 1.0;
 
 impl LandmarkWatch {
     /// # Errors
-    /// A reference image with too little to see, or of another size than the camera's.
+    /// Fails for a reference image with too few landmarks, or of another size than the camera's.
     pub fn new(
         camera: &Camera,
         intrinsics: Option<&IntrinsicsCovariance>,
@@ -69,23 +70,23 @@ impl LandmarkWatch {
         })
     }
 
-    /// All that a restart needs; none where there is nothing yet, or the image is this session's own.
+    /// Returns all that a restart needs; none where there is nothing yet, or the reference image is this session's own.
     pub fn record(&self) -> Option<LandmarksRecord> {
         let (monitor, settings) = self.monitor.as_ref().zip(self.settings.clone())?;
         Some(LandmarksRecord { settings, monitor: monitor.snapshot().into() })
     }
 
-    /// Goes on where another session stopped.
+    /// Continues from the state of another session.
     ///
     /// # Errors
-    /// Why the record is not one of these landmarks; nothing has changed then.
+    /// The reason why the record does not belong to these landmarks; nothing has changed then.
     pub fn restore(&mut self, record: &LandmarksRecord) -> Result<(), String> {
         let own = self.settings.as_ref().ok_or("the image of the landmarks is taken anew")?;
         if let Some(words) = changed(&record.settings, own) {
             return Err(words);
         }
         let mut monitor = Monitor::restore(&record.monitor.snapshot()).map_err(|e| e.to_string())?;
-        // A state of a version that believed the stated noise.
+        // A state of a version that did not estimate the noise.
         if !monitor.measures_noise() {
             monitor.measure_noise(&[]);
         }
@@ -93,21 +94,22 @@ impl LandmarkWatch {
         Ok(())
     }
 
-    /// The camera moved while its target's reference was learned: an image that this session took may be from before.
+    /// Discards a reference image of this session, because the camera moved while its target's reference was learned: the image may be older
+    /// than the motion.
     pub fn begin_anew(&mut self) {
         if self.settings.is_none() {
             (self.landmarks, self.monitor, self.near, self.tried_s) = (None, None, None, None);
         }
     }
 
-    /// The camera was put somewhere else on purpose: a later image is the reference, also where one was given.
+    /// Discards the reference image, also a given one, because the camera was moved on purpose: a later image becomes the reference.
     pub fn learn_anew(&mut self) {
         self.settings = None;
         self.begin_anew();
     }
 
-    /// Where no target was seen, the landmarks speak for all of them; without targets they are target 0. `has_moved` says whether a
-    /// target may be elsewhere than it was: then the image is no reference.
+    /// Uses the landmarks for all targets where none was observed; without targets they count as target 0. `has_moved` states whether a target
+    /// may have moved: the image is then no reference.
     pub fn stand_in(
         &mut self,
         frame: &Frame,
@@ -149,7 +151,7 @@ impl LandmarkWatch {
         self.tried_s.is_none_or(|tried_s| TRY_AGAIN_S <= (t_s - tried_s).abs())
     }
 
-    /// How things stand at a time, given how they stand with the targets.
+    /// Returns the states at a time, given those from the targets.
     pub fn states(&self, t_s: f64, mut targets: Vec<State>) -> Vec<State> {
         if targets.is_empty() {
             targets.push(State::Stale { for_s: 0.0, reason: None });
@@ -157,21 +159,28 @@ impl LandmarkWatch {
         targets.into_iter().map(|target| self.state_of(t_s, target)).collect()
     }
 
-    /// A target that is seen speaks for itself.
+    /// Returns the state from the target itself where the target is observed.
     fn state_of(&self, t_s: f64, target: State) -> State {
         let own = match &self.monitor {
             Some(monitor) => monitor.watch(t_s).into(),
+            // The reference image was just taken; the next one is the first that is compared with it.
+            None if self.has_just_learned(t_s) => State::Learning { readings: 1, needed: 2 },
             None => State::Stale { for_s: self.first_s.map_or(0.0, |first_s| t_s - first_s), reason: None },
         };
         match (target, own) {
-            // Of the target it is known why.
+            // The reason is known for the target.
             (State::Stale { reason, .. }, State::Stale { for_s, .. }) => State::Stale { for_s, reason },
             (State::Stale { .. } | State::Learning { readings: 0, .. }, own) => own,
             (target, _) => target,
         }
     }
 
-    /// The rotation in this frame, or why there is none.
+    fn has_just_learned(&self, t_s: f64) -> bool {
+        let is_recent = |tried_s: f64| t_s - tried_s <= self.config.monitor.stale_after_s;
+        self.landmarks.is_some() && self.tried_s.is_some_and(is_recent)
+    }
+
+    /// Returns the rotation in this frame, or the reason why there is none.
     fn take(
         &mut self,
         frame: &Frame,
@@ -198,8 +207,8 @@ impl LandmarkWatch {
         Ok(())
     }
 
-    /// The first image with enough to see becomes the reference, whether a target is seen in it or not: one taken later, when the
-    /// target is gone, may be from after a sudden motion.
+    /// Makes the first image with enough landmarks the reference, whether a target is observed in it or not: a later one, taken when the target
+    /// is gone, may follow a sudden motion.
     fn learn(
         &mut self,
         frame: &Frame,
@@ -228,7 +237,8 @@ impl LandmarkWatch {
                 &self.config,
             );
             self.monitor = Monitor::new(&reference, &self.config.monitor, reading.t_s).ok();
-            // How exactly landmarks are found is seen from image to image; what lasts is not, and is expected as large as stated at least.
+            // The noise of landmarks is estimated from image to image; errors that last are not visible there and are expected at least as large
+            // as stated.
             if let Some(monitor) = &mut self.monitor {
                 monitor.measure_noise(&[]);
             }
@@ -238,7 +248,7 @@ impl LandmarkWatch {
         }
     }
 
-    /// What was seen, for every target; a reason joins the target's own.
+    /// Adds the result to every target; a reason is appended to the target's own.
     fn tell(&self, seen: Result<(), String>, looked: &mut [FrameResult]) {
         let Some((first, others)) = looked.split_first_mut() else { return };
         for observation in
@@ -258,10 +268,10 @@ impl LandmarkWatch {
     }
 }
 
-/// Why no image is taken as a reference.
+/// Reason why no image is taken as a reference.
 const MOVED: &str = "the target may have moved, so this is no reference image of the landmarks";
 
-/// The image of a frame with its lens, or why there is none.
+/// Returns the image of a frame with its lens, or the reason why there is none.
 fn picture<'a>(
     frame: &'a Frame,
     lens: &'a Result<Camera, String>,
@@ -274,7 +284,7 @@ fn picture<'a>(
     }
 }
 
-/// The camera now from the camera of the reference image: a rotation, and a translation of which nothing is known.
+/// Returns the pose of the camera relative to that of the reference image: a rotation, and a translation without information.
 fn reading(t_s: f64, landmark_observation: &LandmarkObservation) -> Reading {
     Reading {
         t_s,
@@ -284,7 +294,7 @@ fn reading(t_s: f64, landmark_observation: &LandmarkObservation) -> Reading {
     }
 }
 
-/// The reference image errs as a reading does.
+/// Returns the reference, whose image has the errors of a reading.
 fn reference(covariance: &Matrix3<f64>, correlated: &Matrix3<f64>, config: &LiveConfig) -> Reference {
     let known = &config.correlated;
     let rotation = |m: &Matrix6| m.fixed_view::<3, 3>(0, 0).into_owned();
@@ -298,7 +308,8 @@ fn reference(covariance: &Matrix3<f64>, correlated: &Matrix3<f64>, config: &Live
     Reference { a_from_b: Pose::identity(), noise }
 }
 
-/// The rotation that moves the image by `LASTING_PX` about each axis; about the optical axis, at a quarter of its width.
+/// Returns the covariance of the rotation that moves the image by `LASTING_PX` about each axis; about the optical axis, at a quarter of its
+/// width.
 fn correlated(lens: &Camera, landmark_observation: &LandmarkObservation) -> Matrix3<f64> {
     let ahead = lens.project_with_jacobian(&Vector3::z());
     let px_per_rad = ahead.map_or(1.0, |(_, slope)| slope.column(0).norm());
@@ -325,7 +336,7 @@ mod tests {
     use resight_core::Lens;
     use resight_core::camera::{CameraMatrix, Pinhole};
 
-    /// Landmarks that see nothing do not make a target unseen that is seen; nor do they speak for it.
+    /// Landmarks without an observation do not make an observed target stale, and do not replace it.
     #[test]
     fn a_target_that_is_seen_speaks_for_itself() {
         let matrix = CameraMatrix { fx_px: 400.0, fy_px: 400.0, cx_px: 240.0, cy_px: 180.0 };

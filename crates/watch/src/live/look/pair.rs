@@ -1,4 +1,4 @@
-//! One camera and one target: detection, pose, pose through time, decision.
+//! One camera and one target: detection, pose, tracking, decision.
 
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
@@ -25,7 +25,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a camera watches one target with.
+/// The tracker and monitor of one camera and one target.
 pub(super) struct Pair {
     camera: Camera,
     intrinsics: Option<IntrinsicsCovariance>,
@@ -34,36 +34,36 @@ pub(super) struct Pair {
     expectation: Expectation,
     tracker: Tracker,
     stage: Stage,
-    /// Readings until it is said where the camera is beside the reference that the session began with.
+    /// Number of readings until the deviation from the initial reference is reported.
     compares_in: Option<u32>,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
-    /// Capture time of the last frame, and why it gave no reading.
+    /// Capture time of the last frame, and the reason why it gave no reading.
     last: Option<(f64, Option<String>)>,
-    /// Whether points of the last views contradicted each other.
+    /// Contradictions between points of the last views.
     disagreement: Disagreement,
     staying: Staying,
     promises: Promises,
     config: LiveConfig,
-    /// Its target's name, and what a state that it can go on from must agree with.
+    /// The target's name, and the settings with which a saved state must agree.
     name: String,
     settings: BTreeMap<String, String>,
 }
 
-/// Before and after the reference is known.
+/// The stages before and after the reference is known.
 enum Stage {
-    /// The reference is known, the clock of the frames is not.
+    /// The reference is known, but not the clock of the frames.
     Starting(Box<Reference>),
     Learning(Vec<Reading>),
     Watching(Box<Monitor>),
-    /// The camera moves, or the target is hand-held: its pose is followed, drift of this pair alone is not watched.
+    /// The camera moves, or the target is hand-held: the pose is tracked, but drift of this pair alone is not monitored.
     Following {
         last_s: Option<f64>,
         is_seen: bool,
     },
 }
 
-/// What a camera shows of a target.
+/// The content of a frame.
 pub(super) enum FrameContent<'a> {
     /// An image, and the lens at its size.
     Image(&'a GrayImage, &'a Camera),
@@ -83,14 +83,14 @@ impl<'a> FrameContent<'a> {
 
 impl Pair {
     /// # Errors
-    /// A target that no detector knows, or a setting that cannot be.
+    /// Fails for a target without a detector or an invalid setting.
     pub fn new(
         camera: &Camera,
         intrinsics: Option<&IntrinsicsCovariance>,
         watched: &Watched,
         config: &LiveConfig,
     ) -> Result<Self, CameraWatcherError> {
-        // Said now: a monitor that cannot be would only show as learning that never ends.
+        // Checked now: an invalid monitor would otherwise appear only as learning without end.
         config.monitor.check()?;
         config.correlated.check()?;
         let moves = matches!(config.track.motion, Motion::ConstantVelocity { .. });
@@ -107,7 +107,7 @@ impl Pair {
             intrinsics: intrinsics.cloned(),
             follower: Follower::new(&watched.target)?,
             expectation: Expectation::new(&watched.target),
-            // The error of a printed scale is the same in every frame: no noise of a reading, and no motion.
+            // The error of a printed scale is the same in every frame: it is neither noise of a reading nor motion.
             target: match watched.target.printed_scale() {
                 Some(_) => Arc::new(watched.target.with_exact_scale()),
                 None => Arc::clone(&watched.target),
@@ -126,7 +126,7 @@ impl Pair {
         })
     }
 
-    /// What the pose is compared with, where that is known.
+    /// Returns the reference with which the pose is compared, where it is known.
     pub fn reference(&self) -> Option<Reference> {
         match &self.stage {
             Stage::Starting(reference) => Some(**reference),
@@ -135,7 +135,7 @@ impl Pair {
         }
     }
 
-    /// What watches it, where that has begun.
+    /// Returns the monitor, where it has started.
     pub fn monitor(&self) -> Option<&Monitor> {
         match &self.stage {
             Stage::Watching(monitor) => Some(monitor),
@@ -143,7 +143,7 @@ impl Pair {
         }
     }
 
-    /// Whether the target is not, or perhaps not, where it was; seen or not. The monitor says nothing of the first decision period.
+    /// Returns whether the target has moved or may have moved, observed or not. The monitor decides nothing in the first decision period.
     pub fn may_have_moved(&self, t_s: f64) -> bool {
         let is_undecided = |(began_s, _)| t_s <= began_s + self.config.monitor.decision_period_s;
         let is_suspect = |monitor: &Monitor| {
@@ -154,7 +154,7 @@ impl Pair {
         self.monitor().is_some_and(|monitor| self.began.is_some_and(is_undecided) || is_suspect(monitor))
     }
 
-    /// All that a restart needs.
+    /// Returns all that a restart needs.
     pub fn record(&self) -> PairRecord {
         let stage = match &self.stage {
             Stage::Starting(_) => StageRecord::Starting,
@@ -168,8 +168,7 @@ impl Pair {
         PairRecord { target: self.name.clone(), settings: self.settings.clone(), tracker, stage }
     }
 
-    /// Where the camera is beside the reference that the session began with: once, when enough readings say it, or those that there are
-    /// at the end.
+    /// Returns the deviation from the initial reference: once, when there are enough readings, or from the available ones at the end.
     pub fn compared(&mut self, is_end: bool) -> Option<Deviation> {
         let is_due = |readings: u32| readings == 0 || (is_end && readings < COMPARED_AFTER);
         let deviation = self.monitor()?.deviation().filter(|_| self.compares_in.is_some_and(is_due))?;
@@ -177,7 +176,7 @@ impl Pair {
         Some(deviation)
     }
 
-    /// What can be promised now, where that has become another.
+    /// Returns the promise of what the monitor detects, where it has changed.
     pub fn promised(&mut self, t_s: f64) -> Option<Promise> {
         let Stage::Watching(_) = &self.stage else { return None };
         if !self.promises.is_due(t_s) {
@@ -196,10 +195,10 @@ impl Pair {
         }
     }
 
-    /// Goes on where another session stopped: false where that had nothing of this target.
+    /// Continues from the state of another session; returns false where that has no record of this target.
     ///
     /// # Errors
-    /// Why the record is not one of this pair; nothing has changed then.
+    /// The reason why the record does not belong to this pair; nothing has changed then.
     pub fn restore(&mut self, records: &[PairRecord]) -> Result<bool, String> {
         let Some(record) = records.iter().find(|record| record.target == self.name) else { return Ok(false) };
         if let Some(words) = changed(&record.settings, &self.settings) {
@@ -214,7 +213,7 @@ impl Pair {
             }
             StageRecord::Watching(monitor) => {
                 let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
-                // A state of a version that believed the stated noise.
+                // A state of a version that did not estimate the noise.
                 if !monitor.measures_noise() {
                     monitor.measure_noise(&[]);
                 }
@@ -227,7 +226,7 @@ impl Pair {
         Ok(true)
     }
 
-    /// The next frame, or why it shows nothing.
+    /// Processes the next frame, or the reason why it shows nothing.
     pub fn take(
         &mut self,
         frame: &Frame,
@@ -251,14 +250,14 @@ impl Pair {
         FrameResult { observation, state: self.state(frame.capture_s), learned, promise, unsettled }
     }
 
-    /// What its noise lets the monitor promise, where that is measured.
+    /// Returns the promise that the estimated noise allows, where it has been estimated.
     fn promise(&self, learned_from: Vec<Reading>) -> Option<Promise> {
         let monitor = self.monitor()?;
         let (noise, detectable) = (monitor.measured_noise()?, monitor.detectable(PROMISED_WITHIN_S)?);
-        Some(Promise { noise, detectable, learned_from })
+        Some(Promise { noise, detectable, held: monitor.recurrence(), learned_from })
     }
 
-    /// How things stand at a time, also when no frame has come.
+    /// Returns the state at a time, also when no frame has arrived.
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
             Stage::Starting(_) => self.stale(t_s, self.began.map_or(0.0, |(began_s, _)| t_s - began_s)),
@@ -276,7 +275,7 @@ impl Pair {
         }
     }
 
-    /// Without a usable reading for `for_s` at `t_s`, and why.
+    /// Returns the stale state at `t_s`, with its reason, after `for_s` without a usable reading.
     fn stale(&self, t_s: f64, for_s: f64) -> State {
         let reason = match &self.last {
             Some((last_s, reason)) if t_s - last_s <= self.config.monitor.stale_after_s => reason.clone(),
@@ -286,7 +285,7 @@ impl Pair {
         State::Stale { for_s, reason }
     }
 
-    /// Without readings the state is `stale`, also while learning.
+    /// Returns the state while learning, which is `stale` without readings.
     fn learning(&self, readings: &[Reading], t_s: f64) -> State {
         let seen_s =
             readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
@@ -297,8 +296,8 @@ impl Pair {
         State::Learning { readings: readings.len(), needed }
     }
 
-    /// The first frame sets the clock: what is not seen from then on is stale. One that cannot be read may have another clock's time,
-    /// so the first that can sets it for good.
+    /// Sets the clock by the first frame: what is not observed from then on is stale. A frame that cannot be read may have the time of another
+    /// clock, so the first readable one sets the clock for good.
     fn start(&mut self, t_s: f64, is_readable: bool) {
         if self.began.is_some_and(|(_, is_certain)| is_certain || !is_readable) {
             return;
@@ -358,7 +357,7 @@ impl Pair {
         Ok(())
     }
 
-    /// By the verdict that uncertain intrinsics allow. The covariance of a reading stays that of the pixels: all readings have the lens in common.
+    /// Applies the verdict that uncertain intrinsics allow. The covariance of a reading remains that of the pixels: all readings share the lens.
     fn is_consistent(
         &self,
         estimate: &PoseEstimate,
@@ -398,7 +397,7 @@ impl Pair {
         if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
     }
 
-    /// What this reading completed.
+    /// Returns the result of learning that this reading completes.
     fn decide(&mut self, reading: &Reading) -> Option<Learned> {
         let readings = match &mut self.stage {
             Stage::Starting(_) => return None,
@@ -428,7 +427,7 @@ impl Pair {
             Some((reference, monitor))
         });
         let Some((reference, monitor)) = reference else {
-            // They do not agree (yet): the older half is forgotten, and learning continues.
+            // The readings do not agree yet: the older half is discarded, and learning continues.
             readings.drain(..readings.len() / 2);
             return None;
         };
@@ -438,28 +437,28 @@ impl Pair {
     }
 }
 
-/// Why nothing is seen where no frame comes.
+/// Reason why nothing is observed without frames.
 const NO_FRAME: &str = "no frame comes";
 
-/// The time within which a motion of the promised size is found, seconds; at least three readings.
+/// The time within which a motion of the promised size is detected, seconds; at least three readings.
 const PROMISED_WITHIN_S: f64 = 60.0;
 
-/// Readings that say where the camera is when a session begins.
+/// Number of readings for the deviation at the start of a session.
 const COMPARED_AFTER: u32 = 10;
 
-/// What learning came to.
+/// The result of learning.
 enum Learned {
-    /// With the readings that it comes from.
+    /// A reference, with the readings from which it was learned.
     Reference(Box<Reference>, Vec<Reading>),
     /// The camera moved, and learning continues.
     Motion(Box<Unsettled>),
 }
 
-/// Readings are tested at N, 2N, 4N and 8N: what wanders slowly needs a longer look, and tests at every reading would each have their
-/// own false alarms.
+/// Readings are tested at N, 2N, 4N and 8N: slow variations need a longer period, and tests at every reading would each add their own false
+/// alarms.
 const MOST_LOOKS: usize = 8;
 
-/// At which number of readings those of now are tested.
+/// Returns the number of readings at which the next test is due.
 fn next_test(readings: usize, needed: usize) -> usize {
     (0..4).map(|doublings| needed << doublings).find(|test| readings <= *test).unwrap_or(readings)
 }
@@ -468,7 +467,7 @@ fn monitor_of(stage: &mut Stage) -> Option<&mut Monitor> {
     if let Stage::Watching(monitor) = stage { Some(monitor) } else { None }
 }
 
-/// What is from before a sudden motion; half of what moves on; of what wanders nothing until the look is long.
+/// Discards the readings before a sudden motion; half of them in a continuing motion; none in a slow variation until the period is long.
 fn forget(readings: &mut Vec<Reading>, unsettled: &Unsettled, needed: usize) {
     let forgotten = match unsettled.unrest {
         Unrest::Step => unsettled.reading,
@@ -478,18 +477,18 @@ fn forget(readings: &mut Vec<Reading>, unsettled: &Unsettled, needed: usize) {
     readings.drain(..forgotten);
 }
 
-/// Whether there will be no reference to learn: intrinsics or target are wrong.
+/// Returns whether no reference can be learned because intrinsics or target are wrong.
 fn mostly_contradict(readings: &[Reading]) -> bool {
     let contradict = readings.iter().filter(|reading| !reading.is_consistent).count();
     LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
-/// Variance of the pixels over the stated one, where readings show more.
+/// Returns the variance of the pixels over the stated one, where readings show a larger one.
 fn measured_variance(monitor: &Monitor) -> f64 {
     monitor.measured_noise().map_or(1.0, |noise| noise.sigma_ratio.powi(2).max(1.0))
 }
 
-/// Whether the points contradict each other about where the camera went since all was well.
+/// Returns whether the points contradict each other about the motion since the last steady state.
 fn is_fault(
     disagreement: &mut Disagreement,
     monitor: &Monitor,
@@ -516,5 +515,5 @@ fn is_fault(
     }
 }
 
-/// χ² of six numbers that one reading in a hundred exceeds: only then are its points looked at.
+/// χ² of six numbers that one reading in a hundred exceeds: only then are its points tested.
 const UNLIKELY: f64 = 16.8;

@@ -1,21 +1,23 @@
-//! When a promise has become another one: noise that is not what it was is said once.
+//! The report of a changed promise: noise that has changed is reported once.
 
 use crate::live::Promise;
 
-/// How often it is looked at, seconds of capture time, and how often another one is said at most.
+/// Interval of the checks, and smallest interval between two reports, seconds of capture time.
 const LOOKED_EVERY_S: f64 = 60.0;
 const SAID_EVERY_S: f64 = 3600.0;
-/// By which factor the motion that is found must be another.
+/// Factor by which the detectable motion must change to be reported.
 const OTHER: f64 = 2.0;
 
-/// The motion that was promised last.
+/// The promise that was reported last.
 #[derive(Debug, Default)]
 pub(super) struct Promises {
     looked_s: Option<f64>,
     said_s: Option<f64>,
-    /// The largest rotation that may go unseen, radians; whether it was said because it had grown.
+    /// The largest rotation that may remain undetected, radians; whether it was reported because it had grown.
     rotation_rad: Option<f64>,
     has_grown: bool,
+    /// Whether motions are held.
+    holds: bool,
 }
 
 impl Promises {
@@ -27,21 +29,23 @@ impl Promises {
         is_due
     }
 
-    /// Whether this is another promise than the last one: worse, or as good again as it was before that. That it becomes better with
-    /// every reading is none.
+    /// Returns whether the promise differs from the last one: it is worse, or as good again as before it became worse, or it begins or
+    /// ceases to hold motions. An improvement with every reading is not reported.
     pub fn is_news(&mut self, promise: &Promise, t_s: f64) -> bool {
         let now = promise.detectable.rotation_rad.into_iter().fold(0.0, f64::max);
         let before = *self.rotation_rad.get_or_insert(now);
         let is_worse = OTHER * before < now;
         let is_better = self.has_grown && OTHER * now < before;
-        if !(is_worse || is_better) {
+        let holds = promise.held.is_some();
+        if !(is_worse || is_better || holds != self.holds) {
             self.rotation_rad = Some(if self.has_grown { before } else { before.min(now) });
             return false;
         }
         if self.said_s.is_some_and(|said_s| t_s < said_s + SAID_EVERY_S) {
             return false;
         }
-        (self.said_s, self.rotation_rad, self.has_grown) = (Some(t_s), Some(now), is_worse);
+        (self.said_s, self.rotation_rad, self.has_grown, self.holds) =
+            (Some(t_s), Some(now), is_worse, holds);
         true
     }
 }

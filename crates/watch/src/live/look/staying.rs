@@ -1,6 +1,6 @@
-//! The part of a pair's errors that stays as long as the camera does; each image updates it in the monitor.
+//! The part of a pair's errors that is constant while the camera does not move; each image updates it in the monitor.
 //!
-//! It follows from the residuals of the place where the camera is and of the one before: docs/math/monitor.md section 12.
+//! It follows from the residuals at the current pose of the camera and at the one before: docs/math/monitor.md section 12.
 
 use resight_core::correspondence::Detection;
 use resight_core::locate::refine::residual_px;
@@ -8,10 +8,10 @@ use resight_core::target::Feature;
 use resight_core::temporal::monitor::{Monitor, PointErrors, Reading, covariance_by_image};
 use resight_core::{Camera, Correspondence, Target};
 
-/// Residuals of a pair, place by place.
+/// Residuals of a pair for each pose.
 pub(super) struct Staying {
     errors: PointErrors,
-    /// When the last motion began, seconds.
+    /// Start of the last motion, seconds.
     began_s: Option<f64>,
     /// Whether the four corners of a tag are measured by one fit.
     is_shared: bool,
@@ -21,7 +21,7 @@ pub(super) struct Staying {
 pub(super) struct View<'a> {
     pub detections: &'a [Detection],
     pub features: &'a [Feature],
-    /// In the order of `features`.
+    /// The points in the order of `features`.
     pub points: &'a [Correspondence],
     pub lens: &'a Camera,
 }
@@ -32,7 +32,7 @@ impl Staying {
         Staying { errors: PointErrors::default(), began_s: None, is_shared }
     }
 
-    /// The next image: of a place of its own since the last motion that `monitor` knows of.
+    /// Processes the next image; after a motion reported by `monitor` it belongs to a new pose.
     pub fn take(&mut self, view: &View, reading: &Reading, monitor: Option<&mut Monitor>) {
         if !reading.is_consistent {
             return;
@@ -56,7 +56,7 @@ impl Staying {
 }
 
 impl View<'_> {
-    /// What the image alone leaves of each point, px.
+    /// Returns the standard deviation of each point by the image alone, px.
     fn image_sigmas_px(&self) -> Vec<f64> {
         let own = |(i, feature): (usize, &Feature)| {
             // Detections are in the order of the points, except where some are left out.

@@ -1,4 +1,4 @@
-//! What one view says: its residuals, all minima of its pose, and the reading that goes to the monitor.
+//! The results of one view: its residuals, all minima of its pose, and the reading for the monitor.
 
 use crate::live::PointResidual;
 use crate::source::Frame;
@@ -11,7 +11,7 @@ use resight_core::{Camera, Correspondence};
 /// χ² of two numbers that one point in a hundred exceeds.
 const ODD: f64 = 9.21;
 
-/// How each point differs from the pose; those behind the lens model's edge are left out.
+/// Returns the residual of each point at the pose; points outside the range of the lens model are left out.
 pub(super) fn residuals(
     estimate: &PoseEstimate,
     points: &[Correspondence],
@@ -25,7 +25,7 @@ pub(super) fn residuals(
     points.iter().filter_map(residual).collect()
 }
 
-/// All minima of a frame: time chooses among them.
+/// Returns all minima of a frame; tracking selects one of them.
 pub(super) fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
     let first = Candidate {
         cam_from_target: estimate.cam_from_target,
@@ -40,7 +40,7 @@ pub(super) fn candidates(estimate: &PoseEstimate) -> Vec<Candidate> {
     std::iter::once(first).chain(others).collect()
 }
 
-/// The frame's own pose, the one of its minima that time chose: what is filtered already must not be tested for white noise.
+/// Returns the frame's own pose, at the minimum that tracking selected: a filtered pose must not be tested for white noise.
 pub(super) fn reading(frame: &Frame, is_consistent: bool, all: &[Candidate], tracked: &Tracked) -> Reading {
     let chosen = tracked.candidate.and_then(|i| all.get(i)).unwrap_or(&all[0]);
     Reading {

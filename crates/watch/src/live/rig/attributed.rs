@@ -1,4 +1,4 @@
-//! Cameras and targets that all stand still: which of them an alarm is about.
+//! Cameras and targets that are all fixed: the attribution of an alarm to one of them.
 
 use super::Nodes;
 use crate::live::{CheckingReason, Event, LiveConfig, Observation, State};
@@ -6,37 +6,37 @@ use resight_core::Pose;
 use resight_core::temporal::monitor::attribute::{Attribution, Edge, attribute};
 use resight_core::temporal::monitor::{Drift, Monitor, MonitorConfig, Reading, Reference, Watch};
 
-/// Every pair of a camera and a target, watched as its own camera watches it.
+/// Every pair of a camera and a target, with the state that its own camera reports.
 pub(in crate::live) struct Pairs {
     nodes: Nodes,
     config: MonitorConfig,
     pairs: Vec<Pair>,
     reported: Reported,
-    /// For each camera the capture time of its newest frame, and that of the newest when it was last asked what moved, seconds.
+    /// Capture times of each camera's newest frame, and of the newest one at the last attribution, seconds.
     newest_s: Vec<f64>,
     asked_s: Vec<f64>,
-    /// Whose frame it was.
+    /// The camera of that frame.
     asked_by: usize,
 }
 
 #[derive(Default)]
 struct Pair {
     reference: Option<Reference>,
-    /// The readings that it comes from, until there is a monitor.
+    /// The readings from which the monitor is learned, until there is one.
     learned_from: Vec<Reading>,
     monitor: Option<Monitor>,
-    /// As its camera says, and as it was reported.
+    /// The state from its camera, and the state as reported.
     state: Option<State>,
     reported: Option<State>,
 }
 
-/// What moved, as last reported.
+/// The last report of what moved.
 #[derive(Default)]
 struct Reported {
     answer: Answer,
-    /// How often it was reported otherwise since it was last news.
+    /// Number of corrections since it was last new.
     corrections: u32,
-    /// Another answer, and since when there is no third, seconds.
+    /// A different answer, and the time since which it has not changed, seconds.
     other: Option<(Answer, f64)>,
 }
 
@@ -47,8 +47,8 @@ struct Answer {
     is_explained: bool,
 }
 
-/// A correction of what moved must last for this many decision periods, and twice as long after each one: the n-th comes 2ⁿ periods after
-/// the alarm at the earliest, however close to each other two explanations are.
+/// A correction of what moved must last for this many decision periods, and twice as long after each one: the n-th comes at least 2ⁿ periods
+/// after the alarm, however similar two explanations are.
 const FIRST_CORRECTION: f64 = 2.0;
 
 impl Pairs {
@@ -107,14 +107,14 @@ impl Pairs {
         }
     }
 
-    /// What the last frames say is reported at the end.
+    /// Reports the state of the last frames at the end.
     pub fn finish(&mut self) -> Vec<Event> {
         let t_s = self.newest_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if self.is_any_drifted() { self.weighed(t_s, true) } else { Vec::new() }
     }
 
-    /// All sets that may have moved are looked through: once a decision period by the clock of one camera, and by another's when that
-    /// one is silent.
+    /// Returns whether the search over all sets that may have moved is due: once in a decision period by the clock of one camera, or by
+    /// another's when that one is silent.
     fn is_due(&self, camera: usize) -> bool {
         let periods = if camera == self.asked_by { 1.0 } else { 2.0 };
         self.asked_s[camera] + periods * self.config.decision_period_s <= self.newest_s[camera]
@@ -124,7 +124,7 @@ impl Pairs {
         self.pairs.iter().any(|pair| pair.began_s().is_some())
     }
 
-    /// What moved, and every state that is not as last reported because of it. `is_news`: a pair has just moved, or is back.
+    /// Returns what moved, and every state that differs from its report because of it. `is_news`: a pair has just moved, or is back.
     fn weighed(&mut self, t_s: f64, is_news: bool) -> Vec<Event> {
         self.asked_s.clone_from(&self.newest_s);
         let mut events: Vec<Event> = self.attributed(t_s, is_news).into_iter().collect();
@@ -132,7 +132,7 @@ impl Pairs {
         events
     }
 
-    /// The state of a pair when it is not as last reported.
+    /// Returns the state of a pair when it differs from its report.
     fn tell(&mut self, index: usize, t_s: f64) -> Option<Event> {
         let targets = self.nodes.targets.len();
         let (camera, target) = (index / targets, index % targets);
@@ -153,7 +153,7 @@ impl Pairs {
         Some(Event::StateChanged { camera, target, t_s, state })
     }
 
-    /// What moved, when that is not as last reported.
+    /// Returns what moved, when it differs from its report.
     fn attributed(&mut self, t_s: f64, is_news: bool) -> Option<Event> {
         let (attribution, began_s) = self.attribution();
         let answer = Answer::of(&attribution);
@@ -185,13 +185,13 @@ impl Pairs {
         (attribute(self.nodes.cameras.len() + self.nodes.targets.len(), &edges), began_s)
     }
 
-    /// What a pair says of a motion since then; none where it has not been seen since, or waits for certainty.
+    /// Returns a pair's evidence of a motion since then; none where it has not been observed since, or is still uncertain.
     fn edge(&self, index: usize, began_s: f64) -> Option<Edge> {
         let targets = self.nodes.targets.len();
         let pair = &self.pairs[index];
         let (monitor, reference) = (pair.monitor.as_ref()?, pair.reference.as_ref()?);
         let is_certain = matches!(monitor.watch(monitor.last_usable_s()), Watch::Steady | Watch::Drifted(_));
-        // The motion is in a reading of the very time that it began at.
+        // The reading at the very time of its start contains the motion.
         if !is_certain || monitor.last_usable_s() < began_s {
             return None;
         }
@@ -212,7 +212,7 @@ impl Answer {
         }
     }
 
-    /// Which of alternatives fits a little better says nothing.
+    /// Returns whether two answers are the same; which of the alternatives fits slightly better does not matter.
     fn is_same(&self, other: &Answer) -> bool {
         let sets = |of: &Answer| {
             let mut sets: Vec<Vec<usize>> =
@@ -225,7 +225,7 @@ impl Answer {
 }
 
 impl Reported {
-    /// Whether this answer takes the place of the one that was reported: at once where there was none or it is news, else when it has lasted.
+    /// Returns whether this answer replaces the reported one: at once where there was none or it is new, else when it has lasted.
     fn corrected(&mut self, answer: Answer, t_s: f64, is_news: bool, period_s: f64) -> bool {
         if answer.is_same(&self.answer) {
             self.other = None;
@@ -246,8 +246,8 @@ impl Reported {
         true
     }
 
-    /// What a drift of a camera against a target comes to: none where it is the camera's. A camera whose target was removed has not
-    /// moved, and while it may have been either nothing is decided.
+    /// Returns the state that replaces a camera's drift against a target: none where the drift is the camera's. A camera whose target was
+    /// removed has not moved, and while both are possible nothing is decided.
     fn blamed(&self, camera: usize, target: usize) -> Option<State> {
         let Answer { moved, alternatives, is_explained } = &self.answer;
         if moved.is_empty() || !is_explained {
@@ -265,22 +265,22 @@ impl Reported {
 }
 
 impl Pair {
-    /// When its last motion began, seconds.
+    /// Returns the start of its last motion, seconds.
     fn began_s(&self) -> Option<f64> {
         Some(self.monitor.as_ref()?.drift()?.began_s)
     }
 
-    /// When it was last where it was, seconds.
+    /// Returns when it was last at its reference pose, seconds.
     fn first_began_s(&self) -> Option<f64> {
         Some(self.monitor.as_ref()?.drift()?.first_began_s())
     }
 
-    /// Whether a drift is one against the target, or one that landmarks found while it was not seen.
+    /// Returns whether a drift is one against the target, or one that landmarks found while the target was not observed.
     fn is_of_target(&self, drift: &Drift) -> bool {
         self.began_s() == Some(drift.began_s)
     }
 
-    /// A pair that learns anew has no reference to compare with.
+    /// Updates the state; a pair that learns again has no reference to compare with.
     fn is_now(&mut self, state: State) {
         if matches!(state, State::Learning { .. }) {
             (self.reference, self.monitor) = (None, None);
@@ -290,14 +290,14 @@ impl Pair {
 
     fn push(&mut self, observation: &Observation, config: &MonitorConfig) {
         if observation.landmarks.is_some() {
-            return; // A rotation since an image, not a pose against the target.
+            return; // return; // A rotation since an image is no pose against the target.
         }
         let Some((reference, reading)) = self.reference.as_ref().zip(observation.reading.as_ref()) else {
             return;
         };
         if self.monitor.is_none() {
             self.monitor = Monitor::new(reference, config, reading.t_s).ok();
-            // As the monitor whose state is reported: what one says the other says too.
+            // The monitor is built like the one whose state is reported, so that both have the same state.
             let learned_from = std::mem::take(&mut self.learned_from);
             self.monitor.iter_mut().for_each(|monitor| monitor.measure_noise(&learned_from));
         }

@@ -1,13 +1,13 @@
-//! What a rig is watched by.
+//! The configuration of a rig's monitor.
 
 use nalgebra::DMatrix;
 use resight_core::Pose;
 
-/// How the relations among the cameras of a rig are watched.
+/// The monitoring of the relative poses of a rig's cameras.
 #[derive(Debug, Clone)]
 pub struct RigConfig {
-    /// Where the cameras are, in the order of the session, and the covariance of all of them together, 6 rows a camera; none: learned.
+    /// Poses of the cameras in the order of the session, and their joint covariance, 6 rows for each camera; none: learned.
     pub reference: Option<(Vec<Pose>, DMatrix<f64>)>,
-    /// Frames of this time belong to one frame set, seconds.
+    /// Frames within this time of each other belong to one frame set, seconds.
     pub sync_tolerance_s: f64,
 }

@@ -1,4 +1,4 @@
-//! Frames of several cameras put together into frame sets: each camera reads at its own pace, and some run ahead.
+//! Frame sets from the frames of several cameras: each camera is read at its own pace, and some are ahead.
 
 use crate::live::pace::Pace;
 use resight::rig::synchronise::{TimedFrame, by_time};
@@ -8,12 +8,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What one camera saw of one target.
+/// The points of one target in one camera.
 #[derive(Debug, Clone)]
 pub(super) struct TargetPoints {
     pub target: usize,
     pub points: Vec<Correspondence>,
-    /// At the size of the image.
+    /// The lens at the size of the image.
     pub lens: Camera,
     pub estimate: PoseEstimate,
 }
@@ -26,20 +26,20 @@ pub(super) struct Shown {
     pub seen: Vec<TargetPoints>,
 }
 
-/// What all cameras saw at one time.
+/// All observations at one time.
 #[derive(Debug, Clone)]
 pub(super) struct SynchronisedFrames {
     pub t_s: f64,
     pub frames: Vec<Shown>,
 }
 
-/// A live camera that says nothing for this long is not waited for;
+/// A live camera without frames for this long is not waited for;
 const PATIENCE: Duration = Duration::from_secs(1);
-/// nor a recording that has had nothing to give for this long (a front end that hangs). While it is read it is waited for.
+/// nor is a recording that has had nothing to provide for this long (a front end that hangs). While it is read it is waited for.
 const PATIENCE_RECORDED: Duration = Duration::from_secs(10);
-/// Frames of a camera that wait for the others. Then the others of a live camera are not waited for, and a recording is read no further.
+/// Number of a camera's frames that wait for the others. Beyond it other live cameras are not waited for, and a recording is held.
 const WAITING: usize = 2000;
-/// The most that can come of a recording that is read no further, or whose frames all have one time.
+/// Largest number of frames of a recording that is held, or whose frames all have one time.
 const WAITING_RECORDED: usize = 2 * WAITING;
 
 /// Frames that wait for those of other cameras.
@@ -76,7 +76,7 @@ impl FrameSetQueue {
         self.cameras[camera].has_ended = true;
     }
 
-    /// A frame. One from before the camera's last is of a clock that stepped back, and left out.
+    /// Adds a frame. A frame older than the camera's last is of a clock that stepped back, and is left out.
     pub fn push(&mut self, frame: Shown, now: Instant) {
         let queue = &mut self.cameras[frame.camera];
         queue.spoke = now;
@@ -87,12 +87,12 @@ impl FrameSetQueue {
         queue.waiting.push_back(frame);
     }
 
-    /// Frames that wait for those of other cameras, those of each camera in order.
+    /// Returns the frames that wait for those of other cameras, those of each camera in order.
     pub fn waiting(&self) -> impl Iterator<Item = &Shown> {
         self.cameras.iter().flat_map(|queue| &queue.waiting)
     }
 
-    /// Frame sets to which nothing can be added any more, in order of time.
+    /// Returns the frame sets to which nothing can be added any more, in order of time.
     pub fn complete(&mut self, now: Instant) -> Vec<SynchronisedFrames> {
         let horizon_s = self.horizon_s(now);
         let until_s = horizon_s - self.tolerance_s;
@@ -102,7 +102,7 @@ impl FrameSetQueue {
         complete
     }
 
-    /// A recording that is far ahead of the others is read no further until they have come as far.
+    /// Holds every recording that is far ahead of the others until they have reached it.
     fn hold(&mut self, horizon_s: f64) {
         let is_ahead = |queue: &Queue| queue.newest_s.is_some_and(|newest_s| horizon_s < newest_s);
         let is_held = |queue: &Queue| !queue.is_live && WAITING <= queue.waiting.len() && is_ahead(queue);
@@ -113,7 +113,7 @@ impl FrameSetQueue {
         }
     }
 
-    /// Up to when every camera that is waited for has shown its frames.
+    /// Returns the time up to which every camera that is waited for has provided its frames.
     fn horizon_s(&self, now: Instant) -> f64 {
         let is_full = self.cameras.iter().any(Queue::is_full);
         let is_waited_for = |(camera, queue): &(usize, &Queue)| {
@@ -133,7 +133,7 @@ impl FrameSetQueue {
     }
 
     fn taken(&mut self, until_s: f64) -> Vec<SynchronisedFrames> {
-        // Frames a little later may belong to a frame set that is not over: they are looked at, and stay.
+        // Frames slightly later may belong to an incomplete frame set: they are considered, but remain in the queue.
         let near = |frame: &&Shown| frame.t_s <= until_s + 2.0 * self.tolerance_s;
         let frames = self.cameras.iter().flat_map(|queue| queue.waiting.iter().take_while(near));
         let timed: Vec<TimedFrame> =
@@ -208,8 +208,8 @@ mod tests {
         assert_eq!(frame_sets.complete(later).len(), 5);
     }
 
-    /// A recording that is slow is waited for, however long it takes; the fast one is read no further, and nothing is reported without the
-    /// slow one. One that has nothing to give is not waited for.
+    /// A slow recording is waited for, however long it takes; the fast one is held, and nothing is reported without the slow one. A recording
+    /// that has nothing to provide is not waited for.
     #[test]
     fn a_fast_recording_waits_for_a_slow_one() {
         let now = Instant::now();

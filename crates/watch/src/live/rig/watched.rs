@@ -1,4 +1,4 @@
-//! The relations among the cameras of a rig, from frame sets in which they see a target together.
+//! The relative poses of the cameras of a rig, from frame sets in which they observe a target together.
 
 mod record;
 
@@ -16,7 +16,7 @@ use resight_core::temporal::monitor::{Unrest, Watch};
 use resight_core::{Camera, Error, Pose};
 use std::time::{Duration, Instant};
 
-/// Cameras of a rig, before and after their noise, and where it is not known their place, is learned.
+/// The cameras of a rig, before and after their noise (and where unknown their poses) are learned.
 pub(in crate::live) struct Cameras {
     nodes: Nodes,
     reference: Option<(Vec<Pose>, DMatrix<f64>)>,
@@ -24,51 +24,51 @@ pub(in crate::live) struct Cameras {
     frame_sets: FrameSetQueue,
     learning: Vec<SynchronisedFrames>,
     monitor: Option<RigMonitor>,
-    /// The frame that is being put together, for each camera: a frame has an event a target.
+    /// The incomplete frame of each camera: a frame has one event for each target.
     open: Vec<Option<Shown>>,
-    /// The last frame that is whole of each camera: a capture time, and when it came by the clock of the machine, seconds.
+    /// The last complete frame of each camera: its capture time, and its arrival by the clock of the machine, seconds.
     whole: Vec<Option<(f64, f64)>>,
-    /// Up to when each camera was heard by an earlier session, a capture time, and how long ago that was, seconds.
+    /// Capture time of each camera's last frame in an earlier session, and its age, seconds.
     resumed: Vec<Option<(f64, f64)>>,
-    /// Whether there is something that the state file does not have yet, and when it is handed over.
+    /// Whether there is something that the state file does not contain yet, and when it is handed over.
     is_new: bool,
     due: Instant,
-    /// When each camera was last seen together with another; from the first frame on.
+    /// Time of each camera's last observation together with another; from the first frame on.
     last_s: f64,
-    /// What the clock says that continues while no camera says anything, also since an earlier session; none while one does.
+    /// The continued time while no camera provides frames, also since an earlier session; none while one does.
     idle_s: Option<f64>,
-    /// What each camera said last: a capture time, and when.
+    /// Capture time and arrival of each camera's last event.
     heard: Vec<Option<(f64, Instant)>>,
     lost: Vec<Lost>,
     first_s: Option<f64>,
     seen_s: Vec<Option<f64>>,
-    /// Why the last frame of each camera shows nothing.
+    /// Reason why the last frame of each camera shows nothing.
     reasons: Vec<Option<String>>,
     reported: Vec<Option<State>>,
-    /// Motions amid the frame sets that were to be learned from, not reported yet.
+    /// Motions within the frame sets for learning that are not reported yet.
     unsettled: Vec<RigUnsettled>,
     reported_moved: (Vec<usize>, Vec<Vec<usize>>),
 }
 
-/// What learning came to.
+/// The result of learning.
 enum Learned {
     Monitor(Box<RigMonitor>),
     /// A camera moved.
     Motion(Box<RigUnsettled>),
 }
 
-/// Whether a camera's source gives frames, and will.
+/// Whether a camera's source provides frames, and will.
 #[derive(Clone, Copy, PartialEq)]
 enum Lost {
     No,
     ForNow,
-    /// It ended while it was lost: how the camera stands is not known.
+    /// The source ended while it was lost: the state of the camera is unknown.
     ForGood,
 }
 
-/// Numbers that are handed over as often as those of a camera alone.
+/// Size of a record that is handed over as often as that of a single camera.
 const AT_ONCE: f64 = 10_000.0;
-/// Cameras that say nothing for this long, all of them, are silent.
+/// All cameras are silent after this long without events.
 const SILENT: Duration = Duration::from_secs(1);
 
 impl Cameras {
@@ -106,16 +106,16 @@ impl Cameras {
         cameras
     }
 
-    /// Up to when a camera was heard by an earlier session, a capture time, and how long ago that was, seconds.
+    /// Returns the capture time of a camera's last frame in an earlier session, and its age, seconds.
     pub fn resumed(&self, camera: usize) -> Option<(f64, f64)> {
         self.resumed[camera]
     }
 
-    /// Hands over how things stand when it is time, and at the end.
+    /// Hands over the state when it is due, and at the end.
     pub fn keep(&mut self, state: &StateFile, is_end: bool) {
         if self.is_new && (is_end || self.due <= Instant::now()) {
             let record = self.record();
-            // The statistics of many cameras are many numbers: they are written as seldom as keeps the disk idle.
+            // The statistics of many cameras are large: they are written rarely enough to keep the disk idle.
             self.due = Instant::now() + EVERY.mul_f64(1.0_f64.max(record.size() as f64 / AT_ONCE));
             self.is_new = false;
             state.put_rig(record);
@@ -129,8 +129,8 @@ impl Cameras {
                 self.shown(camera, target, &mut observation, now);
                 events.push(Event::Observed { camera, target, observation });
             }
-            // A camera alone says only whether it sees the target. A live one's clock continues while none does; a recorded one may be far
-            // ahead of the others.
+            // A single camera reports only whether it observes the target. A live one's clock continues while none does; a recorded one may be
+            // far ahead of the others.
             Event::StateChanged { camera, t_s, .. } => {
                 if self.nodes.is_live[camera] {
                     self.last_s = self.last_s.max(t_s);
@@ -154,7 +154,7 @@ impl Cameras {
         events
     }
 
-    /// No camera has given a frame for a while: the clock of those that have not ended continues.
+    /// Continues the clock of the cameras that have not ended, after a time without frames.
     pub fn idle(&mut self, now: Instant) -> Vec<Event> {
         let heard = || self.heard.iter().flatten();
         let silent = |at: &Instant| now.saturating_duration_since(*at);
@@ -184,7 +184,7 @@ impl Cameras {
     pub fn finish(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         for (camera, state) in self.states(self.last_s).into_iter().enumerate() {
-            // Known better at the end than when it was reported.
+            // The estimate is better at the end than at the time of the report.
             if matches!(state, State::Drifted(_)) {
                 events.extend(self.changed(camera, self.last_s, &state));
             }
@@ -192,11 +192,11 @@ impl Cameras {
         events
     }
 
-    /// What a camera saw of one target; the frame is whole with the last of them.
+    /// Records the observation of one target by a camera; the frame is complete with the last target.
     fn shown(&mut self, camera: usize, target: usize, observation: &mut Observation, now: Instant) {
         let t_s = observation.capture_s;
         if self.resumed[camera].is_some_and(|(last_s, _)| t_s <= last_s) {
-            return; // An earlier session took it in.
+            return; // return; // An earlier session processed it.
         }
         (self.heard[camera], self.idle_s) = (Some((t_s, now)), None);
         self.reasons[camera].clone_from(&observation.reason);
@@ -231,7 +231,7 @@ impl Cameras {
         }
     }
 
-    /// One more frame set to learn from; those that were learned from are then watched too where the rig was known before.
+    /// Adds a frame set to learn from; where the rig was known before, those learned from are monitored afterwards.
     fn learn(&mut self, frame_set: SynchronisedFrames) {
         self.learning.push(frame_set);
         if self.learning.len() < self.config.learn_readings.max(LEAST_READINGS) {
@@ -246,7 +246,7 @@ impl Cameras {
                 self.learning.drain(..after);
                 self.unsettled.push(*unsettled);
             }
-            // They do not tie all cameras together yet: the older half is forgotten once there are many, and learning continues.
+            // They do not connect all cameras yet: the older half is discarded once there are many, and learning continues.
             Err(_) if 4 * self.config.learn_readings <= self.learning.len() => {
                 self.learning.drain(..self.learning.len() / 2);
             }
@@ -274,8 +274,8 @@ impl Cameras {
         }
     }
 
-    /// The extrinsics are known, the noise of an observation is learned. A camera that moved amid these frame sets would make that noise as wide as
-    /// its motion: it is learned from the longer part, before or after, and the monitor then says what moved.
+    /// Learns the noise of an observation for known extrinsics. A camera that moved within these frame sets would make that noise as large as
+    /// its motion: the noise is learned from the longer part, before or after, and the monitor then finds what moved.
     fn watched_from(
         &self,
         cam_from_rig: &[Pose],
@@ -299,7 +299,7 @@ impl Cameras {
         RigMonitor::new(&reference, &self.config.monitor, start_s)
     }
 
-    /// At the size of the images that are learned from.
+    /// Returns the lenses at the size of the images that are learned from.
     fn lenses(&self) -> Vec<Camera> {
         let frames = || self.learning.iter().rev().flat_map(|frame_set| &frame_set.frames);
         let seen = |camera| frames().filter(move |f| f.camera == camera).find_map(|f| f.seen.first());
@@ -332,7 +332,7 @@ impl Cameras {
         (0..self.nodes.cameras.len()).map(state).collect()
     }
 
-    /// What has changed since it was reported: what moved first, then the cameras' states.
+    /// Returns what has changed since it was reported: what moved first, then the cameras' states.
     fn reported(&mut self, t_s: f64) -> Vec<Event> {
         if self.first_s.is_none() {
             return Vec::new();
@@ -353,7 +353,7 @@ impl Cameras {
         events
     }
 
-    /// A camera has one state, whichever of the targets it sees.
+    /// Returns the events for a camera's state, which is the same for all targets that it observes.
     fn changed(&self, camera: usize, t_s: f64, state: &State) -> Vec<Event> {
         let event = |target| Event::StateChanged { camera, target, t_s, state: state.clone() };
         (0..self.nodes.targets.len()).map(event).collect()
@@ -376,7 +376,7 @@ impl Cameras {
     }
 }
 
-/// Not the seconds that something has been unseen, nor each frame set learned, nor a drift that is known a little better.
+/// Returns whether a change is new: not the duration of a stale state, nor each frame set learned, nor a slightly better estimate of a drift.
 fn is_news(before: &State, now: &State) -> bool {
     match (before, now) {
         (State::Learning { .. }, State::Learning { .. }) | (State::Stale { .. }, State::Stale { .. }) => {
@@ -387,7 +387,7 @@ fn is_news(before: &State, now: &State) -> bool {
     }
 }
 
-/// Whether another camera sees a target of this frame too.
+/// Returns whether another camera observes a target of this frame too.
 fn is_shared(frame_set: &SynchronisedFrames, frame: &Shown) -> bool {
     let sees = |other: &Shown, target: usize| other.seen.iter().any(|seen| seen.target == target);
     let others = || frame_set.frames.iter().filter(|other| other.camera != frame.camera);

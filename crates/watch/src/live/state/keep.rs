@@ -15,7 +15,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 const FORMAT: &str = "resight watch state";
 const VERSION: u32 = 1;
-/// A camera hands over its state this often, and it is written no later than the same time after: together less than a second.
+/// Interval at which a camera hands over its state, and largest delay until it is written: together less than a second.
 pub(in crate::live) const EVERY: Duration = Duration::from_millis(450);
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -28,7 +28,7 @@ struct Head {
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Body {
     cameras: Vec<CameraRecord>,
-    /// Of cameras whose places among each other are watched.
+    /// The state of cameras whose relative poses are monitored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rig: Option<RigRecord>,
 }
@@ -41,25 +41,25 @@ pub struct StateFile {
     say: Say,
     inner: Mutex<Inner>,
     changed: Condvar,
-    /// Held as long as this lives.
+    /// Held for the lifetime of this value.
     _claim: File,
 }
 
 #[derive(Default)]
 struct Inner {
-    /// As read at the start, then as handed over last.
+    /// The state as read at the start, then as handed over last.
     body: Body,
-    /// Cameras and targets that could not be handed over; said once.
+    /// Cameras and targets that could not be handed over; each is reported once.
     left_out: BTreeSet<(String, String)>,
     is_new: bool,
     is_closed: bool,
 }
 
 impl StateFile {
-    /// Reads what there is; `say` receives what could not be used and why, now and later.
+    /// Reads the file if there is one; `say` receives the reasons why something could not be used, now and later.
     ///
     /// # Errors
-    /// A folder that does not exist, a file that is something else, that another session uses, or that cannot be read or put aside.
+    /// A folder that does not exist, a file of another kind, a file that another session uses, or one that cannot be read or renamed.
     pub fn open(path: &Path, say: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, FileError> {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
@@ -68,7 +68,7 @@ impl StateFile {
                 format!("there is no folder {}; make it first", folder.display()),
             ));
         }
-        read(path)?; // A file that is something else is left alone, also by the claim.
+        read(path)?; // read(path)?; // A file of another kind is not changed, even by the lock.
         let claim = claim(path)?;
         let parsed = read(path)?.map(|bytes| parse(&bytes)).transpose();
         let body = match parsed {
@@ -93,7 +93,7 @@ impl StateFile {
         })
     }
 
-    /// A thread that panicked while it held the lock left records that are still whole.
+    /// A thread that panicked while it held the lock left valid records.
     fn lock(&self) -> MutexGuard<'_, Inner> {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -102,12 +102,12 @@ impl StateFile {
         (self.say)(text);
     }
 
-    /// What was written of a camera.
+    /// Returns the record of a camera.
     pub(in crate::live) fn of(&self, camera: &str) -> Option<CameraRecord> {
         self.lock().body.cameras.iter().find(|record| record.name == camera).cloned()
     }
 
-    /// Hands over how things stand.
+    /// Hands over the state of a camera.
     pub(in crate::live) fn put(&self, record: CameraRecord) {
         let (record, left_out) = record.without_holes();
         let mut inner = self.lock();
@@ -126,12 +126,12 @@ impl StateFile {
         self.changed.notify_all();
     }
 
-    /// What was written of cameras whose places among each other are watched.
+    /// Returns the record of cameras whose relative poses are monitored.
     pub(in crate::live) fn rig(&self) -> Option<RigRecord> {
         self.lock().body.rig.clone()
     }
 
-    /// Hands over how things stand with them.
+    /// Hands over the state of those cameras.
     pub(in crate::live) fn put_rig(&self, record: RigRecord) {
         let mut inner = self.lock();
         if !record.is_finite() {
@@ -146,13 +146,13 @@ impl StateFile {
         self.changed.notify_all();
     }
 
-    /// No more will be handed over.
+    /// Ends the handing over.
     pub(in crate::live) fn close(&self) {
         self.lock().is_closed = true;
         self.changed.notify_all();
     }
 
-    /// Writes what is handed over until `close`. A disk that fails is said once, and that it works again too.
+    /// Writes what is handed over until `close`. A failing disk is reported once, and so is its recovery.
     pub(in crate::live) fn keep(&self) {
         let mut is_failing = false;
         loop {
@@ -175,7 +175,7 @@ impl StateFile {
         }
     }
 
-    /// Waits for something new or the end.
+    /// Waits for a new state or the end.
     fn next(&self) -> (Option<Body>, bool) {
         let nothing = |inner: &mut Inner| !inner.is_new && !inner.is_closed;
         let mut inner = self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
@@ -193,12 +193,12 @@ impl StateFile {
     }
 }
 
-/// The state itself is replaced whenever it is written, so a file beside it is locked. It stays; the lock ends with the process.
+/// Locks a file beside the state, because the state itself is replaced whenever it is written. The file remains; the lock ends with the process.
 fn claim(path: &Path) -> Result<File, FileError> {
     let mut name = path.as_os_str().to_os_string();
     name.push(".lock");
     let reported = |reason: String| FileError::new(path, reason);
-    // A file of this name that is no state is left as it is.
+    // A file of this name of another kind is not changed.
     let file = OpenOptions::new().create(true).write(true).truncate(false).open(PathBuf::from(name));
     let file = file.map_err(|e| reported(format!("cannot be locked: {e}")))?;
     match file.try_lock() {
@@ -206,13 +206,13 @@ fn claim(path: &Path) -> Result<File, FileError> {
         Err(TryLockError::WouldBlock) => {
             Err(reported("is used by another session; give each a state file of its own".to_string()))
         }
-        // File systems without locks: one session at a time is then the user's care.
+        // On file systems without locks the user must ensure that one session runs at a time.
         Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(file),
         Err(TryLockError::Error(e)) => Err(reported(format!("cannot be locked: {e}"))),
     }
 }
 
-/// The bytes, where there is a file.
+/// Returns the bytes, where there is a file.
 fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     match std::fs::metadata(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
@@ -229,7 +229,7 @@ fn read(path: &Path) -> Result<Option<Vec<u8>>, FileError> {
     }
 }
 
-/// Returns whether a file begins as a state does, as far as it goes; an empty one, or zeros that a power cut left, may be replaced.
+/// Returns whether a file begins as a state does, as far as it is long; an empty one, or zeros after a power failure, may be replaced.
 fn is_ours(bytes: &[u8]) -> bool {
     let head = format!("{{\"format\":\"{FORMAT}\"");
     let n = head.len().min(bytes.len());
@@ -270,7 +270,7 @@ fn put_aside(path: &Path) -> Result<PathBuf, FileError> {
     Ok(aside)
 }
 
-/// Seconds since 1970.
+/// Returns the seconds since 1970.
 pub(in crate::live) fn unix_s() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
 }

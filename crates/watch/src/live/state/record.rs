@@ -1,4 +1,4 @@
-//! What is written of each camera, and of which configuration.
+//! The record of each camera and of its configuration.
 
 use crate::live::rig::RigConfig;
 use crate::live::{LiveCamera, LiveConfig, Watched};
@@ -15,21 +15,21 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::live) struct CameraRecord {
     pub name: String,
-    /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
+    /// Capture time of the last frame, seconds, and its time by the clock of the machine.
     pub last_s: f64,
     pub last_unix_s: f64,
     /// Hash of the last image, hexadecimal.
     #[serde(default, alias = "last_picture")]
     pub last_image: Option<String>,
     pub pairs: Vec<PairRecord>,
-    /// Of its landmarks, where those of a saved image are watched.
+    /// The record of its landmarks, where those of a saved image are watched.
     #[serde(default)]
     pub landmarks: Option<LandmarksRecord>,
 }
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::live) struct LandmarksRecord {
-    /// What the state depends on, by name.
+    /// The settings on which the state depends, by name.
     pub settings: BTreeMap<String, String>,
     pub monitor: SnapshotRecord,
 }
@@ -37,7 +37,7 @@ pub(in crate::live) struct LandmarksRecord {
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(in crate::live) struct PairRecord {
     pub target: String,
-    /// What the state depends on, by name.
+    /// The settings on which the state depends, by name.
     pub settings: BTreeMap<String, String>,
     pub tracker: SnapshotRecord,
     pub stage: StageRecord,
@@ -49,7 +49,7 @@ pub(in crate::live) enum StageRecord {
     Starting,
     Learning(Vec<ReadingRecord>),
     Watching(SnapshotRecord),
-    /// When it was last seen, seconds.
+    /// Time of the last observation, seconds.
     Following(Option<f64>),
 }
 
@@ -76,7 +76,7 @@ impl From<Snapshot> for SnapshotRecord {
 }
 
 impl CameraRecord {
-    /// Leaves out what is not made of numbers, which JSON cannot hold and no session could go on from; reported by its name.
+    /// Leaves out records with a number that is not finite, which JSON cannot hold and no session could use; returns their names.
     pub fn without_holes(mut self) -> (Self, Vec<String>) {
         let mut left_out = Vec::new();
         self.pairs.retain(|pair| {
@@ -137,7 +137,7 @@ impl ReadingRecord {
         self.t_s.is_finite() && numbers.into_iter().all(|number| number.is_finite())
     }
 
-    /// None where the numbers are of another count.
+    /// Returns none where the record has a wrong count of numbers.
     pub fn reading(&self) -> Option<Reading> {
         let of_size = self.rotation.len() == 9 && self.covariance.len() == 36;
         of_size.then(|| Reading {
@@ -152,7 +152,7 @@ impl ReadingRecord {
     }
 }
 
-/// What a state depends on: with any of these changed it would be a state of something else.
+/// Returns the settings on which a state depends: with any of them changed it would be a state of something else.
 pub(in crate::live) fn settings(
     camera: &Camera,
     watched: &Watched,
@@ -168,7 +168,7 @@ pub(in crate::live) fn settings(
     with_common(camera, config, own)
 }
 
-/// The same of landmarks: their image takes the place of a target.
+/// Returns the settings of landmarks, with their image in place of a target.
 pub(in crate::live) fn landmark_settings(
     camera: &Camera,
     picture: &GrayImage,
@@ -177,7 +177,7 @@ pub(in crate::live) fn landmark_settings(
     with_common(camera, config, [("image", sha256(&picture.data)[..16].to_string())])
 }
 
-/// The same of a rig whose targets are hand-held.
+/// Returns the settings of a rig with hand-held targets.
 pub(in crate::live) fn rig_settings(
     cameras: &[LiveCamera],
     rig: &RigConfig,
@@ -233,7 +233,7 @@ fn common(config: &LiveConfig) -> BTreeMap<String, String> {
     named(all).collect()
 }
 
-/// Stands for what is too long to be written out.
+/// Returns a digest in place of what is too long to be written.
 fn digest(of: &impl std::fmt::Debug) -> String {
     hash(&format!("{of:?}"))
 }
@@ -242,7 +242,7 @@ fn hash(text: &str) -> String {
     sha256(text.as_bytes())[..16].to_string()
 }
 
-/// The names of settings in states of version 1, and those of today.
+/// Names of settings in states of version 1, and the present names.
 const EARLIER: [[&str; 2]; 3] =
     [["unseen_after_s", "stale_after_s"], ["daily", "diurnal"], ["picture", "image"]];
 
@@ -252,7 +252,7 @@ fn with_names_of_today(settings: &BTreeMap<String, String>) -> BTreeMap<String, 
     settings.iter().map(|(name, value)| (today(name), value.clone())).collect()
 }
 
-/// The settings that differ, in words; none where all agree.
+/// Returns the settings that differ, in words; none where all agree.
 pub(in crate::live) fn changed(
     was: &BTreeMap<String, String>,
     is: &BTreeMap<String, String>,
@@ -283,7 +283,7 @@ mod tests {
         }
     }
 
-    /// A state written by version 1 is taken up: no setting has changed but in name.
+    /// A state written by version 1 is used: the settings have changed only in name.
     #[test]
     fn states_of_version_1_are_read() {
         let settings = |names: [&str; 3]| -> BTreeMap<String, String> {

@@ -1,4 +1,4 @@
-//! What is kept of a rig whose targets are hand-held, as the state file has it; filled and taken up by `live/rig/watched/record.rs`.
+//! The record of a rig with hand-held targets in the state file; written and read by `live/rig/watched/record.rs`.
 
 use super::record::SnapshotRecord;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// All that a restart needs.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RigRecord {
-    /// What the state depends on, by name.
+    /// The settings on which the state depends, by name.
     pub settings: BTreeMap<String, String>,
     pub cameras: Vec<HeardRecord>,
     /// Capture time of the first and the last synchronised frame set, seconds.
@@ -18,13 +18,13 @@ pub struct RigRecord {
     pub waiting: Vec<FrameRecord>,
 }
 
-/// How far a camera was heard.
+/// The last frame of a camera.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct HeardRecord {
     pub name: String,
-    /// Capture time of the last frame, seconds, and when that was by the clock of the machine.
+    /// Capture time of the last frame, seconds, and its time by the clock of the machine.
     pub last: Option<(f64, f64)>,
-    /// When it last saw a target together with another, seconds.
+    /// Time of its last observation of a target together with another camera, seconds.
     pub seen_s: Option<f64>,
 }
 
@@ -61,13 +61,13 @@ pub struct PointRecord {
     pub x_in_target_m: [f64; 3],
     pub pixel: [f64; 2],
     pub sigma_px: f64,
-    /// uu, uv, vv.
+    /// The entries uu, uv, vv.
     pub covariance_px2: Option<[f64; 3]>,
     pub sigma_m: f64,
 }
 
 impl RigRecord {
-    /// About how many numbers it holds.
+    /// Returns about how many numbers it holds.
     pub fn size(&self) -> usize {
         let points = |frame: &FrameRecord| frame.seen.iter().map(|seen| seen.points.len()).sum::<usize>();
         let of = |frames: &[FrameRecord]| 10 * frames.iter().map(points).sum::<usize>();
@@ -78,7 +78,7 @@ impl RigRecord {
         stage + of(&self.waiting)
     }
 
-    /// Whether JSON can hold the statistics; what is seen is made of numbers.
+    /// Returns whether JSON can hold the statistics; observations consist of finite numbers.
     pub fn is_finite(&self) -> bool {
         match &self.stage {
             StageRecord::Watching(snapshot) => snapshot.is_finite(),

@@ -1,11 +1,11 @@
-//! Which metrics there are: one table for what is said of a camera, one for what is said of a camera and a target.
+//! The metrics: one table for those of a camera, one for those of a camera and a target.
 
 use super::tally::{CameraTally, Deviation, PairTally, Tally};
 use super::write::{Page, number};
 use crate::live::State;
 use crate::outputs::said::{WORDS, word};
 
-/// Of the pages.
+/// Content type of the pages.
 pub const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 const STAGES: [&str; 4] = ["waited", "detect", "solve", "decide"];
@@ -107,7 +107,7 @@ fn deviation(pair: &PairTally, part: fn(&Deviation) -> f64) -> Option<f64> {
     pair.last.deviation.as_ref().map(part)
 }
 
-/// All that is known, as text.
+/// Returns all metrics as text.
 pub fn page(tally: &Tally) -> String {
     let mut page = Page::default();
     page.family("resight_build_info", "gauge", "Which version this is.");
@@ -142,7 +142,7 @@ pub fn page(tally: &Tally) -> String {
     page.into_text()
 }
 
-/// One sample for each state, one of them 1: an alert can ask for any, and none is mistaken for "all is well".
+/// Writes one sample for each state, one of them 1: an alert can use any, and none is mistaken for a healthy session.
 fn states(page: &mut Page, tally: &Tally) {
     let name = "resight_state";
     page.family(name, "gauge", "1 for the state that holds, 0 for the others; stale before the first frame.");
@@ -166,7 +166,7 @@ fn troubles(page: &mut Page, tally: &Tally) {
     }
 }
 
-/// What the alarm said, only while it holds.
+/// Writes the values of the alarm while it lasts.
 fn drifts(page: &mut Page, tally: &Tally) {
     let name = "resight_drift_began_timestamp_seconds";
     page.family(name, "gauge", "When the drift began, in the time of the frames; only while drifted.");

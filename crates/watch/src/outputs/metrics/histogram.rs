@@ -1,22 +1,22 @@
 //! Counts of durations by size.
 
-/// Upper bounds of the buckets, seconds: 1, 2, 5 a decade, from a decision (µs) to a camera that is far behind (s).
+/// Upper bounds of the buckets, seconds: 1, 2, 5 in each decade, from a decision (µs) to a camera that is far behind (s).
 pub const BOUNDS_S: [f64; 21] = [
     1e-6, 2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5,
     1.0, 2.0, 5.0,
 ];
 
-/// Durations.
+/// A histogram of durations.
 #[derive(Debug, Clone, Default)]
 pub struct Histogram {
-    /// For each bound, how many lie between it and the one before.
+    /// Number of durations between each bound and the one before.
     counts: [u64; BOUNDS_S.len()],
     count: u64,
     sum_s: f64,
 }
 
 impl Histogram {
-    /// One more, seconds.
+    /// Adds a duration, seconds.
     pub fn add(&mut self, duration_s: f64) {
         if !duration_s.is_finite() {
             return;
@@ -28,7 +28,7 @@ impl Histogram {
         self.sum_s += duration_s;
     }
 
-    /// How many are no longer than each bound.
+    /// Returns for each bound the number of durations up to it.
     pub fn cumulative(&self) -> impl Iterator<Item = (f64, u64)> + '_ {
         BOUNDS_S.iter().zip(&self.counts).scan(0, |below, (bound_s, count)| {
             *below += count;
@@ -36,12 +36,12 @@ impl Histogram {
         })
     }
 
-    /// All of them.
+    /// Returns the number of durations.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their sum, seconds.
+    /// Returns their sum, seconds.
     pub fn sum_s(&self) -> f64 {
         self.sum_s
     }

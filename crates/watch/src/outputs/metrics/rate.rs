@@ -1,24 +1,24 @@
-//! How many frames a second came lately.
+//! The number of recent frames per second.
 
-/// Seconds over which it is taken.
+/// Period of the mean, seconds.
 const RATE_OVER_S: u64 = 10;
 
 /// Frames of the last seconds, second by second.
 #[derive(Debug, Clone, Default)]
 pub struct Rate {
-    /// Of the seconds `last`, `last` − 1, … each at its number modulo the length.
+    /// The frames of the seconds `last`, `last` − 1, …, each at its number modulo the length.
     frames: [u32; RATE_OVER_S as usize + 1],
     last: u64,
 }
 
 impl Rate {
-    /// A frame came in this second of the session.
+    /// Counts a frame in this second of the session.
     pub fn count(&mut self, second: u64) {
         self.forget_until(second);
         self.frames[(second % (RATE_OVER_S + 1)) as usize] += 1;
     }
 
-    /// Seconds without a frame count too.
+    /// Clears the counts of the seconds up to this one: seconds without a frame count too.
     fn forget_until(&mut self, second: u64) {
         let first = (self.last + 1).max(second.saturating_sub(RATE_OVER_S));
         for passed in first..=second {
@@ -27,7 +27,7 @@ impl Rate {
         self.last = self.last.max(second);
     }
 
-    /// Frames a second. The second that is not over yet is left out.
+    /// Returns frames per second, without the second that is not over yet.
     pub fn hz(&self, second: u64) -> f64 {
         let mut now = self.clone();
         now.forget_until(second);

@@ -1,4 +1,4 @@
-//! The server: one thread, few connections, little patience. A slow or frequent client delays other clients, never the cameras.
+//! The server: one thread, few connections, short time limits. A slow or frequent client delays other clients, never the cameras.
 
 use super::exposition;
 use super::tally::Tally;
@@ -15,7 +15,7 @@ use std::net::TcpListener;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// For a whole connection; it serves one request.
+/// Longest time of a whole connection, which serves one request.
 const PATIENCE: Duration = Duration::from_secs(10);
 #[derive(Clone)]
 struct Shared {
@@ -26,7 +26,7 @@ struct Shared {
 /// Serves until the program ends.
 ///
 /// # Errors
-/// No thread to be had.
+/// The operating system provides no thread.
 pub fn start(listener: TcpListener, tally: Arc<Mutex<Tally>>, access: Access) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let routes = routes(Shared { tally, access });
@@ -47,7 +47,7 @@ fn routes(shared: Shared) -> Router {
         .with_state(shared)
 }
 
-/// Before anything else: a name that is not ours is a page that had its name point here.
+/// Refuses an unknown host name before anything else: such a name belongs to a page that had its name point to this machine.
 async fn check_host(State(shared): State<Shared>, request: Request, next: Next) -> Response {
     if !text(request.headers(), &header::HOST).is_some_and(|host| shared.access.knows_host(host)) {
         return (StatusCode::FORBIDDEN, "this host name is not allowed; see --metrics-host\n")
@@ -61,13 +61,13 @@ async fn metrics(State(shared): State<Shared>, headers: HeaderMap) -> Response {
         let asked = [(header::WWW_AUTHENTICATE, "Bearer")];
         return (StatusCode::UNAUTHORIZED, asked, "a token is needed\n").into_response();
     }
-    // Written from a copy, so that the next event does not wait for the page.
+    // The page is written from a copy, so that the next event does not wait for it.
     let tally = shared.tally.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let page = exposition::page(&tally);
     ([(header::CONTENT_TYPE, exposition::CONTENT_TYPE)], page).into_response()
 }
 
-/// An answer without details for clients that may not read the metrics.
+/// Returns an answer without details, for clients that may not read the metrics.
 async fn health(State(shared): State<Shared>) -> Response {
     let is_well = shared.tally.lock().unwrap_or_else(PoisonError::into_inner).is_well();
     match is_well {

@@ -1,4 +1,4 @@
-//! What has been counted and seen last, for each camera and for each of its targets.
+//! Counts and last values, for each camera and for each of its targets.
 
 use super::histogram::Histogram;
 use super::rate::Rate;
@@ -14,27 +14,27 @@ use resight::core::temporal::track::Tracked;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Of the innovation of a pose.
+/// Degrees of freedom of the innovation of a pose.
 const DEGREES_OF_FREEDOM: f64 = 6.0;
 
-/// A whole session.
+/// The counts of a whole session.
 #[derive(Clone)]
 pub struct Tally {
-    /// For each camera.
+    /// One entry for each camera.
     pub cameras: Vec<CameraTally>,
-    /// For each camera and target, camera by camera.
+    /// One entry for each camera and target, camera by camera.
     pub pairs: Vec<PairTally>,
-    /// Cameras and targets that moved relative to the others, as last reported.
+    /// Cameras and targets that moved relative to the others, according to the last report.
     pub moved: Vec<String>,
-    /// False alarms a day that are allowed.
+    /// Number of false alarms allowed per day.
     pub false_alarms_per_day: f64,
-    /// Outputs that count what they deliver.
+    /// Outputs that count their deliveries.
     pub counted: Vec<(&'static str, Arc<dyn Counted>)>,
     started: Instant,
     n_targets: usize,
 }
 
-/// A camera.
+/// The counts of a camera.
 #[derive(Debug, Clone, Default)]
 pub struct CameraTally {
     /// Its name.
@@ -43,57 +43,57 @@ pub struct CameraTally {
     pub dropped: u64,
     /// Frames that its source could not use.
     pub left_out: u64,
-    /// How often its clock was set.
+    /// Number of times that its clock was set.
     pub clock_steps: u64,
-    /// Whether its source gives frames.
+    /// Whether its source provides frames.
     pub connected: bool,
-    /// How often its source was lost.
+    /// Number of times that its source was lost.
     pub losses: u64,
 }
 
-/// A camera and a target.
+/// The counts of a camera and a target.
 #[derive(Debug, Clone, Default)]
 pub struct PairTally {
     /// The camera's name.
     pub camera: String,
     /// The target's name.
     pub target: String,
-    /// Frames looked at, those with a pose, those that could not be read.
+    /// Number of frames processed, of those with a pose, and of those that could not be read.
     pub frames: u64,
     pub with_pose: u64,
     pub unreadable: u64,
-    /// How things stand; none before the first frame.
+    /// The present state; none before the first frame.
     pub state: Option<State>,
-    /// How often it was said to have moved.
+    /// Number of alarms.
     pub alarms: u64,
-    /// How often it moved while its reference was learned.
+    /// Number of motions while its reference was learned.
     pub moved_while_learning: u64,
-    /// What the last frame said.
+    /// Values of the last frame.
     pub last: Last,
-    /// Waited, detect, solve, decide.
+    /// Durations of waiting, detecting, solving and deciding.
     pub stages: [Histogram; 4],
-    /// What it is compared with.
+    /// The reference with which it is compared.
     reference: Option<Reference>,
     last_usable: Option<Instant>,
     rate: Rate,
 }
 
-/// What the last frame said.
+/// Values of the last frame.
 #[derive(Debug, Clone, Default)]
 pub struct Last {
-    /// Points found.
+    /// Number of points found.
     pub n_points: usize,
-    /// Root mean square reprojection error, px, of the pose that time chose.
+    /// Root mean square reprojection error, px, of the pose that tracking selected.
     pub rms_px: Option<f64>,
     /// χ² of its pose against the tracked one, over its degrees of freedom.
     pub innovation_ratio: Option<f64>,
-    /// How far the tracked pose is from the reference.
+    /// Deviation of the tracked pose from the reference.
     pub deviation: Option<Deviation>,
-    /// What was wrong with it.
+    /// The faults of the frame.
     pub troubles: Troubles,
 }
 
-/// Turn and shift against the reference, each with its standard deviation along its own direction.
+/// Rotation and translation against the reference, each with its standard deviation along its own direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     pub rotation_rad: f64,
@@ -102,7 +102,7 @@ pub struct Deviation {
     pub translation_sigma_m: f64,
 }
 
-/// What was wrong with a frame, by name.
+/// The faults of a frame, by name.
 pub type Troubles = [(&'static str, bool); 6];
 
 const NO_TROUBLES: Troubles = [
@@ -137,7 +137,7 @@ impl Tally {
         }
     }
 
-    /// The next event.
+    /// Processes the next event.
     pub fn take(&mut self, event: &Event) {
         match event {
             Event::Observed { camera, target, observation } => {
@@ -170,7 +170,7 @@ impl Tally {
         }
     }
 
-    /// Whether every source gives frames and every camera is where it was, or about to be known to be.
+    /// Returns whether every source provides frames and every camera is at its reference pose, or still to be compared with it.
     pub fn is_well(&self) -> bool {
         let is_well = |pair: &PairTally| match &pair.state {
             Some(State::Checking(reason)) => !matches!(reason, CheckingReason::Away(_)),
@@ -179,12 +179,12 @@ impl Tally {
         self.cameras.iter().all(|camera| camera.connected) && self.pairs.iter().all(is_well)
     }
 
-    /// Since the last usable reading of a pair, or since the start, seconds.
+    /// Returns the time since the last usable reading of a pair, or since the start, seconds.
     pub fn unobserved_s(&self, pair: &PairTally) -> f64 {
         pair.last_usable.unwrap_or(self.started).elapsed().as_secs_f64()
     }
 
-    /// Frames a second of a pair, over the last ten whole seconds.
+    /// Returns the frame rate of a pair, over the last ten whole seconds.
     pub fn rate_hz(&self, pair: &PairTally) -> f64 {
         pair.rate.hz(self.started.elapsed().as_secs())
     }
@@ -212,7 +212,7 @@ impl PairTally {
             self.last_usable = Some(Instant::now());
         }
         let times = &observation.times;
-        // A stage that a frame never came to took no time: it does not count.
+        // A stage that a frame did not reach took no time and does not count.
         let came = [true, observation.is_readable, 0 < observation.n_points, observation.estimate.is_some()];
         let took_us = [times.waited_us, times.detect_us, times.solve_us, times.decide_us];
         for ((stage, took_us), came) in self.stages.iter_mut().zip(took_us).zip(came) {
@@ -235,7 +235,7 @@ impl PairTally {
 
 fn last(observation: &Observation, reference: Option<&Reference>) -> Last {
     let estimate = observation.estimate.as_ref();
-    // A pose through time that this frame had no part in says nothing of this frame.
+    // A tracked pose to which this frame did not contribute shows nothing of this frame.
     let tracked = estimate.and(observation.tracked.as_ref());
     let is = |test: fn(&resight::core::locate::PoseEstimate) -> bool| estimate.is_some_and(test);
     let troubles = [
@@ -257,7 +257,7 @@ fn last(observation: &Observation, reference: Option<&Reference>) -> Last {
     }
 }
 
-/// Correlated errors and the diurnal variation of a day are no drift: they are in the standard deviations.
+/// Returns the deviation; correlated errors and the diurnal variation are no drift but part of the standard deviations.
 fn deviation(tracked: &Tracked, reference: &Reference) -> Deviation {
     let motion = (reference.a_from_b * tracked.cam_from_target.inverse()).log();
     let noise = &reference.noise;
@@ -266,7 +266,7 @@ fn deviation(tracked: &Tracked, reference: &Reference) -> Deviation {
         let part = motion.fixed_rows::<3>(at);
         let block = covariance.fixed_view::<3, 3>(at, at);
         let length = part.norm();
-        // No direction: that of the largest error.
+        // Without a direction: that of the largest error.
         let variance = match 0.0 < length {
             true => part.dot(&(block * part)) / (length * length),
             false => block.diagonal().max(),
@@ -285,7 +285,7 @@ mod tests {
     use resight::core::temporal::monitor::DriftNoise;
     use resight::core::{Pose, Vector6};
 
-    /// A session of one camera and one target.
+    /// Returns a session of one camera and one target.
     fn tally() -> Tally {
         let names = Names::new(&["gate=a".to_string()], &["door=b".to_string()]);
         let (log, stop) = (Log::default(), Arc::default());
@@ -300,7 +300,7 @@ mod tests {
         Tally::new(&session, Vec::new())
     }
 
-    /// Frames that waited when their source was lost are looked at later; they do not bring it back.
+    /// Frames that waited when their source was lost are processed later; they do not mark the source as back.
     #[test]
     fn a_lost_source_is_down_until_it_is_back() {
         let mut tally = tally();
@@ -335,7 +335,7 @@ mod tests {
         let noise =
             DriftNoise { reference: none, reading: none, bias: none, bias_time_s: 60.0, diurnal: none };
         let reference = Reference { a_from_b: Pose::exp(&Vector6::new(0.1, 0.2, 0.3, 1.0, 2.0, 3.0)), noise };
-        // Where the camera is now in its own old frame: rotated about x, shifted along y.
+        // The present pose of the camera in its own old frame: rotated about x, translated along y.
         let old_from_new = Pose {
             translation: [0.0, 0.04, 0.0].into(),
             ..Pose::exp(&Vector6::new(0.02, 0.0, 0.0, 0.0, 0.0, 0.0))

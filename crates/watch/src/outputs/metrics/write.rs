@@ -10,13 +10,13 @@ pub struct Page {
 pub type Labels<'a> = &'a [(&'a str, &'a str)];
 
 impl Page {
-    /// Begins a family; its samples follow.
+    /// Starts a family; its samples follow.
     pub fn family(&mut self, name: &str, kind: &str, help: &str) {
         let help = help.replace('\\', "\\\\").replace('\n', "\\n");
         self.text += &format!("# HELP {name} {help}\n# TYPE {name} {kind}\n");
     }
 
-    /// A sample of the family begun last. Infinities and NaN are written as the format wants them.
+    /// Writes a sample of the family started last. Infinities and NaN are written as the format requires.
     pub fn sample(&mut self, name: &str, labels: Labels<'_>, value: f64) {
         let labels: Vec<String> =
             labels.iter().map(|(name, value)| format!("{name}=\"{}\"", escaped(value))).collect();
@@ -24,18 +24,18 @@ impl Page {
         self.text += &format!("{name}{labels} {}\n", number(value));
     }
 
-    /// The page.
+    /// Returns the text of the page.
     pub fn into_text(self) -> String {
         self.text
     }
 }
 
-/// The value of a label between its quotes.
+/// Returns the value of a label as it is written between quotes.
 fn escaped(value: &str) -> String {
     value.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n")
 }
 
-/// As Go reads it.
+/// Returns a number in the syntax that Go reads.
 pub fn number(value: f64) -> String {
     match value {
         _ if value.is_nan() => "NaN".to_string(),

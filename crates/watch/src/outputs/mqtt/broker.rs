@@ -1,11 +1,11 @@
-//! Where the broker is, and as whom to speak to it: `mqtt://user@host:1883/prefix`; the password comes from elsewhere.
+//! The address and the user of the broker: `mqtt://user@host:1883/prefix`; the password comes from elsewhere.
 
 use crate::outputs::secret;
 use anyhow::{Context, Result, bail};
 use std::path::Path;
 use ureq::http::Uri;
 
-/// Where a password is looked for that no file gives.
+/// The variable that holds the password where no file does.
 const PASSWORD_VARIABLE: &str = "RESIGHT_MQTT_PASSWORD";
 
 /// A broker.
@@ -16,13 +16,13 @@ pub struct Broker {
     pub is_tls: bool,
     pub user: Option<String>,
     pub password: Option<String>,
-    /// Of all topics, without a slash at its ends.
+    /// Prefix of all topics, without a slash at its ends.
     pub prefix: String,
 }
 
 impl Broker {
     /// # Errors
-    /// An address that is none, or holds a password; a password without a user.
+    /// An invalid address, or one with a password; a password without a user.
     pub fn read(url: &str, password_file: Option<&Path>) -> Result<Self> {
         let mut broker = Self::parse(url)?;
         if let Some(file) = password_file {
@@ -73,7 +73,7 @@ impl Broker {
         Ok(Broker { host, port, is_tls, user, password: None, prefix: prefix(uri.path())? })
     }
 
-    /// For the log: no secrets.
+    /// Returns the receiver's name for the log, without secrets.
     pub fn receiver(&self) -> String {
         let scheme = if self.is_tls { "mqtts" } else { "mqtt" };
         match self.host.contains(':') {
@@ -91,7 +91,7 @@ fn prefix(path: &str) -> Result<String> {
     Ok(if prefix.is_empty() { "resight".to_string() } else { prefix })
 }
 
-/// `%40` is `@`.
+/// Decodes an address, in which `%40` is `@`.
 fn decoded(text: &str) -> Result<String> {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let Some((first, after)) = rest.split_first() {

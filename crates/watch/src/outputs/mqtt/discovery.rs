@@ -1,4 +1,4 @@
-//! Announcing each camera and target to Home Assistant: <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>.
+//! Announcements of each camera and target to Home Assistant: <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>.
 
 use super::link::Message;
 use super::topics::Topics;
@@ -6,7 +6,7 @@ use crate::names::Names;
 use crate::outputs::said;
 use serde_json::json;
 
-/// A sensor of the state for each pair, all of one device.
+/// Returns a sensor of the state for each pair, all of one device.
 pub fn messages(prefix: &str, topics: &Topics, names: &Names) -> Vec<Message> {
     let n_targets = names.targets.len();
     let pairs = (0..names.cameras.len() * n_targets).map(|i| (i / n_targets, i % n_targets));
@@ -34,7 +34,7 @@ pub fn messages(prefix: &str, topics: &Topics, names: &Names) -> Vec<Message> {
     pairs.map(message).collect()
 }
 
-/// Home Assistant allows letters, digits, `_` and `-`; other letters by their number, so that names stay apart.
+/// Returns an identifier. Home Assistant allows letters, digits, `_` and `-`; other letters are written by number, so that names stay distinct.
 fn identifier(topic: &str) -> String {
     let letter = |c: char| match c {
         '/' => "_".to_string(),

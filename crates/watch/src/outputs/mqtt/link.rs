@@ -1,4 +1,4 @@
-//! The connection: made again and again, each message sent until the broker acknowledges it, in order.
+//! The connection: it is made again after each loss, and each message is sent until the broker acknowledges it, in order.
 
 use super::broker::Broker;
 use super::topics::Topics;
@@ -17,9 +17,9 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-/// A broker that says nothing for one and a half times this is gone, seconds.
+/// A broker that is silent for one and a half times this is lost, seconds.
 const KEEP_ALIVE_S: u16 = 15;
-/// For the acknowledgement of one message.
+/// Longest wait for the acknowledgement of one message.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The largest message, bytes: a frame's object has a few thousand.
 const LARGEST_BYTES: usize = 256 << 10;
@@ -34,28 +34,28 @@ pub struct Message {
 }
 
 impl Message {
-    /// Retained by the broker for later subscribers, and acknowledged.
+    /// Builds a message that the broker retains for later subscribers and acknowledges.
     pub fn kept(topic: String, payload: String) -> Self {
         Message { topic, payload, qos: QoS::AtLeastOnce, is_kept: true }
     }
 
-    /// Acknowledged.
+    /// Builds a message that the broker acknowledges.
     pub fn at_least_once(topic: String, payload: String) -> Self {
         Message { topic, payload, qos: QoS::AtLeastOnce, is_kept: false }
     }
 
-    /// Sent once, whether or not it arrives.
+    /// Builds a message that is sent once, whether or not it arrives.
     pub fn passing(topic: String, payload: String) -> Self {
         Message { topic, payload, qos: QoS::AtMostOnce, is_kept: false }
     }
 }
 
-/// How to connect: a session that ends without a farewell is `offline`.
+/// Returns the options of the connection: a session that ends without a farewell becomes `offline`.
 ///
 /// # Errors
 /// Certificates that cannot be read.
 pub fn options(broker: &Broker, topics: &Topics, ca: Option<&[u8]>) -> Result<MqttOptions> {
-    // MQTT 3.1.1 promises 23 letters.
+    // MQTT 3.1.1 guarantees 23 letters.
     let client_id = format!("resight-{:012x}", random() >> 16);
     let mut options = MqttOptions::new(client_id, (broker.host.as_str(), broker.port));
     options.set_keep_alive(KEEP_ALIVE_S);
@@ -73,20 +73,20 @@ pub fn options(broker: &Broker, topics: &Topics, ca: Option<&[u8]>) -> Result<Mq
     Ok(options)
 }
 
-/// A broker and the messages it has received.
+/// A broker and the messages for it.
 pub struct Link {
     options: MqttOptions,
-    /// Told first on every connection.
+    /// Messages sent first on every connection.
     greeting: Vec<Message>,
     availability: String,
     is_up: Arc<AtomicBool>,
     /// Retained messages, sent again after each new connection, because the broker may have lost them.
     kept: BTreeMap<String, Message>,
-    /// Sent, but not acknowledged.
+    /// A message that is sent, but not acknowledged.
     on_its_way: Option<(Weight, Message)>,
 }
 
-/// Why a connection ended.
+/// The reason why a connection ended.
 struct Lost(String);
 
 impl Link {
@@ -99,7 +99,7 @@ impl Link {
         Link { options, greeting, availability, is_up, kept: BTreeMap::new(), on_its_way: None }
     }
 
-    /// Until the outbox is closed and empty and the farewell is said.
+    /// Runs until the outbox is closed and empty and the farewell is sent.
     pub async fn run(mut self, outbox: &Outbox<Message>, mut standing: Standing) {
         let mut backoff = Backoff::new();
         while let Err(Lost(reason)) = self.connection(outbox, &mut standing).await {
@@ -128,7 +128,7 @@ impl Link {
         };
         match reported {
             Ok(()) => {
-                // The farewell is on its way; the event loop ends once it is sent.
+                // The farewell is queued; the event loop ends once it is sent.
                 let _ = client.disconnect().await;
                 end(&mut polling).await;
                 Ok(())
@@ -164,7 +164,7 @@ impl Link {
     }
 }
 
-/// Until it is acknowledged, or sent where no acknowledgement is asked for.
+/// Sends a message and waits until it is acknowledged, or sent where no acknowledgement is required.
 async fn send(client: &AsyncClient, message: &Message) -> Result<(), Lost> {
     let options = PublishOptions::new(message.qos).retain(message.is_kept);
     let (topic, payload) = (message.topic.clone(), message.payload.clone());

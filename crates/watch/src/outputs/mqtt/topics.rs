@@ -1,4 +1,4 @@
-//! What the topics are called.
+//! The names of the topics.
 
 use crate::names::Names;
 
@@ -19,32 +19,32 @@ impl Topics {
         }
     }
 
-    /// Retained: `online` or `offline`.
+    /// Returns the topic, retained, with `online` or `offline`.
     pub fn availability(&self) -> String {
         format!("{}/availability", self.prefix)
     }
 
-    /// Retained: the last state.
+    /// Returns the topic, retained, of the last state.
     pub fn state(&self, camera: usize, target: usize) -> String {
         self.of_pair(camera, target, "state")
     }
 
-    /// What a frame showed.
+    /// Returns the topic of the values of a frame.
     pub fn frame(&self, camera: usize, target: usize) -> String {
         self.of_pair(camera, target, "frame")
     }
 
-    /// Retained: whether the source is lost or back.
+    /// Returns the topic, retained, that states whether the source is lost or back.
     pub fn source(&self, camera: usize) -> String {
         format!("{}/{}/source", self.prefix, of(&self.cameras, camera))
     }
 
-    /// What moved relative to the others.
+    /// Returns the topic of what moved relative to the others.
     pub fn moved(&self) -> String {
         format!("{}/moved", self.prefix)
     }
 
-    /// A topic that two names share.
+    /// Returns a topic that two names share.
     pub fn shared(&self) -> Option<String> {
         let twice = |levels: &[String]| {
             levels.iter().enumerate().find(|(i, level)| levels[..*i].contains(level)).map(|(_, l)| l.clone())
@@ -61,7 +61,7 @@ fn of(levels: &[String], i: usize) -> &str {
     levels.get(i).map_or("_", String::as_str)
 }
 
-/// One level of a topic: what would part or match levels is an underscore.
+/// Returns one level of a topic: characters that would separate or match levels become underscores.
 fn level(name: &str) -> String {
     name.chars().map(|c| if matches!(c, '/' | '+' | '#') || c.is_control() { '_' } else { c }).collect()
 }

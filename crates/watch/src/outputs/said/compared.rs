@@ -1,10 +1,10 @@
-//! Where a camera is beside its reference, in words and as JSON.
+//! The deviation of a camera from its reference, in words and as JSON.
 
 use super::object::DeviationObject;
 use resight::answer::pose::rows;
 use resight::core::temporal::monitor::Deviation;
 
-/// `now 0.300° ± 0.002° from the reference`, with a shift where chance does not explain it.
+/// Returns `now 0.300° ± 0.002° from the reference`, with a translation where chance does not explain it.
 pub(super) fn words(deviation: &Deviation) -> String {
     let (turn, shift) = deviation.sizes();
     let turn = format!("{:.3}° ± {:.3}°", turn.value.to_degrees(), turn.sigma.to_degrees());
@@ -12,7 +12,7 @@ pub(super) fn words(deviation: &Deviation) -> String {
     format!("now {turn}{} from the reference", shift.unwrap_or_default())
 }
 
-/// The same.
+/// Returns the deviation as a JSON object.
 pub(super) fn object(deviation: &Deviation) -> DeviationObject {
     let (turn, shift) = deviation.sizes();
     DeviationObject {
@@ -31,7 +31,7 @@ mod tests {
     use super::*;
     use resight::core::{Matrix6, Vector6};
 
-    /// A pan, of which the shift is known badly; and one with a shift that no chance explains.
+    /// A pan whose translation is uncertain, and one with a translation that chance does not explain.
     #[test]
     fn the_shift_is_told_where_it_is_one() {
         let deviation = |motion: Vector6, shift_m2: f64| Deviation {

@@ -1,4 +1,4 @@
-//! A drift in words and as JSON: since when, in a step or at which rate, about or along which axis, and how to put it back.
+//! A drift in words and as JSON: its start, step or rate, axis, and the motion that reverses it.
 
 use super::object::{AgainObject, AxisObject, DriftObject};
 use resight::answer::pose::rows;
@@ -8,11 +8,11 @@ use resight::report::turned::parts;
 use resight::report::words::moment;
 
 const HOUR_S: f64 = 3600.0;
-/// As one speaks of cameras: rotations about x, y, z, shifts along them.
+/// The usual names of camera motions: rotations about x, y, z, translations along them.
 const AXES: [&str; 6] = ["tilt", "pan", "roll", "x", "y", "range"];
 
-/// `moved in a step, since 200.0 s ± 1.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`; of a further motion
-/// `moved again in a step, since 900.0 s ± 1.0 s: rotated right 1.000° ± 0.010°; in all rotated right 1.507° ± 0.010°; to put it back: …`.
+/// Returns `moved in a step, since 200.0 s ± 1.0 s: rotated right 0.507° ± 0.010°; to put it back: left 0.507°`; for a further motion `moved
+/// again in a step, since 900.0 s ± 1.0 s: rotated right 1.000° ± 0.010°; in all rotated right 1.507° ± 0.010°; to put it back: …`.
 pub fn words(drift: &Drift) -> String {
     let how = match (drift.course, drift.rate) {
         (MotionKind::Step, _) => "in a step".to_string(),
@@ -29,7 +29,7 @@ pub fn words(drift: &Drift) -> String {
     }
 }
 
-/// `rotated right 0.507° ± 0.010°`, and its opposite.
+/// Returns `rotated right 0.507° ± 0.010°`, and its opposite.
 fn size(drift: &Drift) -> (String, String) {
     if let Some(Alone { axis, size, sigma }) = drift.alone() {
         let motion = Vector6::ith(axis, size);
@@ -56,7 +56,7 @@ fn size(drift: &Drift) -> (String, String) {
     (format!("{verb} {is}"), back(&motion, &sigma))
 }
 
-/// `, at right 0.100° ± 0.002° an hour`: what stands out of its own error, of the rotation alone where that explains it.
+/// Returns `, at right 0.100° ± 0.002° an hour`: the components larger than their own error, of the rotation alone where that explains it.
 fn rate_words(rate: &Rate) -> String {
     let sigma = rate.covariance.diagonal().map(f64::sqrt);
     let (per_s, sigma) = match rate.rotation_alone() {
@@ -73,7 +73,7 @@ fn rate_words(rate: &Rate) -> String {
     if said.is_empty() { said } else { format!(", {said} an hour") }
 }
 
-/// Kind of motion, rate and axis.
+/// Returns kind of motion, rate and axis.
 pub fn object(drift: &Drift) -> DriftObject {
     let pure = drift.pure_rotation();
     let axis = drift.alone().map(|Alone { axis, size, sigma }| {
@@ -99,7 +99,7 @@ pub fn object(drift: &Drift) -> DriftObject {
     }
 }
 
-/// The opposite of what stands out of its own error.
+/// Returns the opposite of the components that are larger than their own error.
 fn back(motion: &Vector6, sigma: &[f64]) -> String {
     let is_clear = |i: usize| sigma.get(i).is_some_and(|sigma| 2.0 * sigma < motion[i].abs());
     let back = parts(&Vector6::from_fn(|i, _| if is_clear(i) { -motion[i] } else { 0.0 }), |_| None);

@@ -1,4 +1,4 @@
-//! An event as a JSON object: which keys there are, and of what.
+//! The JSON object of an event: its keys and their types.
 
 use resight::answer::landmarks::RotationObject;
 use resight::answer::{SchemaNumber, TransformObject};
@@ -249,6 +249,21 @@ pub struct DetectableObject {
     /// About each axis.
     pub rotation_rad: [f64; 3],
     /// Along each axis.
+    pub translation_m: [f64; 3],
+    /// Motions that are held because others like them came back by themselves; null where none did.
+    pub held: Option<HeldObject>,
+}
+
+/// Motions that are reported only when they have lasted: no rate of false alarms is promised for them.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct HeldObject {
+    /// How many came back by themselves.
+    pub count: u64,
+    /// How long a motion must last.
+    pub held_s: f64,
+    /// About each axis, the largest that is held.
+    pub rotation_rad: [f64; 3],
+    /// Along each axis, the largest that is held.
     pub translation_m: [f64; 3],
 }
 

@@ -1,4 +1,4 @@
-//! Frame ids. TF is a tree: a frame has one parent, so what is seen from several sides gets a name for each.
+//! Frame ids. TF is a tree: a frame has one parent, so what is observed by several cameras gets one name for each.
 
 use super::super::super::names::{Names, split};
 use crate::ros::write::Transform;
@@ -13,7 +13,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// The names of cameras and targets, but for those given as `NAME=FRAME_ID`.
+    /// Builds the frame ids: the names of cameras and targets, except for those given as `NAME=FRAME_ID`.
     pub fn new(names: &Names, target_is_parent: bool, renamed: &[String]) -> Result<Self> {
         let mut frames =
             Frames { cameras: names.cameras.clone(), targets: names.targets.clone(), target_is_parent };
@@ -43,7 +43,7 @@ impl Frames {
         }
     }
 
-    /// The camera's frame; one for each target where several are its parents.
+    /// Returns the camera's frame; one for each target where several are its parents.
     fn camera(&self, camera: usize, target: usize) -> String {
         match self.target_is_parent && 1 < self.targets.len() {
             true => format!("{}/{}", self.cameras[camera], self.targets[target]),
@@ -51,7 +51,7 @@ impl Frames {
         }
     }
 
-    /// The target's frame; one for each camera where several are its parents.
+    /// Returns the target's frame; one for each camera where several are its parents.
     pub fn target(&self, camera: usize, target: usize) -> String {
         match !self.target_is_parent && 1 < self.cameras.len() {
             true => format!("{}/{}", self.cameras[camera], self.targets[target]),
@@ -66,7 +66,7 @@ impl Frames {
         }
     }
 
-    /// What a frame of the camera showed.
+    /// Returns the transform that a frame of the camera measured.
     pub fn seen(&self, camera: usize, target: usize, cam_from_target: &Pose) -> Transform {
         let (cam, target) = (self.camera(camera, target), self.target(camera, target));
         match self.target_is_parent {
@@ -75,13 +75,13 @@ impl Frames {
         }
     }
 
-    /// Where the camera was when all was well, below the target.
+    /// Returns the reference pose of the camera, below the target.
     pub fn reference(&self, camera: usize, target: usize, cam_from_target: &Pose) -> Transform {
         let (parent, child) = (self.target(camera, target), self.of_reference(camera, target));
         Transform { parent, child, parent_from_child: cam_from_target.inverse() }
     }
 
-    /// Where it is now, as the drift monitor knows it, below where it was.
+    /// Returns its present pose according to the monitor, below the reference pose.
     pub fn correction(&self, camera: usize, target: usize, old_from_new: &Pose) -> Transform {
         let parent = self.of_reference(camera, target);
         let child = format!("{}/corrected", parent.trim_end_matches("/reference"));
@@ -98,7 +98,7 @@ mod tests {
         Names::new(&owned(cameras), &owned(targets))
     }
 
-    /// However many cameras and targets: no frame has two parents, and none is its own ancestor.
+    /// For any number of cameras and targets no frame has two parents, and none is its own ancestor.
     #[test]
     fn frames_form_a_forest() {
         for (cameras, targets) in [

@@ -12,24 +12,24 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Messages waiting for the disk; further ones are left out and counted.
+/// Largest number of messages that wait for the disk; further ones are left out and counted.
 const WAITING: usize = 4096;
-/// What was written longer ago than this is on its way to the disk.
+/// Largest age of written messages that are not yet passed to the disk.
 const FLUSH: Duration = Duration::from_secs(1);
-/// After a failure a new file is tried at these times.
+/// Interval of tries to create a new file after a failure.
 const RETRY: Duration = Duration::from_secs(1);
-/// A disk that is too slow all the time is not reported all the time.
+/// Shortest interval of reports about a slow disk.
 const SAYING: Duration = Duration::from_secs(60);
-/// Chunks of one file, a day of them: what its index takes in memory until it is closed stays below about 20 MB.
+/// Largest number of chunks in one file, a day of them: its index takes memory until it is closed, which stays below about 20 MB.
 const CHUNKS: u64 = 86_400;
-/// Names tried beside an existing file.
+/// Largest number of names tried beside an existing file.
 const NAMES: usize = 10_000;
 
 /// A message to be written.
 pub enum Item {
-    /// On `/tf`.
+    /// Transforms for `/tf`.
     Transforms(u64, Vec<Transform>),
-    /// On `/tf_static`; without a time at that of the next message.
+    /// Transforms for `/tf_static`; without a time they get that of the next message.
     Static(Option<u64>, Vec<Transform>),
     /// A camera's pose.
     Pose {
@@ -39,12 +39,12 @@ pub enum Item {
         cam_from_target: Pose,
         covariance: Box<Matrix6>,
     },
-    /// On `/diagnostics`; without a time at that of the next message.
+    /// Statuses for `/diagnostics`; without a time they get that of the next message.
     Diagnostics(Option<u64>, Vec<Status>),
 }
 
 impl Item {
-    /// Its own time.
+    /// Returns the item's own time.
     fn time_ns(&self) -> Option<u64> {
         match self {
             Item::Transforms(time_ns, _) | Item::Pose { time_ns, .. } => Some(*time_ns),
@@ -59,12 +59,12 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
     log: Log,
     left_out: u64,
-    /// When that was said last.
+    /// Time of the last report.
     said: Option<Instant>,
 }
 
 impl Recorder {
-    /// Makes the file.
+    /// Creates the file.
     pub fn open(path: &Path, log: &Log) -> Result<Self> {
         if path.is_dir() {
             bail!("--tf {}: this is a folder; give a file in it", path.display());
@@ -101,7 +101,7 @@ impl Recorder {
 
     /// Closes the file.
     pub fn finish(&mut self) {
-        self.items = None; // The thread ends with the last item.
+        self.items = None; // self.items = None; // The thread ends with the last item.
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
@@ -113,16 +113,16 @@ impl Recorder {
     }
 }
 
-/// The file itself. When it cannot be written the session continues, and a new file is begun when that is possible again.
+/// The file. When it cannot be written the session continues, and a new file is created when that is possible again.
 struct Disk {
     path: PathBuf,
     log: Log,
     writer: Option<RosWriter<BufWriter<File>>>,
     flushed: Instant,
     failed: Instant,
-    /// Static transforms that wait for the clock of the frames.
+    /// Static transforms without a time, until there is one.
     untimed: Vec<Transform>,
-    /// Diagnostics that wait for it, the latest of each name.
+    /// Diagnostics without a time, until there is one: the latest of each name.
     untimed_statuses: Vec<Status>,
     /// The latest static transform of each child, for a new file.
     latched: Vec<Transform>,
@@ -173,7 +173,7 @@ impl Disk {
         self.check(written);
     }
 
-    /// A frame that never moves is reported again in a new file; what has no time waits for one.
+    /// Keeps a static transform, which is written again in a new file, and an item without a time, which waits for one.
     fn keep(&mut self, item: &Item) {
         match item {
             Item::Static(time_ns, transforms) => {
@@ -195,7 +195,7 @@ impl Disk {
         }
     }
 
-    /// A disk that is still full may well take a name and nothing more: only a file that holds something counts, and is reported.
+    /// Starts a new file. A full disk may accept a name and no content: only a file with content counts, and is reported.
     fn begin_anew(&mut self, time_ns: u64) -> bool {
         if self.failed.elapsed() < RETRY {
             return false;
@@ -208,7 +208,7 @@ impl Disk {
             Ok(()) => self.log.say("tf", &format!("continues in {}", name.display())),
             Err(_) => {
                 self.writer = None;
-                // One that cannot be removed stays, empty; the next try takes the next name.
+                // An empty file that cannot be removed remains; the next try uses the next name.
                 let _ = std::fs::remove_file(&name);
             }
         }
@@ -233,7 +233,7 @@ impl Disk {
         }
     }
 
-    /// What waited for the clock of the frames happened before this.
+    /// Writes the items without a time, which are older than this time.
     fn write_untimed(&mut self, time_ns: u64) -> Result<(), RecordingError> {
         let Some(writer) = &mut self.writer else { return Ok(()) };
         if !self.untimed.is_empty() {
@@ -281,7 +281,7 @@ impl Disk {
     }
 }
 
-/// A new file of that name, or of the next free one beside it.
+/// Creates a file of that name, or of the next free one beside it.
 fn create(path: &Path) -> std::io::Result<(File, PathBuf)> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let ending = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
@@ -301,7 +301,7 @@ mod tests {
     use crate::ros::write::Level;
     use resight::recording::{Next, Recording};
 
-    /// Topics and times, ns, of a recording.
+    /// Returns topics and times, ns, of a recording.
     fn reported(path: &Path) -> Vec<(String, u64)> {
         let mut recording = Recording::new(File::open(path).expect("the file"), |_| true);
         let mut all = Vec::new();
@@ -315,7 +315,7 @@ mod tests {
         }
     }
 
-    /// A source that is lost before its first frame, a reference that is known before: no message of 1970.
+    /// For a source that is lost before its first frame, and a reference that is known before it, there is no message of 1970.
     #[test]
     fn what_has_no_time_waits_for_one() {
         let path = std::env::temp_dir().join(format!("resight-untimed-{}.mcap", std::process::id()));
@@ -347,7 +347,7 @@ mod tests {
         assert!(all.iter().all(|(_, at_ns)| *at_ns == time_ns), "{all:?}");
     }
 
-    /// A day of flushes: the file is closed, so that its index need not be kept, and the next item begins another.
+    /// After a day the file is closed, so that its index need not be kept, and the next item starts another.
     #[test]
     fn a_long_session_begins_a_new_file() {
         let folder = std::env::temp_dir().join(format!("resight-long-{}", std::process::id()));

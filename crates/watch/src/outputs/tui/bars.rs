@@ -1,6 +1,6 @@
 //! Values as bars of block characters.
 
-/// Bars of the given values over `rows` lines, the top one first; the tallest bar is `most`. What is not known is blank.
+/// Returns bars of the values over `rows` lines, the top one first; the tallest bar is `most`. Unknown values are blank.
 pub fn bars(values: &[Option<f64>], most: f64, rows: usize) -> Vec<String> {
     const EIGHTHS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let eighths = |value: f64| ((value / most * (8 * rows) as f64).round() as usize).clamp(1, 8 * rows);

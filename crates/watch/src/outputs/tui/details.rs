@@ -1,4 +1,4 @@
-//! Everything about the last frame of the chosen camera.
+//! The view of the last frame of the selected camera.
 
 use super::panel;
 use super::picture::Picture;
@@ -16,7 +16,7 @@ use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::temporal::track::Tracked;
 
-/// Draws it; what does not fit is cut.
+/// Draws the view; what does not fit is cut.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     let Some(pair) = picture.board.pairs.get(picture.view.chosen) else { return };
     let mut lines = panel::words(picture, area.width);
@@ -109,7 +109,7 @@ fn counts(pair: &PairBoard) -> (&'static str, String) {
     ("frames", format!("{}, {} with a pose{last}", pair.frames, pair.poses))
 }
 
-/// Correlations of the covariance, turns first.
+/// Returns the correlations of the covariance, rotations first.
 fn correlations(covariance: &Matrix6<f64>) -> Rows {
     const NAMES: [&str; 6] = ["rot. x", "rot. y", "rot. z", "shift x", "shift y", "shift z"];
     let sigma = covariance.diagonal().map(f64::sqrt);

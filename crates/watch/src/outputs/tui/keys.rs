@@ -1,19 +1,19 @@
-//! What the keys do to the view.
+//! The effect of the keys on the view.
 
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers};
 
-/// What is looked at.
+/// The selection of the view.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct View {
-    /// The chosen pair.
+    /// The selected pair.
     pub chosen: usize,
     pub has_details: bool,
     pub is_paused: bool,
-    /// Pairs to choose among.
+    /// Number of pairs.
     pub pairs: usize,
 }
 
-/// What a key asks of the session.
+/// The effect of a key on the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pressed {
     Nothing,
@@ -22,13 +22,13 @@ pub enum Pressed {
 }
 
 impl View {
-    /// There are so many pairs.
+    /// Sets the number of pairs.
     pub fn choose_among(&mut self, pairs: usize) {
         self.pairs = pairs;
         self.chosen = self.chosen.min(pairs.saturating_sub(1));
     }
 
-    /// A key, or anything else that the terminal tells.
+    /// Processes a key or any other event of the terminal.
     pub fn press(&mut self, event: &Event) -> Pressed {
         let Event::Key(key) = event else { return Pressed::Nothing };
         if key.kind == KeyEventKind::Release {
@@ -36,7 +36,7 @@ impl View {
         }
         match key.code {
             KeyCode::Char('q' | 'Q') => return Pressed::Quit,
-            // In raw mode the terminal no longer makes a signal of it.
+            // In raw mode the terminal does not convert it to a signal.
             KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => return Pressed::Quit,
             KeyCode::Char('r' | 'R') => return Pressed::Reset,
             KeyCode::Char('p' | 'P' | ' ') => self.is_paused = !self.is_paused,

@@ -1,4 +1,4 @@
-//! The chosen camera: its state in words, times, scatter, and the rotation through time.
+//! The panel of the selected camera: its state in words, times, scatter, and the rotation over time.
 
 use super::bars::bars;
 use super::picture::{Picture, duration};
@@ -12,12 +12,12 @@ use ratatui::widgets::Paragraph;
 use resight::core::Vector6;
 use resight::core::temporal::monitor::{Reading, rotation_alone};
 
-/// A rotation below this is drawn small even where nothing is known of the noise.
+/// Smallest scale of a rotation, even where the noise is unknown.
 const LEAST_SCALE_RAD: f64 = 1e-5;
-/// Lines of the words of a state.
+/// Largest number of lines for the words of a state.
 const WORDS: usize = 3;
 
-/// Draws it; there are at least eight lines.
+/// Draws the panel, which has at least eight lines.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     let Some(pair) = picture.board.pairs.get(picture.view.chosen) else { return };
     let words = words(picture, area.width);
@@ -35,7 +35,7 @@ pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     trail(frame, caption, drawn, picture, pair);
 }
 
-/// The state in words, and why nothing is seen; broken into lines, at most three.
+/// Returns the state in words and the reason why nothing is observed, in at most three lines.
 pub fn words<'a>(picture: &Picture<'_>, width: u16) -> Vec<Line<'a>> {
     let Some(pair) = picture.board.pairs.get(picture.view.chosen) else { return Vec::new() };
     let (sign, _, color) = picture.sign(picture.view.chosen);
@@ -50,7 +50,7 @@ pub fn words<'a>(picture: &Picture<'_>, width: u16) -> Vec<Line<'a>> {
     lines.into_iter().take(WORDS).map(|line| Line::styled(line, picture.color(color))).collect()
 }
 
-/// Broken at blanks; words longer than a line are left to be cut.
+/// Breaks a text at spaces; words longer than a line are not broken.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -64,7 +64,7 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// Microseconds of each stage.
+/// Returns the microseconds of each stage.
 fn stages<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
     let stages = [&pair.waited_us, &pair.detect_us, &pair.solve_us, &pair.decide_us];
     let line = |name: &str, number: &dyn Fn(&Rolling) -> Option<f64>| {
@@ -84,7 +84,7 @@ fn us(us: f64) -> String {
     if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") }
 }
 
-/// Standard deviations of the pose of a frame.
+/// Returns the standard deviations of the pose of a frame.
 fn scatter<'a>(picture: &Picture<'_>, pair: &PairBoard) -> Text<'a> {
     let sigma = pair.spread.sigma();
     let line = |name: &str, first: usize, scale: f64, decimals: usize| {
@@ -118,7 +118,7 @@ fn trail(frame: &mut Frame<'_>, caption: Rect, drawn: Rect, picture: &Picture<'_
     frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), drawn);
 }
 
-/// The rotation of a full bar: the largest, but not so small that a steady camera's noise fills the image.
+/// Returns the rotation of a full bar: the largest one, but not so small that a steady camera's noise fills the image.
 pub fn scale_rad(pair: &PairBoard, columns: &[Option<f64>]) -> f64 {
     let noise_rad = |reading: &Reading| {
         let turn = match pair.has_shifted() {

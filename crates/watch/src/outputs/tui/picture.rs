@@ -1,4 +1,4 @@
-//! All that the view draws: the numbers, the words and the colours of the states.
+//! The content of the view: the numbers, the words and the colours of the states.
 
 use super::super::super::log::Line as EventText;
 use super::keys::View;
@@ -6,24 +6,24 @@ use crate::board::{Board, Instants};
 use crate::live::State;
 use ratatui::style::{Color, Style};
 
-/// All that is drawn.
+/// The content of the view.
 pub struct Picture<'a> {
     pub board: &'a Board,
-    /// What the session said of itself.
+    /// The messages of the session itself.
     pub lines: &'a [EventText],
     pub now: Instants,
     pub view: &'a View,
-    /// The terminal's user wants colours.
+    /// Whether the terminal's user wants colours.
     pub has_color: bool,
 }
 
 impl Picture<'_> {
-    /// A style, plain where colours are not wanted.
+    /// Returns a style, plain where colours are not wanted.
     pub fn color(&self, color: Color) -> Style {
         if self.has_color { Style::new().fg(color) } else { Style::new() }
     }
 
-    /// Sign, word and colour of the state of a pair; a source that is lost says more than what was last seen.
+    /// Returns sign, word and colour of the state of a pair; those of a lost source take precedence.
     pub fn sign(&self, pair: usize) -> (&'static str, &'static str, Color) {
         let camera = self.board.camera_of(pair);
         match self.board.pairs.get(pair).and_then(|pair| pair.state.as_ref()) {
@@ -39,7 +39,7 @@ impl Picture<'_> {
         }
     }
 
-    /// How many pairs are in each state, with its word and colour; the worst first.
+    /// Returns the number of pairs in each state, with its word and colour; the worst first.
     pub fn counts(&self) -> Vec<(usize, &'static str, Color)> {
         const ORDER: [&str; 9] = [
             "drifted",
@@ -60,13 +60,13 @@ impl Picture<'_> {
         ORDER.iter().filter_map(count).collect()
     }
 
-    /// Name of the chosen pair.
+    /// Returns the name of the selected pair.
     pub fn title(&self) -> String {
         self.board.names.pairs().get(self.view.chosen).cloned().unwrap_or_default()
     }
 }
 
-/// Hours, minutes, seconds.
+/// Returns hours, minutes, seconds.
 pub fn duration(seconds: f64) -> String {
     let seconds = seconds.max(0.0) as u64;
     format!("{:02}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)

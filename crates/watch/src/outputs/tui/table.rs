@@ -9,7 +9,7 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Text};
 use ratatui::widgets::{Cell, Row, Table, TableState};
 
-/// A column: its head, its width, and from how many columns of the terminal on there is room for it.
+/// A column: its head, its width, and the smallest width of the terminal that has room for it.
 struct Column {
     head: &'static str,
     width: u16,
@@ -24,14 +24,14 @@ const COLUMNS: [Column; 5] = [
     Column { head: "dropped", width: 7, from_width: 64, cell: dropped },
     Column { head: "± turn", width: 8, from_width: 100, cell: scatter },
 ];
-/// Longer names are cut.
+/// Width of the names; longer ones are cut.
 const NAME: u16 = 20;
-/// Sign and word of the longest state.
+/// Width of the sign and word of the longest state.
 const STATE: u16 = 14;
-/// The trail takes what is left, from here on.
+/// Smallest width of the terminal with a trail, which takes the remaining width.
 const TRAIL_FROM: u16 = 72;
 
-/// Draws the table, scrolled to the chosen line.
+/// Draws the table, scrolled to the selected line.
 pub fn draw(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     let names = picture.board.names.pairs();
     let longest = names.iter().map(|name| Line::from(name.as_str()).width()).max().unwrap_or(4);
@@ -74,10 +74,10 @@ fn right<'a>(text: String) -> Text<'a> {
     Text::from(text).alignment(Alignment::Right)
 }
 
-/// What is not known yet.
+/// Shown for an unknown value.
 const NONE: &str = "–";
 
-/// Where it is now; the drift's own rotation, once there is one.
+/// Returns the present rotation; the drift's own rotation, once there is one.
 fn turn(picture: &Picture<'_>, pair: usize) -> String {
     let pair = &picture.board.pairs[pair];
     let rotation_rad = match &pair.state {
@@ -99,7 +99,7 @@ fn rate(picture: &Picture<'_>, pair: usize) -> String {
     }
 }
 
-/// p50/p99.
+/// Returns p50/p99.
 fn latency(picture: &Picture<'_>, pair: usize) -> String {
     let latency_us = &picture.board.pairs[pair].latency_us;
     match (latency_us.quantile(0.5), latency_us.quantile(0.99)) {
@@ -108,7 +108,7 @@ fn latency(picture: &Picture<'_>, pair: usize) -> String {
     }
 }
 
-/// Milliseconds of microseconds, three digits.
+/// Returns milliseconds from microseconds, with three digits.
 pub fn ms(us: f64) -> String {
     match us / 1e3 {
         ms if ms < 10.0 => format!("{ms:.2}"),
@@ -121,7 +121,7 @@ fn dropped(picture: &Picture<'_>, pair: usize) -> String {
     picture.board.camera_of(pair).map_or(NONE.to_string(), |camera| camera.dropped.to_string())
 }
 
-/// Standard deviation of the rotation of a frame, the three axes together.
+/// Returns the standard deviation of the rotation of a frame, the three axes together.
 fn scatter(picture: &Picture<'_>, pair: usize) -> String {
     let sigma = picture.board.pairs[pair].spread.sigma();
     sigma.map_or(NONE.to_string(), |sigma| format!("{:.3}°", sigma.fixed_rows::<3>(0).norm().to_degrees()))

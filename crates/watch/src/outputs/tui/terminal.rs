@@ -1,4 +1,4 @@
-//! The terminal itself: taken, and given back as it was, also after a panic or a signal.
+//! The terminal: it is restored at the end, also after a panic or a signal.
 
 use anyhow::{Context, Result, bail};
 use ratatui::Terminal;
@@ -13,29 +13,29 @@ use std::io::{BufWriter, IsTerminal, Write, stdout};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Where a view is drawn.
+/// The terminal of a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
     Stdout,
-    /// Standard output carries something else.
+    /// The controlling terminal, where standard output carries something else.
     ControllingTerminal,
 }
 
 type Writer = BufWriter<Box<dyn Write + Send>>;
 
-/// A terminal that is drawn on. Dropped, it is as it was.
+/// A terminal for drawing, restored when dropped.
 pub struct Screen {
-    /// What is drawn with.
+    /// The drawing interface.
     pub terminal: Terminal<CrosstermBackend<Writer>>,
     place: Place,
     is_open: Arc<AtomicBool>,
 }
 
 impl Screen {
-    /// Takes the terminal; with JSON on standard output, the controlling one.
+    /// Opens the terminal; with JSON on standard output, the controlling one.
     ///
     /// # Errors
-    /// No terminal, or one that JSON is written to.
+    /// No terminal, or one to which JSON is written.
     pub fn open(has_json: bool) -> Result<Self> {
         let place = place(has_json, stdout().is_terminal())?;
         let writer = writer(place)?;
@@ -49,7 +49,7 @@ impl Screen {
         Ok(Screen { terminal: opened?, place, is_open })
     }
 
-    /// False once a panic has given the terminal back: nothing may be drawn any more.
+    /// Returns false once a panic has restored the terminal: nothing may be drawn any more.
     pub fn is_open(&self) -> bool {
         self.is_open.load(Ordering::SeqCst)
     }
@@ -92,7 +92,7 @@ fn enter(mut writer: Writer) -> Result<Terminal<CrosstermBackend<Writer>>> {
     Terminal::new(CrosstermBackend::new(writer)).context("--tui: the terminal does not tell its size")
 }
 
-/// A message of a panic drawn over by a view, in a terminal without line ends, helps nobody.
+/// Restores the terminal before the message of a panic, which would otherwise be drawn over and have no line ends.
 fn restore_before_a_panic_is_reported(place: Place, is_open: &Arc<AtomicBool>) {
     let (is_open, before) = (Arc::clone(is_open), std::panic::take_hook());
     std::panic::set_hook(Box::new(move |panic| {
@@ -101,7 +101,7 @@ fn restore_before_a_panic_is_reported(place: Place, is_open: &Arc<AtomicBool>) {
     }));
 }
 
-/// Once. A terminal that is gone needs nothing.
+/// Restores the terminal once. A terminal that is gone needs nothing.
 fn give_back(place: Place, is_open: &AtomicBool) {
     if is_open.swap(false, Ordering::SeqCst) {
         if let Ok(mut writer) = writer(place) {

@@ -1,4 +1,4 @@
-//! The image: header, table of cameras, the chosen one, what was said, keys. Small terminals get less of it.
+//! The image: header, table of cameras, the selected one, messages, keys. Small terminals show less of it.
 
 use super::super::super::log::Line as EventText;
 use super::picture::{Picture, duration};
@@ -9,13 +9,13 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Paragraph};
 
-/// From this size on there are boxes; below, lines.
+/// Smallest width with boxes; below it there are lines.
 const BOXES_COLUMNS: u16 = 72;
 const BOXES_ROWS: u16 = 18;
-/// Rows of the panel of the chosen camera, box included.
+/// Rows of the panel of the selected camera, box included.
 const PANEL_ROWS: u16 = 11;
 
-/// Draws it.
+/// Draws the image.
 pub fn draw(frame: &mut Frame<'_>, picture: &Picture<'_>) {
     let [head, middle, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(1), Constraint::Length(1)])
@@ -30,7 +30,7 @@ pub fn draw(frame: &mut Frame<'_>, picture: &Picture<'_>) {
 }
 
 fn with_boxes(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
-    // Rows of the table, its heads and its box; a long one leaves room for the rest and scrolls.
+    // Rows of the table with its heads and its box; a long one leaves room for the rest and scrolls.
     let cameras = (picture.board.pairs.len() as u16).saturating_add(3).min(area.height / 3).max(4);
     let [above, below] = Layout::vertical([Constraint::Length(cameras), Constraint::Min(0)]).areas(area);
     let inner = boxed(frame, above, "cameras", picture);
@@ -49,7 +49,7 @@ fn with_boxes(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     }
 }
 
-/// A table of few columns, the chosen camera in words, and what was said last if there is room.
+/// Draws a table of few columns, the selected camera in words, and the last message if there is room.
 fn without_boxes(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     let cameras = (picture.board.pairs.len() as u16).saturating_add(1).min((area.height / 2).max(2));
     let [above, below] = Layout::vertical([Constraint::Length(cameras), Constraint::Min(0)]).areas(area);
@@ -122,7 +122,7 @@ fn keys(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     frame.render_widget(Line::from(spans), area);
 }
 
-/// What happened and what the session said, in order of time; the newest at the bottom.
+/// Draws events and messages of the session in order of time; the newest at the bottom.
 fn log(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     let mut all: Vec<&EventText> =
         picture.board.reported.iter().map(|reported| &reported.line).chain(picture.lines).collect();
@@ -135,7 +135,7 @@ fn log(frame: &mut Frame<'_>, area: Rect, picture: &Picture<'_>) {
     frame.render_widget(Paragraph::new(all[first..].iter().map(line).collect::<Vec<_>>()), area);
 }
 
-/// What does not fit ends with a sign that there is more.
+/// Shortens a text that does not fit and adds a sign for the rest.
 fn shortened(text: &str, width: usize) -> String {
     if Line::from(text).width() <= width {
         return text.to_string();
@@ -143,7 +143,7 @@ fn shortened(text: &str, width: usize) -> String {
     text.chars().take(width.saturating_sub(1)).chain(['…']).collect()
 }
 
-/// Time of day, UTC.
+/// Returns the time of day, UTC.
 fn clock(unix_s: f64) -> String {
     duration(unix_s.max(0.0) % 86_400.0)
 }

@@ -1,4 +1,4 @@
-//! One request, and what its answer means.
+//! One request, and the meaning of its answer.
 
 use super::retry_after::retry_after;
 use crate::outputs::{notice::Notice, secret, trust};
@@ -8,10 +8,10 @@ use std::time::{Duration, SystemTime};
 use ureq::http::{HeaderName, HeaderValue, StatusCode, Uri};
 use ureq::{Agent, Error};
 
-/// For one request, from looking up the name to the answer.
+/// Longest time for one request, from looking up the name to the answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Where notices go.
+/// The receiver of notices.
 pub struct Post {
     agent: Agent,
     url: String,
@@ -19,20 +19,20 @@ pub struct Post {
     headers: Vec<(HeaderName, HeaderValue)>,
 }
 
-/// What an answer means.
+/// The meaning of an answer.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Answer {
     /// Status 2xx.
     Acknowledged,
-    /// It will never be taken.
+    /// The receiver will never accept it.
     Refused(String),
-    /// To be tried again, if asked for not before this time.
+    /// To be tried again, if requested not before this time.
     Later { reason: String, asked: Option<Duration> },
 }
 
 impl Post {
     /// # Errors
-    /// An address that is none, or not of http.
+    /// An invalid address, or one of another scheme than http.
     pub fn new(url: &str, headers: Vec<(HeaderName, HeaderValue)>, ca: Option<&[u8]>) -> Result<Self> {
         let uri: Uri = url.parse().context("--webhook: is no address; https://host/path is needed")?;
         let (Some(scheme @ ("http" | "https")), Some(authority)) = (uri.scheme_str(), uri.authority()) else {
@@ -46,7 +46,7 @@ impl Post {
             // A redirected POST may arrive as a GET without its body, and be acknowledged.
             .max_redirects(0)
             .max_redirects_will_error(false)
-            // A connection that died while idle would look like a failure.
+            // A reused connection that broke while idle would look like a failure.
             .max_idle_connections(0)
             .user_agent(concat!("resight/", env!("CARGO_PKG_VERSION")))
             .tls_config(trust::of_webhook(ca))
@@ -55,7 +55,7 @@ impl Post {
         Ok(Post { agent: config.into(), url: url.to_string(), receiver, headers })
     }
 
-    /// The receiver's name, without secrets.
+    /// Returns the receiver's name, without secrets.
     pub fn receiver(&self) -> &str {
         &self.receiver
     }
@@ -92,7 +92,7 @@ fn meaning(status: StatusCode, asked: Option<Duration>) -> Answer {
     }
 }
 
-/// Without the address, which may hold a secret.
+/// Returns the reason without the address, which may contain a secret.
 fn words(reason: &Error) -> String {
     match reason {
         Error::Io(e) if e.get_ref().is_some() => format!("cannot be reached: {e}"), // TLS has its say
@@ -105,10 +105,10 @@ fn words(reason: &Error) -> String {
     }
 }
 
-/// `Name: value` each, or `@FILE`. Values are never shown.
+/// Reads headers, each `Name: value` or `@FILE`. Values are never shown.
 ///
 /// # Errors
-/// What is no header, by its name; a file that cannot be read or that others can.
+/// An invalid header, by its name; a file that cannot be read or that others can read.
 pub fn headers(arguments: &[String]) -> Result<Vec<(HeaderName, HeaderValue)>> {
     let mut all = Vec::new();
     for argument in arguments {

@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 const MONTHS: [&str; 12] =
     ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
 
-/// How long to wait from `now`; none for what is neither seconds nor a date.
+/// Returns the time to wait from `now`; none for what is neither seconds nor a date.
 pub fn retry_after(text: &str, now: SystemTime) -> Option<Duration> {
     let text = text.trim();
     if let Ok(seconds) = text.parse::<u32>() {
@@ -15,7 +15,7 @@ pub fn retry_after(text: &str, now: SystemTime) -> Option<Duration> {
     Some(at.duration_since(now).unwrap_or_default())
 }
 
-/// `Sun, 06 Nov 1994 08:49:37 GMT` as seconds since 1970.
+/// Returns `Sun, 06 Nov 1994 08:49:37 GMT` as seconds since 1970.
 fn date(text: &str) -> Option<u64> {
     let words: Vec<&str> = text.split_ascii_whitespace().collect();
     let [_, day, month, year, time, "GMT"] = words.as_slice() else { return None };
@@ -30,7 +30,7 @@ fn date(text: &str) -> Option<u64> {
     u64::try_from(((days(year, month, day) * 24 + hours) * 60 + minutes) * 60 + seconds).ok()
 }
 
-/// Days since 1970 in the Gregorian calendar: years that begin in March have their leap day at the end.
+/// Returns days since 1970 in the Gregorian calendar: years that begin in March have their leap day at the end.
 fn days(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;

@@ -5,12 +5,13 @@ use crate::outputs::secret;
 use resight::video::ffmpeg::Release;
 use std::path::Path;
 
-/// Whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`, or its number).
+/// Returns whether a source is an address that ffmpeg opens (`rtsp://…`, `tcp://…`, `v4l2:///dev/video0`) or a camera (`/dev/video0`, or its
+/// number).
 pub fn is_stream(source: &str) -> bool {
     scheme(source).is_some() || is_device(source) || numbered(source).is_some()
 }
 
-/// The device of a camera's number, as OpenCV counts them: `0` is `/dev/video0`, unless there is a file or a folder of that name.
+/// Returns the device of a camera's number, as OpenCV counts them: `0` is `/dev/video0`, unless there is a file or a folder of that name.
 fn numbered(source: &str) -> Option<String> {
     let is_number = (1..=2).contains(&source.len()) && source.bytes().all(|c| c.is_ascii_digit());
     (is_number && !Path::new(source).exists()).then(|| format!("/dev/video{source}"))
@@ -19,9 +20,9 @@ fn numbered(source: &str) -> Option<String> {
 /// An address.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Address {
-    /// What ffmpeg opens.
+    /// The address for ffmpeg.
     pub input: String,
-    /// The same without passwords and tokens, for messages.
+    /// The address without passwords and tokens, for messages.
     pub shown: String,
 }
 
@@ -32,27 +33,27 @@ impl Address {
         Address { shown: without_secrets(&input), input }
     }
 
-    /// ffmpeg's words without what is not shown.
+    /// Removes secrets from ffmpeg's messages.
     pub fn hide(&self, words: &str) -> String {
         words.replace(&self.input, &self.shown)
     }
 
-    /// Whether it holds what nobody else may see: a secret, or of a server's address what stands behind `?`, often a token.
+    /// Returns whether it contains a secret; behind the `?` of a server's address there often is a token.
     pub fn is_secret(&self) -> bool {
         let Some((scheme, rest)) = self.input.split_once("://") else { return false };
         let is_server = matches!(scheme, "http" | "https" | "rtsp" | "rtsps" | "rtmp" | "rtmps");
         (is_server && rest.contains('?')) || secret::is_in(&self.input)
     }
 
-    /// Whether the connection is secured by a certificate.
+    /// Returns whether the connection is secured by a certificate.
     pub fn is_tls(&self) -> bool {
         matches!(scheme(&self.input), Some("rtsps" | "https" | "tls" | "rtmps" | "rtmpts"))
     }
 
-    /// Options that have the server's certificate verified, whatever this ffmpeg does by itself.
+    /// Returns options that have the server's certificate verified, whatever the default of this ffmpeg.
     ///
     /// # Errors
-    /// No file of certificates to believe.
+    /// No file of trusted certificates.
     pub fn tls_options(&self) -> Result<Vec<String>, String> {
         if !self.is_tls() {
             return Ok(Vec::new());
@@ -67,7 +68,7 @@ impl Address {
         Ok(["-tls_verify", "1", "-ca_file", &file].map(str::to_string).to_vec())
     }
 
-    /// A playlist of this one entry with its options, and the options that ffmpeg itself takes.
+    /// Returns a playlist of this one entry with its options, and the options for ffmpeg itself.
     ///
     /// # Errors
     /// A line break in the address or in an option.
@@ -87,14 +88,14 @@ impl Address {
         Ok((text, outside))
     }
 
-    /// Options for the input: little waiting, and an end to waiting for ever.
+    /// Returns options for the input: short delays, and limits for every wait.
     pub fn input_options(&self, patience_s: f64, release: Release) -> Vec<String> {
         let us = |seconds: f64| format!("{:.0}", 1e6 * seconds);
         let patience_us = us(patience_s);
         let udp_us = us((patience_s + OPENING_S).min(MOST_UDP_S));
         let specific: &[&str] = match scheme(&self.input) {
             None => &["-f", "v4l2"],
-            // Without TCP, lost packets tear frames.
+            // Without TCP, lost packets damage frames.
             Some("rtsp" | "rtsps") => &[
                 "-rtsp_transport",
                 "tcp",
@@ -106,16 +107,16 @@ impl Address {
             Some("http" | "https" | "tcp" | "tls" | "rtmp" | "rtmps" | "rtmpt") => {
                 &["-rw_timeout", &patience_us]
             }
-            // UDP has its own option. Silence is noticed here, and sooner: this one ends an ffmpeg that has outlived its session, which
+            // UDP has its own option. Silence is noticed earlier elsewhere: this option ends an ffmpeg that has outlived its session, which
             // would wait for ever and keep the port.
             Some("udp") => &["-timeout", &udp_us],
-            Some(_) => &[], // Others know no such option; a stream that says nothing is given up all the same.
+            Some(_) => &[], // Some(_) => &[], // Others have no such option; a silent stream is given up all the same.
         };
         LITTLE_WAITING.iter().chain(specific).map(|word| word.to_string()).collect()
     }
 }
 
-/// Where systems keep the certificates they believe.
+/// Usual files of trusted certificates.
 const CERTIFICATES: [&str; 5] = [
     "/etc/ssl/certs/ca-certificates.crt",
     "/etc/pki/tls/certs/ca-bundle.crt",
@@ -124,7 +125,7 @@ const CERTIFICATES: [&str; 5] = [
     "/etc/ssl/cert.pem",
 ];
 
-/// Options that belong to what is opened, not to ffmpeg's reading of it.
+/// Options of the opened entry, not of ffmpeg's reading of it.
 const OF_ENTRIES: [&str; 28] = [
     "fflags",
     "analyzeduration",
@@ -156,7 +157,7 @@ const OF_ENTRIES: [&str; 28] = [
     "rtmp_live",
 ];
 
-/// As ffmpeg's playlists quote.
+/// Quotes a value as ffmpeg's playlists require.
 fn quoted(value: &str) -> Result<String, String> {
     match value.contains(['\n', '\r', '\0']) {
         true => Err("a line break in the address or in an option of its".to_string()),
@@ -164,15 +165,15 @@ fn quoted(value: &str) -> Result<String, String> {
     }
 }
 
-/// What ffmpeg takes for UDP, seconds: an `int` of microseconds.
+/// Largest timeout of ffmpeg for UDP, seconds: an `int` of microseconds.
 const MOST_UDP_S: f64 = 2147.0;
 
-/// Decoding in slices, not frames, in parallel: the decoder gives each frame at once. (`-flags low_delay` would give frames in the order
-/// of decoding where a stream has B-frames.) A shorter look at what the stream is.
+/// Options for short delays: decoding in parallel slices, not frames, so that the decoder provides each frame at once (`-flags low_delay` would
+/// give frames in the order of decoding where a stream has B-frames), and a shorter analysis of the stream.
 const LITTLE_WAITING: [&str; 6] =
     ["-fflags", "nobuffer", "-thread_type", "slice", "-analyzeduration", "1000000"];
 
-/// `rtsp` of `rtsp://…`; none where there is none.
+/// Returns `rtsp` of `rtsp://…`; none where there is no scheme.
 fn scheme(source: &str) -> Option<&str> {
     let (scheme, _) = source.split_once("://")?;
     let is_scheme = scheme.starts_with(|c: char| c.is_ascii_lowercase())
@@ -180,11 +181,11 @@ fn scheme(source: &str) -> Option<&str> {
     is_scheme.then_some(scheme)
 }
 
-/// A character device: a camera, not a file.
+/// Returns whether a source is a character device: a camera, not a file.
 #[cfg(unix)]
 fn is_device(source: &str) -> bool {
     use std::os::unix::fs::FileTypeExt;
-    // A camera that is unplugged just now leaves its name.
+    // A camera that is unplugged at present leaves its name.
     source.starts_with("/dev/video")
         || std::fs::metadata(source).is_ok_and(|data| data.file_type().is_char_device())
 }
@@ -194,7 +195,7 @@ fn is_device(_: &str) -> bool {
     false
 }
 
-/// Without `user:password@`, without what follows `?`, and up to the first secret that its path names.
+/// Returns an address without `user:password@`, without what follows `?`, and up to the first secret in its path.
 fn without_secrets(input: &str) -> String {
     let Some((scheme, rest)) = input.split_once("://") else { return input.to_string() };
     if let Some(at) = secret::named_in(input).filter(|at| !input[..*at].contains('?')) {

@@ -1,18 +1,18 @@
-//! When the frames of a stream were taken: its own stamps, tied to the clock of this machine.
+//! The capture times of a stream's frames: its own stamps, related to the clock of this machine.
 //!
 //! ```text
 //!   capture = stamp + offset     offset = the smallest (arrival − stamp) so far, forgotten slowly
 //! ```
-//! Between capture and arrival lies a delay that varies; the frame that was delayed least says most about the offset, and no frame can
-//! arrive before it was taken. What a server had kept back comes in a burst on connection: the first frames are delayed most. Times
-//! go forward as long as the stamps do. The shortest delay of all cannot be known: capture is late by that much.
+//! Between capture and arrival there is a varying delay. The frame with the least delay gives the best estimate of the offset, and no frame can
+//! arrive before its capture. Frames that a server kept back arrive in a burst on connection: the first frames have the largest delay. Times
+//! increase as long as the stamps do. The shortest delay cannot be known: capture times are late by it.
 //!
 //! A stream without stamps (Motion JPEG over HTTP, bare H.264) has the times of arrival. So has one whose stamps do not keep pace with this
 //! machine's clock: where every frame of `JUDGED_S` arrives `BEHIND_S` later than its stamp allows, they count frames, not time.
 
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-/// How fast the offset may rise: crystals of cameras are off by less, seconds per second.
+/// Largest rate of the offset: crystals of cameras are off by less, seconds per second.
 const FORGOTTEN: f64 = 2e-4;
 
 /// No network delays all frames by this much more than before, seconds,
@@ -26,12 +26,12 @@ const JUDGED_FRAMES: u32 = 10;
 #[derive(Debug)]
 pub(super) struct StreamClock {
     started: Instant,
-    /// Seconds since 1970 at the start: what a step of the machine's clock changes later must not look like time.
+    /// Seconds since 1970 at the start; later steps of the machine's clock must not affect the times.
     started_s: f64,
-    /// Offset, and when it was last seen to hold.
+    /// Offset, and when it was last confirmed.
     offset: Option<(f64, f64)>,
     last_s: f64,
-    /// Since when, and in how many frames, the stamps have been behind.
+    /// Start of the delay of the stamps, and number of frames since then.
     behind: Option<(f64, u32)>,
     /// Whether the stamps proved to be no times.
     is_refuted: bool,
@@ -44,7 +44,7 @@ impl StreamClock {
         StreamClock { started, started_s, offset: None, last_s: started_s, behind: None, is_refuted: false }
     }
 
-    /// When a frame was taken, seconds since 1970. A frame without a stamp was taken when it arrived.
+    /// Returns the capture time of a frame, seconds since 1970. For a frame without a stamp it is the arrival.
     pub fn capture_s(&mut self, stamp_s: Option<f64>, arrived: Instant) -> f64 {
         let arrived_s = self.started_s + arrived.saturating_duration_since(self.started).as_secs_f64();
         let tied_s = stamp_s.map(|stamp_s| self.tied(stamp_s, arrived_s));
@@ -53,7 +53,7 @@ impl StreamClock {
         self.last_s
     }
 
-    /// Whether all frames have arrived too late for their stamps, for too long.
+    /// Returns whether all frames have arrived too late for their stamps, for too long.
     fn is_behind(&mut self, tied_s: f64, arrived_s: f64) -> bool {
         if arrived_s - tied_s < BEHIND_S {
             self.behind = None;
@@ -64,7 +64,7 @@ impl StreamClock {
         JUDGED_S <= arrived_s - since_s && JUDGED_FRAMES <= frames + 1
     }
 
-    /// Time of the last frame.
+    /// Returns the time of the last frame.
     pub fn last_s(&self) -> f64 {
         self.last_s
     }
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
     use std::time::Duration;
 
-    /// Capture times since the start for stamps and arrivals.
+    /// Returns capture times since the start for stamps and arrivals.
     fn times(frames: impl IntoIterator<Item = (f64, f64)>) -> Vec<f64> {
         let start = Instant::now();
         let mut clock = StreamClock::started(start);
@@ -96,7 +96,7 @@ mod tests {
         frames.into_iter().map(time).collect()
     }
 
-    /// 30 frames a second, each delayed by 0.1 s and something between 0 and 0.2 s: seconds between captures are those between stamps.
+    /// 30 frames a second, each delayed by 0.1 s and something between 0 and 0.2 s: intervals between captures are those between stamps.
     #[test]
     fn delays_that_vary_do_not_reach_the_capture_time() {
         let delay = |i: u32| 0.1 + f64::from(i * 7919 % 100) / 500.0;
@@ -108,7 +108,7 @@ mod tests {
         assert!(errors.fold(0.0, f64::max) < 6e-3);
     }
 
-    /// Two seconds kept back by the server come at once.
+    /// Two seconds kept back by the server arrive at once.
     #[test]
     fn a_burst_at_the_start_is_no_future() {
         let kept = (0..60).map(|i| (f64::from(i) / 30.0, 0.5 + f64::from(i) * 1e-4));
@@ -123,8 +123,8 @@ mod tests {
         assert!((times[119] - frames[119].1).abs() < 1e-3);
     }
 
-    /// Stamps that count 25 frames a second where 5, 12 or 24 come: soon they are those of the arrivals, and they were never late by more
-    /// than the judgement takes.
+    /// Stamps that count 25 frames a second where 5, 12 or 24 arrive: the times soon are those of the arrivals, and were never late by more than
+    /// the test takes.
     #[test]
     fn stamps_that_do_not_keep_pace_are_no_times() {
         for (rate_hz, judged_s) in [(5.0, 13.0), (12.0, 15.0), (24.0, 62.0)] {
@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// A network that stands still for eight seconds and delivers all of it then: the stamps stay the times.
+    /// A network that stops for eight seconds and then delivers everything: the stamps remain the times.
     #[test]
     fn a_stall_refutes_no_stamps() {
         let arrival = |t_s: f64| if (20.0..28.0).contains(&t_s) { 28.0 } else { t_s };

@@ -1,4 +1,4 @@
-//! Two cameras that look at a door, and what is reported of them; each camera's own monitor says its state, as in a session.
+//! Two cameras that look at a door, and the reports about them; each camera's own monitor provides its state, as in a session.
 
 use super::*;
 use crate::live::pace::Pace;
@@ -61,13 +61,13 @@ impl Hall {
         Hall { pairs, own, chance: Pcg::new(0x51), frame, reported: Vec::new(), asked: 0 }
     }
 
-    /// Each camera says how things stand, as at the start of a session.
+    /// Reports the state of each camera, as at the start of a session.
     fn stand(&mut self, camera: usize, t_s: f64) {
         let state = self.own[camera].watch(t_s).into();
         self.reported.extend(self.pairs.take(Event::StateChanged { camera, target: 0, t_s, state }));
     }
 
-    /// Frames of both cameras; `moved` is where each node (0, 1 the cameras, 2 the door) is in its old frame.
+    /// Processes frames of both cameras; `moved` is the pose of each node (0, 1 the cameras, 2 the door) in its old frame.
     fn watch(&mut self, frames: u32, moved: impl Fn(usize) -> Vector6) {
         for _ in 0..frames {
             self.frame += 1;
@@ -100,7 +100,7 @@ impl Hall {
         }
     }
 
-    /// The cameras that were ever said to have drifted, and what each is now.
+    /// Returns the cameras that were ever reported as drifted.
     fn alarms(&self) -> Vec<usize> {
         let drifted = |event: &Event| match event {
             Event::StateChanged { camera, state: State::Drifted(_), .. } => Some(*camera),
@@ -134,7 +134,7 @@ fn carried(node: usize) -> Vector6 {
     if node == 2 { knock() } else { Vector6::zeros() }
 }
 
-/// Not even at first, while it is not known which of them moved.
+/// No camera is reported even at first, while it is not known which node moved.
 #[test]
 fn a_door_that_is_carried_away_alarms_no_camera() {
     let mut hall = Hall::new(None);
@@ -167,7 +167,7 @@ fn who_moved_is_known_after_a_restart() {
     assert_eq!((again.alarms(), again.moved().len()), (vec![], 1));
 }
 
-/// The door is away, and landmarks say that a camera turned: that is no motion of the door.
+/// The door is removed, and landmarks show that a camera rotated: that is no motion of the door.
 #[test]
 fn landmarks_are_believed_while_the_door_is_away() {
     let mut hall = Hall::new(None);
@@ -179,7 +179,7 @@ fn landmarks_are_believed_while_the_door_is_away() {
     assert_eq!((hall.alarms(), hall.now(1)), (vec![0], &State::Steady));
 }
 
-/// A decision period is two frames of each of the two cameras; after the alarm it is asked at most once in one. One camera alone asks too.
+/// A decision period has two frames of each of the two cameras; after the alarm there is at most one attribution in each, also with one camera.
 #[test]
 fn what_moved_is_not_asked_for_every_frame() {
     let mut hall = Hall::new(None);
@@ -197,8 +197,8 @@ fn what_moved_is_not_asked_for_every_frame() {
     assert!((30..=51).contains(&hall.asked), "{}", hall.asked);
 }
 
-/// One camera before two targets, one of which was moved by 5 mm and 0.5°: four hours with a reference from fifty readings. What is reported
-/// is right, and it is reported once, not thousands of times; the reading noise that it rests on was measured with those fifty.
+/// One camera before two targets, one of which moved by 5 mm and 0.5°: four hours with a reference from fifty readings. The report is right, and
+/// there is one report, not thousands; its reading noise was estimated from those fifty.
 #[test]
 fn a_moved_target_is_reported_once() {
     for seed in 0..4 {
@@ -211,7 +211,7 @@ fn a_moved_target_is_reported_once() {
     }
 }
 
-/// Two explanations that are as good as each other take turns: no more corrections than the logarithm of the time.
+/// Two equally good explanations alternate: there are no more corrections than the logarithm of the time.
 #[test]
 fn a_correction_must_last_twice_as_long_as_the_one_before() {
     let answer = |node| Answer { moved: vec![node], alternatives: Vec::new(), is_explained: true };
@@ -226,7 +226,7 @@ fn a_correction_must_last_twice_as_long_as_the_one_before() {
     }
 }
 
-/// A camera before a door and a wall, a reading of both a second.
+/// A camera before a door and a wall, with one reading of each per second.
 struct Room {
     pairs: Pairs,
     own: Vec<Monitor>,
@@ -235,7 +235,8 @@ struct Room {
     reported: Vec<Event>,
 }
 
-/// σ of a tag of 100 mm a good metre away: rotations and translations across are hardly distinguished, which makes both seem badly known.
+/// Returns the covariance for a tag of 100 mm at a distance of about a metre: rotations and lateral translations are hardly distinguished, so
+/// that both are uncertain.
 fn of_a_tag() -> Matrix6 {
     let mut lower = Matrix6::from_diagonal(&(Vector6::new(6e-3, 6e-3, 2e-3, 3e-4, 3e-4, 8e-4)));
     (lower[(3, 1)], lower[(4, 0)]) = (7e-3, -7e-3);
@@ -311,7 +312,7 @@ impl Room {
         }
     }
 
-    /// What moved, and how many other sets might have.
+    /// Returns what moved, and the number of other sets that may have.
     fn answers(&self) -> Vec<(Vec<String>, usize)> {
         let answer = |event: &Event| match event {
             Event::Attributed { moved, alternatives, .. } => {

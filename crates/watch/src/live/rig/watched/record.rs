@@ -1,5 +1,5 @@
-//! What is written of a rig whose targets are hand-held: the change detector, or the frame sets learned from so far, and the frames that wait for
-//! those of other cameras. Poses of single frames are found again from their points.
+//! The record of a rig with hand-held targets: the change detector, or the frame sets learned from so far, and the frames that wait for those of
+//! other cameras. Poses of single frames are solved again from their points.
 
 use super::super::moments::{Shown, SynchronisedFrames, TargetPoints};
 use super::Cameras;
@@ -14,7 +14,7 @@ use resight_core::{Camera, Correspondence};
 use std::time::Instant;
 
 impl Cameras {
-    /// How things stand, after whole frames only: one that lacks a target's answer is looked at again.
+    /// Returns the state after complete frames only: an incomplete one is processed again.
     pub(super) fn record(&self) -> RigRecord {
         let heard = |camera: usize| HeardRecord {
             name: self.nodes.cameras[camera].clone(),
@@ -35,10 +35,10 @@ impl Cameras {
         }
     }
 
-    /// Goes on where another session stopped.
+    /// Continues from the state of another session.
     ///
     /// # Errors
-    /// Why the record is not one of this rig; nothing has changed then.
+    /// The reason why the record does not belong to this rig; nothing has changed then.
     pub(super) fn restore(&mut self, record: &RigRecord) -> Result<(), String> {
         if let Some(words) = changed(&record.settings, &self.nodes.settings) {
             return Err(words);
@@ -70,7 +70,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// Time passed between the sessions: states are reported as of now until a frame comes.
+    /// Accounts for the time between the sessions: states are reported for the present time until a frame arrives.
     fn resume(&mut self, camera: usize, heard: &HeardRecord) {
         self.seen_s[camera] = heard.seen_s;
         let Some((last_s, last_unix_s)) = heard.last else { return };
@@ -114,7 +114,7 @@ impl From<&Shown> for FrameRecord {
 }
 
 impl FrameRecord {
-    /// None where it is damaged: no such camera, or points that are seen nowhere.
+    /// Returns none where the record is damaged: an invalid camera, or points without a pixel.
     fn shown(&self, lenses: &[Camera]) -> Option<Shown> {
         let own = lenses.get(self.camera)?;
         Some(Shown { camera: self.camera, t_s: self.t_s, seen: all(&self.seen, |seen| seen.seen(own))? })

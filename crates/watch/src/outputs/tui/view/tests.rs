@@ -1,4 +1,4 @@
-//! Images of a session whose events are made up, beside golden ones. `RESIGHT_BLESS=1` writes those anew; read the difference.
+//! Images of a session with invented events, compared with golden ones. `RESIGHT_BLESS=1` writes the golden ones again; read the difference.
 
 use super::*;
 use crate::board::{Board, Instants};
@@ -42,7 +42,7 @@ fn reference() -> Reference {
     Reference { a_from_b: cam_from_target(), noise }
 }
 
-/// What a pose gives whose pixels err by up to 0.1 px.
+/// Returns the estimate of a pose whose pixels have errors of up to 0.1 px.
 fn estimate(pose: &Pose) -> PoseEstimate {
     let camera: Camera = resight::formats::read_camera(&shipped("left.toml")).expect("a camera").camera;
     let target: Target =
@@ -102,7 +102,7 @@ fn turned_right() -> State {
     }))
 }
 
-/// Starts a session of so many cameras; half past noon of some day, when it has run for an hour.
+/// A session of some cameras; it has run for an hour, at half past noon of some day.
 struct Made {
     board: Board,
     log: Log,
@@ -114,7 +114,7 @@ impl Made {
         let files: Vec<String> = cameras.iter().map(|name| format!("{name}=file")).collect();
         let names = Names::new(&files, &["tag=file".to_string()]);
         let (log, stop) = (Log::default(), Arc::new(AtomicBool::new(false)));
-        log.hold(); // A test says nothing on stderr.
+        log.hold(); // log.hold(); // A test prints nothing on stderr.
         let references = vec![Some(reference()); cameras.len()];
         let session = Session {
             names: &names,
@@ -137,7 +137,7 @@ impl Made {
     fn text(&self, width: u16, height: u16, view: &View) -> String {
         let mut view = view.clone();
         view.choose_among(self.board.pairs.len());
-        // The session's own lines have the time of the machine; here they are of the last event.
+        // The session's own lines have the time of the machine; here they get that of the last event.
         let mut lines = self.log.lines();
         lines.iter_mut().for_each(|line| line.unix_s = self.now.unix_s);
         let picture =
@@ -150,7 +150,7 @@ impl Made {
     }
 }
 
-/// Two cameras at 30 frames a second; after 200 frames the first is rotated by half a degree, the other is not seen any more.
+/// Two cameras at 30 frames a second; after 200 frames the first is rotated by half a degree, and the other has no observation any more.
 fn knocked() -> Made {
     let mut made = Made::new(&["gate", "yard"]);
     let reported = estimate(&cam_from_target());

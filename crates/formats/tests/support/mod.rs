@@ -1,13 +1,25 @@
-//! What the tests of rigs in foreign files share: goldens, poses along chains, and the comparison by pixels.
+//! What the tests of files share: examples, goldens, poses along chains, and the comparison by pixels.
 
 use resight_formats::core::{Pixel, Point, Pose};
 use resight_formats::{
-    CameraFile, Format, NamedCamera, OutFile, WriteError, read_cameras, read_rig, write_cameras,
+    CameraFile, Format, NamedCamera, OutFile, Placement, WriteError, read_cameras, read_rig, write_cameras,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+/// Returns the path of a file of testdata/formats.
 pub fn example(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats").join(name)
+}
+
+pub fn text(name: &str) -> String {
+    std::fs::read_to_string(example(name)).unwrap()
+}
+
+#[track_caller]
+pub fn read(name: &str, format: Format) -> CameraFile {
+    let file = read_cameras(&example(name)).unwrap_or_else(|reason| panic!("{reason}"));
+    assert_eq!(file.format, format, "{name}");
+    file
 }
 
 pub fn cameras(name: &str) -> Vec<NamedCamera> {
@@ -18,37 +30,49 @@ pub fn golden(folder: &str) -> PathBuf {
     example("golden/rigs").join(folder)
 }
 
+/// Files, those in folders below included, with their paths from here.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    entries.flat_map(|p| if p.is_dir() { files_below(&p) } else { vec![p] }).collect()
+}
+
 /// The folder holds exactly these files; set RESIGHT_BLESS to write them anew, then read the difference.
 #[track_caller]
 pub fn assert_golden(folder: &str, files: &[OutFile]) {
     let folder = golden(folder);
-    if std::env::var_os("RESIGHT_BLESS").is_some() {
-        std::fs::create_dir_all(&folder).unwrap();
-        for file in files {
-            std::fs::write(folder.join(&file.name), &file.text).unwrap();
-        }
-    }
     for file in files {
         let path = folder.join(&file.name);
+        if std::env::var_os("RESIGHT_BLESS").is_some() {
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, &file.text).unwrap();
+        }
         let expected = std::fs::read_to_string(&path).unwrap_or_default();
         assert_eq!(file.text, expected, "{}", path.display());
     }
-    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), files.len(), "{}", folder.display());
+    assert_eq!(files_below(&folder).len(), files.len(), "{}", folder.display());
 }
 
 pub fn read_back(folder: &str) -> CameraFile {
     read_rig(&[golden(folder)]).unwrap()
 }
 
-/// `b_from_a` along any chain of placements: written here anew, so that it does not share the library's mistakes.
+/// `b_from_a` along any chain of the cameras' placements.
+#[track_caller]
 pub fn between(cameras: &[NamedCamera], b: &str, a: &str) -> Pose {
+    chained(cameras.iter().filter_map(|c| c.placement.as_ref()), b, a)
+}
+
+/// `b_from_a` along any chain of placements: written here anew, so that it does not share the library's mistakes.
+#[track_caller]
+pub fn chained<'a>(placements: impl Iterator<Item = &'a Placement>, b: &str, a: &str) -> Pose {
+    let all: Vec<&Placement> = placements.collect();
     let mut known = vec![(a.to_owned(), Pose::identity())];
     loop {
         if let Some((_, pose)) = known.iter().find(|(frame, _)| frame == b) {
             return *pose;
         }
         let before = known.len();
-        for p in cameras.iter().filter_map(|c| c.placement.as_ref()) {
+        for p in &all {
             let of = |frame: &str| known.iter().find(|(f, _)| f == frame).map(|(_, pose)| *pose);
             match (of(&p.a), of(&p.b)) {
                 (Some(a_from), None) => known.push((p.b.clone(), p.b_from_a * a_from)),
