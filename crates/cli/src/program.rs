@@ -13,12 +13,15 @@ use clap::{ArgAction, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+/// Where a build knows it, with the commit and its date.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), env!("RESIGHT_BUILT_FROM"));
+
 /// Resight finds where cameras are, with the uncertainty of every answer.
 ///
 /// It takes known intrinsics and a few known points, and gives the camera's pose with its covariance and a status. Start with
 /// `resight demo`. `resight COMMAND -h` shows a command on one screen, `resight COMMAND --help` explains every flag.
 #[derive(Debug, Parser)]
-#[command(name = "resight", version, arg_required_else_help = true, max_term_width = 110)]
+#[command(name = "resight", version = VERSION, arg_required_else_help = true, max_term_width = 110)]
 #[command(disable_help_subcommand = true)] // `resight COMMAND --help` is one way; the list fits one screen.
 #[command(disable_version_flag = true)] // It is below, in the long help only, for the same reason.
 pub struct Arguments {
@@ -28,7 +31,7 @@ pub struct Arguments {
     /// No progress and no remarks on stderr; errors are still reported.
     #[arg(long, short, global = true)]
     pub quiet: bool,
-    /// Prints the version.
+    /// Prints the version, and for an optimised build its commit and date.
     #[arg(long, short = 'V', action = ArgAction::Version, hide_short_help = true)]
     pub version: Option<bool>,
 }
