@@ -70,6 +70,7 @@ mod priors;
 mod pure_rotation;
 mod repeated;
 mod rig_input;
+mod rig_lenses;
 mod rig_neighbours;
 mod rig_consensus;
 mod rig_pose;

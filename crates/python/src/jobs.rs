@@ -91,6 +91,7 @@ pub struct Solving {
     known_distances_m: Vec<Distance>,
     sync_tolerance_s: Option<f64>,
     joint_covariance: bool,
+    adjust_lenses: bool,
 }
 
 impl Solving {
@@ -103,6 +104,7 @@ impl Solving {
             known_distances: self.known_distances_m.into_iter().map(distance).collect(),
             sync_tolerance_s: self.sync_tolerance_s,
             joint_covariance: self.joint_covariance,
+            adjust_lenses: self.adjust_lenses,
             ..request
         }
     }

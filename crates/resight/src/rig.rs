@@ -7,6 +7,7 @@ pub mod gather;
 mod hand_eye;
 mod images;
 mod job;
+mod lenses;
 pub mod names;
 mod observed;
 pub mod pairs;
@@ -26,6 +27,7 @@ pub use detections::{DetectionRow, DetectionSource, Detections};
 pub use hand_eye::{HandEyeRequest, HandEyeViews, hand_eye};
 pub use images::{CameraImage, FrameTimes, ImageOptions};
 pub use job::{ObservedRig, rig_from_detections, rig_from_images};
+pub use lenses::LensChange;
 pub use observed::LeftOut;
 pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
 pub use request::{CameraDistance, RigRequest, not_among};
@@ -115,6 +117,8 @@ pub struct RigRun {
     pub rig: NamedRig,
     /// The solution.
     pub solution: RigSolution,
+    /// For each camera what became of its lens, where all were adjusted with the rig; empty where the files were taken as they are.
+    pub lenses: Vec<LensChange>,
     /// The files read.
     pub inputs: Vec<InputFile>,
     /// The exact command line, if the job was run from one.

@@ -228,4 +228,20 @@ for v, part in enumerate(parts):
     close(step - without, change)
 close(whole[:k, 0], -following * step)
 
+# (27)-(30): the same with rows of what is known of the parameters, against the whole system with them.
+nu, known, stated = mp.mpf("1.7"), matrix(5, 4), matrix(5, 1)
+rows, right = mp.zeros(jac.rows + 5, k + 4), mp.zeros(jac.rows + 5, 1)
+rows[: jac.rows, :], right[: jac.rows, :] = several, res
+rows[jac.rows :, k:], right[jac.rows :, :] = mp.sqrt(nu) * known, mp.sqrt(nu) * stated
+both = (rows.T * rows) ** -1
+reduced = left_more + nu * (known.T * known)
+close(reduced**-1 * (more.T * res + nu * (known.T * stated)), (both * (rows.T * right))[k:, 0])
+sigma_z = nu * reduced**-1
+close(sigma_z, nu * both[k:, k:])
+close(nu * (jac.T * jac) ** -1 + following * sigma_z * following.T, nu * both[:k, :k])
+close(-following * sigma_z, nu * both[:k, k:])
+# (31): z has variance 1 before, and is estimated from pixels with the information G; a moved z then has the variance I - sigma_z.
+sigma_z = (left_more + mp.eye(4)) ** -1
+close(sigma_z * (left_more * left_more + left_more) * sigma_z, mp.eye(4) - sigma_z)
+
 print("rig.md: all equations hold")

@@ -42,6 +42,12 @@ pub struct Rig {
     world: Option<String>,
     #[command(flatten)]
     solving: SolvingArgs,
+    /// Adjusts the lenses together with the rig.
+    ///
+    /// The covariance of a camera file (as `intrinsics` writes it) is what is known of its lens; a file without one gives initial values and the
+    /// lens model. The answer states how far each lens moved, and -o writes lenses and poses with their covariances.
+    #[arg(long, hide_short_help = true, help_heading = "Solving")]
+    adjust_lenses: bool,
     /// Adds the joint covariance of all cameras to the JSON.
     ///
     /// `compare` uses it. The file of -o always holds it.
@@ -151,6 +157,7 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     let request = RigRequest {
         world: args.world.clone(),
         joint_covariance: args.joint_covariance,
+        adjust_lenses: args.adjust_lenses,
         ..request(&args.observed, &args.solving)?
     };
     let observed = observed(&args.observed, &request)?;

@@ -376,6 +376,16 @@ impl Common {
         Common { shared: DVector::zeros(6 * graph.n_blocks), bodies }
     }
 
+    /// Returns the sum of several with weights.
+    pub fn weighted(parts: &[Common], weights: impl Iterator<Item = f64>, graph: &RigGraph) -> Self {
+        let mut sum = Common::new(graph);
+        for (part, weight) in parts.iter().zip(weights).filter(|(_, weight)| *weight != 0.0) {
+            sum.shared.axpy(weight, &part.shared, 1.0);
+            sum.bodies.iter_mut().zip(&part.bodies).for_each(|(sum, body)| *sum += body * weight);
+        }
+        sum
+    }
+
     /// Adds the contribution of one observation, `by_motion` = JᵀWj by the small motion of its cam_from_target about the target's pivot.
     pub fn add(&mut self, places: &RigPoses, graph: &RigGraph, link: &RigLink, by_motion: &Vector6) {
         let chain = places.chain(link, graph);

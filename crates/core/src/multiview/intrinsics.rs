@@ -32,6 +32,7 @@ pub use held_out::HeldOut;
 pub use judge::GOOD_COVERAGE;
 pub use model::{CHOICES, LensChoice, Models, model_names};
 pub use next_view::{Forecast, NextView, Placement};
+pub(in crate::multiview) use prior::rows as prior_rows;
 pub use projection::{
     Projection, ProjectionDifference, ProjectionSigma, ProjectionUncertainty, grid, projection_difference,
 };

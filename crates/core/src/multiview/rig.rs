@@ -22,12 +22,14 @@ mod verdict;
 mod budget;
 mod answer;
 mod exchanged;
+mod free_lenses;
 
 use crate::budget::Budget;
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose};
 use nalgebra::DMatrix;
 
+pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
 pub use verdict::{Cause, Losses, RigVerdict};
 pub use views::shared_views;
@@ -281,5 +283,5 @@ fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSoluti
     let located_views = sighted::poses_of_observations(&layout);
     let start = start::start(&layout, &located_views)?;
     let adjusted = adjust::adjust(&layout, &located_views, start, config)?;
-    answer::answer(&layout, &located_views, adjusted, config)
+    answer::answer(&layout, &located_views, adjusted, config, None)
 }

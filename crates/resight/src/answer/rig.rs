@@ -15,7 +15,7 @@ use crate::report::rig::{
 use crate::report::verdict::Verdict;
 use crate::report::words::{distance_sigma_m, sigmas, translation_sigma_m};
 use crate::rig::relative::{InWorld, UncertainPose, between};
-use crate::rig::{InputFile, LeftOut, RigRun};
+use crate::rig::{InputFile, LeftOut, LensChange, RigRun};
 use rejected::RejectedObject;
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
@@ -174,8 +174,36 @@ struct CameraObject {
     n_used: usize,
     n_rejected: usize,
     rms_px: f64,
+    /// Where the lenses were adjusted with the rig.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lens: Option<LensObject>,
     #[serde(skip_serializing_if = "Option::is_none")]
     world_from_cam: Option<UncertainObject>,
+}
+
+/// A lens that was adjusted with the rig.
+#[derive(Serialize, JsonSchema)]
+struct LensObject {
+    model: &'static str,
+    /// By the names of the model.
+    parameters: BTreeMap<&'static str, ParameterObject>,
+    /// Difference from the camera file over the image, apart from a rotation of the camera.
+    moved_rms_px: Option<f64>,
+    moved_largest_px: Option<f64>,
+    /// Standard deviation of the projection over the image, root mean square.
+    sigma_px: Option<f64>,
+    /// Squared distance from the stated intrinsics in units of what their covariance and the rig's allow; null where none was stated.
+    chi2_from_stated: Option<f64>,
+    degrees_of_freedom: Option<usize>,
+    /// Distance and angle of the camera from its pose with the camera files as they are.
+    moved_camera_m: Option<f64>,
+    moved_camera_rad: Option<f64>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct ParameterObject {
+    value: f64,
+    sigma: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -316,11 +344,34 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
             n_used: c.n_used,
             n_rejected: c.n_seen - c.n_used,
             rms_px: c.rms_px,
+            lens: solved.run.lenses.get(i).map(|change| lens(solved, i, change)),
             world_from_cam: solved.in_world.as_ref().map(|w| UncertainObject::of(&w.world_from_cam[i])),
         };
         (camera_name(solved, i), object)
     };
     solved.run.solution.cameras.iter().enumerate().map(object).collect()
+}
+
+fn lens(solved: &SolvedRig, camera: usize, change: &LensChange) -> LensObject {
+    let named = &solved.run.rig.cameras[camera];
+    let sigma = |i: usize| {
+        let variance = named.intrinsics_covariance.as_ref().map_or(0.0, |covariance| covariance[(i, i)]);
+        variance.max(0.0).sqrt()
+    };
+    let parameters = named.camera.parameters().into_iter().enumerate();
+    LensObject {
+        model: named.camera.model_name(),
+        parameters: parameters
+            .map(|(i, (name, value))| (name, ParameterObject { value, sigma: sigma(i) }))
+            .collect(),
+        moved_rms_px: change.moved.map(|moved| moved.rms_px),
+        moved_largest_px: change.moved.map(|moved| moved.largest_px),
+        sigma_px: change.sigma_px,
+        chi2_from_stated: change.from_stated.map(|(chi2, _)| chi2),
+        degrees_of_freedom: change.from_stated.map(|(_, n)| n),
+        moved_camera_m: change.moved_camera.map(|(m, _)| m),
+        moved_camera_rad: change.moved_camera.map(|(_, rad)| rad),
+    }
 }
 
 /// Returns every pair of cameras: those that share views, and those that are connected through others.

@@ -4,6 +4,7 @@ use super::detections::{self, Detections};
 use super::frame_sets::{FrameSets, name_views};
 use super::gather::{Gathered, gather};
 use super::images::{self, CameraImage, ImageOptions};
+use super::lenses;
 use super::observed::{Collected, LeftOut, observations};
 use super::relative::in_world;
 use super::request::RigRequest;
@@ -87,6 +88,7 @@ pub struct ObservedRig {
     inputs: Vec<InputFile>,
     command: Option<String>,
     joint_covariance: bool,
+    adjust_lenses: bool,
     /// Whether frames taken at the same time are matched by name, rather than by time.
     is_named: bool,
 }
@@ -138,6 +140,7 @@ impl ObservedRig {
             inputs,
             command: request.command.clone(),
             joint_covariance: request.joint_covariance,
+            adjust_lenses: request.adjust_lenses,
             is_named: request.sync_tolerance_s.is_none(),
         })
     }
@@ -160,7 +163,7 @@ impl ObservedRig {
     }
 
     fn solved(self) -> Result<SolvedRig, Unsolved> {
-        let Gathered { rig, taken_in, points, world_view } = self.gathered;
+        let Gathered { mut rig, taken_in, points, world_view } = self.gathered;
         let intrinsics: Vec<_> =
             rig.cameras.iter().map(|camera| camera.intrinsics_covariance.clone()).collect();
         // Poses between two cameras need the joint covariance.
@@ -174,16 +177,21 @@ impl ObservedRig {
             scale_sigma: scale_sigma(&rig.targets),
             ..RigConfig::default()
         };
-        let failed = |reason: MathError| Unsolved::new(Status::Error, in_names(&reason, &rig, &points));
-        let solution = solve_rig(&rig.problem(), &config).map_err(failed)?;
+        let failed =
+            |reason: MathError, rig: &NamedRig| Unsolved::new(Status::Error, in_names(&reason, rig, &points));
+        let (solution, lenses) = match self.adjust_lenses {
+            true => lenses::solve(&mut rig, &config),
+            false => solve_rig(&rig.problem(), &config).map(|solution| (solution, Vec::new())),
+        }
+        .map_err(|reason| failed(reason, &rig))?;
         let in_world = world_view
             .map(|view| in_world(&rig.problem(), &config, &solution, view))
             .transpose()
-            .map_err(failed)?;
+            .map_err(|reason| failed(reason, &rig))?;
         let world_target = rig.observations.iter().find(|s| Some(s.view) == world_view);
         let world_target = world_target.map(|s| rig.targets[s.target].name.clone());
         Ok(SolvedRig {
-            run: RigRun { rig, solution, inputs: self.inputs, command: self.command },
+            run: RigRun { rig, solution, lenses, inputs: self.inputs, command: self.command },
             taken_in,
             points,
             in_world,

@@ -27,6 +27,9 @@ pub struct RigRequest {
     pub known_distances: Vec<CameraDistance>,
     /// Frames within this time of each other, seconds, are one view, whatever their names; by default frames of the same name are one view.
     pub sync_tolerance_s: Option<f64>,
+    /// Whether the lenses are adjusted together with the rig. The covariance of a camera file is what is known of its lens; a file without one
+    /// gives initial values and the lens model.
+    pub adjust_lenses: bool,
     /// Whether the answer's JSON holds the covariance of all cameras together, which grows with the square of their number.
     pub joint_covariance: bool,
     /// Files from which the cameras and targets were read: the answer lists them with their digests.

@@ -5,8 +5,8 @@ use resight::answer::SolvedRig;
 use resight::core::multiview::rig::shared_views as shared;
 use resight::formats::cells;
 use resight::report::rig::{
-    rejection_sentence, rig_camera_sentence, rig_verdict, rig_verdict_sentence, scale_sentences,
-    weakest_link_sentence,
+    lens_sentences, rejection_sentence, rig_camera_sentence, rig_verdict, rig_verdict_sentence,
+    scale_sentences, weakest_link_sentence,
 };
 use resight::report::verdict::{Verdict, figures};
 use resight::report::words::{
@@ -68,6 +68,9 @@ pub fn describe(solved: &SolvedRig) -> String {
         if let Some(text) = text {
             line(&mut out, "budget", &format!("{} {text}", name(solved, i)));
         }
+    }
+    for sentence in lens_sentences(&solved.run) {
+        line(&mut out, "lens", &sentence);
     }
     contradicted(solved, &mut out);
     out.push('\n');

@@ -56,6 +56,18 @@ pub(super) fn known(camera: &Camera) -> Vec<Known> {
     all
 }
 
+/// Returns what is known of a camera of this model, size and approximate focal length as rows a and values b: b − aᵀθ has variance 1 for the
+/// parameters θ.
+pub(in crate::multiview) fn rows(camera: &Camera) -> Vec<(DVector<f64>, f64)> {
+    let n = camera.parameters().len();
+    let row = |known: Known| {
+        let mut a = DVector::zeros(n);
+        known.along.iter().for_each(|(i, by)| a[*i] += by / known.sigma);
+        (a, known.mean / known.sigma)
+    };
+    known(camera).into_iter().map(row).collect()
+}
+
 /// Adds what is known of `camera`, which may change along `directions`, to the equations of all views, whose noise has `noise` times the stated
 /// variances.
 pub(super) fn add(

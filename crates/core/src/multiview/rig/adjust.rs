@@ -17,6 +17,7 @@ use crate::{Camera, Correspondence, Error, Point, Pose};
 use std::borrow::Cow;
 
 /// The minimum, and the points that took part.
+#[derive(Clone)]
 pub(super) struct Adjusted {
     pub(super) places: RigPoses,
     pub(super) equations: RigEquations,

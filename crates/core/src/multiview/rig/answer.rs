@@ -3,6 +3,7 @@
 use super::adjust::Adjusted;
 use super::budget::Budgets;
 use super::classify::rms_px;
+use super::free_lenses::Free;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::{Shared, scores};
@@ -39,12 +40,14 @@ pub(super) fn answer(
     located_views: &LocatedViews,
     adjusted: Adjusted,
     config: &RigConfig,
+    free: Option<&Free>,
 ) -> Result<RigSolution, Error> {
     let undetermined = || Error::NotConverged { steps: adjusted.steps };
     let eliminated = adjusted.equations.eliminated(0.0).ok_or_else(undetermined)?;
     let tallies = tallies(&adjusted);
     let total = sum(tallies.iter());
-    let degrees_of_freedom = degrees_of_freedom(layout, &adjusted, &total, config);
+    let of_lenses = free.map_or(0, |free| free.n_determined);
+    let degrees_of_freedom = degrees_of_freedom(layout, &adjusted, &total, config).saturating_sub(of_lenses);
     let Noise { chi2, scale: noise_scale, measured } = noise(&adjusted, &total, degrees_of_freedom, config);
     let neighbours = Neighbours::new(layout, &adjusted);
     let measured = measured * neighbours.of_lenses;
@@ -60,7 +63,7 @@ pub(super) fn answer(
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
-    let uncertain = UncertainLenses::new(config.intrinsics, layout, &adjusted, &eliminated);
+    let uncertain = UncertainLenses::new(config.intrinsics, free, (layout, &adjusted, &eliminated));
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
         uncertain.add_to_body(covariance, body);

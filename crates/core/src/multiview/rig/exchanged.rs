@@ -43,7 +43,7 @@ pub(super) fn examined(
 }
 
 /// Returns the observation with the bearings of another lens; none where a pixel has no bearing there.
-fn seen_through(observation: &Observation, camera: &Camera) -> Option<Observation> {
+pub(super) fn seen_through(observation: &Observation, camera: &Camera) -> Option<Observation> {
     let through = |c: &Correspondence| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c });
     let seen = observation.seen.iter().map(through).collect::<Option<Vec<_>>>()?;
     Some(Observation { seen, ..observation.clone() })

@@ -4,15 +4,16 @@
 //! adds D C Dᵀ. The intrinsics are not adjusted: the minimum is that of the problem stated.
 
 use super::adjust::Adjusted;
+use super::free_lenses::Free;
 use super::layout::Layout;
 use crate::covariance::is_covariance;
 use crate::least_squares::rig::{Common, Eliminated};
 use crate::locate::common::check_intrinsics_covariance;
 use crate::locate::refine::whitening;
 use crate::{Camera, Error, Matrix6, Vector6};
-use nalgebra::{DMatrix, Matrix6xX};
+use nalgebra::{DMatrix, DVector, Matrix6xX};
 
-/// The uncertain intrinsics of one camera.
+/// Uncertain intrinsics of one camera, or of all that were adjusted together.
 struct Uncertain<'a> {
     covariance: &'a DMatrix<f64>,
     /// One entry for each parameter.
@@ -25,21 +26,28 @@ pub(super) struct UncertainLenses<'a> {
 }
 
 impl<'a> UncertainLenses<'a> {
-    /// `covariances` has one entry for each camera; with an empty list all are exact.
+    /// `covariances` has one entry for each camera; with an empty list all are exact. `free` ones have one covariance together instead.
     pub(super) fn new(
         covariances: &'a [Option<DMatrix<f64>>],
-        layout: &Layout,
-        adjusted: &Adjusted,
-        eliminated: &Eliminated,
+        free: Option<&'a Free>,
+        (layout, adjusted, eliminated): (&Layout, &Adjusted, &Eliminated),
     ) -> Self {
-        let uncertain = |(camera, covariance): (usize, &'a Option<DMatrix<f64>>)| {
-            let covariance = covariance.as_ref()?;
-            let common = by_parameters(camera, layout, adjusted);
-            let following =
-                common.iter().map(|c| adjusted.equations.following(eliminated, c, true)).collect();
-            Some(Uncertain { covariance, following })
+        let following = |camera: usize| {
+            let common = by_parameters(camera, layout, adjusted).common;
+            common.into_iter().map(|c| adjusted.equations.following(eliminated, &c, true))
         };
-        UncertainLenses { each: covariances.iter().enumerate().filter_map(uncertain).collect() }
+        let is_free = |camera: &usize| free.is_some_and(|free| free.cameras.contains(camera));
+        let uncertain = |(camera, covariance): (usize, &'a Option<DMatrix<f64>>)| {
+            let covariance = covariance.as_ref().filter(|_| !is_free(&camera))?;
+            Some(Uncertain { covariance, following: following(camera).collect() })
+        };
+        let together = |free: &'a Free| Uncertain {
+            covariance: &free.covariance,
+            following: free.cameras.iter().flat_map(|camera| following(*camera)).collect(),
+        };
+        let apart = covariances.iter().enumerate().filter_map(uncertain);
+        let free = free.filter(|free| !free.cameras.is_empty());
+        UncertainLenses { each: apart.chain(free.map(together)).collect() }
     }
 
     /// Adds the share to the covariance of the shared blocks.
@@ -63,12 +71,23 @@ impl<'a> UncertainLenses<'a> {
     }
 }
 
-/// Returns K of one camera, with one column for each parameter.
-fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Common> {
+/// The sums of one camera over its points that take part, P the derivatives of the pixels by its parameters.
+pub(super) struct ByParameters {
+    /// K = JᵀWP, one entry for each parameter.
+    pub(super) common: Vec<Common>,
+    /// PᵀWP.
+    pub(super) own: DMatrix<f64>,
+    /// PᵀWr, r the residuals.
+    pub(super) pull: DVector<f64>,
+}
+
+/// Sums over the points of one camera.
+pub(super) fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> ByParameters {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let lens = &layout.problem.cameras[camera];
     let n = lens.parameters().len();
-    let mut commons: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
+    let mut common: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
+    let (mut own, mut pull) = (DMatrix::zeros(n, n), DVector::zeros(n));
     for (i, link) in graph.links.iter().enumerate() {
         if link.camera != camera || !graph.is_active[link.body] {
             continue;
@@ -76,9 +95,9 @@ fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Com
         let place = places.of_link(link, graph);
         let pivot = &layout.pivot_in_target[link.target];
         let mut by_motion = vec![Vector6::zeros(); n];
-        for (c, _) in
-            layout.observations[i].seen.iter().zip(&adjusted.parts.is_used[i]).filter(|(_, used)| **used)
-        {
+        let points = layout.observations[i].seen.iter().zip(&adjusted.residuals[i].points);
+        let points = points.zip(&adjusted.parts.is_used[i]).filter(|(_, used)| **used);
+        for ((c, residual), _) in points {
             let arm = place.rotation * (c.x_in_target - pivot);
             let x_in_cam = arm + place.pivot_in_cam;
             let Some((_, jacobian)) = lens.project_with_jacobian(&x_in_cam) else { continue };
@@ -88,16 +107,20 @@ fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Vec<Com
             for (j, p) in [(ju * a + jv * b, [a, b]), (jv * d, [0.0, d])] {
                 let turn = arm.cross(&j);
                 let by = Vector6::new(turn.x, turn.y, turn.z, j.x, j.y, j.z);
-                for (sum, column) in by_motion.iter_mut().zip(&columns) {
-                    *sum += by * (p[0] * column.x + p[1] * column.y);
+                let row = DVector::from_fn(n, |k, _| p[0] * columns[k].x + p[1] * columns[k].y);
+                for (sum, value) in by_motion.iter_mut().zip(row.iter()) {
+                    *sum += by * *value;
                 }
+                let off = residual.as_ref().map_or(0.0, |(e, _)| p[0] * e.x + p[1] * e.y);
+                pull.axpy(off, &row, 1.0);
+                own.ger(1.0, &row, &row, 1.0);
             }
         }
-        for (common, by) in commons.iter_mut().zip(&by_motion) {
+        for (common, by) in common.iter_mut().zip(&by_motion) {
             common.add(places, graph, link, by);
         }
     }
-    commons
+    ByParameters { common, own, pull }
 }
 
 /// Refuses a matrix that is no covariance of a camera's intrinsics.

@@ -2,10 +2,11 @@
 
 use super::pieces::number;
 use crate::core::multiview::rig::{RejectedObservation, TargetScale};
+use crate::formats::NamedCamera;
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;
-use crate::rig::RigRun;
+use crate::rig::{LensChange, RigRun};
 
 /// A size that differs by more standard deviations than this is reported as wrong: by chance this happens once in 370 cases.
 const CLEARLY_SIGMAS: f64 = 3.0;
@@ -103,8 +104,32 @@ pub fn rejection_sentence(reason: &RejectedObservation) -> String {
     }
 }
 
+/// States what became of each lens that was adjusted with the rig.
+pub fn lens_sentences(run: &RigRun) -> Vec<String> {
+    let sentence = |(change, camera): (&LensChange, &NamedCamera)| {
+        let moved = change.moved.map(|moved| {
+            format!(
+                "differs from its file by {} px, at most {} px",
+                figures(moved.rms_px),
+                figures(moved.largest_px)
+            )
+        });
+        let known = change.sigma_px.map(|sigma| format!("is known to ± {} px", figures(sigma)));
+        let camera_moved = change.moved_camera.filter(|(m, rad)| 0.0 < m + rad).map(|(m, rad)| {
+            format!("which moves the camera by {} and {}", words::length(m), words::degrees(rad))
+        });
+        let said: Vec<String> = [moved, known, camera_moved].into_iter().flatten().collect();
+        match said.is_empty() {
+            true => format!("The lens of {} was adjusted with the rig.", camera.name),
+            false => format!("The lens of {} {}.", camera.name, said.join(", ")),
+        }
+    };
+    run.lenses.iter().zip(&run.rig.cameras).map(sentence).collect()
+}
+
 pub(super) fn section(run: &RigRun) -> String {
-    let sentences = weakest_link_sentence(run).into_iter().chain(scale_sentences(run));
+    let sentences =
+        weakest_link_sentence(run).into_iter().chain(scale_sentences(run)).chain(lens_sentences(run));
     sentences.map(|s| format!("<p>{}</p>\n", escaped(&s))).collect()
 }
 
