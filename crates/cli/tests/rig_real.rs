@@ -98,6 +98,60 @@ fn stereo_chessboard_has_the_published_baseline() {
     }
 }
 
+/// The same photographs with the lenses adjusted, from the published files and from no file at all: both are as published, and half of the pairs
+/// gives the focal length of all within its wider ±.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn lenses_are_adjusted_with_the_rig() {
+    let set = recorded("opencv_stereo_chessboard");
+    let folder = folder("rig_real_lenses");
+    let truth: Value = serde_json::from_slice(&std::fs::read(set.join("truth.json")).unwrap()).unwrap();
+    let board =
+        write(&folder, "board.toml", "kind = \"chessboard\"\nrows = 6\ncolumns = 9\nsquare_m = 0.025\n");
+    let images =
+        |side: &str, some: &str| format!("{side}={}", set.join(format!("{side}{some}.jpg")).display());
+    let seen = |some: &str| {
+        let images = ["left", "right"].map(|side| images(side, some));
+        [vec!["--adjust-lenses".into(), "--target".into(), board.clone(), "--images".into()], images.into()]
+            .concat()
+    };
+    let written = folder.join("rig.toml").display().to_string();
+    let from_files = solved(&[stereo_cameras(&folder, &truth), seen("*")].concat());
+    let from_nothing = solved(&[seen("*"), vec!["-o".into(), written.clone()]].concat());
+    for (name, answer) in [("files", &from_files), ("nothing", &from_nothing)] {
+        let (angle_deg, baseline_mm) =
+            stereo_error(&pose_of(&answer["cameras"]["right"]["cam_from_rig"]), &truth);
+        let lens = &answer["cameras"]["left"]["lens"];
+        let fx = &lens["parameters"]["fx_px"];
+        println!(
+            "{name}: rotation {angle_deg:.4}°, baseline {baseline_mm:+.4} mm, {fx}, {}",
+            lens["sigma_px"]
+        );
+        assert!(angle_deg < 0.2 && baseline_mm.abs() < 0.5, "{name}: {angle_deg}° {baseline_mm} mm");
+        assert!(lens["sigma_px"].as_f64().unwrap() < 0.5 && lens["chi2_from_stated"].is_null(), "{lens}");
+    }
+    assert!(from_files["cameras"]["left"]["lens"]["moved_rms_px"].as_f64().unwrap() < 1.0);
+    // What is written has the adjusted lenses with their covariance: other commands read it.
+    let text = std::fs::read_to_string(&written).unwrap();
+    assert!(text.contains("covariance"), "{text}");
+    let explained = resight(&["explain", &written]);
+    assert_eq!(explained.code, 0, "{}", explained.stderr);
+    // Without the flag the file is missing as before, and the message says how to do without.
+    let missing =
+        resight(&["rig", "--target", &board, "--images", &images("left", "*"), &images("right", "*")]);
+    assert!(missing.code == 2 && missing.stderr.contains("--adjust-lenses"), "{}", missing.stderr);
+    let halves = ["0[1-7]", "*"].map(|some| solved(&seen(some)));
+    let focal = |answer: &Value| {
+        let fx = &answer["cameras"]["left"]["lens"]["parameters"]["fx_px"];
+        [fx["value"].as_f64().unwrap(), fx["sigma"].as_f64().unwrap()]
+    };
+    let [[half, half_sigma], [whole, whole_sigma]] = halves.each_ref().map(focal);
+    assert!(
+        whole_sigma < half_sigma && (half - whole).abs() < 4.0 * half_sigma,
+        "{half} ± {half_sigma}, {whole} ± {whole_sigma}"
+    );
+}
+
 fn stereo_error(found: &Pose, truth: &Value) -> (f64, f64) {
     let stereo = &truth["reference_stereo_left_to_right"];
     let cell = |i: usize, j: usize| stereo["R"][i][j].as_f64().unwrap();

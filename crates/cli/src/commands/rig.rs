@@ -45,7 +45,7 @@ pub struct Rig {
     /// Adjusts the lenses together with the rig.
     ///
     /// The covariance of a camera file (as `intrinsics` writes it) is what is known of its lens; a file without one gives initial values and the
-    /// lens model. The answer states how far each lens moved, and -o writes lenses and poses with their covariances.
+    /// lens model, and the lens of a camera without a file is estimated from its own images first. The answer states how far each lens moved, and -o writes lenses and poses with their covariances.
     #[arg(long, hide_short_help = true, help_heading = "Solving")]
     adjust_lenses: bool,
     /// Adds the joint covariance of all cameras to the JSON.
@@ -170,9 +170,6 @@ pub fn run(args: &Rig) -> Result<Outcome> {
 
 /// What is asked, besides the observations.
 pub(super) fn request(args: &ObservationArgs, solving: &SolvingArgs) -> Result<RigRequest> {
-    if args.cameras.is_empty() {
-        bail!("--camera [NAME=]FILE is missing: the cameras' intrinsics are needed");
-    }
     let names = |list: &String| {
         let names = list.split(',').map(str::trim).filter(|name| !name.is_empty());
         names.map(str::to_string).collect()
@@ -204,6 +201,11 @@ fn known_distance(argument: &str) -> Result<CameraDistance> {
 
 /// Reads detections, or finds the targets in images, and says what is unusual about them.
 pub(super) fn observed(args: &ObservationArgs, request: &RigRequest) -> Result<ObservedRig> {
+    if request.cameras.is_empty() && (!request.adjust_lenses || args.images.is_empty()) {
+        bail!(
+            "--camera [NAME=]FILE is missing: the cameras' intrinsics are needed; with --images, `rig --adjust-lenses` finds them too"
+        );
+    }
     let observed = if !args.detections.is_empty() {
         args.detections.iter().try_for_each(|path| crate::files::must_exist(path))?;
         let detections = Detections { sigma_px: args.sigma_px, ..Detections::files(&args.detections) };
@@ -212,7 +214,11 @@ pub(super) fn observed(args: &ObservationArgs, request: &RigRequest) -> Result<O
         if request.targets.is_empty() {
             bail!("--images needs --target FILE: what is to be found in them");
         }
-        let names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let mut names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
+        if request.adjust_lenses {
+            let named = args.images.iter().filter_map(|argument| named::split(argument).0);
+            names.extend(named.map(str::to_string));
+        }
         let options = ImageOptions { times: times(args, &names)?, corner_window: args.corners.window() };
         let images = images(&args.images, &names)?;
         with_progress(|| ObservedRig::from_images(&images, &options, request))?
@@ -234,7 +240,10 @@ fn images(arguments: &[String], cameras: &[String]) -> Result<Vec<CameraImage>> 
     let mut images = Vec::new();
     for argument in arguments {
         let (Some(name), pattern) = named::split(argument) else {
-            bail!("--images {argument}: say which camera took them, e.g. --images {}={argument}", cameras[0]);
+            bail!(
+                "--images {argument}: say which camera took them, e.g. --images {}={argument}",
+                cameras.first().map_or("left", String::as_str)
+            );
         };
         if !cameras.iter().any(|known| known == name) {
             bail!("--images {argument}: {}", not_among(name, "camera", cameras));

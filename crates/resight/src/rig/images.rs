@@ -38,6 +38,11 @@ enum ImageSource {
 }
 
 impl CameraImage {
+    /// Returns the name of its camera.
+    pub fn camera(&self) -> &str {
+        &self.camera
+    }
+
     /// Takes the image or the video of a file. Images of the same name, without the extension, are one view.
     pub fn file(camera: impl Into<String>, path: impl Into<PathBuf>) -> Self {
         CameraImage { camera: camera.into(), frame: ImageSource::File { path: path.into(), pattern: None } }

@@ -103,6 +103,8 @@ impl ObservedRig {
         options: &ImageOptions,
         request: &RigRequest,
     ) -> Result<Self, Error> {
+        let estimated = lenses::estimated(images, options, request)?;
+        let request = estimated.as_ref().unwrap_or(request);
         let mut collected = Collected::new(request)?;
         images::collect(images, options, &mut collected)?;
         Self::of(collected, request)

@@ -1,10 +1,13 @@
 //! Lenses adjusted together with a rig: how far they moved, how well they are known now, and what that changed.
 
-use super::NamedRig;
+use super::images::{CameraImage, ImageOptions};
+use super::{NamedRig, RigRequest};
 use crate::core::multiview::intrinsics::{Projection, ProjectionDifference, projection_difference};
 use crate::core::multiview::rig::{AdjustedLens, RigConfig, RigSolution, solve_rig, solve_rig_and_lenses};
 use crate::core::{Camera, Error, Pixel};
+use crate::error::Error as JobError;
 use crate::formats::NamedCamera;
+use crate::intrinsics::{IntrinsicsRequest, IntrinsicsSource, intrinsics};
 
 /// Rows and columns of the places in an image at which a lens is compared.
 const GRID: (usize, usize) = (12, 9);
@@ -21,6 +24,45 @@ pub struct LensChange {
     pub from_stated: Option<(f64, usize)>,
     /// How far the camera lies from where it would with the camera files as they are: m, and rad; none where these give no rig.
     pub moved_camera: Option<(f64, f64)>,
+}
+
+/// Returns the request with the lenses of cameras without a file, estimated from their own images; none where every camera has one, or where
+/// lenses are not adjusted.
+pub(super) fn estimated(
+    images: &[CameraImage],
+    options: &ImageOptions,
+    request: &RigRequest,
+) -> Result<Option<RigRequest>, JobError> {
+    let is_known = |name: &str| request.cameras.iter().any(|camera| camera.name == name);
+    let own: Vec<CameraImage> = images.iter().filter(|image| !is_known(image.camera())).cloned().collect();
+    if !request.adjust_lenses || own.is_empty() {
+        return Ok(None);
+    }
+    let mut names: Vec<String> = own.iter().map(|image| image.camera().to_string()).collect();
+    names.sort();
+    names.dedup();
+    let source = IntrinsicsSource::Images { images: own, options: options.clone() };
+    let targets = request.targets.clone();
+    let answer =
+        intrinsics(&IntrinsicsRequest { targets, cameras: names, ..IntrinsicsRequest::new(source) })?;
+    let mut request = request.clone();
+    request.remarks.extend(answer.remarks);
+    for one in answer.cameras {
+        let Some(camera) = one.camera else {
+            return Err(JobError::request(format!(
+                "camera {} has no file, and its own images give no lens: {}; give its file: --camera {}=FILE",
+                one.name, one.message, one.name
+            )));
+        };
+        request.remarks.push(format!(
+            "camera {} has no file: its lens ({}) is estimated from its own images and then adjusted with the rig",
+            one.name,
+            camera.camera.model_name()
+        ));
+        // The same images are evidence once: what they say of the lens, they say in the rig.
+        request.cameras.push(NamedCamera { intrinsics_covariance: None, ..camera });
+    }
+    Ok(Some(request))
 }
 
 /// Solves for a rig and all of its lenses, and puts the lenses with their covariances into the rig.
