@@ -5,6 +5,7 @@ pub mod scene;
 use resight::answer::PoseAnswer;
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
+use resight::core::locate::warnings::PoseWarning;
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
     budget, coordinate, counted, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest,
@@ -142,12 +143,19 @@ fn fit(answer: &PoseAnswer, e: &PoseEstimate) -> String {
         resight::locate::method_name(e.method)
     );
     line(&mut out, "fit", &text);
-    if 0.0 < e.shared_error_px {
-        let text = format!(
-            "neighbouring points are displaced together by about {} {unit}, most of it taken up by the pose (a bent target, a lens not quite known); every ± holds that",
-            figures(e.shared_error_px)
-        );
-        line(&mut out, "shared", &text);
+    for doubt in e.warnings() {
+        match doubt {
+            PoseWarning::SharedError(px) => {
+                let text = format!(
+                    "neighbouring points are displaced together by about {} {unit}, most of it taken up by the pose (a bent target, a lens not quite known); every ± holds that",
+                    figures(px)
+                );
+                line(&mut out, "shared", &text);
+            }
+            // The verdict says these.
+            PoseWarning::Contradiction | PoseWarning::SecondSolution => {}
+            PoseWarning::NothingChecks | PoseWarning::Unrefined => {}
+        }
     }
     out
 }

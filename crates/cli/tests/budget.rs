@@ -10,7 +10,7 @@ fn square(value: &Value) -> Square {
 }
 
 /// The names of the parts, which add up to the covariance beside them; shares to one.
-fn parts(object: &Value) -> Vec<String> {
+pub fn parts(object: &Value) -> Vec<String> {
     let budget = object["budget"].as_array().expect("a budget");
     let (whole, mut sum) = (square(&object["covariance"]), [[0.0; 6]; 6]);
     for part in budget {
@@ -116,4 +116,101 @@ fn hand_eye_states_the_parts_of_both_poses() {
     }
     let text = line_of(&resight(&run).stdout);
     assert!(text.contains("lens "), "{text}");
+}
+
+/// The names of the parts of numbers, whose variances add up to those of `sigmas`; shares to one.
+fn parts_of_numbers(budget: &Value, sigmas: &[f64]) -> Vec<String> {
+    let budget = budget.as_array().expect("a budget");
+    for (i, whole) in sigmas.iter().enumerate() {
+        let sum: f64 = budget.iter().map(|part| part["sigma"][i].as_f64().expect("a number").powi(2)).sum();
+        assert!((sum - whole * whole).abs() <= 1e-9 * whole * whole, "{i}: {sum} {whole}");
+    }
+    let shares: f64 = budget.iter().map(|part| part["share"].as_f64().expect("a number")).sum();
+    assert!((shares - 1.0).abs() < 1e-9, "{shares}");
+    budget.iter().map(|part| part["part"].as_str().expect("a name").to_owned()).collect()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    let all = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
+    all.iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn measure_states_the_parts_of_every_answer() {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/measure/accident.toml");
+    let answers = json_lines(&resight(&["measure", scene, "--json"]));
+    let (network, queries) = answers.split_last().expect("answers");
+    for query in queries {
+        let unit = query["reliability"]["unit"].as_str().expect("a unit");
+        let sigmas = numbers(&query[format!("sigma_{unit}")]);
+        assert_eq!(query["budget"].as_array().expect("a list").len(), sigmas.len(), "{query}");
+        for (budget, sigma) in query["budget"].as_array().expect("a list").iter().zip(sigmas) {
+            let names = parts_of_numbers(budget, &[sigma]);
+            for name in ["pixels", "distances", "lens"] {
+                assert!(names.contains(&name.to_owned()), "{query}");
+            }
+        }
+    }
+    for photo in network["photos"].as_array().expect("photographs") {
+        assert!(parts(photo).contains(&"pixels".to_owned()), "{photo}");
+    }
+    for point in network["points"].as_array().expect("points") {
+        let of_axis = |i: usize| point["covariance_m2"][i][i].as_f64().expect("a number").sqrt();
+        if !point["budget"].as_array().expect("a list").is_empty() {
+            parts_of_numbers(&point["budget"], &[0, 1, 2].map(of_axis));
+        }
+    }
+    assert!(resight(&["measure", scene]).stdout.contains("budget"));
+}
+
+#[test]
+fn pose_graph_states_the_parts_of_every_camera() {
+    let file = folder("budget_pairs").join("pairs.csv");
+    crate::rig_known_poses::pairs_file(&file);
+    let answer =
+        json_lines(&resight(&["pose-graph", &file.display().to_string(), "--reference", "cam1", "--json"]))
+            .remove(0);
+    for (name, camera) in answer["cameras"].as_object().expect("cameras") {
+        match name == "cam1" {
+            true => assert_eq!(camera["budget"], serde_json::json!([])),
+            false => assert!(parts(camera).contains(&"camera_poses".to_owned()), "{camera}"),
+        }
+    }
+}
+
+#[test]
+fn lines_and_marked_lines_state_their_parts() {
+    let run = crate::solve_lines::edges("budget", &["--intrinsics-sigma", "fx_px=4,fy_px=4"]);
+    assert_eq!(parts(&json_lines(&run)[0]), ["pixels", "lens"]);
+    let road = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/marked_lines/road.csv");
+    let run = resight(&["solve", road, "--json", "--estimate-focal", "--image-size-px", "1280x720"]);
+    let names = parts(&json_lines(&run)[0]);
+    assert!(
+        ["pixels", "lens", "distances"].iter().all(|name| names.contains(&(*name).to_owned())),
+        "{names:?}"
+    );
+}
+
+#[test]
+fn intrinsics_state_the_parts_of_every_parameter() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/photo");
+    let images: Vec<String> = (1..=9)
+        .filter(|i| *i != 2)
+        .map(|i| format!("{root}/left0{i}.jpg"))
+        .filter(|f| std::path::Path::new(f).exists())
+        .collect();
+    let board = format!("{root}/board.toml");
+    let images: Vec<&str> = images.iter().map(String::as_str).collect();
+    let run = [&["intrinsics", "--target", &board], &images[..]].concat();
+    let answer = json_lines(&resight(&[&run[..], &["--json"]].concat())).remove(0);
+    let found = &answer["cameras"][0]["intrinsics"];
+    let sigmas: Vec<f64> = found["parameters"]
+        .as_array()
+        .expect("parameters")
+        .iter()
+        .map(|p| p["sigma"].as_f64().expect("a number"))
+        .collect();
+    let names = parts_of_numbers(&found["budget"], &sigmas);
+    assert!(names.contains(&"pixels".to_owned()) && names.contains(&"priors".to_owned()), "{names:?}");
+    assert!(resight(&run).stdout.contains("budget of that: "));
 }

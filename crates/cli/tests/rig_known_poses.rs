@@ -40,7 +40,7 @@ fn cameras() -> Vec<Pose> {
 }
 
 /// Every pair but 2–5 (which would be exact), with sigmas; pair 1–4 wrong by 3°.
-fn pairs_file(path: &Path) {
+pub fn pairs_file(path: &Path) {
     let cameras = cameras();
     let mut text = format!("a,b,{POSE},sigma_deg,sigma_mm\n");
     for (a, b) in (0..5).flat_map(|a| (a + 1..5).map(move |b| (a, b))) {

@@ -1,5 +1,6 @@
 //! `rig-pose` as a user runs it: a made-up rig of three cameras with wrong input of all kinds, and photographs of a real stereo pair.
 
+use crate::budget::parts;
 use crate::support::{Run, folder, json_lines, resight};
 use resight_core::camera::{CameraMatrix, Pinhole};
 use resight_core::{Camera, Lens, Point, Pose};
@@ -108,6 +109,7 @@ fn a_rig_is_located_within_its_error_bar() {
     let wide = answer(&run("uncertain", &uncertain, &rows(|_| false, 1.0, ALL), &[]));
     let exact: [f64; 3] = numbers(&wide["sigma_exact_intrinsics_m"]);
     assert!(2.0 * sigma < off(&wide).1, "{wide}");
+    assert_eq!(parts(&wide), ["pixels", "lens"]);
     // The pose is another one by less than its ±: the cameras weigh what their lenses allow.
     assert!((exact.iter().map(|s| s * s).sum::<f64>().sqrt() / sigma - 1.0).abs() < 0.02, "{wide}");
 }

@@ -20,6 +20,11 @@ fn solve(name: &str, rows: &str, extra: &[&str]) -> crate::support::Run {
     resight(&[&["solve", file.to_str().unwrap(), "--camera", &camera, "--json"], extra].concat())
 }
 
+/// The answer on the edges of the points.
+pub fn edges(name: &str, extra: &[&str]) -> crate::support::Run {
+    solve(name, &EDGES.concat(), extra)
+}
+
 /// The pose is that of the points, whether the two image points are the images of the two target points or lie elsewhere on the line.
 #[test]
 fn edges_give_the_pose_and_points_among_them_join() {

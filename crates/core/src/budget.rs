@@ -1,4 +1,4 @@
-//! The error budget of a pose: its covariance as a sum of parts, each from one source of error.
+//! The error budget of an answer: its covariance as a sum of parts, each from one source of error.
 //!
 //! An estimate is linear in the errors of what it is estimated from, so that the covariances of independent errors add up. Derivation:
 //! docs/math/budget.md.
@@ -6,17 +6,18 @@
 use crate::Matrix6;
 use crate::pose::symmetric;
 use arrayvec::ArrayVec;
-use nalgebra::SymmetricEigen;
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, DimDiff, DimSub, OMatrix, OVector, SymmetricEigen, U1};
 #[cfg(not(feature = "std"))]
 use num_traits::Float as _;
 
-/// A source of the errors of a pose.
+/// A source of the errors of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorSource {
     /// Noise of single pixels, as stated.
     Pixels,
-    /// Errors of the camera's poses, as their file states them.
+    /// Errors of poses of cameras and of relative poses of pairs, as their file states them or, where it does not, as the pairs show them.
     CameraPoses,
     /// What noise does beyond first order, where the likelihood is bent.
     Bend,
@@ -24,18 +25,24 @@ pub enum ErrorSource {
     SharedInView,
     /// Intrinsics, as uncertain as stated or as the views show.
     Lens,
-    /// The target's size and the positions of its points.
+    /// The choice of the lens model: others that fit about as well give another answer.
+    LensModel,
+    /// The target's size and shape and the positions of its points.
     Target,
+    /// Coordinates of control points, as uncertain as stated.
+    ControlPoints,
+    /// Measured lengths, as uncertain as stated.
+    Distances,
     /// The robot's poses.
     Robot,
-    /// What is stated about the pose besides the observations.
+    /// What is stated about the answer besides the observations.
     Priors,
     /// By how much observations disagree beyond the stated errors, or hide it because those beyond a threshold are left out.
     Residuals,
 }
 
 /// How many sources there are.
-const N_SOURCES: usize = 9;
+const N_SOURCES: usize = 12;
 
 impl ErrorSource {
     /// All sources, in the order in which a budget lists them.
@@ -45,7 +52,10 @@ impl ErrorSource {
         ErrorSource::Bend,
         ErrorSource::SharedInView,
         ErrorSource::Lens,
+        ErrorSource::LensModel,
         ErrorSource::Target,
+        ErrorSource::ControlPoints,
+        ErrorSource::Distances,
         ErrorSource::Robot,
         ErrorSource::Priors,
         ErrorSource::Residuals,
@@ -59,7 +69,10 @@ impl ErrorSource {
             ErrorSource::Bend => "bend",
             ErrorSource::SharedInView => "shared_in_view",
             ErrorSource::Lens => "lens",
+            ErrorSource::LensModel => "lens_model",
             ErrorSource::Target => "target",
+            ErrorSource::ControlPoints => "control_points",
+            ErrorSource::Distances => "distances",
             ErrorSource::Robot => "robot",
             ErrorSource::Priors => "priors",
             ErrorSource::Residuals => "residuals",
@@ -67,30 +80,78 @@ impl ErrorSource {
     }
 }
 
+/// Where a sentence that doubts an answer is in the answer's numbers. Every sentence of a job has one by an exhaustive match, and a test requires
+/// that the part is there, or that the status is not `ok`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accounted {
+    /// At least one of these sources has a part in the covariance.
+    Parts(&'static [ErrorSource]),
+    /// The status of the answer is not `ok`.
+    Status,
+    /// The sentence doubts nothing: it says what took no part, what nothing checks, or what would make the answer better.
+    Nothing,
+}
+
+/// Something that a job may say against its answer.
+pub trait Warning {
+    /// Returns where it is in the numbers.
+    fn accounted(&self) -> Accounted;
+}
+
+impl Accounted {
+    /// Returns whether an answer with this budget and status holds the doubt.
+    pub fn is_held<M>(&self, budget: &Budget<M>, is_ok: bool) -> bool {
+        match self {
+            Accounted::Parts(sources) => !is_ok || sources.iter().any(|source| budget.has(*source)),
+            Accounted::Status => !is_ok,
+            Accounted::Nothing => true,
+        }
+    }
+}
+
 /// The part of a covariance that has one source.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BudgetPart {
+pub struct BudgetPart<M = Matrix6> {
     /// The source.
     pub source: ErrorSource,
-    /// 6×6 covariance of the small motion whose whole covariance the budget states, positive semidefinite.
-    pub covariance: Matrix6,
+    /// What the source contributes to the covariance that the budget states, positive semidefinite; 6×6 of a small motion for a pose.
+    pub covariance: M,
 }
 
 /// The parts of a covariance, in the order of [`ErrorSource::ALL`]; sources that contribute nothing have none.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Budget {
-    parts: ArrayVec<BudgetPart, N_SOURCES>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Budget<M = Matrix6> {
+    parts: ArrayVec<BudgetPart<M>, N_SOURCES>,
 }
 
-/// Steps of the decomposition of six rows; it needs a dozen.
+/// Steps of the decomposition of a few rows; it needs two for each.
 const MAX_STEPS: usize = 200;
 
-impl Budget {
+impl<M> Default for Budget<M> {
+    fn default() -> Self {
+        Budget { parts: ArrayVec::new() }
+    }
+}
+
+impl<M> Budget<M> {
     /// The parts.
-    pub fn parts(&self) -> &[BudgetPart] {
+    pub fn parts(&self) -> &[BudgetPart<M>] {
         &self.parts
     }
 
+    /// Returns whether a source contributes anything.
+    pub fn has(&self, source: ErrorSource) -> bool {
+        self.parts.iter().any(|part| part.source == source)
+    }
+
+    /// The fraction that a part has of what `variance` returns, such as the sum over some axes.
+    pub fn share_of(&self, part: &BudgetPart<M>, variance: impl Fn(&M) -> f64) -> f64 {
+        let whole: f64 = self.parts.iter().map(|part| variance(&part.covariance)).sum();
+        if 0.0 < whole { variance(&part.covariance) / whole } else { 0.0 }
+    }
+}
+
+impl Budget {
     /// The whole covariance.
     pub fn covariance(&self) -> Matrix6 {
         self.parts.iter().map(|part| part.covariance).sum()
@@ -98,14 +159,17 @@ impl Budget {
 
     /// The fraction that a part has of the variance of the position, the sum over its three axes.
     pub fn position_share(&self, part: &BudgetPart) -> f64 {
-        let variance = |covariance: &Matrix6| (3..6).map(|i| covariance[(i, i)]).sum::<f64>();
-        let whole = variance(&self.covariance());
-        if 0.0 < whole { variance(&part.covariance) / whole } else { 0.0 }
+        self.share_of(part, |covariance| (3..6).map(|i| covariance[(i, i)]).sum())
     }
+}
 
+impl<D: Dim> Budget<OMatrix<f64, D, D>>
+where
+    DefaultAllocator: Allocator<D, D>,
+{
     /// Adds to the part of a source; nothing where the covariance is zero.
-    pub fn add(&mut self, source: ErrorSource, covariance: &Matrix6) {
-        if *covariance == Matrix6::zeros() {
+    pub fn add(&mut self, source: ErrorSource, covariance: &OMatrix<f64, D, D>) {
+        if covariance.iter().all(|x| *x == 0.0) {
             return;
         }
         match self.parts.iter_mut().find(|part| part.source == source) {
@@ -113,17 +177,22 @@ impl Budget {
             None => {
                 let place = |s: ErrorSource| ErrorSource::ALL.iter().position(|known| *known == s);
                 let at = self.parts.iter().take_while(|part| place(part.source) < place(source)).count();
-                self.parts.insert(at, BudgetPart { source, covariance: *covariance });
+                self.parts.insert(at, BudgetPart { source, covariance: covariance.clone() });
             }
         }
     }
 
-    /// The budget of another small motion, `by` times this one.
-    pub(crate) fn transformed(mut self, by: &Matrix6) -> Self {
-        for part in &mut self.parts {
-            part.covariance = symmetric(&(by * part.covariance * by.transpose()));
+    /// The budget of a linear function of these errors, `by` times them.
+    pub fn transformed<E: Dim>(&self, by: &OMatrix<f64, E, D>) -> Budget<OMatrix<f64, E, E>>
+    where
+        DefaultAllocator: Allocator<E, E> + Allocator<E, D> + Allocator<D, E>,
+    {
+        let mut parts = ArrayVec::new();
+        for BudgetPart { source, covariance } in &self.parts {
+            let moved = by * covariance * by.transpose();
+            parts.push(BudgetPart { source: *source, covariance: (&moved + moved.transpose()) * 0.5 });
         }
-        self
+        Budget { parts }
     }
 
     /// The budget with every variance multiplied.
@@ -132,46 +201,68 @@ impl Budget {
         self.parts.iter_mut().for_each(|part| part.covariance *= by);
         self
     }
+}
 
+impl<D: Dim + DimSub<U1>> Budget<OMatrix<f64, D, D>>
+where
+    DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
+{
     /// The budget with its parts changed, each by the same linear map and no more than necessary, so that they add up to `whole`:
-    /// docs/math/budget.md eq. (7). `None` where a covariance is singular.
-    pub(crate) fn adding_up_to(mut self, whole: &Matrix6) -> Option<Self> {
-        let mut roots: ArrayVec<Matrix6, N_SOURCES> = ArrayVec::new();
+    /// docs/math/budget.md eq. (7). `None` where a covariance is singular, coordinates without any variance apart.
+    pub(crate) fn adding_up_to(mut self, whole: &OMatrix<f64, D, D>) -> Option<Self> {
+        let mut roots: ArrayVec<OMatrix<f64, D, D>, N_SOURCES> = ArrayVec::new();
         for part in &self.parts {
             roots.push(root(&part.covariance)?);
         }
-        let sum: Matrix6 = roots.iter().map(|root| root * root.transpose()).sum();
-        let scale = Matrix6::from_diagonal(&sum.diagonal().map(|x| x.sqrt()));
-        let unscale = Matrix6::from_diagonal(&sum.diagonal().map(|x| 1.0 / x.sqrt()));
-        let factor = symmetric(&(unscale * sum * unscale)).cholesky()?.l();
-        let inverse = factor.try_inverse()?;
-        let whitened = symmetric(&(inverse * (unscale * whole * unscale) * inverse.transpose()));
+        let mut sum = whole * 0.0;
+        roots.iter().for_each(|root| sum += root * root.transpose());
+        let held = OMatrix::from_diagonal(&sum.diagonal().map(|x| if x == 0.0 { 1.0 } else { 0.0 }));
+        let (sum, whole) = (&sum + &held, whole + &held);
+        let scale = OMatrix::from_diagonal(&sum.diagonal().map(|x| x.sqrt()));
+        let unscale = OMatrix::from_diagonal(&sum.diagonal().map(|x| 1.0 / x.sqrt()));
+        let factor = evened(&(&unscale * sum * &unscale)).cholesky()?.l();
+        let inverse = factor.clone().try_inverse()?;
+        let whitened = evened(&(&inverse * (&unscale * whole * &unscale) * inverse.transpose()));
         let eigen = eigen(&whitened)?;
-        let middle = Matrix6::from_diagonal(&eigen.eigenvalues.map(|w| w.max(0.0).sqrt()));
-        let middle = eigen.eigenvectors * middle * eigen.eigenvectors.transpose();
+        let middle = OMatrix::from_diagonal(&eigen.eigenvalues.map(|w| w.max(0.0).sqrt()));
+        let middle = &eigen.eigenvectors * middle * eigen.eigenvectors.transpose();
         let map = scale * factor * middle * inverse * unscale;
         for (part, root) in self.parts.iter_mut().zip(&roots) {
-            let moved = map * root;
-            part.covariance = symmetric(&(moved * moved.transpose()));
+            let moved = &map * root;
+            part.covariance = evened(&(&moved * moved.transpose()));
         }
         Some(self)
     }
 }
 
-fn eigen(matrix: &Matrix6) -> Option<SymmetricEigen<f64, nalgebra::U6>> {
+/// The symmetric part of a matrix.
+fn evened<D: Dim>(matrix: &OMatrix<f64, D, D>) -> OMatrix<f64, D, D>
+where
+    DefaultAllocator: Allocator<D, D>,
+{
+    (matrix + matrix.transpose()) * 0.5
+}
+
+fn eigen<D: Dim + DimSub<U1>>(matrix: &OMatrix<f64, D, D>) -> Option<SymmetricEigen<f64, D>>
+where
+    DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
+{
     if !matrix.sum().is_finite() {
         return None;
     }
-    SymmetricEigen::try_new(*matrix, f64::EPSILON, MAX_STEPS)
+    SymmetricEigen::try_new(matrix.clone(), f64::EPSILON, MAX_STEPS)
 }
 
 /// B with B Bᵀ = a covariance, except for negative variances, which are rounding: each row is judged in its own unit.
-fn root(covariance: &Matrix6) -> Option<Matrix6> {
-    let sigma = covariance.diagonal().map(|x| if 0.0 < x { x.sqrt() } else { 1.0 });
-    let unscale = Matrix6::from_diagonal(&sigma.map(|x| 1.0 / x));
-    let eigen = eigen(&symmetric(&(unscale * covariance * unscale)))?;
-    let roots = Matrix6::from_diagonal(&eigen.eigenvalues.map(|w| w.max(0.0).sqrt()));
-    Some(Matrix6::from_diagonal(&sigma) * eigen.eigenvectors * roots)
+fn root<D: Dim + DimSub<U1>>(covariance: &OMatrix<f64, D, D>) -> Option<OMatrix<f64, D, D>>
+where
+    DefaultAllocator: Allocator<D, D> + Allocator<D> + Allocator<DimDiff<D, U1>>,
+{
+    let sigma: OVector<f64, D> = covariance.diagonal().map(|x| if 0.0 < x { x.sqrt() } else { 1.0 });
+    let unscale = OMatrix::from_diagonal(&sigma.map(|x| 1.0 / x));
+    let eigen = eigen(&evened(&(&unscale * covariance * &unscale)))?;
+    let roots = OMatrix::from_diagonal(&eigen.eigenvalues.map(|w| w.max(0.0).sqrt()));
+    Some(OMatrix::from_diagonal(&sigma) * eigen.eigenvectors * roots)
 }
 
 /// A direction in which a covariance exceeds another by less than this is one in which they are equal.

@@ -31,6 +31,7 @@ pub(crate) mod parts;
 pub(crate) mod uncertainty;
 pub(crate) mod answer;
 mod budget;
+pub mod warnings;
 pub mod observability;
 #[cfg(feature = "std")]
 pub mod unknown_focal;

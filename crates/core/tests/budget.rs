@@ -1,10 +1,10 @@
 //! Error budgets: the parts of a covariance add up to it, each is one itself, and errors of one source alone scatter the pose as its part says.
 
 use crate::common::{Rng, views};
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DefaultAllocator, Dim, Matrix3, OMatrix, Vector2, Vector3};
 use resight_core::budget::{Budget, ErrorSource};
 use resight_core::correspondence::Detection;
-use resight_core::covariance::is_covariance;
 use resight_core::locate::group::RigidGroup;
 use resight_core::locate::loss::Loss;
 use resight_core::locate::{Config, Method, PoseEstimate, locate};
@@ -125,19 +125,34 @@ pub fn part(budget: &Budget, source: ErrorSource) -> Matrix6 {
 }
 
 pub fn assert_adds_up(budget: &Budget, covariance: &Matrix6, what: &str) {
-    let sum = budget.covariance();
-    for i in 0..6 {
-        for j in 0..6 {
-            let scale = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-            let apart = (sum[(i, j)] - covariance[(i, j)]).abs() / scale;
-            assert!(apart < 1e-9, "{what}: {i} {j} {apart:e}");
-        }
-    }
-    for part in budget.parts() {
-        assert!(is_covariance(&part.covariance), "{what}: {:?} {}", part.source, part.covariance);
-    }
+    assert_parts(budget, covariance, what);
     let shares: f64 = budget.parts().iter().map(|part| budget.position_share(part)).sum();
     assert!((shares - 1.0).abs() < 1e-9, "{what}: {shares}");
+}
+
+/// The parts of a covariance of any size add up to it, and none has a negative variance, both in its standard deviations.
+pub fn assert_parts<D: Dim>(budget: &Budget<OMatrix<f64, D, D>>, covariance: &OMatrix<f64, D, D>, what: &str)
+where
+    DefaultAllocator: Allocator<D, D>,
+{
+    let n = covariance.nrows();
+    let unit: Vec<f64> =
+        (0..n).map(|i| covariance[(i, i)].sqrt()).map(|s| if s == 0.0 { 1.0 } else { s }).collect();
+    let whitened = |m: &OMatrix<f64, D, D>| DMatrix::from_fn(n, n, |i, j| m[(i, j)] / (unit[i] * unit[j]));
+    let mut sum = DMatrix::zeros(n, n);
+    for part in budget.parts() {
+        let whitened = whitened(&part.covariance);
+        assert!(
+            whitened.clone().symmetric_eigenvalues().min() > -1e-9,
+            "{what}: {:?} {whitened}",
+            part.source
+        );
+        assert!((&whitened - whitened.transpose()).amax() < 1e-12, "{what}: {:?}", part.source);
+        assert!(0.0 < whitened.trace(), "{what}: {:?}", part.source);
+        sum += whitened;
+    }
+    let apart = (sum - whitened(covariance)).amax();
+    assert!(apart < 1e-9, "{what}: {apart:e}");
 }
 
 /// Scatter of the pose with one source of errors switched on, in standard deviations of the whole covariance, beside that of the part.

@@ -7,9 +7,10 @@ use crate::common::sessions::{Robot, Session};
 use crate::common::{Rng, views};
 use nalgebra::{DMatrix, Vector2, Vector3};
 use resight_core::budget::ErrorSource;
+use resight_core::locate::loss::Loss;
 use resight_core::multiview::hand_eye::{HandEyeConfig, HandEyeView, Height, Mounting, solve_hand_eye};
-use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig};
-use resight_core::{Correspondence, Matrix6, Vector6};
+use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig, UncertainTag};
+use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.3;
 const SIGMA_POINT_M: f64 = 5e-4;
@@ -163,6 +164,52 @@ fn lens_errors_have_their_part() {
         assert_adds_up(&found.budgets[1], &found.cameras[1].covariance, "lens errors");
         assert_eq!(lens_errors, 0.0 < part(&found.budgets[1], ErrorSource::Lens).trace());
     }
+}
+
+/// Four points each are displaced together, in all views alike: the rig scatters as the part of the target says, and the parts add up.
+#[test]
+fn displaced_tags_scatter_a_rig_as_their_part() {
+    const N: usize = 100;
+    let room = rooms::pair_with(&mut Rng::new(3), rooms::board(4, 6, 0.08), 8, 0.02);
+    let (sigma_m, sigma_rad) = (1e-3, 2e-3);
+    let corners: Vec<[Point; 4]> =
+        room.points[0].chunks(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
+    let tags: Vec<UncertainTag> = corners
+        .iter()
+        .map(|corners| UncertainTag { target: 0, corners_in_target: *corners, sigma_m, sigma_rad })
+        .collect();
+    let loss = Loss::Squared;
+    let config = RigConfig { displaced_tags: &tags, loss, shared_errors: false, ..RigConfig::default() };
+    let exact = room.solve(&room.observations, &config).expect("a rig");
+    let (budget, whole) = (&exact.budgets[1], &exact.cameras[1].covariance);
+    assert_adds_up(budget, whole, "tags");
+    let mut rng = Rng::new(41);
+    let mut errors = Vec::new();
+    for _ in 0..N {
+        let motions: Vec<Pose> = tags
+            .iter()
+            .map(|_| {
+                let sigma = |i: usize| if i < 3 { sigma_rad } else { sigma_m };
+                Pose::exp(&Vector6::from_fn(|i, _| sigma(i) * rng.normal()))
+            })
+            .collect();
+        let mut observations = room.observations.clone();
+        for s in &mut observations {
+            let place = room.bodies.iter().find(|body| body.0 == s.view).expect("a body").2;
+            let lens = &room.cameras[s.camera];
+            for c in &mut s.seen {
+                let tag = corners.iter().position(|four| four.contains(&c.x_in_target)).expect("its tag");
+                let centre = corners[tag].iter().sum::<Point>() / 4.0;
+                let real = centre + motions[tag] * (c.x_in_target - centre);
+                let pixel =
+                    lens.project(&(room.cam_from_rig[s.camera] * place * real)).expect("in the field");
+                *c = Correspondence::new(lens, c.x_in_target, pixel, c.sigma_px).expect("in the field");
+            }
+        }
+        let found = room.solve(&observations, &config).expect("a rig");
+        errors.push((found.cameras[1].cam_from_rig * exact.cameras[1].cam_from_rig.inverse()).log());
+    }
+    assert_scatters(&errors, &part(budget, ErrorSource::Target), whole, "displaced tags");
 }
 
 /// Every view with the covariances of `stated`, its errors drawn from those of `drawn`.

@@ -3,8 +3,11 @@
 //!
 //! A board of 9 × 6 corners 30 mm apart, 0.3–1.2 m away, tilted up to 50°, 640 × 480, f = 800 px, 0.2 px, unless a test says otherwise.
 
+use crate::budget::assert_parts;
 use crate::common::Rng;
+use crate::warnings;
 use nalgebra::{Vector2, Vector3};
+use resight_core::budget::ErrorSource;
 use resight_core::camera::{BrownConrady, ImageSize, KannalaBrandt, Pinhole};
 use resight_core::multiview::intrinsics::*;
 use resight_core::{Bearing, Camera, CameraMatrix, Correspondence, Pixel, Point, Pose, Vector6};
@@ -83,9 +86,14 @@ fn views(rng: &mut Rng, camera: &Camera, n: usize) -> Vec<Vec<Correspondence>> {
     (0..n).map(|_| view_of(rng, camera, &board(), [0.1, 0.85], SIGMA_PX)).collect()
 }
 
+/// Every answer's parts add up to its covariance.
 fn solved(views: &[Vec<Correspondence>], config: &IntrinsicsConfig) -> SolvedIntrinsics {
     match solve_intrinsics(views, SIZE, config).expect("good numbers") {
-        IntrinsicsOutcome::Solved(solved) => *solved,
+        IntrinsicsOutcome::Solved(solved) => {
+            assert_parts(&solved.budget, &solved.covariance, "intrinsics");
+            warnings::assert_intrinsics(&solved, "intrinsics");
+            *solved
+        }
         IntrinsicsOutcome::Refused(refusal) => panic!("{refusal:?}"),
     }
 }
@@ -359,6 +367,7 @@ fn a_measured_print_is_stretched_within_its_rulers() {
     assert!((0.4..2.13).contains(&(sum / N as f64)), "{}", sum / N as f64);
     assert!(N / 3 <= wrong, "taken as exact, {wrong} of {N} are noticed");
     let found = solved(&printed(0.02), &measured);
+    assert!(found.budget.has(ErrorSource::Target) && found.budget.has(ErrorSource::Pixels));
     assert!(found.findings.iter().any(|f| matches!(f, Finding::Stretched { taken_in: true, .. })));
     assert!(off(&found).abs() < 4.0, "{}", off(&found));
 }
@@ -498,4 +507,60 @@ fn numbers_that_are_none_are_errors() {
     assert!(
         solve_intrinsics(&views(&mut rng, &pinhole(), 4), nothing, &IntrinsicsConfig::default()).is_err()
     );
+}
+
+/// A lens between two families: the one that is not chosen explains the corners about as well, and what it would do to the projection is in the
+/// covariance. Where one family alone fits, it is not.
+#[test]
+fn a_model_that_fits_as_well_is_in_the_covariance() {
+    let mut rng = Rng::new(82);
+    let mut shares = Vec::new();
+    for coefficients in [[0.001, 0.0, 0.0, 0.0], [-0.25, 0.12, 1e-3, -7e-4]] {
+        let camera = brown(&coefficients);
+        let found = solved(&views(&mut rng, &camera, 12), &IntrinsicsConfig::default());
+        let part = found.budget.parts().iter().find(|part| part.source == ErrorSource::LensModel);
+        let share = part.map_or(0.0, |part| part.covariance[(0, 0)] / found.covariance[(0, 0)]);
+        report(&format!("{coefficients:?}: the model's share {share:.3}"), &found);
+        shares.push(share);
+    }
+    assert!(0.0 < shares[0], "{shares:?}");
+}
+
+/// Every finding that an answer can have is in its numbers; `solved` requires it of each.
+#[test]
+fn what_is_said_against_intrinsics_is_in_their_numbers() {
+    let (mut rng, camera) = (Rng::new(83), distorted());
+    let mut seen = Vec::new();
+    let mut take = |views: &[Vec<Correspondence>], config: &IntrinsicsConfig| {
+        let found = solved(views, config);
+        report("doubts", &found);
+        seen.extend(found.findings.iter().filter_map(warnings::of_finding));
+    };
+    let config = IntrinsicsConfig::default();
+    let mut of_print = |stretch: f64, bend_m: f64, n: usize| -> Vec<Vec<Correspondence>> {
+        let bent = |x: &Point| bend_m * (1.0 - (x.x / 0.12 - 1.0).powi(2));
+        let real: Vec<Point> =
+            board().iter().map(|x| Point::new(x.x, (1.0 + stretch) * x.y, bent(x))).collect();
+        let mut seen: Vec<_> =
+            (0..n).map(|_| view_of(&mut rng, &camera, &real, [0.1, 0.85], SIGMA_PX)).collect();
+        for c in seen.iter_mut().flatten() {
+            c.x_in_target = Point::new(c.x_in_target.x, c.x_in_target.y / (1.0 + stretch), 0.0);
+        }
+        seen
+    };
+    take(&of_print(0.02, 0.0, 12), &config);
+    take(&of_print(0.0, 0.002, 12), &config);
+    take(&of_print(0.0, 0.002, 12), &IntrinsicsConfig { several_targets: true, ..config });
+    let mut noisy = of_print(0.0, 0.0, 10);
+    noisy.iter_mut().flatten().for_each(|c| c.sigma_px = SIGMA_PX / 8.0);
+    take(&noisy, &config);
+    let mut few = of_print(0.0, 0.0, 3);
+    few.push(few[0].clone());
+    take(&few, &config);
+    seen.sort_unstable();
+    seen.dedup();
+    println!("{seen:?}");
+    for kind in [2, 3, 6, 7, 8, 9] {
+        assert!(seen.contains(&kind), "no scenario gives kind {kind}: {seen:?}");
+    }
 }

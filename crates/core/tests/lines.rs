@@ -1,5 +1,6 @@
 //! Lines: vanishing points, the rotations and the poses they allow; exact from exact data, as good as the Cramér–Rao bound with noise.
 
+use crate::budget::assert_adds_up;
 use crate::common::{Rng, views};
 use nalgebra::{Matrix3, Unit, Vector2, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
@@ -365,6 +366,10 @@ fn efficient_and_consistent(name: &str, seed: u64, scene: Scene) {
             e.fixed_rows::<3>(3).norm_squared() / bound.fixed_view::<3, 3>(3, 3).trace();
         let squared = e.dot(&(covariance.try_inverse().expect("positive definite") * e));
         nees += squared / 6.0;
+        if taken % 20 == 0 {
+            let budget = found.budget(&lines, &Problem::new(&points, &views::camera())).expect("its parts");
+            assert_adds_up(&budget, &found.covariance, name);
+        }
         covered += usize::from(squared < 12.592); // χ²₆ at 95 %
         chi2 += found.chi2 / found.degrees_of_freedom.max(1) as f64;
         taken += 1;

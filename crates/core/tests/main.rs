@@ -24,6 +24,7 @@ mod camera_golden;
 mod camera_models;
 mod compare;
 mod crates;
+mod warnings;
 mod entry_points;
 mod entry_points_jobs;
 mod exact_four;

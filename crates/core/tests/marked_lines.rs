@@ -2,8 +2,10 @@
 //!
 //! A road seen from 6 m above it, 1280 × 720 px, f = 900 px, 0.5 px of noise, through lenses as far from an ideal one as is stated.
 
+use crate::budget::assert_parts;
 use crate::common::Rng;
 use nalgebra::{Matrix3, Vector2};
+use resight_core::budget::ErrorSource;
 use resight_core::camera::{BrownConrady, ImageSize};
 use resight_core::locate::unknown_focal::LensPrior;
 use resight_core::locate::unknown_focal::marked_lines::*;
@@ -160,6 +162,9 @@ fn errors_are_as_large_as_stated() {
             let Ok(found) = scene_view(&lines, lens) else { continue };
             answered += 1;
             wrong += usize::from(found.is_inconsistent);
+            assert_parts(&found.budget, &found.covariance, "marked lines");
+            assert!(found.budget.has(ErrorSource::Pixels) && found.budget.has(ErrorSource::Distances));
+            assert_eq!(found.budget.has(ErrorSource::Lens), !known);
             let f = found.focal_px.unwrap_or(Estimate { value: F_PX, sigma: 1.0 });
             let all =
                 [f, found.tilt_rad, found.roll_rad, found.heading_rad, found.height_m.expect("a height")];
@@ -206,6 +211,7 @@ fn uncertain_intrinsics_widen_the_answer() {
         let lines = marked(&mut rng, &camera, &pose, &road(), SIGMA_PX);
         for (sum, covariance) in squares.iter_mut().zip([Some(covariance.as_slice()), None]) {
             let found = scene_view(&lines, LineCamera::Known(&stated, covariance)).expect("an answer");
+            assert_eq!(found.budget.has(ErrorSource::Lens), covariance.is_some());
             *sum += ((found.tilt_rad.value - ANGLES_DEG[0].to_radians()) / found.tilt_rad.sigma).powi(2);
         }
     }

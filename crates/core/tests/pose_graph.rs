@@ -1,7 +1,10 @@
 //! Pose graphs: chains, joint answers, statistics, wrong pairs, what is refused.
 
+use crate::budget::{assert_adds_up, part};
 use crate::common::Rng;
+use crate::warnings;
 use nalgebra::{DMatrix, Matrix6, Vector6};
+use resight_core::budget::ErrorSource;
 use resight_core::multiview::pose_graph::{
     PairNoise, PairSigma, PoseGraph, PoseGraphConfig, PoseGraphSolution, RelativePose, chain, groups,
     solve_pose_graph,
@@ -53,10 +56,12 @@ fn measured(rng: &mut Rng, cameras: &[Pose], stated: &[(usize, usize, Matrix6<f6
 }
 
 fn solve(n_cameras: usize, pairs: &[RelativePose]) -> Result<PoseGraphSolution, Error> {
-    solve_pose_graph(
+    let found = solve_pose_graph(
         &PoseGraph { n_cameras, pairs },
         &PoseGraphConfig { reference_camera: 0, median_sigma: None },
-    )
+    )?;
+    warnings::assert_graph(&found, "a graph");
+    Ok(found)
 }
 
 fn error(cameras: &[Pose], found: &PoseGraphSolution, i: usize) -> Vector6<f64> {
@@ -258,7 +263,8 @@ fn a_bridge_is_said_to_be_unchecked() {
     assert_eq!(found.degrees_of_freedom, 12);
 }
 
-/// Three pairs of a triangle that hangs on the rest by one camera: a misclosure is named, and all three are suspects.
+/// Three pairs of a triangle that hangs on the rest by one camera: a misclosure is named, all three are suspects, and the covariances of its
+/// cameras hold that any of them may be wrong.
 #[test]
 fn suspects_that_nobody_can_tell_apart_are_named_together() {
     let mut rng = Rng::new(210);
@@ -275,6 +281,36 @@ fn suspects_that_nobody_can_tell_apart_are_named_together() {
         let named: Vec<usize> = (0..pairs.len()).filter(|i| found.pairs[*i].is_suspicious).collect();
         assert_eq!(named, [first, first + 1, first + 2]);
         assert!(found.pairs.iter().all(|pair| pair.is_used));
+        for i in 5..7 {
+            let (budget, whole) = (&found.budgets[i], &found.cameras[i].covariance);
+            assert_adds_up(budget, whole, "suspects");
+            let doubt = part(budget, ErrorSource::Residuals).trace() / whole.trace();
+            assert!(0.9 < doubt, "{i}: {doubt}");
+            assert!(squared(&error(&cameras, &found, i), whole) < 30.0, "{i}");
+        }
+    }
+}
+
+/// Pairs, and residuals beyond their stated sigmas, add up to each camera's covariance.
+#[test]
+fn the_parts_of_a_pose_graph_add_up() {
+    let mut rng = Rng::new(211);
+    let cameras = room(&mut rng, 6);
+    let stated: Vec<_> =
+        joined(&mut rng, 6, 0.6).iter().map(|(a, b)| (*a, *b, covariance(&mut rng))).collect();
+    for times in [1.0, 16.0] {
+        let truth: Vec<_> = stated.iter().map(|(a, b, c)| (*a, *b, c * times)).collect();
+        let mut pairs = measured(&mut rng, &cameras, &truth);
+        for (pair, (.., stated)) in pairs.iter_mut().zip(&stated) {
+            pair.noise = PairNoise::Covariance(*stated);
+        }
+        let found = solve(6, &pairs).unwrap();
+        for (budget, camera) in found.budgets.iter().zip(&found.cameras).skip(1) {
+            assert_adds_up(budget, &camera.covariance, "pairs");
+            assert_eq!(budget.has(ErrorSource::Residuals), 1.0 < found.noise_scale);
+        }
+        assert_eq!(1.0 < times, 1.0 < found.noise_scale, "{}", found.noise_scale);
+        assert!(found.budgets[0].parts().is_empty());
     }
 }
 
@@ -371,4 +407,28 @@ fn what_cannot_be_is_refused_by_name() {
     let config = PoseGraphConfig { reference_camera: 7, median_sigma: None };
     let graph = PoseGraph { n_cameras: 3, pairs: &pairs[..3] };
     assert!(matches!(solve_pose_graph(&graph, &config), Err(Error::InvalidSetting { .. })));
+}
+
+/// Pairs noisier than stated, one wrong pair that the others contradict, one of a loop that nothing tells apart: each is in the numbers.
+#[test]
+fn what_is_said_against_a_graph_is_in_its_numbers() {
+    let (mut rng, mut seen) = (Rng::new(212), Vec::new());
+    let cameras = room(&mut rng, 8);
+    let mut ring: Vec<_> = joined(&mut rng, 6, 1.0);
+    ring.extend([(0, 6), (6, 7), (0, 7)]);
+    let stated: Vec<_> = ring.iter().map(|(a, b)| (*a, *b, covariance(&mut rng))).collect();
+    for (times, wrong) in [(36.0, None), (1.0, Some(2)), (1.0, Some(ring.len() - 1))] {
+        let truth: Vec<_> = stated.iter().map(|(a, b, c)| (*a, *b, c * times)).collect();
+        let mut pairs = measured(&mut rng, &cameras, &truth);
+        pairs.iter_mut().zip(&stated).for_each(|(pair, (.., c))| pair.noise = PairNoise::Covariance(*c));
+        if let Some(wrong) = wrong {
+            let motion = Pose::exp(&Vector6::new(0.05, 0.0, 0.0, 0.0, 0.05, 0.0));
+            pairs[wrong].b_from_a = motion * pairs[wrong].b_from_a;
+        }
+        seen.extend(solve(8, &pairs).unwrap().warnings().iter().map(warnings::of_graph));
+    }
+    println!("{seen:?}");
+    for kind in 0..3 {
+        assert!(seen.contains(&kind), "no scenario gives kind {kind}: {seen:?}");
+    }
 }

@@ -3,12 +3,14 @@
 //! and what cannot be answered is refused by name. Rigs of two to four cameras, each point seen by one of them; 0.5 px
 //! (`common::rigs`).
 
+use crate::budget::{assert_adds_up, part};
 use crate::common::rigs::{FAMILIES, Family, Made, SIGMA_PX, chi2, head, solve, vehicle, views_of};
 use crate::common::{Rng, views};
 use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
+use resight_core::budget::ErrorSource;
 use resight_core::locate::choose::Ambiguity;
 use resight_core::locate::{Config, locate};
-use resight_core::multiview::rig_pose::{RigAmbiguity, RigConsistency, locate_rig};
+use resight_core::multiview::rig_pose::{RigAmbiguity, RigConsistency, locate_rig, rig_consensus};
 use resight_core::{Correspondence, Error, Point, Pose};
 
 /// Also with three points in three cameras, where up to eight poses fit exactly: then one of the two returned need not be
@@ -444,5 +446,82 @@ fn a_point_seen_by_all_cameras_is_fine() {
         }
         let e = solve(&scene.cameras).expect("a pose");
         assert!(scene.error(&e.rig_from_target).norm() < 1e-9);
+    }
+}
+
+/// Pixels, uncertain points, places of the cameras and lenses have their parts, which add up, in rigs, in one camera and after a consensus.
+#[test]
+fn the_parts_of_a_rig_pose_add_up() {
+    let (mut rng, camera) = (Rng::new(900), views::camera());
+    let mut lens = vec![0.0; 16];
+    (lens[0], lens[5], lens[10], lens[15]) = (9.0, 9.0, 4.0, 4.0);
+    for trial in 0..60 {
+        let (n_cameras, n_points) = [(1, 8), (2, 4), (3, 9), (4, 20)][trial % 4];
+        let family = FAMILIES[trial % FAMILIES.len()].1;
+        let mut cameras = family(&mut rng, n_cameras, n_points).disturbed(&mut rng);
+        cameras.iter_mut().flat_map(|made| &mut made.seen).for_each(|c| c.sigma_m = 2e-3);
+        if trial % 5 == 0 {
+            // Noise beyond what is stated.
+            cameras.iter_mut().flat_map(|made| &mut made.seen).for_each(|c| c.sigma_px /= 20.0);
+        }
+        let mut rig = views_of(&cameras, &camera, Some(position_covariance()));
+        rig.iter_mut().for_each(|view| view.intrinsics_covariance = Some(&lens));
+        let Ok(found) = locate_rig(&rig) else { continue };
+        let budget = found.budget(&rig).expect("its parts");
+        assert_adds_up(&budget, &found.covariance, &format!("{n_cameras} cameras, {n_points} points"));
+        for source in [ErrorSource::Pixels, ErrorSource::Target, ErrorSource::Lens, ErrorSource::CameraPoses]
+        {
+            assert!(0.0 < part(&budget, source).trace(), "{source:?}");
+        }
+        if 9 <= n_points
+            && let Ok(consensus) = rig_consensus(&rig, 5.0)
+        {
+            let mut kept: Vec<Vec<Correspondence>> = vec![Vec::new(); n_cameras];
+            consensus.inliers.iter().for_each(|(view, at)| kept[*view].push(rig[*view].seen[*at]));
+            let agreeing: Vec<_> = rig
+                .iter()
+                .zip(&kept)
+                .map(|(view, seen)| resight_core::multiview::rig_pose::RigView { seen, ..*view })
+                .collect();
+            let budget = consensus.estimate.budget(&agreeing).expect("its parts");
+            assert_adds_up(&budget, &consensus.estimate.covariance, "consensus");
+        }
+    }
+}
+
+/// Errors of one source alone scatter the pose as its part says.
+#[test]
+fn each_source_of_a_rig_pose_scatters_as_its_part() {
+    const N: usize = 1500;
+    let (mut rng, camera) = (Rng::new(901), views::camera());
+    let scene = vehicle(&mut rng, 3, 18);
+    let mut lens = vec![0.0; 16];
+    (lens[0], lens[5], lens[10], lens[15]) = (9.0, 9.0, 4.0, 4.0);
+    let with = |cameras: &[Made], camera: &resight_core::Camera| {
+        let mut rig = views_of(cameras, camera, Some(position_covariance()));
+        rig.iter_mut().for_each(|view| view.intrinsics_covariance = Some(&lens));
+        let found = locate_rig(&rig).expect("a pose");
+        let budget = found.budget(&rig).expect("its parts");
+        (found, budget)
+    };
+    let (exact, budget) = with(&scene.cameras, &camera);
+    let whitening = exact.covariance.cholesky().expect("positive").l().try_inverse().expect("regular");
+    for source in [ErrorSource::Pixels, ErrorSource::CameraPoses] {
+        let (mut scatter, expected) =
+            (0.0, (whitening * part(&budget, source) * whitening.transpose()).trace());
+        for _ in 0..N {
+            let mut cameras = scene.cameras.clone();
+            match source {
+                ErrorSource::Pixels => cameras = scene.disturbed(&mut rng),
+                _ => cameras.iter_mut().for_each(|made| {
+                    let motion = Vector6::from_fn(|_, _| 3e-3 * rng.normal());
+                    made.cam_from_rig = Pose::exp(&motion) * made.cam_from_rig;
+                }),
+            }
+            let error = whitening * scene.error(&with(&cameras, &camera).0.rig_from_target);
+            scatter += error.norm_squared() / N as f64;
+        }
+        println!("{source:?}: {:.3} of its part, share {:.3}", scatter / expected, expected / 6.0);
+        assert!((scatter / expected - 1.0).abs() < 0.1, "{source:?}: {scatter} {expected}");
     }
 }

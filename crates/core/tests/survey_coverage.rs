@@ -1,10 +1,12 @@
 //! Do 95 % intervals contain the truth 95 times in 100? Pixels, intrinsics, distances, coordinates and the road's unevenness drawn
 //! from their stated sigmas.
 
+use crate::budget::assert_parts;
 use crate::common::Rng;
 use crate::common::accident::{Scene, intrinsics, photos};
-use nalgebra::Vector3;
+use nalgebra::{Matrix1, Matrix6, Vector3};
 use resight_core::Point;
+use resight_core::budget::ErrorSource;
 use resight_core::multiview::network::{Constraint, Plane, Query, adjust};
 
 /// How often each query's interval covered, by name.
@@ -150,4 +152,67 @@ fn bent_intervals_cover_too() {
             }),
         ],
     );
+}
+
+/// Image points, coordinates, tapes, a road, a known pose and a lens: every one has its part in measurements, points and photographs, the parts
+/// add up, and the residuals have one where the stated sigmas are too small. In control points' own frame too, where some coordinates are held.
+#[test]
+fn the_parts_of_measurements_add_up() {
+    let mut scene = Scene::new(photos());
+    scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
+    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
+    for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)] {
+        scene.distance(a, b, 0.01);
+    }
+    scene.on_plane(&[0, 1, 2, 3, 4, 5, 6], 0.01);
+    let without_frame = scene.constraints.len();
+    (0..4).for_each(|p| scene.place(p, 0.01));
+    let (cam_from_world, covariance) = (scene.photos[0], Some(Matrix6::identity() * 1e-4));
+    scene.constraints.push(Constraint::Pose { photo: 0, cam_from_world, covariance });
+    let cameras = scene.cameras();
+    let queries = [
+        Query::Distance { a: 4, b: 5 },
+        Query::Angle { a: 4, vertex: 6, b: 7 },
+        Query::Area { points: vec![4, 6, 5] },
+        Query::Height { plane: 0, point: 8 },
+        Query::Coordinate { point: 7, axis: 1 },
+    ];
+    let all = [
+        ErrorSource::Pixels,
+        ErrorSource::CameraPoses,
+        ErrorSource::Lens,
+        ErrorSource::ControlPoints,
+        ErrorSource::Distances,
+        ErrorSource::Priors,
+    ];
+    let mut rng = Rng::new(61);
+    for (n, times) in [(scene.constraints.len(), 1.0), (without_frame, 1.0), (scene.constraints.len(), 6.0)] {
+        let mut drawn = scene.drawn(&mut rng).constraints;
+        drawn.truncate(n);
+        for constraint in &mut drawn {
+            if let Constraint::ImagePoint { pixel, .. } = constraint {
+                *pixel += nalgebra::Vector2::new(rng.normal(), rng.normal()) * (times - 1.0);
+            }
+        }
+        let adjusted = adjust(&scene.network(&cameras, &drawn)).expect("places");
+        let budgets = adjusted.budgets();
+        for query in &queries {
+            let sigma = adjusted.measure(query).expect("a value").sigma;
+            let budget = budgets.of_query(query).expect("its parts");
+            assert_parts(&budget, &Matrix1::new(sigma * sigma), &format!("{query:?}"));
+            if n != without_frame && matches!(query, Query::Distance { .. }) {
+                assert!(all.iter().all(|source| budget.has(*source)), "{budget:?}");
+            }
+            assert_eq!(budget.has(ErrorSource::Residuals), 1.0 < adjusted.noise_scale);
+        }
+        assert_eq!(1.0 < times, 1.0 < adjusted.noise_scale, "{}", adjusted.noise_scale);
+        for point in 0..9 {
+            let whole = adjusted.point_covariance_m2(point).expect("a covariance");
+            assert_parts(&budgets.of_point(point).expect("its parts"), &whole, &format!("point {point}"));
+        }
+        for photo in 0..2 {
+            let whole = adjusted.photo_covariance(photo).expect("a covariance");
+            assert_parts(&budgets.of_photo(photo).expect("its parts"), &whole, &format!("photo {photo}"));
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! The answers of the jobs: typed, with a status, and serialised to the JSON of the command line.
 
 pub mod advise;
-mod budget;
+pub(crate) mod budget;
 pub mod compare;
 pub mod consensus;
 pub mod detection;
@@ -25,6 +25,7 @@ mod every;
 mod unsolved;
 
 pub use crate::report::verdict::{Status, Verdict};
+pub use budget::NumbersPartObject;
 pub use capture::CaptureAnswer;
 pub use compare::CompareAnswer;
 pub use consensus::Agreement;

@@ -160,7 +160,7 @@ fn the_page_says_what_the_run_says() {
     has(
         "The rig hangs on rear – right: rear is known least, ± 800 µm and ± 0.011° in the worst direction, with 7 shared views.",
     );
-    has("board: its stated size is 0.400 ± 0.050 % too small: 1.72 mm of 430 mm.");
+    has("board: its stated size is 0.400 ± 0.050 % too small: 1.72 mm of 430 mm; every ± holds that.");
     has("it contradicts the other observations by 41.5 px rms");
     has(run.command.as_deref().expect("a command"));
     has(&run.inputs[0].sha256);

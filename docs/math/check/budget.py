@@ -106,4 +106,44 @@ for _ in range(5):
     assert norm(W * inverse(N) * W - F * N * F.T) < TINY and norm(W * hand * W - F * N * hand * N * F.T) < TINY
     assert norm(W * inverse(N) * W + W * hand * W - W) < TINY
 
+    # (18): leaving out a pair takes information away, and the mixture's second moment about the answer with all pairs is the sum.
+    J = [rand(6, 12) for _ in range(5)]
+    everything = inverse(sum((j.T * j for j in J[1:]), J[0].T * J[0]))
+    for k in range(3):
+        left = [j for i, j in enumerate(J) if i != k]
+        without = inverse(sum((j.T * j for j in left[1:]), left[0].T * left[0]))
+        assert is_semidefinite(without - everything)
+
+    # (13): the contribution of the shape, from the joint inverse and from the blocks of the information.
+    information = covariance(9)
+    P = inverse(information)
+    tt, ts, ss = P[0:6, 0:6], P[0:6, 6:9], P[6:9, 6:9]
+    T = ts * inverse(ss) * ts.T
+    A, B = information[0:6, 0:6], information[0:6, 6:9]
+    assert norm(inverse(A) - (tt - T)) < TINY and norm(T - inverse(A) * B * ss * B.T * inverse(A)) < TINY
+    K = (lambda c: c * c.T)(rand(6, 2)) / 100
+    left = inverse(A + K)
+    assert is_semidefinite(left - left * K * left) and norm(left * A * left - (left - left * K * left)) < TINY
+
+    # (16): rows of single constraints add up, whatever their sources.
+    J, g = rand(15, 6), rand(2, 6)
+    C = inverse(J.T * J)
+    parts = [J[r, 0:6] * C * g.T for r in range(15)]
+    assert norm(sum((v.T * v for v in parts[1:]), parts[0].T * parts[0]) - g * C * g.T) < TINY
+
+    # (17): the gains of one camera with its motion and its intrinsics eliminated.
+    J, Kp = rand(12, 6), rand(12, 4)
+    U = matrix(12, 10)
+    U[0:12, 0:6], U[0:12, 6:10] = J, Kp
+    D = matrix(10, 10)
+    D[0:6, 0:6], D[6:10, 6:10] = covariance(6), covariance(4)
+    own = covariance(12)
+    W, R = inverse(own), own + U * D * U.T
+    S = U.T * W * U
+    E = D * inverse(eye(10) + S * D)
+    gain = (J.T - J.T * W * U * E * U.T) * W
+    assert norm(gain - J.T * inverse(R)) < TINY and norm(gain * U - J.T * W * U * (eye(10) - E * S)) < TINY
+    parts = gain * own * gain.T + gain * U * D * U.T * gain.T
+    assert norm(parts - J.T * inverse(R) * J) < TINY
+
 print("budget.md: ok")

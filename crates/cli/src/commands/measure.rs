@@ -124,6 +124,11 @@ fn solved_in_words(scene: &NamedScene, answers: &Answers) -> String {
         let (name, kind) = (&a.query.name, a.query.kind.name());
         out += &format!("{}  {}  {said}\n", cells::left(name, name_width), cells::left(kind, kind_width));
     }
+    for a in &answers.answers {
+        if let Some(text) = words::budget(&a.budgets) {
+            out += &format!("{}  budget  {text}\n", cells::left(&a.query.name, name_width));
+        }
+    }
     let adjusted = &answers.adjusted;
     out += &format!(
         "\n± is half of the 95 % interval. {}, {}; {}; positions {}.\n",

@@ -11,7 +11,7 @@ use resight::answer::{PoseGraphAnswer, SolvedPoseGraph};
 use resight::core::multiview::pose_graph::PairSigma;
 use resight::core::{Matrix6, Pose};
 use resight::formats::write_atomically;
-use resight::report::words::{coordinate, degrees, length, position_sigma_m, sigmas};
+use resight::report::words::{budget, coordinate, degrees, length, position_sigma_m, sigmas};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{PoseGraphMethod, PoseGraphRequest};
 use std::path::PathBuf;
@@ -107,6 +107,11 @@ fn words(solved: &SolvedPoseGraph) -> String {
     out.push_str(&format!("RIG   {}\n\n", solved.message()));
     for (name, (cam_from_rig, covariance)) in solved.cameras.iter().zip(&solved.cam_from_rig) {
         line(&mut out, name, &place(cam_from_rig, covariance.as_ref().filter(|c| 0.0 < c.trace())));
+    }
+    for (i, name) in solved.cameras.iter().enumerate() {
+        if let Some(text) = solved.budget(i).as_ref().and_then(budget) {
+            line(&mut out, "budget", &format!("{name} {text}"));
+        }
     }
     if let Some(sigma) = solved.solution.as_ref().and_then(|s| s.median_sigma) {
         let (rotation, translation) = (degrees(sigma.sigma_rad), length(sigma.sigma_m));

@@ -8,7 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use resight::answer::RigPoseAnswer;
 use resight::report::verdict::figures;
-use resight::report::words::{coordinate, degrees, length, position_sigma_m};
+use resight::report::words::{budget, coordinate, degrees, length, position_sigma_m};
 use resight::rig_pose::{RigPoseRequest, TableRemarks, read_known_rig, read_rig_points, rig_poses};
 use std::path::PathBuf;
 
@@ -73,6 +73,9 @@ fn words(answer: &RigPoseAnswer) -> String {
         line(&mut out, "rig at", &format!("{}   (target frame)", axes.collect::<Vec<_>>().join("   ")));
         let turned = sigma_rad.map(degrees).join(" ");
         line(&mut out, "rotation", &format!("± {turned} about the rig's x y z"));
+        if let Some(text) = answer.parts.as_ref().and_then(budget) {
+            line(&mut out, "budget", &text);
+        }
         if let Some(exact) = answer.sigma_exact_intrinsics_m {
             let norm = |s: [f64; 3]| s.iter().map(|x| x * x).sum::<f64>().sqrt();
             line(

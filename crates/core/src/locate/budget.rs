@@ -2,11 +2,16 @@
 
 use super::classify::{View, classify};
 use super::consistency::noise_of;
+use super::lines::{LinesEstimate, information, pivot};
 use super::method::Method;
+use super::parts::of_observations_and;
+use super::problem::Problem;
 use super::refine::{OVERFLOW, minimum_at};
 use super::uncertainty::Doubts;
 use super::{Config, PoseEstimate};
 use crate::budget::{Budget, ErrorSource};
+use crate::least_squares::PivotedPose;
+use crate::line::LineCorrespondence;
 use crate::{Camera, Correspondence, Error};
 
 /// A covariance that is larger than its parts by more than this was widened after the pose was found.
@@ -46,5 +51,19 @@ impl PoseEstimate {
         let gate = view.gate_chi2();
         let (common, shared_errors) = (view.allowed.common, view.allowed.shared_errors);
         Doubts { problem, common, noise_scale, lowest, shared_errors, gate }.budget(&m)
+    }
+}
+
+impl LinesEstimate {
+    /// The parts of its covariance by their sources, which add up to it; `lines` and `problem` are those of the pose.
+    ///
+    /// # Errors
+    /// `DegenerateView` where numbers overflow.
+    pub fn budget(&self, lines: &[LineCorrespondence], problem: &Problem) -> Result<Budget, Error> {
+        let pivot = pivot(lines, problem);
+        let place = PivotedPose::new(&self.cam_from_target, &pivot);
+        let of_lines = information(&place, &pivot, lines);
+        let parts = of_observations_and(&of_lines, &place, &pivot, problem)?;
+        parts.adding_up_to(&self.covariance).ok_or(OVERFLOW)
     }
 }

@@ -80,6 +80,13 @@ pub fn locate_lines(lines: &[LineCorrespondence], problem: &Problem) -> Result<L
     Ok(LinesEstimate { cam_from_target, covariance, chi2, degrees_of_freedom: numbers - 6, ambiguity })
 }
 
+/// The information of the lines about the pivot.
+pub(super) fn information(place: &PivotedPose, pivot: &Point, lines: &[LineCorrespondence]) -> Matrix6 {
+    let mut normal = NormalEquations::zero();
+    lines.iter().for_each(|line| add_line(&mut normal, place, pivot, line));
+    normal.information()
+}
+
 /// How many numbers a line measures.
 fn rows(line: &LineCorrespondence) -> usize {
     if line.point_in_target.is_some() { 2 } else { 1 }
@@ -132,7 +139,7 @@ pub fn refine_lines(start: &Pose, lines: &[LineCorrespondence], problem: &Proble
 }
 
 /// The mean of the points, and of the lines' points.
-fn pivot(lines: &[LineCorrespondence], problem: &Problem) -> Point {
+pub(super) fn pivot(lines: &[LineCorrespondence], problem: &Problem) -> Point {
     let points =
         problem.seen.iter().map(|c| c.x_in_target).chain(lines.iter().filter_map(|l| l.point_in_target));
     let (sum, n) = points.fold((Point::zeros(), 0.0), |(sum, n), x| (sum + x, n + 1.0));

@@ -27,13 +27,22 @@ pub(crate) struct Pulls {
 
 /// The parts of the covariance that the points and priors alone give.
 pub(crate) fn of_observations(m: &Minimum, problem: &Problem) -> Result<Budget, Error> {
-    let problem = &problem.held_at(&m.cam_from_target);
     let pivot = centroid(problem.seen);
     let place = PivotedPose::new(&m.cam_from_target, &pivot);
-    pulls(&place, &pivot, problem).ok_or(UNDETERMINED)
+    of_observations_and(&Matrix6::zeros(), &place, &pivot, problem)
 }
 
-fn pulls(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<Budget> {
+/// The same with further pixels, whose information about the pivot is known.
+pub(crate) fn of_observations_and(
+    pixels: &Matrix6,
+    place: &PivotedPose,
+    pivot: &Point,
+    problem: &Problem,
+) -> Result<Budget, Error> {
+    pulls(pixels, place, pivot, &problem.held_at(&place.pose(pivot))).ok_or(UNDETERMINED)
+}
+
+fn pulls(further: &Matrix6, place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<Budget> {
     let (mut sums, mut next) = (Pulls::default(), 0);
     for group in problem.groups {
         sums.add_all(place, pivot, &problem.of(problem.seen.get(next..group.first)?))?;
@@ -45,11 +54,11 @@ fn pulls(place: &PivotedPose, pivot: &Point, problem: &Problem) -> Option<Budget
     let of_priors = normal_equations(place, pivot, &Problem { seen: &[], groups: &[], ..*problem })?;
     let Pull { stiffness, pull } = Pull::of(problem, &place.pose(pivot))?;
     let of_priors = of_priors.information();
-    let inverse = (of_points * stiffness + of_priors).cholesky()?.inverse();
+    let inverse = (of_points * stiffness + further + of_priors).cholesky()?.inverse();
     let mut transport = Matrix6::identity();
     transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&place.pivot_in_cam.cross_matrix());
     let mut budget = Budget::default();
-    budget.add(ErrorSource::Pixels, &(sums.pixels * pull));
+    budget.add(ErrorSource::Pixels, &(sums.pixels * pull + further));
     budget.add(ErrorSource::Target, &(sums.target * pull));
     budget.add(ErrorSource::Priors, &of_priors);
     Some(budget.transformed(&(transport * inverse)))

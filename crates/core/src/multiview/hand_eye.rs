@@ -22,17 +22,17 @@ mod alternatives;
 mod verdict;
 mod budget;
 
-use crate::budget::Budget;
+use crate::budget::{Budget, ErrorSource};
 use crate::locate::consistency::noise_scale;
 use crate::multiview::rig_pose::RigView;
-use crate::{Error, Matrix6, Pose, Vector6};
+use crate::{Camera, Correspondence, Error, Matrix6, Pose, Vector6};
 use budget::budgets;
 use cost::{Fit, Level, fit};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, SVector, Vector3};
 use settle::{Settled, settled};
 use verdict::{Residuals, Verdict, judged, pixels};
 
-pub use causes::HandEyeCause;
+pub use causes::{HandEyeCause, HandEyeWarning};
 pub use written::{AngleUnit, RotationConvention, RotationOrder, WrittenPose};
 
 /// The largest plausible noise of an orientation, rad (2 degrees).
@@ -177,6 +177,11 @@ pub struct HandEye {
     pub gripper_noise: Option<GripperNoise>,
     /// The target's size from the gripper's motions; `None` where they do not determine it.
     pub target_size: Option<TargetSize>,
+    /// The same where its error is proven, but small: the covariance holds it.
+    pub small_size: Option<TargetSize>,
+    /// By how far the camera's position on its carrier moves if the intrinsics are those that the pixels fit better; `None` where they fit. The
+    /// covariances hold it.
+    pub lens_shift_m: Option<f64>,
     /// Whether the answer is inconsistent.
     pub is_inconsistent: bool,
     /// The causes, the most likely first; empty where the answer is consistent.
@@ -195,14 +200,69 @@ pub struct HandEye {
 pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<HandEye, Error> {
     let settled = settled(views, config).map_err(|reason| explained(reason, views, config))?;
     let own = pixels(&settled);
-    let level = Level::Points { pixel_scale: noise_scale(own.0, own.1) };
-    // Where the pixels cannot be used, as for points outside a lens's field, the poses are used instead.
-    let on_pixels = fit(&settled.fit.poses, &settled.known, &settled.used(), config, level).ok();
-    let best = on_pixels.as_ref().unwrap_or(&settled.fit);
+    let (best, level) = finest(&settled, own, config);
     let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
     let verdict = judged(views, &settled, &residuals, config);
-    let level = if on_pixels.is_some() { level } else { Level::Poses };
-    Ok(answer(&settled, (best, level), verdict, config))
+    let mut found = answer(&settled, (&best, level), &verdict, config);
+    if let Some(shift) = verdict.lens.and_then(|lens| by_lens(&found, views, &lens, config)) {
+        found.add_lens(&shift);
+    }
+    Ok(found)
+}
+
+/// Returns the minimum on pixels; where they cannot be used, as for points outside a lens's field, that on poses.
+fn finest(settled: &Settled, pixels: (f64, usize), config: &HandEyeConfig) -> (Fit, Level) {
+    let level = Level::Points { pixel_scale: noise_scale(pixels.0, pixels.1) };
+    match fit(&settled.fit.poses, &settled.known, &settled.used(), config, level) {
+        Ok(fit) => (fit, level),
+        Err(_) => (settled.fit.clone(), Level::Poses),
+    }
+}
+
+/// Returns by how much both poses move where every view was seen by another lens of its only camera: docs/math/budget.md eq. (19).
+fn by_lens(
+    found: &HandEye,
+    views: &[HandEyeView],
+    lens: &Camera,
+    config: &HandEyeConfig,
+) -> Option<SVector<f64, 12>> {
+    let rebased = |view: &HandEyeView| -> Option<Vec<Correspondence>> {
+        let seen = view.seen.iter().flat_map(|one| one.seen);
+        seen.map(|c| Some(Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c })).collect()
+    };
+    let seen: Vec<Vec<Correspondence>> = views.iter().map(rebased).collect::<Option<_>>()?;
+    let rig = |(view, seen)| -> Vec<RigView> {
+        let view: &HandEyeView = view;
+        let seen: &Vec<Correspondence> = seen;
+        view.seen.iter().map(|one| RigView { camera: lens, seen, ..*one }).collect()
+    };
+    let rigs: Vec<Vec<RigView>> = views.iter().zip(&seen).map(rig).collect();
+    let others: Vec<HandEyeView> = views
+        .iter()
+        .zip(&rigs)
+        .map(|(view, seen)| HandEyeView { candidates: Vec::new(), seen, ..view.clone() })
+        .collect();
+    let settled = settled(&others, config).ok()?;
+    let (best, _) = finest(&settled, pixels(&settled), config);
+    let (poses, _) = views::centre(&settled.known).undone(&best.poses, &best.covariance);
+    let by_camera = (poses.cam_from_carrier * found.cam_from_carrier.inverse()).log();
+    let by_target = (poses.holder_from_target * found.holder_from_target.inverse()).log();
+    let shift = SVector::<f64, 12>::from_iterator(by_camera.iter().chain(&by_target).copied());
+    shift.iter().all(|x| x.is_finite()).then_some(shift)
+}
+
+impl HandEye {
+    /// Adds the motion of both poses by another lens to their covariances.
+    fn add_lens(&mut self, shift: &SVector<f64, 12>) {
+        let share = shift * shift.transpose();
+        let block = |at: usize| -> Matrix6 { share.fixed_view::<6, 6>(at, at).into_owned() };
+        self.lens_shift_m = Some(shift.fixed_rows::<3>(3).norm());
+        self.carrier_covariance += block(0);
+        self.carrier_budget.add(ErrorSource::Lens, &block(0));
+        self.holder_covariance += block(6);
+        self.holder_budget.add(ErrorSource::Lens, &block(6));
+        self.joint_covariance += DMatrix::from_fn(12, 12, |i, j| share[(i, j)]);
+    }
 }
 
 /// Explains views that no X and Z fit, with the likely cause.
@@ -270,19 +330,19 @@ fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64
 fn answer(
     settled: &Settled,
     (best, level): (&Fit, Level),
-    verdict: Verdict,
+    verdict: &Verdict,
     config: &HandEyeConfig,
 ) -> HandEye {
     let (pose_chi2, pose_degrees_of_freedom) = (settled.fit.chi2, settled.fit.degrees_of_freedom);
     let noise_scale = noise_scale(pose_chi2, pose_degrees_of_freedom);
-    let covariance = covariance(settled, best, &verdict, noise_scale);
+    let covariance = covariance(settled, best, verdict, noise_scale);
     let centre = views::centre(&settled.known);
     let (poses, covariance) = centre.undone(&best.poses, &covariance);
     let block = |at: usize| -> Matrix6 {
         crate::pose::symmetric(&covariance.fixed_view::<6, 6>(at, at).into_owned())
     };
     let views = described(settled, best);
-    let [carrier_budget, holder_budget] = budgets(settled, best, (&verdict, noise_scale), config, level);
+    let [carrier_budget, holder_budget] = budgets(settled, best, (verdict, noise_scale), config, level);
     HandEye {
         mounting: config.mounting,
         cam_from_carrier: poses.cam_from_carrier,
@@ -300,8 +360,10 @@ fn answer(
         noise_scale,
         gripper_noise: settled.sigmas().map(|[sigma_rad, sigma_m]| GripperNoise { sigma_rad, sigma_m }),
         target_size: verdict.size,
+        small_size: verdict.size.filter(|_| verdict.small.is_some()),
         is_inconsistent: !verdict.causes.is_empty(),
-        causes: verdict.causes,
+        causes: verdict.causes.clone(),
+        lens_shift_m: None,
         rotations_rad: settled.rotations_rad,
         joint_covariance: covariance,
     }

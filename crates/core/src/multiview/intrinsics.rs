@@ -18,6 +18,7 @@ mod robust;
 mod select;
 mod scatter;
 mod projection;
+mod budget;
 mod geometry;
 mod groups;
 mod findings;
@@ -40,6 +41,7 @@ pub use robust::{BAD_VIEW_TIMES, BadView, GROSS_SIGMAS, LEAST_POINTS};
 pub use scatter::Noise;
 pub use select::{Evidence, FAMILY_MARGIN};
 
+use crate::budget::{Budget, BudgetPart, ErrorSource};
 use crate::camera::{BrownConrady, ImageSize, Pinhole};
 use crate::multiview::intrinsics_check::SkippedFrame;
 use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
@@ -134,6 +136,8 @@ pub struct SolvedIntrinsics {
     pub choice: LensChoice,
     /// Covariance of the parameters, in the order of `Camera::parameters`; zero for coefficients that are not estimated.
     pub covariance: DMatrix<f64>,
+    /// The parts of `covariance` by their sources, which add up to it.
+    pub budget: Budget<DMatrix<f64>>,
     /// Views that take part.
     pub views: Vec<IntrinsicsView>,
     /// Bad corners of those views.
@@ -177,6 +181,17 @@ impl SolvedIntrinsics {
     /// Returns standard deviations, in the order of `Camera::parameters`.
     pub fn sigmas(&self) -> Vec<f64> {
         self.covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
+    }
+
+    /// Returns the sources of the errors with their fractions of the variance of the projection, the mean over the image.
+    pub fn projection_shares(&self) -> Vec<(ErrorSource, f64)> {
+        let Some(size) = self.camera.size else { return Vec::new() };
+        let corners = self.views.iter().flat_map(|view| view.residuals.iter().map(|(pixel, _)| *pixel));
+        let projection = Projection::new(&self.camera, &self.covariance, corners);
+        let by: Vec<_> = grid(size, 17, 13).filter_map(|pixel| projection.by_parameters(&pixel)).collect();
+        let variance = |c: &DMatrix<f64>| by.iter().map(|d| (d * c * d.transpose()).trace()).sum::<f64>();
+        let share = |part: &BudgetPart<DMatrix<f64>>| (part.source, self.budget.share_of(part, variance));
+        self.budget.parts().iter().map(share).collect()
     }
 
     /// Names of the estimated parameters.
@@ -416,9 +431,22 @@ struct Chosen {
     others: Vec<(f64, Local)>,
     /// Its own parameters, computed in the same way as those of the others.
     own: Local,
+    /// The best choices of the other families.
+    families: Vec<Alternative>,
+}
+
+/// The camera of another family, and its criterion of Akaike less that of the choice.
+struct Alternative {
+    aic: f64,
+    camera: Camera,
 }
 
 impl Chosen {
+    /// Returns the probability of the other choices of the family together.
+    fn weight_of_others(&self) -> f64 {
+        self.others.iter().map(|(weight, _)| weight).sum::<f64>().min(1.0)
+    }
+
     /// Returns the smallest choice of the family that has the coefficients of all that are possibly right.
     fn widest(&self) -> LensChoice {
         let all = || std::iter::once(&self.own).chain(self.others.iter().map(|(_, other)| other));
@@ -466,7 +494,16 @@ fn choose(families: &[Cleaned]) -> Option<Chosen> {
     let others = weights.into_iter().zip(&tried[family]).enumerate();
     let others = others.filter(|(i, (weight, _))| *i != at && 0.0 < *weight);
     let others = others.filter_map(|(_, (weight, one))| Some((weight, one.local.clone()?))).collect();
+    let alternative = |tried: &Vec<Tried>| {
+        let known =
+            tried.iter().filter_map(|one| Some((one.evidence.aic?, &one.fit.as_ref()?.shared.camera)));
+        let (aic, camera) = known.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Alternative { aic, camera: camera.clone() })
+    };
+    let others_than = tried.iter().enumerate().filter(|(i, _)| *i != family);
+    let families = others_than.filter_map(|(_, tried)| alternative(tried)).collect();
     Some(Chosen {
+        families,
         choice,
         fit,
         tried: tried.into_iter().flatten().map(|one| one.evidence).collect(),

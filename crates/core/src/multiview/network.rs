@@ -24,6 +24,7 @@ mod verdict;
 mod interval;
 mod ground;
 mod reliability;
+mod budget;
 
 use crate::correspondence::PixelCovariance;
 use crate::least_squares::arrow::ArrowInverse;
@@ -31,13 +32,14 @@ use crate::{Camera, Error, Matrix6, Pixel, Point, Pose};
 use arrange::Depth;
 use nalgebra::{Matrix3, Vector3};
 
+pub use budget::NetworkBudgets;
 pub use exchange::Exchange;
 pub use interval::Measured;
 pub use query::Query;
 pub use reliability::{ErrorSource, NetworkReliability, QueryReliability};
 pub use snoop::{DecimalSlip, Suspect};
 pub use spread::OnLine;
-pub use verdict::NetworkStatus;
+pub use verdict::{NetworkStatus, NetworkWarning};
 
 /// A camera and the covariance of its intrinsics; photographs of one camera share its errors.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,8 +10,9 @@ mod snooping;
 mod verdict;
 
 pub use chain::{Chain, chain};
-pub use verdict::{GraphFault, GraphVerdict};
+pub use verdict::{GraphFault, GraphVerdict, GraphWarning};
 
+use crate::budget::{Budget, ErrorSource};
 use crate::locate::consistency::noise_scale;
 use crate::multiview::relative::{check_pose, information_of};
 use crate::{Error, Matrix6, Pose, Vector6};
@@ -103,6 +104,8 @@ pub struct PoseGraphSolution {
     pub reference_camera: usize,
     /// One entry for each camera.
     pub cameras: Vec<CameraInGraph>,
+    /// The parts of each camera's covariance by their sources, which add up to it.
+    pub budgets: Vec<Budget>,
     /// One entry for each pair, in the order given.
     pub pairs: Vec<PairResult>,
     /// Sum of squared residuals of the pairs used over their variances.
@@ -174,16 +177,27 @@ pub fn solve_pose_graph(graph: &PoseGraph, config: &PoseGraphConfig) -> Result<P
 }
 
 fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled) -> PoseGraphSolution {
-    let snooping::Settled { adjustment, noise, pairs } = settled;
+    let snooping::Settled { adjustment, noise, pairs, undecided } = settled;
     let Adjustment { poses, covariance, chi2, steps } = adjustment;
     let used = pairs.iter().filter(|pair| pair.is_used).count();
     let degrees_of_freedom = 6 * (used + 1).saturating_sub(graph.n_cameras);
     let noise_degrees_of_freedom = noise.is_estimated().then_some(degrees_of_freedom / 2);
     let noise_scale = if noise.is_estimated() { 1.0 } else { noise_scale(chi2, degrees_of_freedom) };
-    let joint_covariance = covariance * noise_scale;
-    let camera = |(i, cam_from_rig): (usize, Pose)| {
-        let block: Matrix6 = joint_covariance.fixed_view::<6, 6>(6 * i, 6 * i).into();
-        CameraInGraph { cam_from_rig, covariance: crate::pose::symmetric(&block) }
+    let beyond = &covariance * (noise_scale - 1.0) + undecided;
+    let joint_covariance = &covariance + &beyond;
+    let of_camera = |joint: &DMatrix<f64>, i: usize| -> Matrix6 {
+        crate::pose::symmetric(&joint.fixed_view::<6, 6>(6 * i, 6 * i).into())
+    };
+    let budget = |i: usize| {
+        let mut budget = Budget::default();
+        budget.add(ErrorSource::CameraPoses, &of_camera(&covariance, i));
+        budget.add(ErrorSource::Residuals, &of_camera(&beyond, i));
+        budget
+    };
+    let budgets = (0..poses.len()).map(budget).collect();
+    let camera = |(i, cam_from_rig): (usize, Pose)| CameraInGraph {
+        cam_from_rig,
+        covariance: of_camera(&joint_covariance, i),
     };
     let cameras = poses.into_iter().enumerate().map(camera).collect();
     let median_sigma = noise.median_sigma();
@@ -191,6 +205,7 @@ fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled
     PoseGraphSolution {
         reference_camera,
         cameras,
+        budgets,
         pairs,
         chi2,
         degrees_of_freedom,

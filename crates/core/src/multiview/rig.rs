@@ -26,12 +26,12 @@ mod free_lenses;
 
 use crate::budget::Budget;
 use crate::locate::loss::Loss;
-use crate::{Camera, Correspondence, Error, Matrix6, Pose};
+use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::DMatrix;
 
 pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
-pub use verdict::{Cause, Losses, RigVerdict};
+pub use verdict::{Cause, Losses, RigVerdict, RigWarning};
 pub use views::shared_views;
 
 /// The observation of one target by one camera in one view.
@@ -86,6 +86,21 @@ pub struct RigConfig<'a> {
     /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens every
     /// covariance, because no view shows it and more views do not reduce it.
     pub scale_sigma: f64,
+    /// Tags that are displaced on their target, in all views alike. They widen every covariance, because more views do not reduce it.
+    pub displaced_tags: &'a [UncertainTag],
+}
+
+/// A tag whose pose on its target is uncertain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UncertainTag {
+    /// Index of the target.
+    pub target: usize,
+    /// Its corners as stated, target frame; points there belong to it.
+    pub corners_in_target: [Point; 4],
+    /// Standard deviation of its position along each axis, m.
+    pub sigma_m: f64,
+    /// Standard deviation of its rotation about each axis through its centre, rad.
+    pub sigma_rad: f64,
 }
 
 /// The gate for good points, exceeded by one in ten thousand: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -103,6 +118,7 @@ impl Default for RigConfig<'_> {
             lens_errors: false,
             intrinsics: &[],
             scale_sigma: 0.0,
+            displaced_tags: &[],
         }
     }
 }
@@ -267,6 +283,16 @@ pub struct TargetScale {
     /// Extent of the target as stated, m, for messages in mm.
     pub extent_m: f64,
 }
+
+impl TargetScale {
+    /// Returns whether the size differs from the stated one by more than chance: three standard deviations, once in 370 cases.
+    pub fn is_clearly_off(&self) -> bool {
+        CLEARLY_SIGMAS * self.sigma < (self.ratio - 1.0).abs()
+    }
+}
+
+/// Standard deviations.
+const CLEARLY_SIGMAS: f64 = 3.0;
 
 /// Solves for the pose of every camera in the rig, with covariances and a verdict.
 ///

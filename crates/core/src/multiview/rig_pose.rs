@@ -9,6 +9,8 @@ mod cost;
 mod starts;
 mod check;
 #[cfg(feature = "std")]
+mod budget;
+#[cfg(feature = "std")]
 mod consensus;
 
 use crate::covariance::is_covariance;
@@ -179,6 +181,16 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
         ambiguity,
         consistency,
     })
+}
+
+/// Returns the factor by which the residuals widen the covariance of a pose: that of the lowest minimum.
+#[cfg(feature = "std")]
+fn minima_scale(e: &RigPoseEstimate) -> f64 {
+    let other = match e.ambiguity {
+        RigAmbiguity::Ambiguous { other, .. } => other.chi2,
+        RigAmbiguity::Unique { .. } => e.chi2,
+    };
+    noise_scale(e.chi2.min(other), e.degrees_of_freedom)
 }
 
 /// Refuses an estimate with a number that is not finite or a matrix that is no covariance.

@@ -155,7 +155,9 @@ impl Room {
             n_views: self.n_views,
             observations,
         };
-        solve_rig(&problem, config)
+        let found = solve_rig(&problem, config)?;
+        crate::warnings::assert_rig(&found, self.n_views, "a room");
+        Ok(found)
     }
 
     /// Left motion from the truth to the estimate of a camera, and its square in units of the covariance.

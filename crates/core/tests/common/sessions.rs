@@ -125,7 +125,9 @@ pub fn solved(
             seen,
         });
     }
-    solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })
+    let found = solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })?;
+    crate::warnings::assert_hand_eye(&found, "a session");
+    Ok(found)
 }
 
 /// f = 800 px, no distortion.

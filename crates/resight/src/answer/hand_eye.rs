@@ -3,9 +3,10 @@
 use super::placed::UncertainObject;
 use super::{SchemaNumber, Status, Unsolved};
 use crate::core::multiview::hand_eye::{
-    HandEye, HandEyeCause, HandEyeViewResult, Mounting, RejectedView as Rejection,
+    HandEye, HandEyeCause, HandEyeViewResult, HandEyeWarning, Mounting, RejectedView as Rejection,
 };
 use crate::report::verdict::{Verdict, figures};
+use crate::report::words::length;
 use crate::rig::relative::UncertainPose;
 use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
@@ -148,15 +149,8 @@ impl SolvedHandEye {
         if let Some(cause) = self.causes().first() {
             return format!("not to be believed ({used}): {cause}");
         }
-        match found.noise_scale {
-            scale if 1.0 < scale => {
-                format!(
-                    "{used}; residuals are {} times what the sigmas say, and every ± is widened by as much",
-                    figures(scale.sqrt())
-                )
-            }
-            _ => used,
-        }
+        let widened: String = found.warnings().iter().filter_map(widened).collect();
+        used + &widened
     }
 
     fn json(&self) -> HandEyeObject {
@@ -198,6 +192,27 @@ impl SolvedHandEye {
             remarks: self.remarks.clone(),
             message,
         }
+    }
+}
+
+/// Describes a doubt for which every ± was widened; the others have sentences of their own.
+fn widened(doubt: &HandEyeWarning) -> Option<String> {
+    match doubt {
+        HandEyeWarning::Residuals(times) => Some(format!(
+            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
+            figures(*times)
+        )),
+        HandEyeWarning::Size(size) => Some(format!(
+            "; the target seems {:.2} % ± {:.2} % {} than stated, and every ± holds that",
+            100.0 * (size.ratio - 1.0).abs(),
+            100.0 * size.sigma,
+            if 1.0 < size.ratio { "larger" } else { "smaller" }
+        )),
+        HandEyeWarning::Lens(shift_m) => Some(format!(
+            "; the pixels do not quite fit the intrinsics, and every ± holds the {} by which that moves the camera",
+            length(*shift_m)
+        )),
+        HandEyeWarning::Cause(_) | HandEyeWarning::LeftOut(_) => None,
     }
 }
 

@@ -1,5 +1,6 @@
 //! The answers of the jobs that estimate and check intrinsics.
 
+use super::budget::NumbersPartObject;
 use super::{SchemaNumber, Status, TransformObject};
 use crate::core::multiview::intrinsics::Severity;
 use crate::formats::NamedCamera;
@@ -125,6 +126,8 @@ pub struct IntrinsicsObject {
     pub parameters: Vec<ParameterObject>,
     /// Covariance of the parameters, rows in their order; units px and 1.
     pub covariance: Vec<Vec<f64>>,
+    /// The parts of the covariance by the sources of the errors.
+    pub budget: Vec<NumbersPartObject>,
     /// Root mean square of the residuals, px of one coordinate.
     pub rms_px: f64,
     /// χ² with the stated sigmas.

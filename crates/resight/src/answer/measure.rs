@@ -1,5 +1,6 @@
 //! The answer of the job that measures in photographs: one object for each query, then one for the whole network.
 
+use super::budget::{BudgetPartObject, NumbersPartObject, parts, parts_of_numbers};
 use super::{SchemaNumber, Status, TransformObject};
 use crate::core::multiview::network::{Constraint, ErrorSource, Measured, NetworkStatus};
 use crate::measure::words::{self, frame_words, values_in_words};
@@ -68,6 +69,8 @@ pub struct QueryObject {
     values: serde_json::Map<String, serde_json::Value>,
     /// How well the answer is checked; null where there is none.
     reliability: Option<QueryReliabilityObject>,
+    /// The parts of its variance by the sources of the errors, for each value: one, or three for a position; empty where there is none.
+    budget: Vec<Vec<NumbersPartObject>>,
     message: String,
 }
 
@@ -101,6 +104,8 @@ struct PhotoObject {
     name: String,
     cam_from_world: Option<TransformObject>,
     covariance: Option<Vec<Vec<f64>>>,
+    /// The parts of `covariance` by the sources of the errors.
+    budget: Vec<BudgetPartObject>,
 }
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -109,6 +114,8 @@ struct PointObject {
     is_control_point: bool,
     position_m: Option<[f64; 3]>,
     covariance_m2: Option<Vec<Vec<f64>>>,
+    /// The parts of `covariance_m2` by the sources of the errors.
+    budget: Vec<NumbersPartObject>,
 }
 
 /// A network without any answer.
@@ -188,7 +195,12 @@ fn answer_object(scene: &NamedScene, answers: &Answers, answer: &QueryAnswer) ->
             let status = answers.word(answer.status);
             let reliability = Some(reliability_object(scene, answer, suffix));
             let base = base(scene, &answer.query, answer.status, &message);
-            QueryObject { values: entries, status, reliability, ..base }
+            let budget = answer
+                .budgets
+                .iter()
+                .map(|one| parts_of_numbers(one, |part| one.share_of(part, |c| c.x)))
+                .collect();
+            QueryObject { values: entries, status, reliability, budget, ..base }
         }
         Err(reason) => base(scene, &answer.query, answer.status, reason),
     }
@@ -204,6 +216,7 @@ fn base(scene: &NamedScene, query: &NamedQuery, status: NetworkStatus, message: 
         status: status.into(),
         values: serde_json::Map::new(),
         reliability: None,
+        budget: Vec::new(),
         message: message.to_string(),
     }
 }
@@ -225,12 +238,14 @@ fn entries(values: &[Measured], suffix: &str) -> serde_json::Map<String, serde_j
 
 fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
     let adjusted = &answers.adjusted;
+    let budgets = adjusted.budgets();
     let photo = |(i, photo): (usize, &ScenePhoto)| PhotoObject {
         name: photo.name.clone(),
         cam_from_world: adjusted.cam_from_world(i).map(TransformObject::from),
         covariance: adjusted
             .photo_covariance(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+        budget: budgets.of_photo(i).as_ref().map(parts).unwrap_or_default(),
     };
     let point = |(i, name): (usize, &String)| PointObject {
         name: name.clone(),
@@ -239,6 +254,9 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
         covariance_m2: adjusted
             .point_covariance_m2(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
+        budget: budgets
+            .of_point(i)
+            .map_or_else(Vec::new, |one| parts_of_numbers(&one, |part| one.share_of(part, |c| c.trace()))),
     };
     NetworkObject {
         schema: SchemaNumber,

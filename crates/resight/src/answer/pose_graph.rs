@@ -2,9 +2,13 @@
 
 mod file;
 
+use super::budget::{BudgetPartObject, parts};
 use super::placed::{JointObject, PlacedObject};
 use super::{SchemaNumber, Status, Unsolved};
-use crate::core::multiview::pose_graph::{GraphFault, PairResult, PoseGraphSolution, RelativePose};
+use crate::core::budget::{Budget, ErrorSource};
+use crate::core::multiview::pose_graph::{
+    GraphFault, GraphWarning, PairResult, PoseGraphSolution, RelativePose,
+};
 use crate::core::{Matrix6, Pose};
 use crate::report::words::{degrees, length};
 use schemars::JsonSchema;
@@ -140,17 +144,24 @@ impl SolvedPoseGraph {
 
     /// Returns one line: the numbers of cameras and pairs, and the pairs that contradict others.
     pub fn message(&self) -> String {
-        let suspicious = self.suspicious();
         let (n, m) = (self.cameras.len(), self.pairs.len());
         let how = match &self.solution {
             None => "each camera by its best chain of pairs".to_string(),
             Some(s) => format!("all pairs together, {} degrees of freedom", s.degrees_of_freedom),
         };
-        let contradicting = match &suspicious[..] {
+        let contradicting = match &self.suspicious()[..] {
             [] => String::new(),
             several => format!("; pairs that contradict others: {}", several.join(", ")),
         };
-        format!("{n} cameras from {m} pairs, {how}{contradicting}")
+        let doubts = self.solution.iter().flat_map(PoseGraphSolution::warnings);
+        let is_undecided = doubts.into_iter().any(|doubt| match doubt {
+            GraphWarning::Undecided(_) => true,
+            // Named with the contradiction, and among the pairs that contradict others.
+            GraphWarning::Fault(_) | GraphWarning::LeftOut(_) => false,
+        });
+        let undecided =
+            if is_undecided { " (any one of a loop may be wrong, and every ± holds that)" } else { "" };
+        format!("{n} cameras from {m} pairs, {how}{contradicting}{undecided}")
     }
 
     /// Returns the pairs that contradict others, as `a-b`.
@@ -164,6 +175,19 @@ impl SolvedPoseGraph {
         self.solution.as_ref().filter(|s| s.noise_degrees_of_freedom != Some(0))
     }
 
+    /// Returns the parts of a camera's covariance by their sources; `None` where nothing is known of it. A chain has its pairs alone.
+    pub fn budget(&self, camera: usize) -> Option<Budget> {
+        let covariance = self.cam_from_rig.get(camera)?.1?;
+        match &self.solution {
+            Some(solution) => solution.budgets.get(camera).cloned(),
+            None => {
+                let mut budget = Budget::default();
+                budget.add(ErrorSource::CameraPoses, &covariance);
+                Some(budget)
+            }
+        }
+    }
+
     fn camera(&self, i: usize) -> CameraObject {
         let (cam_from_rig, covariance) = &self.cam_from_rig[i];
         let name = |i: &usize| self.cameras[*i].clone();
@@ -172,7 +196,13 @@ impl SolvedPoseGraph {
         let is_contradicted =
             verdict.is_some_and(|v| v.is_contradicted[i] || (v.fault.is_some() && v.worst_camera == Some(i)));
         let status = if is_contradicted { Status::Inconsistent } else { Status::Ok };
-        CameraObject { status, cam_from_rig: PlacedObject::of(cam_from_rig, covariance.as_ref()), path }
+        let budget = self.budget(i).as_ref().map(parts).unwrap_or_default();
+        CameraObject {
+            status,
+            cam_from_rig: PlacedObject::of(cam_from_rig, covariance.as_ref()),
+            budget,
+            path,
+        }
     }
 
     fn json(&self) -> GraphObject {
@@ -237,6 +267,8 @@ struct CameraObject {
     status: Status,
     #[serde(flatten)]
     cam_from_rig: PlacedObject,
+    /// The parts of `covariance` by the sources of the errors, where it is known.
+    budget: Vec<BudgetPartObject>,
     /// The cameras on the way from the reference, for a chain.
     #[serde(skip_serializing_if = "Option::is_none")]
     path: Option<Vec<String>>,

@@ -1,7 +1,9 @@
 //! The answer of the job that locates a known rig.
 
+use super::budget::{BudgetPartObject, parts};
 use super::pose::rows;
 use super::{SchemaNumber, Status, TransformObject};
+use crate::core::budget::Budget;
 use crate::core::multiview::rig_pose::{RigAmbiguity, RigPoseEstimate};
 use crate::report::words::{sigmas, translation_sigma_m};
 use schemars::JsonSchema;
@@ -26,6 +28,8 @@ pub struct RigPoseAnswer {
     pub target_from_rig: Option<TransformObject>,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, rig frame, intrinsics and places of the cameras included.
     pub covariance: Option<[[f64; 6]; 6]>,
+    /// The parts of `covariance` by the sources of the errors.
+    pub budget: Option<Vec<BudgetPartObject>>,
     /// Standard deviations of the rotation about the rig's axes.
     pub sigma_rad: Option<[f64; 3]>,
     /// Standard deviations of the rig's position, along the rig's axes.
@@ -51,6 +55,9 @@ pub struct RigPoseAnswer {
     /// The estimate that the JSON shows.
     #[serde(skip)]
     pub estimate: Option<RigPoseEstimate>,
+    /// The budget that the JSON shows.
+    #[serde(skip)]
+    pub parts: Option<Budget>,
     /// What is unusual about the input.
     pub remarks: Vec<String>,
 }
@@ -109,6 +116,7 @@ impl RigPoseAnswer {
             rig_from_target: None,
             target_from_rig: None,
             covariance: None,
+            budget: None,
             sigma_rad: None,
             sigma_m: None,
             sigma_translation_m: None,
@@ -121,6 +129,7 @@ impl RigPoseAnswer {
             cameras: Vec::new(),
             agreement: None,
             estimate: None,
+            parts: None,
             remarks: Vec::new(),
         }
     }
@@ -128,6 +137,7 @@ impl RigPoseAnswer {
     pub(crate) fn with_estimate(
         self,
         e: &RigPoseEstimate,
+        budget: Option<Budget>,
         sigma_exact_intrinsics_m: Option<[f64; 3]>,
     ) -> Self {
         let (sigma_rad, sigma_m) = sigmas(&e.covariance);
@@ -143,6 +153,8 @@ impl RigPoseAnswer {
             rig_from_target: Some(e.rig_from_target.into()),
             target_from_rig: Some(e.rig_from_target.inverse().into()),
             covariance: Some(rows(&e.covariance)),
+            budget: budget.as_ref().map(parts),
+            parts: budget,
             sigma_rad: Some(sigma_rad),
             sigma_m: Some(sigma_m),
             sigma_translation_m: Some(translation_sigma_m(&e.rig_from_target, &e.covariance)),

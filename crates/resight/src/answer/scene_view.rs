@@ -1,7 +1,9 @@
 //! The answer of the job that reads a camera's focal length, tilt, roll and height from marked lines.
 
+use super::budget::{BudgetPartObject, parts};
 use super::pose::rows;
 use super::{SchemaNumber, Status, TransformObject};
+use crate::core::budget::Budget;
 use crate::core::locate::unknown_focal::marked_lines::{Estimate, SceneView};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -49,6 +51,11 @@ pub struct SceneViewAnswer {
     pub cam_from_scene: Option<TransformObject>,
     /// 6×6 covariance of its small left motion `[rotation_rad; translation_m]`, camera frame.
     pub covariance: Option<[[f64; 6]; 6]>,
+    /// The parts of `covariance` by the sources of the errors.
+    pub budget: Option<Vec<BudgetPartObject>>,
+    /// The budget that the JSON shows.
+    #[serde(skip)]
+    pub parts: Option<Budget>,
     /// Sum of squared residuals over their variances.
     pub chi2: Option<f64>,
     /// Of that sum.
@@ -84,6 +91,8 @@ impl SceneViewAnswer {
             height_sigma_m: None,
             cam_from_scene: None,
             covariance: None,
+            budget: None,
+            parts: None,
             chi2: None,
             degrees_of_freedom: None,
             worst_line: None,
@@ -119,6 +128,8 @@ impl SceneViewAnswer {
             height_sigma_m,
             cam_from_scene: height_m.map(|_| found.cam_from_scene.into()),
             covariance: height_m.map(|_| rows(&found.covariance)),
+            budget: height_m.map(|_| parts(&found.budget)),
+            parts: height_m.map(|_| found.budget.clone()),
             chi2: Some(found.chi2),
             degrees_of_freedom: Some(found.degrees_of_freedom),
             worst_line: Some(name_of(found.worst.0)),

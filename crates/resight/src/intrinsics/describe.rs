@@ -2,6 +2,7 @@
 
 use super::gather::{CameraViews, NamedView};
 use crate::answer::Status;
+use crate::answer::budget::parts_of_numbers;
 use crate::answer::intrinsics::*;
 use crate::core::Target;
 use crate::core::camera::ImageSize;
@@ -165,6 +166,7 @@ fn intrinsics(camera: &CameraViews, size: ImageSize, solved: &SolvedIntrinsics) 
     let name_of = |view: usize| camera.views[view].name.clone();
     let estimated = solved.estimated();
     let parameters = solved.camera.parameters().into_iter().zip(solved.sigmas());
+    let shares = solved.projection_shares();
     IntrinsicsObject {
         model: solved.camera.model_name(),
         width_px: size.width_px,
@@ -178,6 +180,9 @@ fn intrinsics(camera: &CameraViews, size: ImageSize, solved: &SolvedIntrinsics) 
             })
             .collect(),
         covariance: solved.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        budget: parts_of_numbers(&solved.budget, |part| {
+            shares.iter().find(|(source, _)| *source == part.source).map_or(0.0, |(_, share)| *share)
+        }),
         rms_px: solved.rms_px,
         chi2: solved.chi2,
         degrees_of_freedom: solved.degrees_of_freedom,

@@ -4,6 +4,7 @@ use super::once::Once;
 use super::{NamedPoint, PointsOptions, PoseAnswer, mean_square_root, point_sigma_m};
 use crate::answer::Status;
 use crate::report::verdict::{self, Verdict};
+use resight_core::budget::{Budget, ErrorSource};
 use resight_core::line::{ImageLine, LineCorrespondence};
 use resight_core::locate::choose::{Ambiguity, Hypothesis, Minimum};
 use resight_core::locate::consistency::{Consistency, is_inconsistent, is_unlikely};
@@ -46,8 +47,10 @@ pub fn locate_lines_and_points(
         None => lines.get(i - points.len()).map_or_else(String::new, |l| format!("line {}", l.label())),
     };
     let problem = Problem { priors: &options.priors, ..Problem::new(&seen.points, camera) };
-    let solved =
-        locate_lines(&seen.lines, &problem).and_then(|found| seen.estimate(&found, &problem, options));
+    let found = locate_lines(&seen.lines, &problem);
+    let solved = found.as_ref().map_err(Clone::clone).and_then(|f| seen.estimate(f, &problem, options));
+    let budget = found.ok().zip(solved.as_ref().ok());
+    let budget = budget.and_then(|(found, e)| seen.budget(&found, e, &problem, options).ok());
     let sigmas = seen.points.iter().map(|c| c.sigma_px).chain(seen.lines.iter().map(|l| l.seen.sigma_px));
     let answer = PoseAnswer {
         n_points: seen.points.len(),
@@ -64,6 +67,7 @@ pub fn locate_lines_and_points(
             verdict: verdict::of_estimate(&estimate, label, options.image_unit),
             observability: Some(Observability::of(&estimate, &seen.places())),
             estimate: Some(estimate),
+            budget,
             ..answer
         },
         Err(reason) => PoseAnswer { verdict: of_error(&reason, &seen), ..answer },
@@ -92,6 +96,14 @@ fn of_error(reason: &MathError, seen: &Seen) -> Verdict {
             ..verdict
         },
         _ => verdict,
+    }
+}
+
+/// Returns the factor by which residuals beyond the stated noise widen the covariance.
+fn noise_scale(found: &LinesEstimate) -> f64 {
+    match is_unlikely(found.chi2, found.degrees_of_freedom) {
+        true => found.chi2 / found.degrees_of_freedom as f64,
+        false => 1.0,
     }
 }
 
@@ -126,10 +138,7 @@ impl Seen {
         options: &PointsOptions,
     ) -> Result<PoseEstimate, MathError> {
         let LinesEstimate { cam_from_target, chi2, degrees_of_freedom, .. } = *found;
-        let scale = match is_unlikely(chi2, degrees_of_freedom) {
-            true => chi2 / degrees_of_freedom as f64,
-            false => 1.0,
-        };
+        let scale = noise_scale(found);
         let widened = |pose: &Pose, covariance: &Matrix6| -> Result<Matrix6, MathError> {
             Ok((covariance + self.share_of_intrinsics(pose, problem, options)?) * scale)
         };
@@ -172,6 +181,22 @@ impl Seen {
             weakness: None,
             geometry: None,
         })
+    }
+
+    /// Returns the parts of the estimate's covariance by their sources.
+    fn budget(
+        &self,
+        found: &LinesEstimate,
+        estimate: &PoseEstimate,
+        problem: &Problem,
+        options: &PointsOptions,
+    ) -> Result<Budget, MathError> {
+        let mut budget = found.budget(&self.lines, problem)?;
+        let of_lens = self.share_of_intrinsics(&found.cam_from_target, problem, options)?;
+        budget.add(ErrorSource::Lens, &of_lens);
+        let scale = noise_scale(found);
+        budget.add(ErrorSource::Residuals, &(estimate.covariance * ((scale - 1.0) / scale)));
+        Ok(budget)
     }
 
     fn consistency(

@@ -4,12 +4,14 @@ use super::again::Known;
 use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
+use crate::core::budget::Budget;
 use crate::core::multiview::network::{
-    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, ErrorSource, Frame, Measured, NetworkReliability,
-    NetworkStatus, QueryReliability, adjust,
+    ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, ErrorSource, Measured, NetworkReliability, NetworkStatus,
+    NetworkWarning, QueryReliability, adjust,
 };
 use crate::formats::plausible;
 use crate::report::verdict::Status;
+use nalgebra::Matrix1;
 
 /// The answer to one query.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +26,8 @@ pub struct QueryAnswer {
     pub other: Option<Vec<Measured>>,
     /// How well each value is checked; empty where there are no values.
     pub reliability: Vec<QueryReliability>,
+    /// The parts of each value's variance by the sources of the errors; empty where there are no values.
+    pub budgets: Vec<Budget<Matrix1<f64>>>,
 }
 
 /// A solved scene.
@@ -77,10 +81,19 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
             Some(known) => QueryAnswer { query: query.clone(), ..known.clone() },
             None => answer(scene, &adjusted, status, query),
         };
-    let reliability = adjusted.reliability();
-    let checked = |query: &NamedQuery| with_reliability(scene, &reliability, answered(query));
+    let (reliability, budgets) = (adjusted.reliability(), adjusted.budgets());
+    let checked = |query: &NamedQuery| {
+        let answer = with_reliability(scene, &reliability, answered(query));
+        let queries = scene.core_queries(query).into_iter();
+        match answer.result {
+            Ok(_) => {
+                QueryAnswer { budgets: queries.filter_map(|q| budgets.of_query(&q).ok()).collect(), ..answer }
+            }
+            Err(_) => answer,
+        }
+    };
     let answers: Vec<QueryAnswer> = scene.queries.iter().map(checked).collect();
-    let (mut verdict, mut remarks) = (verdict(scene, &adjusted), remarks(scene, &adjusted));
+    let (mut verdict, mut remarks) = sentences(scene, &adjusted);
     remarks.extend(unchecked_answers(&answers));
     remarks.extend(words::hardly_checked_lenses(scene, &reliability));
     let sources = reliability.sources().into_iter();
@@ -119,7 +132,8 @@ fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
 
 fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
     let (result, reliability) = (Ok(Vec::new()), Vec::new());
-    let base = QueryAnswer { query: query.clone(), status, result, other: None, reliability };
+    let base =
+        QueryAnswer { query: query.clone(), status, result, other: None, reliability, budgets: Vec::new() };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
@@ -171,52 +185,65 @@ const MOST_SUSPECTS: usize = 3;
 /// Two statistics that differ by less than this share cannot be distinguished.
 const TIED: f64 = 0.01;
 
-/// Describes the contradictions.
-fn contradiction(scene: &NamedScene, adjusted: &Adjusted) -> Option<String> {
-    if let Some(exchange) = &adjusted.exchanged {
-        let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
-        let photo = &scene.photos[exchange.photo].name;
-        return Some(format!(
-            "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels and measure again; the numbers below are with the labels exchanged"
-        ));
-    }
-    let Some((first, rest)) = adjusted.suspects.split_first() else {
-        let (chi2, n) = (adjusted.chi2, adjusted.degrees_of_freedom);
-        return adjusted.is_inconsistent.then(|| format!(
-            "inconsistent: χ² {chi2:.1} for {n} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong"
-        ));
-    };
-    let is_tied = |s: &&crate::core::multiview::network::Suspect| first.sigmas * (1.0 - TIED) < s.sigmas;
-    let tied = rest.iter().take(MOST_SUSPECTS - 1).take_while(is_tied);
-    let which: Vec<String> = std::iter::once(first).chain(tied).map(|s| words::suspect(scene, s)).collect();
+/// Names the constraints that contradict the others.
+fn suspects(scene: &NamedScene, adjusted: &Adjusted) -> String {
+    let first = adjusted.suspects.first().map_or(0.0, |first| first.sigmas);
+    let is_tied = |s: &&crate::core::multiview::network::Suspect| first * (1.0 - TIED) < s.sigmas;
+    let tied = adjusted.suspects.iter().take(MOST_SUSPECTS).take_while(is_tied);
+    let which: Vec<String> = tied.map(|s| words::suspect(scene, s)).collect();
     let without = match adjusted.left_out.is_empty() {
         true => "",
         false => "; the numbers below are without it",
     };
-    Some(format!(
+    format!(
         "inconsistent: {}; check it, correct or remove it, and measure again{without}",
         which.join(", or ")
-    ))
+    )
 }
 
-/// Returns the lines to be read before the numbers.
-fn verdict(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
-    let mut verdict = Vec::new();
-    verdict
-        .extend(adjusted.on_line.as_ref().map(|line| format!("degenerate: {}", words::on_line(scene, line))));
-    verdict.extend(contradiction(scene, adjusted));
-    if 1.0 < adjusted.noise_scale {
-        verdict.push(format!("every interval was widened by {:.2} for that", adjusted.noise_scale.sqrt()));
+/// Returns the lines to be read before the numbers, and the remarks.
+fn sentences(scene: &NamedScene, adjusted: &Adjusted) -> (Vec<String>, Vec<String>) {
+    let (mut verdict, mut remarks) = (Vec::new(), scene.remarks.clone());
+    for doubt in adjusted.warnings() {
+        match doubt {
+            NetworkWarning::OnLine => {
+                let line = adjusted.on_line.as_ref().map(|line| words::on_line(scene, line));
+                verdict.extend(line.map(|line| format!("degenerate: {line}")));
+            }
+            NetworkWarning::Exchanged => verdict.extend(adjusted.exchanged.as_ref().map(|exchange| {
+                let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
+                let photo = &scene.photos[exchange.photo].name;
+                format!(
+                    "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels and measure again; the numbers below are with the labels exchanged"
+                )
+            })),
+            NetworkWarning::Suspects => verdict.push(suspects(scene, adjusted)),
+            NetworkWarning::Contradiction => verdict.push(format!(
+                "inconsistent: χ² {:.1} for {} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong",
+                adjusted.chi2, adjusted.degrees_of_freedom
+            )),
+            NetworkWarning::Residuals(times) => {
+                verdict.push(format!("every interval was widened by {times:.2} for that"));
+            }
+            NetworkWarning::SecondSolution(delta) => verdict.push(format!(
+                "ambiguous: another arrangement of photographs and control points fits about as well (χ² {delta:.1} above, {ALTERNATIVE_GATE_CHI2} needed); add a control point off the others' plane, or another photograph"
+            )),
+            NetworkWarning::LostControlPoints => verdict.push("degenerate: a control point that was clicked has no place, so that what is known of it took no part; see below".to_string()),
+            NetworkWarning::NothingChecks => remarks.push(
+                "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),
+            ),
+            NetworkWarning::Held => remarks.push("coordinates leave a rotation or a shift free: lengths, angles, areas and heights are right, positions only relative to each other".to_string()),
+            NetworkWarning::LeftOut(at) => remarks.extend(adjusted.undetermined.get(at).map(|(item, reason)| {
+                let (name, reason) = (words::item(scene, *item), words::error(scene, reason));
+                if reason.starts_with(&name) {
+                    format!("left out: {reason}")
+                } else {
+                    format!("left out: {name}: {reason}")
+                }
+            })),
+        }
     }
-    if let Some(delta) = adjusted.alternative_delta_chi2.filter(|d| *d < ALTERNATIVE_GATE_CHI2) {
-        verdict.push(format!(
-            "ambiguous: another arrangement of photographs and control points fits about as well (χ² {delta:.1} above, {ALTERNATIVE_GATE_CHI2} needed); add a control point off the others' plane, or another photograph"
-        ));
-    }
-    if adjusted.has_lost_control_points {
-        verdict.push("degenerate: a control point that was clicked has no place, so that what is known of it took no part; see below".to_string());
-    }
-    verdict
+    (verdict, remarks)
 }
 
 /// Lists stated lengths that are implausible in metres, in sentences.
@@ -236,25 +263,4 @@ fn units(scene: &NamedScene) -> Vec<String> {
     let remarks =
         of_control_points.into_iter().chain(plausible::of_distances(&distances.collect::<Vec<_>>()));
     remarks.map(|text| format!("{text} (where they are metres, state lengths_are_metres = true)")).collect()
-}
-
-fn remarks(scene: &NamedScene, adjusted: &Adjusted) -> Vec<String> {
-    let mut remarks = scene.remarks.clone();
-    if adjusted.degrees_of_freedom == 0 {
-        remarks.push(
-            "nothing is left over to check anything with: no wrong image point could be noticed".to_string(),
-        );
-    }
-    if adjusted.frame == Frame::Held {
-        remarks.push("coordinates leave a rotation or a shift free: lengths, angles, areas and heights are right, positions only relative to each other".to_string());
-    }
-    remarks.extend(adjusted.undetermined.iter().map(|(item, reason)| {
-        let (name, reason) = (words::item(scene, *item), words::error(scene, reason));
-        if reason.starts_with(&name) {
-            format!("left out: {reason}")
-        } else {
-            format!("left out: {name}: {reason}")
-        }
-    }));
-    remarks
 }

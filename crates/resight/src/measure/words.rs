@@ -2,9 +2,12 @@
 
 use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
+use crate::core::budget::{self, Budget};
 use crate::core::multiview::network::{
     Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, QueryReliability, Suspect,
 };
+use crate::report::words::{all_share_words, shares};
+use nalgebra::Matrix1;
 
 /// Names an item: `point P`, `photo north`, `the plane`.
 pub fn item(scene: &NamedScene, item: Item) -> String {
@@ -139,6 +142,18 @@ pub(super) fn hardly_checked_lenses(scene: &NamedScene, reliability: &NetworkRel
         Some(_) => None,
     };
     reliability.sources().into_iter().filter(is_lens).filter_map(remark).collect()
+}
+
+/// Writes what the variance of an answer, of a position the sum of the three, consists of: `pixels 62 %, distances 38 %`; `None` where one
+/// source is all there is.
+pub fn budget(budgets: &[Budget<Matrix1<f64>>]) -> Option<String> {
+    let of = |source: budget::ErrorSource| -> f64 {
+        let parts = budgets.iter().flat_map(Budget::parts).filter(|part| part.source == source);
+        parts.map(|part| part.covariance.x).sum()
+    };
+    let all = budget::ErrorSource::ALL.map(|source| (source, of(source)));
+    let whole: f64 = all.iter().map(|(_, variance)| variance).sum();
+    all_share_words(shares(all.into_iter().map(|(source, variance)| (source, variance / whole))))
 }
 
 /// Explains what follows from control points on one line.

@@ -51,8 +51,12 @@ const LEAST_SHARE: f64 = 0.005;
 /// Returns the sources of a budget with their fractions of the variance of the position, the largest first; empty where one source is all there
 /// is.
 pub fn budget_shares(budget: &Budget) -> Vec<(ErrorSource, f64)> {
-    let mut shares: Vec<(ErrorSource, f64)> =
-        budget.parts().iter().map(|part| (part.source, budget.position_share(part))).collect();
+    shares(budget.parts().iter().map(|part| (part.source, budget.position_share(part))))
+}
+
+/// Returns sources with their fractions, the largest first and without those hardly there; empty where one source is all there is.
+pub fn shares(of: impl Iterator<Item = (ErrorSource, f64)>) -> Vec<(ErrorSource, f64)> {
+    let mut shares: Vec<(ErrorSource, f64)> = of.collect();
     shares.retain(|(_, share)| LEAST_SHARE <= *share);
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     if 1 < shares.len() { shares } else { Vec::new() }
@@ -61,13 +65,19 @@ pub fn budget_shares(budget: &Budget) -> Vec<(ErrorSource, f64)> {
 /// Writes the standard deviation of a position, the root of the sum over its axes, and what its variance consists of: `± 3.1 mm: pixels 62 %, lens
 /// 30 %, target 8 %`. `None` where one source is all there is.
 pub fn budget(budget: &Budget) -> Option<String> {
-    let named: Vec<String> = budget_shares(budget).into_iter().map(share_words).collect();
-    (!named.is_empty()).then(|| format!("± {}: {}", length(budget_sigma_m(budget)), named.join(", ")))
+    let named = all_share_words(budget_shares(budget))?;
+    Some(format!("± {}: {named}", length(budget_sigma_m(budget))))
 }
 
 /// Returns the standard deviation of the position, the root of the sum over its axes, metres.
 pub fn budget_sigma_m(budget: &Budget) -> f64 {
     budget.covariance().fixed_view::<3, 3>(3, 3).trace().max(0.0).sqrt()
+}
+
+/// Writes sources with their fractions: `lens 30 %, pixels 70 %`; `None` where there are none.
+pub fn all_share_words(shares: Vec<(ErrorSource, f64)>) -> Option<String> {
+    let named: Vec<String> = shares.into_iter().map(share_words).collect();
+    (!named.is_empty()).then(|| named.join(", "))
 }
 
 /// Writes a source with its fraction: `lens 30 %`.
@@ -77,13 +87,16 @@ pub fn share_words((source, share): (ErrorSource, f64)) -> String {
 
 fn source_words(source: ErrorSource) -> &'static str {
     match source {
-        ErrorSource::CameraPoses => "the camera's poses",
+        ErrorSource::CameraPoses => "camera poses",
         ErrorSource::Bend => "bend of the likelihood",
         ErrorSource::SharedInView => "errors shared in a view",
         ErrorSource::Residuals => "residuals beyond the stated noise",
         ErrorSource::Pixels => "pixels",
         ErrorSource::Lens => "lens",
+        ErrorSource::LensModel => "choice of the lens model",
         ErrorSource::Target => "target",
+        ErrorSource::ControlPoints => "control points",
+        ErrorSource::Distances => "distances",
         ErrorSource::Robot => "robot",
         ErrorSource::Priors => "priors",
         other => other.name(),

@@ -1,13 +1,13 @@
 //! Solves for the mounting of a camera (or rig) from a robot's poses and the camera's observations: the job of `resight hand-eye`.
 
-use super::job::ObservedRig;
+use super::job::{ObservedRig, uncertain_tags};
 use super::robot_poses::{RobotPose, RobotView, ViewPoses, joined};
 use super::{NamedRig, uncertain_lens};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
 use crate::core::budget::ErrorSource;
 use crate::core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
 use crate::core::multiview::rig_pose::RigView;
-use crate::core::{Camera, Correspondence, Error as MathError, Pose};
+use crate::core::{Camera, Correspondence, Error as MathError, Point, Pose, Vector6};
 use crate::error::Error;
 use crate::formats::plausible;
 use crate::report::rig::rig_verdict_sentence;
@@ -101,16 +101,67 @@ fn from_points(
     if let Ok(found) = &mut solution
         && let Some(share) = lens_share(found, &observed, &robot_views, config)
     {
-        let [of_carrier, of_holder] = [0, 6].map(|at| share.fixed_view::<6, 6>(at, at).into_owned());
-        found.carrier_covariance += of_carrier;
-        found.holder_covariance += of_holder;
-        found.carrier_budget.add(ErrorSource::Lens, &of_carrier);
-        found.holder_budget.add(ErrorSource::Lens, &of_holder);
-        found.joint_covariance += share;
+        add(found, ErrorSource::Lens, &share);
+    }
+    if let Ok(found) = &mut solution {
+        let share = tag_share(found, &rig, &cam_from_rig, &robot_views, config);
+        if let Some(share) = share {
+            add(found, ErrorSource::Target, &share);
+        }
     }
     let eye = if rig.cameras.len() == 1 { "cam" } else { "rig" };
     let named = Named { eye, views: names(&robot_views), left_out, rig_contradiction, sizes, remarks };
     Ok(answer(solution, named))
+}
+
+/// Adds what a source contributes to both poses.
+fn add(found: &mut HandEye, source: ErrorSource, share: &DMatrix<f64>) {
+    let [of_carrier, of_holder] = [0, 6].map(|at| share.fixed_view::<6, 6>(at, at).into_owned());
+    found.carrier_covariance += of_carrier;
+    found.holder_covariance += of_holder;
+    found.carrier_budget.add(source, &of_carrier);
+    found.holder_budget.add(source, &of_holder);
+    found.joint_covariance += share;
+}
+
+/// Returns the motions of both poses from one answer to another, `cam_from_carrier` first.
+fn moved(other: &HandEye, found: &HandEye) -> DVector<f64> {
+    let by_camera = (other.cam_from_carrier * found.cam_from_carrier.inverse()).log();
+    let by_target = (other.holder_from_target * found.holder_from_target.inverse()).log();
+    DVector::from_iterator(12, by_camera.iter().chain(&by_target).copied())
+}
+
+/// Returns the contribution of tags whose poses on their map are uncertain: the same error in all views, so that the answer is solved again with
+/// each tag displaced along and rotated about every axis by one standard deviation. `None` where every tag is exact.
+fn tag_share(
+    found: &HandEye,
+    rig: &NamedRig,
+    cam_from_rig: &[Pose],
+    robot_views: &[RobotView],
+    config: &HandEyeConfig,
+) -> Option<DMatrix<f64>> {
+    let mut sum: Option<DMatrix<f64>> = None;
+    for tag in uncertain_tags(&rig.targets) {
+        let centre = tag.corners_in_target.iter().sum::<Point>() / 4.0;
+        for axis in 0..6 {
+            let sigma = if axis < 3 { tag.sigma_rad } else { tag.sigma_m };
+            if sigma == 0.0 {
+                continue;
+            }
+            let motion = Pose::exp(&Vector6::ith(axis, sigma));
+            let mut other = rig.clone();
+            for c in other.observations.iter_mut().flat_map(|s| &mut s.seen) {
+                if tag.corners_in_target.contains(&c.x_in_target) {
+                    c.x_in_target = centre + motion * (c.x_in_target - centre);
+                }
+            }
+            let other = mounted(&other, cam_from_rig, robot_views, config).ok()?;
+            let change = moved(&other, found);
+            let added = &change * change.transpose();
+            sum = Some(sum.map_or_else(|| added.clone(), |sum| sum + &added));
+        }
+    }
+    sum
 }
 
 /// Returns a remark where the robot's positions are implausible in metres.
@@ -160,9 +211,7 @@ fn lens_share(
             let rig = again.gathered.rig.clone();
             let (cam_from_rig, _) = cameras(again).ok()?;
             let other = mounted(&rig, &cam_from_rig, robot_views, config).ok()?;
-            let by_camera = (other.cam_from_carrier * found.cam_from_carrier.inverse()).log();
-            let by_target = (other.holder_from_target * found.holder_from_target.inverse()).log();
-            Some(DVector::from_iterator(12, by_camera.iter().chain(&by_target).copied()))
+            Some(moved(&other, found))
         };
         let Some(share) = uncertain_lens::share(camera, through) else { continue };
         sum = Some(sum.map_or_else(|| share.clone(), |sum| sum + &share));

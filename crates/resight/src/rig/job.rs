@@ -10,8 +10,11 @@ use super::relative::in_world;
 use super::request::RigRequest;
 use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
-use crate::core::Error as MathError;
-use crate::core::multiview::rig::{KnownDistance, RigConfig, SharedViews, shared_views, solve_rig};
+use crate::core::multiview::rig::{
+    KnownDistance, RigConfig, SharedViews, UncertainTag, shared_views, solve_rig,
+};
+use crate::core::target::{Feature, MapTag};
+use crate::core::{Error as MathError, Target};
 use crate::error::Error;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -168,6 +171,7 @@ impl ObservedRig {
         let Gathered { mut rig, taken_in, points, world_view } = self.gathered;
         let intrinsics: Vec<_> =
             rig.cameras.iter().map(|camera| camera.intrinsics_covariance.clone()).collect();
+        let tags = uncertain_tags(&rig.targets);
         // Poses between two cameras need the joint covariance.
         let config = RigConfig {
             reference: self.reference,
@@ -177,6 +181,7 @@ impl ObservedRig {
             known_distances: &self.known_distances,
             intrinsics: &intrinsics,
             scale_sigma: scale_sigma(&rig.targets),
+            displaced_tags: &tags,
             ..RigConfig::default()
         };
         let failed =
@@ -214,6 +219,29 @@ fn scale_sigma(targets: &[NamedTarget]) -> f64 {
         Some(0.5 * x.hypot(y))
     };
     targets.iter().filter_map(of_target).fold(0.0, f64::max)
+}
+
+/// Returns the tags of maps that state a tolerance.
+pub(super) fn uncertain_tags(targets: &[NamedTarget]) -> Vec<UncertainTag> {
+    let mut tags = Vec::new();
+    for (index, named) in targets.iter().enumerate() {
+        let Some(target) = &named.target else { continue };
+        let Target::TagMap(map) = target.design() else { continue };
+        for tag in &map.tags {
+            let MapTag { id, sigma_m, sigma_rad, .. } = *tag;
+            let corner = |corner| target.point(Feature { id, corner }).map(|point| point.position);
+            let corners = [corner(0), corner(1), corner(2), corner(3)];
+            if let ([Some(a), Some(b), Some(c), Some(d)], true) = (corners, 0.0 < sigma_m.max(sigma_rad)) {
+                tags.push(UncertainTag {
+                    target: index,
+                    corners_in_target: [a, b, c, d],
+                    sigma_m,
+                    sigma_rad,
+                });
+            }
+        }
+    }
+    tags
 }
 
 fn camera_names(rig: &NamedRig) -> Vec<String> {

@@ -99,7 +99,6 @@ impl RigRequest {
         let file = formats::read_target_with(path, &TagOptions::default())?;
         let remark = |warning: &String| format!("warning: {}: {warning}", path.display());
         self.remarks.extend(file.warnings.iter().map(remark));
-        self.remarks.extend(tolerance_remark(path, &file.target));
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         self.targets.push((name.unwrap_or(&stem).to_string(), file.target));
         self.files.push(path.to_path_buf());
@@ -224,19 +223,6 @@ pub(super) fn check_camera_names(cameras: &[NamedCamera]) -> Result<(), Error> {
 fn duplicate<'a>(mut names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let mut seen = std::collections::BTreeSet::new();
     names.find(|name| !seen.insert(*name))
-}
-
-/// Remarks that the tolerances of a map are not used in a rig.
-fn tolerance_remark(path: &Path, target: &Target) -> Option<String> {
-    let Target::TagMap(map) = target.design() else { return None };
-    let widest_m = map.tags.iter().map(|tag| tag.sigma_m).fold(0.0, f64::max);
-    (0.0 < widest_m).then(|| {
-        format!(
-            "warning: {}: a rig takes a map of tags as one rigid target that is known exactly; its tolerance of {:.1} mm is not in the answer's ±",
-            path.display(),
-            1e3 * widest_m
-        )
-    })
 }
 
 fn too_few_to_fix(names: &[String]) -> Error {

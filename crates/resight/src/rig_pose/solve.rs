@@ -94,7 +94,8 @@ pub(super) fn solved(rig: &[KnownCamera], view: &RigPointsView, request: &RigPos
             estimate.rig_from_target.origin().z,
         ));
     }
-    answer.with_estimate(&estimate, exact)
+    let budget = estimate.budget(&rig_views(rig, &kept, &lenses)).ok();
+    answer.with_estimate(&estimate, budget, exact)
 }
 
 fn rig_views<'a>(

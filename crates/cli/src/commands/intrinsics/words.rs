@@ -1,9 +1,10 @@
 //! Intrinsics in words.
 
+use resight::answer::NumbersPartObject;
 use resight::answer::intrinsics::{
     CameraCheck, CameraIntrinsics, IntrinsicsAnswer, IntrinsicsCheckAnswer, IntrinsicsObject,
 };
-use resight::report::words::counted;
+use resight::report::words::{all_share_words, counted, shares};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -71,6 +72,9 @@ fn views(text: &mut String, found: &IntrinsicsObject) {
             text,
             "  projection uncertainty {px:.3} px in the mean over the image, {worst:.3} px at worst"
         );
+    }
+    if let Some(parts) = all_share_words(shares(found.budget.iter().map(NumbersPartObject::share))) {
+        let _ = writeln!(text, "  budget of that: {parts}");
     }
     if let Some(held) = &found.held_out {
         let _ = writeln!(

@@ -6,6 +6,7 @@
 
 use super::lens::{LENS, LensPrior, LensState};
 use super::{LEAST_FIELD_RAD, MAX_RELATIVE_SIGMA, MOST_FIELD_RAD};
+use crate::budget::{Budget, ErrorSource};
 use crate::error::FocalRemedy;
 use crate::least_squares::dense::{DenseEquations, minimize_dense};
 use crate::line::ImageLine;
@@ -14,7 +15,7 @@ use crate::solve::pure_rotation::DirectionPair;
 use crate::solve::vanishing::{rotations, vanishing_point};
 use crate::{Camera, Error, Matrix6, Pixel, Point, Pose, Vector6};
 use arrayvec::ArrayVec;
-use nalgebra::{DMatrix, DVector, Matrix3, Unit, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix3, OMatrix, U6, Unit, Vector2, Vector3};
 
 /// Which way a line runs in the scene. Its frame: x across (to the right), y along (away from the camera), z up; the origin is the point of the
 /// ground below the camera.
@@ -75,6 +76,8 @@ pub struct SceneView {
     pub cam_from_scene: Pose,
     /// 6×6 covariance of its small left motion, camera frame; without a length the height is one without error.
     pub covariance: Matrix6,
+    /// The parts of `covariance` by their sources, which add up to it.
+    pub budget: Budget,
     /// The camera that was given or found.
     pub camera: Camera,
     /// Focal length, px, where it was estimated.
@@ -413,8 +416,9 @@ impl Problem<'_> {
         // What is known of the lens brings as many rows as unknowns, the focal length apart.
         let n = 3 + usize::from(state.lens.is_some()) + usize::from(state.log_height.is_some());
         let degrees_of_freedom = n_rows.saturating_sub(n);
-        let covariance =
-            &found.covariance * noise_scale(*chi2, degrees_of_freedom) + self.of_intrinsics(found);
+        let budget = self.budget(found, noise_scale(*chi2, degrees_of_freedom))?;
+        let mut covariance = DMatrix::zeros(found.covariance.nrows(), found.covariance.ncols());
+        budget.parts().iter().for_each(|part| covariance += &part.covariance);
         let is_inconsistent = is_inconsistent(*chi2, degrees_of_freedom);
         let rotation = covariance.fixed_view::<3, 3>(0, 0).into_owned();
         // Of lines that contradict each other, that is what has to be said.
@@ -439,12 +443,12 @@ impl Problem<'_> {
         let log_sigma = if height_m.is_some() { covariance[(last, last)].sqrt() } else { 0.0 };
         let translation = -up * height_m.unwrap_or(1.0);
         // Eq. (6): the translation goes with the rotation, and along itself with the height.
-        let mut by_unknown = DMatrix::zeros(6, covariance.nrows());
-        by_unknown.view_mut((0, 0), (3, 3)).fill_with_identity();
+        let mut by_unknown = OMatrix::<f64, U6, Dyn>::zeros(covariance.nrows());
+        by_unknown.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         if height_m.is_some() {
-            by_unknown.view_mut((3, last), (3, 1)).copy_from(&translation);
+            by_unknown.fixed_view_mut::<3, 1>(3, last).copy_from(&translation);
         }
-        let pose = &by_unknown * &covariance * by_unknown.transpose();
+        let budget = budget.transformed(&by_unknown);
         let angle = |value: f64, by_turn: Vector3<f64>| Estimate {
             value,
             sigma: by_turn.dot(&(rotation * by_turn)).max(0.0).sqrt(),
@@ -452,7 +456,8 @@ impl Problem<'_> {
         let [tilt, roll, heading] = angles(r);
         Ok(SceneView {
             cam_from_scene: Pose::new(*r, translation),
-            covariance: crate::pose::symmetric(&Matrix6::from_fn(|i, j| pose[(i, j)])),
+            covariance: budget.covariance(),
+            budget,
             camera: state.camera.clone(),
             focal_px,
             tilt_rad: angle(tilt.0, tilt.1),
@@ -477,6 +482,30 @@ impl Problem<'_> {
             true => Ok(()),
             false => Err(Error::ImpossibleFocal { focal_px, field_of_view_rad }),
         }
+    }
+
+    /// The parts of the covariance of the unknowns by their sources: docs/math/budget.md section 8.
+    fn budget(&self, found: &Found, noise_scale: f64) -> Result<Budget<DMatrix<f64>>, Error> {
+        let held = self.held_at(&found.state).ok_or(ABOVE_HORIZON)?;
+        let mut pulls = Budget::default();
+        let mut add = |source: ErrorSource, row: usize, share: f64| {
+            let by = found.derivatives.row(row);
+            pulls.add(source, &(by.transpose() * by * share));
+        };
+        (0..self.lines.len()).for_each(|row| add(ErrorSource::Pixels, row, 1.0));
+        let with_height = self.known_lengths().filter(|_| found.state.log_height.is_some());
+        let mut next = self.lines.len();
+        for ((_, length), sigma) in with_height.zip(&held.log_length_sigmas) {
+            let of_length = (length.sigma_m / length.metres / sigma).powi(2).min(1.0);
+            add(ErrorSource::Distances, next, of_length);
+            add(ErrorSource::Pixels, next, 1.0 - of_length);
+            next += 1;
+        }
+        (next..found.derivatives.nrows()).for_each(|row| add(ErrorSource::Lens, row, 1.0));
+        let mut budget = pulls.transformed(&found.covariance);
+        budget.add(ErrorSource::Residuals, &(&found.covariance * (noise_scale - 1.0)));
+        budget.add(ErrorSource::Lens, &self.of_intrinsics(found));
+        Ok(budget)
     }
 
     /// What uncertain intrinsics of a known camera add, eq. (7).

@@ -2,7 +2,8 @@
 
 use super::settle::Settled;
 use super::written::RotationConvention;
-use super::{MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
+use super::{HandEye, MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD, TargetSize};
+use crate::budget::{Accounted, ErrorSource, Warning};
 use crate::multiview::intrinsics_check::Group;
 use core::fmt;
 
@@ -61,6 +62,59 @@ pub enum HandEyeCause {
         /// Number of views with a pose.
         n_views: usize,
     },
+}
+
+/// Something that is said against a hand–eye answer.
+#[derive(Debug, Clone, PartialEq)]
+pub enum HandEyeWarning {
+    /// A cause of an inconsistent answer.
+    Cause(HandEyeCause),
+    /// Residuals exceed the stated noise by this factor of standard deviations.
+    Residuals(f64),
+    /// The target's size is off, by little.
+    Size(TargetSize),
+    /// The pixels contradict the intrinsics; by how far the camera's position moves with better ones, m.
+    Lens(f64),
+    /// A view took no part.
+    LeftOut(usize),
+}
+
+impl Warning for HandEyeWarning {
+    fn accounted(&self) -> Accounted {
+        match self {
+            HandEyeWarning::Cause(
+                HandEyeCause::Size { .. }
+                | HandEyeCause::Intrinsics { .. }
+                | HandEyeCause::InvertedGripper
+                | HandEyeCause::QuaternionOrder
+                | HandEyeCause::TransposedRotation
+                | HandEyeCause::Convention(_)
+                | HandEyeCause::ShiftedRows(_)
+                | HandEyeCause::LargeNoise { .. }
+                | HandEyeCause::StatedNoise { .. }
+                | HandEyeCause::Pixels { .. }
+                | HandEyeCause::ManyContradict { .. },
+            ) => Accounted::Status,
+            HandEyeWarning::Residuals(_) => Accounted::Parts(&[ErrorSource::Residuals]),
+            HandEyeWarning::Size(_) => Accounted::Parts(&[ErrorSource::Target]),
+            HandEyeWarning::Lens(_) => Accounted::Parts(&[ErrorSource::Lens]),
+            HandEyeWarning::LeftOut(_) => Accounted::Nothing,
+        }
+    }
+}
+
+impl HandEye {
+    /// Returns what is said against the answer, the likely cause first.
+    pub fn warnings(&self) -> Vec<HandEyeWarning> {
+        let mut warnings: Vec<HandEyeWarning> =
+            self.causes.iter().cloned().map(HandEyeWarning::Cause).collect();
+        warnings.extend((1.0 < self.noise_scale).then(|| HandEyeWarning::Residuals(self.noise_scale.sqrt())));
+        warnings.extend(self.small_size.map(HandEyeWarning::Size));
+        warnings.extend(self.lens_shift_m.map(HandEyeWarning::Lens));
+        let left_out = self.views.iter().enumerate().filter(|(_, view)| view.rejected.is_some());
+        warnings.extend(left_out.map(|(i, _)| HandEyeWarning::LeftOut(i)));
+        warnings
+    }
 }
 
 /// Reports noise beyond that of any robot.

@@ -27,6 +27,7 @@ pub(super) enum Level {
 }
 
 /// A minimum.
+#[derive(Clone)]
 pub(super) struct Fit {
     pub poses: Poses,
     /// 12×12.

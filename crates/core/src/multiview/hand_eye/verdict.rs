@@ -25,6 +25,8 @@ pub(super) struct Verdict {
     pub size: Option<TargetSize>,
     /// An error of size that is proven, but small.
     pub small: Option<Larger>,
+    /// The camera that the pixels of all views fit better, where they contradict the given one.
+    pub lens: Option<Camera>,
 }
 
 /// χ² of the poses for the stated or estimated noise.
@@ -53,8 +55,8 @@ pub(super) fn judged(
     let larger = settled.larger(config).map(|larger| widened(larger, settled, residuals));
     let proven = larger.filter(|larger| settled.measures_size() && is_proven(larger, settled));
     let wrong = proven.filter(|larger| MAX_SIZE_ERROR < larger.part.abs());
-    let mut causes: Vec<HandEyeCause> =
-        intrinsics(settled, contradicts(residuals.pixels)).into_iter().collect();
+    let (lens, of_lens) = intrinsics(settled, contradicts(residuals.pixels)).unzip();
+    let mut causes: Vec<HandEyeCause> = of_lens.flatten().into_iter().collect();
     if causes.is_empty() && !seen.is_empty() {
         causes.extend(alternatives(views, settled, config));
     }
@@ -69,7 +71,7 @@ pub(super) fn judged(
         causes.push(HandEyeCause::Pixels { ratio: ratio(residuals.pixels) });
     }
     let size = larger.map(|larger| TargetSize { ratio: 1.0 + larger.part, sigma: larger.sigma });
-    Verdict { causes, size, small: proven.filter(|_| wrong.is_none()) }
+    Verdict { causes, size, small: proven.filter(|_| wrong.is_none()), lens }
 }
 
 /// Widens the uncertainty of the size where the stated noise is too small.
@@ -101,8 +103,9 @@ pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
     all.iter().filter_map(of_view).fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
 }
 
-/// Tests the intrinsics where one camera saw every view, and reports them if the pixels contradict them significantly.
-fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
+/// Tests the intrinsics where one camera saw every view. Where the pixels contradict them, returns the camera that they fit better, and the cause if it
+/// matters.
+fn intrinsics(settled: &Settled, is_certain: bool) -> Option<(Camera, Option<HandEyeCause>)> {
     let mut camera: Option<&Camera> = None;
     let mut frames: Vec<&[Correspondence]> = Vec::new();
     for (view, _) in settled.used() {
@@ -126,24 +129,32 @@ fn intrinsics(settled: &Settled, is_certain: bool) -> Option<HandEyeCause> {
     if check.blamed.is_empty() {
         return None;
     }
+    let values: Vec<f64> =
+        camera.parameters().iter().zip(offsets(camera, &check)).map(|((_, x), offset)| x + offset).collect();
+    let better = camera.with_parameters(&values).ok()?;
     let matters = check.p_value < MAX_INTRINSICS_P && MAX_RAY_SHIFT < ray_shift(settled, camera, &check);
     if !matters && !is_certain {
-        return None;
+        return Some((better, None));
     }
     let groups = check.blamed.iter().map(|blame| blame.group).collect();
     let blamed = check.blamed.iter().flat_map(|blame| &blame.parameters);
     let focal = blamed.filter(|doubt| ["f", "fx_px"].contains(&doubt.name));
     let focal_ratio = focal.map(|doubt| 1.0 + doubt.offset / doubt.given).next();
-    Some(HandEyeCause::Intrinsics { groups, focal_ratio })
+    Some((better, Some(HandEyeCause::Intrinsics { groups, focal_ratio })))
+}
+
+/// Returns what to add to each parameter, zero where it is not blamed.
+fn offsets(camera: &Camera, check: &IntrinsicsCheck) -> Vec<f64> {
+    let blamed: Vec<_> = check.blamed.iter().flat_map(|blame| &blame.parameters).collect();
+    let offset =
+        |name: &str| blamed.iter().find(|doubt| doubt.name == name).map_or(0.0, |doubt| doubt.offset);
+    camera.parameters().iter().map(|(name, _)| offset(name)).collect()
 }
 
 /// Returns the root mean square motion of the pixels due to the blamed offsets, relative to the focal length.
 fn ray_shift(settled: &Settled, camera: &Camera, check: &IntrinsicsCheck) -> f64 {
     let parameters = camera.parameters();
-    let blamed: Vec<_> = check.blamed.iter().flat_map(|blame| &blame.parameters).collect();
-    let offset =
-        |name: &str| blamed.iter().find(|doubt| doubt.name == name).map_or(0.0, |doubt| doubt.offset);
-    let offsets: Vec<f64> = parameters.iter().map(|(name, _)| offset(name)).collect();
+    let offsets = offsets(camera, check);
     let focal = parameters.iter().find(|(name, _)| ["f", "fx_px"].contains(name)).map_or(f64::NAN, |p| p.1);
     let (mut sum, mut n) = (0.0, 0usize);
     for (view, candidate) in settled.used() {

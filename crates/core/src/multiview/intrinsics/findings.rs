@@ -1,6 +1,7 @@
 //! Faults and weaknesses of views and answer, each with the number seen, the number needed and a remedy.
 
 use super::groups::TwoGroups;
+use crate::budget::{Accounted, ErrorSource, Warning};
 
 /// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -124,6 +125,32 @@ pub enum Finding {
         /// Factor on variances.
         times: f64,
     },
+}
+
+impl Warning for Finding {
+    fn accounted(&self) -> Accounted {
+        match self {
+            Finding::FewViews { .. }
+            | Finding::NotTilted { .. }
+            | Finding::OneOrientation { .. }
+            | Finding::NoCamera { .. }
+            | Finding::Undetermined { .. }
+            | Finding::ManyBadViews { .. }
+            | Finding::TwoCameras { .. }
+            | Finding::Stretched { taken_in: false, .. }
+            | Finding::Bent { taken_in: false, .. }
+            | Finding::Noisy { .. } => Accounted::Status,
+            Finding::Stretched { taken_in: true, .. } | Finding::Bent { taken_in: true, .. } => {
+                Accounted::Parts(&[ErrorSource::Target])
+            }
+            Finding::ViewsContradict { .. } => Accounted::Parts(&[ErrorSource::SharedInView]),
+            // What few corners leave open is as uncertain as they and the prior of the lens leave it.
+            Finding::RoughFocal { .. } | Finding::SmallCoverage { .. } => {
+                Accounted::Parts(&[ErrorSource::Pixels])
+            }
+            Finding::Copies { .. } => Accounted::Nothing,
+        }
+    }
 }
 
 impl Finding {

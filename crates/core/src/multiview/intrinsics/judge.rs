@@ -1,6 +1,7 @@
 //! Builds the answer from a fit, with its faults and weaknesses.
 
 use super::adjust::{Fit, Seen, Shape, Shared, fit};
+use super::budget::{add_families, over_choices};
 use super::findings::Finding;
 use super::geometry::{Copies, Coverage, Tilts, tilts};
 use super::groups::{TwoGroups, two_groups};
@@ -9,8 +10,9 @@ use super::next_view::{Forecast, Known, next_view};
 use super::projection::Projection;
 use super::robust::{BadView, Clean};
 use super::scatter::{Noise, Spread, spread};
-use super::select::{Local, rms_px, undetermined};
+use super::select::{rms_px, undetermined};
 use super::{BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
+use crate::budget::Budget;
 use crate::camera::ImageSize;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::multiview::intrinsics_check::{MAX_RELATIVE_SIGMA, SkippedFrame};
@@ -50,8 +52,11 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
     let spread = spread(found, context.config.noise)?;
     let camera = found.shared.camera.clone();
     let names: Vec<&str> = camera.parameters().iter().map(|(name, _)| *name).collect();
-    let covariance = over_choices(found, &spread, context.chosen, &names);
     let corners = || found.seen.iter().flat_map(used_pixels);
+    let mut budget = over_choices(found, &spread, context.chosen, &names)?;
+    let alternatives = &context.chosen.families;
+    add_families(&mut budget, found, &corners().collect::<Vec<_>>(), (context.size, alternatives), &spread);
+    let covariance = sum(&budget, names.len());
     let projection = Projection::new(&camera, &covariance, corners()).over_image(context.size, 17, 13);
     let views = views(found, &spread)?;
     let widening = spread.noise * spread.contradiction;
@@ -86,8 +91,16 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
         forecast,
         findings,
         covariance,
+        budget,
         camera,
     })
+}
+
+/// Returns the whole of a budget over `n` parameters.
+fn sum(budget: &Budget<DMatrix<f64>>, n: usize) -> DMatrix<f64> {
+    let mut sum = DMatrix::zeros(n, n);
+    budget.parts().iter().for_each(|part| sum += &part.covariance);
+    sum
 }
 
 /// Returns the reason why views determine no camera: the first that applies, from the fit nearest to an answer.
@@ -116,49 +129,6 @@ fn used_pixels(view: &Seen) -> impl Iterator<Item = Pixel> + '_ {
     view.points.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight).map(|(c, _)| c.pixel)
 }
 
-/// Returns the covariance of all parameters from that of the free directions: D Σ Dᵀ.
-fn of_parameters(fit: &Fit, covariance: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = fit.shared.camera.parameters().len();
-    let mut map = DMatrix::zeros(n, covariance.nrows());
-    for (column, direction) in fit.shared.directions.iter().enumerate() {
-        for (row, by) in direction {
-            map[(*row, column)] = *by;
-        }
-    }
-    let all = &map * covariance * map.transpose();
-    0.5 * (&all + all.transpose())
-}
-
-/// Returns the covariance of the named parameters, including the choice of the model: docs/math/intrinsics.md eq. (8).
-fn over_choices(fit: &Fit, spread: &Spread, chosen: &Chosen, names: &[&str]) -> DMatrix<f64> {
-    let own = of_parameters(fit, &spread.covariance);
-    let own_names: Vec<&str> = fit.shared.camera.parameters().iter().map(|(name, _)| *name).collect();
-    let own = by_names(&own, &own_names, names);
-    let reference: Vec<f64> = in_terms_of(names, &chosen.own);
-    let mut total = DMatrix::zeros(own.nrows(), own.nrows());
-    for (weight, other) in &chosen.others {
-        let conditional = &other.covariance * (spread.noise * spread.contradiction);
-        let within = by_names(&conditional, &other.names, names);
-        let off: Vec<f64> = in_terms_of(names, other).iter().zip(&reference).map(|(a, b)| a - b).collect();
-        total +=
-            DMatrix::from_fn(own.nrows(), own.nrows(), |i, j| weight * (within[(i, j)] + off[i] * off[j]));
-    }
-    own * (1.0 - weight_of_others(chosen)) + total
-}
-
-fn weight_of_others(chosen: &Chosen) -> f64 {
-    chosen.others.iter().map(|(weight, _)| weight).sum::<f64>().min(1.0)
-}
-
-/// Returns a covariance for other names; a missing one has no variance.
-fn by_names(covariance: &DMatrix<f64>, names: &[&str], wanted: &[&str]) -> DMatrix<f64> {
-    let places: Vec<Option<usize>> =
-        wanted.iter().map(|name| names.iter().position(|known| known == name)).collect();
-    DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| {
-        places[i].zip(places[j]).map_or(0.0, |(i, j)| covariance[(i, j)])
-    })
-}
-
 /// Prepares the forecast of further views, in the parameters of every choice that is possibly right: a coefficient that the chosen lens lacks may
 /// be what is uncertain. docs/math/intrinsics.md section 9.
 fn forecast(fit: &Fit, spread: &Spread, context: &Context, now_px: f64) -> Option<Forecast> {
@@ -166,7 +136,7 @@ fn forecast(fit: &Fit, spread: &Spread, context: &Context, now_px: f64) -> Optio
     let camera = widest.camera(&fit.shared.camera).ok()?;
     let directions = widest.directions(&camera);
     let names: Vec<&str> = directions.iter().map(|d| camera.parameters()[d[0].0].0).collect();
-    let of_lens = over_choices(fit, spread, context.chosen, &names);
+    let of_lens = sum(&over_choices(fit, spread, context.chosen, &names)?, names.len());
     let (n_own, n) = (fit.shared.directions.len(), names.len());
     // The shape of the target does not depend on the choice.
     let n_shape = spread.covariance.nrows() - n_own;
@@ -177,13 +147,6 @@ fn forecast(fit: &Fit, spread: &Spread, context: &Context, now_px: f64) -> Optio
     let shared = Shared { camera, directions, ..fit.shared.clone() };
     let noise = spread.noise * spread.contradiction;
     Some(Forecast::new(fit, context.size, Known { shared, covariance, noise, now_px }))
-}
-
-/// Returns the parameters of another choice of the family, by the names of this one; a missing coefficient is zero.
-fn in_terms_of(names: &[&str], local: &Local) -> Vec<f64> {
-    let value =
-        |name: &&str| local.names.iter().position(|known| known == name).map_or(0.0, |i| local.values[i]);
-    names.iter().map(value).collect()
 }
 
 fn target_shape(fit: &Fit, covariance: &DMatrix<f64>) -> Option<[[f64; 2]; 3]> {

@@ -5,7 +5,7 @@
 
 use crate::camera::ImageSize;
 use crate::{Bearing, Camera, Pixel};
-use nalgebra::{DMatrix, Dyn, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Vector3};
+use nalgebra::{DMatrix, Dyn, Matrix2x3, Matrix3, OMatrix, Rotation3, U2, Vector2, Vector3};
 
 type Rows = OMatrix<f64, U2, Dyn>;
 
@@ -149,8 +149,31 @@ const MAX_STEPS: usize = 20;
 /// needed).
 pub fn projection_difference(a: &Camera, b: &Camera, size: ImageSize) -> Option<ProjectionDifference> {
     let places: Vec<Pixel> = grid(size, 24, 18).collect();
+    let off = difference_over(a, b, &places, &places)?;
+    let off: Vec<f64> = off.into_iter().flatten().map(|off| off.norm()).collect();
+    if off.len() < 3 {
+        return None;
+    }
+    let sum: f64 = off.iter().map(|px| px * px).sum();
+    let largest_px = off.iter().copied().fold(0.0, f64::max);
+    Some(ProjectionDifference {
+        rms_px: (sum / off.len() as f64).sqrt(),
+        largest_px,
+        n: off.len(),
+        of: places.len(),
+    })
+}
+
+/// Returns at each place by how much b projects elsewhere than a, px, after the rotation that keeps `corners` in place best; `None` outside the
+/// fields.
+pub(super) fn difference_over(
+    a: &Camera,
+    b: &Camera,
+    corners: &[Pixel],
+    places: &[Pixel],
+) -> Option<Vec<Option<Vector2<f64>>>> {
     let seen: Vec<(Pixel, Bearing)> =
-        places.iter().filter_map(|pixel| Some((*pixel, a.bearing(pixel).ok()?))).collect();
+        corners.iter().filter_map(|pixel| Some((*pixel, a.bearing(pixel).ok()?))).collect();
     let mut b_from_a = Rotation3::identity();
     for _ in 0..MAX_STEPS {
         let (mut normal, mut pull) = (Matrix3::zeros(), Vector3::zeros());
@@ -170,19 +193,9 @@ pub fn projection_difference(a: &Camera, b: &Camera, size: ImageSize) -> Option<
             break;
         }
     }
-    let off = seen
-        .iter()
-        .filter_map(|(pixel, bearing)| Some((b.project(&(b_from_a * bearing.into_inner()))? - pixel).norm()));
-    let off: Vec<f64> = off.collect();
-    if off.len() < 3 {
-        return None;
-    }
-    let sum: f64 = off.iter().map(|px| px * px).sum();
-    let largest_px = off.iter().copied().fold(0.0, f64::max);
-    Some(ProjectionDifference {
-        rms_px: (sum / off.len() as f64).sqrt(),
-        largest_px,
-        n: off.len(),
-        of: places.len(),
-    })
+    let off = |pixel: &Pixel| {
+        let x = b_from_a * a.bearing(pixel).ok()?.into_inner();
+        Some(b.project(&x)? - pixel)
+    };
+    Some(places.iter().map(off).collect())
 }

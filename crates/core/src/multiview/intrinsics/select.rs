@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 /// A choice of another family must be better by this much (odds of 20 to 1): of two that fit about equally well the first is kept.
 pub const FAMILY_MARGIN: f64 = 6.0;
 /// A choice with less than this weight does not enter the covariance.
-const LEAST_WEIGHT: f64 = 1e-3;
+pub(super) const LEAST_WEIGHT: f64 = 1e-3;
 
 /// The evidence for a choice.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,7 +41,7 @@ pub(super) struct Local {
     pub(super) values: Vec<f64>,
     pub(super) covariance: DMatrix<f64>,
     /// Their prior: inverse covariance and mean.
-    known: DMatrix<f64>,
+    pub(super) known: DMatrix<f64>,
     means: Vec<f64>,
 }
 

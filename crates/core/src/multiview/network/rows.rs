@@ -161,7 +161,7 @@ pub(crate) fn lens_rows(state: &State, layout: &Layout) -> Vec<Row> {
 }
 
 /// Returns the rows that hold the unknowns that the frame leaves free.
-fn pin_rows(layout: &Layout) -> impl Iterator<Item = Row> {
+pub(crate) fn pin_rows(layout: &Layout) -> impl Iterator<Item = Row> {
     layout.pins.iter().map(|pin| Row::new(0.0).by(Some(0), pin.as_slice()))
 }
 

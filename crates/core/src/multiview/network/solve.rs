@@ -104,6 +104,9 @@ fn conclude(
         return Err(Error::NotConverged { steps: solved.steps });
     }
     undetermined.sort_by_key(|u| u.0);
+    // The equations of the minimum itself, not those of the state one vanishing step before: the rows' shares then add up to the covariance.
+    let last = equations(network.constraints, &solved.state, &layout).and_then(|last| inverse(&last).ok());
+    let covariance = last.unwrap_or(covariance);
     let degrees_of_freedom = n_rows(network.constraints, &solved.state, &layout).saturating_sub(layout.n);
     let chi2 = solved.equations.chi2;
     let suspects = snoop::suspects(network.constraints, &solved.state, &layout, &covariance);

@@ -1,6 +1,7 @@
 //! The status of a network: whether its answers can be trusted. docs/math/survey.md, section 6.
 
-use super::{ALTERNATIVE_GATE_CHI2, Adjusted};
+use super::{ALTERNATIVE_GATE_CHI2, Adjusted, Frame};
+use crate::budget::{Accounted, ErrorSource, Warning};
 
 /// The status of a network.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +28,69 @@ impl NetworkStatus {
     }
 }
 
+/// Something that is said against the answers of a network.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NetworkWarning {
+    /// All control points are on one line.
+    OnLine,
+    /// Two labels look exchanged.
+    Exchanged,
+    /// Constraints contradict the others.
+    Suspects,
+    /// The constraints disagree, and no single one explains it.
+    Contradiction,
+    /// Residuals exceed the stated noise by this factor of standard deviations.
+    Residuals(f64),
+    /// Another arrangement fits about as well; χ² above the best.
+    SecondSolution(f64),
+    /// A control point that was clicked has no place.
+    LostControlPoints,
+    /// Nothing is left over to check anything with.
+    NothingChecks,
+    /// A rotation or a shift of everything is held: positions are right relative to each other only.
+    Held,
+    /// A point, photograph or plane took no part.
+    LeftOut(usize),
+}
+
+impl Warning for NetworkWarning {
+    fn accounted(&self) -> Accounted {
+        match self {
+            NetworkWarning::OnLine
+            | NetworkWarning::Exchanged
+            | NetworkWarning::Suspects
+            | NetworkWarning::Contradiction
+            | NetworkWarning::SecondSolution(_)
+            | NetworkWarning::LostControlPoints => Accounted::Status,
+            NetworkWarning::Residuals(_) => Accounted::Parts(&[ErrorSource::Residuals]),
+            NetworkWarning::NothingChecks | NetworkWarning::Held | NetworkWarning::LeftOut(_) => {
+                Accounted::Nothing
+            }
+        }
+    }
+}
+
 impl Adjusted {
+    /// Returns what is said against the answers: first what is to be read before any number.
+    pub fn warnings(&self) -> Vec<NetworkWarning> {
+        let mut warnings = Vec::new();
+        warnings.extend(self.on_line.map(|_| NetworkWarning::OnLine));
+        warnings.extend(match (&self.exchanged, self.suspects.is_empty(), self.is_inconsistent) {
+            (Some(_), ..) => Some(NetworkWarning::Exchanged),
+            (None, false, _) => Some(NetworkWarning::Suspects),
+            (None, true, true) => Some(NetworkWarning::Contradiction),
+            (None, true, false) => None,
+        });
+        warnings.extend((1.0 < self.noise_scale).then(|| NetworkWarning::Residuals(self.noise_scale.sqrt())));
+        let second = self.alternative_delta_chi2.filter(|delta| *delta < ALTERNATIVE_GATE_CHI2);
+        warnings.extend(second.map(NetworkWarning::SecondSolution));
+        warnings.extend(self.has_lost_control_points.then_some(NetworkWarning::LostControlPoints));
+        warnings.extend((self.degrees_of_freedom == 0).then_some(NetworkWarning::NothingChecks));
+        warnings.extend((self.frame == Frame::Held).then_some(NetworkWarning::Held));
+        warnings.extend((0..self.undetermined.len()).map(NetworkWarning::LeftOut));
+        warnings
+    }
+
     /// Returns the status of the whole network, which is also that of each of its answers unless the answer has no value.
     pub fn status(&self) -> NetworkStatus {
         if self.on_line.is_some() {

@@ -53,9 +53,7 @@ pub(super) fn adjust(
     if graph.n_cameras == 1 {
         return Ok(Adjustment { poses: start, covariance: DMatrix::zeros(6, 6), chi2: 0.0, steps: 0 });
     }
-    let place = |camera: usize| {
-        (camera != reference_camera).then(|| 6 * (camera - usize::from(reference_camera < camera)))
-    };
+    let place = place(reference_camera);
     let evaluate = |poses: &Vec<Pose>| Some(equations(graph, poses, weights, place));
     let moved = |poses: &Vec<Pose>, step: &DVector<f64>| {
         let one = |(i, pose): (usize, &Pose)| match place(i) {
@@ -71,6 +69,26 @@ pub(super) fn adjust(
     let covariance = with_reference_camera(graph.n_cameras, &inverse.inverse(), place);
     let chi2 = equations(graph, &solution.state, weights, place).chi2;
     Ok(Adjustment { poses: solution.state, covariance, chi2, steps: solution.steps })
+}
+
+/// Returns the covariance by the equations at given poses.
+pub(super) fn covariance_at(
+    graph: &PoseGraph,
+    reference_camera: usize,
+    poses: &[Pose],
+    weights: &Weights,
+) -> Result<DMatrix<f64>, Error> {
+    let place = place(reference_camera);
+    let inverse = equations(graph, poses, weights, place).information.cholesky();
+    let inverse = inverse.ok_or(Error::NotConverged { steps: 0 })?.inverse();
+    Ok(with_reference_camera(graph.n_cameras, &inverse, place))
+}
+
+/// The first of a camera's six unknowns; the reference camera has none.
+fn place(reference_camera: usize) -> impl Fn(usize) -> Option<usize> + Copy {
+    move |camera: usize| {
+        (camera != reference_camera).then(|| 6 * (camera - usize::from(reference_camera < camera)))
+    }
 }
 
 /// Inserts rows and columns of zeros for the reference camera.

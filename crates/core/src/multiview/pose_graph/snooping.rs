@@ -3,18 +3,20 @@
 //! Paper: W. Baarda, "A testing procedure for use in geodetic networks", 1968, with the variance estimated from the others.
 //! Derivation: docs/math/pose_graph.md eqs. (8)–(11).
 
-use super::equations::{Adjustment, Weights, adjust, linearised};
+use super::equations::{Adjustment, Weights, adjust, covariance_at, linearised};
 use super::noise::{Noise, median};
 use super::{PairResult, PoseGraph, SUSPICIOUS};
 use crate::locate::loss::Loss;
 use crate::{Error, Matrix6, Pose};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// The answer, its noise, and the result of each pair.
 pub(super) struct Settled {
     pub adjustment: Adjustment,
     pub noise: Noise,
     pub pairs: Vec<PairResult>,
+    /// What it adds to the covariance that one of several pairs is wrong and nothing tells which, 6 rows for each camera.
+    pub undecided: DMatrix<f64>,
 }
 
 /// 95 % quantile of χ² with six degrees of freedom: the threshold of the loss of the first adjustment.
@@ -60,7 +62,8 @@ pub(super) fn settle(
             (None, Some(at)) => (used[at], unsure) = (true, vec![false; used.len()]),
             (None, None) => {
                 pairs.iter_mut().zip(&unsure).for_each(|(pair, unsure)| pair.is_suspicious |= unsure);
-                return Ok(Settled { adjustment, noise: settled, pairs });
+                let undecided = undecided(graph, reference_camera, &adjustment, &settled, (&used, &unsure))?;
+                return Ok(Settled { adjustment, noise: settled, pairs, undecided });
             }
         }
         poses = adjustment.poses;
@@ -76,6 +79,33 @@ fn duplicates(graph: &PoseGraph, used: &[bool], of: usize) -> Vec<usize> {
     let is_duplicate =
         |i: &usize| without[*i] && removable(graph, used, *i) && !removable(graph, &without, *i);
     (0..used.len()).filter(is_duplicate).collect()
+}
+
+/// Returns what the covariance gains where one of the pairs `unsure` is wrong, each with the same probability: docs/math/budget.md eq. (18).
+fn undecided(
+    graph: &PoseGraph,
+    reference_camera: usize,
+    adjustment: &Adjustment,
+    noise: &Noise,
+    (used, unsure): (&[bool], &[bool]),
+) -> Result<DMatrix<f64>, Error> {
+    let poses = &adjustment.poses;
+    let mut gain = DMatrix::zeros(6 * graph.n_cameras, 6 * graph.n_cameras);
+    let suspects: Vec<usize> = (0..used.len()).filter(|i| used[*i] && unsure[*i]).collect();
+    let share = 1.0 / suspects.len().max(1) as f64;
+    // All covariances are those at the answer, so that each exceeds that of all pairs.
+    let at_answer = |used: &[bool]| -> Result<DMatrix<f64>, Error> {
+        covariance_at(graph, reference_camera, poses, &weights(noise, used, Loss::Squared)?.as_ref())
+    };
+    for suspect in &suspects {
+        let without: Vec<bool> = used.iter().enumerate().map(|(i, used)| *used && i != *suspect).collect();
+        let own = weights(noise, &without, Loss::Squared)?;
+        let other = adjust(graph, reference_camera, poses.clone(), &own.as_ref())?;
+        let moves = other.poses.iter().zip(poses).map(|(there, here)| (*there * here.inverse()).log());
+        let moved = DVector::from_iterator(gain.nrows(), moves.flat_map(|motion| <[f64; 6]>::from(motion)));
+        gain += (at_answer(&without)? - at_answer(used)? + &moved * moved.transpose()) * share;
+    }
+    Ok(gain)
 }
 
 /// Information matrices and a loss.

@@ -2,6 +2,7 @@
 
 use super::noise::Noise;
 use super::{PairResult, PoseGraph};
+use crate::budget::{Accounted, ErrorSource, Warning};
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 
 /// Why a graph contradicts itself.
@@ -16,6 +17,41 @@ pub enum GraphFault {
     Camera,
     /// Loops of pairs do not close: the standard deviations estimated from them are no longer those of a calibration.
     Loops,
+}
+
+/// Something that is said against the poses of a graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GraphWarning {
+    /// The pairs contradict each other.
+    Fault(GraphFault),
+    /// A pair contradicts the others and took no part.
+    LeftOut(usize),
+    /// A pair took part although it may be the wrong one of a loop.
+    Undecided(usize),
+}
+
+impl Warning for GraphWarning {
+    fn accounted(&self) -> Accounted {
+        match self {
+            GraphWarning::Fault(
+                GraphFault::Noise | GraphFault::Pairs | GraphFault::Camera | GraphFault::Loops,
+            ) => Accounted::Status,
+            GraphWarning::LeftOut(_) => Accounted::Nothing,
+            GraphWarning::Undecided(_) => Accounted::Parts(&[ErrorSource::Residuals]),
+        }
+    }
+}
+
+impl super::PoseGraphSolution {
+    /// Returns what is said against the poses.
+    pub fn warnings(&self) -> Vec<GraphWarning> {
+        let suspicious = self.pairs.iter().enumerate().filter(|(_, pair)| pair.is_suspicious);
+        let of_pair = suspicious.map(|(i, pair)| match pair.is_used {
+            true => GraphWarning::Undecided(i),
+            false => GraphWarning::LeftOut(i),
+        });
+        self.verdict.fault.map(GraphWarning::Fault).into_iter().chain(of_pair).collect()
+    }
 }
 
 /// Whether the answer is consistent.

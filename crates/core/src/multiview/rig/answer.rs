@@ -10,7 +10,7 @@ use super::lens_score::{Shared, scores};
 use super::neighbours::Neighbours;
 use super::scale::scales;
 use super::sighted::LocatedViews;
-use super::uncertain_lens::UncertainLenses;
+use super::uncertain_lens::UncertainParameters;
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
@@ -63,10 +63,18 @@ pub(super) fn answer(
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));
-    let uncertain = UncertainLenses::new(config.intrinsics, free, (layout, &adjusted, &eliminated));
+    let uncertain = UncertainParameters::of_lenses(config.intrinsics, free, (layout, &adjusted, &eliminated));
+    let scales = scales(layout, &adjusted, &eliminated, held.within, !config.known_distances.is_empty());
+    let of_targets = UncertainParameters::of_sizes(&scales, layout, &adjusted, &eliminated).with_tags(
+        config.displaced_tags,
+        layout,
+        &adjusted,
+        &eliminated,
+    );
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
         uncertain.add_to_body(covariance, body);
+        of_targets.add_to_body(covariance, body);
         if config.lens_errors {
             doubts.add_to_body(covariance, body);
         }
@@ -83,8 +91,12 @@ pub(super) fn answer(
         doubts.add_to_shared(&mut of_lenses);
     }
     budgets.add(ErrorSource::Lens, &of_lenses);
+    let mut by_targets = DMatrix::zeros(inverse.nrows(), inverse.ncols());
+    of_targets.add_to_shared(&mut by_targets);
+    budgets.add(ErrorSource::Target, &by_targets);
     let (mut of_shared, within) = (held.covariance, held.within);
     uncertain.add_to_shared(&mut of_shared);
+    of_shared += by_targets;
     let mut with_lenses = of_shared.clone();
     doubts.add_to_shared(&mut with_lenses);
     let lens_sigma_m =
@@ -92,7 +104,6 @@ pub(super) fn answer(
     let shared = if config.lens_errors { with_lenses } else { of_shared };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
-    let scales = scales(layout, &adjusted, &eliminated, within, !config.known_distances.is_empty());
     let evidence = Evidence {
         layout,
         located_views,

@@ -54,6 +54,23 @@ fn scale(
     eliminated: &Eliminated,
     noise_scale: f64,
 ) -> TargetScale {
+    let BySize { common, own, pull } = by_size(target, layout, adjusted);
+    let extent_m = extent_m(target, layout);
+    let left = own - adjusted.equations.lost_to_poses(eliminated, &common);
+    if NOTHING_LEFT * own < left {
+        return TargetScale { ratio: 1.0 + pull / left, sigma: (noise_scale / left).sqrt(), extent_m };
+    }
+    unknown(extent_m)
+}
+
+/// JᵀWj of a target's scale for all poses, jᵀWj and jᵀWr.
+pub(super) struct BySize {
+    pub(super) common: Common,
+    own: f64,
+    pull: f64,
+}
+
+pub(super) fn by_size(target: usize, layout: &Layout, adjusted: &Adjusted) -> BySize {
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let mut common = Common::new(graph);
     let (mut own, mut pull) = (0.0, 0.0);
@@ -73,12 +90,7 @@ fn scale(
         own += sums.own;
         pull += sums.pull;
     }
-    let extent_m = extent_m(target, layout);
-    let left = own - adjusted.equations.lost_to_poses(eliminated, &common);
-    if NOTHING_LEFT * own < left {
-        return TargetScale { ratio: 1.0 + pull / left, sigma: (noise_scale / left).sqrt(), extent_m };
-    }
-    unknown(extent_m)
+    BySize { common, own, pull }
 }
 
 /// Sums over points, all of which can be projected.

@@ -1,4 +1,5 @@
-//! The share of stated uncertainties of the intrinsics in a rig's covariances: docs/math/rig.md eq. (21).
+//! The share of uncertain parameters that are not adjusted in a rig's covariances, intrinsics as stated and sizes that are off: docs/math/rig.md
+//! eq. (21).
 //!
 //! The derivative of every pose by a camera's parameters is D = H⁻¹K, with K = JᵀWP and P the derivative of the pixels by the parameters, which
 //! adds D C Dᵀ. The intrinsics are not adjusted: the minimum is that of the problem stated.
@@ -6,30 +7,33 @@
 use super::adjust::Adjusted;
 use super::free_lenses::Free;
 use super::layout::Layout;
+use super::scale::by_size;
+use super::{TargetScale, UncertainTag};
 use crate::covariance::is_covariance;
-use crate::least_squares::rig::{Common, Eliminated};
+use crate::least_squares::rig::{Common, Eliminated, RigLink};
 use crate::locate::common::check_intrinsics_covariance;
 use crate::locate::refine::whitening;
-use crate::{Camera, Error, Matrix6, Vector6};
-use nalgebra::{DMatrix, DVector, Matrix6xX};
+use crate::{Camera, Error, Matrix6, Point, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, Matrix6xX, Vector2, Vector3};
 
-/// Uncertain intrinsics of one camera, or of all that were adjusted together.
-struct Uncertain<'a> {
-    covariance: &'a DMatrix<f64>,
+/// Uncertain parameters of one camera or target, or of all lenses that were adjusted together.
+struct Uncertain {
+    covariance: DMatrix<f64>,
     /// One entry for each parameter.
     following: Vec<Common>,
 }
 
-/// The uncertain intrinsics of all cameras that are not exact.
-pub(super) struct UncertainLenses<'a> {
-    each: Vec<Uncertain<'a>>,
+/// All parameters that are not exact.
+pub(super) struct UncertainParameters {
+    each: Vec<Uncertain>,
 }
 
-impl<'a> UncertainLenses<'a> {
-    /// `covariances` has one entry for each camera; with an empty list all are exact. `free` ones have one covariance together instead.
-    pub(super) fn new(
-        covariances: &'a [Option<DMatrix<f64>>],
-        free: Option<&'a Free>,
+impl UncertainParameters {
+    /// Returns the intrinsics; `covariances` has one entry for each camera, with an empty list all are exact. `free` ones have one covariance
+    /// together instead.
+    pub(super) fn of_lenses(
+        covariances: &[Option<DMatrix<f64>>],
+        free: Option<&Free>,
         (layout, adjusted, eliminated): (&Layout, &Adjusted, &Eliminated),
     ) -> Self {
         let following = |camera: usize| {
@@ -37,17 +41,55 @@ impl<'a> UncertainLenses<'a> {
             common.into_iter().map(|c| adjusted.equations.following(eliminated, &c, true))
         };
         let is_free = |camera: &usize| free.is_some_and(|free| free.cameras.contains(camera));
-        let uncertain = |(camera, covariance): (usize, &'a Option<DMatrix<f64>>)| {
-            let covariance = covariance.as_ref().filter(|_| !is_free(&camera))?;
+        let uncertain = |(camera, covariance): (usize, &Option<DMatrix<f64>>)| {
+            let covariance = covariance.clone().filter(|_| !is_free(&camera))?;
             Some(Uncertain { covariance, following: following(camera).collect() })
         };
-        let together = |free: &'a Free| Uncertain {
-            covariance: &free.covariance,
+        let together = |free: &Free| Uncertain {
+            covariance: free.covariance.clone(),
             following: free.cameras.iter().flat_map(|camera| following(*camera)).collect(),
         };
         let apart = covariances.iter().enumerate().filter_map(uncertain);
         let free = free.filter(|free| !free.cameras.is_empty());
-        UncertainLenses { each: apart.chain(free.map(together)).collect() }
+        UncertainParameters { each: apart.chain(free.map(together)).collect() }
+    }
+
+    /// Returns the sizes of targets that are clearly off, each as uncertain as it is off: docs/math/budget.md eq. (12).
+    pub(super) fn of_sizes(
+        scales: &[TargetScale],
+        layout: &Layout,
+        adjusted: &Adjusted,
+        eliminated: &Eliminated,
+    ) -> Self {
+        let off = scales.iter().enumerate().filter(|(_, scale)| scale.is_clearly_off());
+        let uncertain = |(target, scale): (usize, &TargetScale)| {
+            let squared = (scale.ratio - 1.0).powi(2) + scale.sigma * scale.sigma;
+            let common = by_size(target, layout, adjusted).common;
+            Uncertain {
+                covariance: DMatrix::from_element(1, 1, squared),
+                following: vec![adjusted.equations.following(eliminated, &common, true)],
+            }
+        };
+        UncertainParameters { each: off.map(uncertain).collect() }
+    }
+
+    /// Adds the poses of tags on their targets.
+    pub(super) fn with_tags(
+        mut self,
+        tags: &[UncertainTag],
+        layout: &Layout,
+        adjusted: &Adjusted,
+        eliminated: &Eliminated,
+    ) -> Self {
+        for tag in tags {
+            let common = by_tag(tag, layout, adjusted).common;
+            let following =
+                common.iter().map(|c| adjusted.equations.following(eliminated, c, true)).collect();
+            let sigma = |i: usize| if i < 3 { tag.sigma_rad } else { tag.sigma_m };
+            let covariance = DMatrix::from_fn(6, 6, |i, j| if i == j { sigma(i).powi(2) } else { 0.0 });
+            self.each.push(Uncertain { covariance, following });
+        }
+        self
     }
 
     /// Adds the share to the covariance of the shared blocks.
@@ -56,7 +98,7 @@ impl<'a> UncertainLenses<'a> {
             let moved = DMatrix::from_fn(covariance.nrows(), lens.following.len(), |i, k| {
                 lens.following[k].shared[i]
             });
-            *covariance += &moved * lens.covariance * moved.transpose();
+            *covariance += &moved * &lens.covariance * moved.transpose();
         }
     }
 
@@ -65,13 +107,13 @@ impl<'a> UncertainLenses<'a> {
         for lens in &self.each {
             let columns: Vec<Vector6> = lens.following.iter().map(|f| f.bodies[body]).collect();
             let moved = Matrix6xX::from_columns(&columns);
-            let added = &moved * lens.covariance * moved.transpose();
+            let added = &moved * &lens.covariance * moved.transpose();
             *covariance += added;
         }
     }
 }
 
-/// The sums of one camera over its points that take part, P the derivatives of the pixels by its parameters.
+/// Sums over points that take part, P the derivatives of their pixels by some parameters.
 pub(super) struct ByParameters {
     /// K = JᵀWP, one entry for each parameter.
     pub(super) common: Vec<Common>,
@@ -81,17 +123,57 @@ pub(super) struct ByParameters {
     pub(super) pull: DVector<f64>,
 }
 
-/// Sums over the points of one camera.
+/// Sums over the points of one camera, for the parameters of its lens.
 pub(super) fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted) -> ByParameters {
-    let (places, graph) = (&adjusted.places, &adjusted.graph);
     let lens = &layout.problem.cameras[camera];
-    let n = lens.parameters().len();
+    let columns = |at: &PointAt| Some(lens.intrinsics_jacobian(&at.x_in_cam)?.to_vec());
+    sums(lens.parameters().len(), layout, adjusted, |link| link.camera == camera, columns)
+}
+
+/// Sums over the corners of a tag, for a rotation about its centre and a translation, target frame.
+fn by_tag(tag: &UncertainTag, layout: &Layout, adjusted: &Adjusted) -> ByParameters {
+    let centre = tag.corners_in_target.iter().sum::<Point>() / 4.0;
+    let columns = |at: &PointAt| {
+        let is_own = |corner: &Point| (corner - at.x_in_target).norm() <= SAME_CORNER * at.x_in_target.norm();
+        if !tag.corners_in_target.iter().any(is_own) {
+            return None;
+        }
+        let by_point = at.jacobian * at.cam_from_target;
+        let arm = at.x_in_target - centre;
+        let unit = |k: usize| Vector3::ith(k % 3, 1.0);
+        let moved = |k: usize| if k < 3 { unit(k).cross(&arm) } else { unit(k) };
+        Some((0..6).map(|k| by_point * moved(k)).collect())
+    };
+    sums(6, layout, adjusted, |link| link.target == tag.target, columns)
+}
+
+/// Corners nearer to each other than this part of their distance from the origin are one.
+const SAME_CORNER: f64 = 1e-9;
+
+/// A point that takes part, and its projection.
+struct PointAt {
+    x_in_target: Point,
+    x_in_cam: Point,
+    cam_from_target: Matrix3<f64>,
+    jacobian: Matrix2x3<f64>,
+}
+
+/// Sums over the points of some links, `columns` the derivatives of a pixel by each of `n` parameters; points without any are left out.
+fn sums(
+    n: usize,
+    layout: &Layout,
+    adjusted: &Adjusted,
+    takes: impl Fn(&RigLink) -> bool,
+    columns: impl Fn(&PointAt) -> Option<Vec<Vector2<f64>>>,
+) -> ByParameters {
+    let (places, graph) = (&adjusted.places, &adjusted.graph);
     let mut common: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
     let (mut own, mut pull) = (DMatrix::zeros(n, n), DVector::zeros(n));
     for (i, link) in graph.links.iter().enumerate() {
-        if link.camera != camera || !graph.is_active[link.body] {
+        if !takes(link) || !graph.is_active[link.body] {
             continue;
         }
+        let lens = layout.camera(i);
         let place = places.of_link(link, graph);
         let pivot = &layout.pivot_in_target[link.target];
         let mut by_motion = vec![Vector6::zeros(); n];
@@ -101,7 +183,9 @@ pub(super) fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted)
             let arm = place.rotation * (c.x_in_target - pivot);
             let x_in_cam = arm + place.pivot_in_cam;
             let Some((_, jacobian)) = lens.project_with_jacobian(&x_in_cam) else { continue };
-            let Some(columns) = lens.intrinsics_jacobian(&x_in_cam) else { continue };
+            let (x_in_target, cam_from_target) = (c.x_in_target, place.rotation);
+            let at = PointAt { x_in_target, x_in_cam, cam_from_target, jacobian };
+            let Some(columns) = columns(&at) else { continue };
             let (a, b, d) = whitening(c, &jacobian);
             let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
             for (j, p) in [(ju * a + jv * b, [a, b]), (jv * d, [0.0, d])] {

@@ -10,7 +10,8 @@ use super::lens_score::LensScore;
 use super::sighted::{LocatedViews, fits_alone};
 use super::uncertain_lens::stated;
 use super::views::counts;
-use super::{Observation, RejectedObservation, RigConfig, TargetScale};
+use super::{Observation, RejectedObservation, RigConfig, RigSolution, TargetScale};
+use crate::budget::{Accounted, ErrorSource, Warning};
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
 use crate::{Camera, Point};
@@ -74,6 +75,81 @@ pub enum Cause {
     Noise,
     /// The camera itself fits, but the reference camera, in whose frame it is placed, does not.
     Reference,
+}
+
+/// Something that is said against a rig.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RigWarning {
+    /// A camera has a fault.
+    Camera(usize, Cause),
+    /// A target has a fault.
+    Target(usize, Cause),
+    /// Views contradict themselves, or all residuals are too large.
+    Views,
+    /// Residuals exceed the stated noise by this factor of standard deviations.
+    Residuals(f64),
+    /// Neighbouring points of the only view are displaced together; the factor by which that widens every standard deviation.
+    Neighbours(f64),
+    /// Views contradict each other by this factor of standard deviations more than their points do.
+    ViewsApart(f64),
+    /// Views agree that intrinsics are off; the largest standard deviation of a position with that, m.
+    Lenses(f64),
+    /// A target's size differs clearly from the stated one, and too little for a fault.
+    Size(usize),
+    /// An observation took no part.
+    LeftOut(usize),
+}
+
+impl Warning for RigWarning {
+    fn accounted(&self) -> Accounted {
+        match self {
+            RigWarning::Camera(_, cause) | RigWarning::Target(_, cause) => match cause {
+                Cause::Intrinsics
+                | Cause::ExchangedIntrinsics { .. }
+                | Cause::Contradiction
+                | Cause::Target
+                | Cause::Size
+                | Cause::Noise
+                | Cause::Reference => Accounted::Status,
+            },
+            RigWarning::Views => Accounted::Status,
+            RigWarning::Residuals(_) => Accounted::Parts(&[ErrorSource::Residuals]),
+            RigWarning::Neighbours(_) | RigWarning::ViewsApart(_) => {
+                Accounted::Parts(&[ErrorSource::SharedInView])
+            }
+            RigWarning::Lenses(_) => Accounted::Parts(&[ErrorSource::Lens]),
+            RigWarning::Size(_) => Accounted::Parts(&[ErrorSource::Target]),
+            RigWarning::LeftOut(_) => Accounted::Nothing,
+        }
+    }
+}
+
+impl RigSolution {
+    /// Returns what is said against the rig; for one view, `n_views` = 1, displaced neighbours explain a contradiction.
+    pub fn warnings(&self, n_views: usize) -> Vec<RigWarning> {
+        let verdict = &self.verdict;
+        let of = |all: &[Losses]| -> Vec<(usize, Cause)> {
+            all.iter().enumerate().filter_map(|(i, losses)| Some((i, losses.cause?))).collect()
+        };
+        let mut warnings: Vec<RigWarning> =
+            of(&verdict.cameras).into_iter().map(|(i, cause)| RigWarning::Camera(i, cause)).collect();
+        warnings.extend(of(&verdict.targets).into_iter().map(|(i, cause)| RigWarning::Target(i, cause)));
+        warnings.extend((verdict.is_inconsistent && warnings.is_empty()).then_some(RigWarning::Views));
+        warnings.extend((1.0 < self.noise_scale).then(|| RigWarning::Residuals(self.noise_scale.sqrt())));
+        let apart = self.view_scale.sqrt();
+        warnings.extend((1.0 < apart).then_some(match n_views {
+            1 => RigWarning::Neighbours(apart),
+            _ => RigWarning::ViewsApart(apart),
+        }));
+        warnings.extend(self.lens_sigma_m.map(RigWarning::Lenses));
+        let off = self.scales.iter().enumerate().filter(|(i, scale)| {
+            scale.is_clearly_off() && verdict.targets.get(*i).is_some_and(Losses::is_ok)
+        });
+        warnings.extend(off.map(|(i, _)| RigWarning::Size(i)));
+        let left_out = self.observations.iter().enumerate().filter(|(_, o)| o.rejected.is_some());
+        warnings.extend(left_out.map(|(i, _)| RigWarning::LeftOut(i)));
+        warnings
+    }
 }
 
 impl Losses {

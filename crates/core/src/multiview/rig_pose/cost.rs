@@ -210,7 +210,7 @@ fn add_view(
 
 /// Returns the covariance of the motion of the rig, about the pivot at c, that has the same effect on this camera's pixels as the camera's own,
 /// eq. (4).
-fn as_pivoted_motion(view: &RigView, covariance: &Matrix6, pivot_in_rig: &Point) -> Matrix6 {
+pub(super) fn as_pivoted_motion(view: &RigView, covariance: &Matrix6, pivot_in_rig: &Point) -> Matrix6 {
     let in_rig = view.cam_from_rig.inverse_covariance(covariance);
     let mut about_pivot = Matrix6::identity();
     let cross: Matrix3<f64> = -pivot_in_rig.cross_matrix();

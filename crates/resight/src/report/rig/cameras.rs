@@ -4,6 +4,7 @@ use super::pieces::{color_class, fixed, row, tabular};
 use crate::core::Pose;
 use crate::core::budget::{Budget, ErrorSource};
 use crate::core::multiview::rig::CameraInRig;
+use crate::core::multiview::rig::RigWarning;
 use crate::formats::NamedCamera;
 use crate::report::html::escaped;
 use crate::report::words;
@@ -80,37 +81,41 @@ fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
     words::yaw_pitch_roll_rad(cam_from_rig).map(angle).join(" ")
 }
 
+/// Describes a warning for which every ± was widened; the others are elsewhere on the page.
+fn widened(warning: &RigWarning) -> Option<String> {
+    match warning {
+        RigWarning::Residuals(times) => Some(format!(
+            "The residuals are {} times what the stated standard deviations of the points say: every ± here was widened by as much.",
+            fixed(*times, 2)
+        )),
+        RigWarning::Neighbours(times) => Some(format!(
+            " Neighbouring points are displaced together: every ± was widened by {} for that.",
+            fixed(*times, 2)
+        )),
+        RigWarning::ViewsApart(times) => Some(format!(
+            " Views contradict each other by {} times what their points explain (cameras that are not synchronised, a bent board): every ± holds that.",
+            fixed(*times, 2)
+        )),
+        RigWarning::Lenses(sigma_m) => Some(format!(
+            " Views agree that intrinsics are off, and every ± holds that: places are known to ± {}.",
+            words::length(*sigma_m)
+        )),
+        RigWarning::Camera(..) | RigWarning::Target(..) | RigWarning::Views => None,
+        RigWarning::Size(_) | RigWarning::LeftOut(_) => None,
+    }
+}
+
 /// Explains the columns, and the factor on the stated noise.
 pub(super) fn legend(run: &RigRun) -> String {
-    let scale = run.solution.noise_scale;
-    let noise = if 1.0 < scale {
-        format!(
-            "The residuals are {} times what the stated standard deviations of the points say: every ± here was widened by as much.",
-            fixed(scale.sqrt(), 2)
-        )
-    } else {
-        "The residuals are as large as the stated standard deviations of the points say.".into()
+    let warnings = run.solution.warnings(run.rig.views.len());
+    let agree = match warnings.iter().any(|warning| matches!(warning, RigWarning::Residuals(_))) {
+        true => "",
+        false => "The residuals are as large as the stated standard deviations of the points say.",
     };
-    let views = match run.solution.view_scale {
-        scale if 1.0 < scale && run.rig.views.len() == 1 => format!(
-            " Neighbouring points are displaced together: every ± was widened by {} for that.",
-            fixed(scale.sqrt(), 2)
-        ),
-        scale if 1.0 < scale => format!(
-            " Views contradict each other by {} times what their points explain (cameras that are not synchronised, a bent board): every ± holds that.",
-            fixed(scale.sqrt(), 2)
-        ),
-        _ => String::new(),
-    };
-    let lenses = match run.solution.lens_sigma_m {
-        Some(sigma_m) => format!(
-            " Views agree that intrinsics are off, and every ± holds that: places are known to ± {}.",
-            words::length(sigma_m)
-        ),
-        None => String::new(),
-    };
+    let widened: String = warnings.iter().filter_map(widened).collect();
+    let noise = format!("{agree}{widened}");
     format!(
-        "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}{views}{lenses}</p>"
+        "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}</p>"
     )
 }
 

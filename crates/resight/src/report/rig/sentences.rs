@@ -1,15 +1,13 @@
 //! The weakest link of a rig, and the test of its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::multiview::rig::{RejectedObservation, TargetScale};
+use crate::core::multiview::rig::{RejectedObservation, RigWarning, TargetScale};
 use crate::formats::NamedCamera;
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;
 use crate::rig::{LensChange, RigRun};
 
-/// A size that differs by more standard deviations than this is reported as wrong: by chance this happens once in 370 cases.
-const CLEARLY_SIGMAS: f64 = 3.0;
 /// A relative uncertainty from which a size counts as unknown.
 const WORTHLESS_SIGMA: f64 = 0.5;
 
@@ -44,47 +42,47 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
     }
     let decimals = words::decimals(100.0 * sigma);
     let share = format!("{:.decimals$} ± {:.decimals$} %", 100.0 * off.abs(), 100.0 * sigma);
-    if off.abs() <= CLEARLY_SIGMAS * sigma {
+    if !scale.is_clearly_off() {
         return format!("{name}: its stated size agrees with everything else within {share}.");
     }
     format!(
-        "{name}: its stated size is {share} too {}: {} mm of {}.",
+        "{name}: its stated size is {share} too {}: {} mm of {}; every ± holds that.",
         if off < 0.0 { "large" } else { "small" },
         number(1e3 * off.abs() * scale.extent_m, 2),
         words::length(scale.extent_m),
     )
 }
 
+/// Describes a warning for which every ± was widened; the others have sentences of their own.
+fn widened(warning: &RigWarning) -> Option<String> {
+    match warning {
+        RigWarning::Residuals(times) => Some(format!(
+            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
+            figures(*times)
+        )),
+        RigWarning::Neighbours(times) => Some(format!(
+            "; neighbouring points are displaced together, and every ± is widened by {} for that",
+            figures(*times)
+        )),
+        RigWarning::ViewsApart(times) => Some(format!(
+            "; views contradict each other by {} times what their points explain, and every ± holds that",
+            figures(*times)
+        )),
+        RigWarning::Lenses(sigma_m) => Some(format!(
+            "; views agree that intrinsics are off, and every ± holds that: places are known to ± {}",
+            words::length(*sigma_m)
+        )),
+        RigWarning::Camera(..) | RigWarning::Target(..) | RigWarning::Views => None,
+        RigWarning::Size(_) | RigWarning::LeftOut(_) => None,
+    }
+}
+
 /// Returns one line: the numbers of cameras, views and points, and the residual.
 pub(super) fn figures_of(run: &RigRun) -> String {
     let s = &run.solution;
-    let noise = match s.noise_scale {
-        scale if 1.0 < scale => format!(
-            "; residuals are {} times what the sigmas say, and every ± is widened by as much",
-            figures(scale.sqrt())
-        ),
-        _ => String::new(),
-    };
-    let views = match s.view_scale {
-        scale if 1.0 < scale && run.rig.views.len() == 1 => format!(
-            "; neighbouring points are displaced together, and every ± is widened by {} for that",
-            figures(scale.sqrt())
-        ),
-        scale if 1.0 < scale => format!(
-            "; views contradict each other by {} times what their points explain, and every ± holds that",
-            figures(scale.sqrt())
-        ),
-        _ => String::new(),
-    };
-    let lenses = match s.lens_sigma_m {
-        Some(sigma_m) => format!(
-            "; views agree that intrinsics are off, and every ± holds that: places are known to ± {}",
-            words::length(sigma_m)
-        ),
-        None => String::new(),
-    };
+    let warnings: String = s.warnings(run.rig.views.len()).iter().filter_map(widened).collect();
     format!(
-        "{}, {}, {} of {} points used, rms {} px{noise}{views}{lenses}",
+        "{}, {}, {} of {} points used, rms {} px{warnings}",
         words::counted(s.cameras.len(), "camera"),
         words::counted(run.rig.views.len(), "view"),
         s.n_used,
@@ -142,7 +140,7 @@ mod tests {
         let say = |ratio, sigma| of_scale("board", &TargetScale { ratio, sigma, extent_m: 0.3 });
         assert_eq!(
             say(1.004, 0.0005),
-            "board: its stated size is 0.400 ± 0.050 % too small: 1.2 mm of 300 mm."
+            "board: its stated size is 0.400 ± 0.050 % too small: 1.2 mm of 300 mm; every ± holds that."
         );
         assert!(say(0.996, 0.0005).contains("too large"));
         assert!(say(1.001, 0.0005).contains("agrees"));
