@@ -26,6 +26,7 @@ mod print;
 mod region;
 mod saddles;
 pub mod sigma;
+mod smooth;
 mod tag_print;
 pub mod tags;
 mod template;
@@ -211,6 +212,7 @@ fn is_blank(image: &GrayImage) -> bool {
 /// Finds one target in images; built once per thread.
 pub struct Detector {
     finder: Finder,
+    grid: Option<smooth::Grid>,
     copies: tags::Copies,
 }
 
@@ -258,7 +260,9 @@ impl Detector {
                 return Err(DetectError::NotDetectable { kind: target.kind(), instead });
             }
         };
-        Ok(Detector { finder, copies: Vec::new() })
+        // In a fixed window, other edges displace corners on purpose.
+        let grid = (window == CornerWindow::Clear).then(|| smooth::Grid::of(target)).flatten();
+        Ok(Detector { finder, grid, copies: Vec::new() })
     }
 
     /// Finds the features of the target, sorted by id, then corner; empty when the target is not in the image. Fails when a single tag, or every
@@ -323,21 +327,25 @@ impl Detector {
         if is_blank(image) {
             return Ok(Vec::new());
         }
-        match &mut self.finder {
-            Finder::Tag(finder) => Ok(tags::single_or_unique(&finder.find(image), false)?.0),
+        let mut found = match &mut self.finder {
+            Finder::Tag(finder) => tags::single_or_unique(&finder.find(image), false)?.0,
             Finder::TagMap(finder) => {
                 let (detections, copies) = tags::single_or_unique(&finder.find(image), true)?;
                 self.copies = copies;
-                Ok(detections)
+                detections
             }
-            Finder::AprilGrid(finder) => finder.detect(image),
-            Finder::Chessboard(finder) => finder.detect(image),
-            Finder::Charuco(finder) => finder.detect(image),
-            Finder::CircleGrid(finder) => finder.detect(image),
-            Finder::Dots(finder) => Ok(match camera {
+            Finder::AprilGrid(finder) => finder.detect(image)?,
+            Finder::Chessboard(finder) => finder.detect(image)?,
+            Finder::Charuco(finder) => finder.detect(image)?,
+            Finder::CircleGrid(finder) => finder.detect(image)?,
+            Finder::Dots(finder) => match camera {
                 Some(camera) => finder.detect_with_camera(image, camera)?,
                 None => finder.detect(image)?,
-            }),
+            },
+        };
+        if let Some(grid) = &self.grid {
+            grid.widen(&mut found);
         }
+        Ok(found)
     }
 }

@@ -2,12 +2,14 @@
 
 use crate::detect_support::*;
 use resight::GrayImage;
+use resight::core::camera::{CameraMatrix, ImageSize, Pinhole};
 use resight::core::correspondence::Detection;
 use resight::core::target::*;
+use resight::core::{Camera, Lens};
 use resight::core::{Pixel, Target};
 use resight::detect::Detector;
 use resight::detect::absent::instead_of;
-use resight::render::Pcg;
+use resight::render::{Finish, Pcg, Scene, clutter, render};
 
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 480;
@@ -159,4 +161,26 @@ fn a_smeared_board_is_found_whole() {
     let found = found(&chessboard(6, 9), &image);
     assert_eq!(found.len(), 54);
     assert!(worst_px(&found, 9, &view) < 0.5, "{}", worst_px(&found, 9, &view));
+}
+
+/// Spots, words and noise, in 100 images, are no chessboard, not even a small one.
+#[test]
+fn clutter_is_no_chessboard() {
+    let size = [WIDTH, HEIGHT];
+    let matrix = CameraMatrix { fx_px: 600.0, fy_px: 600.0, cx_px: 319.5, cy_px: 239.5 };
+    let size_px = Some(ImageSize { width_px: WIDTH, height_px: HEIGHT });
+    let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size: size_px };
+    for seed in 0..100 {
+        let mut spots = clutter::dots(100, size, [3.0, 25.0], 40.0, seed);
+        spots.extend(clutter::words(100, size, 6.0 + (seed % 12) as f64, 30.0, seed + 1000));
+        spots.extend(clutter::dots(60, size, [3.0, 25.0], 225.0, seed + 2000));
+        let scene = Scene { placed: Vec::new(), background: 120.0, clutter: spots };
+        let noise_sigma = [1.0, 6.0, 15.0][seed as usize % 3];
+        let image = render(&scene, &camera, &Finish { seed, noise_sigma, ..Finish::default() }).unwrap();
+        for (rows, columns) in [(6, 9), (3, 4)] {
+            let target = chessboard(rows, columns);
+            let found = found(&target, &image);
+            assert!(found.is_empty(), "image {seed}: {} corners of {rows} × {columns}", found.len());
+        }
+    }
 }

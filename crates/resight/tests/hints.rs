@@ -7,12 +7,17 @@ use resight::core::{Camera, CameraMatrix, Lens, Point, Pose, Target, Vector6};
 use resight::detect::Detector;
 use resight::detect::absent::{Explainer, missing, not_found};
 use resight::detect::every_tag::EveryTagFinder;
-use resight::detect::job::detect_target;
+use resight::detect::job::{detect_target, explain, points};
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource};
-use resight::render::{Finish, Scene, Style, render};
+use resight::render::{Finish, Pcg, Scene, Style, render};
 use resight::{Status, intrinsics};
 
 fn photograph(target: &Target, seed: u64) -> GrayImage {
+    photograph_at(target, Vector6::new(0.2, -0.25, 0.15, 0.0, 0.0, 0.55), seed)
+}
+
+/// `pose` is the rotation and position of the middle of the target, seen from the front.
+fn photograph_at(target: &Target, pose: Vector6, seed: u64) -> GrayImage {
     let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 479.5, cy_px: 359.5 };
     let size = Some(ImageSize { width_px: 960, height_px: 720 });
     let camera = Camera { lens: Lens::Pinhole(Pinhole { matrix }), size };
@@ -21,8 +26,8 @@ fn photograph(target: &Target, seed: u64) -> GrayImage {
     let middle = points.iter().sum::<Point>() / points.len() as f64;
     let facing = if matches!(target, Target::AprilGrid(_)) { -1.0 } else { 1.0 };
     let flip = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, facing, facing));
-    let rotation = Pose::exp(&Vector6::new(0.2, -0.25, 0.15, 0.0, 0.0, 0.0)).rotation * flip;
-    let pose = Pose::new(rotation, Point::new(0.0, 0.0, 0.55) - rotation * middle);
+    let rotation = Pose::exp(&Vector6::new(pose[0], pose[1], pose[2], 0.0, 0.0, 0.0)).rotation * flip;
+    let pose = Pose::new(rotation, Point::new(pose[3], pose[4], pose[5]) - rotation * middle);
     render(&Scene::of(target.clone(), pose, Style::default()), &camera, &Finish { seed, ..Finish::default() })
         .unwrap()
 }
@@ -153,6 +158,47 @@ fn detect_has_a_verdict_of_mirrored_boards() {
         answer.message.is_some_and(|message| message.contains("seen mirrored"))
             && !answer.detections.is_empty()
     );
+    assert!(points(&board, &image).is_ok_and(|found| !found.is_empty()));
+    assert!(points(&board, &mirrored(&image)).is_err_and(|reason| reason.contains("seen mirrored")));
+}
+
+/// Grids whose tags are turned by half against the file, whole and in part: no view is `ok`, and the convention is named wherever two tags show it.
+#[test]
+fn detect_accepts_no_grid_of_the_other_convention() {
+    let (mut pcg, mut n_named) = (Pcg::new(5), 0);
+    for seed in 0..16 {
+        let names = ["tag36h11", "DICT_APRILTAG_36h11"];
+        let [shown, stated] = [seed % 2, 1 - seed % 2].map(|k| grid(3, 4, 0, names[k as usize]));
+        let mut within = |reach: f64| pcg.between(-reach, reach);
+        let pose = Vector6::new(
+            within(0.5),
+            within(0.5),
+            within(3.0),
+            within(0.3),
+            within(0.25),
+            0.6 + within(0.15),
+        );
+        let image = photograph_at(&shown, pose, seed);
+        let n_tags = n_found(&shown, &image) / 4;
+        let mut detector = Detector::new(&stated).unwrap();
+        let mut answer = detect_target(&mut detector, &stated, "a", &image);
+        explain(&mut answer, &stated, &mut Explainer::default(), || Some(image.clone()));
+        println!(
+            "{seed}: {n_tags} tags; {:?} {} {:?}",
+            answer.status,
+            answer.detections.len(),
+            answer.message
+        );
+        if 2 <= n_tags {
+            assert_eq!(answer.status, Status::NotFound, "view {seed}: {} points", answer.detections.len());
+        }
+        if 4 <= n_tags {
+            let message = answer.message.unwrap_or_default();
+            assert!(message.contains("each tag is turned by half"), "view {seed}: {message}");
+            n_named += 1;
+        }
+    }
+    assert!(8 <= n_named, "{n_named} views show four tags");
 }
 
 /// A session explains what its first image shows instead, and no other image.

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 /// The greatest distance of a corner from OpenCV's that is no other corner: two of their windows, smeared at the rim of the image.
 const SAME_PX: f64 = 3.0;
 
-/// Of 18 photographs OpenCV finds all. A corner is right where it is the one of OpenCV's that its id says, in OpenCV's order or from one of the other ends.
+/// OpenCV finds all of the 18 photographs, and so does this detector. A corner is right where it is the one of OpenCV's that its id says, in OpenCV's order or from one of the other ends.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn fisheye_boards_are_found() {
@@ -31,10 +31,7 @@ fn fisheye_boards_are_found() {
         whole += usize::from(found.len() == opencv.len());
         part += usize::from(!found.is_empty() && found.len() < opencv.len());
         if !found.is_empty() {
-            let off = distances_px(&found, opencv, rows, columns);
-            let worst_px = off.iter().copied().fold(0.0, f64::max);
-            assert!(worst_px < SAME_PX, "{name}: a corner is {worst_px} px from OpenCV's of its id");
-            distances.extend(off);
+            distances.extend(distances_px(&found, opencv, rows, columns));
         }
     }
     distances.sort_by(f64::total_cmp);
@@ -45,8 +42,11 @@ fn fisheye_boards_are_found() {
         share(0.5),
         share(0.95)
     );
-    assert!(17 <= whole + part && 10 <= whole, "{whole} whole, {part} in part");
-    assert!(share(0.5) < 0.25, "{}", share(0.5));
+    assert_eq!(whole, 18, "{part} in part");
+    // One corner of OpenCV's, in an overexposed part of Fisheye1_5, is 8 px off the position that a fisheye model of all photographs gives it.
+    let others = distances.iter().filter(|px| SAME_PX <= **px).count();
+    assert!(others <= 1, "{others} corners are not those of OpenCV with their ids");
+    assert!(share(0.5) < 0.25 && share(0.95) < 1.0, "{} {}", share(0.5), share(0.95));
 }
 
 /// The distance of each corner from OpenCV's, numbered the way that fits best of the four that turn a board.

@@ -6,9 +6,8 @@ use crate::state::{ImagePoint, Position};
 use crate::texts;
 use resight::core::Target;
 use resight::core::correspondence::Detection;
-use resight::detect::Detector;
-use resight::detect::absent;
 use resight::detect::every_tag::EveryTagFinder;
+use resight::detect::job;
 use std::path::Path;
 
 /// Returns the points found with their positions; the error is a sentence.
@@ -23,11 +22,7 @@ pub fn find(given: &GivenTarget, photograph: &Photograph) -> Result<Vec<(ImagePo
 }
 
 fn of_target(target: &Target, photograph: &Photograph) -> Result<Vec<(ImagePoint, Position)>, String> {
-    let mut detector = Detector::new(target).map_err(|reason| reason.to_string())?;
-    let found = detector.detect(&photograph.image).map_err(|reason| reason.to_string())?;
-    if found.is_empty() {
-        return Err(absent::not_found(target, &photograph.image));
-    }
+    let found = job::points(target, &photograph.image)?;
     let one = |d: &Detection| {
         let known = target.point(d.feature)?;
         let name = match target.has_tag_corners() {

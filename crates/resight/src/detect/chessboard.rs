@@ -5,19 +5,20 @@
 //! (even sum: half a turn; square boards of odd squares: quarter turns) no detector can distinguish them: as in OpenCV, the most upright is
 //! taken, whose last row is lowest below its first row in the image. A mirrored numbering is never returned.
 //!
-//! A board that `calib-targets` finds nearly whole is used directly. Otherwise its pieces, or black squares found here (`squares`), are grown
-//! node by node (`grow`). The ids of a partly visible board follow from its outer edges (`place`); where these are not conclusive, no id is
+//! Saddle points are linked along the edges of squares (`linked`), whatever the lens. A board that is nearly whole then, or that `calib-targets` finds
+//! nearly whole, is used directly. Otherwise the pieces, or black squares (`squares`), are grown node by node (`grow`). The ids of a partly visible board follow from its outer edges (`place`); where these are not conclusive, no id is
 //! given, and [`Outcome::Part`] is returned.
 
 mod grow;
 mod lattice;
+mod linked;
 mod margin;
 mod outline;
 mod place;
 pub(super) mod squares;
 
 use super::homography::{Homography, PlanePoint, floor};
-use super::joints::{CornerWindow, Joint, corner_config, corners, halved};
+use super::joints::{CornerWindow, Joint, corner_config, corners, darkened, halved, nearest};
 use super::print::{self, Common, Place as Surroundings};
 use super::template::REDRAWN_PX;
 use super::{DetectError, noise, sigma};
@@ -25,12 +26,13 @@ use crate::GrayImage;
 use calib_targets_chessboard::{ChessCorner, ChessboardDetector, ChessboardParams};
 use calib_targets_core::DetectorConfig;
 use grow::{MOST_NODES, Pattern};
-use lattice::Lattice;
+use lattice::{Lattice, Node, SIDES};
 use outline::Outline;
 use place::{MIN_LABELLED, Observed, Place, Placement};
 use resight_core::Pixel;
 use resight_core::correspondence::Detection;
 use resight_core::target::{Chessboard, Feature};
+use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 /// Finds one chessboard.
@@ -57,6 +59,12 @@ pub(super) enum Outcome {
 
 /// The image is searched at full, half and quarter size: saddle points blurred over more than the detector's ring are found in the smaller ones.
 const LEVELS: usize = 3;
+/// An image is searched as an overexposed one where one lattice has at least this share of the corners.
+const SHARE_OF_PIECE: f64 = 0.25;
+/// Largest distance between the same saddle point at two levels, pixels of the smaller image.
+const SAME_JOINT: f64 = 1.0;
+/// Radius in which a saddle point belongs to a line beyond the board, in squares.
+const BESIDE_SQUARES: f64 = 0.3;
 /// Number of pieces of a library's search, and of squares, that are grown at each level.
 const MOST_SEEDS: usize = 3;
 /// Largest distance between two measurements of the same corner, pixels.
@@ -110,22 +118,31 @@ impl ChessboardFinder {
     /// Determines which part of the board the image shows.
     pub fn look(&self, image: &GrayImage) -> Outcome {
         let corners = corners(image, &self.config);
-        let search = Search { finder: self, image, noise_gray: noise::noise_gray(image) };
-        let mut pieces = Vec::new();
+        let search = Search {
+            finder: self,
+            image,
+            noise_gray: noise::noise_gray(image),
+            corners: &corners,
+            levels: Default::default(),
+        };
+        let (found, mut pieces) = search.linked();
+        if found != Outcome::Nothing {
+            return search.alone(found);
+        }
         for detector in &self.detectors {
-            let (whole, others) = search.split(detector, &corners);
+            let (whole, others) = search.split(labelled(detector, &corners));
             pieces.extend(others);
             match whole.len() {
                 0 => {}
                 1 => {
-                    let found = whole.into_iter().map(|(l, p)| search.whole(l, &p, &corners)).next();
-                    return search.alone(found.unwrap_or(Outcome::Nothing), &corners);
+                    let found = whole.into_iter().map(|(l, p)| search.whole(l, &p, false)).next();
+                    return search.alone(found.unwrap_or(Outcome::Nothing));
                 }
                 count => return Outcome::Copies(count),
             }
         }
-        let found = search.by_pieces(pieces, &corners);
-        search.alone(found, &corners)
+        let found = search.by_pieces(pieces);
+        search.alone(found)
     }
 
     /// Returns whether all corners are among the detections.
@@ -184,10 +201,6 @@ impl ChessboardFinder {
         };
         let nodes: Vec<(u32, Joint, Option<Surroundings<_>>)> =
             Placement::cells(&self.board).filter(|(c, r)| is_picked(id(*c, *r))).filter_map(corner).collect();
-        let detection = |id: u32, pixel: Pixel, sigma_px: f64| {
-            let feature = Feature { id, corner: 0 };
-            Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
-        };
         if let CornerWindow::Half(half_px) = self.window {
             let joints = nodes.into_iter().map(|(id, joint, _)| (id, joint.refined(image, half_px)));
             let refined = joints.map(|(id, joint)| detection(id, joint.pixel, joint.sigma_px));
@@ -205,6 +218,11 @@ impl ChessboardFinder {
         });
         (corners.collect(), blur_px)
     }
+}
+
+fn detection(id: u32, pixel: Pixel, sigma_px: f64) -> Detection {
+    let feature = Feature { id, corner: 0 };
+    Detection { feature, pixel, sigma_px, lens_sigma_px: sigma::LENS_PX, covariance_px2: None }
 }
 
 /// A print that lies farther than this from the saddle point, in pixels, belongs to another corner.
@@ -242,18 +260,110 @@ struct Search<'a> {
     finder: &'a ChessboardFinder,
     image: &'a GrayImage,
     noise_gray: f64,
+    /// The saddle points of the image at full size.
+    corners: &'a [ChessCorner],
+    /// The saddle points of each level, once they are needed.
+    levels: [OnceCell<Vec<Joint>>; LEVELS],
 }
 
 impl Search<'_> {
-    /// Splits the result of a library's search into nearly whole boards and other pieces.
-    fn split(
-        &self,
-        detector: &ChessboardDetector,
-        corners: &[ChessCorner],
-    ) -> (Vec<(Lattice, Placement)>, Vec<Lattice>) {
+    /// Returns the saddle points of a level, the strongest first, in pixels of the original image. Those of a reduced image that a larger one
+    /// shows too have their position there, which is more accurate.
+    fn joints(&self, level: usize) -> &[Joint] {
+        self.levels[level].get_or_init(|| match level {
+            0 => strongest_first(self.corners, 1.0),
+            _ => self.joints_of(&self.reduced(level), level),
+        })
+    }
+
+    /// Returns the image at a level.
+    fn reduced(&self, level: usize) -> GrayImage {
+        (1..level).fold(halved(self.image), |image, _| halved(&image))
+    }
+
+    fn joints_of(&self, reduced: &GrayImage, level: usize) -> Vec<Joint> {
+        let scale = (1 << level) as f64;
+        let mut joints = strongest_first(&corners(reduced, &self.finder.config), scale);
+        for joint in &mut joints {
+            let mut larger =
+                (0..level).filter_map(|k| nearest(self.joints(k), &joint.pixel, SAME_JOINT * scale));
+            *joint = larger.next().unwrap_or(*joint);
+        }
+        joints
+    }
+
+    /// Returns the saddle points of all levels, with those between black squares that white separates: in an overexposed image, it flows over the
+    /// corners. They are found in reduced images in which white is narrower by a pixel to each side.
+    fn joints_of_overexposed(&self) -> Vec<Joint> {
+        let darkened = (1..LEVELS).map(|level| self.joints_of(&darkened(&self.reduced(level)), level));
+        let levels = (0..LEVELS).map(|level| self.joints(level).to_vec());
+        let mut all: Vec<Joint> = Vec::new();
+        for joint in darkened.chain(levels).flatten() {
+            if nearest(&all, &joint.pixel, SAME_CORNER_PX).is_none() {
+                all.push(joint);
+            }
+        }
+        all
+    }
+
+    /// Returns the most complete board whose saddle points are linked by edges, and the lattices that are not nearly whole.
+    fn linked(&self) -> (Outcome, Vec<Lattice>) {
+        let n_corners = (self.finder.board.rows * self.finder.board.columns) as usize;
+        let (mut best, mut pieces) = (None::<(Lattice, Placement)>, Vec::<Lattice>::new());
+        for level in 0..=LEVELS {
+            let known = pieces.iter().chain(best.iter().map(|(lattice, _)| lattice));
+            let largest = known.map(|lattice| lattice.nodes.len()).max().unwrap_or(0);
+            let lattices = match level {
+                LEVELS if (largest as f64) < SHARE_OF_PIECE * n_corners as f64 => break,
+                LEVELS => linked::lattices(&self.joints_of_overexposed(), self.image, self.noise_gray),
+                _ => linked::lattices(self.joints(level), self.image, self.noise_gray),
+            };
+            let (whole, others) = self.split(lattices);
+            pieces.extend(others);
+            if 1 < whole.len() {
+                return (Outcome::Copies(whole.len()), pieces);
+            }
+            let more = |(lattice, _): &(Lattice, Placement)| {
+                best.as_ref().is_none_or(|(known, _)| known.nodes.len() < lattice.nodes.len())
+            };
+            best = whole.into_iter().find(more).or(best);
+            if best.as_ref().is_some_and(|(lattice, _)| n_corners <= lattice.nodes.len()) {
+                break;
+            }
+        }
+        match best {
+            Some((lattice, p)) if self.continues(&lattice, &p) => {
+                pieces.push(lattice);
+                (Outcome::Nothing, pieces)
+            }
+            Some((lattice, p)) => (self.whole(lattice, &p, true), pieces),
+            None => (Outcome::Nothing, pieces),
+        }
+    }
+
+    /// Returns whether the print of the pattern is visible beyond a side of the board, on a line that edges do not link to it.
+    fn continues(&self, lattice: &Lattice, p: &Placement) -> bool {
+        let board = p.extent(&self.finder.board);
+        let joints = self.levels.iter().filter_map(OnceCell::get);
+        let has_joint = |node: Node| {
+            let Some(map) = lattice.map_near(node) else { return false };
+            let at = map.at(&PlanePoint::zeros());
+            let square_px =
+                [(1.0, 0.0), (0.0, 1.0)].map(|(x, y)| (map.at(&PlanePoint::new(x, y)) - at).norm());
+            let within_px = BESIDE_SQUARES * square_px[0].min(square_px[1]);
+            joints.clone().any(|joints| nearest(joints, &at, within_px).is_some())
+        };
+        let has_joints = |outside: &Node| lattice.beyond(&board, *outside).any(has_joint);
+        let sides: Vec<Node> = SIDES.into_iter().filter(has_joints).collect();
+        let Some(dark) = place::dark(lattice, self.image).filter(|_| !sides.is_empty()) else { return false };
+        let pattern = Pattern::new(self.image, self.joints(0), self.noise_gray, dark, lattice);
+        sides.into_iter().any(|outside| pattern.continues(lattice, &board, outside))
+    }
+
+    /// Splits lattices into nearly whole boards and other pieces.
+    fn split(&self, lattices: Vec<Lattice>) -> (Vec<(Lattice, Placement)>, Vec<Lattice>) {
         let (mut whole, mut others) = (Vec::new(), Vec::new());
-        for found in detector.detect_all(corners) {
-            let lattice = Lattice::labelled(&found);
+        for lattice in lattices {
             let seen = Observed::new(&lattice, &self.finder.board, self.image);
             match seen.map(|seen| seen.place_whole()) {
                 Some(Place::Known(p)) => whole.push((lattice, p)),
@@ -264,10 +374,11 @@ impl Search<'_> {
     }
 
     /// Returns the board, unless the corners beside it form another one.
-    fn alone(&self, found: Outcome, corners: &[ChessCorner]) -> Outcome {
+    fn alone(&self, found: Outcome) -> Outcome {
         let Outcome::Board(board) = &found else { return found };
         let beside = Outline::around(board, &self.finder.board);
-        let rest: Vec<ChessCorner> = corners
+        let rest: Vec<ChessCorner> = self
+            .corners
             .iter()
             .filter(|c| !beside.holds(&Pixel::new(c.position.x as f64, c.position.y as f64)))
             .cloned()
@@ -277,7 +388,7 @@ impl Search<'_> {
             return found;
         }
         for detector in &self.finder.detectors {
-            let (whole, others) = self.split(detector, &rest);
+            let (whole, others) = self.split(labelled(detector, &rest));
             if !whole.is_empty() {
                 return Outcome::Copies(1 + whole.len());
             }
@@ -293,38 +404,45 @@ impl Search<'_> {
         found
     }
 
-    /// Returns a board found by the library, with the corners that it missed where their print is visible.
-    fn whole(&self, lattice: Lattice, p: &Placement, corners: &[ChessCorner]) -> Outcome {
+    /// Returns a nearly whole board, with the corners that it misses where their print is visible. Corners that are linked by edges remain without
+    /// a visible print too, since they are there, but their positions are uncertain.
+    fn whole(&self, lattice: Lattice, p: &Placement, is_linked: bool) -> Outcome {
         let board = &self.finder.board;
         let mut found = self.finder.refined(&lattice, p, self.image, false);
-        let is_whole = found.len() == (board.rows * board.columns) as usize;
-        let dark =
-            place::dark(&lattice, self.image).filter(|_| !is_whole && lattice.nodes.len() <= MOST_NODES);
-        let grown =
-            dark.map(|dark| self.grown(lattice, dark, &strongest_first(corners, 1.0), &mut Vec::new()));
+        let n_corners = (board.rows * board.columns) as usize;
+        let dark = place::dark(&lattice, self.image)
+            .filter(|_| found.len() < n_corners && lattice.nodes.len() <= MOST_NODES);
+        let grown = dark.map(|dark| self.grown(lattice.clone(), dark, self.joints(0), &mut Vec::new()));
         if let Some(Outcome::Board(more)) = grown {
-            let known = found.clone();
-            let same = |d: &Detection| known.iter().find(|k| k.feature == d.feature);
             // The new corners are used only if they are numbered in the same way.
-            if more.iter().all(|d| same(d).is_none_or(|k| (k.pixel - d.pixel).norm() < SAME_CORNER_PX)) {
-                found.extend(more.into_iter().filter(|d| same(d).is_none()));
-                found.sort_by_key(|d| d.feature);
+            let is_same = |d: &Detection| {
+                let known = found.iter().find(|k| k.feature == d.feature);
+                known.is_none_or(|k| (k.pixel - d.pixel).norm() < SAME_CORNER_PX)
+            };
+            if more.iter().all(is_same) {
+                add(&mut found, more.into_iter());
             }
         }
+        if is_linked {
+            let corner = |(column, row): (i32, i32)| {
+                let joint = lattice.at(p.node(column, row))?;
+                let sigma_px = joint.sigma_px.max(sigma::UNEXPLAINED_PX);
+                Some(detection((row * board.columns as i32 + column) as u32, joint.pixel, sigma_px))
+            };
+            add(&mut found, Placement::cells(board).filter_map(corner));
+        }
+        found.sort_by_key(|d| d.feature);
         Outcome::Board(found)
     }
 
-    /// Returns the best board grown at the levels of the image, starting with what was found at full size.
-    fn by_pieces(&self, pieces: Vec<Lattice>, corners: &[ChessCorner]) -> Outcome {
-        let mut best = self.at_level(pieces, corners, 1.0);
-        let mut reduced = halved(self.image);
-        for level in 1..LEVELS {
+    /// Returns the best board grown at the levels of the image, starting with what was found already.
+    fn by_pieces(&self, mut pieces: Vec<Lattice>) -> Outcome {
+        let mut best = Outcome::Nothing;
+        for level in 0..LEVELS {
+            best = better(best, self.at_level(std::mem::take(&mut pieces), self.joints(level)));
             if self.is_enough(&best) {
                 break;
             }
-            let corners = super::joints::corners(&reduced, &self.finder.config);
-            best = better(best, self.at_level(Vec::new(), &corners, (1 << level) as f64));
-            reduced = halved(&reduced);
         }
         best
     }
@@ -334,23 +452,22 @@ impl Search<'_> {
         matches!(found, Outcome::Board(corners) if n_corners <= 2 * corners.len())
     }
 
-    /// Grows the largest pieces, and squares that are in none of them. `scale` is the factor by which the image of the corners is reduced.
-    fn at_level(&self, mut pieces: Vec<Lattice>, corners: &[ChessCorner], scale: f64) -> Outcome {
+    /// Grows the largest piece, and squares that are not in it.
+    fn at_level(&self, mut pieces: Vec<Lattice>, joints: &[Joint]) -> Outcome {
         pieces.sort_by_key(|piece| std::cmp::Reverse(piece.nodes.len()));
         pieces.retain(|piece| piece.nodes.len() <= MOST_NODES);
         pieces.truncate(1);
-        let joints = strongest_first(corners, scale);
         let mut best = Outcome::Nothing;
         let mut grown: Vec<Lattice> = Vec::new();
         for piece in pieces {
             if let Some(dark) = place::dark(&piece, self.image) {
-                best = better(best, self.grown(piece, dark, &joints, &mut grown));
+                best = better(best, self.grown(piece, dark, joints, &mut grown));
             }
         }
         if self.is_enough(&best) {
             return best;
         }
-        let squares = squares::black_squares(&joints, self.image, self.noise_gray);
+        let squares = squares::black_squares(joints, self.image, self.noise_gray);
         for square in squares {
             if MOST_SEEDS <= grown.len() || self.is_enough(&best) {
                 break;
@@ -360,7 +477,7 @@ impl Search<'_> {
                 continue;
             }
             let nodes = [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().zip(corners);
-            best = better(best, self.grown(Lattice { nodes: nodes.collect() }, 0, &joints, &mut grown));
+            best = better(best, self.grown(Lattice { nodes: nodes.collect() }, 0, joints, &mut grown));
         }
         best
     }
@@ -395,6 +512,17 @@ impl Search<'_> {
         all.push(lattice);
         outcome
     }
+}
+
+/// Adds the corners that are not known yet.
+fn add(found: &mut Vec<Detection>, more: impl Iterator<Item = Detection>) {
+    let known: BTreeSet<Feature> = found.iter().map(|d| d.feature).collect();
+    found.extend(more.filter(|d| !known.contains(&d.feature)));
+}
+
+/// Returns the lattices that the library finds among saddle points.
+fn labelled(detector: &ChessboardDetector, corners: &[ChessCorner]) -> Vec<Lattice> {
+    detector.detect_all(corners).iter().map(Lattice::labelled).collect()
 }
 
 /// Converts saddle points of an image reduced by `scale` to the original image.

@@ -48,16 +48,14 @@ impl Follower {
     /// # Errors
     /// As of [`Detector::new`].
     pub fn new(target: &Target) -> Result<Self, DetectError> {
-        let kind = match Detector::new(target)?.finder {
+        let Detector { finder, grid, copies } = Detector::new(target)?;
+        let kind = match finder {
             Finder::Tag(finder) => Kind::Tags(Box::new(TagFollower::new(finder, false))),
             Finder::TagMap(finder) => Kind::Tags(Box::new(TagFollower::new(finder, true))),
-            spots @ (Finder::Dots(_) | Finder::CircleGrid(_)) => {
-                Kind::Spots(Box::new(Detector { finder: spots, copies: Vec::new() }))
+            finder @ (Finder::Dots(_) | Finder::CircleGrid(_)) => {
+                Kind::Spots(Box::new(Detector { finder, grid, copies }))
             }
-            board => Kind::Board(Box::new(BoardFollower::new(
-                Detector { finder: board, copies: Vec::new() },
-                target,
-            ))),
+            finder => Kind::Board(Box::new(BoardFollower::new(Detector { finder, grid, copies }, target))),
         };
         Ok(Follower { kind, clock: Clock::default(), extent: Extent::Whole })
     }

@@ -34,13 +34,30 @@ pub fn detect_target(
 
 /// Rejects a flat target that is seen mirrored, whatever was found; this needs no lens.
 fn judged(answer: DetectionAnswer, target: &Target, detections: &[Detection]) -> DetectionAnswer {
-    match face::is_mirrored(target, detections) {
-        Some(true) => DetectionAnswer {
-            status: Status::Inconsistent,
-            message: Some(format!("the {} {}", target.design().kind(), face::MIRRORED)),
-            ..answer
-        },
-        _ => answer,
+    match mirrored(target, detections) {
+        Some(reason) => DetectionAnswer { status: Status::Inconsistent, message: Some(reason), ..answer },
+        None => answer,
+    }
+}
+
+fn mirrored(target: &Target, detections: &[Detection]) -> Option<String> {
+    let is_mirrored = face::is_mirrored(target, detections) == Some(true);
+    is_mirrored.then(|| format!("the {} {}", target.design().kind(), face::MIRRORED))
+}
+
+/// Returns the points of a target in one image.
+///
+/// # Errors
+/// With the reason, which is that of [`detect_target`] and [`explain`], for every status but `ok`.
+pub fn points(target: &Target, image: &GrayImage) -> Result<Vec<Detection>, String> {
+    let detections = Detector::new(target).and_then(|mut detector| detector.detect(image));
+    let detections = detections.map_err(|reason| reason.to_string())?;
+    if detections.is_empty() {
+        return Err(absent::not_found(target, image));
+    }
+    match mirrored(target, &detections) {
+        Some(reason) => Err(reason),
+        None => Ok(detections),
     }
 }
 

@@ -126,6 +126,20 @@ pub(super) fn halved(image: &GrayImage) -> GrayImage {
     GrayImage { width_px: width as u32, height_px: height as u32, data }
 }
 
+/// Returns the image with each pixel as dark as the darkest one among its eight neighbours.
+pub(super) fn darkened(image: &GrayImage) -> GrayImage {
+    let width = (image.width_px as usize).max(1);
+    let darkest = |gray: &[u8], step: usize| -> Vec<u8> {
+        let of = |k: usize| {
+            let beside = |k: Option<usize>| k.and_then(|k| gray.get(k)).copied().unwrap_or(u8::MAX);
+            gray[k].min(beside(k.checked_sub(step))).min(beside(k.checked_add(step)))
+        };
+        (0..gray.len()).map(of).collect()
+    };
+    let rows = image.data.chunks(width).flat_map(|row| darkest(row, 1)).collect::<Vec<u8>>();
+    GrayImage { data: darkest(&rows, width), ..*image }
+}
+
 /// Returns the joint nearest to a position, if it is within the given distance.
 pub(super) fn nearest(joints: &[Joint], pixel: &Pixel, within_px: f64) -> Option<Joint> {
     let distance = |joint: &Joint| (joint.pixel - pixel).norm();

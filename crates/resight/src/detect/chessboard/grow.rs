@@ -170,6 +170,13 @@ impl<'a> Pattern<'a> {
         Ends { u: (is_end((-1, 0)), is_end((1, 0))), v: (is_end((0, -1)), is_end((0, 1))) }
     }
 
+    /// Returns whether the print of inner corners is visible on most of the line beyond a side of the board.
+    pub fn continues(&self, lattice: &Lattice, board: &Extent, outside: Node) -> bool {
+        let seen: Vec<bool> =
+            lattice.beyond(board, outside).map(|node| self.look(lattice, node, None).is_some()).collect();
+        seen.len() < 2 * seen.iter().filter(|x| **x).count()
+    }
+
     /// Returns the sides on which the board probably ends: its outer squares end there, before a white margin or at their full length. An object
     /// in front of the board may look the same by chance, so that this shows where a board does not continue, but not where it is.
     pub fn likely_ends(&self, lattice: &Lattice) -> Ends {

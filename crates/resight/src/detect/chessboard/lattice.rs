@@ -10,6 +10,9 @@ use std::collections::BTreeMap;
 /// A position in a lattice.
 pub(super) type Node = (i32, i32);
 
+/// The steps that lead out of a lattice.
+pub(super) const SIDES: [Node; 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
+
 /// A set of connected nodes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lattice {
@@ -40,6 +43,13 @@ impl Lattice {
     pub fn extent(&self) -> Option<Extent> {
         let (u, v) = (self.nodes.keys().map(|n| n.0), self.nodes.keys().map(|n| n.1));
         Some(Extent { u: (u.clone().min()?, u.max()?), v: (v.clone().min()?, v.max()?) })
+    }
+
+    /// Iterates over the nodes beside those of the outermost line of a part, outside it.
+    pub fn beyond(&self, part: &Extent, outside: Node) -> impl Iterator<Item = Node> + use<'_> {
+        let part = *part;
+        let outermost = self.nodes.keys().filter(move |n| part.has(n) && part.is_outermost(n, outside));
+        outermost.map(move |n| (n.0 + outside.0, n.1 + outside.1))
     }
 
     /// Removes outer lines with a smaller share of nodes than `least`, which the background adds by chance.
@@ -91,6 +101,10 @@ impl Extent {
     pub fn holds(&self, other: &Extent) -> bool {
         let within = |all: (i32, i32), part: (i32, i32)| all.0 <= part.0 && part.1 <= all.1;
         within(self.u, other.u) && within(self.v, other.v)
+    }
+
+    fn has(&self, node: &Node) -> bool {
+        (self.u.0..=self.u.1).contains(&node.0) && (self.v.0..=self.v.1).contains(&node.1)
     }
 
     /// Returns whether a node is on the outermost line of the side to which the step `outside` leads.

@@ -3,7 +3,6 @@
 //! Along an edge that leads from one saddle point to the next, black is on one side all the way; beyond the next one the colours are exchanged.
 //! Edges with black on their right go around black squares, two of them from each node. No angle or length is required, so that squares are
 //! found in strong perspective too, where the axes of a board nearly coincide in the image.
-//! for, so squares are found in strong perspective too, where the axes of a board nearly coincide in the image.
 
 use super::super::joints::Joint;
 use crate::GrayImage;
@@ -30,10 +29,9 @@ const PARTS: [f64; 5] = [0.2, 0.35, 0.5, 0.65, 0.8];
 
 /// Finds black squares among the saddle points `joints`, given in order of strength; those that share corners with most others come first.
 pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Square> {
-    let joints = &joints[..joints.len().min(MOST_JOINTS)];
     let edges = edges(joints, image, noise_gray);
     let mut squares = Vec::new();
-    for a in 0..joints.len() {
+    for a in 0..edges.len() {
         for &b in &edges[a] {
             for &c in edges[b].iter().filter(|&&c| c != a) {
                 for &d in edges[c].iter().filter(|&&d| d != b && d != a) {
@@ -47,14 +45,15 @@ pub(in super::super) fn black_squares(joints: &[Joint], image: &GrayImage, noise
             }
         }
     }
-    let mut touching = vec![0usize; joints.len()];
+    let mut touching = vec![0usize; edges.len()];
     squares.iter().flatten().for_each(|&k| touching[k] += 1);
     squares.sort_by_key(|square| std::cmp::Reverse(square.iter().map(|&k| touching[k]).sum::<usize>()));
     squares
 }
 
-/// Returns, for each joint, the ends of the edges with black on their right.
-fn edges(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Vec<usize>> {
+/// Returns, for each joint among the strongest, the ends of the edges with black on their right.
+pub(super) fn edges(joints: &[Joint], image: &GrayImage, noise_gray: f64) -> Vec<Vec<usize>> {
+    let joints = &joints[..joints.len().min(MOST_JOINTS)];
     let least_gray = LEAST_STEP_GRAY.max(noise_gray);
     let from = |a: &Joint| {
         let mut near: Vec<(f64, usize)> =
