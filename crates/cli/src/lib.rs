@@ -9,6 +9,7 @@ mod files;
 mod gravity;
 mod meant;
 mod output;
+mod page;
 mod robust;
 mod stdio;
 mod text;

@@ -68,7 +68,10 @@ pub fn with_command(mut error: clap::Error) -> clap::Error {
         }
         _ => return error,
     };
-    if let Some((_, command)) = WORDS.iter().find(|(known, _)| *known == word) {
+    // A slip in such a word is nearer to it than to a command: `callibrate` is not `locate`.
+    let near = resight::input::nearest(&word, WORDS.iter().map(|(known, _)| (*known).to_owned()));
+    let is_it = |known: &str| known == word || (9 <= word.len() && near.as_deref() == Some(known));
+    if let Some((_, command)) = WORDS.iter().find(|(known, _)| is_it(known)) {
         let command = ContextValue::Strings(vec![(*command).to_string()]);
         error.insert(ContextKind::SuggestedSubcommand, command);
     }

@@ -1,7 +1,7 @@
 //! The book's examples: the commands on a page work, and their output is that shown on the page.
 
-use crate::book_support::{self, Command, Piece};
-use crate::support::{folder, json_lines, resight, same, table_two};
+use crate::book_support;
+use crate::support::{folder, resight, same, table_two};
 use std::path::Path;
 
 fn page(name: &str) -> String {
@@ -13,28 +13,6 @@ fn block(page: &str, language: &str, n: usize) -> String {
     let fence = format!("```{language}\n");
     let after = page.split(&fence).nth(n + 1).unwrap();
     after.split("```").next().unwrap().to_string()
-}
-
-#[test]
-fn getting_started_gets_a_pose() {
-    let (page, folder) = (page("getting-started.md"), folder("book"));
-    let write = |name: &str, text: String| {
-        let path = folder.join(name);
-        std::fs::write(&path, text).unwrap();
-        path.display().to_string()
-    };
-    let camera = write("camera.toml", block(&page, "toml", 0));
-    let target = write("target.toml", block(&page, "toml", 1));
-    let points = write("points.csv", block(&page, "csv", 0));
-    for file in [&camera, &target] {
-        assert_eq!(resight(&["explain", file]).code, 0, "{file}");
-    }
-    let flag =
-        page.split("--intrinsics-sigma ").nth(1).and_then(|rest| rest.split_whitespace().next()).unwrap();
-    for extra in [vec![], vec!["--intrinsics-sigma", flag]] {
-        let run = resight(&[&["solve", &points, "--camera", &camera, "--json"], extra.as_slice()].concat());
-        assert_eq!(json_lines(&run)[0]["status"], "ok", "{}{}", run.stdout, run.stderr);
-    }
 }
 
 #[test]
@@ -85,78 +63,107 @@ fn whisker_page_shows_what_the_program_says() {
     }
 }
 
-/// The README and the guides: every command runs as printed, on files of the repository, with the exit status promised, and prints what
-/// the page shows. The tests themselves and what installs the program are left out.
+/// A page whose commands run as printed, on files of the repository and on shipped ones under the names that the page uses (a folder, `.`, stands
+/// for the files in it), and the least numbers of commands and of answers shown.
+struct Followed {
+    page: &'static str,
+    files: &'static [(&'static str, &'static str)],
+    at_least: [usize; 2],
+}
+
+/// A folder of snapshots, and the camera and target that they fit.
+const SNAPSHOTS: &[(&str, &str)] = &[
+    ("snapshots", "examples/photo"),
+    ("gate.yaml", "examples/photo/left.yml"),
+    ("tag.toml", "examples/photo/board.toml"),
+];
+
+const FOLLOWED: [Followed; 20] = [
+    Followed { page: "README.md", files: &[], at_least: [15, 1] },
+    Followed { page: "docs/guide-operator.md", files: &[], at_least: [8, 3] },
+    Followed { page: "docs/guide-robot.md", files: &[], at_least: [11, 2] },
+    Followed { page: "docs/guide-surveyor.md", files: &[], at_least: [6, 4] },
+    Followed { page: "docs/guide-developer.md", files: &[], at_least: [3, 1] },
+    Followed { page: "docs/from-apriltag.md", files: &[], at_least: [3, 1] },
+    Followed { page: "docs/capture.md", files: &[], at_least: [2, 1] },
+    Followed { page: "docs/unknown-focal.md", files: &[], at_least: [2, 1] },
+    Followed { page: "docs/marked-lines.md", files: &[], at_least: [1, 1] },
+    Followed {
+        page: "docs/getting-started.md",
+        files: &[("my_camera.yaml", "testdata/formats/ros_plumb_bob.yaml")],
+        at_least: [5, 0],
+    },
+    Followed { page: "docs/table-two.md", files: &[], at_least: [2, 1] },
+    Followed { page: "docs/printing.md", files: &[], at_least: [9, 0] },
+    Followed { page: "docs/measuring.md", files: &[], at_least: [2, 1] },
+    Followed { page: "docs/intrinsics.md", files: &[], at_least: [4, 0] },
+    Followed { page: "docs/report.md", files: &[(".", "examples/rig")], at_least: [1, 0] },
+    Followed { page: "docs/files.md", files: &[], at_least: [5, 0] },
+    Followed { page: "docs/hand-eye.md", files: &[], at_least: [5, 0] },
+    Followed { page: "docs/landmarks.md", files: SNAPSHOTS, at_least: [2, 0] },
+    Followed { page: "docs/uncertain-intrinsics.md", files: SNAPSHOTS, at_least: [4, 0] },
+    Followed { page: "docs/watch.md", files: SNAPSHOTS, at_least: [8, 1] },
+];
+
+/// Pages with commands that other tests run.
+const FOLLOWED_ELSEWHERE: [&str; 8] = [
+    "c.md",
+    "compare.md",
+    "first-pose.md",
+    "rigs.md",
+    "robust.md",
+    "touch-meets-sight.md",
+    "whisker.md",
+    "python.md",
+];
+
 #[cfg(unix)]
-fn the_page_can_be_followed(file: &str, [commands_at_least, shown_at_least]: [usize; 2]) {
-    let page = std::fs::read_to_string(book_support::root().join(file)).unwrap();
+fn can_be_followed(followed: &Followed) {
+    use std::os::unix::fs::symlink;
+    let Followed { page: file, files, at_least } = followed;
+    let root = book_support::root();
+    let page = std::fs::read_to_string(root.join(file)).unwrap();
     let folder = folder(&format!("book-{}", file.replace(['/', '.'], "-")));
     for shipped in ["examples", "testdata", "docs"] {
-        std::os::unix::fs::symlink(book_support::root().join(shipped), folder.join(shipped)).unwrap();
+        symlink(root.join(shipped), folder.join(shipped)).unwrap();
     }
-    let program = assert_cmd::cargo::cargo_bin("resight");
-    let path = std::env::var("PATH").unwrap_or_default();
-    let path = format!("{}:{path}", program.parent().unwrap().display());
-    let (mut printed, mut runs, mut comparisons) = (String::new(), 0, 0);
-    for piece in book_support::pieces(&page) {
-        match piece {
-            Piece::Commands(commands) => {
-                printed.clear();
-                for Command { line, code } in commands {
-                    let mut shell = std::process::Command::new("sh");
-                    let run =
-                        shell.args(["-c", &line]).current_dir(&folder).env("PATH", &path).output().unwrap();
-                    let said = String::from_utf8_lossy(&run.stdout);
-                    let complaint = String::from_utf8_lossy(&run.stderr);
-                    assert_eq!(run.status.code(), Some(code), "{file}: {line}\n{said}{complaint}");
-                    printed += &said;
-                    runs += 1;
-                }
-            }
-            Piece::Printed(shown) => {
-                let (p, s): (Vec<&str>, Vec<&str>) =
-                    (printed.trim_end().lines().collect(), shown.lines().collect());
-                assert!(book_support::is_shown(&p, &s), "{file}: printed\n{printed}\nshown\n{shown}");
-                comparisons += 1;
-            }
+    for (name, shipped) in *files {
+        if *name != "." {
+            symlink(root.join(shipped), folder.join(name)).unwrap();
+            continue;
+        }
+        for entry in std::fs::read_dir(root.join(shipped)).unwrap().map(|entry| entry.unwrap()) {
+            symlink(entry.path(), folder.join(entry.file_name())).unwrap();
         }
     }
-    assert!(commands_at_least <= runs, "{file}: only {runs} commands seen");
-    assert!(shown_at_least <= comparisons, "{file}: only {comparisons} answers seen");
+    let [runs, answers] = book_support::follow(&page, &folder);
+    assert!(at_least[0] <= runs, "{file}: only {runs} commands seen");
+    assert!(at_least[1] <= answers, "{file}: only {answers} answers seen");
 }
 
+/// Every command of these pages runs as printed, with the exit status promised, and prints what the page shows. The tests themselves and what
+/// installs the program are left out.
 #[test]
 #[cfg(unix)]
-fn the_readme_can_be_followed() {
-    the_page_can_be_followed("README.md", [15, 1]);
+fn the_pages_can_be_followed() {
+    FOLLOWED.iter().for_each(can_be_followed);
 }
 
+/// No page has commands that no test runs.
 #[test]
-#[cfg(unix)]
-fn the_guides_can_be_followed() {
-    for (guide, at_least) in
-        [("operator", [6, 2]), ("robot", [8, 1]), ("surveyor", [5, 3]), ("developer", [2, 0])]
-    {
-        the_page_can_be_followed(&format!("docs/guide-{guide}.md"), at_least);
+fn every_page_with_commands_is_followed() {
+    for path in book_support::pages() {
+        let page = std::fs::read_to_string(&path).unwrap();
+        let Ok(name) = path.strip_prefix(book_support::root()) else { continue };
+        let has_commands = page.contains("\n```sh\n") || page.contains("\n    resight ");
+        if !name.starts_with("docs") || !has_commands {
+            continue;
+        }
+        let name = name.display().to_string();
+        let is_followed = FOLLOWED.iter().any(|followed| followed.page == name)
+            || FOLLOWED_ELSEWHERE.iter().any(|known| name == format!("docs/{known}"));
+        assert!(is_followed, "no test runs the commands of {name}");
     }
-}
-
-#[test]
-#[cfg(unix)]
-fn the_page_on_live_intrinsics_can_be_followed() {
-    the_page_can_be_followed("docs/capture.md", [2, 1]);
-}
-
-#[test]
-#[cfg(unix)]
-fn the_page_on_unknown_focal_lengths_can_be_followed() {
-    the_page_can_be_followed("docs/unknown-focal.md", [2, 1]);
-}
-
-#[test]
-#[cfg(unix)]
-fn the_page_on_marked_lines_can_be_followed() {
-    the_page_can_be_followed("docs/marked-lines.md", [1, 1]);
 }
 
 /// Whoever opens the repository reads the first page to its end.

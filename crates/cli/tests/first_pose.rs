@@ -1,6 +1,6 @@
 //! From an empty folder to a pose: the demo of the guide, its commands typed again, and the guide itself.
 
-use crate::book_support::{self, Command, Piece};
+use crate::book_support;
 use crate::support::{folder, resight};
 use serde_json::Value;
 use std::path::Path;
@@ -65,31 +65,7 @@ fn the_guide_shows_this(photographed: &Path) {
     let folder = folder("first_pose_guide");
     std::os::unix::fs::symlink(photographed.join("photos"), folder.join("photos")).unwrap();
     std::os::unix::fs::symlink(photographed.join("here.jpg"), folder.join("here.jpg")).unwrap();
-    let (mut printed, mut n_commands, mut n_shown) = (String::new(), 0, 0);
-    for piece in book_support::pieces(&page) {
-        match piece {
-            Piece::Commands(commands) => {
-                for Command { line, code } in commands {
-                    let run = typed(&line, &folder);
-                    assert_eq!(
-                        run.status.code(),
-                        Some(code),
-                        "{line}: {}",
-                        String::from_utf8_lossy(&run.stderr)
-                    );
-                    printed = words(&run);
-                    n_commands += 1;
-                }
-            }
-            Piece::Printed(shown) => {
-                let (p, s): (Vec<&str>, Vec<&str>) =
-                    (printed.trim_end().lines().collect(), shown.lines().collect());
-                assert!(book_support::is_shown(&p, &s), "printed\n{printed}\nshown\n{shown}");
-                n_shown += 1;
-            }
-        }
-    }
-    assert_eq!((n_commands, n_shown), (4, 1));
+    assert_eq!(book_support::follow(&page, &folder), [4, 1]);
 }
 
 /// In words each command stands as it is typed, and the truth beside the answer.

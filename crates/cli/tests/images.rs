@@ -251,7 +251,7 @@ fn an_orientation_of_exif_is_a_remark_of_every_command() {
     let (camera, target) = (photo("left.yml"), photo("board.toml"));
     for name in ["left01.jpg", "left03.jpg", "left04.jpg", "left05.jpg"] {
         let mut bytes = std::fs::read(photo(name)).unwrap();
-        if name == "left03.jpg" {
+        if ["left03.jpg", "left04.jpg"].contains(&name) {
             let exif =
                 b"\xff\xe1\x00\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x03\0\0\0\0\0\0";
             bytes.splice(2..2, exif.iter().copied());
@@ -259,14 +259,19 @@ fn an_orientation_of_exif_is_a_remark_of_every_command() {
         std::fs::write(folder.join(name), bytes).unwrap();
     }
     let (one, all) = (folder.join("left03.jpg"), folder.join("left0*.jpg"));
-    let (one, all) = (one.display().to_string(), all.display().to_string());
+    let (one, all, here) =
+        (one.display().to_string(), all.display().to_string(), folder.display().to_string());
     let of_rig = [format!("left={all}"), format!("right={}", photo("right0[1-5].jpg"))];
     let cameras = [format!("left={camera}"), format!("right={}", photo("right.yml"))];
+    let watch = |source| {
+        let lens = ["watch", "--camera", &camera, "--target", &target];
+        [&lens[..], &["--source", source, "--period-s", "1", "--once"]].concat()
+    };
     for (command, which) in [
         (&["locate", &one, "--camera", &camera, "--target", &target][..], "this image"),
         (&["detect", &one, "--target", &target], "this image"),
-        (&["intrinsics", &all, "--target", &target], "1 image of camera"),
-        (&["capture", &all, "--target", &target], "1 image of camera"),
+        (&["intrinsics", &all, "--target", &target], "2 images of camera"),
+        (&["capture", &all, "--target", &target], "2 images of camera"),
         (
             &[
                 "rig",
@@ -279,13 +284,15 @@ fn an_orientation_of_exif_is_a_remark_of_every_command() {
                 "--target",
                 &target,
             ],
-            "1 image of camera left",
+            "2 images of camera left",
         ),
+        (&watch(&all), "its images"),
+        (&watch(&here), "its images"),
     ] {
         let run = resight(command);
         let words: Vec<&str> = run.stdout.split_whitespace().chain(run.stderr.split_whitespace()).collect();
-        let said = format!("EXIF asks viewers to show {which}");
-        assert!(words.join(" ").contains(&said), "{command:?}: {}{}", run.stdout, run.stderr);
-        assert!(words.join(" ").contains("rotated by 180°; pixels are taken as stored"), "{}", run.stdout);
+        let (words, said) = (words.join(" "), format!("EXIF asks viewers to show {which}"));
+        assert_eq!(words.matches(&said).count(), 1, "{command:?}: {}{}", run.stdout, run.stderr);
+        assert!(words.contains("rotated by 180°; pixels are taken as stored"), "{}", run.stdout);
     }
 }

@@ -21,6 +21,7 @@ struct Input {
     of: Option<String>,
     text: Option<String>,
     bytes: Option<Vec<u8>>,
+    start: Option<Start>,
     file: Option<String>,
     #[serde(default)]
     change: Vec<[String; 2]>,
@@ -29,6 +30,14 @@ struct Input {
     exit: i32,
     says: Vec<String>,
     then: Option<Then>,
+}
+
+/// The first bytes of a file of the repository.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Start {
+    of: String,
+    bytes: usize,
 }
 
 /// Columns of a table that are multiplied.
@@ -42,8 +51,11 @@ struct Scale {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Then {
+    #[serde(default)]
     change: Vec<[String; 2]>,
     scale: Option<Scale>,
+    text: Option<String>,
+    run: Option<String>,
     exit: i32,
     says: Vec<String>,
 }
@@ -86,10 +98,11 @@ fn mended(text: &str, changes: &[[String; 2]], scale: Option<&Scale>) -> String 
 fn run(command: &str, folder: &Path) -> (i32, String) {
     let examples = root().join("examples");
     let place = |word: &str| {
-        let known = [("{photo}", "photo"), ("{gate}", "gate"), ("{robot}", "robot")];
-        known.iter().fold(word.to_owned(), |word, (mark, name)| {
-            word.replace(mark, &examples.join(name).display().to_string())
-        })
+        let known = [("{photo}", "photo"), ("{gate}", "gate"), ("{robot}", "robot"), ("{rig}", "rig")];
+        let word = word.replace("{demo}", &root().join("testdata/demo").display().to_string());
+        known
+            .iter()
+            .fold(word, |word, (mark, name)| word.replace(mark, &examples.join(name).display().to_string()))
     };
     let words = command.split_whitespace().map(place);
     let output =
@@ -122,14 +135,20 @@ fn each_input_has_its_status_its_cause_and_a_hint_that_helps() {
         if let Some(bytes) = &input.bytes {
             std::fs::write(&own, bytes).expect("written");
         }
+        if let Some(Start { of, bytes }) = &input.start {
+            let whole = std::fs::read(root().join(of)).expect("a file of the repository");
+            std::fs::write(&own, &whole[..*bytes]).expect("written");
+        }
         let text = input.text.as_ref().or_else(|| files.get(input.of.as_ref()?));
         let text = text.map(|text| mended(text, &input.change, input.scale.as_ref()));
         text.iter().for_each(|text| std::fs::write(&own, text).expect("written"));
         assert_said(&input.name, run(&input.run, &folder), input.exit, &input.says);
         if let Some(then) = &input.then {
-            let text = mended(&text.expect("a text"), &then.change, then.scale.as_ref());
-            std::fs::write(&own, text).expect("written");
-            assert_said(&format!("{}, mended", input.name), run(&input.run, &folder), then.exit, &then.says);
+            let text = then.text.as_ref().or(text.as_ref());
+            let text = text.map(|text| mended(text, &then.change, then.scale.as_ref()));
+            text.iter().for_each(|text| std::fs::write(&own, text).expect("written"));
+            let command = then.run.as_ref().unwrap_or(&input.run);
+            assert_said(&format!("{}, mended", input.name), run(command, &folder), then.exit, &then.says);
         }
     }
 }

@@ -258,7 +258,7 @@ fn the_page_shows_what_the_command_prints() {
         Piece::Commands(commands) => {
             commands.into_iter().map(|c| c.line).find(|line| line.starts_with("resight rig-pose"))
         }
-        Piece::Printed(_) => None,
+        Piece::File { .. } | Piece::Printed(_) => None,
     });
     let Some(Piece::Printed(shown)) = pieces.next() else { panic!("the page shows no answer") };
     let words = line.unwrap();

@@ -219,15 +219,28 @@ fn not_a_number(text: &str) -> String {
         return format!("`{text}` has a decimal comma; write a point: {}", text.replace(',', "."));
     }
     let short: String = text.chars().take(40).collect();
-    format!("`{short}` is not a number")
+    match text.trim().parse::<f64>() {
+        Ok(_) => format!("`{short}` is text; write it without quotes"),
+        Err(_) => format!("`{short}` is not a number"),
+    }
 }
 
 /// Names of single coefficients that other programs give keys of their own.
 const COEFFICIENTS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 
+/// Whether a key is the length of which another is the ratio: `tag_spacing_m` of `tag_spacing_ratio`.
+fn is_length_of(key: &str, ratio: &str) -> bool {
+    let stem = ratio.strip_suffix("ratio").unwrap_or(ratio);
+    key.strip_prefix(stem).is_some_and(|unit| ["m", "mm", "cm"].contains(&unit))
+        || key == stem.trim_end_matches('_')
+}
+
 fn unknown_key(key: &str, value: Option<f64>, known: &[&str]) -> String {
     if let Some(wanted) = in_metres(key, value, |wanted| known.contains(&wanted)) {
         return format!("unknown key: the unit is part of the name here; write {wanted}");
+    }
+    if let Some(wanted) = known.iter().find(|known| known.ends_with("_ratio") && is_length_of(key, known)) {
+        return format!("unknown key; write `{wanted}`, the gap between tags over the edge of a tag");
     }
     if COEFFICIENTS.contains(&key) && known.contains(&"distortion") {
         return "unknown key: coefficients stand in one list; write `distortion = [k1, k2, p1, p2]` with all of them, in OpenCV's order".into();

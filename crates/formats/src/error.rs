@@ -57,6 +57,7 @@ fn not_there(path: &Path) -> String {
         std::fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| entry.path().is_file());
     match nearest(&name, files.map(|entry| entry.file_name().to_string_lossy().into_owned())) {
         Some(found) => format!("no such file; did you mean {}?", path.with_file_name(found).display()),
+        None if path.as_os_str().to_string_lossy().ends_with('/') => "no such folder".to_owned(),
         None => "no such file".to_owned(),
     }
 }

@@ -157,10 +157,15 @@ fn open_file(path: &Path, kind: Kind) -> Result<File, FileError> {
     let reported = |e: Error| FileError::of_system(path, &e);
     let found = std::fs::metadata(path).map_err(reported)?;
     must_be_file(path, &found)?;
+    let mut file = File::open(path).map_err(reported)?;
     if found.is_file() && kind.limit_bytes() < found.len() {
-        return Err(FileError::new(path, kind.too_large(Some(found.len()))));
+        let mut head = [0; what_is_it::HEAD_BYTES];
+        let n = file.read(&mut head).map_err(reported)?;
+        // A film of gigabytes is a film first.
+        let other = what_is_it::that_is_no_text(&head[..n]).filter(|_| kind != Kind::Image);
+        return Err(FileError::new(path, other.unwrap_or_else(|| kind.too_large(Some(found.len())))));
     }
-    File::open(path).map_err(reported)
+    Ok(file)
 }
 
 /// Refuses named pipes, sockets and devices. Folders and missing files are left to the code that opens them.

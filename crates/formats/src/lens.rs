@@ -92,7 +92,7 @@ pub(super) fn camera(
     warnings.extend(
         plausible::of_lens(numbers.radial_and_tangential(), &matrix, size)
             .into_iter()
-            .map(|remark| format!("{}: {remark}", at.path)),
+            .map(|remark| if at.path.is_empty() { remark } else { format!("{}: {remark}", at.path) }),
     );
     Ok(camera)
 }

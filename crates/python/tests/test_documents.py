@@ -1,4 +1,4 @@
-"""The pages for Python: every block of code runs, in order, on the files of the repository."""
+"""The pages for Python: every block of code runs, in order, on the files of the repository, and asserts its answer."""
 
 import contextlib
 import io
@@ -12,10 +12,11 @@ PAGES = ["docs/python.md", "docs/from-opencv.md", "docs/from-apriltag.md", "docs
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_block_of_code_runs(page, tmp_path, monkeypatch):
+def test_every_block_of_code_runs_and_asserts_its_answer(page, tmp_path, monkeypatch):
     text = (ROOT / page).read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     assert blocks, page
+    assert all("assert " in block for block in blocks), page
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "testdata").symlink_to(ROOT / "testdata")
     monkeypatch.chdir(tmp_path)

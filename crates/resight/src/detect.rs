@@ -54,7 +54,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum DetectError {
     /// An unknown family or dictionary.
-    #[error("unknown tag family {name:?}; known are {} and OpenCV's dictionaries, e.g. DICT_4X4_50", families::APRILTAG_FAMILIES.join(", "))]
+    #[error("unknown tag family {name:?}; {}known are {} and OpenCV's dictionaries, e.g. DICT_4X4_50", families::meant(name), families::APRILTAG_FAMILIES.join(", "))]
     UnknownFamily {
         /// The name given.
         name: String,

@@ -134,7 +134,8 @@ impl GrayImage {
         // Other crates may enable more decoders; the formats that are read must not depend on that.
         let format = ::image::guess_format(bytes).map_err(|_| what_is_it::that_is_no_image(bytes))?;
         if !matches!(format, ::image::ImageFormat::Png | ::image::ImageFormat::Jpeg) {
-            return Err(format!("is a {format:?} image; save it as PNG or JPEG"));
+            let name = format.extensions_str().first().map_or_else(String::new, |name| name.to_uppercase());
+            return Err(format!("a {name} image; save it as PNG or JPEG"));
         }
         let unreadable =
             |reason: &dyn std::fmt::Display| format!("not a readable PNG or JPEG image: {reason}");

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use resight::core::camera::{ImageSize, Pinhole};
 use resight::core::correspondence::{Detection, correspond};
 use resight::core::locate::{Config, locate};
-use resight::core::target::{AprilGrid, Charuco, Chessboard, LinePlusOne, Tag};
+use resight::core::target::{AprilGrid, Charuco, Chessboard, CircleGrid, LinePlusOne, Tag};
 use resight::core::{Camera, CameraMatrix, Lens, Point, Pose, Target, Vector6};
 use resight::overlay::{self, Tone};
 use resight::render::{Finish, Placed, Scene, Style, render, true_pixels};
@@ -26,7 +26,7 @@ fn main() -> Result<()> {
 }
 
 /// Caption and target of each image.
-fn targets() -> [(&'static str, Target); 5] {
+fn targets() -> [(&'static str, Target); 6] {
     let family = || "tag36h11".to_string();
     let dictionary = || "DICT_4X4_50".to_string();
     [
@@ -56,6 +56,16 @@ fn targets() -> [(&'static str, Target); 5] {
                 marker_m: 0.03,
                 dictionary: dictionary(),
                 legacy_pattern: false,
+            }),
+        ),
+        (
+            "ids along the rows",
+            Target::CircleGrid(CircleGrid {
+                rows: 7,
+                columns: 4,
+                spacing_m: 0.025,
+                diameter_m: None,
+                asymmetric: true,
             }),
         ),
     ]

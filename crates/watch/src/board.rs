@@ -244,6 +244,7 @@ fn camera_of(event: &Event) -> Option<usize> {
         | Event::Dropped { camera, .. }
         | Event::LeftOut { camera, .. }
         | Event::Clock { camera, .. }
+        | Event::Oriented { camera, .. }
         | Event::Source { camera, .. }
         | Event::Ended { camera } => Some(*camera),
         Event::Attributed { .. } => None,

@@ -370,6 +370,13 @@ pub enum Event {
         /// The step of the clock, seconds; negative is back.
         step_s: f64,
     },
+    /// EXIF asks viewers to show images of this camera otherwise than they are stored: reported once. Pixels are taken as stored.
+    Oriented {
+        /// Index of the camera.
+        camera: usize,
+        /// How viewers show them.
+        how: &'static str,
+    },
     /// A source was lost or returned; each is reported once.
     Source {
         /// Index of the camera.

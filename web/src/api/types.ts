@@ -533,13 +533,13 @@ export type EventObject = {
   detectable?: DetectableObject | null;
   /** Of `compared`, and of `state` and `verdict` with the reason `away`: where the camera is beside its reference. */
   deviation?: DeviationObject | null;
-  /** `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`. */
+  /** `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `oriented`, `source`, `ended`, `verdict`. */
   event: string;
   /** Of the state `stale`: for how long. */
   for_s?: number | null;
   /** Of `dropped` and `left_out`: how many. */
   frames?: number | null;
-  /** Of `moved_while_learning`: `step`, `ramp`, `wander`. */
+  /** Of `moved_while_learning`: `step`, `ramp`, `wander`; of `oriented`: how viewers show the images, by EXIF. */
   how?: string | null;
   /** Whether most landmarks agree. */
   is_consistent?: boolean;

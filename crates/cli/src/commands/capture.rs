@@ -6,6 +6,7 @@ use super::intrinsics::{model, words::describe};
 use super::watch::sources::open_one;
 use crate::args::{CornerArgs, TagArgs, positive};
 use crate::output::{Outcome, print, print_answer, remark};
+use crate::page::{PageArgs, run_beside};
 use crate::stdio::is_quiet;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -14,7 +15,7 @@ use resight::answer::{CaptureAnswer, IntrinsicsAnswer};
 use resight::capture::{Capture, CaptureConfig, FrameUse};
 use resight::formats::{own_file, write_atomically};
 use resight::intrinsics::Models;
-use resight_serve::{Capturing, ServeConfig, Server};
+use resight_serve::{Capturing, Server};
 use resight_watch::capture::{CaptureEnd, News, Operator, Shown, capture};
 use resight_watch::signals;
 use resight_watch::source::Source;
@@ -30,6 +31,7 @@ use std::sync::Arc;
 /// is that of `resight intrinsics` for the kept images.
 #[derive(Debug, Args)]
 #[command(
+    mut_arg("serve", |flag| flag.hide_short_help(false).requires("output").help("Shows the capture on a page at this address: the live image, the next view, what is known, and the button that ends it")),
     after_help = "Example: resight capture /dev/video0 --target board.toml -o camera.toml --keep kept",
     after_long_help = "Examples:
   resight capture /dev/video0 --target board.toml -o camera.toml --keep kept
@@ -74,21 +76,8 @@ pub struct CaptureArgs {
     /// Writes the camera to FILE (TOML), which other commands read; none that may not be relied on.
     #[arg(long, short, help_heading = "Output", value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Shows the capture on a page at this address: the live image, the next view, what is known, and the button that ends it.
-    #[arg(long, help_heading = "Output", value_name = "ADDRESS:PORT", requires = "output")]
-    serve: Option<String>,
-    /// File with the token that requests of the page must bring; needed where other machines reach the address.
-    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "serve", help_heading = "Output")]
-    serve_token_file: Option<PathBuf>,
-    /// Names by which the page is reached, besides localhost and the address.
-    #[arg(
-        long,
-        hide_short_help = true,
-        value_name = "NAME[:PORT]",
-        requires = "serve",
-        help_heading = "Output"
-    )]
-    serve_host: Vec<String>,
+    #[command(flatten, next_help_heading = "Output")]
+    page: PageArgs,
 }
 
 /// See `CaptureArgs`.
@@ -107,7 +96,7 @@ pub fn run(args: &CaptureArgs) -> Result<Outcome> {
         },
     )?;
     args.keep.as_deref().map_or(Ok(()), empty_folder)?;
-    let page = args.serve.as_ref().map(|address| serve(args, address, &job)).transpose()?;
+    let page = args.page.server()?.map(|server| show(args, server, &job)).transpose()?;
     let alone = Operator::default();
     let operator = page.as_ref().map_or(&alone, |page| page.operator());
     signals::stop_at_request(&operator.stop)?;
@@ -123,21 +112,14 @@ pub fn run(args: &CaptureArgs) -> Result<Outcome> {
     if let Some(page) = page {
         page.ended(&job, written.as_ref().map(|(_, is_written)| *is_written).map_err(|e| format!("{e:#}")));
     }
-    if written?.0 == CaptureEnd::Stopped && args.serve.is_none() {
+    if written?.0 == CaptureEnd::Stopped && args.page.serve.is_none() {
         remark("stopped");
     }
     finish(args, &answer, &intrinsics)
 }
 
 /// A page that shows this capture, on a thread of its own.
-fn serve(args: &CaptureArgs, address: &str, job: &Capture) -> Result<Arc<Capturing>> {
-    let mut server = Server::bind(&ServeConfig {
-        flag: "--serve",
-        address: address.to_owned(),
-        token_file: args.serve_token_file.clone(),
-        hosts: args.serve_host.clone(),
-        patience: ServeConfig::PATIENCE,
-    })?;
+fn show(args: &CaptureArgs, mut server: Server, job: &Capture) -> Result<Arc<Capturing>> {
     let output = args.output.as_deref().unwrap_or(Path::new("camera.toml"));
     let page = Arc::new(Capturing::new(args.sources.join(" "), output, job));
     server.show_capture(Arc::clone(&page));
@@ -145,7 +127,7 @@ fn serve(args: &CaptureArgs, address: &str, job: &Capture) -> Result<Arc<Capturi
         "the page of this capture is http://{}/#live; it ends there, or with Ctrl-C",
         server.place()
     ));
-    super::watch::run_beside(server)?;
+    run_beside(server)?;
     Ok(page)
 }
 

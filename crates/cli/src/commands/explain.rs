@@ -22,10 +22,13 @@ pub fn run(args: &Explain) -> Result<Outcome> {
     for (i, path) in args.files.iter().enumerate() {
         crate::files::must_exist(path)?;
         let found = resight::explain(path)?;
-        let warn = |text: &String| crate::output::remark(&format!("warning: {}: {text}", path.display()));
-        found.remarks.iter().for_each(warn);
         match args.json {
-            true => print(&format!("{}\n", serde_json::to_string(&found)?))?,
+            true => {
+                let warn =
+                    |text: &String| crate::output::remark(&format!("warning: {}: {text}", path.display()));
+                found.remarks.iter().for_each(warn);
+                print(&format!("{}\n", serde_json::to_string(&found)?))?;
+            }
             false => print(&format!("{}{}\n", if i == 0 { "" } else { "\n" }, found.text))?,
         }
     }

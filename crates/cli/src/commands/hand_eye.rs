@@ -110,7 +110,7 @@ pub fn run(args: &HandEyeArgs) -> Result<Outcome> {
     let request = HandEyeRequest { robot, views, config, remarks };
     match with_progress(|| resight::hand_eye(request))? {
         HandEyeAnswer::Solved(solved) => answer(&solved, &args.output),
-        HandEyeAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
+        HandEyeAnswer::Unsolved(reason) => unanswered(&args.output, "HAND-EYE", &reason),
     }
 }
 

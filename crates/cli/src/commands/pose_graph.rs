@@ -77,7 +77,7 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
     };
     let solved = match with_progress(|| resight::pose_graph(&request))? {
         PoseGraphAnswer::Solved(solved) => solved,
-        PoseGraphAnswer::Unsolved(reason) => return unanswered(&args.output, &reason),
+        PoseGraphAnswer::Unsolved(reason) => return unanswered(&args.output, "RIG", &reason),
     };
     if let Some(path) = &args.output.output {
         write_atomically(path, solved.file(&lenses.cameras)?.as_bytes())?;

@@ -164,7 +164,7 @@ pub fn run(args: &Rig) -> Result<Outcome> {
     remark(words::shared_views(&observed.gathered).trim_end());
     match with_progress(|| observed.solve()) {
         RigAnswer::Solved(solved) => answer(args, &solved),
-        RigAnswer::Unsolved(reason) => unanswered(&args.output, &reason),
+        RigAnswer::Unsolved(reason) => unanswered(&args.output, "RIG", &reason),
     }
 }
 
@@ -235,15 +235,17 @@ fn times(args: &ObservationArgs, cameras: &[String]) -> Result<Option<FrameTimes
     Ok(Some(FrameTimes::read(path, cameras)?))
 }
 
-/// The files of each `NAME=GLOB`.
+/// The files of each `NAME=GLOB`; the name of an only camera may be left out.
 fn images(arguments: &[String], cameras: &[String]) -> Result<Vec<CameraImage>> {
     let mut images = Vec::new();
     for argument in arguments {
-        let (Some(name), pattern) = named::split(argument) else {
-            bail!(
+        let (name, pattern) = match (named::split(argument), cameras) {
+            ((Some(name), pattern), _) => (name, pattern),
+            ((None, pattern), [only]) => (only.as_str(), pattern),
+            _ => bail!(
                 "--images {argument}: say which camera took them, e.g. --images {}={argument}",
                 cameras.first().map_or("left", String::as_str)
-            );
+            ),
         };
         if !cameras.iter().any(|known| known == name) {
             bail!("--images {argument}: {}", not_among(name, "camera", cameras));
@@ -269,10 +271,12 @@ fn answer(args: &Rig, solved: &SolvedRig) -> Result<Outcome> {
     Ok(Outcome::of([solved.status()]))
 }
 
-/// Says why there is no rig; nothing is written.
-pub(super) fn unanswered(args: &AnswerArgs, reason: &Unsolved) -> Result<Outcome> {
-    print_answer(args.json, reason, &format!("NO RIG   {}\n", reason.message), reason.status)?;
-    error(&format!("error: {}", reason.message));
+/// Says why there is no rig, or no other answer of this name; nothing is written.
+pub(super) fn unanswered(args: &AnswerArgs, answer: &str, reason: &Unsolved) -> Result<Outcome> {
+    print_answer(args.json, reason, &format!("NO {answer}   {}\n", reason.message), reason.status)?;
+    if args.json {
+        error(&format!("error: {}", reason.message));
+    }
     Ok(Outcome::of([reason.status]))
 }
 

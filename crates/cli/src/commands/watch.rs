@@ -11,6 +11,7 @@ pub mod sources;
 
 use crate::args::TagArgs;
 use crate::output::Outcome;
+use crate::page::{PageArgs, run_beside};
 use alarm::AlarmArgs;
 use anyhow::{Result, bail};
 use clap::Args;
@@ -21,6 +22,7 @@ use outputs::OutputArgs;
 use resight::core::temporal::monitor::learn::LEAST_READINGS;
 use resight::formats::{self, NamedCamera};
 use resight::locate::IntrinsicsCovariance;
+use resight_serve::{Live, Server};
 use resight_watch::live::{CameraWatcherError, LiveCamera, LiveConfig, Watched, WatchedLandmarks, reference};
 use resight_watch::names::{Names, by_name, split};
 use resight_watch::outputs::said::{self, EventText, Verdict};
@@ -63,14 +65,14 @@ pub struct Watch {
     #[arg(skip)]
     pub printed: Option<String>,
     /// Camera file in any supported format; NAME=FILE where there are several.
-    #[arg(long, required_unless_present_any = ["rig", "landmarks", "hfov_deg", "focal_mm", "session", "print_session"], value_name = "[NAME=]FILE")]
+    #[arg(long, value_name = "[NAME=]FILE")]
     camera: Vec<String>,
     #[command(flatten)]
     lens: LensArgs,
     /// Target file: own TOML, Kalibr YAML or WPILib JSON; NAME=FILE where there are several.
     ///
     /// Not needed with landmarks.
-    #[arg(long, help_heading = None, required_unless_present_any = ["landmarks", "save_landmarks", "session", "print_session"], value_name = "[NAME=]FILE")]
+    #[arg(long, help_heading = None, value_name = "[NAME=]FILE")]
     target: Vec<String>,
     #[command(flatten)]
     tags: TagArgs,
@@ -112,21 +114,8 @@ pub struct Watch {
     alarm: AlarmArgs,
     #[command(flatten)]
     pub outputs: OutputArgs,
-    /// Shows the session on a page at this address, as `resight serve` does.
-    #[arg(long, hide_short_help = true, value_name = "ADDRESS:PORT", help_heading = "Outputs")]
-    serve: Option<String>,
-    /// File with the token that requests of the page must bring; needed where other machines reach the address.
-    #[arg(long, hide_short_help = true, value_name = "FILE", requires = "serve", help_heading = "Outputs")]
-    serve_token_file: Option<PathBuf>,
-    /// Names by which the page is reached, besides localhost and the address.
-    #[arg(
-        long,
-        hide_short_help = true,
-        value_name = "NAME[:PORT]",
-        requires = "serve",
-        help_heading = "Outputs"
-    )]
-    serve_host: Vec<String>,
+    #[command(flatten, next_help_heading = "Outputs")]
+    page: PageArgs,
 }
 
 /// See `Watch`.
@@ -143,6 +132,11 @@ pub fn run(args: &Watch) -> Result<Outcome> {
 fn check(args: &Watch) -> Result<()> {
     if args.learn < LEAST_READINGS {
         bail!("--learn {}: at least {LEAST_READINGS} readings are needed", args.learn);
+    }
+    if args.rig.rig.is_empty() && stand_for_cameras(args).is_empty() {
+        bail!(
+            "no camera is given: give --camera FILE and --target FILE; or, without files and without a target, its horizontal field of view and where the first image is kept: --hfov-deg DEG --save-landmarks FILE.png"
+        );
     }
     if args.target.is_empty() && !(args.reference.is_empty() && args.save_reference.is_empty()) {
         bail!(
@@ -179,7 +173,7 @@ fn watch(args: &Watch, names: &Names, cameras: Vec<LiveCamera>, config: LiveConf
     let (log, stop) = (Log::new(crate::output::remark), Arc::new(AtomicBool::new(false)));
     signals::stop_at_request(&stop)?;
     let mut request = request(args, names, cameras, config)?;
-    let shown = args.serve.as_ref().map(|address| serve(args, address, &mut request)).transpose()?;
+    let shown = args.page.server()?.map(|server| show(server, &mut request)).transpose()?;
     let text = EventText::new(names);
     let printer = args.outputs.printer(names);
     let ended = resight_watch::run(request, &log, &stop, |event| {
@@ -225,30 +219,13 @@ pub fn request_of(args: &Watch) -> Result<Request> {
 }
 
 /// A page that shows this session, on a thread of its own.
-fn serve(args: &Watch, address: &str, request: &mut Request) -> Result<Arc<resight_serve::Live>> {
-    let mut server = resight_serve::Server::bind(&resight_serve::ServeConfig {
-        flag: "--serve",
-        address: address.to_owned(),
-        token_file: args.serve_token_file.clone(),
-        hosts: args.serve_host.clone(),
-        patience: resight_serve::ServeConfig::PATIENCE,
-    })?;
-    let live = Arc::new(resight_serve::Live::new(request));
+fn show(mut server: Server, request: &mut Request) -> Result<Arc<Live>> {
+    let live = Arc::new(Live::new(request));
     live.tap(request);
     server.show(Arc::clone(&live));
     crate::output::remark(&format!("the page of this session is http://{}/", server.place()));
     run_beside(server)?;
     Ok(live)
-}
-
-/// Runs the server of --serve on a thread of its own.
-pub fn run_beside(server: resight_serve::Server) -> Result<()> {
-    std::thread::Builder::new().name("serve".to_owned()).spawn(move || {
-        if let Err(reason) = server.run() {
-            crate::output::remark(&format!("--serve: {reason:#}"));
-        }
-    })?;
-    Ok(())
 }
 
 fn saved(flag: &str, given: &[String], names: &[String]) -> Result<Vec<Option<String>>> {

@@ -8,11 +8,20 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-/// A command line as a shell takes it, and the exit status that the page promises (`# exit status 3` behind it; else 0).
+/// A command line as a shell takes it, and how it ends.
 #[derive(Debug, PartialEq)]
 pub struct Command {
     pub line: String,
-    pub code: i32,
+    pub end: End,
+}
+
+/// How a command ends, by the remark behind it; without one with status 0.
+#[derive(Debug, PartialEq)]
+pub enum End {
+    /// `# exit status 3`.
+    Status(i32),
+    /// `# until Ctrl-C`, which ends it with status 0.
+    Interrupted,
 }
 
 impl Command {
@@ -20,16 +29,67 @@ impl Command {
     fn of(line: &str) -> Option<Command> {
         let (line, remark) = line.split_once(" #").unwrap_or((line, ""));
         let line = line.trim().replace("cargo run --release --", "resight");
-        let code = remark.trim().strip_prefix("exit status ").map_or(0, |n| n.trim().parse().unwrap());
+        let end = match remark.trim() {
+            "until Ctrl-C" => End::Interrupted,
+            remark => {
+                End::Status(remark.strip_prefix("exit status ").map_or(0, |n| n.trim().parse().unwrap()))
+            }
+        };
         let is_for_tools =
             ["cargo ", "pip ", "git ", "./test.sh", "benches/"].iter().any(|tool| line.starts_with(tool));
-        (!line.is_empty() && !is_for_tools).then_some(Command { line, code })
+        (!line.is_empty() && !is_for_tools).then_some(Command { line, end })
     }
+
+    /// Runs it in a folder; returns what it prints.
+    pub fn run(&self, folder: &Path) -> String {
+        let program = assert_cmd::cargo::cargo_bin("resight");
+        let path = std::env::var("PATH").unwrap_or_default();
+        let path = format!("{}:{path}", program.parent().unwrap().display());
+        let mut shell = std::process::Command::new("sh");
+        let is_interrupted = self.end == End::Interrupted;
+        let line = if is_interrupted { format!("exec {}", self.line) } else { self.line.clone() };
+        shell.args(["-c", &line]).current_dir(folder).env("PATH", path);
+        shell.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        let process = shell.spawn().unwrap();
+        if is_interrupted {
+            std::thread::sleep(std::time::Duration::from_secs(3));
+            let pid = process.id().to_string();
+            std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap();
+        }
+        let run = process.wait_with_output().unwrap();
+        let [said, complaint] = [&run.stdout, &run.stderr].map(|text| String::from_utf8_lossy(text));
+        let code = if let End::Status(code) = self.end { code } else { 0 };
+        assert_eq!(run.status.code(), Some(code), "{}\n{said}{complaint}", self.line);
+        said.into_owned()
+    }
+}
+
+/// Runs the commands of a page in a folder, where they print what the page shows; returns the numbers of commands and of answers shown.
+pub fn follow(page: &str, folder: &Path) -> [usize; 2] {
+    let (mut printed, mut runs, mut shown_answers) = (String::new(), 0, 0);
+    for piece in pieces(page) {
+        match piece {
+            Piece::File { name, text } => std::fs::write(folder.join(name), text).unwrap(),
+            Piece::Commands(commands) => {
+                runs += commands.len();
+                printed = commands.iter().map(|command| command.run(folder)).collect();
+            }
+            Piece::Printed(shown) => {
+                let (p, s): (Vec<&str>, Vec<&str>) =
+                    (printed.trim_end().lines().collect(), shown.lines().collect());
+                assert!(is_shown(&p, &s), "printed\n{printed}\nshown\n{shown}");
+                shown_answers += 1;
+            }
+        }
+    }
+    [runs, shown_answers]
 }
 
 /// What a page says in the order in which it says it.
 #[derive(Debug, PartialEq)]
 pub enum Piece {
+    /// A block of another language with a name behind it (`csv points.csv`): a file that the reader writes.
+    File { name: String, text: String },
     /// The commands of a block `sh`, or of the cell of a table.
     Commands(Vec<Command>),
     /// A block `text` directly after a block `sh`: what its commands print. A line `…` stands for any lines.
@@ -55,7 +115,10 @@ pub fn pieces(page: &str) -> Vec<Piece> {
                 found.push(Piece::Commands(text.lines().filter_map(Command::of).collect()));
             }
             "text" if follows_commands => found.push(Piece::Printed(block.join("\n"))),
-            _ => {}
+            file => found.extend(
+                file.split_once(' ')
+                    .map(|(_, name)| Piece::File { name: name.to_owned(), text: block.join("\n") + "\n" }),
+            ),
         }
         follows_commands = language == "sh";
     }

@@ -281,7 +281,7 @@ fn explained(reason: Error, views: &[HandEyeView], config: &HandEyeConfig) -> Er
             "the target's size or the unit of the gripper's positions is wrong"
         }
         Some(HandEyeCause::InvertedGripper) => {
-            "they agree once every pose of the gripper is inverted: gripper_from_base was given for base_from_gripper, target_from_cam for cam_from_target, or the camera's mounting is the other one"
+            "they agree once every pose of the gripper is inverted: gripper_from_base was given for base_from_gripper, target_from_cam for cam_from_target, or the mounting is the other one (`--eye-to-hand` is of a fixed camera that observes a target on the gripper)"
         }
         Some(HandEyeCause::QuaternionOrder) => {
             "they agree once the quaternion's numbers are read in another order"

@@ -136,12 +136,30 @@ impl Table {
                 if let Some(hint) = other_unit(name, &self.header) {
                     return format!("; {hint}");
                 }
+                if let Some(hint) = self.no_header(name) {
+                    return format!("; {hint}");
+                }
                 let nearest = nearest(name, self.header.iter().cloned());
                 nearest.map(|n| format!("; did you mean `{n}` to be `{name}`?")).unwrap_or_default()
             };
             let hint = hint.map_or_else(similar, |hint| format!(" ({hint})"));
             let columns = self.header.join(",");
             self.complaint(format!("no column `{name}`; the columns are {columns}{hint}"))
+        })
+    }
+
+    /// What the first line is instead of a header; none where it may be one.
+    fn no_header(&self, wanted: &str) -> Option<String> {
+        let (first, is_only) = (self.header.first()?.as_str(), self.header.len() == 1);
+        let is_number = |cell: &&String| cell.parse::<f64>().is_ok();
+        if first.starts_with(['{', '[', '<']) || first.contains(" = ") || first.starts_with("%YAML") {
+            return Some(format!("this is no table: one is CSV, with a header line that names `{wanted}`"));
+        }
+        if is_only && first.split_whitespace().any(|word| word.eq_ignore_ascii_case(wanted)) {
+            return Some("separate the cells by commas instead of blanks".to_owned());
+        }
+        (self.header.len() < 2 * self.header.iter().filter(is_number).count()).then(|| {
+            format!("they are numbers: write a header line with the names of the columns, `{wanted}` among them, above them")
         })
     }
 
@@ -224,7 +242,7 @@ impl TableRow<'_> {
         };
         number.map_err(|_| match text {
             "" => self.complaint(column, "is empty; a number is needed"),
-            _ => self.complaint(column, &format!("is `{shown}`, which is not a number")),
+            _ => self.complaint(column, &format!("is `{shown}`, which is not a number{}", marks(text))),
         })
     }
 
@@ -248,6 +266,15 @@ impl TableRow<'_> {
     }
 }
 
+/// The way out for a number with other marks than a decimal point.
+fn marks(text: &str) -> &'static str {
+    let digits = text.replace([',', '\'', '’', ' ', '\u{a0}', '_'], "");
+    match digits != text && digits.parse::<f64>().is_ok() {
+        true => "; write a decimal point, and no marks between thousands",
+        false => "",
+    }
+}
+
 /// Of a missing column with a unit: the column that holds it in another unit, and what to divide by, or the one that states no unit.
 fn other_unit(name: &str, header: &[String]) -> Option<String> {
     const UNITS: [(&str, &str, &str); 5] = [
@@ -259,6 +286,12 @@ fn other_unit(name: &str, header: &[String]) -> Option<String> {
     ];
     const NAMES: [(&str, &str); 4] =
         [("_m", "metres"), ("_px", "pixels"), ("_rad", "radians"), ("_s", "seconds")];
+    let is_degrees = |column: &&String| {
+        ["lat", "lon", "lng", "latitude", "longitude"].iter().any(|name| column.eq_ignore_ascii_case(name))
+    };
+    if let (true, Some(degrees)) = (name.ends_with("_m"), header.iter().find(is_degrees)) {
+        return Some(format!("`{degrees}` is an angle: project latitude and longitude to metres (UTM, say)"));
+    }
     let without = NAMES.iter().find_map(|(unit, words)| {
         let stem = name.strip_suffix(unit)?;
         let there = header.iter().find(|column| column.eq_ignore_ascii_case(stem))?;

@@ -23,6 +23,7 @@ const fn kind(name: &'static str, for_text: &'static str, for_image: &'static st
 }
 
 const AS_PNG: &str = "save it as PNG or JPEG";
+const IMAGES: &str = "`resight locate`, `resight detect` and `resight intrinsics` take images";
 const UNPACK: &str = "unpack it first";
 const AS_CSV: &str = "save a table as CSV (UTF-8)";
 const UTF_16: FileKind = kind("UTF-16 text (\"Unicode\" of Excel and Notepad)", "save it as UTF-8", "");
@@ -59,8 +60,8 @@ const KINDS: [(usize, &[u8], FileKind); 35] = [
     (0, b"\x80\x03", PICKLE),
     (0, b"\x80\x04", PICKLE),
     (0, b"\x80\x05", PICKLE),
-    (0, b"\xff\xd8\xff", kind("a JPEG image", "", "")),
-    (0, b"\x89PNG", kind("a PNG image", "", "")),
+    (0, b"\xff\xd8\xff", kind("a JPEG image", IMAGES, "")),
+    (0, b"\x89PNG", kind("a PNG image", IMAGES, "")),
     (0, b"II*\0", kind("a TIFF or raw image", "", AS_PNG)),
     (0, b"MM\0*", kind("a TIFF or raw image", "", AS_PNG)),
     (0, b"GIF8", kind("a GIF image", "", AS_PNG)),

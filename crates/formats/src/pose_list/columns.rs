@@ -262,7 +262,7 @@ fn bare_quaternion(
         _ => {
             let choices = choices(|word| !matches!(word.format, RotationFormat::Angles(_)));
             return Err(format!(
-                "columns {}: the order of the quaternion must be named: {choices}, or name the columns qw,qx,qy,qz",
+                "columns {}: the order of the quaternion must be named: {choices} by `--rotation`, or name the columns qw,qx,qy,qz",
                 header.written(&columns)
             ));
         }

@@ -69,6 +69,17 @@ pub struct CameraIntrinsics {
     pub camera: Option<NamedCamera>,
 }
 
+/// Above this a pixel's direction, in the mean over the image, is too uncertain for most uses, px; 0.3 is good.
+pub const WEAK_PX: f64 = 1.0;
+
+impl CameraIntrinsics {
+    /// Returns whether the answer is `ok` and yet not what people accept.
+    pub fn is_weak(&self) -> bool {
+        let projection_px = self.intrinsics.as_ref().and_then(|found| found.projection.rms_px);
+        self.status == Status::Ok && projection_px.is_some_and(|px| WEAK_PX < px)
+    }
+}
+
 /// Something that the data show.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct FindingObject {

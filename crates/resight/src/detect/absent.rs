@@ -88,16 +88,17 @@ pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
     if super::is_blank(image) {
         return None;
     }
-    match target.design() {
+    let of_kind = match target.design() {
         Target::Tag(tag) => tags::instead(&tags::Wanted::of_tag(tag), image),
         Target::TagMap(map) => tags::instead(&tags::Wanted::of_map(map), image),
         Target::AprilGrid(grid) => grid::instead(grid, image),
         Target::Charuco(board) => charuco::instead(board, image),
-        Target::Chessboard(board) => chessboard::instead(board, image),
+        Target::Chessboard(board) => return chessboard::instead(board, image),
         Target::CircleGrid(grid) => circles::instead(grid, image).or_else(|| of_whole_image(target, image)),
         Target::LinePlusOne(dots) => other_dots(dots, image).or_else(|| of_whole_image(target, image)),
-        _ => None,
-    }
+        _ => return None,
+    };
+    of_kind.or_else(|| chessboard::plain(image))
 }
 
 /// Counts the points of a target that an image shows.

@@ -21,6 +21,34 @@ pub const APRILTAG_FAMILIES: [&str; 8] = [
     "tagCustom48h12",
 ];
 
+/// Names of OpenCV's dictionaries begin and end so.
+const DICTIONARIES: [(&str, &[&str]); 5] = [
+    ("DICT_4X4_", &SIZES),
+    ("DICT_5X5_", &SIZES),
+    ("DICT_6X6_", &SIZES),
+    ("DICT_7X7_", &SIZES),
+    ("DICT_APRILTAG_", &["16h5", "25h9", "36h10", "36h11"]),
+];
+const SIZES: [&str; 4] = ["50", "100", "250", "1000"];
+
+/// Returns `did you mean …? ` of a name that is none; nothing where none is near.
+pub(super) fn meant(name: &str) -> String {
+    let begins = |(begin, _): &&(&str, &[&str])| {
+        name.to_ascii_uppercase().trim_end_matches('_') == begin.trim_end_matches('_')
+    };
+    if let Some((begin, ends)) = DICTIONARIES.iter().find(begins) {
+        let all: Vec<String> = ends.iter().map(|end| format!("`{begin}{end}`")).collect();
+        return format!("did you mean one of {}? ", all.join(", "));
+    }
+    let of_opencv =
+        DICTIONARIES.iter().flat_map(|(begin, ends)| ends.iter().map(move |end| format!("{begin}{end}")));
+    let all: Vec<String> = APRILTAG_FAMILIES.iter().map(|name| name.to_string()).chain(of_opencv).collect();
+    let ends_so = |known: &&String| 4 < name.len() && known.to_lowercase().ends_with(&name.to_lowercase());
+    let ending_so = all.iter().find(ends_so).cloned();
+    let near = ending_so.or_else(|| crate::input::nearest(name, all.into_iter()));
+    near.map(|near| format!("did you mean `{near}`? ")).unwrap_or_default()
+}
+
 impl Family {
     /// Looks a family up by its AprilTag or OpenCV dictionary name.
     pub fn named(name: &str) -> Result<Self, DetectError> {

@@ -139,7 +139,8 @@ fn left_out(camera: &CameraViews, skipped: &[SkippedFrame]) -> Vec<LeftOutObject
 fn good(solved: &SolvedIntrinsics) -> String {
     let (focal, sigma) = (solved.camera.parameters()[0].1, solved.sigmas()[0]);
     let known = solved.projection.rms_px().map_or_else(String::new, |px| {
-        format!("; a pixel's direction is known to {px:.2} px in the mean over the image")
+        let weak = if WEAK_PX < px { ", which is weak (0.3 px is good)" } else { "" };
+        format!("; a pixel's direction is known to {px:.2} px in the mean over the image{weak}")
     });
     format!("the focal length is {focal:.2} ± {sigma:.2} px{known}")
 }

@@ -19,6 +19,11 @@ pub fn intrinsics_page(answer: &IntrinsicsAnswer) -> String {
         page.verdict(answer.status, &first.message, &figures(first));
     }
     for camera in &answer.cameras {
+        page.heading(&format!("Camera {}", camera.name));
+        // That of an only camera is the verdict above.
+        if 1 < answer.cameras.len() {
+            page.paragraph(&camera.message);
+        }
         of_camera(&mut page, camera);
     }
     page.html()
@@ -37,8 +42,7 @@ fn figures(camera: &CameraIntrinsics) -> Vec<(&'static str, String)> {
 }
 
 fn of_camera(page: &mut Page, camera: &CameraIntrinsics) {
-    page.heading(&format!("Camera {}", camera.name)).paragraph(&camera.message);
-    for finding in &camera.findings {
+    for finding in camera.findings.iter().filter(|finding| finding.message != camera.message) {
         page.paragraph(&finding.message);
     }
     if let Some(found) = &camera.intrinsics {

@@ -41,6 +41,8 @@ struct Progress {
     left_out: Sparingly,
     /// Reason why the last frame left out was left out.
     reason: String,
+    /// Whether an orientation of EXIF has been reported.
+    is_oriented: bool,
 }
 
 impl Reader<'_> {
@@ -56,7 +58,10 @@ impl Reader<'_> {
                 continue;
             }
             let is_read = match source.next(PATIENCE) {
-                Next::Frame(frame) => self.take(frame, source.is_live(), &mut progress),
+                Next::Frame(frame) => {
+                    self.orient(source.orientation(), &mut progress);
+                    self.take(frame, source.is_live(), &mut progress)
+                }
                 Next::Nothing => {
                     progress.waited = true;
                     self.pace.fell_silent(self.camera, Instant::now());
@@ -91,12 +96,21 @@ impl Reader<'_> {
             doubtful: None,
             left_out: Sparingly::default(),
             reason: String::new(),
+            is_oriented: false,
         }
     }
 
     /// A send to a receiver that is gone needs no error.
     fn tell(&self, event: Event) {
         let _ = self.event_sender.send(event);
+    }
+
+    fn orient(&self, how: Option<&'static str>, progress: &mut Progress) {
+        if let Some(how) = how
+            && !std::mem::replace(&mut progress.is_oriented, true)
+        {
+            self.tell(Event::Oriented { camera: self.camera, how });
+        }
     }
 
     /// Returns false when the frames are no longer processed.

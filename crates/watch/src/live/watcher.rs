@@ -26,6 +26,8 @@ pub(super) struct Watcher<'a> {
     has_begun: bool,
     /// Whether there is something that the state file does not contain yet.
     is_new: bool,
+    /// Number of images that were not used, copies of the one before, and the reason for the last.
+    unused: (u64, String),
 }
 
 impl<'a> Watcher<'a> {
@@ -37,7 +39,9 @@ impl<'a> Watcher<'a> {
         event_sender: SyncSender<Event>,
     ) -> Self {
         let teller = Teller { camera, event_sender, states: Vec::new(), dropped: Sparingly::default() };
-        Watcher { look, memory, queue, turns, relearn, teller, last: None, has_begun: false, is_new: false }
+        let unused = (0, String::new());
+        let (last, has_begun, is_new) = (None, false, false);
+        Watcher { look, memory, queue, turns, relearn, teller, last, has_begun, is_new, unused }
     }
 
     pub fn watch(&mut self) {
@@ -98,6 +102,13 @@ impl<'a> Watcher<'a> {
                 (frame.capture_s, self.look.take(&frame, waited_us))
             }
         };
+        let is_image = matches!(frame.content, Content::Image(_));
+        if let Some(observation) = looked.first().map(|looked| &looked.observation)
+            && is_image
+            && !observation.is_readable
+        {
+            self.unused = (self.unused.0 + 1, observation.reason.clone().unwrap_or_default());
+        }
         drop(turn); // The receiver of the event may be slow.
         self.queue.give_back((arrived, frame));
         self.teller.looked(t_s, looked)
@@ -135,6 +146,10 @@ impl<'a> Watcher<'a> {
             return self.fail(reason);
         }
         self.dropped(true);
+        let (frames, reason) = std::mem::take(&mut self.unused);
+        if 0 < frames {
+            self.teller.tell(Event::LeftOut { camera: self.teller.camera, frames, reason });
+        }
         if let Some((t_s, _)) = self.last {
             self.compared(t_s, true);
             self.teller.at_the_end(t_s, self.look.states(t_s));

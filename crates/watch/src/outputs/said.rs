@@ -14,6 +14,7 @@ use resight::answer::{TransformObject, pose};
 use resight::core::Vector6;
 use resight::core::temporal::monitor::attribute::MovedNode;
 use resight::core::temporal::monitor::{Deviation, Drift, Unrest, Unsettled};
+use resight::image::orientation_remark;
 use resight::report::turned::{self, parts};
 use resight::report::words::moment;
 use serde_json::Value;
@@ -211,6 +212,9 @@ impl EventText {
             Event::Clock { camera, t_s, step_s } => {
                 format!("{}  {}  {}", self.names.camera(*camera), moment(*t_s, 3), clock_words(*step_s))
             }
+            Event::Oriented { camera, how } => {
+                format!("{}  {}", self.names.camera(*camera), orientation_remark("its images", how))
+            }
             Event::Source { camera, connected: true, .. } => {
                 format!("{}  source gives frames", self.names.camera(*camera))
             }
@@ -324,6 +328,13 @@ impl EventText {
                 camera: camera(c),
                 t_s: Some(*t_s),
                 step_s: Some(*step_s),
+                ..none()
+            },
+            Event::Oriented { camera: c, how } => EventObject {
+                event: "oriented",
+                camera: camera(c),
+                how: Some(how),
+                message: Some(orientation_remark("its images", how)),
                 ..none()
             },
             Event::Source { camera: c, connected, reason } => EventObject {

@@ -76,6 +76,7 @@ impl Output for Tf {
             Event::Dropped { .. }
             | Event::LeftOut { .. }
             | Event::Clock { .. }
+            | Event::Oriented { .. }
             | Event::MovedWhileLearning { .. }
             | Event::Ended { .. }
             | Event::Compared { .. }

@@ -25,7 +25,8 @@ pub fn describe(answer: &IntrinsicsAnswer, output: Option<&Path>) -> String {
 }
 
 fn camera(camera: &CameraIntrinsics) -> String {
-    let mut text = format!("{}   {}\n  {}\n", camera.name, shout(camera.status.name()), camera.message);
+    let weak = if camera.is_weak() { ", WEAK" } else { "" };
+    let mut text = format!("{}   {}{weak}\n  {}\n", camera.name, shout(camera.status.name()), camera.message);
     if let Some(found) = &camera.intrinsics {
         parameters(&mut text, found);
         views(&mut text, found);

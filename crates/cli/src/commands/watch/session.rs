@@ -16,6 +16,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use resight::input::{Kind, read_text};
 use resight_watch::names::split;
+use resight_watch::source::stream::is_stream;
 use std::any::TypeId;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -45,6 +46,12 @@ type Words = Vec<String>;
 /// # Errors
 /// No such file, no TOML, a key that is no flag (with the nearest that is), a value of another kind than the flag's.
 pub fn words(path: &Path, watch: &Command, given: &ArgMatches) -> Result<Words> {
+    let shown = path.display();
+    if path.is_dir() || (!path.is_file() && is_stream(&shown.to_string())) {
+        bail!(
+            "{shown} is a source of images, not a session file: give --source {shown} with --camera and --target, or with --hfov-deg and --save-landmarks"
+        );
+    }
     let text = read_text(path, Kind::Text)?;
     let at = || path.display().to_string();
     let table: Table = toml::from_str(&text).with_context(at)?;

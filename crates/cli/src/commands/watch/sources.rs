@@ -110,11 +110,16 @@ fn one(shown: &str, value: &str, config: StreamConfig, clock: Clock) -> Result<B
     Ok(Box::new(ImageFiles::new(pictures, clock)))
 }
 
-/// Whether a file holds detections as JSON Lines, as stdin has them.
+/// Whether a file holds detections as JSON Lines, as stdin has them, by its first letter or its name.
 fn is_json(path: &Path) -> bool {
-    let mut first = [0];
-    path.is_file()
-        && File::open(path).and_then(|mut file| file.read_exact(&mut first)).is_ok_and(|()| first == *b"{")
+    let is_named_so = path
+        .extension()
+        .is_some_and(|ending| ["jsonl", "ndjson", "json"].iter().any(|known| ending == *known));
+    let begins_so = || {
+        let mut first = [0];
+        File::open(path).and_then(|mut file| file.read_exact(&mut first)).is_ok_and(|()| first == *b"{")
+    };
+    path.is_file() && (is_named_so || begins_so())
 }
 
 /// A recording and its topic; a `#` belongs to the file's name where there is a file of that whole name.

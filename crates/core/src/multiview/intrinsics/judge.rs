@@ -264,8 +264,16 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
         Some([alone.shared.camera.parameters()[0].1, (variance * noise).sqrt()])
     };
     let focal_px = [focal(&groups.first), focal(&groups.second)];
-    Some(Finding::TwoCameras { groups, focal_px })
+    // Where two answers hardly fit better, and their focal lengths agree, a zoom explains nothing: the views contradict each other otherwise.
+    let is_same_lens = match focal_px {
+        [Some([a, sigma_a]), Some([b, sigma_b])] => (a - b).abs() < SAME_LENS * sigma_a.hypot(sigma_b),
+        _ => false,
+    };
+    (super::LEAST_TIMES <= groups.times || !is_same_lens).then_some(Finding::TwoCameras { groups, focal_px })
 }
+
+/// Largest difference of two focal lengths that agree, in standard deviations.
+const SAME_LENS: f64 = 3.0;
 
 /// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {

@@ -12,6 +12,9 @@ pub const BAD_VIEW_TIMES: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.6;
 /// … or fewer corners than this: a pose absorbs most of their information.
 pub const LEAST_POINTS: usize = 6;
+/// No print and no lens model is truer than this, pixels: what is nearer to the answer is no gross error, however small the noise (of rendered
+/// images, say).
+const LEAST_FAULT_PX: f64 = 0.1;
 /// Largest number of rounds of weighting and of rejection.
 const MAX_ROUNDS: usize = 6;
 /// Median of χ² with two degrees of freedom.
@@ -51,9 +54,8 @@ pub(super) struct Clean {
 /// Fits the views: first reduces the weight of corners that are far off, if any, then rejects gross errors until the selection is stable.
 pub(super) fn clean(seen: Vec<Seen>, shared: Shared) -> Option<Clean> {
     let found = weighed(fit_with_second_solutions(seen, shared)?)?;
-    let limit = (GROSS_SIGMAS * noise(&found)).powi(2);
-    let is_far = |r: Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= limit);
-    let any = found.seen.iter().any(|view| found.residuals(view).into_iter().any(is_far));
+    let sigma = noise(&found);
+    let any = found.seen.iter().any(|view| found.residuals(view).iter().any(|r| is_gross(r, sigma)));
     without_gross_errors(if any { softly(found)? } else { found })
 }
 
@@ -148,20 +150,25 @@ fn noise(fit: &Fit) -> f64 {
     (median / MEDIAN_CHI2 / left).sqrt().clamp(f64::MIN_POSITIVE.sqrt(), 1e150)
 }
 
+/// Returns whether a residual is beyond the noise and beyond what prints and lens models leave; `None` is a corner without a prediction.
+fn is_gross(residual: &Option<(Vector2<f64>, f64)>, sigma: f64) -> bool {
+    let is_good =
+        |(e, d2): &(Vector2<f64>, f64)| *d2 <= (GROSS_SIGMAS * sigma).powi(2) || e.norm() <= LEAST_FAULT_PX;
+    !residual.as_ref().is_some_and(is_good)
+}
+
 /// Returns a view with weight 0 for gross errors and 1 for the others, and the fault of the whole view.
 fn judged(fit: &Fit, view: &Seen, sigma: f64) -> (Seen, Option<BadView>) {
     let residuals = fit.residuals(view);
-    let is_gross =
-        |r: &Option<(Vector2<f64>, f64)>| !r.is_some_and(|(_, d2)| d2 <= (GROSS_SIGMAS * sigma).powi(2));
-    let weights: Vec<f64> = residuals.iter().map(|r| if is_gross(r) { 0.0 } else { 1.0 }).collect();
+    let weights: Vec<f64> = residuals.iter().map(|r| if is_gross(r, sigma) { 0.0 } else { 1.0 }).collect();
     let (of, n) = (weights.len(), weights.iter().filter(|w| **w == 0.0).count());
     let mut squared: Vec<(f64, f64)> =
         residuals.iter().flatten().map(|(e, d2)| (*d2, e.norm_squared())).collect();
     squared.sort_by(|a, b| a.0.total_cmp(&b.0));
     let middle = squared.get(squared.len() / 2).copied().unwrap_or((0.0, 0.0));
     let times = (middle.0 / MEDIAN_CHI2).sqrt() / sigma;
-    let reason = if BAD_VIEW_TIMES < times {
-        let rms_px = (squared.iter().map(|(_, px2)| px2).sum::<f64>() / (2 * squared.len()) as f64).sqrt();
+    let rms_px = (squared.iter().map(|(_, px2)| px2).sum::<f64>() / (2 * squared.len()).max(1) as f64).sqrt();
+    let reason = if BAD_VIEW_TIMES < times && LEAST_FAULT_PX < rms_px {
         Some(BadView::Scatters { rms_px, needed_px: rms_px * BAD_VIEW_TIMES / times })
     } else if (of - n) < LEAST_POINTS || ((of - n) as f64) < LEAST_SHARE * of as f64 {
         Some(BadView::GrossErrors { n, of })

@@ -14,6 +14,18 @@ pub(super) fn instead(board: &Chessboard, image: &GrayImage) -> Option<String> {
     tags_on_board(image).or_else(|| other_grid(board, image))
 }
 
+/// Looks for a plain chessboard where a target of another kind should be.
+pub(super) fn plain(image: &GrayImage) -> Option<String> {
+    let any = Chessboard { rows: 6, columns: 9, square_m: 0.03 };
+    let (rows, columns) = ChessboardFinder::new(&any, CornerWindow::Clear).ok()?.largest_grid(image)?;
+    let (rows, columns) = (rows.min(columns) as u32, rows.max(columns) as u32);
+    shows(&Target::Chessboard(Chessboard { rows, columns, ..any }), image).then(|| {
+        format!(
+            "a chessboard of {rows} × {columns} inner corners is there: its target has `kind = \"chessboard\"`, `rows = {rows}`, `columns = {columns}` and `square_m`"
+        )
+    })
+}
+
 /// Looks for a chessboard of another size.
 fn other_grid(board: &Chessboard, image: &GrayImage) -> Option<String> {
     let finder = ChessboardFinder::new(board, CornerWindow::Clear).ok()?;

@@ -11,6 +11,7 @@ use crate::input::table::how_file_is_read;
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
 use crate::report::words;
+use crate::report::words::counted;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -356,9 +357,10 @@ impl Builder {
             };
             if !(least..=most).contains(&points.len()) {
                 let needed = if least == most { format!("{least}") } else { format!("{least} or more") };
-                return Err(
-                    self.fault(format!("query {kind}: {} points given, {needed} needed", points.len()))
-                );
+                return Err(self.fault(format!(
+                    "query {kind}: {} given, {needed} needed",
+                    counted(points.len(), "point")
+                )));
             }
             if query.kind == QueryKind::Height && !self.scene.has_ground {
                 return Err(self.fault("query height: there is no [plane] to measure heights from"));

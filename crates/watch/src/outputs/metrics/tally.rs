@@ -149,7 +149,7 @@ impl Tally {
             Event::StateChanged { camera, target, state, .. } => {
                 self.pair(*camera, *target, |pair| pair.change(state));
             }
-            Event::Compared { .. } | Event::Promised { .. } => {}
+            Event::Compared { .. } | Event::Promised { .. } | Event::Oriented { .. } => {}
             Event::Learned { camera, target, reference, .. } => {
                 self.pair(*camera, *target, |pair| pair.reference = Some(**reference));
             }

@@ -10,7 +10,7 @@ use serde::Serialize;
 pub struct EventObject {
     /// The number of the JSON schema.
     pub schema: SchemaNumber,
-    /// `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `source`, `ended`, `verdict`.
+    /// `frame`, `state`, `compared`, `learned`, `promised`, `moved_while_learning`, `moved`, `dropped`, `left_out`, `clock`, `oriented`, `source`, `ended`, `verdict`.
     pub event: &'static str,
     /// The camera's name.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,7 +60,7 @@ pub struct EventObject {
     /// Of `learned`: the motion that is found nine times in ten.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detectable: Option<DetectableObject>,
-    /// Of `moved_while_learning`: `step`, `ramp`, `wander`.
+    /// Of `moved_while_learning`: `step`, `ramp`, `wander`; of `oriented`: how viewers show the images, by EXIF.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub how: Option<&'static str>,
     /// Of `moved_while_learning`: the number of the reading.
