@@ -159,6 +159,18 @@ fn the_page_on_marked_lines_can_be_followed() {
     the_page_can_be_followed("docs/marked-lines.md", [1, 1]);
 }
 
+#[test]
+#[cfg(unix)]
+fn the_page_on_places_on_the_earth_can_be_followed() {
+    the_page_can_be_followed("docs/georeference.md", [2, 2]);
+}
+
+#[test]
+#[cfg(unix)]
+fn the_page_on_zones_can_be_followed() {
+    the_page_can_be_followed("docs/zones.md", [3, 2]);
+}
+
 /// Whoever opens the repository reads the first page to its end.
 #[test]
 fn the_readme_is_short() {
