@@ -29,7 +29,7 @@ pub struct Zones {
     #[arg(long, value_name = "FILE")]
     motion: PathBuf,
     /// The camera or view of the motion, where the file holds several.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, hide_short_help = true, value_name = "NAME")]
     name: Option<String>,
     /// Distance of the nearest thing in the zones that matters.
     #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = positive)]
