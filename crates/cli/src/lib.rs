@@ -7,6 +7,7 @@ mod args;
 mod camera;
 mod files;
 mod gravity;
+mod map;
 mod meant;
 mod output;
 mod page;

@@ -1,9 +1,9 @@
 //! The command line as a whole: its commands, and what runs each.
 
 use crate::commands::{
-    advise, batch, capture, compare, completions, convert, demo, detect, explain, fleet_report, hand_eye,
-    history, intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema, serve, solve,
-    watch, whisker,
+    advise, batch, capture, compare, completions, convert, demo, detect, explain, fleet_report, georeference,
+    hand_eye, history, intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema,
+    serve, solve, watch, whisker, zones,
 };
 use crate::meant;
 use crate::output::Outcome;
@@ -105,6 +105,8 @@ pub enum Command {
     Convert(convert::Convert),
     /// Measures lengths, positions, angles, areas and heights in photographs, with 95 % intervals.
     Measure(measure::Measure),
+    /// Gives pixels of a map image (GeoTIFF, world file) their coordinates.
+    Georeference(georeference::Georeference),
     /// Prints targets at exact scale as PDF or SVG, and takes the printer's error, measured, into the target file.
     Print(print::Print),
     /// Explains in sentences what a camera or target file means.
@@ -117,6 +119,8 @@ pub enum Command {
     Watch(watch::Watch),
     /// Serves photographs, points and watched cameras over HTTP and WebSocket on this machine.
     Serve(serve::Serve),
+    /// Moves zones of a reference image with a camera that has rotated.
+    Zones(zones::Zones),
     /// Measures how a camera has rotated since a reference image, without any target.
     Landmarks(landmarks::Landmarks),
     /// Computes the poses of millions of views, of a fleet of cameras, in bounded memory and on all cores.
@@ -152,12 +156,14 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Measure(args) => measure::run(&args),
+        Command::Georeference(args) => georeference::run(&args),
         Command::Print(args) => print::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Advise(args) => advise::run(&args),
         Command::Whisker(args) => whisker::run(&args),
         Command::Watch(args) => watch::run(&args),
         Command::Serve(args) => serve::run(&args, session_of),
+        Command::Zones(args) => zones::run(&args),
         Command::Landmarks(args) => landmarks::run(&args),
         Command::Batch(args) => batch::run(&args),
         Command::FleetReport(args) => fleet_report::run(&args),

@@ -2,14 +2,14 @@
 
 pub mod scene;
 
-use resight::answer::PoseAnswer;
+use resight::answer::{GeoreferencedPose, PoseAnswer};
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::core::locate::warnings::PoseWarning;
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
-    budget, coordinate, counted, degrees, distance_sigma_m, percent, position_sigma_m, sigmas, weakest,
-    with_sigma, yaw_pitch_roll_rad,
+    budget, coordinate, counted, degrees, distance_sigma_m, length, percent, position_sigma_m, sigmas,
+    weakest, with_sigma, yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
 
@@ -32,6 +32,9 @@ pub fn describe(answer: &PoseAnswer) -> String {
             }
         }
         out.push_str(&fit(answer, estimate));
+    }
+    if let Some(place) = &answer.georeference {
+        on_earth(&mut out, place);
     }
     if let Some(focal) = &answer.estimated_focal {
         line(&mut out, "lens", &focal.words());
@@ -118,6 +121,44 @@ fn pose(e: &Minimum) -> String {
     line(&mut out, "translation", &format!("[{x:+.6} {y:+.6} {z:+.6}] m   (cam_from_target)"));
     out
 }
+
+/// Where the camera is on the Earth, and where it looks.
+fn on_earth(out: &mut String, place: &GeoreferencedPose) {
+    if let (Some(lat), Some(lon)) = (place.lat_deg, place.lon_deg) {
+        let height = with_sigma(place.height_m, place.height_sigma_m);
+        line(out, "on Earth", &format!("latitude {lat:.8}°   longitude {lon:.8}°   height {height}"));
+    }
+    if let (Some(easting), Some(northing)) = (place.easting_m, place.northing_m) {
+        let height = with_sigma(place.height_m, place.height_sigma_m);
+        let text = format!(
+            "easting {easting:.3} m   northing {northing:.3} m   height {height}   ({})",
+            place.coordinate_system
+        );
+        line(out, "in the grid", &text);
+    }
+    let sigmas = [place.east_sigma_m, place.north_sigma_m, place.height_sigma_m].map(length);
+    line(out, "", &format!("± {} east, {} north, {} up", sigmas[0], sigmas[1], sigmas[2]));
+    let angle = |x: f64, sigma: f64| format!("{:.2}° ± {}", x.to_degrees(), degrees(sigma));
+    let mut parts = Vec::new();
+    if let (Some(heading), Some(sigma)) = (place.heading_rad, place.heading_sigma_rad) {
+        parts.push(format!("heading {}", angle(heading, sigma)));
+    }
+    let side = if place.tilt_rad < 0.0 { "above" } else { "below" };
+    parts.push(format!("{} {side} the horizon", angle(place.tilt_rad.abs(), place.tilt_sigma_rad)));
+    if let (Some(roll), Some(sigma)) = (place.roll_rad, place.roll_sigma_rad) {
+        parts.push(format!("roll {}", angle(roll, sigma)));
+    }
+    // The top of an image that looks down, where the heading of its axis says little.
+    if let (true, Some(up), Some(sigma)) =
+        (NEARLY_DOWN_RAD < place.tilt_rad, place.image_up_heading_rad, place.image_up_heading_sigma_rad)
+    {
+        parts.push(format!("the image's top towards {}", angle(up, sigma)));
+    }
+    line(out, "looks", &format!("{}   ({} north)", parts.join("   "), place.north));
+}
+
+/// A camera that is tilted by more looks down.
+const NEARLY_DOWN_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
 /// Half a turn is all there is.
 fn rotation_sigma(sigma_rad: f64) -> String {

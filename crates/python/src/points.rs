@@ -11,7 +11,7 @@ use resight::core::locate::prior::Prior;
 use resight::core::locate::unknown_focal::LensPrior;
 use resight::locate::{METHODS, Method, PointRows, PointsOptions};
 use resight::nominal::lens_of_unknown_focal;
-use resight::points::{TableLocator, read_views};
+use resight::points::{TableLocator, read_table};
 use std::path::PathBuf;
 
 /// The solver of this name.
@@ -140,8 +140,9 @@ pub fn solve_table(
     let options =
         PointsOptions { method, intrinsics, robust_threshold_px, estimate_focal, ..PointsOptions::default() };
     let locator = TableLocator::new(Some(lens), sigma_px, options);
-    let views = read_views(&file, false).map_err(|reason| error::file(py, &reason))?;
-    let locator = locator.for_table(&file, &views);
+    let table = read_table(&file, false, None).map_err(|reason| error::file(py, &reason))?;
+    let locator = locator.for_table(&file, &table);
+    let views = table.views;
     let mut remarks: Vec<String> = locator.remarks().collect();
     remarks.extend(camera.and_then(|camera| camera.remark.clone()));
     let answers = run(py, progress, move |reporter| {

@@ -32,7 +32,9 @@
 //! | a camera while its target is moved, until its intrinsics are good enough | [`capture::Capture`] |
 //! | lengths, positions and areas in photographs | [`measure()`] |
 //! | what moved between two calibrations | [`compare()`] |
+//! | zones of a reference image after the camera has rotated | [`zones::move_zones`] |
 //! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
+//! | points in latitude and longitude, poses on a map, pixels of an orthophoto | [`georeference`] |
 //! | cameras and targets in other formats, and in sentences | [`convert()`], [`explain`] |
 //! | targets on paper at exact scale, and the printer's error | [`print_target`] |
 //! | cameras watched for motion | `run` of the crate `resight-watch` |
@@ -54,6 +56,7 @@ pub mod detect;
 pub mod answer;
 pub mod locate;
 pub mod nominal;
+pub mod georeference;
 pub mod points;
 pub mod layout;
 pub mod marked_lines;
@@ -73,6 +76,7 @@ pub mod compare;
 pub mod convert;
 pub mod print;
 pub mod landmarks;
+pub mod zones;
 
 pub use self::image::GrayImage;
 pub use advise::{advise_boards, advise_points, advise_target};

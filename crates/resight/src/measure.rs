@@ -11,6 +11,7 @@ mod again;
 pub mod words;
 pub mod table;
 pub mod plan;
+pub mod map;
 pub mod birdseye;
 
 pub use answers::{Answers, QueryAnswer};

@@ -3,6 +3,9 @@
 use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
+use crate::georeference::columns::PositionColumns;
+use crate::georeference::features::{NamedPosition, on_earth};
+use crate::georeference::{CoordinateSystem, Features, Ground, LocalFrame, georeferenced_pose};
 use crate::input::table::{Table, TableRow, how_read};
 use crate::locate::{
     LARGEST, NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points,
@@ -27,10 +30,13 @@ pub struct TableLocator {
     sizes: Vec<String>,
     /// The remark about a table whose cells are not separated by commas.
     how_read: Option<&'static str>,
+    /// Where the points are on the Earth, if that is stated.
+    frame: Option<LocalFrame>,
 }
 
 /// Solves for the poses of a table of points: columns `x_m, y_m, z_m, u_px, v_px`, and optionally `view`, `id`, `sigma_px` (of u and v; else 0.5
-/// px), `sigma_m` (of x, y, z; else exact). Returns one answer per view, in file order.
+/// px), `sigma_m` (of x, y, z; else exact). Instead of `x_m, y_m, z_m` there may be `lat_deg, lon_deg, height_m` or `easting_m, northing_m,
+/// height_m` ([`read_table`]). Returns one answer per view, in file order.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line. Numbers from which no pose can be computed are reported in the view's answer.
@@ -39,15 +45,15 @@ pub fn locate_table(
     camera: &Camera,
     options: &PointsOptions,
 ) -> Result<Vec<PoseAnswer>, Error> {
-    let views = read_views(file.as_ref(), false)?;
+    let table = read_table(file.as_ref(), false, None)?;
     let locator =
-        TableLocator::new(Some(camera.clone()), None, options.clone()).for_table(file.as_ref(), &views);
+        TableLocator::new(Some(camera.clone()), None, options.clone()).for_table(file.as_ref(), &table);
     let located = |view| {
         let mut answer = locator.locate(view);
         answer.remarks.extend(locator.remarks());
         answer
     };
-    Ok(views.iter().map(located).collect())
+    Ok(table.views.iter().map(located).collect())
 }
 
 /// Returns the unit of a camera's image coordinates, and the standard deviation of u and v that is assumed where none is stated.
@@ -64,17 +70,50 @@ impl TableLocator {
         let (image_unit, assumed) = camera.as_ref().map_or(("normalized", 5e-4), unit_and_sigma);
         let options = PointsOptions { image_unit, ..options };
         let sigma = (sigma.unwrap_or(assumed), sigma.is_some());
-        TableLocator { camera, sigma, options, sizes: Vec::new(), how_read: None }
+        TableLocator { camera, sigma, options, sizes: Vec::new(), how_read: None, frame: None }
     }
 
     /// Adds the remarks about the whole table: where sizes are implausible in metres, an answer that would be `ok` is `implausible`.
-    pub fn for_table(self, path: &Path, views: &[PointsView]) -> Self {
-        TableLocator { sizes: unit_remarks(views), how_read: how_read(path), ..self }
+    pub fn for_table(self, path: &Path, table: &PointsTable) -> Self {
+        let sizes = match &table.frame {
+            Some(_) => table.implausible.clone(),
+            None => unit_remarks(&table.views),
+        };
+        TableLocator { sizes, how_read: how_read(path), frame: table.frame.clone(), ..self }
     }
 
     /// Returns the remarks about the whole table, which apply to every answer.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
         self.sizes.iter().cloned().chain(self.how_read.map(str::to_string))
+    }
+
+    /// Returns the cameras of the answers, the ground that their images show, and the points of the table, as features of a map. `answers` are
+    /// those of the table's views, in order.
+    ///
+    /// # Errors
+    /// A table whose points have no latitude and longitude.
+    pub fn features(
+        &self,
+        table: &PointsTable,
+        answers: &[PoseAnswer],
+        ground: &Ground,
+    ) -> Result<Features, Error> {
+        let frame = on_earth(table.frame.as_ref())?;
+        let mut features = Features::default();
+        let mut named = HashMap::new();
+        for (view, answer) in table.views.iter().zip(answers) {
+            let points: Vec<Point> = view.rows.iter().map(|row| Point::from(row.x_in_target)).collect();
+            features.add_view(frame, answer, &points, self.camera.as_ref(), ground)?;
+            for (row, x_in_local) in view.rows.iter().zip(points) {
+                // A point of several views is one feature.
+                if named.insert((&row.name, x_in_local.map(f64::to_bits)), ()).is_none() {
+                    let sigma_m = row.sigma_m.map(|sigma_m| [sigma_m; 3]);
+                    features
+                        .add_points(frame, [NamedPosition { name: row.name.clone(), x_in_local, sigma_m }])?;
+                }
+            }
+        }
+        Ok(features)
     }
 
     /// Solves for the pose of one view.
@@ -98,6 +137,10 @@ impl TableLocator {
         }
         answer.verdict = answer.verdict.with_sizes(&self.sizes);
         answer.remarks.extend(below_the_points(view, &answer));
+        answer.georeference = self.frame.as_ref().zip(answer.estimate.as_ref()).map(|(frame, estimate)| {
+            georeferenced_pose(frame, &estimate.cam_from_target, &estimate.covariance)
+        });
+        answer.remarks.extend(self.frame.as_ref().and_then(of_unknown_grid));
         let is_assumed = !self.sigma.1 && view.rows.iter().any(|row| row.sigma.is_none());
         if is_assumed && answer.estimate.is_some() {
             let flag = if self.camera.is_none() { "--sigma-normalized" } else { "--sigma-px" };
@@ -192,7 +235,7 @@ pub struct Row {
     pub line: u64,
     /// Column `id`, or the row's number within its view.
     pub name: String,
-    /// Columns `x_m, y_m, z_m`.
+    /// Columns `x_m, y_m, z_m`, or the position in the frame of the table.
     pub x_in_target: [f64; 3],
     /// Columns `u_px, v_px` or `xn, yn`.
     pub image: [f64; 2],
@@ -222,9 +265,19 @@ pub struct PointsView {
     pub rows: Vec<Row>,
 }
 
+/// The views of a table, and where its points are on the Earth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointsTable {
+    /// In the order of first appearance.
+    pub views: Vec<PointsView>,
+    /// The frame of the points, where their columns are latitude and longitude or easting and northing; its origin is the first row.
+    pub frame: Option<LocalFrame>,
+    /// What is implausible about positions on the Earth.
+    pub implausible: Vec<String>,
+}
+
 /// The positions of the columns.
 struct Columns {
-    space: [usize; 3],
     image: [usize; 2],
     view: Option<usize>,
     id: Option<usize>,
@@ -234,13 +287,24 @@ struct Columns {
     end: Option<[usize; 5]>,
 }
 
-/// Reads the views of a table (columns `xn, yn` without a camera), in the order of first appearance; rows of one view need not be adjacent.
+/// Reads a table (columns `xn, yn` without a camera); rows of one view need not be adjacent. Positions are `x_m, y_m, z_m`; or `lat_deg, lon_deg,
+/// height_m` (WGS 84); or `easting_m, northing_m, height_m` in the UTM zone of the column `zone`, else in the system that is `stated`.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
-pub fn read_views(path: &Path, normalized: bool) -> Result<Vec<PointsView>, FileError> {
+pub fn read_table(
+    path: &Path,
+    normalized: bool,
+    stated: Option<&CoordinateSystem>,
+) -> Result<PointsTable, FileError> {
     let table = Table::open(path, "x_m,y_m,z_m")?;
+    let mut positions = PositionColumns::of(&table, stated)?;
     let columns = columns(&table, normalized)?;
+    if columns.end.is_some() && positions.is_georeferenced() {
+        return Err(table.complaint(
+            "lines (x2_m, …) need x_m,y_m,z_m in one frame of metres, not latitudes or eastings",
+        ));
+    }
     let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut views: Vec<PointsView> = Vec::new();
     let mut index = HashMap::new();
@@ -253,11 +317,12 @@ pub fn read_views(path: &Path, normalized: bool) -> Result<Vec<PointsView>, File
             views.push(PointsView { name: name.to_string(), rows: Vec::new() });
             views.len() - 1
         });
-        let row = row(&columns, &cells, views[at].rows.len())?;
+        let row = row(&columns, positions.position(&cells)?, &cells, views[at].rows.len())?;
         views[at].rows.push(row);
         Ok::<(), FileError>(())
     })?;
-    Ok(views)
+    let (frame, implausible) = positions.finish();
+    Ok(PointsTable { views, frame, implausible })
 }
 
 fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
@@ -278,7 +343,6 @@ fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
     };
     Ok(Columns {
         end,
-        space: [table.need("x_m", None)?, table.need("y_m", None)?, table.need("z_m", None)?],
         image: [table.need(u, hint)?, table.need(v, hint)?],
         view: table.find("view"),
         id: table.find("id"),
@@ -287,14 +351,13 @@ fn columns(table: &Table, normalized: bool) -> Result<Columns, FileError> {
     })
 }
 
-fn row(columns: &Columns, cells: &TableRow<'_>, n: usize) -> Result<Row, FileError> {
-    let [x, y, z] = columns.space;
+fn row(columns: &Columns, x_in_target: [f64; 3], cells: &TableRow<'_>, n: usize) -> Result<Row, FileError> {
     let [u, v] = columns.image;
     let name = columns.id.and_then(|i| cells.text(i));
     Ok(Row {
         line: cells.line,
         name: name.map_or_else(|| n.to_string(), str::to_string),
-        x_in_target: [cells.number(x)?, cells.number(y)?, cells.number(z)?],
+        x_in_target,
         image: [cells.number(u)?, cells.number(v)?],
         sigma: cells.optional_number(columns.sigma)?,
         sigma_m: cells.optional_number(columns.sigma_m)?,
@@ -331,6 +394,16 @@ pub fn repeated_names(views: &[PointsView]) -> Option<String> {
         }
     }
     None
+}
+
+/// Remarks on easting and northing of a grid of which nothing is known.
+fn of_unknown_grid(frame: &LocalFrame) -> Option<String> {
+    frame.grid_origin_m().map(|_| {
+        format!(
+            "of the coordinates of `{}` nothing is known here: metres of a rigid frame are assumed, and latitudes are unknown; with a UTM zone (column zone, --crs 33N) the scale of the projection is undone",
+            frame.system
+        )
+    })
 }
 
 /// Remarks on points in one plane with the camera on its lower side.
@@ -398,7 +471,8 @@ mod tests {
 
     fn located(view: &PointsView) -> PoseAnswer {
         let locator = TableLocator::new(Some(camera()), None, PointsOptions::default());
-        locator.for_table("room.csv".as_ref(), std::slice::from_ref(view)).locate(view)
+        let table = PointsTable { views: vec![view.clone()], frame: None, implausible: Vec::new() };
+        locator.for_table("room.csv".as_ref(), &table).locate(view)
     }
 
     /// Six points of a floor, observed from four metres above it; with x and y exchanged the camera is at the same depth below.

@@ -78,6 +78,7 @@ fn empty(sigma_px: f64, up: f64) -> Scene {
         error_limit_m: 0.10,
         is_camera_frame: false,
         lengths_are_metres: false,
+        frame: None,
         remarks: Vec::new(),
     }
 }

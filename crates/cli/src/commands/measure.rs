@@ -10,7 +10,7 @@ use resight::formats::cells;
 use resight::image::exif;
 use resight::input::{self, Kind};
 use resight::measure::words::{self, frame_words, values_in_words};
-use resight::measure::{Answers, NamedScene, birdseye, measure, plan, read_scene, rig_scene, table};
+use resight::measure::{Answers, NamedScene, birdseye, map, measure, plan, read_scene, rig_scene, table};
 use resight::report::verdict::Status;
 use resight::report::words::counted;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ pub struct Measure {
     /// Prints JSON Lines on stdout: one object per query, then one for the whole network.
     #[arg(long)]
     json: bool,
-    /// Writes table.csv, plan.svg, plan.png and birdseye-PHOTO.png into this folder.
+    /// Writes table.csv, plan.svg, plan.png, birdseye-PHOTO.png, and of control points on the Earth map.geojson and map.kml into this folder.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -157,6 +157,10 @@ fn write_files(folder: &Path, scene: &NamedScene, answers: &Answers, title: &str
         Ok(())
     };
     write("table.csv".into(), table::csv(answers).as_bytes())?;
+    if let Some(features) = map::features(scene, answers) {
+        write("map.geojson".into(), features.geojson().as_bytes())?;
+        write("map.kml".into(), features.kml().as_bytes())?;
+    }
     if let Some(drawing) = plan::plan(scene, answers, title) {
         write("plan.svg".into(), drawing.svg().as_bytes())?;
         write("plan.png".into(), &drawing.png().map_err(|reason| anyhow!("plan.png: {reason}"))?)?;

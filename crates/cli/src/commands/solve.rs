@@ -3,6 +3,7 @@
 use crate::args::{OutputArgs, parse_method, positive};
 use crate::camera::{CameraArgs, GivenCamera, ImageSizeArgs};
 use crate::gravity::GravityArgs;
+use crate::map::MapArgs;
 use crate::output::{Outcome, Printer};
 use crate::robust::RobustArgs;
 use anyhow::{Result, bail};
@@ -13,7 +14,7 @@ use resight::core::locate::unknown_focal::LensPrior;
 use resight::locate::{Method, PointsOptions};
 use resight::marked_lines::{SceneLens, is_marked_lines, scene_views};
 use resight::nominal::lens_of_unknown_focal;
-use resight::points::{TableLocator, read_views, repeated_names};
+use resight::points::{TableLocator, read_table, repeated_names};
 use std::path::PathBuf;
 
 /// Computes the camera's pose from known points and their pixels in a CSV file.
@@ -22,6 +23,9 @@ use std::path::PathBuf;
 /// sigma_m (of x, y, z; 0 when exact), by name and in any order. A row whose columns x2_m,y2_m,z2_m,u2_px,v2_px are filled is a line: two points
 /// on it in the target, and two on its image, which need not be the same. Each view gets one pose, in file order; rows of a view need not be
 /// adjacent.
+///
+/// Instead of x_m,y_m,z_m the columns may be lat_deg,lon_deg,height_m (WGS 84), or easting_m,northing_m,height_m with a column zone (33N) or --crs:
+/// the answer then states the camera's latitude, longitude, height and heading, docs/georeference.md.
 ///
 /// A file with the columns direction,u_px,v_px,u2_px,v2_px (direction: across, along or up) holds lines marked in a photograph, and optionally
 /// length_m: with --estimate-focal the answer is focal length, tilt, roll and, where a length is known, height; with a camera the same without
@@ -65,6 +69,8 @@ pub struct Solve {
     #[command(flatten)]
     gravity: GravityArgs,
     #[command(flatten)]
+    map: MapArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
@@ -76,24 +82,35 @@ pub fn run(args: &Solve) -> Result<Outcome> {
         return marked_lines(args);
     }
     let (locator, of_camera) = locator(args)?;
-    let views = read_views(&args.points, args.normalized)?;
+    let table = read_table(&args.points, args.normalized, args.map.crs.as_ref())?;
+    args.map.check(&table)?;
+    let views = &table.views;
     let mut printer = Printer::new(&args.output, views.len());
-    repeated_names(&views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
-    let locator = locator.for_table(&args.points, &views);
+    repeated_names(views).iter().for_each(|text| printer.remark(&format!("warning: {text}")));
+    let locator = locator.for_table(&args.points, &table);
     let mut remarks: Vec<String> = locator.remarks().collect();
     remarks.iter().for_each(|text| printer.remark(&format!("warning: {}: {text}", args.points.display())));
     of_camera.iter().for_each(|text| printer.remark(&format!("warning: {text}")));
     remarks.extend(of_camera);
+    let mut answers = Vec::new();
     resight::parallel::in_order(
-        &views,
+        views,
         |view| locator.locate(view),
         |answer| {
             let mut answer: PoseAnswer = answer;
             let words = crate::text::describe(&answer);
             answer.remarks.extend(remarks.iter().cloned());
-            printer.result(&answer, &words, answer.status())
+            printer.result(&answer, &words, answer.status())?;
+            if args.map.is_wanted() {
+                answers.push(answer);
+            }
+            Ok::<(), anyhow::Error>(())
         },
     )?;
+    if args.map.is_wanted() {
+        let features = locator.features(&table, &answers, &args.map.ground())?;
+        args.map.write(&features)?;
+    }
     printer.finish()
 }
 

@@ -1,8 +1,8 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
 use super::{
-    advise, capture, compare, detection, files, hand_eye, intrinsics, landmarks, measure, pose, pose_graph,
-    print, rig, rig_pose, scene_view,
+    advise, capture, compare, detection, files, georeference, hand_eye, intrinsics, landmarks, measure, pose,
+    pose_graph, print, rig, rig_pose, scene_view, zones,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -39,7 +39,7 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer, with the name of its job.
-const ANSWERS: [(&str, Generate); 25] = [
+const ANSWERS: [(&str, Generate); 27] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("rig_pose", SchemaGenerator::subschema_for::<rig_pose::RigPoseAnswer>),
@@ -55,6 +55,7 @@ const ANSWERS: [(&str, Generate); 25] = [
     ("detect", SchemaGenerator::subschema_for::<detection::DetectionAnswer>),
     ("explain", SchemaGenerator::subschema_for::<files::Explanation>),
     ("convert", SchemaGenerator::subschema_for::<files::ConvertAnswer>),
+    ("map_point", SchemaGenerator::subschema_for::<georeference::MapPointAnswer>),
     ("print", SchemaGenerator::subschema_for::<print::PrintAnswer>),
     ("advise_points", SchemaGenerator::subschema_for::<advise::PointsNow>),
     ("advise_point", SchemaGenerator::subschema_for::<advise::PointSuggestion>),
@@ -62,6 +63,7 @@ const ANSWERS: [(&str, Generate); 25] = [
     ("advise_change", SchemaGenerator::subschema_for::<advise::TargetChange>),
     ("advise_rig", SchemaGenerator::subschema_for::<advise::RigNow>),
     ("advise_board", SchemaGenerator::subschema_for::<advise::BoardSuggestion>),
+    ("zone", SchemaGenerator::subschema_for::<zones::ZoneAnswer>),
     ("landmarks", SchemaGenerator::subschema_for::<landmarks::LandmarksAnswer>),
     ("measure_query", SchemaGenerator::subschema_for::<measure::QueryObject>),
     ("measure_network", SchemaGenerator::subschema_for::<measure::NetworkAnswer>),

@@ -1,8 +1,11 @@
 //! The answer of the job that measures in photographs: one object for each query, then one for the whole network.
 
 use super::budget::{BudgetPartObject, NumbersPartObject, parts, parts_of_numbers};
+use super::georeference::GeoreferencedPose;
 use super::{SchemaNumber, Status, TransformObject};
 use crate::core::multiview::network::{Constraint, ErrorSource, Measured, NetworkStatus};
+use crate::georeference::Geographic;
+use crate::measure::map::photo_on_earth;
 use crate::measure::words::{self, frame_words, values_in_words};
 use crate::measure::{Answers, NamedQuery, NamedScene, QueryAnswer, QueryKind, ScenePhoto};
 use schemars::JsonSchema;
@@ -106,6 +109,9 @@ struct PhotoObject {
     covariance: Option<Vec<Vec<f64>>>,
     /// The parts of `covariance` by the sources of the errors.
     budget: Vec<BudgetPartObject>,
+    /// Where it is on the Earth, where the control points are given there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    georeference: Option<GeoreferencedPose>,
 }
 
 #[derive(Debug, Clone, Serialize, JsonSchema)]
@@ -113,6 +119,9 @@ struct PointObject {
     name: String,
     is_control_point: bool,
     position_m: Option<[f64; 3]>,
+    /// Where it is on the Earth, where the control points are given there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    georeference: Option<Geographic>,
     covariance_m2: Option<Vec<Vec<f64>>>,
     /// The parts of `covariance_m2` by the sources of the errors.
     budget: Vec<NumbersPartObject>,
@@ -246,10 +255,12 @@ fn network_object(scene: &NamedScene, answers: &Answers) -> NetworkObject {
             .photo_covariance(i)
             .map(|c| c.row_iter().map(|r| r.iter().copied().collect()).collect()),
         budget: budgets.of_photo(i).as_ref().map(parts).unwrap_or_default(),
+        georeference: photo_on_earth(scene, adjusted, i),
     };
     let point = |(i, name): (usize, &String)| PointObject {
         name: name.clone(),
         is_control_point: scene.is_control_point[i],
+        georeference: scene.frame.as_ref().and_then(|frame| frame.geographic(&adjusted.point(i)?)),
         position_m: adjusted.point(i).map(|x| (x + scene.origin_m).into()),
         covariance_m2: adjusted
             .point_covariance_m2(i)

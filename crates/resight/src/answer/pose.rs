@@ -2,6 +2,7 @@
 
 pub use super::budget::rows;
 use super::budget::{BudgetPartObject, parts};
+use super::georeference::GeoreferencedPose;
 use super::print::PrintedScaleObject;
 use super::{Agreement, EstimatedFocal, SchemaNumber};
 use crate::core::Pose;
@@ -66,6 +67,8 @@ pub struct PoseAnswer {
     pub left_out: Vec<DisplacedTag>,
     /// Tags of a map that contradict each other.
     pub contradicting: Vec<u32>,
+    /// Where the camera is on the Earth, where the points are given there.
+    pub georeference: Option<GeoreferencedPose>,
     /// What is unusual about the input, such as lengths that are hardly metres.
     pub remarks: Vec<String>,
 }
@@ -235,6 +238,9 @@ pub struct PoseObject {
     left_out_tags: Vec<LeftOutTag>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     contradicting_tags: Vec<u32>,
+    /// Where the camera is on the Earth, where the points are given there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    georeference: Option<GeoreferencedPose>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     remarks: Vec<String>,
     message: String,
@@ -325,6 +331,7 @@ impl PoseAnswer {
             causes: Vec::new(),
             left_out: Vec::new(),
             contradicting: Vec::new(),
+            georeference: None,
             remarks: Vec::new(),
         }
     }
@@ -373,6 +380,7 @@ impl PoseAnswer {
             causes: self.causes.clone(),
             left_out_tags: self.left_out.iter().map(LeftOutTag::from).collect(),
             contradicting_tags: self.contradicting.clone(),
+            georeference: self.georeference.clone(),
             remarks: self.remarks.clone(),
             message: self.verdict.message.clone(),
         }

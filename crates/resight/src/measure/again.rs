@@ -56,6 +56,7 @@ impl<'a> Known<'a> {
         let is_same = scene.cameras == before.cameras
             && scene.camera_of_photo == before.camera_of_photo
             && scene.planes == before.planes
+            && scene.frame == before.frame
             && scene.origin_m == before.origin_m;
         let (now, before) = (Parts::new(scene, adjusted), Parts::new(before, before_adjusted));
         // Points are compared by name: their indices change when others are added or removed.

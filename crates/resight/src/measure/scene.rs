@@ -10,6 +10,7 @@ mod build;
 use crate::FileError;
 use crate::core::multiview::network::{Constraint, NetworkCamera, NetworkProblem, Plane, Query};
 use crate::core::{Camera, Point};
+use crate::georeference::LocalFrame;
 use crate::input::Kind;
 use build::Builder;
 use file::SceneFile;
@@ -114,6 +115,8 @@ pub struct NamedScene {
     pub is_camera_frame: bool,
     /// Whether the file declares that its lengths are metres, however large they are.
     pub lengths_are_metres: bool,
+    /// Where the frame is on the Earth, where the control points are given there: x east, y north, z the height.
+    pub frame: Option<LocalFrame>,
     /// Remarks on the files of the cameras, in sentences.
     pub remarks: Vec<String>,
 }

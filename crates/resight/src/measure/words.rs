@@ -257,6 +257,11 @@ pub fn frame_words(scene: &NamedScene, frame: Frame) -> String {
             format!("from {}, x towards {}, z up from the plane through {}", name(a), name(b), name(c))
         }
         Frame::Held => "relative to each other only".to_string(),
-        Frame::Given => "in the given frame".to_string(),
+        Frame::Given => match scene.frame.as_ref().and_then(|frame| frame.origin()) {
+            Some(at) => {
+                format!("in metres east and north of {:.7}°, {:.7}°, and heights", at.lat_deg, at.lon_deg)
+            }
+            None => "in the given frame".to_string(),
+        },
     }
 }

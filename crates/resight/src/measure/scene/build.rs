@@ -1,12 +1,15 @@
 //! Builds a network from the tables of the scene file: names become indices, defaults are filled in, and every number is checked.
 
-use super::file::{BirdseyeEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
+use super::file::{BirdseyeEntry, ControlPointEntry, PhotoEntry, PoseEntry, QueryEntry, SceneFile};
 use super::{NamedQuery, NamedScene, QueryKind, SceneCamera, ScenePhoto};
 use crate::FileError;
 use crate::core::multiview::network::{Constraint, Plane};
 use crate::core::multiview::triangulate::isotropic;
 use crate::core::{Matrix6, Pixel, Point, Pose};
 use crate::formats::{self, NamedCamera};
+use crate::georeference::columns::{checked, within_utm};
+use crate::georeference::earth::Utm;
+use crate::georeference::{CoordinateSystem, Geographic, LocalFrame};
 use crate::input::table::how_file_is_read;
 use crate::locate::IntrinsicsCovariance;
 use crate::measure::clicks::{ImagePoint, read_image_points};
@@ -60,6 +63,7 @@ impl Builder {
             error_limit_m: 0.10,
             is_camera_frame: false,
             lengths_are_metres: false,
+            frame: None,
             remarks: Vec::new(),
         };
         let builder = Builder { path: path.into(), folder, scene, measured: HashSet::new(), n_measured: 0 };
@@ -185,6 +189,7 @@ impl Builder {
     }
 
     pub(super) fn control_points(&mut self, file: &SceneFile) -> Result<(), FileError> {
+        let system = self.system(file)?;
         for control_point in &file.control_point {
             if self.scene.points.contains(&control_point.name) {
                 return Err(self.fault(format!(
@@ -194,7 +199,7 @@ impl Builder {
             }
             let point = self.point(&control_point.name);
             self.scene.is_control_point[point] = true;
-            let x_in_world = Point::new(control_point.x_m, control_point.y_m, control_point.z_m);
+            let x_in_world = self.position(control_point, system.as_ref())?;
             let sigma_m = Vector3::repeat(control_point.sigma_m);
             self.scene.constraints.push(Constraint::Place { point, x_in_world, sigma_m });
         }
@@ -210,6 +215,74 @@ impl Builder {
             self.once(Constraint::Distance { a, b, distance_m: d.distance_m, sigma_m: d.sigma_m });
         }
         Ok(())
+    }
+
+    /// Returns the system of eastings and northings, where the file states one.
+    fn system(&self, file: &SceneFile) -> Result<Option<CoordinateSystem>, FileError> {
+        let is_on_earth =
+            |c: &ControlPointEntry| c.lat_deg.or(c.lon_deg).or(c.easting_m).or(c.northing_m).is_some();
+        let first = file.control_point.iter().find(|c| is_on_earth(c));
+        let other = file.control_point.iter().find(|c| !is_on_earth(c));
+        if let (Some(first), Some(other)) = (first, other) {
+            return Err(self.fault(format!(
+                "control point `{}` is on the Earth and `{}` in a frame of its own; give all in one system",
+                first.name, other.name
+            )));
+        }
+        if let (Some(first), Some(photo)) = (first, file.photo.iter().find(|photo| photo.pose.is_some())) {
+            return Err(self.fault(format!(
+                "photo `{}` has a pose in a frame of its own, and control point `{}` is on the Earth; leave one out",
+                photo.name, first.name
+            )));
+        }
+        file.crs
+            .as_ref()
+            .map(|text| text.parse().map_err(|reason| self.fault(format!("crs: {reason}"))))
+            .transpose()
+    }
+
+    /// Returns the position of a control point in the scene's frame, which is that of the first one where they are on the Earth; its z is the height.
+    fn position(
+        &mut self,
+        at: &ControlPointEntry,
+        system: Option<&CoordinateSystem>,
+    ) -> Result<Point, FileError> {
+        let fault =
+            |reason: String| FileError::new(&self.path, format!("control point `{}`: {reason}", at.name));
+        let given = [at.x_m.or(at.y_m).or(at.z_m), at.lat_deg.or(at.lon_deg), at.easting_m.or(at.northing_m)];
+        let [is_own, is_geographic, is_projected] = given.map(|x| x.is_some());
+        let is_one = [is_own, is_geographic, is_projected].iter().filter(|x| **x).count() == 1;
+        let earth = match (is_one, at.lat_deg.zip(at.lon_deg), at.easting_m.zip(at.northing_m), at.x_m.zip(at.y_m)) {
+            (true, None, None, Some((x_m, y_m))) => return Ok(Point::new(x_m, y_m, at.z_m.unwrap_or(0.0))),
+            (true, Some((lat_deg, lon_deg)), ..) => Some([lat_deg, lon_deg]),
+            (true, None, Some(_), _) => None,
+            _ => return Err(fault("x_m and y_m are needed, or lat_deg, lon_deg and height_m, or easting_m, northing_m and height_m".into())),
+        };
+        let Some(height_m) = at.height_m else {
+            return Err(fault("height_m is missing; each point needs its height in metres, all above the ellipsoid or all above sea level".into()));
+        };
+        let (system, place) = match (earth, at.easting_m.zip(at.northing_m), system) {
+            (Some([lat_deg, lon_deg]), ..) => {
+                let place = checked(Geographic { lat_deg, lon_deg, height_m }).map_err(fault)?;
+                (CoordinateSystem::Geographic, place)
+            }
+            (None, Some((easting_m, northing_m)), Some(CoordinateSystem::Utm(zone))) => {
+                within_utm([easting_m, northing_m]).map_err(fault)?;
+                let place = Utm::new(*zone).and_then(|utm| utm.unproject([easting_m, northing_m], height_m));
+                (
+                    CoordinateSystem::Utm(*zone),
+                    place.ok_or_else(|| fault(format!("is no place in zone {zone}")))?,
+                )
+            }
+            // Of another grid nothing is known: its metres are taken as they are.
+            (None, Some((easting_m, northing_m)), _) => {
+                return Ok(Point::new(easting_m, northing_m, height_m));
+            }
+            (None, None, _) => return Err(fault("its coordinates are missing".into())),
+        };
+        let level = Geographic { height_m: 0.0, ..place };
+        let frame = self.scene.frame.get_or_insert_with(|| LocalFrame::at(system, level));
+        Ok(frame.local(&place).unwrap_or_default())
     }
 
     pub(super) fn ground(&mut self, file: &SceneFile) -> Result<(), FileError> {

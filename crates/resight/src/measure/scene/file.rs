@@ -19,6 +19,8 @@ pub(super) struct SceneFile {
     pub(super) control_point: Vec<ControlPointEntry>,
     #[serde(default)]
     pub(super) known_distance: Vec<DistanceEntry>,
+    /// The system of `easting_m` and `northing_m`.
+    pub(super) crs: Option<String>,
     pub(super) plane: Option<PlaneEntry>,
     #[serde(default)]
     pub(super) upright: Vec<UprightEntry>,
@@ -69,10 +71,14 @@ pub(super) struct PoseEntry {
 #[serde(deny_unknown_fields)]
 pub(super) struct ControlPointEntry {
     pub(super) name: String,
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    #[serde(default)]
-    pub(super) z_m: f64,
+    pub(super) x_m: Option<f64>,
+    pub(super) y_m: Option<f64>,
+    pub(super) z_m: Option<f64>,
+    pub(super) lat_deg: Option<f64>,
+    pub(super) lon_deg: Option<f64>,
+    pub(super) easting_m: Option<f64>,
+    pub(super) northing_m: Option<f64>,
+    pub(super) height_m: Option<f64>,
     #[serde(default)]
     pub(super) sigma_m: f64,
 }
