@@ -159,6 +159,12 @@ fn the_page_on_marked_lines_can_be_followed() {
     the_page_can_be_followed("docs/marked-lines.md", [1, 1]);
 }
 
+#[test]
+#[cfg(unix)]
+fn the_page_on_maps_can_be_followed() {
+    the_page_can_be_followed("docs/map.md", [4, 2]);
+}
+
 /// Whoever opens the repository reads the first page to its end.
 #[test]
 fn the_readme_is_short() {

@@ -39,6 +39,7 @@ mod inputs;
 mod intrinsics;
 mod licences;
 mod marked_lines;
+mod map;
 mod measure;
 mod nominal;
 mod print;
