@@ -4,7 +4,7 @@
 //! A board of 9 × 6 corners 30 mm apart, 0.3–1.2 m away, tilted up to 50°, 640 × 480, f = 800 px, 0.2 px, unless a test says otherwise.
 
 use crate::budget::assert_parts;
-use crate::common::Rng;
+use crate::common::{Rng, held};
 use crate::warnings;
 use nalgebra::{Vector2, Vector3};
 use resight_core::budget::ErrorSource;
@@ -91,7 +91,7 @@ fn solved(views: &[Vec<Correspondence>], config: &IntrinsicsConfig) -> SolvedInt
     match solve_intrinsics(views, SIZE, config).expect("good numbers") {
         IntrinsicsOutcome::Solved(solved) => {
             assert_parts(&solved.budget, &solved.covariance, "intrinsics");
-            warnings::assert_intrinsics(&solved, "intrinsics");
+            held::assert_intrinsics(&solved, "intrinsics");
             *solved
         }
         IntrinsicsOutcome::Refused(refusal) => panic!("{refusal:?}"),

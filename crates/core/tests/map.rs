@@ -409,9 +409,16 @@ fn a_second_walk_updates_the_map() {
         // The second walk sees half of the room.
         let half: Vec<MapObservation> = walk.observed(&mut rng).into_iter().filter(|s| s.view < 60).collect();
         let second = walk.solve(&half, &config).expect("a map");
+        println!("{:?}", second.gauge);
         assert_eq!(second.placed.len(), 40);
         for t in (0..40).filter(|t| *t != reference) {
             sum += squared(&second, t, &walk.truth(reference, t));
+            println!(
+                "T {t} {:.1} {:.1} seen {}",
+                squared(&first, t, &walk.truth(reference, t)),
+                squared(&second, t, &walk.truth(reference, t)),
+                half.iter().filter(|s| s.target == t).count()
+            );
             n += 1.0;
             assert!(second.targets[t].covariance.trace() <= first.targets[t].covariance.trace() * 1.001);
         }

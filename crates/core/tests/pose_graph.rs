@@ -1,7 +1,7 @@
 //! Pose graphs: chains, joint answers, statistics, wrong pairs, what is refused.
 
 use crate::budget::{assert_adds_up, part};
-use crate::common::Rng;
+use crate::common::{Rng, held};
 use crate::warnings;
 use nalgebra::{DMatrix, Matrix6, Vector6};
 use resight_core::budget::ErrorSource;
@@ -60,7 +60,7 @@ fn solve(n_cameras: usize, pairs: &[RelativePose]) -> Result<PoseGraphSolution, 
         &PoseGraph { n_cameras, pairs },
         &PoseGraphConfig { reference_camera: 0, median_sigma: None },
     )?;
-    warnings::assert_graph(&found, "a graph");
+    held::assert_graph(&found, "a graph");
     Ok(found)
 }
 

@@ -4,59 +4,18 @@
 //! sentence needs a scenario here that gives it.
 
 use crate::common::accident::{Scene, photos};
+use crate::common::held::{assert_all_held, assert_hand_eye, assert_network};
 use crate::common::rooms::{self, Room};
 use crate::common::sessions::{Robot, Session};
 use crate::common::{Rng, views};
 use nalgebra::{Vector2, Vector3};
-use resight_core::budget::{Budget, Warning};
 use resight_core::locate::warnings::PoseWarning;
 use resight_core::locate::{Config, locate};
-use resight_core::multiview::hand_eye::{HandEye, HandEyeWarning, Mounting};
-use resight_core::multiview::intrinsics::{Finding, Severity, SolvedIntrinsics};
-use resight_core::multiview::network::{
-    Adjusted, Constraint, NetworkStatus, NetworkWarning, Plane, Query, adjust,
-};
-use resight_core::multiview::pose_graph::{GraphWarning, PoseGraphSolution};
+use resight_core::multiview::hand_eye::{HandEyeWarning, Mounting};
+use resight_core::multiview::intrinsics::Finding;
+use resight_core::multiview::network::{Constraint, NetworkWarning, Plane, Query, adjust};
+use resight_core::multiview::pose_graph::GraphWarning;
 use resight_core::multiview::rig::{KnownDistance, RigConfig, RigSolution, RigWarning};
-use std::fmt::Debug;
-
-/// Every warning is in one of the budgets, or the status says it.
-fn assert_all_held<D: Warning + Debug, M>(warnings: &[D], budgets: &[&Budget<M>], is_ok: bool, what: &str) {
-    for warning in warnings {
-        let is_held = budgets.iter().any(|budget| warning.accounted().is_held(budget, is_ok));
-        assert!(is_held, "{what}: {warning:?} is in no number, status ok {is_ok}");
-    }
-}
-
-pub fn assert_rig(found: &RigSolution, n_views: usize, what: &str) {
-    let budgets: Vec<&Budget> = found.budgets.iter().collect();
-    // The only camera is the frame itself and has no covariance.
-    if 1 < budgets.len() {
-        assert_all_held(&found.warnings(n_views), &budgets, !found.verdict.is_inconsistent, what);
-    }
-}
-
-pub fn assert_hand_eye(found: &HandEye, what: &str) {
-    let budgets = [&found.carrier_budget, &found.holder_budget];
-    assert_all_held(&found.warnings(), &budgets, !found.is_inconsistent, what);
-}
-
-pub fn assert_graph(found: &PoseGraphSolution, what: &str) {
-    let budgets: Vec<&Budget> = found.budgets.iter().collect();
-    if budgets.len() > 1 {
-        assert_all_held(&found.warnings(), &budgets, found.verdict.fault.is_none(), what);
-    }
-}
-
-pub fn assert_intrinsics(found: &SolvedIntrinsics, what: &str) {
-    assert_all_held(&found.findings, &[&found.budget], found.severity() == Severity::Remark, what);
-}
-
-pub fn assert_network(found: &Adjusted, query: &Query, what: &str) {
-    if let Ok(budget) = found.budgets().of_query(query) {
-        assert_all_held(&found.warnings(), &[&budget], found.status() == NetworkStatus::Ok, what);
-    }
-}
 
 /// The kinds of a job's warnings that answers gave, by number.
 fn kinds<D>(warnings: &[D], number: fn(&D) -> usize, seen: &mut Vec<usize>) {

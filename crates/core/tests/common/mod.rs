@@ -3,6 +3,7 @@
 
 pub mod rigs;
 pub mod hands;
+pub mod held;
 pub mod sessions;
 pub mod outliers;
 pub mod accident;

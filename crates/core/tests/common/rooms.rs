@@ -156,7 +156,7 @@ impl Room {
             observations,
         };
         let found = solve_rig(&problem, config)?;
-        crate::warnings::assert_rig(&found, self.n_views, "a room");
+        super::held::assert_rig(&found, self.n_views, "a room");
         Ok(found)
     }
 

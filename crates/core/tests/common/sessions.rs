@@ -126,7 +126,7 @@ pub fn solved(
         });
     }
     let found = solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })?;
-    crate::warnings::assert_hand_eye(&found, "a session");
+    super::held::assert_hand_eye(&found, "a session");
     Ok(found)
 }
 
