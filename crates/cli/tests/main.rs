@@ -40,7 +40,6 @@ mod inputs;
 mod intrinsics;
 mod licences;
 mod marked_lines;
-mod map;
 mod measure;
 mod nominal;
 mod print;

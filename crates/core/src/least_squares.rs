@@ -231,35 +231,26 @@ pub(crate) const LEAST_GAIN: f64 = 0.1;
 struct Damping {
     value: f64,
     growth: f64,
-    /// Number of Gauss–Newton steps that were rejected. From the second on, damping eases and rises in small steps: along a curved valley a step
-    /// without damping is too long, and one with the first damping too short by far.
-    n_rejected: u8,
 }
 
 impl Damping {
-    const NONE: Damping = Damping { value: 0.0, growth: 2.0, n_rejected: 0 };
+    const NONE: Damping = Damping { value: 0.0, growth: 2.0 };
 
     fn raise(&mut self) {
-        self.n_rejected = self.n_rejected.saturating_add(u8::from(self.value == 0.0));
-        self.value = f64::max(self.growth * self.value, self.least());
+        self.value = f64::max(self.growth * self.value, FIRST_DAMPING);
         self.growth *= 2.0;
-    }
-
-    /// Returns the least damping after a step that failed.
-    fn least(&self) -> f64 {
-        if self.n_rejected < 2 || self.value == 0.0 { FIRST_DAMPING } else { 0.0 }
     }
 
     /// Reduces the damping after an accepted step that achieved `gain` of its promise (Nielsen 1999, "Damping parameter in Marquardt's method");
     /// vanishing damping is set to zero, so that the loop ends with Gauss–Newton steps.
     fn ease(&mut self, gain: f64) {
         if gain < LEAST_GAIN {
-            (self.value, self.growth) = (f64::max(2.0 * self.value, self.least()), 2.0);
+            *self = Damping { value: f64::max(2.0 * self.value, FIRST_DAMPING), growth: 2.0 };
             return;
         }
         let eased = self.value * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
-        let vanishes = eased < 1e-9 || self.n_rejected < 2 && 0.9 < gain && eased < 1e-3;
-        (self.value, self.growth) = (if vanishes { 0.0 } else { eased }, 2.0);
+        let vanishes = eased < 1e-9 || 0.9 < gain && eased < 1e-3;
+        *self = Damping { value: if vanishes { 0.0 } else { eased }, growth: 2.0 };
     }
 }
 

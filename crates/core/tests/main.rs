@@ -96,7 +96,6 @@ mod survey;
 mod survey_coverage;
 mod survey_reliability;
 mod survey_verdicts;
-mod map;
 mod tag_map;
 mod tidy;
 mod words;
