@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Flags of other programs that pages and messages name: cargo, its benches and tests, maturin, CMake, pkg-config, Kalibr, ROS, Blender and the scripts of the
 /// repository.
-const OF_OTHERS: [&str; 53] = [
+const OF_OTHERS: [&str; 55] = [
     "all",
     "all-targets",
     "alone",
@@ -28,7 +28,9 @@ const OF_OTHERS: [&str; 53] = [
     "ignored",
     "lib",
     "libs",
+    "locked",
     "nocapture",
+    "now",
     "nx",
     "ny",
     "open",

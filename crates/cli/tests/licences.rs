@@ -31,7 +31,7 @@ fn every_crate_has_a_permissive_licence() {
         allowed.iter().copied().chain(own).collect::<Vec<_>>()
     };
     let run = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--locked", "--offline"])
+        .args(["metadata", "--format-version", "1", "--locked"])
         .current_dir(&root)
         .output()
         .unwrap();

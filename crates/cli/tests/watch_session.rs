@@ -102,7 +102,7 @@ fn what_is_wrong_with_a_session_file_is_named() {
         ("list", "learn = [1, 2]\n", "learn: one value is needed"),
         ("number", "learn = \"many\"\n", "invalid value 'many' for '--learn <N>'"),
         ("syntax", "learn = \n", "session.toml"),
-        ("missing", "learn = 50\n", "--camera"),
+        ("missing", "learn = 50\n", "--source"),
         ("own", "print_session = true\n", "no such key"),
     ] {
         let file = session(&format!("session_{name}"), text).display().to_string();

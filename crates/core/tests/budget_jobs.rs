@@ -169,7 +169,7 @@ fn lens_errors_have_their_part() {
 /// Four points each are displaced together, in all views alike: the rig scatters as the part of the target says, and the parts add up.
 #[test]
 fn displaced_tags_scatter_a_rig_as_their_part() {
-    const N: usize = 100;
+    const N: usize = 300;
     let room = rooms::pair_with(&mut Rng::new(3), rooms::board(4, 6, 0.08), 8, 0.02);
     let (sigma_m, sigma_rad) = (1e-3, 2e-3);
     let corners: Vec<[Point; 4]> =

@@ -266,7 +266,9 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
     let focal_px = [focal(&groups.first), focal(&groups.second)];
     // Where two answers hardly fit better, and their focal lengths agree, a zoom explains nothing: the views contradict each other otherwise.
     let is_same_lens = match focal_px {
-        [Some([a, sigma_a]), Some([b, sigma_b])] => (a - b).abs() < SAME_LENS * sigma_a.hypot(sigma_b),
+        [Some([a, sigma_a]), Some([b, sigma_b])] => {
+            (a - b).abs() < f64::min(SAME_LENS * sigma_a.hypot(sigma_b), NO_ZOOM * a.max(b))
+        }
         _ => false,
     };
     (super::LEAST_TIMES <= groups.times || !is_same_lens).then_some(Finding::TwoCameras { groups, focal_px })
@@ -274,6 +276,8 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
 
 /// Largest difference of two focal lengths that agree, in standard deviations.
 const SAME_LENS: f64 = 3.0;
+/// The same, relative to them.
+const NO_ZOOM: f64 = 1e-3;
 
 /// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {

@@ -3,7 +3,6 @@
 use super::adjust::Adjusted;
 use super::budget::Budgets;
 use super::classify::rms_px;
-use super::free_lenses::Free;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::{Shared, scores};

@@ -15,7 +15,7 @@ use super::exchanged::seen_through;
 use super::layout::Layout;
 use super::sighted::{LocatedViews, poses_of_observations};
 use super::start::start;
-use super::uncertain_lens::{self, ByParameters, by_parameters};
+use super::uncertain_lens::{self, ByParameters, Free, by_parameters};
 use super::{Cause, Observation, RigConfig, RigProblem, RigSolution};
 use crate::least_squares::rig::{Common, RigPoses};
 use crate::locate::consistency::is_inconsistent;
@@ -59,15 +59,6 @@ pub struct AdjustedLens {
     /// Squared distance from the stated intrinsics in units of what their covariance and the rig's allow, and its degrees of freedom; none where
     /// no covariance was stated.
     pub from_stated: Option<(f64, usize)>,
-}
-
-/// What the adjusted lenses add to the answer.
-pub(super) struct Free {
-    /// The cameras, and the covariance of all of their parameters.
-    pub(super) cameras: Vec<usize>,
-    pub(super) covariance: DMatrix<f64>,
-    /// The number of parameters that the pixels determine, instead of what was known before.
-    pub(super) n_determined: usize,
 }
 
 /// Solves for the poses of a rig and the lenses of its `free` cameras together.

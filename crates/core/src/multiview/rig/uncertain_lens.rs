@@ -5,7 +5,6 @@
 //! adds D C Dᵀ. The intrinsics are not adjusted: the minimum is that of the problem stated.
 
 use super::adjust::Adjusted;
-use super::free_lenses::Free;
 use super::layout::Layout;
 use super::scale::by_size;
 use super::{TargetScale, UncertainTag};
@@ -15,6 +14,15 @@ use crate::locate::common::check_intrinsics_covariance;
 use crate::locate::refine::whitening;
 use crate::{Camera, Error, Matrix6, Point, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, Matrix6xX, Vector2, Vector3};
+
+/// What the adjusted lenses add to the answer.
+pub(super) struct Free {
+    /// The cameras, and the covariance of all of their parameters.
+    pub(super) cameras: Vec<usize>,
+    pub(super) covariance: DMatrix<f64>,
+    /// The number of parameters that the pixels determine, instead of what was known before.
+    pub(super) n_determined: usize,
+}
 
 /// Uncertain parameters of one camera or target, or of all lenses that were adjusted together.
 struct Uncertain {
