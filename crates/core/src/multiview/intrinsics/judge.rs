@@ -266,18 +266,14 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
     let focal_px = [focal(&groups.first), focal(&groups.second)];
     // Where two answers hardly fit better, and their focal lengths agree, a zoom explains nothing: the views contradict each other otherwise.
     let is_same_lens = match focal_px {
-        [Some([a, sigma_a]), Some([b, sigma_b])] => {
-            (a - b).abs() < f64::min(SAME_LENS * sigma_a.hypot(sigma_b), NO_ZOOM * a.max(b))
-        }
+        [Some([a, _]), Some([b, _])] => (a - b).abs() < NO_ZOOM * a.max(b),
         _ => false,
     };
     (super::LEAST_TIMES <= groups.times || !is_same_lens).then_some(Finding::TwoCameras { groups, focal_px })
 }
 
-/// Largest difference of two focal lengths that agree, in standard deviations.
-const SAME_LENS: f64 = 3.0;
-/// The same, relative to them.
-const NO_ZOOM: f64 = 1e-3;
+/// Relative difference of focal lengths below which there was no zoom.
+const NO_ZOOM: f64 = 0.005;
 
 /// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {

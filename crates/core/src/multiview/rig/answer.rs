@@ -9,7 +9,7 @@ use super::lens_score::{Shared, scores};
 use super::neighbours::Neighbours;
 use super::scale::scales;
 use super::sighted::LocatedViews;
-use super::uncertain_lens::UncertainParameters;
+use super::uncertain_lens::{Free, UncertainParameters};
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
