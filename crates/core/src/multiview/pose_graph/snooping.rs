@@ -102,7 +102,7 @@ fn undecided(
         let own = weights(noise, &without, Loss::Squared)?;
         let other = adjust(graph, reference_camera, poses.clone(), &own.as_ref())?;
         let moves = other.poses.iter().zip(poses).map(|(there, here)| (*there * here.inverse()).log());
-        let moved = DVector::from_iterator(gain.nrows(), moves.flat_map(|motion| <[f64; 6]>::from(motion)));
+        let moved = DVector::from_iterator(gain.nrows(), moves.flat_map(<[f64; 6]>::from));
         gain += (at_answer(&without)? - at_answer(used)? + &moved * moved.transpose()) * share;
     }
     Ok(gain)

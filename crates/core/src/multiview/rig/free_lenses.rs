@@ -370,7 +370,7 @@ impl<'a> Search<'a> {
     }
 
     /// Returns the distance of a lens from what was stated of it, eq. (31); none where nothing was.
-    fn from_stated(&self, (begin, lens): (usize, &Lens), of_z: &DMatrix<f64>) -> Option<(f64, usize)> {
+    fn distance_from_stated(&self, (begin, lens): (usize, &Lens), of_z: &DMatrix<f64>) -> Option<(f64, usize)> {
         let m = lens.n();
         if !lens.is_stated || m == 0 {
             return None; // Exact parameters do not move.
@@ -415,7 +415,7 @@ impl<'a> Search<'a> {
                 camera: lens.camera,
                 intrinsics: self.state.cameras[lens.camera].clone(),
                 covariance,
-                from_stated: self.from_stated((begin, lens), &of_z),
+                from_stated: self.distance_from_stated((begin, lens), &of_z),
             }
         };
         let lenses: Vec<AdjustedLens> = self.placed().map(lens).collect();
