@@ -391,6 +391,9 @@ export type CommonCamera = {
   name: string;
 };
 
+/** `EPSG:…`, or `grid` where easting and northing are of a grid that is not stated. */
+export type CoordinateSystem = string;
+
 /** Errors that neighbouring readings share. */
 export type CorrelatedObject = {
   /** Over a reading's own noise. */
@@ -643,6 +646,16 @@ export type FoundObject = {
   outline_m: ([number, number])[];
 };
 
+/** A position on WGS 84. */
+export type Geographic = {
+  /** Metres above the ellipsoid, or above what the heights of the input are above. */
+  height_m: number;
+  /** Degrees north of the equator. */
+  lat_deg: number;
+  /** Degrees east of Greenwich. */
+  lon_deg: number;
+};
+
 /** What was measured on the points before anything was solved. */
 export type GeometryObject = {
   configuration: string;
@@ -650,6 +663,52 @@ export type GeometryObject = {
   line_height: MeasureObject | null;
   thickness_over_width: MeasureObject | null;
   width_over_length: MeasureObject;
+};
+
+/** Where a camera is on the Earth and where it looks. */
+export type GeoreferencedPose = {
+  /** The system in which the points were given. */
+  coordinate_system: CoordinateSystem;
+  /** Standard deviation of the camera's position towards the east. */
+  east_sigma_m: number;
+  /** Easting of the camera, where the points are in a projected system. */
+  easting_m: number | null;
+  /** A true heading less the heading in the grid, where the points are in a UTM zone. */
+  grid_convergence_rad: number | null;
+  /** Heading of the optical axis, clockwise from north, 0 to 2π; null where it is not determined. */
+  heading_rad: number | null;
+  /** Its standard deviation. */
+  heading_sigma_rad: number | null;
+  /** Height of the camera, above what the heights of the points are above. */
+  height_m: number;
+  /** Upwards. */
+  height_sigma_m: number;
+  /** Heading of the image's upward direction, for cameras that look down; null for one that looks level. */
+  image_up_heading_rad: number | null;
+  /** Its standard deviation. */
+  image_up_heading_sigma_rad: number | null;
+  /** Latitude of the camera, degrees; null in a grid whose place is unknown. */
+  lat_deg: number | null;
+  /** Longitude of the camera, degrees. */
+  lon_deg: number | null;
+  /** `true` north, or that of the `grid`; headings are clockwise from it. */
+  north: string;
+  /** Towards the north. */
+  north_sigma_m: number;
+  /** Northing of the camera. */
+  northing_m: number | null;
+  /** Origin of the target frame: x east, y north, z up. */
+  origin: OriginObject;
+  /** Covariance of east, north and up. */
+  position_covariance_m2: [[number, number, number], [number, number, number], [number, number, number]];
+  /** By how much the camera is rotated about its axis, clockwise as seen from behind it; null where the heading is. */
+  roll_rad: number | null;
+  /** Its standard deviation. */
+  roll_sigma_rad: number | null;
+  /** By how much the optical axis points below the horizon. */
+  tilt_rad: number;
+  /** Its standard deviation. */
+  tilt_sigma_rad: number;
 };
 
 /** A file. */
@@ -1028,6 +1087,16 @@ export type Opened = {
   view: View;
 };
 
+/** The origin of the frame in which a view was solved. */
+export type OriginObject = Geographic | {
+  /** Easting, metres. */
+  easting_m: number;
+  /** Height, metres. */
+  height_m: number;
+  /** Northing, metres. */
+  northing_m: number;
+};
+
 export type OtherObject = {
   cam_from_target: TransformObject;
   chi2: number;
@@ -1239,6 +1308,8 @@ export type PoseObject = {
   /** The focal length, where it was estimated with the pose. */
   estimated_focal?: EstimatedFocal | null;
   geometry: GeometryObject | null;
+  /** Where the camera is on the Earth, where the points are given there. */
+  georeference?: GeoreferencedPose | null;
   image_unit: string;
   /** Row numbers within the view, counted from 0. */
   inliers?: number[] | null;
