@@ -96,7 +96,11 @@ fn a_film_that_freezes_is_not_steady() {
     assert_eq!((run.code, states(&run.events)), (1, vec!["learning", "steady", "stale"]), "{}", run.stderr);
     let frozen = run.events.iter().filter(|e| e["message"].as_str().is_some_and(|m| m.contains("frozen")));
     let (frames, states): (Vec<_>, Vec<_>) = frozen.partition(|e| e["event"] == "frame");
-    assert_eq!((frames.len(), states.len()), (60, 2), "each frame, once the state, and their number at the end");
+    assert_eq!(
+        (frames.len(), states.len()),
+        (60, 2),
+        "each frame, once the state, and their number at the end"
+    );
 }
 
 /// A camera that was switched in the middle: frames of another size belong to no lens.

@@ -370,7 +370,11 @@ impl<'a> Search<'a> {
     }
 
     /// Returns the distance of a lens from what was stated of it, eq. (31); none where nothing was.
-    fn distance_from_stated(&self, (begin, lens): (usize, &Lens), of_z: &DMatrix<f64>) -> Option<(f64, usize)> {
+    fn distance_from_stated(
+        &self,
+        (begin, lens): (usize, &Lens),
+        of_z: &DMatrix<f64>,
+    ) -> Option<(f64, usize)> {
         let m = lens.n();
         if !lens.is_stated || m == 0 {
             return None; // Exact parameters do not move.
