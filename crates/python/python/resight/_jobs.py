@@ -239,7 +239,7 @@ def _target(value: Any) -> _native.Target:
 
 def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
              known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool,
-             sync_tolerance_s: float | None, adjust_lenses: bool) -> dict[str, Any]:
+             sync_tolerance_s: float | None, adjust_lenses: bool = False) -> dict[str, Any]:
     return {
         "reference": reference,
         "world": world,
