@@ -228,7 +228,7 @@ for v, part in enumerate(parts):
     close(step - without, change)
 close(whole[:k, 0], -following * step)
 
-# (27)-(30): the same with rows of what is known of the parameters, against the whole system with them.
+# (27)-(30): with rows of what is known of the parameters, against the whole system that has these rows too.
 nu, known, stated = mp.mpf("1.7"), matrix(5, 4), matrix(5, 1)
 rows, right = mp.zeros(jac.rows + 5, k + 4), mp.zeros(jac.rows + 5, 1)
 rows[: jac.rows, :], right[: jac.rows, :] = several, res

@@ -32,7 +32,7 @@ pub(crate) fn of_observations(m: &Minimum, problem: &Problem) -> Result<Budget, 
     of_observations_and(&Matrix6::zeros(), &place, &pivot, problem)
 }
 
-/// The same with further pixels, whose information about the pivot is known.
+/// Returns the parts with further pixels, whose information about the pivot is known.
 pub(crate) fn of_observations_and(
     pixels: &Matrix6,
     place: &PivotedPose,
