@@ -353,11 +353,12 @@ fn there_is_no_false_alarm() {
     assert_eq!(wrong, 0);
 }
 
-/// Halves of sessions with a bent board and a robot that is read at the wrong moment: their mean NEES is between 3.5 and 9.
+/// Halves of sessions with a bent board and a robot that is read at the wrong moment: their mean NEES is between 4 and 9, that of their errors too, and
+/// the bend is not taken for a lens.
 #[test]
 fn halves_of_a_session_agree() {
     let mut rng = Rng::new(980);
-    let (mut sum, runs) = (0.0, 40);
+    let (mut sum, mut of_errors, runs) = (0.0, 0.0, 40);
     for run in 0..runs {
         let robot = Robot::AtHand(1.5e-3, 1.5e-3);
         let session = Session::new(&mut rng, MOUNTS[run % 2], 44, robot, &camera(), 0.1, 1e-3);
@@ -370,9 +371,16 @@ fn halves_of_a_session_agree() {
         let (a, b) = (half(0), half(1));
         let off = (a.cam_from_carrier * b.cam_from_carrier.inverse()).log();
         sum += squared(&off, &(a.carrier_covariance + b.carrier_covariance)) / runs as f64;
+        for found in [&a, &b] {
+            let error = (found.cam_from_carrier * session.world.cam_from_carrier.inverse()).log();
+            of_errors += squared(&error, &found.carrier_covariance) / (2 * runs) as f64;
+            let is_lens = |cause: &HandEyeCause| matches!(cause, HandEyeCause::Intrinsics { .. });
+            assert!(!found.causes.iter().any(is_lens), "{run}: {:?}", found.causes);
+        }
     }
-    println!("halves: mean NEES {sum:.2}");
-    assert!((3.5..9.0).contains(&sum), "{sum}");
+    println!("halves: mean NEES {sum:.2}, of the errors {of_errors:.2}");
+    assert!((4.0..9.0).contains(&sum), "{sum}");
+    assert!((4.0..9.0).contains(&of_errors), "{of_errors}");
 }
 
 /// A stated noise is used as it is, and tested: a tenth of the truth is named, the truth is not.

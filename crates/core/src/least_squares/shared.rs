@@ -11,6 +11,9 @@ use crate::{Matrix6, Vector6};
 use arrayvec::ArrayVec;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Vector2};
 
+/// The largest number of shared parameters: those of a camera, and the three of a target's shape.
+pub const MAX_SHARED: usize = MAX_PARAMETERS + 3;
+
 /// The Gauss–Newton approximation of the whole cost.
 #[derive(Debug, Clone)]
 pub struct SharedEquations {
@@ -32,7 +35,7 @@ pub struct SharedEquations {
 struct ViewBlocks {
     chi2: f64,
     pose_pose: Matrix6,
-    pose_shared: ArrayVec<Vector6, MAX_PARAMETERS>,
+    pose_shared: ArrayVec<Vector6, MAX_SHARED>,
     gradient: Vector6,
 }
 
@@ -43,6 +46,22 @@ pub struct Reduced {
     pub information: DMatrix<f64>,
     /// k.
     pub gradient: DVector<f64>,
+}
+
+impl Reduced {
+    /// Returns the equations of the first `n` parameters, with the others eliminated, and by how much the others lower χ²; `None` where the others
+    /// are not determined.
+    pub fn first(&self, n: usize) -> Option<(Reduced, f64)> {
+        let rest = self.gradient.len().checked_sub(n)?;
+        let crossed = self.information.view((0, n), (n, rest));
+        let of_rest = self.gradient.rows(n, rest);
+        let cholesky = self.information.view((n, n), (rest, rest)).into_owned().cholesky()?;
+        let explained = cholesky.solve(&of_rest);
+        let information =
+            self.information.view((0, 0), (n, n)) - crossed * cholesky.solve(&crossed.transpose());
+        let gradient = self.gradient.rows(0, n) - crossed * &explained;
+        Some((Reduced { information, gradient }, of_rest.dot(&explained)))
+    }
 }
 
 /// Many poses, and their shared parameters.

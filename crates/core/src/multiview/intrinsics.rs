@@ -12,6 +12,7 @@
 
 mod model;
 mod prior;
+mod shape;
 mod adjust;
 mod start;
 mod robust;
@@ -40,12 +41,13 @@ pub use projection::{
 pub use robust::{BAD_VIEW_TIMES, BadView, GROSS_SIGMAS, LEAST_POINTS};
 pub use scatter::Noise;
 pub use select::{Evidence, FAMILY_MARGIN};
+pub(in crate::multiview) use shape::Shape;
 
 use crate::budget::{Budget, BudgetPart, ErrorSource};
 use crate::camera::{BrownConrady, ImageSize, Pinhole};
 use crate::multiview::intrinsics_check::SkippedFrame;
 use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
-use adjust::{Fit, Seen, Shape, Shared};
+use adjust::{Fit, Seen, Shared};
 use nalgebra::{DMatrix, Vector2};
 use robust::{Clean, clean};
 use select::{Local, Tried, best, ladder, rms_px, undetermined};

@@ -8,6 +8,7 @@ mod check;
 mod refined;
 
 pub use check::{Blame, FALSE_ALARM_RATE, IntrinsicsCheck, ParameterOffset, check_intrinsics};
+pub(in crate::multiview) use equations::{Direction, PointModel};
 pub use refined::{Focal, Free, RefinedFrame, RefinedIntrinsics, refine_intrinsics};
 
 use crate::camera::Parameters;

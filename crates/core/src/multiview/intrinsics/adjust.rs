@@ -1,8 +1,7 @@
 //! The joint adjustment of every pose, the intrinsics and, on request, the shape of a flat target: docs/math/intrinsics.md section 2.
 
-use super::model::Direction;
 use super::prior;
-use crate::camera::MAX_PARAMETERS;
+use super::shape::Shape;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::{
     Reduced, SharedEquations, SharedState, minimize_settled, minimize_shared,
@@ -10,9 +9,9 @@ use crate::least_squares::shared::{
 use crate::locate::choose::Ambiguity;
 use crate::locate::refine::{centroid, information};
 use crate::locate::{Config, PoseEstimate, locate};
+use crate::multiview::intrinsics_check::{Direction, PointModel};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
-use arrayvec::ArrayVec;
-use nalgebra::{DMatrix, DVector, Matrix2x6, Vector2};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 /// A view in the adjustment.
 #[derive(Debug, Clone)]
@@ -66,61 +65,6 @@ pub(super) fn located(
     locate(&seen, camera, &Config { shared_errors: false, ..Config::default() })
 }
 
-/// The deformation of a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
-/// target's half width and height.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Shape {
-    pub(super) centre: Point,
-    pub(super) half_m: [f64; 2],
-    /// stretch, bend_x (m), bend_y (m).
-    pub(super) values: [f64; 3],
-    /// Standard deviation of the stretch from the rulers on the print; `None` where they were not measured.
-    pub(super) stretch_sigma: Option<f64>,
-    /// Whether the bends are estimated too; otherwise they are zero.
-    pub(super) is_bent: bool,
-}
-
-impl Shape {
-    /// Creates the shape of points in one plane z = constant; `None` where they are not, or are on a line.
-    pub(super) fn of<'a>(points: impl Iterator<Item = &'a Correspondence> + Clone) -> Option<Self> {
-        let fold = |best: fn(f64, f64) -> f64| {
-            points.clone().map(|c| c.x_in_target).reduce(|a, b| a.zip_map(&b, best))
-        };
-        let (low, high) = (fold(f64::min)?, fold(f64::max)?);
-        let (centre, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let is_flat = half.z <= 1e-9 * half.x && 0.1 * half.x < half.y && 0.1 * half.y < half.x;
-        is_flat.then_some(Shape {
-            centre,
-            half_m: [half.x, half.y],
-            values: [0.0; 3],
-            stretch_sigma: None,
-            is_bent: true,
-        })
-    }
-
-    /// Returns the number of values that are estimated.
-    pub(super) fn n(&self) -> usize {
-        if self.is_bent { 3 } else { 1 }
-    }
-
-    fn unit(&self, x: &Point) -> [f64; 2] {
-        [(x.x - self.centre.x) / self.half_m[0], (x.y - self.centre.y) / self.half_m[1]]
-    }
-
-    /// Returns the position of a point of the target.
-    fn at(&self, x: &Point) -> Point {
-        let ([u, v], [stretch, bend_x, bend_y]) = (self.unit(x), self.values);
-        x + Point::new(0.0, stretch * v * self.half_m[1], bend_x * (1.0 - u * u) + bend_y * (1.0 - v * v))
-    }
-
-    /// Returns its derivatives with respect to the three values.
-    fn derivatives(&self, x: &Point) -> [Point; 3] {
-        let [u, v] = self.unit(x);
-        let along_z = |z: f64| Point::new(0.0, 0.0, z);
-        [Point::new(0.0, v * self.half_m[1], 0.0), along_z(1.0 - u * u), along_z(1.0 - v * v)]
-    }
-}
-
 /// The unknowns that all views share.
 #[derive(Debug, Clone)]
 pub(super) struct Shared {
@@ -164,41 +108,18 @@ pub(super) fn equations(seen: &[Seen], places: &[PivotedPose], shared: &Shared) 
     let mut sums = SharedEquations::new(shared.n());
     for (view, place) in seen.iter().zip(places) {
         sums.next_view();
+        let model = PointModel {
+            camera: &shared.camera,
+            directions: &shared.directions,
+            shape: shared.shape.as_ref(),
+            pivot: &view.pivot,
+            place,
+        };
         for (c, weight) in view.points.iter().zip(&view.weights).filter(|(_, weight)| 0.0 < **weight) {
-            add(&mut sums, view, place, shared, c, *weight)?;
+            model.add(&mut sums, c, *weight)?;
         }
     }
     sums.chi2.is_finite().then_some(sums)
-}
-
-fn add(
-    sums: &mut SharedEquations,
-    view: &Seen,
-    place: &PivotedPose,
-    shared: &Shared,
-    c: &Correspondence,
-    weight: f64,
-) -> Option<()> {
-    let x_in_target = shared.shape.map_or(c.x_in_target, |shape| shape.at(&c.x_in_target));
-    let y = place.rotation * (x_in_target - view.pivot);
-    let x = y + place.pivot_in_cam;
-    let (pixel, jacobian) = shared.camera.project_with_jacobian(&x)?;
-    let columns = shared.camera.intrinsics_jacobian(&x)?;
-    let mut by_motion = Matrix2x6::zeros();
-    by_motion.fixed_view_mut::<2, 3>(0, 0).copy_from(&(-jacobian * y.cross_matrix()));
-    by_motion.fixed_view_mut::<2, 3>(0, 3).copy_from(&jacobian);
-    let (mut u, mut v) = (ArrayVec::<f64, MAX_PARAMETERS>::new(), ArrayVec::<f64, MAX_PARAMETERS>::new());
-    let of_shape = shared.shape.map(|shape| {
-        let by = shape.derivatives(&c.x_in_target).map(|d| jacobian * (place.rotation * d));
-        by.into_iter().take(shape.n())
-    });
-    let along = |d: &Direction| d.iter().map(|(i, by)| columns[*i] * *by).sum::<Vector2<f64>>();
-    for by in shared.directions.iter().map(along).chain(of_shape.into_iter().flatten()) {
-        u.try_push(by.x).ok()?;
-        v.try_push(by.y).ok()?;
-    }
-    sums.add(&(c.pixel - pixel), &(information(c, &jacobian) * weight), &by_motion, [&u, &v]);
-    Some(())
 }
 
 /// A joint minimum.

@@ -89,24 +89,26 @@ fn of_noise(covariance: &DMatrix<f64>, known: &DMatrix<f64>, noise: f64) -> Budg
     budget
 }
 
-/// Adds what lens models of other families contribute that explain the corners about as well: docs/math/budget.md eqs. (14)–(15). Their
+/// Returns what lens models of other families contribute that explain the corners about as well: docs/math/budget.md eqs. (14)–(15). Their
 /// evidence counts for as many corners as views that contradict each other are worth.
-pub(super) fn add_families(
-    budget: &mut Budget<DMatrix<f64>>,
+pub(super) fn of_families(
     fit: &Fit,
     corners: &[Pixel],
     (size, alternatives): (ImageSize, &[Alternative]),
     spread: &Spread,
-) {
+) -> DMatrix<f64> {
+    let n = fit.shared.camera.parameters().len();
+    let mut covariance = DMatrix::zeros(n, n);
     let odds = |one: &Alternative| (-0.5 * one.aic / spread.contradiction.max(1.0)).exp();
     let sum: f64 = 1.0 + alternatives.iter().map(odds).sum::<f64>();
     for one in alternatives {
         let weight = odds(one) / sum;
         let shift = (LEAST_WEIGHT < weight).then(|| as_shift(fit, &one.camera, corners, size)).flatten();
         if let Some(shift) = shift {
-            budget.add(ErrorSource::LensModel, &(&shift * shift.transpose() * weight));
+            covariance += &shift * shift.transpose() * weight;
         }
     }
+    covariance
 }
 
 /// Returns the change of the estimated parameters that comes nearest to another camera over the image.
@@ -151,7 +153,7 @@ fn by_directions(fit: &Fit) -> DMatrix<f64> {
 }
 
 /// Returns a covariance for other names; a missing one has no variance.
-fn by_names(covariance: &DMatrix<f64>, names: &[&str], wanted: &[&str]) -> DMatrix<f64> {
+pub(super) fn by_names(covariance: &DMatrix<f64>, names: &[&str], wanted: &[&str]) -> DMatrix<f64> {
     let places: Vec<Option<usize>> =
         wanted.iter().map(|name| names.iter().position(|known| known == name)).collect();
     DMatrix::from_fn(wanted.len(), wanted.len(), |i, j| {

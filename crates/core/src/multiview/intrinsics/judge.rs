@@ -1,7 +1,7 @@
 //! Builds the answer from a fit, with its faults and weaknesses.
 
-use super::adjust::{Fit, Seen, Shape, Shared, fit};
-use super::budget::{add_families, over_choices};
+use super::adjust::{Fit, Seen, Shared, fit};
+use super::budget::{by_names, of_families, over_choices};
 use super::findings::Finding;
 use super::geometry::{Copies, Coverage, Tilts, tilts};
 use super::groups::{TwoGroups, two_groups};
@@ -11,8 +11,9 @@ use super::projection::Projection;
 use super::robust::{BadView, Clean};
 use super::scatter::{Noise, Spread, spread};
 use super::select::{rms_px, undetermined};
+use super::shape::Shape;
 use super::{BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
-use crate::budget::Budget;
+use crate::budget::{Budget, ErrorSource};
 use crate::camera::ImageSize;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::multiview::intrinsics_check::{MAX_RELATIVE_SIGMA, SkippedFrame};
@@ -55,12 +56,13 @@ pub(super) fn answer(clean: &Clean, context: &Context) -> Option<SolvedIntrinsic
     let corners = || found.seen.iter().flat_map(used_pixels);
     let mut budget = over_choices(found, &spread, context.chosen, &names)?;
     let alternatives = &context.chosen.families;
-    add_families(&mut budget, found, &corners().collect::<Vec<_>>(), (context.size, alternatives), &spread);
+    let families = of_families(found, &corners().collect::<Vec<_>>(), (context.size, alternatives), &spread);
+    budget.add(ErrorSource::LensModel, &families);
     let covariance = sum(&budget, names.len());
     let projection = Projection::new(&camera, &covariance, corners()).over_image(context.size, 17, 13);
     let views = views(found, &spread)?;
     let widening = spread.noise * spread.contradiction;
-    let forecast = projection.rms_px().and_then(|px| forecast(found, &spread, context, px));
+    let forecast = projection.rms_px().and_then(|px| forecast(found, &spread, context, (&families, px)));
     let coverage = Coverage::of(corners(), context.size);
     let tilts = tilts(&found.seen);
     let findings = findings(clean, &spread, &covariance, &coverage, context);
@@ -130,13 +132,20 @@ fn used_pixels(view: &Seen) -> impl Iterator<Item = Pixel> + '_ {
 }
 
 /// Prepares the forecast of further views, in the parameters of every choice that is possibly right: a coefficient that the chosen lens lacks may
-/// be what is uncertain. docs/math/intrinsics.md section 9.
-fn forecast(fit: &Fit, spread: &Spread, context: &Context, now_px: f64) -> Option<Forecast> {
+/// be what is uncertain, and lenses of other families. docs/math/intrinsics.md section 9.
+fn forecast(
+    fit: &Fit,
+    spread: &Spread,
+    context: &Context,
+    (families, now_px): (&DMatrix<f64>, f64),
+) -> Option<Forecast> {
     let widest = context.chosen.widest();
     let camera = widest.camera(&fit.shared.camera).ok()?;
     let directions = widest.directions(&camera);
     let names: Vec<&str> = directions.iter().map(|d| camera.parameters()[d[0].0].0).collect();
-    let of_lens = sum(&over_choices(fit, spread, context.chosen, &names)?, names.len());
+    let own_names: Vec<&str> = fit.shared.camera.parameters().iter().map(|(name, _)| *name).collect();
+    let of_lens = sum(&over_choices(fit, spread, context.chosen, &names)?, names.len())
+        + by_names(families, &own_names, &names);
     let (n_own, n) = (fit.shared.directions.len(), names.len());
     // The shape of the target does not depend on the choice.
     let n_shape = spread.covariance.nrows() - n_own;

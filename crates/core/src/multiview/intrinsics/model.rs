@@ -3,12 +3,8 @@
 use crate::camera::{
     BrownConrady, Camera, DoubleSphere, Eucm, Fov, ImageSize, KannalaBrandt, Omni, Parameters, Pinhole,
 };
-use crate::multiview::intrinsics_check::Group;
+use crate::multiview::intrinsics_check::{Direction, Group};
 use crate::{CameraMatrix, Error, Lens};
-use arrayvec::ArrayVec;
-
-/// One free number as a direction in the space of the intrinsics: (index, change per unit) of each parameter that takes part.
-pub(super) type Direction = ArrayVec<(usize, f64), 2>;
 
 /// A lens model with its estimated coefficients; the others are zero (or have the default of the model).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

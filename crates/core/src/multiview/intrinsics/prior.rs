@@ -1,10 +1,10 @@
 //! The prior of every lens: pixels are nearly square, the principal point is near the centre, the distortion is bounded. It is wide enough to
 //! have no effect where the views determine the lens. docs/math/intrinsics.md section 3.
 
-use super::model::Direction;
 use crate::Camera;
 use crate::camera::{BrownConrady, KannalaBrandt};
 use crate::least_squares::shared::SharedEquations;
+use crate::multiview::intrinsics_check::Direction;
 use nalgebra::DVector;
 
 /// Standard deviations of fy/fx − 1, of the principal point in parts of the width, of tangential coefficients, …

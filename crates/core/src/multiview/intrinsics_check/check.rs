@@ -4,6 +4,8 @@
 //! summed over the frames: no parameter is changed, so the test also holds where the true intrinsics are far away.
 //!
 //!   g  score of the intrinsics, poses eliminated   ·   S  its covariance, the reduced information   ·   T = gᵀ S⁻¹ g  ~  χ²ₖ
+//!
+//! A flat target is flat and true to size as prints are: its shape is eliminated with the poses, so that no bend is taken for a lens.
 
 use super::equations::{equations, every_parameter, pivots};
 use super::{
@@ -13,6 +15,7 @@ use crate::camera::Parameters;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::Reduced;
 use crate::locate::consistency::noise_scale;
+use crate::multiview::intrinsics::Shape;
 use crate::statistics::chi_square::tail;
 use crate::{Camera, Correspondence, Error};
 use core::fmt;
@@ -20,6 +23,11 @@ use nalgebra::DVector;
 
 /// Probability of a false alarm where the intrinsics are right.
 pub const FALSE_ALARM_RATE: f64 = 1e-3;
+
+/// Standard deviation of the stretch of prints along one side: paper in damp air stretches by half of it.
+const STRETCH_SIGMA: f64 = 3e-3;
+/// Standard deviation of the bends of flat targets, relative to the half width: 1 mm in the middle of a sheet of A4.
+const BEND_SIGMA: f64 = 1e-2;
 
 /// The result of the test of the given intrinsics.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,7 +115,7 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
     })
 }
 
-/// Returns the score and the information of all intrinsics at the poses found, and χ² there.
+/// Returns the score and the information of all intrinsics at the poses found, and χ² there less what the target's shape explains of it.
 fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
     if views.is_empty() {
         return None;
@@ -116,8 +124,18 @@ fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
     let placed = views.iter().zip(&pivots);
     let places: Vec<PivotedPose> =
         placed.map(|(view, pivot)| PivotedPose::new(&view.minimum.cam_from_target, pivot)).collect();
-    let equations = equations(views, &pivots, &places, camera, &every_parameter(camera))?;
-    Some((equations.reduced()?, equations.chi2))
+    let (every, shape) = (every_parameter(camera), Shape::of(views.iter().flat_map(|view| &view.seen)));
+    let mut equations = equations(views, &pivots, &places, camera, &every, shape.as_ref())?;
+    let chi2 = equations.chi2;
+    if let Some(Shape { half_m: [x, y], .. }) = shape {
+        let variance = noise_scale(chi2, redundancy(views));
+        for (i, sigma) in [STRETCH_SIGMA, BEND_SIGMA * x, BEND_SIGMA * y].into_iter().enumerate() {
+            let by_shared = DVector::from_fn(equations.n_shared(), |k, _| f64::from(k == every.len() + i));
+            equations.add_known(0.0, variance / (sigma * sigma), &by_shared);
+        }
+    }
+    let (reduced, explained) = equations.reduced()?.first(every.len())?;
+    Some((reduced, chi2 - explained))
 }
 
 /// Returns the parameters that the frames determine, and the names of the others: the least determined one is held until the rest is determined.

@@ -158,7 +158,7 @@ fn minimum(
     let start = placed.map(|(view, pivot)| PivotedPose::new(&view.minimum.cam_from_target, pivot)).collect();
     let evaluate = |state: &SharedState| {
         let camera = changed(camera, directions, &state.change).ok()?;
-        equations(views, pivots, &state.places, &camera, directions)
+        equations(views, pivots, &state.places, &camera, directions, None)
     };
     let solution = minimize_shared(start, directions.len(), evaluate)
         .ok_or(Error::NoSolution { n_points: views.iter().map(|view| view.seen.len()).sum() })?;
