@@ -557,10 +557,14 @@ fn what_is_said_against_intrinsics_is_in_their_numbers() {
     let mut few = of_print(0.0, 0.0, 3);
     few.push(few[0].clone());
     take(&few, &config);
+    let is_left =
+        |view: &Vec<Correspondence>| view.iter().all(|c| c.pixel.x < 0.6 * f64::from(SIZE.width_px));
+    let left: Vec<_> = of_print(0.0, 0.0, 100).into_iter().filter(is_left).collect();
+    take(&left, &config);
     seen.sort_unstable();
     seen.dedup();
     println!("{seen:?}");
-    for kind in [2, 6, 7, 8, 9] {
+    for kind in [1, 2, 3, 6, 7, 8, 9] {
         assert!(seen.contains(&kind), "no scenario gives kind {kind}: {seen:?}");
     }
 }
