@@ -76,9 +76,8 @@ fn length(x: &[Point], a: usize, b: usize) -> f64 {
     (x[a] - x[b]).norm()
 }
 
-/// The two photographs of an accident: everything at once.
-#[test]
-fn two_photographs_with_known_distances() {
+/// Two photographs of an accident with tapes along the road, all on its plane.
+fn accident() -> Scene {
     let mut scene = Scene::new(photos());
     scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
     scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
@@ -86,6 +85,13 @@ fn two_photographs_with_known_distances() {
         scene.distance(a, b, 0.01);
     }
     scene.on_plane(&[0, 1, 2, 3, 4, 5, 6], 0.01);
+    scene
+}
+
+/// The two photographs of an accident: everything at once.
+#[test]
+fn two_photographs_with_known_distances() {
+    let scene = accident();
     run(
         "two photographs",
         &scene,
@@ -158,13 +164,7 @@ fn bent_intervals_cover_too() {
 /// add up, and the residuals have one where the stated sigmas are too small. In control points' own frame too, where some coordinates are held.
 #[test]
 fn the_parts_of_measurements_add_up() {
-    let mut scene = Scene::new(photos());
-    scene.intrinsics = Some(intrinsics([6.0, 6.0, 4.0, 4.0]));
-    scene.image_point_all(&[0, 1, 2, 3, 4, 5, 6, 7, 8], 1.0);
-    for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3)] {
-        scene.distance(a, b, 0.01);
-    }
-    scene.on_plane(&[0, 1, 2, 3, 4, 5, 6], 0.01);
+    let mut scene = accident();
     let without_frame = scene.constraints.len();
     (0..4).for_each(|p| scene.place(p, 0.01));
     let (cam_from_world, covariance) = (scene.photos[0], Some(Matrix6::identity() * 1e-4));

@@ -3,9 +3,13 @@
 use crate::real_support::{Row, pixel_of, table};
 use crate::recorded::recorded;
 use resight::GrayImage;
+use resight::core::camera::{ImageSize, KannalaBrandt};
 use resight::core::correspondence::Detection;
+use resight::core::multiview::intrinsics::{
+    CHOICES, IntrinsicsConfig, IntrinsicsOutcome, Models, solve_intrinsics,
+};
 use resight::core::target::Chessboard;
-use resight::core::{Pixel, Target};
+use resight::core::{Camera, CameraMatrix, Correspondence, Pixel, Point, Target};
 use resight::detect::Detector;
 use std::collections::BTreeMap;
 
@@ -22,6 +26,7 @@ fn fisheye_boards_are_found() {
     rows.iter().for_each(|row| by_image.entry(row["image"].clone()).or_default().push(pixel_of(row)));
     assert_eq!(by_image.len(), 18);
     let (mut whole, mut part, mut distances) = (0, 0, Vec::new());
+    let mut corners: [Set; 2] = Default::default();
     for (name, opencv) in &by_image {
         let (rows, columns) = if opencv.len() == 48 { (6, 8) } else { (4, 6) };
         let image = GrayImage::read(&folder.join(name)).unwrap();
@@ -31,8 +36,20 @@ fn fisheye_boards_are_found() {
         whole += usize::from(found.len() == opencv.len());
         part += usize::from(!found.is_empty() && found.len() < opencv.len());
         if !found.is_empty() {
-            distances.extend(distances_px(&found, opencv, rows, columns));
+            let theirs = numbered(&found, opencv, rows, columns);
+            distances.extend(found.iter().zip(&theirs).map(|(d, own)| (d.pixel - own).norm()));
+            let at = |d: &Detection| target.point(d.feature).unwrap().position;
+            let [own, other] = &mut corners[usize::from(rows == 4)].views;
+            own.push(found.iter().map(|d| (at(d), d.pixel)).collect());
+            other.push(found.iter().zip(theirs).map(|(d, pixel)| (at(d), pixel)).collect());
+            let (width_px, height_px) = (image.width() as u32, image.height() as u32);
+            corners[usize::from(rows == 4)].size = Some(ImageSize { width_px, height_px });
         }
+    }
+    for set in &corners {
+        let [own, opencv] = set.views.each_ref().map(|views| rms_px(views, set.size.unwrap()));
+        println!("rms from one lens: {own:.3} px, OpenCV's corners {opencv:.3} px");
+        assert!(own <= opencv, "{own} {opencv}");
     }
     distances.sort_by(f64::total_cmp);
     let share = |q: f64| distances[(q * (distances.len() - 1) as f64) as usize];
@@ -49,8 +66,41 @@ fn fisheye_boards_are_found() {
     assert!(share(0.5) < 0.25 && share(0.95) < 1.0, "{} {}", share(0.5), share(0.95));
 }
 
-/// The distance of each corner from OpenCV's, numbered the way that fits best of the four that turn a board.
-fn distances_px(found: &[Detection], opencv: &[Pixel], rows: u32, columns: u32) -> Vec<f64> {
+/// A point of the target and where it is seen.
+type Corner = (Point, Pixel);
+
+/// The photographs of one camera: their corners as found, and as OpenCV finds them.
+#[derive(Default)]
+struct Set {
+    size: Option<ImageSize>,
+    views: [Vec<Vec<Corner>>; 2],
+}
+
+/// Returns the root mean square distance from one fisheye lens for all views, along one axis; no corner is left out of it.
+fn rms_px(views: &[Vec<Corner>], size: ImageSize) -> f64 {
+    let lens = CHOICES.iter().find(|choice| choice.label() == "kannala_brandt k1 k2 k3 k4").unwrap();
+    let matrix = CameraMatrix { fx_px: 300.0, fy_px: 300.0, cx_px: 300.0, cy_px: 300.0 };
+    let any = Camera { lens: KannalaBrandt::new(matrix, &[0.0; 4]).unwrap().into(), size: Some(size) };
+    let seen = |(x, pixel): &Corner| Correspondence::new(&any, *x, *pixel, 0.2).unwrap();
+    let seen: Vec<Vec<_>> = views.iter().map(|view| view.iter().map(seen).collect()).collect();
+    let config = IntrinsicsConfig { models: Models::Only(*lens), ..IntrinsicsConfig::default() };
+    let IntrinsicsOutcome::Solved(solved) = solve_intrinsics(&seen, size, &config).unwrap() else {
+        panic!("no lens")
+    };
+    let (mut sum, mut n) = (0.0, 0);
+    for view in &solved.views {
+        for (x, pixel) in &views[view.view] {
+            sum += (solved.camera.project(&(view.cam_from_target * *x)).unwrap() - pixel).norm_squared();
+            n += 2;
+        }
+    }
+    let rejected: usize = views.iter().map(Vec::len).sum::<usize>() - n / 2;
+    assert_eq!(rejected, 0, "views left out");
+    (sum / f64::from(n as u32)).sqrt()
+}
+
+/// Returns OpenCV's position of each corner, numbered the way that fits best of the eight that turn or mirror a board.
+fn numbered(found: &[Detection], opencv: &[Pixel], rows: u32, columns: u32) -> Vec<Pixel> {
     let n = rows * columns;
     // OpenCV takes either side for the rows where both are even: along rows, along columns, and each from the other end.
     let numberings: [&dyn Fn(u32) -> u32; 8] = [
@@ -63,9 +113,10 @@ fn distances_px(found: &[Detection], opencv: &[Pixel], rows: u32, columns: u32) 
         &|id| (id % columns) * rows + rows - 1 - id / columns,
         &|id| (columns - 1 - id % columns) * rows + id / columns,
     ];
-    let distances = |number: &&dyn Fn(u32) -> u32| -> Vec<f64> {
-        found.iter().map(|d| (d.pixel - opencv[number(d.feature.id) as usize]).norm()).collect()
+    let pixels = |number: &&dyn Fn(u32) -> u32| -> Vec<Pixel> {
+        found.iter().map(|d| opencv[number(d.feature.id) as usize]).collect()
     };
-    let sum = |d: &Vec<f64>| d.iter().sum::<f64>();
-    numberings.iter().map(distances).min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap()
+    let sum =
+        |theirs: &Vec<Pixel>| found.iter().zip(theirs).map(|(d, own)| (d.pixel - own).norm()).sum::<f64>();
+    numberings.iter().map(pixels).min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap()
 }
