@@ -198,6 +198,78 @@ for (const [name, options] of [["390", PHONE], ["1280", WIDE]] as [string, Brows
   });
 }
 
+/** Six distances and many lengths on a small screen: no chip hides another, a label or a mark, and none shows a number that is cut off. */
+for (const [name, options] of [["390", PHONE], ["1280", WIDE]] as [string, BrowserContextOptions][]) {
+  test(`crowded chips are whole and apart on a screen of ${name} px`, async () => {
+    const page = await open(chromium, server, "photograph", options);
+    await demo(page);
+    const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+    const command = (one: object) => page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command: one } });
+    const corners = { A: [0, 0], B: [3, 0], C: [3, 3], D: [0, 3] } as const;
+    await command({ kind: "set_template", template: "four_points" });
+    for (const [name, [x, y]] of Object.entries(corners)) {
+      const [u_px, v_px] = pixel(x, y);
+      await command({ kind: "put_point", name, u_px, v_px });
+    }
+    for (const [a, b] of ["AB", "BC", "CA", "DA", "DB", "DC"].map((pair) => [...pair] as (keyof typeof corners)[])) {
+      const distance_m = Number((1.234567 * Math.hypot(corners[a!][0] - corners[b!][0], corners[a!][1] - corners[b!][1])).toFixed(6));
+      await command({ kind: "set_distance", a, b, distance_m });
+    }
+    for (let i = 0; i < 20; i++) {
+      const [x, y] = [0.2 + 0.5 * (i % 5), 0.3 + 0.6 * Math.floor(i / 5)];
+      await command({ kind: "add_measurement", name: `length ${i}`, what: "length", points: [pixel(x, y), pixel(x + 0.3, y + 0.2)] });
+    }
+    await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 20);
+    await page.waitForTimeout(300);
+    const { chips, labels, cut } = await page.evaluate(() => {
+      const from = document.querySelector(".views > .viewport")!.getBoundingClientRect();
+      const chips = [...document.querySelectorAll(".chip")].map((chip) => {
+        const { x, y, width, height } = chip.getBoundingClientRect();
+        return { x: x - from.x, y: y - from.y, width, height };
+      });
+      const cut = [...document.querySelectorAll<HTMLInputElement>(".chip input")].filter((field) => field.clientWidth < field.scrollWidth).map((field) => field.value);
+      return { chips, labels: (window as unknown as { resightLabels: () => typeof chips }).resightLabels(), cut };
+    });
+    assert.deepEqual(cut, []);
+    const { at } = await shown(page);
+    const from = (await page.locator(".views > .viewport").boundingBox())!;
+    const marks = Object.values(corners).map(([x, y]) => at(pixel(x, y))).map(([x, y]) => ({ x: x - from.x - 6, y: y - from.y - 6, width: 12, height: 12 }));
+    assert(1 <= chips.length + labels.length);
+    const all = [...chips, ...labels, ...marks];
+    for (const [i, a] of all.entries()) {
+      for (const b of all.slice(i + 1)) {
+        assert(!(a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height), JSON.stringify([a, b]));
+      }
+    }
+    // What is not drawn is in the table, every digit of it.
+    assert.equal(await page.locator(".distances").getByLabel("Distance A to B in metres").inputValue(), "3.703701");
+    await page.context().close();
+  });
+}
+
+/** A photograph that this page adds is no change by another one. */
+test("a photograph is not taken for another window's", async () => {
+  const page = await open(chromium, server);
+  // The page has the program's news of the change before its answer to the request.
+  await page.addInitScript(() => {
+    const { set } = Object.getOwnPropertyDescriptor(XMLHttpRequest.prototype, "onload")!;
+    Object.defineProperty(XMLHttpRequest.prototype, "onload", {
+      set(this: XMLHttpRequest, handler: (event: Event) => void) {
+        set!.call(this, (event: Event) => setTimeout(() => handler.call(this, event), 400));
+      },
+    });
+  });
+  await page.reload();
+  for (const name of ["examples/photo/left03.jpg", "testdata/demo/left.png"]) {
+    await page.locator("input[type=file][accept='image/png,image/jpeg']").first().setInputFiles(file(name));
+    await page.locator(".photos").getByRole("button", { name: name.split("/").at(-1)! }).waitFor();
+    assert.equal(await page.getByText("Changed in another window").count(), 0);
+    await page.waitForTimeout(300);
+    assert.equal(await page.getByText("Changed in another window").count(), 0);
+  }
+  await page.context().close();
+});
+
 /** A length shorter than a fingertip is a length. */
 test("a short length is measured", async () => {
   const page = await open(chromium, server);

@@ -101,8 +101,10 @@ function presses(element: HTMLElement, now: () => ViewportProps): () => void {
   let first: ViewportPointer | null = null;
   let isClick = false;
   let isSpace = false;
+  // Asking for it lays out the page: while something is pressed it stays where it was.
+  let edge = element.getBoundingClientRect();
   const screenOf = (event: PointerEvent | WheelEvent): Point => {
-    const edge = element.getBoundingClientRect();
+    if (down.size === 0) edge = element.getBoundingClientRect();
     return [event.clientX - edge.left, event.clientY - edge.top];
   };
   const pointerOf = (event: PointerEvent): ViewportPointer => {

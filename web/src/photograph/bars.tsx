@@ -13,6 +13,8 @@ export function ChoiceBar() {
   const now = view.value;
   if (!now?.overlay?.ghost || now.is_old) return null;
   const isChosen = 0 < now.chosen_pose;
+  // Where the better of two does not fit, neither does.
+  if (!isChosen && now.answer?.status === "inconsistent") return null;
   const other = isChosen ? 0 : 1;
   return (
     <div class="choice-bar" role="group" aria-label={texts.choice.two}>

@@ -1,14 +1,16 @@
 // What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next.
 import { type Curve, trace } from "../parts/curve";
+import { Layer } from "../parts/layer";
 import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
 import {
-  aim, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view,
+  aim, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view, type Handle,
 } from "./store";
-import { FONT, labels } from "./labels";
+import { placed } from "./chips";
+import { FONT, labels, type Label } from "./labels";
 
-type Context = CanvasRenderingContext2D;
+type Context = CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D;
 
 // On photographs, of any theme: bright lines with a dark rim.
 const GRID = "#7fd6ff";
@@ -21,7 +23,7 @@ const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" 
 const THIN = 1;
 
 /** Draws everything; every signal that it reads draws it again. */
-export function draw(context: Context, state: ViewportState) {
+export function draw(context: CanvasRenderingContext2D, state: ViewportState) {
   const t = state.transform.value;
   const now = view.value;
   if (!now?.photo || !picture.value) return;
@@ -183,38 +185,67 @@ function distances(context: Context, t: Transform) {
   const typed = now.distances.map((d) => [at(d.a), at(d.b)] as const);
   const curves = typed.filter(([a, b]) => a && b).map(([a, b]) => [a!, b!]);
   manyLines(context, t, curves, "#ffffff", [2, 4]);
-}
-
-function measurements(context: Context, t: Transform) {
-  for (const m of measured.value) {
-    const closed = m.what === "area" ? [...m.points, m.points[0]!] : m.points;
-    if (m.what === "area") {
-      context.beginPath();
-      trace(context, t, closed);
-      context.fillStyle = "rgb(255 227 107 / 18%)";
-      context.fill();
-    }
-    lines(context, t, [closed], MEASURE, 2.5);
-    m.points.forEach((point, index) => {
-      const isSelected = sameHandle(selected.value, { kind: "measurement", name: m.name, index });
-      ring(context, toScreen(t, point), isSelected ? 8 : 5, isSelected ? "#ffffff" : MEASURE);
-    });
+  context.strokeStyle = "#ffffff";
+  context.lineWidth = THIN;
+  for (const { x, y, leads } of placed.value) {
+    if (!leads) continue;
+    context.beginPath();
+    context.moveTo(...leads);
+    context.lineTo(x, y);
+    context.stroke();
   }
 }
 
+const outlines = new Layer();
+const plates = new Layer();
+/** The measurement whose point is being moved: it is drawn by itself, over the others. */
+const heldName = () => (moved.value?.handle.kind === "measurement" ? moved.value.handle.name : null);
+
+function measurements(context: CanvasRenderingContext2D, t: Transform) {
+  const chosen = selected.value?.kind === "measurement" ? selected.value : null;
+  const others = measured.value.filter(({ name }) => name !== heldName());
+  if (others.length) {
+    const looks = [t, chosen, others.map(({ name, what, points }) => [name === chosen?.name, what, points])];
+    outlines.draw(context, looks, (pen) => others.forEach((m) => outline(pen, t, m, chosen)));
+  }
+  measured.value.filter(({ name }) => name === heldName()).forEach((m) => outline(context, t, m, chosen));
+}
+
+function outline(context: Context, t: Transform, m: (typeof measured.value)[number], chosen: Handle | null) {
+  const closed = m.what === "area" ? [...m.points, m.points[0]!] : m.points;
+  if (m.what === "area") {
+    context.beginPath();
+    trace(context, t, closed);
+    context.fillStyle = "rgb(255 227 107 / 18%)";
+    context.fill();
+  }
+  lines(context, t, [closed], MEASURE, 2.5);
+  m.points.forEach((point, index) => {
+    const isSelected = sameHandle(chosen, { kind: "measurement", name: m.name, index });
+    ring(context, toScreen(t, point), isSelected ? 8 : 5, isSelected ? "#ffffff" : MEASURE);
+  });
+}
+
 /** What was measured, with its interval, over everything else; paler where it is of before, and newer values are on their way. */
-function values(context: Context) {
-  context.globalAlpha = view.value!.is_measuring && !moved.value ? 0.7 : 1;
+function values(context: CanvasRenderingContext2D) {
+  const isPale = view.value!.is_measuring && !moved.value;
+  const others = labels.value.filter(({ name }) => name !== heldName());
+  if (others.length) plates.draw(context, [isPale, others], (pen) => written(pen, others, isPale));
+  written(context, labels.value.filter(({ name }) => name === heldName()), isPale);
+}
+
+function written(context: Context, all: Label[], isPale: boolean) {
+  context.globalAlpha = isPale ? 0.7 : 1;
   context.strokeStyle = MEASURE;
   context.lineWidth = THIN;
-  for (const { at, leads } of labels.value) {
+  for (const { at, leads } of all) {
     if (!leads) continue;
     context.beginPath();
     context.moveTo(...leads);
     context.lineTo(...at);
     context.stroke();
   }
-  for (const { text, at, width } of labels.value) plate(context, text, at, width, MEASURE);
+  for (const { text, at, width } of all) plate(context, text, at, width, MEASURE);
   context.globalAlpha = 1;
 }
 
@@ -257,7 +288,7 @@ function proposal(context: Context, t: Transform) {
 }
 
 /** While a point is placed: around the hand, or around where a selected point is moved by keys. */
-function loupe(context: Context, t: Transform, state: ViewportState) {
+function loupe(context: CanvasRenderingContext2D, t: Transform, state: ViewportState) {
   const hand = moved.value;
   const isPlacing = !hand && (nextMark.value || tool.value !== "marks");
   const at = hand ? hand.at : isPlacing ? aim.value : null;

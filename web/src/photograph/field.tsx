@@ -6,6 +6,8 @@ export interface FieldProps {
   label?: string;
   /** What is known. */
   value: string;
+  /** How it is written where it is not being edited, if shorter. */
+  brief?: string;
   /** States it; false keeps the text, for it is wrong. */
   onState: (text: string) => boolean | void;
   isWrong?: (text: string) => boolean;
@@ -15,9 +17,11 @@ export interface FieldProps {
   mode?: "decimal" | "text";
 }
 
-export function Field({ label, value, onState, isWrong, mode = "decimal", ...rest }: FieldProps) {
+export function Field({ label, value, brief, onState, isWrong, mode = "decimal", ...rest }: FieldProps) {
   const text = useSignal<string | null>(null);
+  const isEdited = useSignal(false);
   const state = () => {
+    isEdited.value = false;
     const typed = text.value;
     text.value = null;
     if (typed !== null && typed.trim() !== value && onState(typed.trim()) === false) text.value = typed;
@@ -29,8 +33,12 @@ export function Field({ label, value, onState, isWrong, mode = "decimal", ...res
       autocomplete="off"
       aria-label={label}
       aria-invalid={!!isWrong && text.value !== null && text.value.trim() !== "" && isWrong(text.value)}
-      value={text.value ?? value}
-      onFocus={(event) => event.currentTarget.select()}
+      value={text.value ?? (isEdited.value ? value : brief ?? value)}
+      onFocus={(event) => {
+        isEdited.value = true;
+        event.currentTarget.value = text.value ?? value;
+        event.currentTarget.select();
+      }}
       onInput={(event) => (text.value = event.currentTarget.value)}
       onBlur={state}
       onKeyDown={(event) => {

@@ -70,6 +70,9 @@ function middle(points: Point[], what: string): Point {
   return [points.reduce((sum, [x]) => sum + x, 0) / n, points.reduce((sum, [, y]) => sum + y, 0) / n];
 }
 
+/** How many of the places looked at lie beside what is measured. */
+const BESIDE = 8;
+
 /** Directions in which a place is looked for, the one across the length first; then farther away. */
 function* spots(points: Point[], from: Point, width: number): Generator<Point> {
   const [a, b] = [points[0]!, points.at(-1)!];
@@ -92,18 +95,26 @@ const boxOf = ([x, y]: Point, width: number): Box => ({ x: x - width / 2, y: y -
 /** Where labels were before something was taken into the hand: while it is held they stay there, and their words follow. */
 let before: Label[] = [];
 
+const heldKind = computed(() => moved.value?.handle.kind ?? null);
+const hasView = computed(() => view.value !== null);
+
 /** Labels as they are drawn. */
 export const labels = computed((): Label[] => {
-  if (!picture.value || !view.value) return [];
-  if (moved.value?.handle.kind === "mark" && before.length) {
-    const words = new Map(measured.value.map((m) => [m.name, m.error ? "–" : m.words] as const));
-    return before.map((label) => ({ ...label, text: words.get(label.name) || label.text }));
-  }
-  before = placed();
-  return before;
+  if (!picture.value || !hasView.value) return [];
+  if (heldKind.value === null || !before.length) return (before = placed([], () => true));
+  const texts = new Map(measured.value.map((m) => [m.name, textOf(m)] as const));
+  const kept = before.map((label) => ({ ...label, text: texts.get(label.name) ?? label.text }));
+  if (heldKind.value === "mark") return kept;
+  // The one whose point moves finds a place among the others.
+  const { name: held } = moved.value!.handle;
+  const others = kept.filter(({ name }) => name !== held);
+  return [...others, ...placed(others, (name) => name === held)];
 });
 
-function placed(): Label[] {
+const textOf = (m: { error?: string | null; words: string }) => (m.error ? "–" : m.words || "…");
+
+/** Places labels of the measurements asked for among those that lie already. */
+function placed(there: Label[], isAsked: (name: string) => boolean): Label[] {
   const t = viewport.transform.value;
   const { width: wide, height: high } = viewport.size.value;
   const taken: Box[] = marks.value.length <= 24 ? marks.value.map((mark) => {
@@ -114,12 +125,13 @@ function placed(): Label[] {
   for (const { points } of all) {
     if (points.length <= 24) points.forEach(([x, y]) => taken.push({ x: x - 6, y: y - 6, width: 12, height: 12 }));
   }
+  taken.push(...there.map(({ at, width }) => boxOf(at, width)));
   const isSelected = (name: string) => selected.value?.kind === "measurement" && sameHandle(selected.value, { ...selected.value, name });
   // What is selected has its place first.
   all.sort((a, b) => Number(isSelected(b.m.name)) - Number(isSelected(a.m.name)));
   const result: Label[] = [];
-  for (const { m, points } of all) {
-    const text = m.error ? "–" : m.words || "…";
+  for (const { m, points } of all.filter(({ m }) => isAsked(m.name))) {
+    const text = textOf(m);
     const width = widthOf(text) + 2 * PAD;
     const from = middle(points, m.what);
     if (from[0] < -wide || 2 * wide < from[0] || from[1] < -high || 2 * high < from[1]) continue;
@@ -131,6 +143,8 @@ function placed(): Label[] {
     let tried = 0;
     for (const at of spots(points, from, width)) {
       tried++;
+      // That there is no value is said where there is room; the table says why.
+      if (m.error && BESIDE < tried) break;
       const box = boxOf(at, width);
       if (!isFree(box)) continue;
       taken.push(box);

@@ -74,11 +74,16 @@ export const marks = computed((): Mark[] => {
   return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_suspect: false }] : all;
 });
 
+/** All measurements; what hangs on them is found anew when they change, not with every move of a mark. */
+export const measurements = computed(() => view.value?.measurements ?? []);
+/** The point of a measurement that is being moved. */
+const movedOfMeasurement = computed(() => (moved.value?.handle.kind === "measurement" ? { ...moved.value.handle, at: moved.value.at } : null));
+
 /** Measurements of the photograph, likewise. */
-export const measured = computed(() => (view.value?.measurements ?? []).filter((m) => m.photo === photo.value).map((m) => {
-  const hand = moved.value?.handle;
+export const measured = computed(() => measurements.value.filter((m) => m.photo === photo.value).map((m) => {
+  const hand = movedOfMeasurement.value;
   const points = m.points.map((point, index): Point =>
-    hand?.kind === "measurement" && hand.name === m.name && hand.index === index ? moved.value!.at : (point as [number, number]));
+    hand && hand.name === m.name && hand.index === index ? hand.at : (point as [number, number]));
   return { ...m, points };
 }));
 
@@ -116,6 +121,8 @@ function took(next: View) {
   // Its photograph was taken back.
   if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
   seen = Math.max(seen, next.version);
+  const { measurements: before } = view.value ?? {};
+  if (before && JSON.stringify(before) === JSON.stringify(next.measurements)) next = { ...next, measurements: before };
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -138,9 +145,12 @@ export const changedElsewhere = signal(false);
 let elsewhereTimer = 0;
 const ELSEWHERE_MS = 6000;
 
+/** Photographs on their way: the program tells of them before it answers, and nobody else has changed anything. */
+let uploads = 0;
+
 /** What the program says by itself: what is measured by now, and what another page changed. */
 function news(next: View) {
-  if (next.version < seen) return;
+  if (next.version < seen || (0 < uploads && seen < next.version)) return;
   const isOthers = seen < next.version;
   // While something is under the hand, what it has drawn stays: measurements alone are taken over.
   if (hand && view.value && !isOthers) {
@@ -431,6 +441,7 @@ function keepSession(next: View) {
 export async function addPhotograph(file: File): Promise<boolean> {
   if (!session.value && !(await open())) return false;
   busy.value = texts.sending(file.name, 0);
+  uploads++;
   try {
     took(await transport.addPhotograph(session.value!, file, file.name, (share) => (busy.value = texts.sending(file.name, share))));
     return true;
@@ -438,6 +449,7 @@ export async function addPhotograph(file: File): Promise<boolean> {
     failed("photograph", problem);
     return false;
   } finally {
+    uploads--;
     busy.value = null;
   }
 }

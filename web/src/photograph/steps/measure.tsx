@@ -3,7 +3,7 @@ import { useSignal } from "@preact/signals";
 import type { MeasuredKind, MeasurementView } from "../../api/types";
 import { download } from "../../parts/files";
 import { photographTexts as texts } from "../../texts/photograph";
-import { addMeasured, apply, failed, isMeasured, pending, photo, selected, session, showPhoto, tool, view } from "../store";
+import { addMeasured, apply, failed, isMeasured, measurements, pending, photo, selected, session, showPhoto, tool, view } from "../store";
 import { transport } from "../../transport";
 import { Step } from "./step";
 
@@ -44,7 +44,7 @@ export function MeasureStep() {
 function Table() {
   const order = useSignal<{ by: Column; down: boolean } | null>(null);
   const copied = useSignal(false);
-  const rows = sorted(view.value!.measurements, order.value);
+  const rows = sorted(measurements.value, order.value);
   const head = (by: Column, title: string) => {
     const now = order.value?.by === by ? order.value : null;
     return (
