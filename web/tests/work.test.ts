@@ -247,6 +247,49 @@ for (const [name, options] of [["390", PHONE], ["1280", WIDE]] as [string, Brows
   });
 }
 
+/** While a mark is dragged the outlines of measurements, which stay, are not drawn again with every move. */
+test("a dragged mark draws no measurement anew", async () => {
+  const page = await open(chromium, server);
+  await page.addInitScript(() => {
+    const counted = window as unknown as { arcs: number };
+    counted.arcs = 0;
+    for (const { prototype } of [CanvasRenderingContext2D, OffscreenCanvasRenderingContext2D]) {
+      const { arc } = prototype;
+      prototype.arc = function (...args) {
+        counted.arcs++;
+        arc.apply(this, args);
+      };
+    }
+  });
+  await page.reload();
+  await fourClicks(page);
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+  for (let i = 0; i < 50; i++) {
+    const command = { kind: "add_measurement", name: `length ${i}`, what: "length", points: [pixel(0.2 + 0.05 * i, 1), pixel(0.2 + 0.05 * i, 1.5)] };
+    await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command } });
+  }
+  await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 50);
+  await page.waitForTimeout(500);
+  const [x, y] = (await shown(page)).at(pixel(0, 0));
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + 6, y);
+  await page.waitForTimeout(300);
+  const arcs = () => page.evaluate(() => (window as unknown as { arcs: number }).arcs);
+  const before = await arcs();
+  const moves = 40;
+  for (let i = 1; i <= moves; i++) {
+    await page.mouse.move(x + 6 + 4 * Math.sin(i / 4), y);
+    await page.waitForTimeout(16);
+  }
+  const drawn = (await arcs()) - before;
+  await page.mouse.up();
+  console.log(`${drawn} arcs in ${moves} moves`);
+  // A ring for each of 100 points with every move would be 4000.
+  assert(moves < drawn && drawn < 2000, `${drawn} arcs in ${moves} moves`);
+  await page.context().close();
+});
+
 /** A photograph that this page adds is no change by another one. */
 test("a photograph is not taken for another window's", async () => {
   const page = await open(chromium, server);
