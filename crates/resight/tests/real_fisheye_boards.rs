@@ -42,7 +42,7 @@ fn fisheye_boards_are_found() {
             let [own, other] = &mut corners[usize::from(rows == 4)].views;
             own.push(found.iter().map(|d| (at(d), d.pixel)).collect());
             other.push(found.iter().zip(theirs).map(|(d, pixel)| (at(d), pixel)).collect());
-            let (width_px, height_px) = (image.width() as u32, image.height() as u32);
+            let (width_px, height_px) = (image.width_px, image.height_px);
             corners[usize::from(rows == 4)].size = Some(ImageSize { width_px, height_px });
         }
     }

@@ -273,8 +273,18 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
         Some([alone.shared.camera.parameters()[0].1, (variance * noise).sqrt()])
     };
     let focal_px = [focal(&groups.first), focal(&groups.second)];
-    Some(Finding::TwoCameras { groups, focal_px })
+    let is_one_lens = match focal_px {
+        [Some([a, _]), Some([b, _])] => {
+            groups.times < super::LEAST_TIMES && (a - b).abs() < NO_ZOOM * a.max(b)
+        }
+        _ => false,
+    };
+    (!is_one_lens).then_some(Finding::TwoCameras { groups, focal_px })
 }
+
+/// Where two answers hardly fit better than one, a smaller relative difference of their focal lengths is no zoom: errors of a tenth of a pixel that
+/// the corners of a view share give as much in a few views.
+const NO_ZOOM: f64 = 0.002;
 
 /// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {

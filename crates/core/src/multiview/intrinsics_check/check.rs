@@ -14,7 +14,7 @@ use super::{
 use crate::camera::Parameters;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::Reduced;
-use crate::locate::consistency::noise_scale;
+use crate::locate::consistency::{is_unlikely, noise_scale};
 use crate::multiview::intrinsics::Shape;
 use crate::statistics::chi_square::tail;
 use crate::{Camera, Correspondence, Error};
@@ -24,6 +24,8 @@ use nalgebra::DVector;
 /// Probability of a false alarm where the intrinsics are right.
 pub const FALSE_ALARM_RATE: f64 = 1e-3;
 
+/// Number of values of a target's shape.
+const N_SHAPE: usize = 3;
 /// Standard deviation of the stretch of prints along one side: paper in damp air stretches by half of it.
 const STRETCH_SIGMA: f64 = 3e-3;
 /// Standard deviation of the bends of flat targets, relative to the half width: 1 mm in the middle of a sheet of A4.
@@ -94,13 +96,26 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
 ) -> Result<IntrinsicsCheck, Error> {
     let (views, skipped) = located(frames, camera);
     let too_few = Error::TooFewFrames { seen: views.len(), needed: 1 };
-    let (reduced, chi2) = reduced(&views, camera).ok_or(too_few)?;
+    let [flat, shaped] = reduced(&views, camera).ok_or(too_few)?;
     let parameters = camera.parameters();
-    let (keep, undetermined) = determined(&reduced, &scales(&views, camera), &parameters)?;
-    let raw = statistic(&reduced, &keep);
-    let noise_scale = noise_scale(chi2 - raw, redundancy(&views).saturating_sub(keep.len()));
-    let test = Test { reduced: &reduced, parameters: &parameters, noise_scale };
-    let p_value = test.p_value(raw, keep.len());
+    let (keep, undetermined) = determined(&flat.0, &scales(&views, camera), &parameters)?;
+    let n_left = redundancy(&views).saturating_sub(keep.len());
+    let test = |(reduced, chi2): &'_ (Reduced, f64)| {
+        let raw = statistic(reduced, &keep);
+        Test {
+            raw,
+            noise_scale: noise_scale(chi2 - raw, n_left),
+            reduced: reduced.clone(),
+            parameters: &parameters,
+        }
+    };
+    let explained = (flat.1 - shaped.1) / noise_scale(shaped.1, n_left);
+    let (flat, shaped) = (test(&flat), test(&shaped));
+    let p_value = |test: &Test| test.p_value(test.raw, keep.len());
+    // The intrinsics fit if they do so with the target as given, or with a bent one where it is bent beyond chance.
+    let is_bent = is_unlikely(explained, N_SHAPE);
+    let test = if is_bent && p_value(&flat) < p_value(&shaped) { shaped } else { flat };
+    let (p_value, raw, noise_scale) = (p_value(&test), test.raw, test.noise_scale);
     let blamed = if p_value < FALSE_ALARM_RATE { test.blame(&keep) } else { Vec::new() };
     Ok(IntrinsicsCheck {
         statistic: raw / noise_scale,
@@ -115,8 +130,9 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
     })
 }
 
-/// Returns the score and the information of all intrinsics at the poses found, and χ² there less what the target's shape explains of it.
-fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
+/// Returns the score and the information of all intrinsics at the poses found, and χ² there: for a target as given, and with its shape eliminated,
+/// χ² less what that explains.
+fn reduced(views: &[View], camera: &Camera) -> Option<[(Reduced, f64); 2]> {
     if views.is_empty() {
         return None;
     }
@@ -127,15 +143,20 @@ fn reduced(views: &[View], camera: &Camera) -> Option<(Reduced, f64)> {
     let (every, shape) = (every_parameter(camera), Shape::of(views.iter().flat_map(|view| &view.seen)));
     let mut equations = equations(views, &pivots, &places, camera, &every, shape.as_ref())?;
     let chi2 = equations.chi2;
-    if let Some(Shape { half_m: [x, y], .. }) = shape {
-        let variance = noise_scale(chi2, redundancy(views));
-        for (i, sigma) in [STRETCH_SIGMA, BEND_SIGMA * x, BEND_SIGMA * y].into_iter().enumerate() {
-            let by_shared = DVector::from_fn(equations.n_shared(), |k, _| f64::from(k == every.len() + i));
-            equations.add_known(0.0, variance / (sigma * sigma), &by_shared);
-        }
+    let all = equations.reduced()?;
+    let of_lens: Vec<usize> = (0..every.len()).collect();
+    let information = restricted(&all.information, &of_lens);
+    let flat = Reduced { information, gradient: picked(&all.gradient, &of_lens) };
+    let Some(Shape { half_m: [x, y], .. }) = shape else {
+        return Some([(flat.clone(), chi2), (flat, chi2)]);
+    };
+    let variance = noise_scale(chi2, redundancy(views));
+    for (i, sigma) in [STRETCH_SIGMA, BEND_SIGMA * x, BEND_SIGMA * y].into_iter().enumerate() {
+        let by_shared = DVector::from_fn(equations.n_shared(), |k, _| f64::from(k == every.len() + i));
+        equations.add_known(0.0, variance / (sigma * sigma), &by_shared);
     }
-    let (reduced, explained) = equations.reduced()?.first(every.len())?;
-    Some((reduced, chi2 - explained))
+    let (shaped, explained) = equations.reduced()?.first(every.len())?;
+    Some([(flat, chi2), (shaped, chi2 - explained)])
 }
 
 /// Returns the parameters that the frames determine, and the names of the others: the least determined one is held until the rest is determined.
@@ -168,8 +189,10 @@ fn statistic(reduced: &Reduced, keep: &[usize]) -> f64 {
 
 /// The inputs of every statistic of the test.
 struct Test<'a> {
-    reduced: &'a Reduced,
+    reduced: Reduced,
     parameters: &'a Parameters,
+    /// T before it is divided by `noise_scale`.
+    raw: f64,
     noise_scale: f64,
 }
 
@@ -180,7 +203,7 @@ impl Test<'_> {
 
     /// Adds the group that explains most until the rest explains no more than chance would, docs/math/frames.md eq. (11).
     fn blame(&self, keep: &[usize]) -> Vec<Blame> {
-        let whole = statistic(self.reduced, keep);
+        let whole = statistic(&self.reduced, keep);
         let of = |groups: &[Group]| -> Vec<usize> {
             keep.iter().copied().filter(|i| groups.contains(&Group::of(self.parameters[*i].0))).collect()
         };
@@ -188,14 +211,14 @@ impl Test<'_> {
         let mut groups: Vec<Group> = Vec::new();
         loop {
             let explained = of(&groups);
-            let rest = whole - statistic(self.reduced, &explained);
+            let rest = whole - statistic(&self.reduced, &explained);
             if FALSE_ALARM_RATE <= self.p_value(rest, keep.len() - explained.len()) {
                 break;
             }
             // Akaike's penalty: a kind with many parameters explains more by chance.
             let gain = |one: Group| {
                 let more = with(&groups, one);
-                statistic(self.reduced, &more) / self.noise_scale - 2.0 * more.len() as f64
+                statistic(&self.reduced, &more) / self.noise_scale - 2.0 * more.len() as f64
             };
             let candidates = Group::ALL.into_iter().filter(|one| explained.len() < with(&groups, *one).len());
             let best =
