@@ -1,10 +1,12 @@
 //! Lists of poses: each format with poses computed by hand, each convention by a quarter turn about one axis and an order of two, each mistake by its
 //! name.
 
+use crate::support::assert_golden;
+use resight_formats::OutFile;
 use resight_formats::core::Pose;
-use resight_formats::core::multiview::hand_eye::Mounting;
+use resight_formats::core::multiview::hand_eye::{AngleUnit, Mounting};
 use resight_formats::pose_list::{
-    LengthUnit, PoseList, PoseListOptions, RotationWord, pose_list_of_array, read_pose_list,
+    LengthUnit, PoseList, PoseListOptions, RotationFormat, RotationWord, pose_list_of_array, read_pose_list,
 };
 use std::path::PathBuf;
 
@@ -469,4 +471,34 @@ fn columns_of_pairs_hold_both_poses() {
         let reason = read("pairs.csv", text.as_bytes(), &options).unwrap_err();
         assert!(reason.contains(words), "{reason}");
     }
+}
+
+/// What the judges compute with other programs: the numbers of each convention, and our pose.
+#[test]
+fn rotations_for_the_judges() {
+    let turns = [[0.3, -0.7, 1.1], [-1.9, 0.4, 0.25], [2.5, 1.2, -0.6]];
+    let half = [[0.5, -0.5, 0.5, 0.5], [0.8, 0.0, -0.6, 0.0], [0.1, 0.7, -0.5, 0.5]];
+    let mut text = String::from("word,n1,n2,n3,n4,r11,r12,r13,r21,r22,r23,r31,r32,r33,x_m,y_m,z_m\n");
+    for word in RotationWord::ALL {
+        let numbers: Vec<Vec<f64>> = match word.format {
+            RotationFormat::Angles(convention) => {
+                let unit = if convention.unit == AngleUnit::Degrees { 64.0 } else { 1.0 };
+                turns.iter().map(|turn| turn.iter().map(|x| x * unit).collect()).collect()
+            }
+            _ => half.iter().map(|q| q.to_vec()).collect(),
+        };
+        let rows: String = numbers
+            .iter()
+            .map(|n| format!("100 -200 300 {}\n", n.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")))
+            .collect();
+        let options = PoseListOptions { rotation: Some(*word), ..PoseListOptions::default() };
+        let list = read("judged.txt", rows.as_bytes(), &options).unwrap();
+        for (n, pose) in numbers.iter().zip(&list.poses) {
+            let (r, t) = (pose.b_from_a.rotation.transpose(), pose.b_from_a.translation);
+            let fourth = n.get(3).map_or_else(String::new, f64::to_string);
+            let cells = r.iter().chain(&t).map(|x| format!("{x:.15}")).collect::<Vec<_>>().join(",");
+            text += &format!("{},{},{},{},{fourth},{cells}\n", word.word, n[0], n[1], n[2]);
+        }
+    }
+    assert_golden("rotations", &[OutFile { name: "rotations.csv".into(), text }]);
 }
