@@ -8,7 +8,7 @@ import numpy as np
 import pykitti
 
 from _rigs import GOLDEN as RIGS
-from _rigs import folder, judge
+from _rigs import folder, judge, opencv_pixel
 
 EXAMPLES = RIGS.parents[1]
 
@@ -53,5 +53,14 @@ def check_object():
         assert np.allclose(calib[key], np.fromstring(example[key], sep=" "), rtol=0, atol=1e-14), key
 
 
+def check_unrectified():
+    """The raw data's lens before rectification, by OpenCV: its five coefficients, and cam1_from_cam0."""
+    calib = pykitti.utils.read_calib_file(str(EXAMPLES / "kitti_unrectified" / "calib_cam_to_cam.txt"))
+    k, d, r, t = (calib[f"{key}_01"] for key in ("K", "D", "R", "T"))
+    rig = "kitti_unrectified/calib_cam_to_cam.txt#cam1_unrectified"
+    judge("pykitti's reader and OpenCV, raw", rig, lambda _, x: opencv_pixel(k, d, r.reshape(3, 3), t, x), file="pixels_files")
+
+
 check_odometry()
 check_object()
+check_unrectified()

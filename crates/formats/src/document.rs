@@ -17,6 +17,10 @@ pub(super) enum Syntax {
     /// ROS's INI of a camera (names on lines of their own, numbers below), or sections of `key = value`.
     Ini,
     Lines,
+    /// A table with a header that names poses or lenses, as records.
+    Records,
+    /// What MATLAB displays of a camera.
+    Display,
     /// A launch file or script that runs `static_transform_publisher`.
     Launch,
     /// A recording, of which only the intrinsics are read.

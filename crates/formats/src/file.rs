@@ -152,6 +152,8 @@ pub struct WriteError(pub String);
 #[derive(Debug, Default, Clone)]
 pub(super) struct Contents {
     pub cameras: Vec<NamedCamera>,
+    /// Read by their names only: what most people do not mean, such as the lenses before rectification.
+    pub spare: Vec<NamedCamera>,
     pub relations: Vec<Placement>,
     pub clocks: Vec<ClockOffset>,
     pub joint: Option<JointCovariance>,

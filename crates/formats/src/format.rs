@@ -80,6 +80,16 @@ pub enum Format {
     Autoware,
     /// Matrices under keys `b_from_a`, poses only; read only.
     PoseMatrices,
+    /// Cameras of MATLAB, exported or displayed; read only.
+    Matlab,
+    /// Argoverse 1 and 2; read only.
+    Argoverse,
+    /// Oxford RobotCar's models and extrinsics; read only.
+    RobotCar,
+    /// Lens profile of Gyroflow; read only.
+    Gyroflow,
+    /// Lens database of lensfun; read only.
+    Lensfun,
     /// Agisoft Metashape's exported cameras or calibration (XML); read only.
     Metashape,
     /// nuScenes `calibrated_sensor.json`, with `sensor.json` where it lies beside.
@@ -138,6 +148,11 @@ impl Format {
             Format::Krtd => "KWIVER camera (.krtd)",
             Format::Autoware => "Autoware sensor calibration",
             Format::PoseMatrices => "matrices named b_from_a",
+            Format::Matlab => "MATLAB camera",
+            Format::Argoverse => "Argoverse calibration",
+            Format::RobotCar => "RobotCar calibration",
+            Format::Gyroflow => "Gyroflow lens profile",
+            Format::Lensfun => "lensfun lens database",
             Format::Metashape => "Metashape cameras (XML)",
             Format::NuScenes => "nuScenes calibrated_sensor",
             Format::OpenCvXml => "OpenCV FileStorage (XML)",

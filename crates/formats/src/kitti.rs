@@ -2,7 +2,8 @@
 //! `calib_velo_to_cam.txt`, `calib_imu_to_velo.txt`.
 //!
 //! Cameras are rectified: all have the attitude of frame `rect`, and Pᵢ = Kᵢ [I | tᵢ] holds the place of camera i as
-//! cam_i_from_rect = (I, Kᵢ⁻¹ p₄). `R0_rect` is rect_from_cam0 (cam0 before rectification), `Tr_velo_to_cam` is
+//! cam_i_from_rect = (I, Kᵢ⁻¹ p₄). The raw data's cameras before rectification (`S_0i`, `K_0i`, `D_0i` in OpenCV's order, `R_0i`, `T_0i` from
+//! camera 0) are read as `FILE#cam0_unrectified` … `R0_rect` is rect_from_cam0 (cam0 before rectification), `Tr_velo_to_cam` is
 //! cam0_from_velo, `Tr_imu_to_velo` velo_from_imu; the odometry benchmark's `Tr` is rect_from_velo. Metres; KITTI counts
 //! pixels from 0, as we do.
 
@@ -13,7 +14,7 @@ use super::frames::Frames;
 use super::lens::{self, LensNumbers};
 use super::{
     CameraFile, CameraFormat, Contents, Format, NamedCamera, OutFile, Placement, Reads, WriteError, Writer,
-    Written, checks,
+    Written, checks, opencv,
 };
 use crate::core::Pose;
 use crate::core::camera::{CameraMatrix, ImageSize};
@@ -82,6 +83,15 @@ fn read(document: &Document) -> Result<Contents, Fault> {
             contents.cameras.push(camera);
         }
     }
+    for i in 0..4 {
+        unrectified(&root, i, &mut contents)?;
+    }
+    if !contents.spare.is_empty() {
+        let name = &contents.spare[0].name;
+        contents.notes.push(format!(
+            "The cameras are those of the rectified images; lenses before rectification by name, FILE#{name} …"
+        ));
+    }
     for (key, b, a, n) in RELATIONS {
         if let Some(entry) = root.get(key)
             && contents.relations.iter().all(|p| (p.b.as_str(), p.a.as_str()) != (b, a))
@@ -96,6 +106,27 @@ fn read(document: &Document) -> Result<Contents, Fault> {
         contents.warnings.push("the file states no image size".into());
     }
     Ok(contents)
+}
+
+/// The lens before rectification, and its place against camera 0's.
+fn unrectified(root: &Entry<'_>, i: usize, contents: &mut Contents) -> Result<(), Fault> {
+    let key = |letter: &str| root.get(&format!("{letter}_0{i}"));
+    let name = format!("cam{i}_unrectified");
+    if let (Some(k), Some(d)) = (key("K"), key("D")) {
+        let matrix = checks::without_skew(&k, &Matrix3::from_row_slice(&row(&k, 9)?))?;
+        let lens = opencv::brown_conrady(&d, row(&d, 5)?)?;
+        let size = key("S").map(|s| size(&s)).transpose()?;
+        let camera = lens::camera(&k, &lens, matrix, size, &mut contents.warnings)?;
+        contents.spare.push(NamedCamera::new(&name, camera, None));
+    }
+    if let (Some(r), Some(t)) = (key("R"), key("T"))
+        && name != CAM0
+    {
+        let rotation = checks::rotation(&r, &Matrix3::from_row_slice(&row(&r, 9)?))?;
+        let b_from_a = Pose::new(rotation, Vector3::from_row_slice(&row(&t, 3)?));
+        contents.relations.push(relation(&name, CAM0, b_from_a));
+    }
+    Ok(())
 }
 
 fn relation(b: &str, a: &str, b_from_a: Pose) -> Placement {

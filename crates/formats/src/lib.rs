@@ -27,7 +27,7 @@
 //! | MCAP recording | `mcap.rs` | as ROS camera_info | none | no |
 //! | Kalibr camera chain | `kalibr.rs` | pinhole × radtan, equidistant, fov, none; omni × radtan, none; eucm, ds | cam_from_previous, cam_from_imu | yes |
 //! | EuRoC sensor.yaml | `euroc.rs` | as Kalibr | body_from_cam | yes |
-//! | ROS static transforms | `tf.rs`, `tf_launch.rs` | none | parent_from_child | yes |
+//! | ROS static transforms | `tf.rs`, `tf_launch.rs`, `tf_echo.rs` | none | parent_from_child | yes |
 //! | URDF | `urdf.rs` | none | parent_from_child | yes |
 //! | KITTI | `kitti.rs` | pinhole | cam_from_rect (P), rect_from_velo, … | yes |
 //! | nuScenes | `nuscenes.rs` | pinhole | ego_from_sensor | yes |
@@ -41,6 +41,8 @@
 //! | OpenSfM, Metashape | `open_sfm.rs`, `metashape.rs`, `shots.rs` | Brown–Conrady, fisheye | cam_from_world, chunk_from_cam | no |
 //! | DepthAI, Azure Kinect, RealSense, ZED | `depthai.rs`, `azure_kinect.rs`, `realsense.rs`, `zed.rs` | Brown–Conrady, fisheye, fov | to_from_this, cam_from_depth, right_from_left | no |
 //! | KWIVER, Autoware, named matrices | `krtd.rs`, `autoware.rs`, `pose_matrix.rs` | Brown–Conrady | cam_from_world, parent_from_child, b_from_a | no |
+//! | MATLAB, Argoverse, RobotCar | `matlab.rs`, `argoverse.rs`, `robotcar.rs` | Brown–Conrady of 5; pinhole | second_from_first, ego_from_sensor, mount_from_vehicle | no |
+//! | Gyroflow, lensfun | `lens_profile.rs` | Brown–Conrady of 5, fisheye | none | no |
 //! | multical | `multical.rs` | Brown–Conrady | cam_from_rig, cam_from_master | yes |
 //! | MC-Calib | `mccalib.rs` | Brown–Conrady of 5, fisheye | group_from_cam | yes |
 //! | lists of robot poses | `pose_list.rs` | none | base_from_gripper, cam_from_target | no |
@@ -73,6 +75,7 @@ mod atomic;
 mod scene;
 mod euler;
 mod tf_launch;
+mod tf_echo;
 mod colmap;
 mod own_camera;
 mod own_target;
@@ -93,6 +96,10 @@ mod realsense;
 mod zed;
 mod krtd;
 mod autoware;
+mod argoverse;
+mod robotcar;
+mod matlab;
+mod lens_profile;
 mod pose_matrix;
 mod kalibr;
 mod kalibr_report;

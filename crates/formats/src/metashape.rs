@@ -102,13 +102,13 @@ fn named(name: String, camera: Camera) -> NamedCamera {
 }
 
 /// Elements of a name inside one.
-fn below<'a>(at: &Entry<'a>, name: &str) -> Result<Vec<Entry<'a>>, Fault> {
+pub(super) fn below<'a>(at: &Entry<'a>, name: &str) -> Result<Vec<Entry<'a>>, Fault> {
     let children = at.need("children")?.items()?;
     let named = children.into_iter().filter(|child| element_is(child.node, name));
     Ok(named.map(|child| Entry::called(name, child.node)).collect())
 }
 
-fn only<'a>(at: &Entry<'a>, name: &str) -> Result<Option<Entry<'a>>, Fault> {
+pub(super) fn only<'a>(at: &Entry<'a>, name: &str) -> Result<Option<Entry<'a>>, Fault> {
     Ok(below(at, name)?.into_iter().next())
 }
 

@@ -5,7 +5,7 @@ use super::document::{Document, Node, Value};
 use std::collections::BTreeSet;
 
 /// Keys without which a file is none of the format. Lists are of readable files only: the row that reads them is in `table`.
-const KEYS: [(Format, &[&str]); 22] = [
+const KEYS: [(Format, &[&str]); 26] = [
     (Format::Own, &["model", "fx_px", "fy_px", "cx_px", "cy_px"]),
     (Format::OpenCv, &["camera_matrix", "distortion_coefficients"]),
     (
@@ -43,6 +43,16 @@ const KEYS: [(Format, &[&str]); 22] = [
     ),
     (Format::RealSense, &["width", "height", "ppx", "ppy", "fx", "fy", "model", "coeffs"]),
     (Format::NuScenes, &["sensor_token", "translation", "rotation", "camera_intrinsic"]),
+    (
+        Format::Matlab,
+        &["RadialDistortion", "TangentialDistortion", "FocalLength", "PrincipalPoint", "ImageSize"],
+    ),
+    (
+        Format::Argoverse,
+        &["camera_data_", "key", "focal_length_x_px_", "focal_center_x_px_", "vehicle_SE3_camera_"],
+    ),
+    (Format::Argoverse, &["sensor_name", "fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px"]),
+    (Format::Gyroflow, &["calib_dimension", "fisheye_params", "camera_matrix", "distortion_coeffs"]),
     (Format::EasyHandeyeOnBase, &["transformation", "eye_on_hand", "tracking_base_frame"]),
     (Format::Autoware, &["x", "y", "z", "roll", "pitch", "yaw"]),
     (Format::StaticTransforms, &["child_frame_id", "frame_id", "translation", "rotation"]),

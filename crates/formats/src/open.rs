@@ -2,7 +2,9 @@
 
 use super::document::{Document, Syntax};
 use super::tree::{Fault, Node, Value};
-use super::{colmap, kalibr_report, krtd, pose_matrix, syntax, tf_launch};
+use super::{
+    argoverse, colmap, kalibr_report, krtd, matlab, pose_matrix, robotcar, syntax, tf_echo, tf_launch,
+};
 use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
@@ -54,6 +56,8 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
         Syntax::Xml => syntax::xml::parse(&text)?,
         Syntax::Ini if syntax::ini::is_zed(&text) => syntax::ini::parse_sections(&text)?,
         Syntax::Ini => syntax::ini::parse(&text)?,
+        Syntax::Records => argoverse::parse_table(&text)?,
+        Syntax::Display => matlab::parse_display(&text)?,
         Syntax::Lines | Syntax::Launch => Node { line: 1, value: Value::Null },
         #[cfg(feature = "recordings")]
         Syntax::Mcap => Node { line: 1, value: Value::Null },
@@ -67,8 +71,17 @@ fn syntax_of(text: &str) -> Syntax {
         || kalibr_report::is_report(text)
         || krtd::is_krtd(text)
         || pose_matrix::is_bare_text(text)
+        || robotcar::is_model(text)
+        || robotcar::is_six_numbers(text)
+        || tf_echo::is_echo(text)
     {
         return Syntax::Lines;
+    }
+    if argoverse::is_table(text) {
+        return Syntax::Records;
+    }
+    if matlab::is_display(text) {
+        return Syntax::Display;
     }
     let significant = |line: &&str| !line.is_empty() && !line.starts_with('#');
     let first = text.lines().map(str::trim).find(significant).unwrap_or_default();

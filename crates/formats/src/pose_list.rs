@@ -1,10 +1,12 @@
 //! Lists of poses as people have them: of a robot's gripper, or of a target in front of a camera, one for each view.
 //!
-//! Tables (columns by name, or bare rows of numbers), NumPy arrays, JSON and YAML, the samples of easy_handeye and of MoveIt's calibration. A file
+//! Tables (columns by name, or bare rows of numbers), NumPy arrays, JSON and YAML, programs of robots' controllers, the samples of easy_handeye and of
+//! MoveIt's calibration. A file
 //! states its convention by the names of its columns or keys, else the caller does; where neither does, the file is refused with the choices.
 
 mod arrays;
 mod columns;
+mod controllers;
 mod documents;
 mod npy;
 mod words;
@@ -19,7 +21,7 @@ use super::{checks, open};
 use crate::FileError;
 use crate::core::Pose;
 use crate::core::multiview::hand_eye::{AngleUnit, Mounting, RotationConvention, RotationOrder, WrittenPose};
-use columns::Layout;
+use columns::{Layout, Pairs};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -119,6 +121,8 @@ enum Content {
     /// No text; what it is.
     Foreign(String),
     Rows(arrays::Array),
+    /// A program of a robot's controller.
+    Controller(Vec<controllers::Written>),
     Document,
     Table,
 }
@@ -142,6 +146,9 @@ fn content(bytes: &[u8]) -> Content {
     if let Some(rows) = arrays::rows_of_numbers(text) {
         return Content::Rows(rows);
     }
+    if let Some(written) = controllers::written(text) {
+        return Content::Controller(written);
+    }
     let significant = |line: &&str| !line.is_empty() && !line.starts_with('#');
     let text = text.trim_start_matches('\u{feff}');
     let first = text.lines().map(str::trim).find(significant).unwrap_or_default();
@@ -160,6 +167,7 @@ fn of_content(
         Content::NumPy => arrays::poses(&npy::array(&bytes)?, options),
         Content::Foreign(what) => Err(Fault::new(what)),
         Content::Rows(rows) => arrays::poses(&rows, options),
+        Content::Controller(written) => controllers::poses(&written, options),
         Content::Document | Content::Table => {
             let document: Document = open::parse(path, bytes)?;
             documents::poses(&document.entry(), options)
@@ -172,13 +180,18 @@ const VIEW: [&str; 5] = ["view", "image", "file", "filename", "name"];
 
 fn of_table(path: &Path, options: &PoseListOptions) -> Result<PoseList, FileError> {
     let rows = Table::open(path, "view,qw,qx,qy,qz,x_m,y_m,z_m")?;
-    let layout = Layout::of(rows.header(), options).map_err(|reason| rows.complaint(reason))?;
+    let pairs = Pairs::of(rows.header(), options).map_err(|reason| rows.complaint(reason))?;
+    let layout = match &pairs {
+        Some(pairs) => Ok(pairs.robot.clone()),
+        None => Layout::of(rows.header(), options),
+    };
+    let layout = layout.map_err(|reason| rows.complaint(reason))?;
     let view = VIEW.iter().find_map(|name| rows.find(name));
     let sigmas = (rows.find("sigma_deg"), rows.find("sigma_mm"));
     if sigmas.0.is_some() != sigmas.1.is_some() {
         return Err(rows.complaint("sigma_deg and sigma_mm belong together; one is missing"));
     }
-    let mut poses = Vec::new();
+    let (mut poses, mut seen) = (Vec::new(), Vec::new());
     rows.each(|row| {
         let name = match view.map(|column| (column, row.text(column))) {
             Some((column, None)) => {
@@ -186,18 +199,24 @@ fn of_table(path: &Path, options: &PoseListOptions) -> Result<PoseList, FileErro
             }
             found => found.and_then(|(_, text)| text).map(str::to_owned),
         };
-        let numbers = layout.columns().into_iter().map(|column| finite(&row, column));
-        let numbers: Vec<f64> = numbers.collect::<Result<_, _>>()?;
-        let node = arrays::node(row.line as usize, &numbers);
-        let pose = layout.pose(&Entry::called("", &node), &numbers);
-        let pose = pose.map_err(|fault| row.complaint_of(&fault.reason))?;
+        let pose = pose_of_row(&row, &layout)?;
+        if let Some(pairs) = &pairs {
+            seen.push(pose_of_row(&row, &pairs.target)?.b_from_a);
+        }
         let own = row.optional_number(sigmas.0)?.zip(row.optional_number(sigmas.1)?);
         let sigmas = own.map(|(deg, mm)| [deg.to_radians(), 1e-3 * mm]);
         poses.push(ListedPose { view: name, sigmas, ..pose });
         Ok::<(), FileError>(())
     })?;
     let remarks = table::how_read(path).map(str::to_owned).into_iter().collect();
-    Ok(PoseList { poses, cam_from_target: None, mounting: None, remarks })
+    Ok(PoseList { poses, cam_from_target: pairs.map(|_| seen), mounting: None, remarks })
+}
+
+fn pose_of_row(row: &TableRow<'_>, layout: &Layout) -> Result<ListedPose, FileError> {
+    let numbers = layout.columns().into_iter().map(|column| finite(row, column));
+    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>()?;
+    let node = arrays::node(row.line as usize, &numbers);
+    layout.pose(&Entry::called("", &node), &numbers).map_err(|fault| row.complaint_of(&fault.reason))
 }
 
 fn finite(row: &TableRow<'_>, column: usize) -> Result<f64, FileError> {

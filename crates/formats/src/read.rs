@@ -171,6 +171,13 @@ fn picked(
     path: &Path,
     name: Option<&str>,
 ) -> Result<(NamedCamera, Vec<String>), FileError> {
+    if let Some(name) = name
+        && let Some((_, reads)) = camera_format(document)
+        && let mut contents = contents_of(document, reads).map_err(|fault| fault.in_file(path))?
+        && let Some(at) = contents.spare.iter().position(|camera| camera.name == name)
+    {
+        return Ok((contents.spare.swap_remove(at), Vec::new()));
+    }
     let file = cameras_of(document).map_err(|fault| fault.in_file(path))?;
     let camera = pick(file.cameras, name).map_err(|reason| FileError::new(path, reason))?;
     Ok((camera, file.warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect()))

@@ -16,8 +16,8 @@ const MAX_FILES: usize = 2000;
 /// Folders below a folder: `mav0/cam0/sensor.yaml` needs two.
 const MAX_DEPTH: usize = 4;
 /// Endings of files that a folder is searched for.
-const ENDINGS: [&str; 11] =
-    ["toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch", "py", "sh"];
+const ENDINGS: [&str; 12] =
+    ["csv", "toml", "yaml", "yml", "json", "xml", "txt", "urdf", "cameramodel", "launch", "py", "sh"];
 /// Two statements of one pose that agree this well are one: files are printed with six decimals or so.
 const SAME_ANGLE_RAD: f64 = 1e-3;
 /// As `SAME_ANGLE_RAD`, share of the distance, and metres.
@@ -69,6 +69,9 @@ fn spec(path: &Path) -> (&Path, Option<&str>) {
 }
 
 fn keep(read: &mut [(PathBuf, Format, Contents)], name: &str) -> Result<(), String> {
+    for (_, _, contents) in &mut *read {
+        contents.cameras.extend(contents.spare.extract_if(.., |camera| camera.name == name));
+    }
     let names: Vec<String> = read.iter().flat_map(|(_, _, c)| &c.cameras).map(|c| c.name.clone()).collect();
     if !names.iter().any(|n| n == name) {
         return Err(format!("no camera `{name}`; there are {}", names.join(", ")));

@@ -4,11 +4,11 @@
 
 use super::document::Document;
 use super::{
-    CameraFormat, Format, Reads, TargetFormat, Writer, autoware, azure_kinect, basalt, blender, caliscope,
-    caliscope_target, camodocal, colmap, depthai, euroc, fspy, gltf, handeye, kalibr, kalibr_report,
-    kalibr_target, kitti, krtd, mccalib, metashape, mrcal, multical, nuscenes, open_sfm, opencv, orb_slam,
-    own_camera, own_target, photonvision, pose_matrix, realsense, ros, scalar_keys, tf, transforms, urdf,
-    wpilib, zed,
+    CameraFormat, Format, Reads, TargetFormat, Writer, argoverse, autoware, azure_kinect, basalt, blender,
+    caliscope, caliscope_target, camodocal, colmap, depthai, euroc, fspy, gltf, handeye, kalibr,
+    kalibr_report, kalibr_target, kitti, krtd, lens_profile, matlab, mccalib, metashape, mrcal, multical,
+    nuscenes, open_sfm, opencv, orb_slam, own_camera, own_target, photonvision, pose_matrix, realsense,
+    robotcar, ros, scalar_keys, tf, transforms, urdf, wpilib, zed,
 };
 
 /// In the order they are tried: the most particular keys first, OpenCV's many spellings last.
@@ -36,6 +36,11 @@ pub(super) const CAMERA_FORMATS: &[CameraFormat] = &[
     camodocal::FORMAT,
     open_sfm::FORMAT,
     metashape::FORMAT,
+    matlab::FORMAT,
+    argoverse::FORMAT,
+    lens_profile::GYROFLOW,
+    lens_profile::LENSFUN,
+    robotcar::FORMAT,
     depthai::FORMAT,
     azure_kinect::FORMAT,
     zed::FORMAT,

@@ -1,5 +1,5 @@
 //! ROS static transforms: `static_transform_publisher` in launch files (Python, XML) and shell scripts, and lists of
-//! `geometry_msgs/TransformStamped` in YAML (what `ros2 topic echo /tf_static` prints). Poses only.
+//! `geometry_msgs/TransformStamped` in YAML (what `ros2 topic echo /tf_static` prints), and what `tf2_echo` prints. Poses only.
 //!
 //! A transform is the pose of the child frame in its parent: x_parent = R x_child + t; quaternions x, y, z, w.
 //! Camera frames are optical (x right, y down, z forward): camera `left` is the frame `left_optical_frame`.
@@ -9,6 +9,7 @@ use super::emit::{number, quoted};
 use super::entry::Entry;
 use super::euler::rotation_of_rpy;
 use super::frames::Frames;
+use super::tf_echo;
 use super::tf_launch::{Command, commands};
 use super::{
     CameraFile, CameraFormat, Contents, Format, OutFile, Placement, Reads, WriteError, Writer, Written,
@@ -46,6 +47,7 @@ const ROOTS: [&str; 5] = ["base_link", "base", "rig", "body", "world"];
 fn recognises(document: &Document) -> bool {
     match document.syntax {
         Syntax::Launch => true,
+        Syntax::Lines => tf_echo::is_echo(&document.text),
         Syntax::Xml => element_is(&document.root, "launch"),
         _ => stamped(document).is_some_and(|list| list.iter().any(|e| e.has("child_frame_id"))),
     }
@@ -62,6 +64,9 @@ fn stamped(document: &Document) -> Option<Vec<Entry<'_>>> {
 }
 
 fn read(document: &Document) -> Result<Contents, Fault> {
+    if document.syntax == Syntax::Lines {
+        return tf_echo::read(document);
+    }
     let mut contents = Contents::default();
     if matches!(document.syntax, Syntax::Launch | Syntax::Xml) {
         for command in commands(document)? {

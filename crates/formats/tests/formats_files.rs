@@ -116,10 +116,24 @@ fn formats_of_poses_alone_round_trip() {
 #[test]
 fn pixels_for_the_judges() {
     let mut text = String::from("rig,camera,x_m,y_m,z_m,u_px,v_px\n");
-    for (source, frame) in [("opencv_stereo.yml", "M1"), ("kitti_object.txt", "rect"), ("nuscenes", "ego")] {
+    for (source, frame) in [
+        ("opencv_stereo.yml", "M1"),
+        ("kitti_object.txt", "rect"),
+        ("nuscenes", "ego"),
+        ("kitti_unrectified/calib_cam_to_cam.txt#cam1_unrectified", "cam0_unrectified"),
+        ("argoverse1", "egovehicle"),
+        ("argoverse2", "egovehicle"),
+        ("robotcar", "vehicle"),
+        ("matlab_camera.json", "matlab_camera"),
+        ("matlab_stereo.yaml", "camera1"),
+        ("gyroflow.json", "gyroflow"),
+        ("lensfun.xml", ""),
+    ] {
         let rig = rig_of(&[source]);
         for c in &rig.cameras {
             for (x_in_cam, pixel) in seen_points(&c.camera) {
+                // Cameras without poses are projected each in its own frame.
+                let frame = if frame.is_empty() { &c.name } else { frame };
                 let x = between(&rig, frame, &c.name) * x_in_cam;
                 text += &format!(
                     "{source},{},{:?},{:?},{:?},{:?},{:?}\n",

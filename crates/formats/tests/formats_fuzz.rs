@@ -9,11 +9,7 @@ use std::path::{Path, PathBuf};
 
 fn examples() -> Vec<(PathBuf, Vec<u8>)> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../testdata/formats");
-    let below =
-        |folder: PathBuf| std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect::<Vec<_>>();
-    let mut paths = below(folder.clone());
-    paths.extend(below(folder.join("golden/rigs")).into_iter().flat_map(below));
-    paths.retain(|p| p.is_file());
+    let mut paths = crate::support::files_below(&folder);
     paths.sort();
     paths.into_iter().map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
 }

@@ -16,5 +16,6 @@ mod formats_read;
 mod formats_real;
 mod formats_refuse;
 mod formats_rigs;
+mod formats_vehicles;
 mod formats_write;
 mod pose_lists;

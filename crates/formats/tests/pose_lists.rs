@@ -1,10 +1,12 @@
 //! Lists of poses: each format with poses computed by hand, each convention by a quarter turn about one axis and an order of two, each mistake by its
 //! name.
 
+use crate::support::assert_golden;
+use resight_formats::OutFile;
 use resight_formats::core::Pose;
-use resight_formats::core::multiview::hand_eye::Mounting;
+use resight_formats::core::multiview::hand_eye::{AngleUnit, Mounting};
 use resight_formats::pose_list::{
-    LengthUnit, PoseList, PoseListOptions, RotationWord, pose_list_of_array, read_pose_list,
+    LengthUnit, PoseList, PoseListOptions, RotationFormat, RotationWord, pose_list_of_array, read_pose_list,
 };
 use std::path::PathBuf;
 
@@ -407,4 +409,96 @@ fn records_are_read_by_their_keys() {
     let inverse = PoseListOptions { is_inverse: true, ..none };
     let text = "[{\"view\": \"a\", \"gripper_from_base\": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]";
     assert!(read("twice.json", text.as_bytes(), &inverse).unwrap_err().contains("leave out the option"));
+}
+
+/// Programs of controllers state their convention by their spelling: a quarter turn about z, and one about x before or after it.
+#[test]
+fn programs_of_controllers_are_read_in_their_convention() {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let ur = format!(
+        "def calib():\n  movej(p[0.1, 0.2, 0.3, 0, 0, {quarter}], a=1)\n  movej(p[1, 0, 0, 0, 0, 0])\nend\n"
+    );
+    let kuka = "$TOOL={X 9,Y 9,Z 9,A 0,B 0,C 0}\nDECL E6POS XP1={X 100,Y 200,Z 300,A 90.0,B 0,C 90.0,S 2,T 10}\nDECL E6POS XP2={X 0,Y 0,Z 0,A 0,B 0,C 0}\n";
+    let fanuc = "/POS\nP[1]{\n   GP1:\n\tUF : 0, UT : 1,\tCONFIG : 'N U T, 0, 0, 0',\n\tX =   100.000  mm,\tY =   200.000  mm,\tZ =   300.000  mm,\n\tW =    90.000 deg,\tP =     0.000 deg,\tR =    90.000 deg\n};\nP[2]{\n   GP1:\n\tX = 0 mm, Y = 0 mm, Z = 0 mm,\n\tW = 0 deg, P = 0 deg, R = 0 deg\n};\n";
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let abb = format!(
+        "MODULE Calib\n  CONST robtarget p10:=[[100,200,300],[{half},0,0,{half}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n  CONST robtarget p20 := [ [0, 0, 0], [1, 0, 0, 0], [0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nENDMODULE\n"
+    );
+    let yaskawa = "/JOB\n//POS\n///PULSE\nC00000=1,2,3,4,5,6\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\nC00001=100.000,200.000,300.000,90.0,0.0,90.0\nC00002=0,0,0,0,0,0\n";
+    let none = PoseListOptions::default();
+    for (name, text, r) in [
+        ("a.script", ur.as_str(), ABOUT_Z),
+        ("a.dat", kuka, Z_THEN_X),
+        ("a.ls", fanuc, Z_THEN_X),
+        ("a.mod", abb.as_str(), ABOUT_Z),
+        ("a.jbi", yaskawa, Z_THEN_X),
+    ] {
+        let list = read(name, text.as_bytes(), &none).unwrap();
+        assert_eq!(list.poses.len(), 2, "{name}");
+        is(&list.poses[0].b_from_a, r, [0.1, 0.2, 0.3], name);
+    }
+    let reason = read("a.dat", kuka.as_bytes(), &word("staubli")).unwrap_err();
+    assert!(reason.contains(":2: pose 1: is written in the convention `kuka`"), "{reason}");
+    assert!(read("a.dat", kuka.as_bytes(), &word("kuka")).is_ok());
+    let reason = read("a.dat", kuka.replace("A 90.0", "A inf").as_bytes(), &none).unwrap_err();
+    assert!(reason.contains("finite"), "{reason}");
+}
+
+/// Pairs in the rows of one table, by what the columns map.
+#[test]
+fn columns_of_pairs_hold_both_poses() {
+    let header = |robot: &str| {
+        let matrix =
+            |begin: &str| (0..12).map(|i| format!(",{begin}_m{}{}", i / 4, i % 4)).collect::<String>();
+        format!("view{}{}\n", matrix(robot), matrix("cam_from_target"))
+    };
+    let rows = "a,0,-1,0,1,1,0,0,2,0,0,1,3,1,0,0,0.5,0,1,0,0,0,0,1,0\nb,1,0,0,0,0,1,0,0,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1,0\n";
+    let none = PoseListOptions::default();
+    let list = read("pairs.csv", (header("base_from_gripper") + rows).as_bytes(), &none).unwrap();
+    is(&list.poses[0].b_from_a, ABOUT_Z, [1.0, 2.0, 3.0], "robot");
+    let seen = list.cam_from_target.unwrap();
+    assert_eq!((seen.len(), seen[0].translation.x), (2, 0.5));
+    let list = read("pairs.csv", (header("gripper_from_base") + rows).as_bytes(), &none).unwrap();
+    is(&list.poses[0].b_from_a.inverse(), ABOUT_Z, [1.0, 2.0, 3.0], "inverse");
+    let mixed = "view,base_from_gripper_X_mm,base_from_gripper_Y_mm,base_from_gripper_Z_mm,base_from_gripper_A,base_from_gripper_B,base_from_gripper_C,cam_from_target_x_m,cam_from_target_y_m,cam_from_target_z_m,cam_from_target_qx,cam_from_target_qy,cam_from_target_qz,cam_from_target_qw\na,1000,2000,3000,90,0,90,0.5,0,0,0,0,0,1\n";
+    let list = read("pairs.csv", mixed.as_bytes(), &word("kuka")).unwrap();
+    is(&list.poses[0].b_from_a, Z_THEN_X, [1.0, 2.0, 3.0], "kuka");
+    let inverse = PoseListOptions { is_inverse: true, ..none };
+    for (text, options, words) in [
+        (header("base_from_gripper") + rows, inverse, "state their direction"),
+        (header("robot") + rows, none, "need `base_from_gripper_…`"),
+    ] {
+        let reason = read("pairs.csv", text.as_bytes(), &options).unwrap_err();
+        assert!(reason.contains(words), "{reason}");
+    }
+}
+
+/// What the judges compute with other programs: the numbers of each convention, and our pose.
+#[test]
+fn rotations_for_the_judges() {
+    let turns = [[0.3, -0.7, 1.1], [-1.9, 0.4, 0.25], [2.5, 1.2, -0.6]];
+    let half = [[0.5, -0.5, 0.5, 0.5], [0.8, 0.0, -0.6, 0.0], [0.1, 0.7, -0.5, 0.5]];
+    let mut text = String::from("word,n1,n2,n3,n4,r11,r12,r13,r21,r22,r23,r31,r32,r33,x_m,y_m,z_m\n");
+    for word in RotationWord::ALL {
+        let numbers: Vec<Vec<f64>> = match word.format {
+            RotationFormat::Angles(convention) => {
+                let unit = if convention.unit == AngleUnit::Degrees { 64.0 } else { 1.0 };
+                turns.iter().map(|turn| turn.iter().map(|x| x * unit).collect()).collect()
+            }
+            _ => half.iter().map(|q| q.to_vec()).collect(),
+        };
+        let rows: String = numbers
+            .iter()
+            .map(|n| format!("100 -200 300 {}\n", n.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")))
+            .collect();
+        let options = PoseListOptions { rotation: Some(*word), ..PoseListOptions::default() };
+        let list = read("judged.txt", rows.as_bytes(), &options).unwrap();
+        for (n, pose) in numbers.iter().zip(&list.poses) {
+            let (r, t) = (pose.b_from_a.rotation.transpose(), pose.b_from_a.translation);
+            let fourth = n.get(3).map_or_else(String::new, f64::to_string);
+            let cells = r.iter().chain(&t).map(|x| format!("{x:.15}")).collect::<Vec<_>>().join(",");
+            text += &format!("{},{},{},{},{fourth},{cells}\n", word.word, n[0], n[1], n[2]);
+        }
+    }
+    assert_golden("rotations", &[OutFile { name: "rotations.csv".into(), text }]);
 }

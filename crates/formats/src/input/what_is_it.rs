@@ -24,6 +24,7 @@ const fn kind(name: &'static str, for_text: &'static str, for_image: &'static st
 
 const AS_PNG: &str = "save it as PNG or JPEG";
 const IMAGES: &str = "`resight locate`, `resight detect` and `resight intrinsics` take images";
+const EXPORT: &str = "export it in Python: pandas.read_feather(FILE).to_csv(\"table.csv\", index=False), of Parquet pandas.read_parquet";
 const UNPACK: &str = "unpack it first";
 const AS_CSV: &str = "save a table as CSV (UTF-8)";
 const UTF_16: FileKind = kind("UTF-16 text (\"Unicode\" of Excel and Notepad)", "save it as UTF-8", "");
@@ -52,7 +53,7 @@ const VIDEO: FileKind = kind(
 );
 
 /// How kinds of files begin: bytes from an offset.
-const KINDS: [(usize, &[u8], FileKind); 35] = [
+const KINDS: [(usize, &[u8], FileKind); 37] = [
     (0, b"\xff\xfe", UTF_16),
     (0, b"\xfe\xff", UTF_16),
     (0, b"\x93NUMPY", NUMPY),
@@ -95,6 +96,8 @@ const KINDS: [(usize, &[u8], FileKind); 35] = [
         ),
     ),
     (0, b"\x1f\x8b", kind("a file compressed by gzip", UNPACK, UNPACK)),
+    (0, b"ARROW1\0\0", kind("an Arrow table (Feather)", EXPORT, "")),
+    (0, b"PAR1", kind("a Parquet table", EXPORT, "")),
     (0, b"SQLite format 3\0", kind("a database (SQLite)", "", "")),
 ];
 

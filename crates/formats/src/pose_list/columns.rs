@@ -8,7 +8,49 @@ use crate::document::Fault;
 use crate::entry::Entry;
 use nalgebra::{Matrix3, Vector3};
 
+/// The columns of two poses in a row: each name begins with what the pose maps.
+pub(super) struct Pairs {
+    pub robot: Layout,
+    pub target: Layout,
+}
+
+const TARGET: &str = "cam_from_target_";
+/// Beginnings of the robot's columns, and whether its poses are inverse.
+const ROBOT: [(&str, bool); 2] = [("base_from_gripper_", false), ("gripper_from_base_", true)];
+
+impl Pairs {
+    /// Finds the columns of both; none where no name begins so.
+    ///
+    /// # Errors
+    /// As of `Layout::of`; a direction that the option states too; the target's columns alone.
+    pub fn of(names: &[String], options: &PoseListOptions) -> Result<Option<Self>, String> {
+        let is_there = |begin: &str| names.iter().any(|name| name.starts_with(begin));
+        if !is_there(TARGET) {
+            return Ok(None);
+        }
+        let Some((begin, is_inverse)) = ROBOT.into_iter().find(|(begin, _)| is_there(begin)) else {
+            return Err(format!(
+                "columns `{TARGET}…` need `base_from_gripper_…` beside them, the robot's pose in the same row"
+            ));
+        };
+        if options.is_inverse {
+            return Err(format!(
+                "columns `{begin}…` state their direction; leave out the option that they are inverse"
+            ));
+        }
+        // Places stay those of the whole header.
+        let of = |begin: &str, options: &PoseListOptions| {
+            let own = names.iter().map(|name| name.strip_prefix(begin).unwrap_or_default().to_owned());
+            Layout::of(&own.collect::<Vec<_>>(), options)
+        };
+        let target =
+            of(TARGET, &PoseListOptions { rotation: None, length: None, is_inverse: false, ..*options })?;
+        Ok(Some(Pairs { robot: of(begin, &PoseListOptions { is_inverse, ..*options })?, target }))
+    }
+}
+
 /// The columns of a pose.
+#[derive(Clone)]
 pub(super) struct Layout {
     /// Columns of the rotation: w, x, y, z; three numbers; or a 3×3 matrix row by row.
     rotation: Vec<usize>,

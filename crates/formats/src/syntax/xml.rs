@@ -1,4 +1,4 @@
-//! XML, through `roxmltree` (no DTD, so no entity bombs): OpenCV's FileStorage, URDF, ROS launch files and Metashape's cameras.
+//! XML, through `roxmltree` (no DTD, so no entity bombs): OpenCV's FileStorage, URDF, ROS launch files, Metashape's cameras and lensfun's profiles.
 
 use crate::tree::{Fault, MAX_DEPTH, Node, Value, map_of};
 
@@ -6,19 +6,34 @@ use crate::tree::{Fault, MAX_DEPTH, Node, Value, map_of};
 /// (its name), `@NAME` (attributes), `text` where it holds some, and `children` (a list).
 pub(crate) fn parse(text: &str) -> Result<Node, Fault> {
     let options = roxmltree::ParsingOptions { allow_dtd: false, nodes_limit: 1 << 16, ..Default::default() };
-    let document = roxmltree::Document::parse_with_options(text, options)
+    let text = without_doctype(text);
+    let document = roxmltree::Document::parse_with_options(&text, options)
         .map_err(|e| Fault::at(e.pos().row as usize, format!("not valid XML: {e}")))?;
     let root = document.root_element();
     match root.tag_name().name() {
         "opencv_storage" => node_of(&document, root, MAX_DEPTH),
-        "robot" | "launch" | "document" | "calibration" => element(&document, root, MAX_DEPTH),
+        "robot" | "launch" | "document" | "calibration" | "lensdatabase" => {
+            element(&document, root, MAX_DEPTH)
+        }
         name => Err(Fault::at(
             1,
             format!(
-                "XML of `{name}`; of XML OpenCV's `opencv_storage`, URDF's `robot`, ROS's `launch` and Metashape's `document` and \
-                    `calibration` are read"
+                "XML of `{name}`; of XML OpenCV's `opencv_storage`, URDF's `robot`, ROS's `launch`, Metashape's `document` and \
+                    `calibration` and lensfun's `lensdatabase` are read"
             ),
         )),
+    }
+}
+
+/// A declaration that names a DTD elsewhere changes nothing, and is blanked; one that holds a DTD stays, and is refused.
+fn without_doctype(text: &str) -> std::borrow::Cow<'_, str> {
+    let declared = text.find("<!DOCTYPE").and_then(|from| Some((from, from + text[from..].find('>')? + 1)));
+    match declared {
+        Some((from, to)) if !text[from..to].contains('[') => {
+            let blank: String = text[from..to].chars().map(|c| if c == '\n' { c } else { ' ' }).collect();
+            [&text[..from], &blank, &text[to..]].concat().into()
+        }
+        _ => text.into(),
     }
 }
 

@@ -31,7 +31,7 @@ pub fn golden(folder: &str) -> PathBuf {
 }
 
 /// Files, those in folders below included, with their paths from here.
-fn files_below(folder: &Path) -> Vec<PathBuf> {
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     entries.flat_map(|p| if p.is_dir() { files_below(&p) } else { vec![p] }).collect()
 }
