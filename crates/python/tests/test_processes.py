@@ -40,7 +40,7 @@ for job in sys.argv[2:]:
 """
 
 
-@pytest.mark.parametrize("parent", ["locate_images", "rig"])
+@pytest.mark.parametrize("parent", ["locate_image", "locate_images", "rig"])
 def test_a_forked_process_answers(parent):
     script = textwrap.dedent(SCRIPT)
     jobs = [JOBS[parent], *JOBS.values()]
