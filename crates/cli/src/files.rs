@@ -4,6 +4,19 @@ use crate::stdio;
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 
+/// The most frequent ending among the images of a folder; `png` where there is none.
+fn ending_of_images(folder: &Path) -> String {
+    const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+    let mut counts = std::collections::BTreeMap::<String, usize>::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let ending = entry.path().extension().unwrap_or_default().to_string_lossy().into_owned();
+        if ENDINGS.contains(&ending.to_lowercase().as_str()) {
+            *counts.entry(ending).or_default() += 1;
+        }
+    }
+    counts.into_iter().max_by_key(|(_, n)| *n).map_or("png".to_owned(), |(ending, _)| ending)
+}
+
 /// Images given as paths or patterns (`*`, `?`, `[…]`; a shell usually expands them first), in the order given.
 pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
@@ -14,7 +27,7 @@ pub fn expand(arguments: &[String]) -> Result<Vec<PathBuf>> {
                 bail!(
                     "{} is a folder; give its images, e.g. '{}'",
                     path.display(),
-                    path.join("*.png").display()
+                    path.join(format!("*.{}", ending_of_images(&path))).display()
                 );
             }
             must_exist(&path)?;

@@ -131,6 +131,11 @@ pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
     Ok(bytes)
 }
 
+/// What is wrong with a text in another encoding, and the way out.
+pub(crate) const NOT_UTF_8: &str = "not UTF-8 text; save the file as UTF-8";
+/// What is wrong with a text that holds a zero byte, and the way out.
+pub(crate) const NUL: &str = "a NUL byte: a binary or damaged file, or UTF-16 text; save the file as UTF-8";
+
 /// The text of a file.
 ///
 /// # Errors
@@ -139,7 +144,7 @@ pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
     let bytes = read(path, kind)?;
     match what_is_it::that_is_no_text(&bytes) {
         Some(what) => Err(FileError::new(path, what)),
-        None => String::from_utf8(bytes).map_err(|_| FileError::new(path, "not UTF-8 text")),
+        None => String::from_utf8(bytes).map_err(|_| FileError::new(path, NOT_UTF_8)),
     }
 }
 
@@ -216,6 +221,7 @@ impl Read for Bounded {
         let n = self.file.read(into)?;
         if !std::mem::replace(&mut self.is_begun, true)
             && let Some(what) = what_is_it::that_is_no_text(&into[..n])
+                .or_else(|| into[..n].contains(&0).then(|| NUL.to_owned()))
         {
             return Err(Error::new(ErrorKind::InvalidData, what));
         }

@@ -126,15 +126,12 @@ fn plain_text(bytes: Vec<u8>) -> Result<String, Fault> {
     }
     if let Some(at) = bytes.iter().position(|b| *b == 0) {
         let line = 1 + bytes[..at].iter().filter(|b| **b == b'\n').count();
-        return Err(Fault::at(
-            line,
-            "a NUL byte: a binary or damaged file, or UTF-16 text; save the file as UTF-8",
-        ));
+        return Err(Fault::at(line, crate::input::NUL));
     }
     let text = String::from_utf8(bytes).map_err(|e| {
         let good = e.utf8_error().valid_up_to();
         let line = 1 + e.as_bytes()[..good].iter().filter(|b| **b == b'\n').count();
-        Fault::at(line, "not UTF-8 text; save the file as UTF-8")
+        Fault::at(line, crate::input::NOT_UTF_8)
     })?;
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     if text.trim().is_empty() {

@@ -208,7 +208,7 @@ fn of_table(path: &Path, options: &PoseListOptions) -> Result<PoseList, FileErro
         poses.push(ListedPose { view: name, sigmas, ..pose });
         Ok::<(), FileError>(())
     })?;
-    let remarks = table::how_read(path).map(str::to_owned).into_iter().collect();
+    let remarks = table::how_read(path).into_iter().collect();
     Ok(PoseList { poses, cam_from_target: pairs.map(|_| seen), mounting: None, remarks })
 }
 

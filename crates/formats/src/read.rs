@@ -85,6 +85,9 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             "this is a target ({}), not a camera; give it with --target",
             target.format.name()
         )),
+        None if is_table(&document.text) => Fault::new(
+            "a table, not a camera; give its path first, and with --camera the file that `resight intrinsics` writes",
+        ),
         None if are_bare_numbers(&document.text) => Fault::new(
             "bare numbers, of which nothing says what they are; write `model = \"pinhole\"`, `width_px`, `height_px`, `fx_px`, `fy_px`, `cx_px`, \
              `cy_px` and, of a lens with distortion, `model = \"brown_conrady\"` and `distortion = [k1, k2, p1, p2]`, each on a line of its own",
@@ -103,6 +106,14 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             ),
         }),
     }
+}
+
+/// Returns whether a text is a table of points or detections: a header line with their columns.
+fn is_table(text: &str) -> bool {
+    let header =
+        text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or_default();
+    let mut columns = header.split([',', ';', '\t', '|']).map(str::trim);
+    columns.any(|column| matches!(column, "u_px" | "x_m" | "xn"))
 }
 
 /// Whether a text holds numbers and nothing else.

@@ -84,7 +84,7 @@ impl Pose {
         array(py, turn.log().iter().take(3).copied().collect(), &[3])
     }
 
-    /// a_from_b.
+    /// The inverse pose, a_from_b.
     fn inverse(&self) -> Self {
         self.inverted()
     }
@@ -145,7 +145,7 @@ impl Pose {
 }
 
 impl Pose {
-    /// a_from_b.
+    /// The inverse pose, a_from_b.
     pub fn inverted(&self) -> Self {
         Pose { pose: self.pose.inverse(), b: self.a.clone(), a: self.b.clone() }
     }

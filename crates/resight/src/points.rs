@@ -29,7 +29,7 @@ pub struct TableLocator {
     /// Remarks about coordinates of the table that are implausible in metres.
     sizes: Vec<String>,
     /// The remark about a table whose cells are not separated by commas.
-    how_read: Option<&'static str>,
+    how_read: Option<String>,
     /// Where the points are on the Earth, if that is stated.
     frame: Option<LocalFrame>,
 }
@@ -84,7 +84,7 @@ impl TableLocator {
 
     /// Returns the remarks about the whole table, which apply to every answer.
     pub fn remarks(&self) -> impl Iterator<Item = String> {
-        self.sizes.iter().cloned().chain(self.how_read.map(str::to_string))
+        self.sizes.iter().chain(&self.how_read).cloned()
     }
 
     /// Returns the cameras of the answers, the ground that their images show, and the points of the table, as features of a map. `answers` are

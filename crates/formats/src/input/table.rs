@@ -24,6 +24,7 @@ enum Mark {
     Comma,
     Semicolon,
     Tab,
+    Bar,
 }
 
 impl Mark {
@@ -32,6 +33,7 @@ impl Mark {
             Mark::Comma => b',',
             Mark::Semicolon => b';',
             Mark::Tab => b'\t',
+            Mark::Bar => b'|',
         }
     }
 
@@ -45,14 +47,27 @@ impl Mark {
             Mark::Tab => {
                 Some("cells are separated by tabs, and a comma in a number is read as its decimal point")
             }
+            Mark::Bar => {
+                Some("cells are separated by bars, and a comma in a number is read as its decimal point")
+            }
         }
     }
 }
 
-/// The remark about a table whose cells are not separated by commas; none of others, and of what cannot be opened twice.
-pub fn how_read(path: &Path) -> Option<&'static str> {
+/// The remark about a table whose cells are not separated by commas, or whose header has units in brackets; none of others, and of what cannot be
+/// opened twice.
+pub fn how_read(path: &Path) -> Option<String> {
     let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
-    is_file.then(|| Table::open(path, "").ok())??.mark.remark()
+    let table = is_file.then(|| Table::open(path, "").ok())??;
+    let named = |column: &String| Some(format!("column `{column}` is read as `{}`", with_unit(column)?));
+    let remarks: Vec<String> = table
+        .mark
+        .remark()
+        .map(str::to_owned)
+        .into_iter()
+        .chain(table.header.iter().filter_map(named))
+        .collect();
+    (!remarks.is_empty()).then(|| remarks.join("; "))
 }
 
 /// The remark of [`how_read`] behind the file's name, for jobs with several files.
@@ -74,16 +89,17 @@ pub struct TableRow<'a> {
 }
 
 impl Table {
-    /// Opens a file, its cells separated by commas, semicolons or tabs; `wanted` is the beginning of a header, for the complaint about an empty file.
+    /// Opens a file, its cells separated by commas, semicolons, tabs or bars; `wanted` is the beginning of a header, for the complaint about an empty file.
     ///
     /// # Errors
     /// A file that cannot be read, is empty, or names a column twice.
     pub fn open(path: &Path, wanted: &str) -> Result<Self, FileError> {
         let table = Self::separated_by(Mark::Comma, path, wanted)?;
-        let other = [Mark::Semicolon, Mark::Tab].into_iter().find(|mark| match &table.header[..] {
-            [only] => only.as_bytes().contains(&mark.byte()),
-            _ => false,
-        });
+        let other =
+            [Mark::Semicolon, Mark::Tab, Mark::Bar].into_iter().find(|mark| match &table.header[..] {
+                [only] => only.as_bytes().contains(&mark.byte()),
+                _ => false,
+            });
         let table = match other {
             Some(mark) => Self::separated_by(mark, path, wanted)?,
             None => table,
@@ -91,7 +107,10 @@ impl Table {
         let is_duplicate =
             |(i, name): &(usize, &String)| !name.is_empty() && table.header[..*i].contains(name);
         match table.header.iter().enumerate().find(is_duplicate) {
-            Some((_, name)) => Err(table.complaint(format!("column `{name}` appears twice"))),
+            Some((_, name)) => {
+                let hint = table.no_header(wanted).map(|hint| format!("; {hint}")).unwrap_or_default();
+                Err(table.complaint(format!("column `{name}` appears twice{hint}")))
+            }
             None => Ok(table),
         }
     }
@@ -120,10 +139,12 @@ impl Table {
         &self.header
     }
 
-    /// Where a column is; capitals do not matter where no other column differs by them.
+    /// Where a column is; capitals do not matter where no other column differs by them, and `x (m)` is `x_m`.
     pub fn find(&self, name: &str) -> Option<usize> {
         let position = |is_it: &dyn Fn(&String) -> bool| self.header.iter().position(is_it);
-        position(&|column| column == name).or_else(|| position(&|column| column.eq_ignore_ascii_case(name)))
+        position(&|column| column == name)
+            .or_else(|| position(&|column| column.eq_ignore_ascii_case(name)))
+            .or_else(|| position(&|column| with_unit(column).is_some_and(|column| column == name)))
     }
 
     /// Where a column is that must be there. `hint` says more about a missing one; else a column of a similar name is offered.
@@ -136,7 +157,7 @@ impl Table {
                 if let Some(hint) = other_unit(name, &self.header) {
                     return format!("; {hint}");
                 }
-                if let Some(hint) = self.no_header(name) {
+                if let Some(hint) = self.no_header(name).or_else(|| in_other_words(name, &self.header)) {
                     return format!("; {hint}");
                 }
                 let nearest = nearest(name, self.header.iter().cloned());
@@ -266,21 +287,68 @@ impl TableRow<'_> {
     }
 }
 
-/// The way out for a number with other marks than a decimal point.
+/// Words and signs for a number that is not there.
+const NOTHING: [&str; 10] = ["na", "n/a", "#n/a", "none", "null", "nil", "-", "--", "?", "missing"];
+
+/// The way out for a cell that is no number.
 fn marks(text: &str) -> &'static str {
+    let is_number = |text: &str| text.parse::<f64>().is_ok();
     let digits = text.replace([',', '\'', '’', ' ', '\u{a0}', '_'], "");
-    match digits != text && digits.parse::<f64>().is_ok() {
-        true => "; write a decimal point, and no marks between thousands",
-        false => "",
+    // An exponent is part of a number: `3e2`.
+    let unit =
+        text.trim_end_matches(|letter: char| letter.is_alphabetic() || matches!(letter, '°' | '%' | '"'));
+    if digits != text && is_number(&digits) {
+        "; write a decimal point, and no marks between thousands"
+    } else if NOTHING.iter().any(|word| text.eq_ignore_ascii_case(word)) {
+        "; a point that was not seen has no row: leave the row out"
+    } else if is_number(&text.replace(['−', '–', '‒'], "-")) {
+        "; write the minus of the keyboard, `-`"
+    } else if unit != text && is_number(unit.trim_end()) {
+        "; write the number alone, in the unit that the column's name states"
+    } else {
+        ""
     }
+}
+
+/// The name of a column whose unit stands in brackets or behind a slash, as ours are written; none of others: `x [m]` is `x_m`.
+fn with_unit(column: &str) -> Option<String> {
+    let (stem, unit) = match column.strip_suffix([')', ']']) {
+        Some(rest) => rest.split_once(['(', '['])?,
+        None => column.split_once('/')?,
+    };
+    let (stem, unit) = (stem.trim_end_matches([' ', '_']), unit.trim());
+    let is_word = |word: &str| !word.is_empty() && word.bytes().all(|b| b.is_ascii_alphabetic() || b == b'_');
+    const UNITS: [&str; 11] = ["m", "mm", "cm", "km", "in", "ft", "px", "rad", "deg", "s", "ms"];
+    let unit = unit.to_lowercase();
+    (is_word(stem) && UNITS.contains(&unit.as_str())).then(|| format!("{}_{unit}", stem.to_lowercase()))
+}
+
+/// Of a missing column: one that other programs and languages call otherwise.
+fn in_other_words(name: &str, header: &[String]) -> Option<String> {
+    const WORDS: [(&str, &[&str]); 5] = [
+        ("u_px", &["col", "column", "spalte", "colonne", "columna", "colonna", "pixel_x", "image_x", "px"]),
+        ("v_px", &["row", "line", "zeile", "ligne", "fila", "riga", "pixel_y", "image_y", "py"]),
+        ("x_m", &["easting", "east", "rechtswert", "ostwert", "est"]),
+        ("y_m", &["northing", "north", "hochwert", "nordwert", "nord"]),
+        ("z_m", &["elevation", "height", "altitude", "höhe", "hoehe", "hauteur", "altura", "quota"]),
+    ];
+    let (_, words) = WORDS.iter().find(|(known, _)| *known == name)?;
+    let stem = |column: &String| {
+        let column = column.to_lowercase();
+        column.split(['(', '[', '/']).next().unwrap_or_default().trim_end_matches([' ', '_']).to_owned()
+    };
+    let there = header.iter().find(|column| words.contains(&stem(column).as_str()))?;
+    Some(format!("`{there}` seems to be it: call it `{name}`"))
 }
 
 /// Of a missing column with a unit: the column that holds it in another unit, and what to divide by, or the one that states no unit.
 fn other_unit(name: &str, header: &[String]) -> Option<String> {
-    const UNITS: [(&str, &str, &str); 5] = [
+    const UNITS: [(&str, &str, &str); 7] = [
         ("_m", "_mm", "divide by 1000"),
         ("_m", "_cm", "divide by 100"),
         ("_m", "_in", "multiply by 0.0254"),
+        ("_m", "_ft", "multiply by 0.3048"),
+        ("_m", "_km", "multiply by 1000"),
         ("_rad", "_deg", "multiply by pi/180"),
         ("_s", "_ms", "divide by 1000"),
     ];
@@ -299,8 +367,10 @@ fn other_unit(name: &str, header: &[String]) -> Option<String> {
     });
     let in_another = UNITS.iter().find_map(|(unit, other, change)| {
         let there = format!("{}{other}", name.strip_suffix(unit)?);
-        let is_there = header.contains(&there);
-        is_there.then(|| format!("`{there}` is in another unit: {change}, and call it `{name}`"))
+        let is_it =
+            |column: &&String| **column == there || with_unit(column).is_some_and(|column| column == there);
+        let there = header.iter().find(is_it)?;
+        Some(format!("`{there}` is in another unit: {change}, and call it `{name}`"))
     });
     in_another.or(without)
 }
@@ -314,7 +384,7 @@ fn complaint(path: &Path, line: u64, error: &csv::Error) -> FileError {
                 if expected_len < len { "; are decimal commas among them? Write points: 0.5" } else { "" };
             format!("{len} cells where the header has {expected_len}{commas}")
         }
-        csv::ErrorKind::Utf8 { .. } => "not UTF-8 text".to_string(),
+        csv::ErrorKind::Utf8 { .. } => super::NOT_UTF_8.to_string(),
         _ => error.to_string(),
     };
     FileError { path: path.to_path_buf(), line, reason }
@@ -352,8 +422,8 @@ mod tests {
     #[test]
     fn tables_of_other_countries_are_read_and_said_to_be() {
         let path = std::env::temp_dir().join(format!("resight-table-country-{}.csv", std::process::id()));
-        for (mark, named) in [(";", "semicolons"), ("\t", "tabs")] {
-            let lines = ["\u{feff}id|x_m|y_m", "a|1,5|-0,25", "b|2|3e-1", "c|1.234,5|0"];
+        for (mark, named) in [(";", "semicolons"), ("\t", "tabs"), ("|", "bars")] {
+            let lines = ["\u{feff}id|x_m|y (m)", "a|1,5|-0,25", "b|2|3e-1", "c|1.234,5|0"];
             std::fs::write(&path, lines.join("\r\n").replace('|', mark)).expect("written");
             let mut seen = Vec::new();
             let table = Table::open(&path, "x_m,y_m").expect("a table");
@@ -365,7 +435,11 @@ mod tests {
             assert_eq!(seen, [[1.5, -0.25], [2.0, 0.3]]);
             let said = done.expect_err("both marks").to_string();
             assert!(said.contains(":4: column `x_m` is `1.234,5`, with `.`"), "{said}");
-            assert!(how_read(&path).expect("a remark").contains(named));
+            let remark = how_read(&path).expect("a remark");
+            assert!(
+                remark.contains(named) && remark.ends_with("; column `y (m)` is read as `y_m`"),
+                "{remark}"
+            );
         }
         std::fs::write(&path, "x_m,y_m\n1,2\n").expect("written");
         assert_eq!(how_read(&path), None);
@@ -391,10 +465,32 @@ mod tests {
             (b"x,y\n1,2\n", "`x` states no unit: call it `x_m` where it is in metres"),
             (b"x_m,y_m\n1,5,2,5\n", "decimal commas"),
             (b"PK\x03\x04\0\0xl/workbook.xml", "save it as CSV"),
+            (b"X [mm],Y [mm]\n1,2\n", "`X [mm]` is in another unit: divide by 1000, and call it `x_m`"),
+            (b"x_ft,y_ft\n1,2\n", "multiply by 0.3048"),
+            (b"Rechtswert [m],Hochwert [m]\n1,2\n", "`Rechtswert [m]` seems to be it: call it `x_m`"),
+            (b"[{\"x_m\": 0.0, \"y_m\": 1, \"y_m\": 1}]\n", "this is no table"),
+            (b"H\xf6he,x_m\n1,2\n", "not UTF-8 text; save the file as UTF-8"),
+            (&[0; 300], "a binary or damaged file"),
         ] {
             let said = refused(bytes);
             assert!(said.contains(wanted), "{said}");
         }
         std::fs::remove_file(&path).expect("removed");
+    }
+
+    /// A cell that is no number, with the way out.
+    #[test]
+    fn cells_that_are_no_numbers_have_a_way_out() {
+        for (cell, wanted) in [
+            ("N/A", "leave the row out"),
+            ("-", "leave the row out"),
+            ("0.5 m", "the number alone"),
+            ("12.5px", "the number alone"),
+            ("−0.5", "the minus of the keyboard"),
+            ("1,234.5", "no marks between thousands"),
+        ] {
+            assert!(marks(cell).contains(wanted), "{cell}: {}", marks(cell));
+        }
+        assert_eq!((marks("x"), marks("1/8"), marks("px")), ("", "", ""));
     }
 }

@@ -225,7 +225,7 @@ class Pose:
         """OpenCV's `rvec`: axis times angle, radians, (3,)."""
 
     def inverse(self) -> Pose:
-        """a_from_b."""
+        """The inverse pose, a_from_b."""
 
     def __iter__(self) -> Iterator[_Array]:
         """`R, t = pose`: the rotation matrix (3, 3) and the translation (3,), metres."""

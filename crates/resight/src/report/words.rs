@@ -105,11 +105,10 @@ fn source_words(source: ErrorSource) -> &'static str {
 
 /// Returns the remark about observations that repeat others in all digits; `None` where none does.
 pub fn repeated(n_repeated: usize, n: usize) -> Option<String> {
-    let (rows, they) =
-        if n_repeated == 1 { ("row repeats", "it counts") } else { ("rows repeat", "they count") };
+    let (repeat, they) = if n_repeated == 1 { ("repeats", "it counts") } else { ("repeat", "they count") };
     (0 < n_repeated).then(|| {
         format!(
-            "{n_repeated} of {n} {rows} another to the last digit: equal rows are one observation, and {they} once"
+            "{n_repeated} of {n} rows {repeat} another to the last digit: equal rows are one observation, and {they} once"
         )
     })
 }

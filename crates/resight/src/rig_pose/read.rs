@@ -35,7 +35,7 @@ pub struct RigPointsView {
     /// In file order.
     pub rows: Vec<RigPoint>,
     /// The remark on a table whose cells are not separated by commas.
-    pub how_read: Option<&'static str>,
+    pub how_read: Option<String>,
 }
 
 /// Reads the views of a table in the order of first appearance; rows of a view need not be adjacent.
@@ -58,7 +58,11 @@ pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPoints
     table.each(|cells: TableRow<'_>| {
         let name = view.map_or(file_name.as_str(), |i| cells.text(i).unwrap_or_default());
         let at = *index.entry(name.to_string()).or_insert_with(|| {
-            views.push(RigPointsView { name: name.to_string(), rows: Vec::new(), how_read });
+            views.push(RigPointsView {
+                name: name.to_string(),
+                rows: Vec::new(),
+                how_read: how_read.clone(),
+            });
             views.len() - 1
         });
         let called = cells.text(camera).unwrap_or_default();
@@ -104,7 +108,7 @@ pub struct TableRemarks {
 impl TableRemarks {
     /// Collects the remarks on the views of a table.
     pub fn of(views: &[RigPointsView]) -> Self {
-        let how_read = views.iter().find_map(|view| view.how_read).map(str::to_string);
+        let how_read = views.iter().find_map(|view| view.how_read.clone());
         TableRemarks { sizes: unit_remark(views).into_iter().collect(), how_read }
     }
 
