@@ -24,9 +24,9 @@ pre{background:#eff0ec;padding:.8rem 1rem;border-radius:6px;overflow-x:auto;font
 .verdict{font-size:1.15rem;margin:.2rem 0}\
 .cards{display:flex;flex-wrap:wrap;gap:.4rem 2.4rem;margin:1rem 0}\
 .cards div{margin:0}.cards dt{font-size:.85rem;color:#667}.cards dd{margin:0;font-size:1.2rem;font-variant-numeric:tabular-nums}\
-.ok{color:#147a34}.ambiguous,.implausible{color:#9a6b00}.inconsistent,.error,.not_found,.degenerate{color:#b3261e}\
+.ok{color:#147a34}.weak,.ambiguous,.implausible{color:#9a6b00}.inconsistent,.error,.not_found,.degenerate{color:#b3261e}\
 @media(prefers-color-scheme:dark){body{color:#e4e6e8;background:#16181b}pre{background:#22262b}th,td{border-color:#353a40}\
-th,figcaption,.cards dt{color:#9aa3ad}.ok{color:#5ad67d}.ambiguous,.implausible{color:#f0c04a}.inconsistent,.error,.not_found,.degenerate{color:#ff8078}}\
+th,figcaption,.cards dt{color:#9aa3ad}.ok{color:#5ad67d}.weak,.ambiguous,.implausible{color:#f0c04a}.inconsistent,.error,.not_found,.degenerate{color:#ff8078}}\
 @media(max-width:40rem){body{margin:1rem auto}.cards{gap:.4rem 1.2rem}pre{font-size:.72rem;padding:.6rem}}";
 
 impl Page {
@@ -37,8 +37,23 @@ impl Page {
 
     /// Sets the beginning of the page, at any time: the status, a sentence, and the key figures with their names.
     pub fn verdict(&mut self, status: Status, sentence: &str, figures: &[(&str, String)]) -> &mut Self {
+        self.top_of(status, status.name(), &status.name().to_uppercase().replace('_', " "), sentence, figures)
+    }
+
+    /// Sets the verdict of an answer that agrees with the data and whose figures are too uncertain for most uses.
+    pub fn weak_verdict(&mut self, sentence: &str, figures: &[(&str, String)]) -> &mut Self {
+        self.top_of(Status::Ok, "weak", "OK, WEAK", sentence, figures)
+    }
+
+    fn top_of(
+        &mut self,
+        status: Status,
+        name: &str,
+        word: &str,
+        sentence: &str,
+        figures: &[(&str, String)],
+    ) -> &mut Self {
         let role = if status == Status::Ok { "" } else { " role=\"alert\"" };
-        let (name, word) = (status.name(), status.name().to_uppercase().replace('_', " "));
         let figure = |(name, value): &(&str, String)| {
             format!("<div><dt>{}</dt><dd>{}</dd></div>", escaped(name), escaped(value))
         };

@@ -2,12 +2,13 @@
 
 use super::html::{Page, escaped};
 use crate::answer::intrinsics::{CameraIntrinsics, IntrinsicsAnswer, IntrinsicsObject};
+use crate::scene::geometry::magnification;
 use std::fmt::Write;
 
 /// Width of a drawing, in its own units.
 const WIDTH: f64 = 480.0;
-/// Magnification of the residuals.
-const ARROWS: f64 = 60.0;
+/// The part of the image's width that a large residual fills.
+const ARROW: f64 = 0.04;
 /// Largest number of arrows: more would be a black area.
 const MOST_ARROWS: usize = 4000;
 
@@ -16,7 +17,10 @@ pub fn intrinsics_page(answer: &IntrinsicsAnswer) -> String {
     let names: Vec<&str> = answer.cameras.iter().map(|camera| camera.name.as_str()).collect();
     let mut page = Page::new(&format!("Intrinsics of {}", names.join(", ")));
     if let Some(first) = answer.cameras.iter().find(|camera| camera.status == answer.status) {
-        page.verdict(answer.status, &first.message, &figures(first));
+        match first.is_weak() {
+            true => page.weak_verdict(&first.message, &figures(first)),
+            false => page.verdict(answer.status, &first.message, &figures(first)),
+        };
     }
     for camera in &answer.cameras {
         page.heading(&format!("Camera {}", camera.name));
@@ -99,7 +103,7 @@ fn pictures(page: &mut Page, found: &IntrinsicsObject) {
                 "Projection uncertainty: standard deviation {least:.3} px (light) to {worst:.3} px (dark); white is outside the lens model's field."
             ),
         ))
-        .markup(&figure(found, &arrows(found), &format!("Residuals (observed − predicted), {ARROWS:.0} times enlarged; red: the largest per cent.")))
+        .markup(&residuals(found))
         .markup("</div>");
 }
 
@@ -142,25 +146,29 @@ fn cells(
     text
 }
 
-/// Draws the residuals as arrows.
-fn arrows(found: &IntrinsicsObject) -> String {
+/// Draws the residuals as arrows, magnified so that large ones are well seen and do not cross the image.
+fn residuals(found: &IntrinsicsObject) -> String {
     let all: Vec<&[f64; 4]> = found.views.iter().flat_map(|view| &view.residuals_px).collect();
     let mut lengths: Vec<f64> = all.iter().map(|[_, _, u, v]| u.hypot(*v)).collect();
     lengths.sort_by(f64::total_cmp);
     let large = lengths.get(lengths.len() * 99 / 100).copied().unwrap_or(0.0);
-    let (scale, step) = (WIDTH / f64::from(found.width_px.max(1)), all.len().div_ceil(MOST_ARROWS).max(1));
-    let mut text = String::new();
+    let width_px = f64::from(found.width_px.max(1));
+    let times = magnification(large, ARROW * width_px);
+    let (scale, step) = (WIDTH / width_px, all.len().div_ceil(MOST_ARROWS).max(1));
+    let mut arrows = String::new();
     for [u, v, du, dv] in all.into_iter().step_by(step) {
         let color = if large <= du.hypot(*dv) { "#b3261e" } else { "#1d232b" };
         let (x, y) = ((u + 0.5) * scale, (v + 0.5) * scale);
         let _ = write!(
-            text,
+            arrows,
             "<path d=\"M{x:.1} {y:.1}l{:.1} {:.1}\" stroke=\"{color}\" stroke-width=\"0.8\"/>",
-            du * ARROWS * scale,
-            dv * ARROWS * scale
+            du * times * scale,
+            dv * times * scale
         );
     }
-    text
+    let caption =
+        format!("Residuals (observed − predicted), {times} times enlarged; red: the largest per cent.");
+    figure(found, &arrows, &caption)
 }
 
 fn tables(page: &mut Page, found: &IntrinsicsObject) {

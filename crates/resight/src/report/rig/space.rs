@@ -15,9 +15,10 @@ const ROUND: usize = 32;
 /// The view is from behind the right side of the cameras, which is also where `view.js` starts.
 const YAW_RAD: f64 = 0.6;
 const PITCH_RAD: f64 = 0.45;
-/// Distance of the viewer in radii of the scene, and the part of the image's half height that the radius fills.
+/// Distance of the viewer in radii of the scene, and the part of the image's half height that the radius fills: ellipsoids, which stand out of
+/// it by a sixth at most, fit too.
 const DISTANCE: f64 = 3.2;
-const FILLED: f64 = 1.3;
+const FILLED: f64 = 0.8;
 
 pub(super) fn viewpoint(drawn: &Drawn) -> Viewpoint {
     Viewpoint {

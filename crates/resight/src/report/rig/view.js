@@ -26,8 +26,8 @@ var resightSpace = (function(exports) {
 			pitch: 0
 		}
 	};
-	/** Part of half of the image's shorter side that the reach fills. */
-	var FILLED = 1.3;
+	/** Part of half of the image's shorter side that the reach fills: ellipsoids, which stand out of it by a sixth at most, fit too. */
+	var FILLED = .8;
 	/** Nearer than this part of the first distance nothing is drawn. */
 	var NEAREST = .02;
 	var ROUND = 32;
