@@ -61,7 +61,7 @@ for row in csv.DictReader((folder() / "rotations" / "rotations.csv").open()):
         off = np.abs(matrix - ours).max()
         assert off < 1e-12, f"FAILED: {program}: {row['word']} {numbers}: {off}"
         worst = max(worst, off)
-    assert np.allclose([float(row[k]) for k in ("x_m", "y_m", "z_m")], np.array([100, -200, 300]) * unit), row["word"]
+    assert np.allclose([float(row[k]) for k in ("tx_m", "ty_m", "tz_m")], np.array([100, -200, 300]) * unit), row["word"]
     words.add(row["word"])
 assert words == {*EULER, *VECTOR, *QUATERNION}, words
 print(f"scipy and transforms3d: {len(words)} conventions within {worst:.1e} of our rotations")

@@ -478,7 +478,7 @@ fn columns_of_pairs_hold_both_poses() {
 fn rotations_for_the_judges() {
     let turns = [[0.3, -0.7, 1.1], [-1.9, 0.4, 0.25], [2.5, 1.2, -0.6]];
     let half = [[0.5, -0.5, 0.5, 0.5], [0.8, 0.0, -0.6, 0.0], [0.1, 0.7, -0.5, 0.5]];
-    let mut text = String::from("word,n1,n2,n3,n4,r11,r12,r13,r21,r22,r23,r31,r32,r33,x_m,y_m,z_m\n");
+    let mut text = String::from("word,n1,n2,n3,n4,r11,r12,r13,r21,r22,r23,r31,r32,r33,tx_m,ty_m,tz_m\n");
     for word in RotationWord::ALL {
         let numbers: Vec<Vec<f64>> = match word.format {
             RotationFormat::Angles(convention) => {

@@ -30,8 +30,8 @@ const CHANCE: f64 = 1e-6;
 const WITHIN: f64 = 0.01;
 /// Largest number of rounds in which views are reassigned to the group that fits them better.
 const MAX_ROUNDS: usize = 20;
-/// Least number of views in a group: between two views no contradiction within the group can show.
-const LEAST_VIEWS: usize = 3;
+/// Least number of views in a group.
+const LEAST_VIEWS: usize = 2;
 
 /// Returns the split that reduces χ² most, if it exceeds chance.
 pub(super) fn two_groups(fit: &Fit) -> Option<TwoGroups> {

@@ -273,18 +273,18 @@ fn two_cameras(clean: &Clean) -> Option<Finding> {
         Some([alone.shared.camera.parameters()[0].1, (variance * noise).sqrt()])
     };
     let focal_px = [focal(&groups.first), focal(&groups.second)];
-    let is_one_lens = match focal_px {
-        [Some([a, _]), Some([b, _])] => {
-            groups.times < super::LEAST_TIMES && (a - b).abs() < NO_ZOOM * a.max(b)
-        }
+    // Where two answers hardly fit better, and their focal lengths agree, a zoom explains nothing: the views contradict each other otherwise.
+    // Two views alone know a lens worse than they say.
+    let is_small = groups.first.len().min(groups.second.len()) < 3;
+    let is_same_lens = match focal_px {
+        [Some([a, _]), Some([b, _])] => is_small || (a - b).abs() < NO_ZOOM * a.max(b),
         _ => false,
     };
-    (!is_one_lens).then_some(Finding::TwoCameras { groups, focal_px })
+    (super::LEAST_TIMES <= groups.times || !is_same_lens).then_some(Finding::TwoCameras { groups, focal_px })
 }
 
-/// Where two answers hardly fit better than one, a smaller relative difference of their focal lengths is no zoom: errors of a tenth of a pixel that
-/// the corners of a view share give as much in a few views.
-const NO_ZOOM: f64 = 0.002;
+/// Relative difference of focal lengths below which there was no zoom.
+const NO_ZOOM: f64 = 0.001;
 
 /// Finds bad views with a camera of their own, which explains them about as well as the good ones are explained.
 fn second_camera(clean: &Clean) -> Option<TwoGroups> {
