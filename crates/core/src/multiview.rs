@@ -3,6 +3,8 @@
 #[cfg(feature = "std")]
 pub mod tag_map;
 #[cfg(feature = "std")]
+mod flat_target;
+#[cfg(feature = "std")]
 pub mod intrinsics_check;
 #[cfg(feature = "std")]
 pub mod intrinsics;

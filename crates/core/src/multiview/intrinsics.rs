@@ -12,7 +12,6 @@
 
 mod model;
 mod prior;
-mod shape;
 mod adjust;
 mod start;
 mod robust;
@@ -41,10 +40,10 @@ pub use projection::{
 pub use robust::{BAD_VIEW_TIMES, BadView, GROSS_SIGMAS, LEAST_POINTS};
 pub use scatter::Noise;
 pub use select::{Evidence, FAMILY_MARGIN};
-pub(in crate::multiview) use shape::Shape;
 
 use crate::budget::{Budget, BudgetPart, ErrorSource};
 use crate::camera::{BrownConrady, ImageSize, Pinhole};
+use crate::multiview::flat_target::Shape;
 use crate::multiview::intrinsics_check::SkippedFrame;
 use crate::{Camera, Correspondence, Error, Matrix6, Pixel, Pose};
 use adjust::{Fit, Seen, Shared};

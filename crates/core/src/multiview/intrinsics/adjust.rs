@@ -1,7 +1,6 @@
 //! The joint adjustment of every pose, the intrinsics and, on request, the shape of a flat target: docs/math/intrinsics.md section 2.
 
 use super::prior;
-use super::shape::Shape;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::{
     Reduced, SharedEquations, SharedState, minimize_settled, minimize_shared,
@@ -9,6 +8,7 @@ use crate::least_squares::shared::{
 use crate::locate::choose::Ambiguity;
 use crate::locate::refine::{centroid, information};
 use crate::locate::{Config, PoseEstimate, locate};
+use crate::multiview::flat_target::Shape;
 use crate::multiview::intrinsics_check::{Direction, PointModel};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::{DMatrix, DVector, Vector2};

@@ -15,7 +15,7 @@ use crate::camera::Parameters;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::Reduced;
 use crate::locate::consistency::{is_unlikely, noise_scale};
-use crate::multiview::intrinsics::Shape;
+use crate::multiview::flat_target::Shape;
 use crate::statistics::chi_square::tail;
 use crate::{Camera, Correspondence, Error};
 use core::fmt;

@@ -4,7 +4,7 @@ use super::View;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::shared::{MAX_SHARED, SharedEquations};
 use crate::locate::refine::{centroid, information};
-use crate::multiview::intrinsics::Shape;
+use crate::multiview::flat_target::Shape;
 use crate::{Camera, Correspondence, Point};
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix2x6, Vector2};

@@ -5,22 +5,20 @@ use crate::{Correspondence, Point};
 /// The deformation of a flat target: x → (x, y (1 + stretch), bend_x (1 − ξ²) + bend_y (1 − η²)), ξ and η the coordinates over the
 /// target's half width and height.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::multiview) struct Shape {
-    pub(in crate::multiview) centre: Point,
-    pub(in crate::multiview) half_m: [f64; 2],
+pub(super) struct Shape {
+    pub(super) centre: Point,
+    pub(super) half_m: [f64; 2],
     /// stretch, bend_x (m), bend_y (m).
-    pub(in crate::multiview) values: [f64; 3],
+    pub(super) values: [f64; 3],
     /// Standard deviation of the stretch from the rulers on the print; `None` where they were not measured.
-    pub(in crate::multiview) stretch_sigma: Option<f64>,
+    pub(super) stretch_sigma: Option<f64>,
     /// Whether the bends are estimated too; otherwise they are zero.
-    pub(in crate::multiview) is_bent: bool,
+    pub(super) is_bent: bool,
 }
 
 impl Shape {
     /// Creates the shape of points in one plane z = constant; `None` where they are not, or are on a line.
-    pub(in crate::multiview) fn of<'a>(
-        points: impl Iterator<Item = &'a Correspondence> + Clone,
-    ) -> Option<Self> {
+    pub(super) fn of<'a>(points: impl Iterator<Item = &'a Correspondence> + Clone) -> Option<Self> {
         let fold = |best: fn(f64, f64) -> f64| {
             points.clone().map(|c| c.x_in_target).reduce(|a, b| a.zip_map(&b, best))
         };
@@ -37,7 +35,7 @@ impl Shape {
     }
 
     /// Returns the number of values that are estimated.
-    pub(in crate::multiview) fn n(&self) -> usize {
+    pub(super) fn n(&self) -> usize {
         if self.is_bent { 3 } else { 1 }
     }
 
@@ -46,13 +44,13 @@ impl Shape {
     }
 
     /// Returns the position of a point of the target.
-    pub(in crate::multiview) fn at(&self, x: &Point) -> Point {
+    pub(super) fn at(&self, x: &Point) -> Point {
         let ([u, v], [stretch, bend_x, bend_y]) = (self.unit(x), self.values);
         x + Point::new(0.0, stretch * v * self.half_m[1], bend_x * (1.0 - u * u) + bend_y * (1.0 - v * v))
     }
 
     /// Returns its derivatives with respect to the three values.
-    pub(in crate::multiview) fn derivatives(&self, x: &Point) -> [Point; 3] {
+    pub(super) fn derivatives(&self, x: &Point) -> [Point; 3] {
         let [u, v] = self.unit(x);
         let along_z = |z: f64| Point::new(0.0, 0.0, z);
         [Point::new(0.0, v * self.half_m[1], 0.0), along_z(1.0 - u * u), along_z(1.0 - v * v)]
