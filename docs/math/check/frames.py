@@ -1,4 +1,4 @@
-"""Checks docs/math/frames.md: eqs. (4)-(8), (10)-(11) in exact rational arithmetic, (12)-(13) at 30 digits, and the frontal plane of (9). Needs SymPy, mpmath."""
+"""Checks docs/math/frames.md: eqs. (4)-(8), (8a), (10)-(11) in exact rational arithmetic, (12)-(13) at 30 digits, and the frontal plane of (9). Needs SymPy, mpmath."""
 
 import sympy as sp
 from mpmath import mp, mpf
@@ -79,6 +79,19 @@ tilted = sp.Matrix([f * X * sp.cos(tau) / (z + X * sp.sin(tau)), f * Y / (z + X 
 assert sp.simplify(tilted.diff(f) + tilted.diff(z) * z / f) != sp.zeros(2, 1)
 
 # (12), (13) and the table of chi_square.rs.
+# (8a): with the shape drawn from its prior, g_theta has the covariance S_theta, and is that of the joint minimum with the prior.
+A = rational(7, 5, 6)
+S, Pi = A.T * A, sp.diag(3, sp.Rational(1, 2))
+tt, ts, ss = S[:3, :3], S[:3, 3:], S[3:, 3:]
+inverse = (ss + Pi).inv()
+S_theta = tt - ts * inverse * ts.T
+by_noise = sp.eye(3).row_join(-ts * inverse)  # g_theta from the scores of both, whose noise has covariance S
+by_shape = ts - ts * inverse * ss  # and from the shape
+assert by_noise * S * by_noise.T + by_shape * Pi.inv() * by_shape.T == S_theta
+g = rational(5, 1, 2)
+joint = (S + sp.diag(0, 0, 0, 3, half)).solve(g)
+assert S_theta.solve(g[:3, :] - ts * inverse * g[3:, :]) == joint[:3, :]
+
 mp.dps = 30
 
 
