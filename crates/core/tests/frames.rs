@@ -249,7 +249,7 @@ fn minimum_and_covariance_agree_with_a_dense_solution() {
     let mut rng = Rng::new(37);
     let camera = distorted();
     let (_, seen) = frames(&mut rng, &camera, 10, TILT_RAD);
-    let start = altered(&camera, &[("fx_px", 1.05, 0.0), ("fy_px", 1.05, 0.0), ("cx_px", 1.0, 6.0)]);
+    let start = altered(&camera, &[("fx_px", 1.02, 0.0), ("fy_px", 1.02, 0.0), ("cx_px", 1.0, 6.0)]);
     let refined = refine_intrinsics(&seen, &start, ALL).expect("refined");
     let (n_poses, free) = (refined.frames.len(), (0..8).collect::<Vec<_>>());
     let n = 6 * n_poses + free.len();
