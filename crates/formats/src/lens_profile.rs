@@ -19,6 +19,7 @@ use super::{CameraFormat, Contents, Format, NamedCamera, Reads, checks, opencv};
 use crate::core::Camera;
 use crate::core::camera::{CameraMatrix, ImageSize};
 use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
 
 pub(super) const GYROFLOW: CameraFormat = CameraFormat {
     format: Format::Gyroflow,
@@ -100,6 +101,7 @@ const MAX_FIT_PX: f64 = 2.0;
 fn read_lensfun(document: &Document) -> Result<Contents, Fault> {
     let mut contents = Contents::default();
     let (mut n_fits, mut worst_px, mut left_out) = (0, 0.0_f64, Vec::<Fault>::new());
+    let mut names = BTreeMap::new();
     for lens in below(&document.entry(), "lens")? {
         let model = words(&lens, "model")?.unwrap_or("lens");
         let Some(calibration) = only(&lens, "calibration")? else { continue };
@@ -109,7 +111,7 @@ fn read_lensfun(document: &Document) -> Result<Contents, Fault> {
             });
             match read {
                 Ok((nominal_mm, (camera, off_px))) => {
-                    let name = free_name(&contents.cameras, model, nominal_mm);
+                    let name = free_name(&mut names, model, nominal_mm);
                     contents.cameras.push(NamedCamera::new(name, camera, None));
                     n_fits += usize::from(0.0 < off_px);
                     worst_px = worst_px.max(off_px);
@@ -137,13 +139,21 @@ fn read_lensfun(document: &Document) -> Result<Contents, Fault> {
     }
 }
 
-/// As a name of a file, and not that of another camera.
-fn free_name(cameras: &[NamedCamera], model: &str, focal_mm: f64) -> String {
+/// As a name of a file, and not that of another camera; `names` has the last number given to each.
+fn free_name(names: &mut BTreeMap<String, usize>, model: &str, focal_mm: f64) -> String {
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '.' | '-') { c } else { '_' };
     let stem: String = format!("{model} {focal_mm}mm").chars().take(80).map(plain).collect();
-    let is_free = |name: &String| cameras.iter().all(|camera| camera.name != *name);
-    let numbered = (2..).map(|n| format!("{stem}_{n}"));
-    std::iter::once(stem.clone()).chain(numbered).find(is_free).unwrap_or(stem)
+    let mut n = names.get(&stem).map_or(1, |last| last + 1);
+    let name = loop {
+        let name = if n == 1 { stem.clone() } else { format!("{stem}_{n}") };
+        if !names.contains_key(&name) {
+            break name;
+        }
+        n += 1;
+    };
+    names.insert(stem, n);
+    names.entry(name.clone()).or_insert(1);
+    name
 }
 
 /// The text of an element that may be missing.

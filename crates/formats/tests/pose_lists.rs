@@ -444,6 +444,15 @@ fn programs_of_controllers_are_read_in_their_convention() {
     assert!(reason.contains("finite"), "{reason}");
 }
 
+/// Brackets that never close cost no more than reading them: searching each to the end of a file of a megabyte would take hours.
+#[test]
+fn brackets_that_never_close_are_read_once() {
+    for mark in ["{", "p[", ":=[[", "{ X = 1 ", "p[1,"] {
+        let text = mark.repeat((1 << 20) / mark.len());
+        assert!(read("a.txt", text.as_bytes(), &PoseListOptions::default()).is_err(), "{mark}");
+    }
+}
+
 /// Pairs in the rows of one table, by what the columns map.
 #[test]
 fn columns_of_pairs_hold_both_poses() {

@@ -60,9 +60,18 @@ fn behind<'a>(text: &'a str, mark: &'a str) -> impl Iterator<Item = (usize, &'a 
     text.match_indices(mark).map(move |(at, _)| (at, &text[at + mark.len()..]))
 }
 
+/// What stands before the next closing bracket; none where another one opens first, so that no text is searched twice.
+fn closed(text: &str, [open, close]: [char; 2]) -> Option<(&str, &str)> {
+    let at = text.find([open, close])?;
+    text[at..].starts_with(close).then(|| (&text[..at], &text[at + close.len_utf8()..]))
+}
+
+/// A line's beginning is looked for so many bytes before a pose.
+const LONGEST: usize = 200;
+
 /// Numbers separated by commas up to a bracket; none as soon as anything else is there.
 fn listed(text: &str) -> Option<Vec<f64>> {
-    let (inner, _) = text.split_once(']')?;
+    let (inner, _) = closed(text, ['[', ']'])?;
     inner.split(',').map(|word| word.trim().parse().ok()).collect()
 }
 
@@ -91,8 +100,9 @@ fn lined(text: &str, poses: impl Iterator<Item = (usize, Vec<f64>)>, word: &'sta
 /// KUKA: `{X 1, Y 2, Z 3, A 4, B 5, C 6}`; Fanuc: `P[1]{ … X = 1 mm, … W = 4 deg, … };`. Tools and bases (`$TOOL = {…}`) are left out.
 fn of_braces(text: &str) -> Vec<Written> {
     let group = |names: &[&str; 6], at: usize, rest: &str| {
-        let line = text[..at].rsplit('\n').next().unwrap_or_default();
-        let inner = rest.split_once('}').filter(|_| !line.trim_start().starts_with('$'))?.0;
+        let before = &text[text.floor_char_boundary(at.saturating_sub(LONGEST))..at];
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        let (inner, _) = closed(rest, ['{', '}']).filter(|_| !line.trim_start().starts_with('$'))?;
         let words: Vec<&str> =
             inner.split([' ', '\t', '\n', '\r', ',', '=']).filter(|w| !w.is_empty()).collect();
         let number = |name: &&str| {
