@@ -2,11 +2,11 @@
 //! the image is most certain. docs/math/intrinsics.md section 9.
 
 use super::adjust::{Fit, Seen, Shared, equations};
-use super::projection::{Projection, grid, worse_variance};
+use super::projection::{Held, derivatives, grid, worse_variance};
 use crate::camera::ImageSize;
 use crate::least_squares::PivotedPose;
 use crate::{Camera, Correspondence, Pixel, Point, Pose, Vector6};
-use nalgebra::{DMatrix, Dyn, OMatrix, U2, Vector3};
+use nalgebra::{DMatrix, Dyn, Matrix2x3, OMatrix, U2, Vector3};
 
 /// Where a target is to be in the image, and how it is tilted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,8 +52,10 @@ const VISIBLE: f64 = 0.7;
 #[derive(Debug, Clone)]
 pub struct Forecast {
     known: Known,
-    /// The derivatives of the projection at the positions of a grid, with respect to the shared unknowns.
-    rows: Vec<Rows>,
+    /// The corners that fix the camera's rotation.
+    held: Held,
+    /// The derivatives of the projection at the positions of a grid, with respect to a rotation and to the parameters.
+    places: Vec<(Matrix2x3<f64>, Rows)>,
     /// Root mean square over the grid, px, which is finer where `now_px` is computed.
     of_grid_px: f64,
 }
@@ -76,21 +78,28 @@ type Rows = OMatrix<f64, U2, Dyn>;
 impl Forecast {
     /// Prepares the forecast.
     pub(super) fn new(fit: &Fit, size: ImageSize, known: Known) -> Self {
-        let n = known.shared.camera.parameters().len();
-        let corners: Vec<Pixel> =
-            fit.seen.iter().flat_map(|view| view.points.iter().map(|c| c.pixel)).collect();
-        let zero = DMatrix::zeros(n, n);
-        let projection = Projection::new(&known.shared.camera, &zero, corners);
-        let along = |row: Rows| {
-            Rows::from_fn(known.covariance.nrows(), |i, j| {
-                let direction = known.shared.directions.get(j);
-                direction.map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
-            })
+        let camera = &known.shared.camera;
+        let corners = fit.seen.iter().flat_map(|view| view.points.iter().map(|c| c.pixel));
+        let held = Held::new(camera, corners);
+        let places = grid(size, 9, 7).filter_map(|pixel| derivatives(camera, &pixel)).collect();
+        let mut forecast = Forecast { known, held, places, of_grid_px: 0.0 };
+        forecast.of_grid_px = forecast.rms_px(&forecast.held, &forecast.known.covariance);
+        forecast
+    }
+
+    /// Returns the root mean square over the grid of the standard deviations along the worse directions, with the rotation that corners hold.
+    fn rms_px(&self, held: &Held, covariance: &DMatrix<f64>) -> f64 {
+        let rotation = held.rotation_of_change();
+        let directions = &self.known.shared.directions;
+        let variance = |(by_rotation, by_parameters): &(Matrix2x3<f64>, Rows)| {
+            let row = by_parameters + by_rotation * &rotation;
+            let row = Rows::from_fn(covariance.nrows(), |i, j| {
+                directions.get(j).map_or(0.0, |d| d.iter().map(|(p, by)| row[(i, *p)] * by).sum())
+            });
+            worse_variance(&(&row * covariance * row.transpose()))
         };
-        let rows: Vec<Rows> =
-            grid(size, 9, 7).filter_map(|pixel| projection.by_parameters(&pixel)).map(along).collect();
-        let of_grid_px = rms_px(&rows, &known.covariance);
-        Forecast { known, rows, of_grid_px }
+        let sum: f64 = self.places.iter().map(variance).sum();
+        (sum / self.places.len().max(1) as f64).sqrt()
     }
 
     /// Returns the root mean square projection uncertainty over the image, px.
@@ -112,14 +121,14 @@ impl Forecast {
         let added = equations(std::slice::from_ref(view), &[place], shared)?.reduced()?.information / *noise;
         let identity = DMatrix::identity(covariance.nrows(), covariance.nrows());
         let then = covariance * (identity + added * covariance).try_inverse()?;
-        Some(now_px * rms_px(&self.rows, &then) / self.of_grid_px).filter(|px| px.is_finite())
+        let mut held = self.held.clone();
+        for c in &view.points {
+            if let Some(pixel) = shared.camera.project(&(view.cam_from_target * c.x_in_target)) {
+                held.add(&shared.camera, &pixel);
+            }
+        }
+        Some(now_px * self.rms_px(&held, &then) / self.of_grid_px).filter(|px| px.is_finite())
     }
-}
-
-/// Returns the root mean square of the standard deviations along the worse directions.
-fn rms_px(rows: &[Rows], covariance: &DMatrix<f64>) -> f64 {
-    let sum: f64 = rows.iter().map(|row| worse_variance(&(row * covariance * row.transpose()))).sum();
-    (sum / rows.len().max(1) as f64).sqrt()
 }
 
 /// Returns the best of the grid of views; `None` where no view shows the target.

@@ -51,6 +51,42 @@ pub struct Projection<'a> {
     rotation_of_change: DMatrix<f64>,
 }
 
+/// The normal equations of the rotation that keeps corners in place: docs/math/intrinsics.md eq. (9).
+#[derive(Debug, Clone)]
+pub(super) struct Held {
+    /// Σ RᵀR, R the derivative of a corner by the rotation.
+    rotation: Matrix3<f64>,
+    /// Σ RᵀK, 3 × n, K that by the parameters.
+    parameters: DMatrix<f64>,
+}
+
+impl Held {
+    pub(super) fn new(camera: &Camera, corners: impl IntoIterator<Item = Pixel>) -> Self {
+        let parameters = DMatrix::zeros(3, camera.parameters().len());
+        let mut held = Held { rotation: Matrix3::zeros(), parameters };
+        for pixel in corners {
+            held.add(camera, &pixel);
+        }
+        held
+    }
+
+    /// Adds a corner; one outside the field is ignored.
+    pub(super) fn add(&mut self, camera: &Camera, pixel: &Pixel) {
+        if let Some((by_rotation, by_parameters)) = derivatives(camera, pixel) {
+            self.rotation += by_rotation.transpose() * by_rotation;
+            self.parameters += by_rotation.transpose() * by_parameters;
+        }
+    }
+
+    /// Returns the rotation that best compensates a change of the intrinsics, 3 × n.
+    pub(super) fn rotation_of_change(&self) -> DMatrix<f64> {
+        let inverse = self.rotation.try_inverse().unwrap_or_else(Matrix3::zeros);
+        DMatrix::from_fn(3, self.parameters.ncols(), |i, j| {
+            -(0..3).map(|k| inverse[(i, k)] * self.parameters[(k, j)]).sum::<f64>()
+        })
+    }
+}
+
 impl<'a> Projection<'a> {
     /// Prepares the covariance; `covariance` is that of all parameters, in the order of `Camera::parameters`, and `corners` are the pixels of
     /// the targets' points, of which those outside the field are ignored.
@@ -59,21 +95,8 @@ impl<'a> Projection<'a> {
         covariance: &'a DMatrix<f64>,
         corners: impl IntoIterator<Item = Pixel>,
     ) -> Self {
-        let n = camera.parameters().len();
-        let (mut rr, mut rk) = (Matrix3::zeros(), DMatrix::zeros(3, n));
-        for pixel in corners {
-            let Some((by_rotation, by_parameters)) = derivatives(camera, &pixel) else { continue };
-            rr += by_rotation.transpose() * by_rotation;
-            rk += by_rotation.transpose() * by_parameters;
-        }
-        let inverse = rr.try_inverse().unwrap_or_else(Matrix3::zeros);
-        Projection {
-            camera,
-            covariance,
-            rotation_of_change: DMatrix::from_fn(3, n, |i, j| {
-                -(0..3).map(|k| inverse[(i, k)] * rk[(k, j)]).sum::<f64>()
-            }),
-        }
+        let rotation_of_change = Held::new(camera, corners).rotation_of_change();
+        Projection { camera, covariance, rotation_of_change }
     }
 
     /// Returns the covariance of the projection at a pixel, px²; `None` outside the field.
@@ -121,7 +144,7 @@ pub fn grid(size: ImageSize, columns: usize, rows: usize) -> impl Iterator<Item 
 }
 
 /// Returns the derivatives of the pixel of a distant point with respect to a rotation of the camera frame's points, and to the parameters.
-fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)> {
+pub(super) fn derivatives(camera: &Camera, pixel: &Pixel) -> Option<(Matrix2x3<f64>, Rows)> {
     let x: Vector3<f64> = camera.bearing(pixel).ok()?.into_inner();
     let (_, jacobian) = camera.project_with_jacobian(&x)?;
     let columns = camera.intrinsics_jacobian(&x)?;
