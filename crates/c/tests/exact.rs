@@ -106,10 +106,10 @@ fn written(folder: &Path, name: &str, rows: &[Row]) -> PathBuf {
 /// The cameras of `exact.c`: of a file, of a text with uncertain intrinsics, of numbers.
 fn cameras() -> [(NamedCamera, Vec<String>); 3] {
     let file = root().join("examples/photo/left.yml");
-    let of_file = formats::read_camera_with_remarks(&file.display().to_string()).expect("a camera");
+    let of_file = formats::read_camera_with_remarks(file.display().to_string()).expect("a camera");
     let text = "model = 'pinhole'\nfx_px = 530.0\nfy_px = 531.0\ncx_px = 319.5\ncy_px = 239.5\n\
                 width_px = 640\nheight_px = 480\nintrinsics_sigma = { fx_px = 2.0, fy_px = 2.0 }\n";
-    let of_text = formats::read_camera_from_bytes("camera".as_ref(), text.into(), None).expect("a camera");
+    let of_text = formats::read_camera_from_bytes("camera", text.into(), None).expect("a camera");
     let matrix = CameraMatrix { fx_px: 530.0, fy_px: 531.0, cx_px: 319.5, cy_px: 239.5 };
     let lens = BrownConrady::new(matrix, &[-0.28, 0.07, 1e-4, -2e-4]).expect("a lens");
     let camera = Camera::new(lens, Some(ImageSize { width_px: 640, height_px: 480 })).expect("a camera");
@@ -144,7 +144,7 @@ fn solve(printed: &mut Printed, rows: &[Row]) {
 
 fn images(printed: &mut Printed, image: &GrayImage) {
     let (known, remarks) = &cameras()[0];
-    let file = formats::read_target(&root().join("examples/photo/board.toml")).expect("a target");
+    let file = formats::read_target(root().join("examples/photo/board.toml")).expect("a target");
     let intrinsics = IntrinsicsCovariance::of(known);
     let options = LocateOptions { intrinsics, ..LocateOptions::default() };
     for view in ["examples/photo/left03.jpg", "memory"] {
@@ -178,7 +178,7 @@ fn rig_rows(names: &[String]) -> Vec<Row> {
 }
 
 fn rig_pose(printed: &mut Printed) -> Vec<Row> {
-    let rig = read_known_rig(&root().join("examples/rig/rig.toml")).expect("a rig");
+    let rig = read_known_rig(root().join("examples/rig/rig.toml")).expect("a rig");
     let names: Vec<String> = rig.iter().map(|known| known.named.name.clone()).collect();
     names.iter().for_each(|name| printed.line(&format!("camera {name}")));
     let rows = rig_rows(&names);
@@ -205,7 +205,7 @@ fn rig_pose(printed: &mut Printed) -> Vec<Row> {
 /// Nine points have one pose, three several.
 #[test]
 fn numbers_and_json_are_those_of_rust_to_the_last_bit() {
-    let image = GrayImage::read(&root().join("examples/photo/left03.jpg")).expect("an image");
+    let image = GrayImage::read(root().join("examples/photo/left03.jpg")).expect("an image");
     let folder = folder("exact");
     let pixels = folder.join("pixels");
     std::fs::write(&pixels, &image.data).expect("written");

@@ -119,8 +119,5 @@ fn folder_of(path: &Path) -> &Path {
 
 /// A camera argument is `FILE` or `FILE#NAME`.
 pub fn camera_must_exist(argument: &str) -> Result<()> {
-    match argument.rsplit_once('#') {
-        Some((file, _)) if !Path::new(argument).exists() => must_exist(Path::new(file)),
-        _ => must_exist(Path::new(argument)),
-    }
+    must_exist(resight::formats::split_spec(Path::new(argument)).0)
 }

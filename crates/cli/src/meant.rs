@@ -1,4 +1,4 @@
-//! What somebody means who types the word of another program.
+//! What somebody means who types the word of another program, or a number as it is written elsewhere.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
@@ -60,8 +60,26 @@ pub fn flags(words: &[OsString]) -> Vec<OsString> {
     }
 }
 
-/// Names the command that is meant where the word is another program's.
-pub fn with_command(mut error: clap::Error) -> clap::Error {
+/// Adds what is meant: the command where the word is another program's, the decimal point where a number has a comma.
+pub fn with_advice(error: clap::Error) -> clap::Error {
+    with_point(with_command(error))
+}
+
+fn with_point(mut error: clap::Error) -> clap::Error {
+    let point = match (error.kind(), error.get(ContextKind::InvalidValue)) {
+        (ErrorKind::ValueValidation, Some(ContextValue::String(text))) if text.contains(',') => {
+            text.replacen(',', ".", 1)
+        }
+        _ => return error,
+    };
+    if point.parse::<f64>().is_ok_and(f64::is_finite) {
+        let advice = format!("numbers have a decimal point: {point}");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![advice.into()]));
+    }
+    error
+}
+
+fn with_command(mut error: clap::Error) -> clap::Error {
     let word = match (error.kind(), error.get(ContextKind::InvalidSubcommand)) {
         (ErrorKind::InvalidSubcommand, Some(ContextValue::String(word))) => {
             word.to_lowercase().replace('_', "-")
@@ -101,6 +119,16 @@ mod tests {
             assert!(said(&[word]).contains(&format!("'{meant}'")), "{word}: {}", said(&[word]));
         }
         assert!(said(&["solve_pnp"]).contains("'solve'") && !said(&["zzzzz"]).contains("similar"));
+    }
+
+    /// Where the point is the fault: not in a number that has one and is refused for its sign.
+    #[test]
+    fn a_decimal_comma_is_named() {
+        let solve = |value| said(&["solve", "points.csv", "--camera", "camera.toml", "--sigma-px", value]);
+        assert!(solve("0,5").contains("numbers have a decimal point: 0.5"), "{}", solve("0,5"));
+        for value in ["-0.5", "1,000,5", "half"] {
+            assert!(!solve(value).contains("decimal point"), "{}", solve(value));
+        }
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl Arguments {
     pub fn read(words: &[OsString]) -> anyhow::Result<Self> {
         let command = Arguments::command();
         let words = meant::flags(words);
-        let mut matches = command.clone().try_get_matches_from(words).map_err(meant::with_command)?;
+        let mut matches = command.clone().try_get_matches_from(words).map_err(meant::with_advice)?;
         let (mut printed, mut session) = (None, None);
         if let (Some(("watch", given)), Some(watch)) =
             (matches.subcommand(), command.find_subcommand("watch"))

@@ -167,7 +167,7 @@ fn a_session_goes_on_past_pictures_that_cannot_be() {
     let good = std::fs::read(demo("left.png")).expect("an image");
     let tall =
         GrayImage { width_px: 64, height_px: 32768, data: vec![7; 64 * 32768] }.png().expect("an image");
-    let mut other = GrayImage::read(demo("left.png").as_ref()).expect("an image");
+    let mut other = GrayImage::read(demo("left.png")).expect("an image");
     other.data[0] ^= 1; // The same image twice would be a frozen camera.
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect("written");
     write("1.png", &good);

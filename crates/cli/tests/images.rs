@@ -25,7 +25,7 @@ fn locate_answers_in_input_order_and_draws() {
     assert!((place[1].as_f64().unwrap() + 0.265).abs() < 1e-3, "{place}");
     assert!(other["sigma_m"].is_array() && other["sigma_rad"].is_array());
     for name in ["critical.png", "left.png"] {
-        let picture = resight::GrayImage::read(&pictures.join(name)).unwrap();
+        let picture = resight::GrayImage::read(pictures.join(name)).unwrap();
         assert!(
             picture.width_px == 800 && 600 < picture.height_px,
             "{name} has its caption below the photograph"

@@ -249,7 +249,7 @@ fn table_and_drawings_are_written() {
     assert!(document.contains(">F, T</text>"), "the post's foot and top share a name tag");
     assert!(svg.contains("±") && svg.contains("photo south") && svg.contains("95 % ellipses"), "captions");
     for name in ["plan.png", "birdseye-south.png", "birdseye-east.png"] {
-        let image = resight::GrayImage::read(&out.join(name)).expect(name);
+        let image = resight::GrayImage::read(out.join(name)).expect(name);
         assert!(500 < image.width_px && 300 < image.height_px, "{name}");
     }
 }

@@ -89,7 +89,7 @@ fn pairs_are_relative_poses(answer: &Value) {
 
 fn written_cameras_are_read_again(file: &str, answer: &Value) {
     assert_eq!(resight(&["explain", file]).code, 0);
-    let read = resight::formats::read_camera(&format!("{file}#right")).unwrap();
+    let read = resight::formats::read_camera(format!("{file}#right")).unwrap();
     let placement = read.placement.unwrap();
     assert_eq!((placement.b.as_str(), placement.a.as_str()), ("right", "rig"));
     let said = pose_of(&answer["cameras"]["right"]["cam_from_rig"]);

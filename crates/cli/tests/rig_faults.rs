@@ -103,7 +103,7 @@ fn recordings() -> Vec<Recording> {
     let pair = |name, sigma_px| {
         Recording::of(name, vec![lens("left"), lens("right")], &corners, ["camera", "view"], sigma_px)
     };
-    let array = resight::formats::read_cameras(&webcams.join("camera_array.toml")).unwrap();
+    let array = resight::formats::read_cameras(webcams.join("camera_array.toml")).unwrap();
     let lenses = array.cameras.into_iter().map(|c| Camera { size: None, ..c.camera }).collect();
     let corners = rows(&webcams.join("detections.csv"));
     let four = Recording::of("four webcams", lenses, &corners, ["cam", "sync_index"], 0.5);
@@ -244,7 +244,7 @@ fn right_files_are_never_called_wrong() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn wrong_pairs_are_never_called_right() {
     let set = recorded("caliscope_pose_graph");
-    let file = resight::rig::pairs::read_pairs(&set.join("main_stereocal_all_results.json")).unwrap();
+    let file = resight::rig::pairs::read_pairs(set.join("main_stereocal_all_results.json")).unwrap();
     let judged = |what: &str, change: &dyn Fn(usize, Pose) -> Pose| {
         let mut pairs = file.pairs.clone();
         pairs.iter_mut().enumerate().for_each(|(i, pair)| pair.b_from_a = change(i, pair.b_from_a));

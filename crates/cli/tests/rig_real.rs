@@ -188,7 +188,7 @@ const INDEPENDENT: [[f64; 6]; 3] = [
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn four_webcams_agree_with_an_independent_adjustment() {
     let set = recorded("caliscope_4cam_charuco");
-    let file = resight::formats::read_cameras(&set.join("camera_array.toml")).unwrap();
+    let file = resight::formats::read_cameras(set.join("camera_array.toml")).unwrap();
     let cameras: Vec<Camera> = file.cameras.into_iter().map(|c| c.camera).collect();
     let rows = table(&set.join("detections.csv"));
     let mut views: Vec<u32> = rows.iter().map(|row| row["sync_index"].parse().unwrap()).collect();

@@ -28,8 +28,8 @@ impl Watched {
         std::fs::write(folder.join("cam.toml"), CAMERA).expect("written");
         std::fs::write(folder.join("tag.toml"), TARGET).expect("written");
         let file = |name: &str| folder.join(name).to_str().expect("a path").to_string();
-        let camera: Camera = resight::formats::read_camera(&file("cam.toml")).expect("a camera").camera;
-        let target = resight::formats::read_target(file("tag.toml").as_ref()).expect("a target").target;
+        let camera: Camera = resight::formats::read_camera(file("cam.toml")).expect("a camera").camera;
+        let target = resight::formats::read_target(file("tag.toml")).expect("a target").target;
         Watched { folder, camera, target }
     }
 

@@ -244,7 +244,7 @@ fn a_drift_is_a_correction_between_reference_and_now() {
     let learned = watch(&[&source[..], &["--save-reference", &file]].concat());
     assert_eq!(learned.code, 0, "{}", learned.stderr);
     // The reference rotated by 3° about the camera's own y: as if the camera had stood so.
-    let mut then = reference::read(file.as_ref()).unwrap();
+    let mut then = reference::read(&file).unwrap();
     then.a_from_b = Pose::exp(&Vector6::new(0.0, 3f64.to_radians(), 0.0, 0.0, 0.0, 0.0)) * then.a_from_b;
     std::fs::write(&file, reference::to_text(&then).unwrap()).unwrap();
     let tf = path("poses.mcap");

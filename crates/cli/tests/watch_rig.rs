@@ -161,7 +161,7 @@ fn standing_lines(
 ) -> String {
     let (mut chance, lens, mut text) = (Chance(0x81), lens(), String::new());
     let read = |name: &str| {
-        resight::formats::read_target(&folder.join(format!("{name}.toml"))).expect("a target").target
+        resight::formats::read_target(folder.join(format!("{name}.toml"))).expect("a target").target
     };
     let targets: Vec<(&str, Target)> =
         BOARDS.iter().take(boards).map(|(name, _)| (*name, read(name))).collect();

@@ -42,7 +42,7 @@ struct Recording {
 
 impl Recording {
     fn read(folder: PathBuf) -> Self {
-        let file = resight::formats::read_cameras(&folder.join("camera_array.toml")).expect("a rig");
+        let file = resight::formats::read_cameras(folder.join("camera_array.toml")).expect("a rig");
         let mut frames = BTreeMap::new();
         for row in rows(&folder.join("timestamps.csv")) {
             frames.insert((row[0] as usize, row[1] as usize), (row[2], Vec::new()));

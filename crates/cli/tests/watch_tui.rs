@@ -14,8 +14,8 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The dots seen so many times, a second apart, as lines of JSON in a file.
 fn detections(folder: &Path, frames: usize) {
-    let camera = resight::formats::read_camera(&demo("left.toml")).expect("a camera").camera;
-    let target = resight::formats::read_target(demo("dots.toml").as_ref()).expect("a target").target;
+    let camera = resight::formats::read_camera(demo("left.toml")).expect("a camera").camera;
+    let target = resight::formats::read_target(demo("dots.toml")).expect("a target").target;
     let cam_from_target =
         resight::core::Pose::exp(&nalgebra::Vector6::new(0.35, -0.25, 0.1, -0.03, -0.02, 0.6));
     let (mut chance, mut all) = (Chance(0x71), String::new());

@@ -56,7 +56,8 @@ impl Cameras {
     ///
     /// # Errors
     /// What is wrong with a file, and in which line; a name that appears twice; no camera at all.
-    pub fn read(path: &Path) -> Result<Self, FleetError> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FleetError> {
+        let path = path.as_ref();
         let (cameras, rejected, remarks) = match path {
             folder if folder.is_dir() => of_folder(folder)?,
             table if is_table(table) => table::read(table)?,

@@ -59,7 +59,8 @@ impl Source {
     ///
     /// # Errors
     /// The fault of the file, or the columns that are missing.
-    pub fn open(path: &Path) -> Result<Self, FleetError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FleetError> {
+        let path = path.as_ref();
         let (schema, kind) = schema_of(path)?;
         let layout = Layout::of(&schema).map_err(|reason| FleetError::at(path, reason.to_string()))?;
         let (layout, kind) = match kind {
@@ -185,7 +186,8 @@ impl Source {
 ///
 /// # Errors
 /// A file that cannot be read at all.
-pub fn explain_file(path: &Path) -> Result<(Columns, Option<usize>), FleetError> {
+pub fn explain_file(path: impl AsRef<Path>) -> Result<(Columns, Option<usize>), FleetError> {
+    let path = path.as_ref();
     let (schema, kind) = schema_of(path)?;
     let rows = match kind {
         Kind::Parquet { metadata, .. } => {

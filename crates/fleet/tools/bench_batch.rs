@@ -12,7 +12,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).ok_or("a folder of make_fleet is needed")?;
     let folder = Path::new(&folder);
     let inputs = expand(&[folder.join("views").display().to_string()])?;
-    let solver = Solver { cameras: Cameras::read(&folder.join("cameras.csv"))?.into(), sigma_px: 0.3 };
+    let solver = Solver { cameras: Cameras::read(folder.join("cameras.csv"))?.into(), sigma_px: 0.3 };
     let (output, mut walls) = (folder.join("bench.parquet"), Vec::new());
     for threads in [1, 2, 1, 2] {
         let job = Job { inputs: &inputs, solver: &solver, output: &output, period_s: 900.0, threads };

@@ -12,7 +12,8 @@ use std::time::Duration;
 ///
 /// The bytes go to a new file in the same folder, are synced, renamed over `path`, and the folder is synced.
 /// Permissions of an existing file are kept. On an error the old file is untouched and the new one removed.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+pub fn write_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), FileError> {
+    let path = path.as_ref();
     stream_atomically(path, |file| file.write_all(bytes))
 }
 
@@ -21,9 +22,10 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
 /// # Errors
 /// What the disk, or `write`, says; the old file is untouched.
 pub fn stream_atomically(
-    path: &Path,
+    path: impl AsRef<Path>,
     write: impl FnOnce(&mut File) -> std::io::Result<()>,
 ) -> Result<(), FileError> {
+    let path = path.as_ref();
     let reported =
         |e: std::io::Error| FileError::new(path, format!("cannot write: {}", without_number(&e.to_string())));
     // A symbolic link stays one; what it points to is replaced.
@@ -144,7 +146,7 @@ mod tests {
             make(format!(".other.json.{dead}-0.tmp"), true),
             make(".state.json.x-0.tmp".to_string(), true),
         ];
-        write_atomically(&folder.join("state.json"), b"{}").unwrap();
+        write_atomically(folder.join("state.json"), b"{}").unwrap();
         assert!(!folder.join(gone).exists());
         assert!(kept.iter().all(|name| folder.join(name).exists()), "{kept:?}");
         fs::remove_dir_all(&folder).unwrap();

@@ -45,6 +45,9 @@ impl FileError {
 
 /// That a path names no file, and which one of its folder may be meant.
 fn not_there(path: &Path) -> String {
+    if path.as_os_str().to_string_lossy().contains("://") {
+        return "this is an address; download it first and give the file".to_owned();
+    }
     let folder = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),

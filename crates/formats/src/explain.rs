@@ -18,19 +18,22 @@ use std::path::Path;
 /// misread.
 ///
 /// Errors as `read_cameras`; files that hold poses without intrinsics are explained too.
-pub fn explain(path: &Path) -> Result<String, FileError> {
+pub fn explain(path: impl AsRef<Path>) -> Result<String, FileError> {
+    let path = path.as_ref();
     let document = open::read(path)?;
     explain_document(&document).map_err(|fault| fault.in_file(path))
 }
 
 /// As `explain`, from bytes in memory; `path` serves names and messages only.
-pub fn explain_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
+pub fn explain_from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<String, FileError> {
+    let path = path.as_ref();
     let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
     explain_document(&document).map_err(|fault| fault.in_file(path))
 }
 
 /// What is unusual about a camera or target file that can be read, in sentences, as `explain` lists them under its warnings.
-pub fn remarks(path: &Path) -> Vec<String> {
+pub fn remarks(path: impl AsRef<Path>) -> Vec<String> {
+    let path = path.as_ref();
     let Ok(document) = open::read(path) else { return Vec::new() };
     match camera_format(&document) {
         Some((format, reads)) => contents_of(&document, reads)

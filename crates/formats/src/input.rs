@@ -120,7 +120,8 @@ impl Kind {
 ///
 /// # Errors
 /// No such file, a folder, a named pipe or a device, more bytes than the kind allows (nothing has been read then), a disk that fails.
-pub fn read(path: &Path, kind: Kind) -> Result<Vec<u8>, FileError> {
+pub fn read(path: impl AsRef<Path>, kind: Kind) -> Result<Vec<u8>, FileError> {
+    let path = path.as_ref();
     let file = open_file(path, kind)?;
     let mut bytes = Vec::new();
     let reported = |e: Error| FileError::of_system(path, &e);
@@ -140,7 +141,8 @@ pub(crate) const NUL: &str = "a NUL byte: a binary or damaged file, or UTF-16 te
 ///
 /// # Errors
 /// As of [`read`]; bytes that are no UTF-8.
-pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
+pub fn read_text(path: impl AsRef<Path>, kind: Kind) -> Result<String, FileError> {
+    let path = path.as_ref();
     let bytes = read(path, kind)?;
     match what_is_it::that_is_no_text(&bytes) {
         Some(what) => Err(FileError::new(path, what)),
@@ -152,7 +154,8 @@ pub fn read_text(path: &Path, kind: Kind) -> Result<String, FileError> {
 ///
 /// # Errors
 /// As of [`read`], without those of the disk.
-pub fn open_table(path: &Path) -> Result<Rows, FileError> {
+pub fn open_table(path: impl AsRef<Path>) -> Result<Rows, FileError> {
+    let path = path.as_ref();
     let file = open_file(path, Kind::Table)?;
     Ok(Rows(Newlines::new(Bounded { file, left: Kind::Table.limit_bytes(), line: 0, is_begun: false })))
 }

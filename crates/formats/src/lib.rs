@@ -149,7 +149,7 @@ pub use own_camera::status_keys;
 pub use own_target_write::own_target_file;
 pub use read::{
     read_camera, read_camera_from_bytes, read_camera_with_remarks, read_cameras, read_cameras_from_bytes,
-    read_places, read_target, read_target_from_bytes, read_target_with,
+    read_places, read_target, read_target_from_bytes, read_target_with, split_spec,
 };
 pub use rig_files::read_rig;
 pub use scene::{Scene, SceneCamera, scene};

@@ -15,7 +15,8 @@ const MAX_TEXT_BYTES: u64 = Kind::Text.limit_bytes();
 const MAX_LITERAL_BYTES: u64 = Kind::Literal.limit_bytes();
 
 /// Reads at most 16 MiB (recordings: whatever they hold, in bounded memory) and parses; refuses what is not plain text before any parser sees it.
-pub fn read(path: &Path) -> Result<Document, FileError> {
+pub fn read(path: impl AsRef<Path>) -> Result<Document, FileError> {
+    let path = path.as_ref();
     crate::input::must_not_block(path)?;
     #[cfg(feature = "recordings")]
     if resight_recording::is_recording(path) {

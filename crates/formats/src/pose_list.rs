@@ -70,7 +70,8 @@ pub struct PoseList {
 /// # Errors
 /// With its line or pose: a convention that neither the file nor the options state, or that they state differently; numbers that are missing, not
 /// finite or no rotation; poses that are all the same; other kinds of files.
-pub fn read_pose_list(path: &Path, options: &PoseListOptions) -> Result<PoseList, FileError> {
+pub fn read_pose_list(path: impl AsRef<Path>, options: &PoseListOptions) -> Result<PoseList, FileError> {
+    let path = path.as_ref();
     crate::input::must_not_block(path)?;
     let is_table = match std::fs::metadata(path) {
         // A pipe can be read once, so that its content cannot choose the reader.

@@ -13,19 +13,22 @@ use std::path::Path;
 /// Reads every camera of a file, recognising the format by its content.
 ///
 /// Errors name file, line and key: unknown models, wrong counts, values that cannot be right, other kinds of files.
-pub fn read_cameras(path: &Path) -> Result<CameraFile, FileError> {
+pub fn read_cameras(path: impl AsRef<Path>) -> Result<CameraFile, FileError> {
+    let path = path.as_ref();
     let document = open::read(path)?;
     cameras_of(&document).map_err(|fault| fault.in_file(path))
 }
 
 /// As `read_cameras`, from bytes in memory; `path` serves names and messages only.
-pub fn read_cameras_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<CameraFile, FileError> {
+pub fn read_cameras_from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<CameraFile, FileError> {
+    let path = path.as_ref();
     let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
     cameras_of(&document).map_err(|fault| fault.in_file(path))
 }
 
 /// Reads where frames are, with lenses or without: as `read_cameras`, but a file of poses only is no error.
-pub fn read_places(path: &Path) -> Result<CameraFile, FileError> {
+pub fn read_places(path: impl AsRef<Path>) -> Result<CameraFile, FileError> {
+    let path = path.as_ref();
     let document = open::read(path)?;
     match camera_format(&document) {
         Some((format, reads)) => {
@@ -147,14 +150,13 @@ fn keys_seen(document: &Document) -> String {
 ///
 /// Besides the errors of `read_cameras`: a name that is not in the file (its names are listed), or several cameras
 /// and no name.
-pub fn read_camera(spec: &str) -> Result<NamedCamera, FileError> {
+pub fn read_camera(spec: impl AsRef<Path>) -> Result<NamedCamera, FileError> {
     read_camera_with_remarks(spec).map(|(camera, _)| camera)
 }
 
 /// As `read_camera`, with what is unusual about the file, in sentences that name it.
-pub fn read_camera_with_remarks(spec: &str) -> Result<(NamedCamera, Vec<String>), FileError> {
-    let (path, name) = split_spec(spec);
-    let path = Path::new(path);
+pub fn read_camera_with_remarks(spec: impl AsRef<Path>) -> Result<(NamedCamera, Vec<String>), FileError> {
+    let (path, name) = split_spec(spec.as_ref());
     let document = open::read(path)?;
     #[cfg(feature = "recordings")]
     // A recording says why a topic that is there holds no camera, and knows the camera of rectified images.
@@ -169,10 +171,11 @@ pub fn read_camera_with_remarks(spec: &str) -> Result<(NamedCamera, Vec<String>)
 
 /// As `read_camera_with_remarks`, from bytes in memory; `name` picks one of several cameras, `path` serves names and messages only.
 pub fn read_camera_from_bytes(
-    path: &Path,
+    path: impl AsRef<Path>,
     bytes: Vec<u8>,
     name: Option<&str>,
 ) -> Result<(NamedCamera, Vec<String>), FileError> {
+    let path = path.as_ref();
     let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
     picked(&document, path, name)
 }
@@ -194,10 +197,10 @@ fn picked(
     Ok((camera, file.warnings.iter().map(|warning| format!("{}: {warning}", path.display())).collect()))
 }
 
-/// A `#` belongs to the file name when a file of that whole name exists.
-pub(super) fn split_spec(spec: &str) -> (&str, Option<&str>) {
-    match spec.rsplit_once('#') {
-        Some((path, name)) if !Path::new(spec).exists() => (path, Some(name)),
+/// The file and the camera's name of `FILE#NAME`. A `#` belongs to the file's name when a file of that whole name exists.
+pub fn split_spec(spec: &Path) -> (&Path, Option<&str>) {
+    match spec.to_str().and_then(|text| text.rsplit_once('#')) {
+        Some((path, name)) if !spec.exists() => (Path::new(path), Some(name)),
         _ => (spec, None),
     }
 }
@@ -221,20 +224,23 @@ fn pick(mut cameras: Vec<NamedCamera>, name: Option<&str>) -> Result<NamedCamera
 /// Reads a target file, recognising the format by its content.
 ///
 /// A `line_plus_one` target whose fourth point stands over the middle of the line comes with a warning.
-pub fn read_target(path: &Path) -> Result<TargetFile, FileError> {
+pub fn read_target(path: impl AsRef<Path>) -> Result<TargetFile, FileError> {
+    let path = path.as_ref();
     read_target_with(path, &TagOptions::default())
 }
 
 /// As `read_target`, with what the caller knows of the tags of a map and the file does not state.
 ///
 /// Besides the errors of `read_target`: options for a target that is no tag map, or for what the file states itself.
-pub fn read_target_with(path: &Path, options: &TagOptions) -> Result<TargetFile, FileError> {
+pub fn read_target_with(path: impl AsRef<Path>, options: &TagOptions) -> Result<TargetFile, FileError> {
+    let path = path.as_ref();
     let document = open::read(path)?;
     target_of(&document, options).map_err(|fault| fault.in_file(path))
 }
 
 /// As `read_target`, from bytes in memory; `path` serves messages only.
-pub fn read_target_from_bytes(path: &Path, bytes: Vec<u8>) -> Result<TargetFile, FileError> {
+pub fn read_target_from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<TargetFile, FileError> {
+    let path = path.as_ref();
     let document = open::parse(path, bytes).map_err(|fault| fault.in_file(path))?;
     target_of(&document, &TagOptions::default()).map_err(|fault| fault.in_file(path))
 }

@@ -32,7 +32,7 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
     let first = paths.first().ok_or_else(|| FileError::new("", "no file given"))?;
     let mut read: Vec<(PathBuf, Format, Contents)> = Vec::new();
     for path in paths {
-        let (path, picked) = spec(path);
+        let (path, picked) = split_spec(path);
         let documents = if path.is_dir() { folder(path)? } else { vec![open::read(path)?] };
         let mut found = contents(path, &documents)?;
         if let Some(name) = picked {
@@ -58,14 +58,6 @@ pub fn read_rig(paths: &[PathBuf]) -> Result<CameraFile, FileError> {
         rig.warnings.push(reason.into());
     }
     Ok(rig.into_file(format))
-}
-
-/// `FILE#NAME` is one camera of a file.
-fn spec(path: &Path) -> (&Path, Option<&str>) {
-    match path.to_str().map(split_spec) {
-        Some((file, name @ Some(_))) => (Path::new(file), name),
-        _ => (path, None),
-    }
 }
 
 fn keep(read: &mut [(PathBuf, Format, Contents)], name: &str) -> Result<(), String> {

@@ -108,7 +108,7 @@ fn covariances_are_kept_or_said() {
 fn a_reference_changes_the_frame_and_not_the_rig() {
     let rig = rig_of("placed_rig.toml");
     let text = convert(&rig, Format::Own, Some("right")).unwrap().files[0].text.clone();
-    let back = resight_formats::read_cameras_from_bytes(&PathBuf::from("x"), text.into_bytes()).unwrap();
+    let back = resight_formats::read_cameras_from_bytes(PathBuf::from("x"), text.into_bytes()).unwrap();
     let place = |rig: &CameraFile, name: &str| -> Placement {
         rig.cameras.iter().find(|c| c.name == name).unwrap().placement.clone().unwrap()
     };

@@ -273,7 +273,7 @@ fn krtd_maps_the_world_into_the_camera() {
 /// parent_from_child with R = R_z(yaw) R_y(pitch) R_x(roll).
 #[test]
 fn autoware_states_children_in_their_parent() {
-    let file = read_places(&example("autoware_sensor_kit.yaml")).unwrap();
+    let file = read_places(example("autoware_sensor_kit.yaml")).unwrap();
     assert_eq!(file.format, Format::Autoware);
     let parent = "sensor_kit_base_link";
     assert_maps(&file, parent, "velodyne_top_base_link", [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
@@ -288,7 +288,7 @@ fn autoware_states_children_in_their_parent() {
 
 #[test]
 fn matrices_need_a_name_that_states_their_frames() {
-    let file = read_places(&example("pose_matrices.yaml")).unwrap();
+    let file = read_places(example("pose_matrices.yaml")).unwrap();
     assert_eq!(file.format, Format::PoseMatrices);
     assert_maps(&file, "cam", "lidar", [5.0, 0.0, 0.0], [0.1, 0.2, 5.3]);
     assert_maps(&file, "base", "lidar", [5.0, 0.0, 0.0], [6.8, -0.1, 1.05]);
@@ -319,7 +319,7 @@ fn orb_slam_before_its_version_1_has_tlr_and_tbc() {
     let file = read("orb_slam_old.yaml", Format::OrbSlam);
     assert_maps(&file, "Camera", "Camera2", [0.0, 0.0, 1.0], [0.71, 0.002, 0.81]);
     assert_maps(&file, "imu", "Camera", [0.0, 0.0, 1.0], [-0.02, -0.06, 1.01]);
-    let said = explain(&example("orb_slam_old.yaml")).unwrap();
+    let said = explain(example("orb_slam_old.yaml")).unwrap();
     assert!(said.contains("The baseline is 0.1100 m"), "{said}");
     let half = text("orb_slam_old.yaml").replace("Camera.height: 480\n", "");
     let refused = read_cameras_from_bytes(Path::new("a.yaml"), half.into_bytes()).unwrap_err().to_string();
@@ -337,7 +337,7 @@ fn vins_configurations_place_their_cameras() {
         fusion.cameras.iter().map(|c| (c.name.as_str(), c.camera.model_name())).collect();
     assert_eq!(models, [("cam0", "omni"), ("cam1", "brown_conrady")]);
     assert_maps(&fusion, "cam0", "cam1", [0.0, 0.0, 0.0], [0.11, 0.0, 0.0]);
-    let config = read_cameras(&example("vins/stereo_config.yaml")).unwrap_err().to_string();
+    let config = read_cameras(example("vins/stereo_config.yaml")).unwrap_err().to_string();
     assert!(config.contains("poses only, no intrinsics"), "{config}");
     assert_refused("vins_mono.yaml", "PINHOLE", "SCARAMUZZA", "calibrate the same images as MEI");
     assert_refused("vins_mono.yaml", "model_type: PINHOLE\n", "", "the key `model_type` is missing");

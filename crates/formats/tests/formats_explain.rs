@@ -6,7 +6,7 @@ use std::path::Path;
 
 #[track_caller]
 fn assert_explains(name: &str, sentences: &[&str]) {
-    let text = explain(&example(name)).unwrap();
+    let text = explain(example(name)).unwrap();
     for sentence in sentences {
         assert!(text.contains(sentence), "`{sentence}` is not in:\n{text}");
     }

@@ -230,7 +230,7 @@ fn nuscenes_names_come_from_the_sensor_table() {
     assert_close(&(ego_from_front * Point::new(0.0, 0.0, 2.0)), [3.7, 0.0, 1.5]);
     assert_close(&(between(&rig, "ego", "CAM_BACK") * Point::new(0.0, 0.0, 2.0)), [-2.0, 0.0, 1.6]);
     assert_close(&(between(&rig, "ego", "LIDAR_TOP") * Point::new(1.0, 0.0, 0.0)), [0.9 + 0.28, -0.96, 1.8]);
-    let alone = read_cameras(&example("nuscenes/calibrated_sensor.json")).unwrap();
+    let alone = read_cameras(example("nuscenes/calibrated_sensor.json")).unwrap();
     assert_eq!(alone.cameras[0].name, "47fcd48f71d75e0da5c8c1704a9bfe0a");
 }
 

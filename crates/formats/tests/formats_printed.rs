@@ -66,7 +66,7 @@ fn targets() -> Vec<Target> {
 }
 
 fn read(text: &str) -> Result<Target, String> {
-    read_target_from_bytes("board.toml".as_ref(), text.as_bytes().to_vec())
+    read_target_from_bytes("board.toml", text.as_bytes().to_vec())
         .map(|file| file.target)
         .map_err(|e| e.to_string())
 }
@@ -137,7 +137,7 @@ fn a_printed_scale_is_explained_and_not_lost() {
     let scale = PrintedScale { ratio: [0.996, 1.002], sigma: [1e-3, 5e-4] };
     let board = targets()[3].printed_at(scale);
     let text = own_target_file(&board, "");
-    let said = explain_from_bytes("board.toml".as_ref(), text.into_bytes()).unwrap();
+    let said = explain_from_bytes("board.toml", text.into_bytes()).unwrap();
     assert!(said.contains("-0.400 % ± 0.100 % along x and +0.200 % ± 0.050 % along y"), "{said}");
     let map = targets()[5].printed_at(scale);
     let field = resight_formats::Field { length_m: 16.0, width_m: 8.0, keys_of_2027: false };

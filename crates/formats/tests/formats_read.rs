@@ -6,7 +6,7 @@ use resight_formats::core::{Camera, Lens, Pixel, Point, Pose, Target};
 use resight_formats::{Format, NamedCamera, read_camera, read_cameras, read_target};
 
 fn cameras(name: &str, format: Format) -> Vec<NamedCamera> {
-    let file = read_cameras(&example(name)).unwrap();
+    let file = read_cameras(example(name)).unwrap();
     assert_eq!(file.format, format, "{name}");
     file.cameras
 }
@@ -83,7 +83,7 @@ fn opencv_stereo_places_the_second_camera() {
     assert_camera(&pair[0].camera, "brown_conrady", None, &rational);
     assert!(pair[0].placement.is_none());
     assert_maps(&pair[1], "M2", "M1", [0.0, 0.0, 1.0], [-0.6 - 0.094, 0.0, 0.8]);
-    let picked = read_camera(&format!("{}#M2", example("opencv_stereo.yml").display())).unwrap();
+    let picked = read_camera(format!("{}#M2", example("opencv_stereo.yml").display())).unwrap();
     assert_eq!(picked, pair[1]);
 }
 
@@ -162,7 +162,7 @@ fn kalibr_report_keeps_its_standard_deviations() {
     let refused = |from: &str, to: &str, reason: &str| {
         let bytes = text.replace(from, to).into_bytes();
         let fault =
-            resight_formats::read_cameras_from_bytes(&example("x.txt"), bytes).unwrap_err().to_string();
+            resight_formats::read_cameras_from_bytes(example("x.txt"), bytes).unwrap_err().to_string();
         assert!(fault.contains(reason), "{fault}");
     };
     refused(" +- [0.15120844 ", " +- [", "4 numbers and 3 standard deviations");
@@ -179,7 +179,7 @@ fn assert_only_one_lens(warnings: &[String]) {
 
 #[test]
 fn kalibr_imu_pose_and_a_key_that_lies() {
-    let file = read_cameras(&example("kalibr_imucam.yaml")).unwrap();
+    let file = read_cameras(example("kalibr_imucam.yaml")).unwrap();
     assert_maps(&file.cameras[0], "cam0", "imu", [1.0, 0.0, 0.0], [0.01, -0.98, 0.03]);
     assert_maps(&file.cameras[1], "cam1", "cam0", [0.0, 0.0, 0.0], [-0.1, 0.0, 0.0]);
     assert_only_one_lens(&file.warnings);
@@ -198,11 +198,11 @@ fn kalibr_imu_pose_and_a_key_that_lies() {
             &inverse(0.09, 0.02),
         );
     let file =
-        resight_formats::read_cameras_from_bytes(&example("x.yaml"), lying.clone().into_bytes()).unwrap();
+        resight_formats::read_cameras_from_bytes(example("x.yaml"), lying.clone().into_bytes()).unwrap();
     assert!(file.warnings.iter().any(|w| w.contains("T_imu_cam")), "{:?}", file.warnings);
     // Under its right name the file is consistent again.
     let honest = lying.replace("T_cam_imu", "T_imu_cam");
-    let file = resight_formats::read_cameras_from_bytes(&example("x.yaml"), honest.into_bytes()).unwrap();
+    let file = resight_formats::read_cameras_from_bytes(example("x.yaml"), honest.into_bytes()).unwrap();
     assert_only_one_lens(&file.warnings);
     assert_maps(&file.cameras[0], "cam0", "imu", [1.0, 0.0, 0.0], [0.01, -0.98, 0.03]);
 }
@@ -279,25 +279,23 @@ fn caliscope_keeps_file_order_and_maps_world_to_camera() {
 fn own_targets_of_every_kind() {
     let kinds = ["line_plus_one", "tag", "aprilgrid", "chessboard", "charuco", "tag_map", "points"];
     for kind in kinds {
-        let file = read_target(&example(&format!("target_{kind}.toml"))).unwrap();
+        let file = read_target(example(&format!("target_{kind}.toml"))).unwrap();
         assert_eq!((file.format, file.target.kind()), (Format::OwnTarget, kind));
         assert_eq!(file.warnings, Vec::<String>::new(), "{kind}");
     }
-    let Target::Charuco(board) = read_target(&example("target_charuco.toml")).unwrap().target else {
+    let Target::Charuco(board) = read_target(example("target_charuco.toml")).unwrap().target else {
         panic!()
     };
     assert!(board.legacy_pattern && board.marker_m == 0.0405 && (board.rows, board.columns) == (5, 4));
-    let Target::Points(points) = read_target(&example("target_points.toml")).unwrap().target else {
-        panic!()
-    };
+    let Target::Points(points) = read_target(example("target_points.toml")).unwrap().target else { panic!() };
     assert_eq!((points[0].sigma_m, points[1].sigma_m, points[1].position.x), (0.02, 0.0, 3.0));
-    let Target::TagMap(map) = read_target(&example("target_tag_map.toml")).unwrap().target else { panic!() };
+    let Target::TagMap(map) = read_target(example("target_tag_map.toml")).unwrap().target else { panic!() };
     assert_eq!(map.tags[0].world_from_tag.translation, Point::new(1.0, 2.0, 0.5));
 }
 
 #[test]
 fn fourth_point_over_the_middle_is_warned_of() {
-    let file = read_target(&example("target_middle.toml")).unwrap();
+    let file = read_target(example("target_middle.toml")).unwrap();
     assert!(
         file.warnings[0].contains("over the middle") && file.warnings[0].contains("over an end"),
         "{:?}",
@@ -308,14 +306,14 @@ fn fourth_point_over_the_middle_is_warned_of() {
 #[test]
 fn kalibr_and_basalt_targets() {
     for name in ["kalibr_aprilgrid.yaml", "basalt_aprilgrid.json"] {
-        let Target::AprilGrid(grid) = read_target(&example(name)).unwrap().target else { panic!() };
+        let Target::AprilGrid(grid) = read_target(example(name)).unwrap().target else { panic!() };
         assert_eq!((grid.rows, grid.columns, grid.tag_size_m, grid.tag_spacing_ratio), (5, 6, 0.088, 0.3));
     }
-    let Target::Chessboard(board) = read_target(&example("kalibr_checkerboard.yaml")).unwrap().target else {
+    let Target::Chessboard(board) = read_target(example("kalibr_checkerboard.yaml")).unwrap().target else {
         panic!()
     };
     assert_eq!((board.rows, board.columns, board.square_m), (6, 9, 0.025));
-    let Target::CircleGrid(grid) = read_target(&example("kalibr_circlegrid.yaml")).unwrap().target else {
+    let Target::CircleGrid(grid) = read_target(example("kalibr_circlegrid.yaml")).unwrap().target else {
         panic!()
     };
     assert_eq!((grid.rows, grid.columns, grid.spacing_m, grid.asymmetric), (11, 4, 0.02, true));
@@ -325,7 +323,7 @@ fn kalibr_and_basalt_targets() {
 #[test]
 fn wpilib_tags_turn_into_our_tag_frame() {
     for name in ["wpilib_2024.json", "wpilib_2027.json"] {
-        let Target::TagMap(map) = read_target(&example(name)).unwrap().target else { panic!() };
+        let Target::TagMap(map) = read_target(example(name)).unwrap().target else { panic!() };
         assert_eq!((map.family.as_str(), map.tags.len(), map.tags[0].size_m), ("tag36h11", 2, 0.1651));
         let axis = |pose: &Pose, x: f64, y: f64, z: f64| pose.rotation * Point::new(x, y, z);
         let (facing_plus_x, facing_minus_x) = (&map.tags[0].world_from_tag, &map.tags[1].world_from_tag);
@@ -340,7 +338,7 @@ fn wpilib_tags_turn_into_our_tag_frame() {
 
 #[test]
 fn caliscope_board_in_metres() {
-    let Target::Charuco(board) = read_target(&example("caliscope_charuco.toml")).unwrap().target else {
+    let Target::Charuco(board) = read_target(example("caliscope_charuco.toml")).unwrap().target else {
         panic!()
     };
     assert!((board.square_m - 0.054).abs() < 1e-15 && (board.marker_m - 0.0405).abs() < 1e-15);
@@ -368,7 +366,7 @@ fn openvins_chain_with_its_header() {
         "%YAML:1.0 # need to specify the file type at the top!\n\n{}",
         kalibr.replace("T_cam_imu", "T_imu_cam")
     );
-    let file = resight_formats::read_cameras_from_bytes(&example("x.yaml"), text.into_bytes()).unwrap();
+    let file = resight_formats::read_cameras_from_bytes(example("x.yaml"), text.into_bytes()).unwrap();
     assert_eq!((file.format, file.cameras.len()), (Format::Kalibr, 2));
     // Rᵀ (x − t) of T_imu_cam.
     assert_maps(&file.cameras[0], "cam0", "imu", [0.01, 0.02, 0.03], [0.0, 0.0, 0.0]);

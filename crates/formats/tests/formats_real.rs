@@ -11,7 +11,7 @@ use resight_formats::{Format, read_cameras, read_target};
 fn caliscope_array_is_world_to_camera() {
     let data = recorded("");
     let folder = data.join("caliscope_4cam_charuco");
-    let file = read_cameras(&folder.join("camera_array.toml")).unwrap();
+    let file = read_cameras(folder.join("camera_array.toml")).unwrap();
     assert_eq!((file.format, file.cameras.len()), (Format::Caliscope, 4));
     assert_eq!(file.cameras[0].camera.parameters()[0].1, 894.5288733178912);
     let from_world: Vec<Pose> = file.cameras.iter().map(|c| c.placement.as_ref().unwrap().b_from_a).collect();
@@ -30,7 +30,7 @@ fn caliscope_array_is_world_to_camera() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn caliscope_board_is_54_mm() {
     let data = recorded("");
-    let file = read_target(&data.join("caliscope_4cam_charuco/charuco.toml")).unwrap();
+    let file = read_target(data.join("caliscope_4cam_charuco/charuco.toml")).unwrap();
     let Target::Charuco(board) = file.target else { panic!() };
     assert!((board.square_m - 0.054).abs() < 1e-12 && (board.rows, board.columns) == (5, 4));
     assert!(file.warnings[0].contains("inverted"));
@@ -40,7 +40,7 @@ fn caliscope_board_is_54_mm() {
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
 fn opensfm_intrinsics_with_a_matrix_of_rows() {
     let data = recorded("");
-    let file = read_cameras(&data.join("opensfm_berlin_2d3d/intrinsics.json")).unwrap();
+    let file = read_cameras(data.join("opensfm_berlin_2d3d/intrinsics.json")).unwrap();
     let camera = &file.cameras[0].camera;
     assert_eq!(
         (file.format, camera.model_name(), camera.size.unwrap().width_px),

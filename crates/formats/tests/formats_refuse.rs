@@ -106,7 +106,7 @@ fn opencv_files_that_cannot_be_right() {
         &[":24: R", "not a rotation", "1e-3"],
     );
     assert_camera_refused("opencv_stereo.yml", "-0.6, 0., 1.,", "-0.6, 0., -1.,", &["mirror"]);
-    let refusal = read_cameras(&example("opencv_extrinsics.yml")).unwrap_err().to_string();
+    let refusal = read_cameras(example("opencv_extrinsics.yml")).unwrap_err().to_string();
     assert_says(&refusal, &["poses only, no intrinsics"]);
 }
 
@@ -293,9 +293,9 @@ fn targets_that_cannot_be_right() {
 
 #[test]
 fn cameras_and_targets_are_reported_apart() {
-    let refusal = read_cameras(&example("target_tag.toml")).unwrap_err().to_string();
+    let refusal = read_cameras(example("target_tag.toml")).unwrap_err().to_string();
     assert_says(&refusal, &["target_tag.toml", "is a target", "--target"]);
-    let refusal = read_target(&example("own_pinhole.toml")).unwrap_err().to_string();
+    let refusal = read_target(example("own_pinhole.toml")).unwrap_err().to_string();
     assert_says(&refusal, &["is a camera", "--camera"]);
     assert_says(&camera_refusal("x", "colour: blue\n"), &["not a camera file", "keys colour", "Kalibr"]);
 }
@@ -303,9 +303,9 @@ fn cameras_and_targets_are_reported_apart() {
 #[test]
 fn one_of_several_cameras_is_picked_by_name() {
     let path = example("kalibr_camchain.yaml").display().to_string();
-    assert_eq!(read_camera(&format!("{path}#cam3")).unwrap().name, "cam3");
+    assert_eq!(read_camera(format!("{path}#cam3")).unwrap().name, "cam3");
     assert_says(
-        &read_camera(&format!("{path}#cam9")).unwrap_err().to_string(),
+        &read_camera(format!("{path}#cam9")).unwrap_err().to_string(),
         &["no camera `cam9`", "cam0, cam1"],
     );
     assert_says(&read_camera(&path).unwrap_err().to_string(), &["6 cameras", "FILE#cam0"]);
@@ -378,8 +378,7 @@ fn a_target_beyond_any_size_is_refused() {
         "kind = \"aprilgrid\"\nrows = 5\ncolumns = 6\ntag_size_m = 1.6e308\ntag_spacing_ratio = 0.3\n",
         "kind = \"chessboard\"\nrows = 5\ncolumns = 6\nsquare_m = 1e300\n",
     ] {
-        let refused =
-            resight_formats::read_target_from_bytes("board.toml".as_ref(), text.as_bytes().to_vec());
+        let refused = resight_formats::read_target_from_bytes("board.toml", text.as_bytes().to_vec());
         let reason = refused.expect_err("refused").to_string();
         assert!(reason.contains("at most 1e9 m"), "{reason}");
     }

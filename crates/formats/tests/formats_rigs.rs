@@ -36,7 +36,7 @@ fn pixels_for_the_judges() {
 /// Every format that reads what it wrote keeps lenses and poses; what it has no place for is said.
 #[test]
 fn converted_and_read_back() {
-    let mut rig = read_cameras(&example("placed_rig.toml")).unwrap();
+    let mut rig = read_cameras(example("placed_rig.toml")).unwrap();
     rig.cameras.truncate(2);
     for (format, words) in [
         (Format::Colmap, &[][..]),
@@ -72,7 +72,7 @@ fn explained_with_their_traps() {
         ("easy_handeye_hand/easy_handeye.yaml", &["x_world = R x_right + t", "optical frame"]),
         ("aniposelib/calibration.toml", &["aniposelib camera group", "cam_10 comes before cam_2"]),
     ] {
-        assert_says(&resight_formats::explain(&golden(file)).unwrap(), words);
+        assert_says(&resight_formats::explain(golden(file)).unwrap(), words);
     }
 }
 
@@ -229,7 +229,7 @@ fn photonvision_round_trips_in_both_shapes() {
         let files = write_cameras(&unplaced, format).unwrap();
         assert_golden(folder, &files);
         for (file, camera) in files.iter().zip(&unplaced) {
-            let read = read_cameras(&golden(folder).join(&file.name)).unwrap().cameras;
+            let read = read_cameras(golden(folder).join(&file.name)).unwrap().cameras;
             assert_eq!((&read[0].name, &read[0].camera), (&camera.name, &camera.camera));
         }
     }
@@ -256,12 +256,12 @@ fn wpilib_layouts_round_trip_in_both_spellings() {
     for (source, folder, keys_of_2027) in
         [("wpilib_2024.json", "wpilib", false), ("wpilib_2027.json", "wpilib_2027", true)]
     {
-        let target = read_target(&example(source)).unwrap().target;
+        let target = read_target(example(source)).unwrap().target;
         let field = read_field(&example(source)).unwrap();
         assert_eq!(field, Field { length_m: 16.541, width_m: 8.211, keys_of_2027 });
         let file = write_field_layout(&target, &field).unwrap();
         assert_golden(folder, std::slice::from_ref(&file));
-        assert_same_tags(&read_target(&golden(folder).join(&file.name)).unwrap().target, &target);
+        assert_same_tags(&read_target(golden(folder).join(&file.name)).unwrap().target, &target);
         assert_eq!(read_field(&golden(folder).join(&file.name)).unwrap(), field);
     }
 }
@@ -281,13 +281,13 @@ fn assert_same_tags(a: &Target, b: &Target) {
 fn wpilib_layouts_refuse_what_they_cannot_hold() {
     let field = Field { length_m: 3.0, width_m: 2.0, keys_of_2027: false };
     let refused = |target: &str, field: &Field| {
-        write_field_layout(&read_target(&example(target)).unwrap().target, field).unwrap_err().0
+        write_field_layout(&read_target(example(target)).unwrap().target, field).unwrap_err().0
     };
     assert_says(&refused("target_tag.toml", &field), &["kind `tag`"]);
     assert_says(&refused("target_tag_map.toml", &field), &["tag 1 is 0.1 m", "0.1651"]);
     assert_says(&refused("wpilib_2024.json", &Field { width_m: 0.0, ..field }), &["3 m by 0 m"]);
     // Another family and size travel under keys of our own.
-    let Target::TagMap(mut map) = read_target(&example("wpilib_2024.json")).unwrap().target else { panic!() };
+    let Target::TagMap(mut map) = read_target(example("wpilib_2024.json")).unwrap().target else { panic!() };
     map.family = "tag25h9".into();
     map.tags.iter_mut().for_each(|t| t.size_m = 0.08);
     let target = Target::TagMap(map);

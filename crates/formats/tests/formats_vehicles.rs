@@ -265,7 +265,7 @@ fn lensfun_files_that_cannot_be_read_say_why() {
 #[test]
 fn kitti_raw_has_its_cameras_before_rectification() {
     let path = example("kitti_unrectified/calib_cam_to_cam.txt");
-    let camera = read_camera(&format!("{}#cam1_unrectified", path.display())).unwrap();
+    let camera = read_camera(format!("{}#cam1_unrectified", path.display())).unwrap();
     let (x, y) = (0.2f64, -0.1f64);
     let r2 = x * x + y * y;
     let radial = 1.0 + r2 * (-0.3675 + r2 * (0.1875 + r2 * -0.0625));
@@ -287,7 +287,7 @@ fn kitti_raw_has_its_cameras_before_rectification() {
 
 #[test]
 fn tf2_echo_is_the_child_in_its_parent() {
-    let file = read_places(&example("tf_echo.txt")).unwrap();
+    let file = read_places(example("tf_echo.txt")).unwrap();
     assert_eq!(file.format, Format::StaticTransforms);
     // camera_link is turned by 90° about z; its optical frame looks along its x.
     assert_maps(&file, "base_link", "camera_link", [1.0, 0.0, 0.0], [0.19, 1.0, 0.22]);
@@ -304,7 +304,7 @@ fn tf2_echo_is_the_child_in_its_parent() {
 #[test]
 fn a_matrix_alone_is_read_where_its_meaning_is_stated() {
     for (name, b) in [("matrix_with_comment.txt", "cam"), ("named_matrix/left_T_lidar.txt", "left")] {
-        let file = read_places(&example(name)).unwrap();
+        let file = read_places(example(name)).unwrap();
         assert_eq!(file.format, Format::PoseMatrices);
         assert_maps(&file, b, "lidar", [10.0, 1.0, 2.0], [-0.9, -2.2, 9.7]);
     }

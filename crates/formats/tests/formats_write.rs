@@ -105,7 +105,7 @@ fn kalibr_round_trips() {
 /// Kalibr's time shift and a pose between frames of no camera survive in our own file, a covariance too.
 #[test]
 fn clocks_relations_and_covariances_round_trip() {
-    let mut rig = read_cameras(&example("kalibr_imucam.yaml")).unwrap();
+    let mut rig = read_cameras(example("kalibr_imucam.yaml")).unwrap();
     assert_eq!(rig.clocks.len(), 1);
     assert_eq!((rig.clocks[0].camera.as_str(), rig.clocks[0].offset_s), ("cam0", 0.001));
     let mut stated = rig.cameras[1].placement.clone().unwrap();
@@ -172,7 +172,7 @@ fn atomic_write_replaces_all_or_nothing() {
     std::fs::create_dir_all(occupied.join("inside")).unwrap();
     assert!(write_atomically(&occupied, b"third").is_err());
     assert!(
-        write_atomically(&folder.join("absent/x.toml"), b"third")
+        write_atomically(folder.join("absent/x.toml"), b"third")
             .unwrap_err()
             .to_string()
             .contains("cannot write")
@@ -203,7 +203,7 @@ fn intrinsics_covariances_round_trip_or_are_named() {
     let factor = DMatrix::from_fn(n, n, |i, j| if j <= i { 0.3 + (i + 2 * j) as f64 * 0.01 } else { 0.0 });
     camera.intrinsics_covariance = Some(&factor * factor.transpose());
     let rig =
-        CameraFile { cameras: vec![camera.clone()], ..read_cameras(&example("opencv_single.yml")).unwrap() };
+        CameraFile { cameras: vec![camera.clone()], ..read_cameras(example("opencv_single.yml")).unwrap() };
     let own = convert(&rig, Format::Own, None).unwrap();
     assert!(own.lost.is_empty(), "{:?}", own.lost);
     let back = read_back(&own.files[0].text, Format::Own, "x").remove(0).intrinsics_covariance.expect("kept");
@@ -220,7 +220,7 @@ fn stated_uncertainties_of_intrinsics_are_read() {
         let text = format!(
             "model = \"pinhole\"\nwidth_px = 640\nheight_px = 480\nfx_px = 500.0\nfy_px = 501.0\ncx_px = 319.5\ncy_px = 239.5\n{more}\n"
         );
-        read_cameras_from_bytes("camera.toml".as_ref(), text.into_bytes())
+        read_cameras_from_bytes("camera.toml", text.into_bytes())
     };
     let covariance = |more: &str| own(more).unwrap().cameras.remove(0).intrinsics_covariance;
     let diagonal = covariance("intrinsics_sigma = { fx_px = 2.0, cy_px = 0.5 }").expect("stated");
@@ -247,7 +247,7 @@ fn stated_uncertainties_of_intrinsics_are_read() {
         let text = format!(
             "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 320., 0., 500., 240., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.2, 0.1, 0., 0., 0. ]\nstdDeviationsIntrinsics: [{sigmas}]\n"
         );
-        read_cameras_from_bytes("camera.yml".as_ref(), text.into_bytes())
+        read_cameras_from_bytes("camera.yml", text.into_bytes())
     };
     let read = opencv("1., 1., 2., 2., 0.01, 0.02, 0., 0., 0.03, 0., 0., 0.").unwrap().cameras.remove(0);
     let sigma = read.intrinsics_covariance.expect("stated").diagonal().map(f64::sqrt);

@@ -19,7 +19,7 @@ fn file(name: &str, bytes: &[u8]) -> PathBuf {
 }
 
 fn read(name: &str, bytes: &[u8], options: &PoseListOptions) -> Result<PoseList, String> {
-    read_pose_list(&file(name, bytes), options).map_err(|reason| reason.to_string())
+    read_pose_list(file(name, bytes), options).map_err(|reason| reason.to_string())
 }
 
 fn word(word: &str) -> PoseListOptions {

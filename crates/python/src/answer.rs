@@ -1,8 +1,8 @@
 //! `resight.PoseAnswer`: the answer about one view; its JSON is that of the program.
 
 use crate::arrays::array;
-use crate::error;
 use crate::pose::{Pose, rigid};
+use crate::{error, notebook};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use resight::core::locate::consistency::Consistency;
@@ -311,13 +311,7 @@ impl PoseAnswer {
 
     /// What a notebook shows.
     fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
-        let (escape, mut html) = (py.import("html")?.getattr("escape")?, String::from("<table>"));
-        for (name, text) in self.figures().lines() {
-            let text: String = escape.call1((text,))?.extract()?;
-            html.push_str(&format!("<tr><th>{name}</th><td style=\"text-align:left\">{text}</td></tr>"));
-        }
-        html.push_str("</table>");
-        Ok(html)
+        notebook::named(py, self.figures().lines())
     }
 
     fn __repr__(&self) -> String {

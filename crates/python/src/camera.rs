@@ -1,9 +1,9 @@
 //! `resight.Camera`.
 
 use crate::arrays::{Numbers, array};
-use crate::error;
 use crate::pixels::Pixels;
 use crate::run::here;
+use crate::{error, notebook};
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -72,8 +72,8 @@ impl Camera {
     /// The camera of a file in any supported format; `FILE#NAME` picks one of several.
     #[staticmethod]
     fn read(py: Python<'_>, file: PathBuf) -> PyResult<Self> {
-        let (known, remarks) = formats::read_camera_with_remarks(&file.to_string_lossy())
-            .map_err(|reason| error::file(py, &reason))?;
+        let (known, remarks) =
+            formats::read_camera_with_remarks(&file).map_err(|reason| error::file(py, &reason))?;
         Ok(Camera::of_file(known, &remarks))
     }
 
@@ -256,6 +256,22 @@ impl Camera {
             false => Ok((class.getattr("parse")?, (self.to_toml(py)?,))),
             true => Err(error::input(py, "a nominal camera is not pickled; construct it where it is needed")),
         }
+    }
+
+    /// What a notebook shows: model, image size, and each parameter with its standard deviation where that is stated.
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
+        let Camera { known, .. } = self;
+        let mut rows = vec![("name", known.name.clone()), ("model", known.camera.model_name().to_owned())];
+        if let Some(size) = known.camera.size {
+            rows.push(("image", format!("{} x {} px", size.width_px, size.height_px)));
+        }
+        let parameters = known.camera.parameters();
+        for (i, (name, value)) in parameters.iter().enumerate() {
+            let sigma = known.intrinsics_covariance.as_ref().map(|c| c[(i, i)].max(0.0).sqrt());
+            let sigma = sigma.map(|sigma| format!(" ± {sigma:.2e}")).unwrap_or_default();
+            rows.push((name, format!("{value}{sigma}")));
+        }
+        notebook::named(py, rows)
     }
 
     fn __repr__(&self) -> String {

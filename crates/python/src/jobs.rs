@@ -61,7 +61,7 @@ pub fn request(cameras: Vec<Named<'_>>, targets: Vec<Named<'_>>) -> PyResult<Rig
         }
         let file: PathBuf =
             camera.extract().map_err(|_| error::input(py, "cameras: a Camera or a path is needed"))?;
-        let read = request.read_camera(name.as_deref(), &file.to_string_lossy());
+        let read = request.read_camera(name.as_deref(), file);
         read.map_err(|reason| error::job(py, &reason))?;
     }
     for (name, target) in targets {

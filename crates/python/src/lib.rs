@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod notebook;
 mod arrays;
 mod run;
 mod pixels;

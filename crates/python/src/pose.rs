@@ -1,7 +1,7 @@
 //! `resight.Pose`: a rigid transform between two named frames.
 
 use crate::arrays::{Numbers, array};
-use crate::error;
+use crate::{error, notebook};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyIterator, PyTuple};
@@ -132,6 +132,26 @@ impl Pose {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PoseParts<'py>)> {
         let parts = (self.matrix(py)?, self.b.clone(), self.a.clone());
         Ok((py.import("resight._make")?.getattr("pose")?, parts))
+    }
+
+    /// What a notebook shows.
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
+        let t = self.pose.translation;
+        let turn = self.pose.log();
+        let rows = [
+            ("pose", format!("{}_from_{}", self.b, self.a)),
+            ("translation", format!("({:.4}, {:.4}, {:.4}) m", t.x, t.y, t.z)),
+            (
+                "rotation",
+                format!(
+                    "({:.3}, {:.3}, {:.3}) deg, axis times angle",
+                    turn[0].to_degrees(),
+                    turn[1].to_degrees(),
+                    turn[2].to_degrees()
+                ),
+            ),
+        ];
+        notebook::named(py, rows)
     }
 
     fn __repr__(&self) -> String {

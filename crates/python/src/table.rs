@@ -1,8 +1,8 @@
 //! Answers as a table of columns for pandas, Polars and Arrow: the Arrow PyCapsule interface, without a copy on their side.
 
 use crate::answer::{PoseAnswer, PoseFigures, Row};
-use crate::error;
 use crate::many::Poses;
+use crate::{error, notebook};
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
     ArrayRef, FixedSizeListArray, Float64Array, RecordBatch, RecordBatchIterator, StringArray, UInt32Array,
@@ -88,6 +88,37 @@ impl Table {
 
     fn __len__(&self) -> usize {
         self.batch.num_rows()
+    }
+
+    /// What a notebook shows: the first rows of the columns that hold a number or text.
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
+        /// Rows shown.
+        const MOST: usize = 20;
+        let first = self.batch.slice(0, self.batch.num_rows().min(MOST));
+        let cells = |array: &ArrayRef| -> Option<Vec<String>> {
+            match array.data_type() {
+                DataType::Float64 | DataType::Int32 | DataType::UInt32 => {
+                    let numbers = resight_fleet::columns::numbers(array.as_ref());
+                    Some(
+                        numbers
+                            .iter()
+                            .map(|x| if x.is_nan() { String::new() } else { x.to_string() })
+                            .collect(),
+                    )
+                }
+                DataType::Utf8 | DataType::Dictionary(_, _) => Some(
+                    resight_fleet::columns::text(array.as_ref())
+                        .into_iter()
+                        .map(Option::unwrap_or_default)
+                        .collect(),
+                ),
+                _ => None,
+            }
+        };
+        let named = self.column_names().into_iter().zip(first.columns());
+        let columns: Vec<_> =
+            named.filter_map(|(name, array)| cells(array).map(|cells| (name, cells))).collect();
+        notebook::columns(py, &columns, self.batch.num_rows() - first.num_rows())
     }
 
     fn __repr__(&self) -> String {

@@ -51,7 +51,8 @@ pub use write::Writer;
 use std::path::Path;
 
 /// Returns whether a file begins like an MCAP file.
-pub fn is_recording(path: &Path) -> bool {
+pub fn is_recording(path: impl AsRef<Path>) -> bool {
+    let path = path.as_ref();
     use std::io::Read;
     let mut head = [0; 8];
     std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok() && begins_one(&head)

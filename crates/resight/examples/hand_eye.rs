@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let files = ["examples/robot/corners.csv".into()];
     let observed = ObservedRig::from_detections(&Detections::files(&files), &request)?;
     let RobotFile { robot, remarks, .. } =
-        read_robot_file("examples/robot/motions.csv".as_ref(), &Default::default(), None)?;
+        read_robot_file("examples/robot/motions.csv", &Default::default(), None)?;
     let views = HandEyeViews::Points(Box::new(observed));
     let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default(), remarks })?;
     println!("{}", serde_json::to_string_pretty(&answer)?);

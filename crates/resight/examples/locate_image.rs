@@ -4,7 +4,7 @@ use resight::{GrayImage, locate_image, read_camera, read_target, report::words::
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let camera = read_camera("examples/photo/left.yml")?;
     let target = read_target("examples/photo/board.toml")?;
-    let image = GrayImage::read("examples/photo/left03.jpg".as_ref())?;
+    let image = GrayImage::read("examples/photo/left03.jpg")?;
     let answer = locate_image(&image, &camera, &target, &Default::default())?;
     println!("{}: {}", answer.status().name(), answer.verdict.message);
     if let Some(pose) = &answer.estimate {

@@ -2,7 +2,7 @@
 use resight::measure::read_scene;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let scene = read_scene("testdata/measure/accident.toml".as_ref())?;
+    let scene = read_scene("testdata/measure/accident.toml")?;
     let answer = resight::measure(&scene)?;
     for query in &answer.answers {
         println!("{}", serde_json::to_string(query)?);

@@ -4,12 +4,12 @@ use resight::rig::{CameraImage, RigRequest};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut request = RigRequest::default();
-    request.read_target(None, "examples/photo/board.toml".as_ref())?;
+    request.read_target(None, "examples/photo/board.toml")?;
     let mut images = Vec::new();
     for name in ["left", "right"] {
-        request.read_camera(Some(name), &format!("examples/photo/{name}.yml"))?;
+        request.read_camera(Some(name), format!("examples/photo/{name}.yml"))?;
         for view in ["01", "03", "04", "05"] {
-            let image = GrayImage::read(format!("examples/photo/{name}{view}.jpg").as_ref())?;
+            let image = GrayImage::read(format!("examples/photo/{name}{view}.jpg"))?;
             images.push(CameraImage::in_memory(name, view, image));
         }
     }

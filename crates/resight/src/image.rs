@@ -35,7 +35,8 @@ const MAX_PROGRESSIVE_PIXELS: u64 = 24_000_000;
 ///
 /// # Errors
 /// A missing file, or a file that is not an image.
-pub fn size(path: &Path) -> Result<(u32, u32), FileError> {
+pub fn size(path: impl AsRef<Path>) -> Result<(u32, u32), FileError> {
+    let path = path.as_ref();
     let bytes = input::read(path, Kind::Image)?;
     header::dimensions(&bytes).ok_or_else(|| FileError::new(path, what_is_it::that_is_no_image(&bytes)))
 }
@@ -104,7 +105,8 @@ impl GrayImage {
 
     /// Reads a PNG or JPEG (by content, whatever its name), converting colour to luma and 16 bits to 8. Before it decodes, it refuses more than
     /// 64 Mpx, or 96 MiB of file; fails on files that are not images, are truncated, or empty.
-    pub fn read(path: &Path) -> Result<Self, FileError> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let bytes = input::read(path, Kind::Image)?;
         Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))
     }
@@ -114,7 +116,8 @@ impl GrayImage {
     ///
     /// # Errors
     /// As of [`GrayImage::read`].
-    pub fn read_with_orientation(path: &Path) -> Result<(Self, Option<&'static str>), FileError> {
+    pub fn read_with_orientation(path: impl AsRef<Path>) -> Result<(Self, Option<&'static str>), FileError> {
+        let path = path.as_ref();
         let bytes = input::read(path, Kind::Image)?;
         let image = Self::decode(&bytes).map_err(|reason| FileError::new(path, reason))?;
         Ok((image, exif::orientation(&bytes)))
@@ -124,7 +127,8 @@ impl GrayImage {
     ///
     /// # Errors
     /// As of [`GrayImage::read`].
-    pub fn read_with_remark(path: &Path) -> Result<(Self, Option<String>), FileError> {
+    pub fn read_with_remark(path: impl AsRef<Path>) -> Result<(Self, Option<String>), FileError> {
+        let path = path.as_ref();
         let (image, orientation) = Self::read_with_orientation(path)?;
         Ok((image, orientation.map(|how| orientation_remark("this image", how))))
     }

@@ -81,7 +81,8 @@ impl<'a> IntrinsicsRequest<'a> {
     ///
     /// # Errors
     /// What is wrong with the file, and where; a name that another target already has.
-    pub fn read_target(&mut self, path: &Path) -> Result<Vec<String>, Error> {
+    pub fn read_target(&mut self, path: impl AsRef<Path>) -> Result<Vec<String>, Error> {
+        let path = path.as_ref();
         let file = formats::read_target_with(path, &TagOptions::default())?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         if self.targets.iter().any(|(other, _)| *other == name) {

@@ -8,7 +8,7 @@
 //! # std::env::set_current_dir(folder)?;
 //! let camera = resight::read_camera("left.toml")?;
 //! let target = resight::read_target("grid.toml")?;
-//! let image = resight::GrayImage::read("left.png".as_ref())?;
+//! let image = resight::GrayImage::read("left.png")?;
 //! let answer = resight::locate_image(&image, &camera, &target, &Default::default())?;
 //! assert_eq!(answer.status(), resight::Status::Ok);
 //! if let Some(pose) = &answer.estimate {
@@ -99,7 +99,7 @@ pub use rig::{hand_eye, pose_graph, rig_from_detections, rig_from_images};
 ///
 /// # Errors
 /// What is wrong with the file, and where.
-pub fn read_camera(file: &str) -> Result<core::Camera, Error> {
+pub fn read_camera(file: impl AsRef<std::path::Path>) -> Result<core::Camera, Error> {
     Ok(formats::read_camera(file)?.camera)
 }
 
@@ -108,5 +108,5 @@ pub fn read_camera(file: &str) -> Result<core::Camera, Error> {
 /// # Errors
 /// What is wrong with the file, and where.
 pub fn read_target(file: impl AsRef<std::path::Path>) -> Result<core::Target, Error> {
-    Ok(formats::read_target(file.as_ref())?.target)
+    Ok(formats::read_target(file)?.target)
 }

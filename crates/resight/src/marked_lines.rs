@@ -52,7 +52,8 @@ pub struct MarkedView {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn is_marked_lines(path: &Path) -> Result<bool, FileError> {
+pub fn is_marked_lines(path: impl AsRef<Path>) -> Result<bool, FileError> {
+    let path = path.as_ref();
     Ok(Table::open(path, "x_m,y_m,z_m,u_px,v_px")?.find("direction").is_some())
 }
 
@@ -63,7 +64,11 @@ const WANTED: &str = "direction,u_px,v_px,u2_px,v2_px";
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
-pub fn read_marked_lines(path: &Path, sigma_px: Option<f64>) -> Result<Vec<MarkedView>, FileError> {
+pub fn read_marked_lines(
+    path: impl AsRef<Path>,
+    sigma_px: Option<f64>,
+) -> Result<Vec<MarkedView>, FileError> {
+    let path = path.as_ref();
     let table = Table::open(path, WANTED)?;
     let need =
         |name: &str| table.need(name, Some("a marked line has the columns direction,u_px,v_px,u2_px,v2_px"));
@@ -125,10 +130,11 @@ pub fn read_marked_lines(path: &Path, sigma_px: Option<f64>) -> Result<Vec<Marke
 /// # Errors
 /// What is wrong with the file, and in which line. Lines that determine nothing are reported in the answer.
 pub fn scene_views(
-    path: &Path,
+    path: impl AsRef<Path>,
     lens: &SceneLens,
     sigma_px: Option<f64>,
 ) -> Result<Vec<SceneViewAnswer>, Error> {
+    let path = path.as_ref();
     Ok(read_marked_lines(path, sigma_px)?.iter().map(|view| scene_view_of(view, lens)).collect())
 }
 

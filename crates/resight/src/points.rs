@@ -45,9 +45,9 @@ pub fn locate_table(
     camera: &Camera,
     options: &PointsOptions,
 ) -> Result<Vec<PoseAnswer>, Error> {
-    let table = read_table(file.as_ref(), false, None)?;
-    let locator =
-        TableLocator::new(Some(camera.clone()), None, options.clone()).for_table(file.as_ref(), &table);
+    let file = file.as_ref();
+    let table = read_table(file, false, None)?;
+    let locator = TableLocator::new(Some(camera.clone()), None, options.clone()).for_table(file, &table);
     let located = |view| {
         let mut answer = locator.locate(view);
         answer.remarks.extend(locator.remarks());
@@ -293,10 +293,11 @@ struct Columns {
 /// # Errors
 /// What is wrong with the file, and in which line.
 pub fn read_table(
-    path: &Path,
+    path: impl AsRef<Path>,
     normalized: bool,
     stated: Option<&CoordinateSystem>,
 ) -> Result<PointsTable, FileError> {
+    let path = path.as_ref();
     let table = Table::open(path, "x_m,y_m,z_m")?;
     let mut positions = PositionColumns::of(&table, stated)?;
     let columns = columns(&table, normalized)?;

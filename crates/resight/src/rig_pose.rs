@@ -35,7 +35,8 @@ impl KnownCamera {
 ///
 /// # Errors
 /// What is wrong with the file; a file with intrinsics only, or one whose poses do not connect its cameras.
-pub fn read_known_rig(path: &Path) -> Result<Vec<KnownCamera>, Error> {
+pub fn read_known_rig(path: impl AsRef<Path>) -> Result<Vec<KnownCamera>, Error> {
+    let path = path.as_ref();
     let cameras = formats::read_cameras(path)?.cameras;
     let places = match cameras.as_slice() {
         [_] if cameras[0].placement.is_none() => None,
@@ -56,8 +57,8 @@ pub fn read_known_rig(path: &Path) -> Result<Vec<KnownCamera>, Error> {
 /// ```no_run
 /// # fn main() -> Result<(), resight::Error> {
 /// use resight::rig_pose::{RigPoseRequest, read_known_rig, read_rig_points, rig_poses};
-/// let rig = read_known_rig("rig.toml".as_ref())?;
-/// let views = read_rig_points("points.csv".as_ref(), &rig)?;
+/// let rig = read_known_rig("rig.toml")?;
+/// let views = read_rig_points("points.csv", &rig)?;
 /// for answer in rig_poses(&rig, &views, &RigPoseRequest::default()) {
 ///     println!("{} {}: {}", answer.view, answer.status.name(), answer.message);
 /// }

@@ -14,7 +14,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Returns whether a file's first bytes are those of a video container: MP4 and QuickTime, Matroska and WebM, AVI, MPEG program and transport
 /// streams, Ogg, Flash, NUT, IVF, YUV4MPEG2.
-pub fn is_video(path: &Path) -> bool {
+pub fn is_video(path: impl AsRef<Path>) -> bool {
+    let path = path.as_ref();
     let mut head = Vec::new();
     let most = what_is_it::HEAD_BYTES as u64;
     let read = std::fs::File::open(path).and_then(|file| file.take(most).read_to_end(&mut head));
@@ -37,7 +38,8 @@ impl Video {
     ///
     /// # Errors
     /// A missing `ffmpeg` (with how to get it), a file without a video, frames larger than 64 Mpx.
-    pub fn open(path: &Path) -> Result<Self, FileError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let reported = |reason: String| FileError::new(path, reason);
         // `file:` prevents a name with a colon from being interpreted as a protocol, and one with a dash as an option.
         let mut input = std::ffi::OsString::from("file:");

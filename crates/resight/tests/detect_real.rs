@@ -42,7 +42,7 @@ fn photographed_tags_are_found() {
     }
     let (mut distances, mut listed) = (Vec::new(), 0);
     for (image, tags) in &by_image {
-        let found = finder.find(&GrayImage::read(&folder.join(image)).unwrap());
+        let found = finder.find(&GrayImage::read(folder.join(image)).unwrap());
         assert!(found.iter().all(|tag| tag.id == 0), "a false id in {image}");
         listed += tags.len();
         for truth in tags {
@@ -74,7 +74,7 @@ fn rectified_tags_agree_with_the_reference_corners() {
     let mut finder = TagFinder::new("tag36h11").unwrap();
     let (mut differences, mut listed) = (Vec::new(), 0);
     for (image, corners) in &by_image {
-        let found = finder.find(&GrayImage::read(&folder.join(image)).unwrap());
+        let found = finder.find(&GrayImage::read(folder.join(image)).unwrap());
         listed += corners.len();
         for d in found.iter().flat_map(|tag| tag.detections()) {
             let truth = corners.get(&(d.feature.id, d.feature.corner));
@@ -108,7 +108,7 @@ fn chessboard_corners_agree_with_opencv() {
     let mut detector = Detector::new(&target).unwrap();
     let (mut all, mut n_corners) = (Vec::new(), 0);
     for (image, corners) in &by_image {
-        let found = detector.detect(&GrayImage::read(&folder.join(image)).unwrap()).unwrap();
+        let found = detector.detect(&GrayImage::read(folder.join(image)).unwrap()).unwrap();
         n_corners += found.len();
         assert!(53 <= found.len(), "{image}: {} of 54 corners", found.len());
         let distances: Vec<f64> = found.iter().map(|d| (d.pixel - corners[&d.feature.id]).norm()).collect();
@@ -146,7 +146,7 @@ fn aprilgrids_are_found_whole() {
     };
     let mut detector = Detector::new(&Target::AprilGrid(grid)).unwrap();
     for (image, corners) in &by_image {
-        let found = detector.detect(&GrayImage::read(&folder.join(image)).unwrap()).unwrap();
+        let found = detector.detect(&GrayImage::read(folder.join(image)).unwrap()).unwrap();
         let seen = found
             .iter()
             .filter_map(|d| Some((d.pixel - corners.get(&(d.feature.id, d.feature.corner))?).norm()));
@@ -249,7 +249,7 @@ fn photographed_markers_lie_where_their_board_puts_them() {
     let target = Target::Charuco(board);
     let mut boards = Detector::new(&target).unwrap();
     let mut tags = TagFinder::with_ids("DICT_4X4_1000", &(0..10).collect::<Vec<u32>>()).unwrap();
-    let cameras = read_cameras(&folder.join("camera_array.toml")).unwrap().cameras;
+    let cameras = read_cameras(folder.join("camera_array.toml")).unwrap().cameras;
     for (camera_index, bar_px) in [0.290, 0.130, 0.150, 0.140].into_iter().enumerate() {
         let camera = &cameras[camera_index].camera;
         let (mut squares_px2, mut n) = (0.0, 0);

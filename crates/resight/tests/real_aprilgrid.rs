@@ -40,7 +40,7 @@ fn grids_fit_to_a_tenth_of_a_pixel() {
         let (camera, bar_px) = if row["model"] == "kb4" { (&fisheye, 0.12) } else { (&euroc, 0.25) };
         let inliers = listed.iter().filter(|r| r["image"] == row["image"] && r["inlier"] == "1");
         let used: HashSet<u32> = inliers.map(|r| r["tag"].parse().unwrap()).collect();
-        let corners = detector.detect(&GrayImage::read(&folder.join(&row["image"])).unwrap()).unwrap();
+        let corners = detector.detect(&GrayImage::read(folder.join(&row["image"])).unwrap()).unwrap();
         let whole = located(&corners, &target, camera);
         let common: Vec<Detection> =
             corners.iter().filter(|d| used.contains(&d.feature.id)).copied().collect();

@@ -50,7 +50,7 @@ fn views(folder: &Path) -> Views {
         let number = row["view"].parse().unwrap();
         View {
             number,
-            image: GrayImage::read(&folder.join(format!("left{number:02}.jpg"))).unwrap(),
+            image: GrayImage::read(folder.join(format!("left{number:02}.jpg"))).unwrap(),
             published: pose_of(row, "pub_").unwrap(),
             published_corners: corners(&row["view"]),
         }

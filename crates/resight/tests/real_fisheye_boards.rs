@@ -29,7 +29,7 @@ fn fisheye_boards_are_found() {
     let mut corners: [Set; 2] = Default::default();
     for (name, opencv) in &by_image {
         let (rows, columns) = if opencv.len() == 48 { (6, 8) } else { (4, 6) };
-        let image = GrayImage::read(&folder.join(name)).unwrap();
+        let image = GrayImage::read(folder.join(name)).unwrap();
         let target = Target::Chessboard(Chessboard { rows, columns, square_m: 1.0 });
         let found = Detector::new(&target).unwrap().detect(&image).unwrap();
         println!("{name}: {} of {}", found.len(), opencv.len());

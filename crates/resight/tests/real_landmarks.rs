@@ -26,7 +26,7 @@ fn photographs_turned_by_known_angles() {
     ];
     for (set, name) in photographs {
         let folder = recorded(set);
-        let image = GrayImage::read(&folder.join(name)).expect("a photograph");
+        let image = GrayImage::read(folder.join(name)).expect("a photograph");
         let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
         let mut chance = Pcg::new(5);
         let still = photographed(&image, &camera, &Matrix3::identity());
@@ -77,7 +77,7 @@ fn small_turns_of_photographs_are_as_sure_as_reported() {
     let mut all = [Vec::new(), Vec::new(), Vec::new()];
     for (set, name) in photographs {
         let folder = recorded(set);
-        let image = GrayImage::read(&folder.join(name)).expect("a photograph");
+        let image = GrayImage::read(folder.join(name)).expect("a photograph");
         let camera = camera(image.width_px / 2, image.height_px / 2, 0.45 * f64::from(image.width_px));
         let still = photographed(&image, &camera, &Matrix3::identity());
         for _ in 0..8 {

@@ -26,7 +26,7 @@ fn published(path: &Path, cameras: &[String]) -> Vec<Pose> {
 
 fn room() -> (PairFile, Vec<Pose>, usize) {
     let folder = recorded("caliscope_pose_graph");
-    let file = read_pairs(&folder.join("main_stereocal_all_results.json")).unwrap();
+    let file = read_pairs(folder.join("main_stereocal_all_results.json")).unwrap();
     assert_eq!((file.cameras.len(), file.pairs.len()), (11, 38));
     let places = published(&folder.join("main_initial_camera_array.json"), &file.cameras);
     let reference_camera = file.cameras.iter().position(|name| name == "8").unwrap();

@@ -28,7 +28,7 @@ fn camera() -> Camera {
 }
 
 fn seen(folder: &Path, number: usize) -> Vec<Detection> {
-    let image = GrayImage::read(&folder.join(format!("test_image_multiple_{number:02}.png"))).unwrap();
+    let image = GrayImage::read(folder.join(format!("test_image_multiple_{number:02}.png"))).unwrap();
     let found = TagFinder::new("tag36h11").unwrap().find(&image);
     found.iter().flat_map(|tag| tag.detections().collect::<Vec<_>>()).collect()
 }

@@ -24,7 +24,7 @@ fn data(file: &str) -> PathBuf {
 
 fn two_cameras() -> RigRequest {
     let mut request = RigRequest::default();
-    request.read_camera(None, data("rig/cameras.toml").to_str().unwrap()).unwrap();
+    request.read_camera(None, data("rig/cameras.toml")).unwrap();
     request
 }
 
@@ -177,14 +177,14 @@ fn wrong_rows_are_named() {
 #[test]
 fn images_of_any_source_give_the_same_rig() {
     let mut request = RigRequest::default();
-    request.read_target(Some("grid"), &data("demo/grid.toml")).unwrap();
+    request.read_target(Some("grid"), data("demo/grid.toml")).unwrap();
     for camera in ["left", "right"] {
         let file = data(&format!("demo/{camera}.toml"));
-        request.read_camera(Some(camera), file.to_str().unwrap()).unwrap();
+        request.read_camera(Some(camera), file).unwrap();
     }
     let image = |camera: &str| data(&format!("demo/{camera}.png"));
     let in_memory = ["left", "right"]
-        .map(|camera| CameraImage::in_memory(camera, "1", GrayImage::read(&image(camera)).unwrap()));
+        .map(|camera| CameraImage::in_memory(camera, "1", GrayImage::read(image(camera)).unwrap()));
     let memory = resight::rig_from_images(&in_memory, &ImageOptions::default(), &request).unwrap();
     assert_eq!(memory.status(), Status::Ok);
 
@@ -250,10 +250,10 @@ fn pose_graphs_check_what_they_are_given() {
 #[test]
 fn hand_eye_is_no_better_than_its_rig() {
     let mut request = RigRequest::default();
-    request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+    request.read_camera(Some("cam"), data("hand_eye/camera.toml")).unwrap();
     let files = [data("hand_eye/detections.csv")];
     let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
-    let robot = read_robot_file(&data("hand_eye/motions.csv"), &Default::default(), None).unwrap().robot;
+    let robot = read_robot_file(data("hand_eye/motions.csv"), &Default::default(), None).unwrap().robot;
     let views = HandEyeViews::Points(Box::new(observed));
     let config = Default::default();
     let request = HandEyeRequest { robot, views, config, remarks: Vec::new() };
@@ -462,11 +462,11 @@ fn a_rig_from_a_board_that_hardly_exists_is_implausible() {
 fn a_mounting_in_lengths_that_hardly_exist_is_implausible() {
     let solve = |factor: f64, round: bool| {
         let mut request = RigRequest::default();
-        request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+        request.read_camera(Some("cam"), data("hand_eye/camera.toml")).unwrap();
         let cells = scaled("hand_eye", factor);
         let observed = ObservedRig::from_detections(&Detections::rows(&rows(&cells)), &request).unwrap();
         let RobotFile { mut robot, remarks, .. } =
-            read_robot_file(&data("hand_eye/motions.csv"), &Default::default(), None).unwrap();
+            read_robot_file(data("hand_eye/motions.csv"), &Default::default(), None).unwrap();
         for pose in &mut robot {
             pose.base_from_gripper.translation *= factor;
             if round {
@@ -529,7 +529,7 @@ fn how_the_motions_are_read_is_in_the_answer() {
         std::fs::write(&path, lines.join("\n").replace(',', mark)).unwrap();
         let RobotFile { robot, remarks, .. } = read_robot_file(&path, &Default::default(), None).unwrap();
         let mut request = RigRequest::default();
-        request.read_camera(Some("cam"), data("hand_eye/camera.toml").to_str().unwrap()).unwrap();
+        request.read_camera(Some("cam"), data("hand_eye/camera.toml")).unwrap();
         let files = [data("hand_eye/detections.csv")];
         let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
         let views = HandEyeViews::Points(Box::new(observed));

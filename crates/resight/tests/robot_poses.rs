@@ -57,7 +57,7 @@ struct Robot {
 impl Robot {
     fn of(folder: &Path) -> Self {
         let mut request = RigRequest::default();
-        request.read_camera(Some("cam"), folder.join("cam.yml").to_str().unwrap()).unwrap();
+        request.read_camera(Some("cam"), folder.join("cam.yml")).unwrap();
         let files = [folder.join("det.csv")];
         let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
         let poses = read_plain(&folder.join("motions.csv"));

@@ -71,7 +71,7 @@ fn measured(name: &str, before: Pose, after: Pose) -> CameraMotion {
         compare(&located(before), &located(after), &CompareOptions::default()).expect("a comparison");
     let CompareAnswer::Views(views) = answer else { panic!("views are compared") };
     let json = serde_json::to_string(&views[0]).expect("JSON");
-    read_motion(&file(name, &json), None).expect("a motion")
+    read_motion(file(name, &json), None).expect("a motion")
 }
 
 /// A zone around four tags of the wall, its corners where they are in the image.
@@ -86,7 +86,7 @@ fn corners(cam_from_target: Pose) -> Vec<Pixel> {
 }
 
 fn moved(zones: &str, motion: &CameraMotion, nearest_m: Option<f64>) -> Vec<ZoneAnswer> {
-    let file = read_zones(&file("zones.toml", zones), camera().size).expect("zones");
+    let file = read_zones(file("zones.toml", zones), camera().size).expect("zones");
     move_zones(&file, &camera(), motion, &ZoneOptions { limit_px: 2.0, nearest_m, shift_sigma_m: None })
         .expect("answers")
         .answers
@@ -176,7 +176,7 @@ fn the_stated_error_holds() {
         };
         let old = Pixel::new(400.0 + 300.0 * uniform(), 300.0 + 300.0 * uniform());
         let square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]].map(|d| old + Vector2::from(d));
-        let file = read_zones(&file("one.toml", &zone(&square)), camera().size).expect("zones");
+        let file = read_zones(file("one.toml", &zone(&square)), camera().size).expect("zones");
         let options = ZoneOptions { limit_px: 50.0, nearest_m: Some(nearest_m), shift_sigma_m: None };
         let answer = move_zones(&file, &camera(), &motion, &options).expect("answers").answers.swap_remove(0);
         let polygon = answer.polygon_px.expect("moved");
@@ -207,7 +207,7 @@ fn what_is_known_of_the_mount_narrows_the_motion() {
         remarks: Vec::new(),
     };
     let square = [[300.0, 300.0], [700.0, 300.0], [700.0, 700.0], [300.0, 700.0]].map(Pixel::from);
-    let file = read_zones(&file("mount.toml", &zone(&square)), camera().size).expect("zones");
+    let file = read_zones(file("mount.toml", &zone(&square)), camera().size).expect("zones");
     let answer = |motion: &CameraMotion, shift_sigma_m| {
         let options = ZoneOptions { limit_px: 2.0, nearest_m: Some(5.0), shift_sigma_m };
         move_zones(&file, &camera(), motion, &options).expect("answers").answers.swap_remove(0)
@@ -312,7 +312,7 @@ fn zones_of_a_fisheye_end_where_its_image_ends() {
     let lens = Lens::KannalaBrandt(KannalaBrandt::new(matrix, &[0.0; 4]).expect("a lens"));
     let camera = Camera { lens, size: Some(SIZE) };
     let strip = [[200.0, 400.0], [1080.0, 400.0], [1080.0, 560.0], [200.0, 560.0]].map(Pixel::from);
-    let file = read_zones(&file("fisheye.toml", &zone(&strip)), camera.size).expect("zones");
+    let file = read_zones(file("fisheye.toml", &zone(&strip)), camera.size).expect("zones");
     for angle in [30.0, 80.0, 140.0, 179.0] {
         let answer = &move_zones(&file, &camera, &pure([0.0, angle, 0.0]), &ZoneOptions::default())
             .expect("answers")
@@ -347,7 +347,7 @@ fn motions_of_every_command_are_read() {
         ("left", &rigs, 0.1),
         ("gate", &verdict, 0.0),
     ] {
-        let motion = read_motion(&file("motion.json", text), None).expect(text);
+        let motion = read_motion(file("motion.json", text), None).expect(text);
         assert_eq!(motion.name, name);
         assert!((motion.old_from_new.translation.norm() - shift_m).abs() < 1e-5);
     }
@@ -362,7 +362,7 @@ fn motions_of_every_command_are_read() {
         (&landmarks.replace("true", "false"), "contradict"),
         (&drifted.replace("1e-6", "-1"), "covariance"),
     ] {
-        let said = read_motion(&file("motion.json", text), None).expect_err(text).to_string();
+        let said = read_motion(file("motion.json", text), None).expect_err(text).to_string();
         assert!(said.contains(wanted), "{said}");
     }
 }
@@ -378,11 +378,11 @@ fn zones_are_written_as_they_were_read() {
         "width_px = 640\nheight_px = 480\n\n[[zone]]\nname = \"drive\"\ncoordinates = \"64,96,320,96,320,336\"\n".to_string(),
     ];
     for text in &texts {
-        let zones = read_zones(&file("written", text), camera().size).expect(text);
+        let zones = read_zones(file("written", text), camera().size).expect(text);
         let moved = move_zones(&zones, &camera(), &still, &ZoneOptions::default()).expect("answers");
         assert_eq!(moved.file.as_ref(), Some(text), "{:?}", moved.answers);
     }
-    let turned = read_zones(&file("written", &texts[0]), camera().size).expect("zones");
+    let turned = read_zones(file("written", &texts[0]), camera().size).expect("zones");
     let turned =
         move_zones(&turned, &camera(), &pure([0.0, 1.0, 0.0]), &ZoneOptions::default()).expect("answers");
     let coordinates = turned.answers[0].coordinates.as_ref().expect("as they were read");
@@ -401,8 +401,8 @@ fn zones_are_written_as_they_were_read() {
         ("[[zone]]\nname = \"a\"\npolygon_px = [[1,2],[3,4],[nan,4]]\n", "outside"),
         ("zone = []\n", "0 zones"),
     ] {
-        let said = read_zones(&file("wrong.toml", text), camera().size).expect_err(text).to_string();
+        let said = read_zones(file("wrong.toml", text), camera().size).expect_err(text).to_string();
         assert!(said.contains(wanted), "{said}");
     }
-    assert!(read_zones(&file("written", &texts[0]), None).is_err_and(|e| e.to_string().contains("width_px")));
+    assert!(read_zones(file("written", &texts[0]), None).is_err_and(|e| e.to_string().contains("width_px")));
 }

@@ -161,7 +161,7 @@ fn photo(
 /// The lens as a camera file of our own: as given, or as estimated.
 fn camera_text(photo: &PhotoState, solved: Option<&crate::pose::Solved>) -> Option<String> {
     if let (Some(GivenLens::File { text, name }), false) = (&photo.lens, name_picks_one(photo)) {
-        let read = formats::read_cameras_from_bytes(name.as_ref(), text.clone().into_bytes()).ok()?;
+        let read = formats::read_cameras_from_bytes(name, text.clone().into_bytes()).ok()?;
         if read.cameras.len() == 1 {
             return formats::own_file(&read.cameras).ok();
         }

@@ -28,8 +28,7 @@ fn lens() -> Command {
 }
 
 fn camera() -> Camera {
-    let read =
-        resight::formats::read_cameras_from_bytes("left.toml".as_ref(), file("testdata/demo/left.toml"));
+    let read = resight::formats::read_cameras_from_bytes("left.toml", file("testdata/demo/left.toml"));
     read.expect("a camera").cameras.remove(0).camera
 }
 

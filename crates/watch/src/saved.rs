@@ -123,7 +123,7 @@ impl Saved {
     }
 
     fn write(&self, unwritten: &Unwritten) -> Result<(), FileError> {
-        resight::formats::write_atomically(unwritten.file.as_ref(), &unwritten.bytes)?;
+        resight::formats::write_atomically(&unwritten.file, &unwritten.bytes)?;
         self.log.say(unwritten.part, &format!("{} in {}", unwritten.words, unwritten.file));
         Ok(())
     }

@@ -75,7 +75,7 @@ fn every_writer_s_topics_and_stamps_are_read() {
         ("foxglove_json.mcap", "/gate/image", 4, (320, 240)),
     ];
     for (name, topic, n, size) in cases {
-        let all = frames(McapTopic::open(&sample(name), Some(topic)).unwrap().as_it_is());
+        let all = frames(McapTopic::open(sample(name), Some(topic)).unwrap().as_it_is());
         assert_eq!(all.len(), n, "{name} {topic}");
         for (i, frame) in all.iter().enumerate() {
             let Content::Image(image) = &frame.content else { panic!("{name}: {:?}", frame.content) };
@@ -88,7 +88,7 @@ fn every_writer_s_topics_and_stamps_are_read() {
         }
     }
     for topic in ["/detections", "/tag_detections"] {
-        let all = frames(McapTopic::open(&sample("detections_lz4.mcap"), Some(topic)).unwrap().as_it_is());
+        let all = frames(McapTopic::open(sample("detections_lz4.mcap"), Some(topic)).unwrap().as_it_is());
         assert_eq!(all.len(), 24);
         let Content::Detections(corners) = &all[0].content else { panic!("{:?}", all[0].content) };
         assert_eq!(
@@ -102,7 +102,7 @@ fn every_writer_s_topics_and_stamps_are_read() {
 #[test]
 fn both_detection_messages_give_the_same_corners() {
     let corners = |topic: &str| match &frames(
-        McapTopic::open(&sample("detections_lz4.mcap"), Some(topic)).unwrap().as_it_is(),
+        McapTopic::open(sample("detections_lz4.mcap"), Some(topic)).unwrap().as_it_is(),
     )[0]
     .content
     {
@@ -116,8 +116,8 @@ fn both_detection_messages_give_the_same_corners() {
 
 #[test]
 fn topics_are_chosen_or_listed_with_types_and_counts() {
-    assert!(McapTopic::open(&sample("rosbags_plain.mcap"), None).is_ok(), "the only one");
-    let reported = |name: &str, topic| match McapTopic::open(&sample(name), topic) {
+    assert!(McapTopic::open(sample("rosbags_plain.mcap"), None).is_ok(), "the only one");
+    let reported = |name: &str, topic| match McapTopic::open(sample(name), topic) {
         Ok(_) => panic!("{name} was opened"),
         Err(reason) => reason.to_string(),
     };
@@ -234,7 +234,7 @@ fn a_stamp_of_zero_is_replaced_by_the_time_of_recording_and_said() {
 #[test]
 fn intrinsics_are_those_of_the_topic_asked_for() {
     let read = |spec: &str| {
-        resight::formats::read_camera(&format!("{}{spec}", sample("two_cameras_zstd.mcap").display()))
+        resight::formats::read_camera(format!("{}{spec}", sample("two_cameras_zstd.mcap").display()))
     };
     let gate = read("#/gate/camera_info").unwrap();
     assert_eq!((gate.name.as_str(), gate.camera.model_name()), ("/gate/camera_info", "brown_conrady"));
@@ -245,11 +245,11 @@ fn intrinsics_are_those_of_the_topic_asked_for() {
     let several = read("").unwrap_err().to_string();
     assert!(several.contains("/gate/camera_info, /yard/camera_info"), "{several}");
     assert!(read("#/shed").unwrap_err().to_string().contains("no camera `/shed`"));
-    let said = resight::formats::explain(&sample("two_cameras_zstd.mcap")).unwrap();
+    let said = resight::formats::explain(sample("two_cameras_zstd.mcap")).unwrap();
     assert!(said.contains("MCAP recording, 2 cameras") && said.contains("rectified"), "{said}");
-    let json = resight::formats::read_camera(&sample("foxglove_json.mcap").display().to_string()).unwrap();
+    let json = resight::formats::read_camera(sample("foxglove_json.mcap").display().to_string()).unwrap();
     assert_eq!(json.camera, gate.camera);
-    let ros1 = resight::formats::read_camera(&sample("ros1_zstd.mcap").display().to_string()).unwrap();
+    let ros1 = resight::formats::read_camera(sample("ros1_zstd.mcap").display().to_string()).unwrap();
     assert_eq!(ros1.camera, gate.camera);
 }
 
@@ -347,7 +347,7 @@ proptest! {
         let whole = if is_protected { bytes(SAMPLES[which]) } else { unprotected(SAMPLES[which]) };
         let bytes = damaged(whole, &edits, cut);
         let _ = topics(&mut Cursor::new(&bytes));
-        let _ = resight::formats::read_cameras_from_bytes("damaged.mcap".as_ref(), bytes.clone());
+        let _ = resight::formats::read_cameras_from_bytes("damaged.mcap", bytes.clone());
         messages(&bytes).0.iter().for_each(look);
         prop_assert!(peak_bytes().is_none_or(|peak| peak < 800_000_000), "{:?}", peak_bytes());
     }

@@ -179,7 +179,7 @@ fn rectified_pictures_are_whole_ones() {
         out.add(topic, INTRINSICS, 1.0, &info(&extra));
     }
     out.0.finish().unwrap();
-    let read = |topic: &str| resight::formats::read_camera(&format!("{}#{topic}", path.display()));
+    let read = |topic: &str| resight::formats::read_camera(format!("{}#{topic}", path.display()));
     let whole = read("/whole/rectified").unwrap().camera;
     assert_eq!(whole.matrix().unwrap().cx_px, 160.5);
     for (topic, word) in [("/binned", "binning_x: is 2"), ("/part", "roi: is a part of the image")] {
@@ -200,7 +200,7 @@ fn a_camera_that_cannot_be_read_does_not_harm_the_others() {
     out.add("/text", INTRINSICS, 1.0, "\"nothing\"");
     out.add("/good", INTRINSICS, 2.0, &info(""));
     out.0.finish().unwrap();
-    let read = |topic: &str| resight::formats::read_camera(&format!("{}{topic}", path.display()));
+    let read = |topic: &str| resight::formats::read_camera(format!("{}{topic}", path.display()));
     assert_eq!(read("#/good").unwrap().name, "/good");
     assert_eq!(read("").unwrap().name, "/good", "the only one");
     assert!(read("#/good/rectified").is_ok());

@@ -108,7 +108,7 @@ fn a_folder_that_goes_away_is_lost_and_may_come_back() {
     let back = frame(&mut source);
     // Seconds since 1970, not the start of anything.
     assert!(1.6e9 < back.capture_s, "{}", back.capture_s);
-    assert!(Folder::open(&path.join("nowhere"), Clock::Modified).is_err());
+    assert!(Folder::open(path.join("nowhere"), Clock::Modified).is_err());
 }
 
 #[test]

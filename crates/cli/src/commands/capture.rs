@@ -195,7 +195,7 @@ impl<'a> Display<'a> {
             (FrameUse::Kept { view, .. }, Some(image)) => {
                 if let Some(folder) = &self.args.keep {
                     let png = image.png().map_err(anyhow::Error::msg)?;
-                    write_atomically(&folder.join(file_name(view)), &png)?;
+                    write_atomically(folder.join(file_name(view)), &png)?;
                 }
                 self.bar.suspend(|| self.kept(job))
             }

@@ -50,7 +50,7 @@ pub fn man(args: &Man, mut program: Command) -> Result<Outcome> {
     for (name, command) in std::iter::once(("resight".to_string(), program.clone())).chain(pages) {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page)?;
-        write_atomically(&args.output.join(format!("{name}.1")), &page)?;
+        write_atomically(args.output.join(format!("{name}.1")), &page)?;
     }
     Ok(Outcome::Answered)
 }

@@ -138,9 +138,9 @@ impl Story {
         expected: Status,
     ) -> Result<LocatedImage> {
         let path = self.folder.join(format!("{image}.png"));
-        let target_file = resight::formats::read_target(&self.folder.join(format!("{target}.toml")))?.target;
+        let target_file = resight::formats::read_target(self.folder.join(format!("{target}.toml")))?.target;
         let camera_path = self.folder.join(camera);
-        let camera_file = resight::formats::read_camera(&camera_path.to_string_lossy())?.camera;
+        let camera_file = resight::formats::read_camera(camera_path)?.camera;
         let options = LocateOptions::default();
         let seen = LocatedImage::look(&mut ImageLocator::new(&camera_file, &target_file, &options)?, &path);
         let status = seen.located.answer.verdict.status;
@@ -168,7 +168,7 @@ impl Story {
             .into_owned();
         let pictures = self.folder.join("pictures");
         std::fs::create_dir_all(&pictures)?;
-        resight::formats::write_atomically(&pictures.join(format!("{number}-{stem}.png")), &png)?;
+        resight::formats::write_atomically(pictures.join(format!("{number}-{stem}.png")), &png)?;
         Ok(png)
     }
 

@@ -283,7 +283,7 @@ fn cameras(args: &Watch, names: &Names, rig: Option<Vec<NamedCamera>>) -> Result
     for (i, (name, (camera, source))) in names.cameras.iter().zip(lenses).enumerate() {
         let watched = |(j, target): (usize, &Arc<resight::core::Target>)| {
             let file = references[names.pair_index(i, j)].as_ref();
-            let reference = file.map(|file| reference::read(file.as_ref())).transpose()?;
+            let reference = file.map(reference::read).transpose()?;
             Ok(Watched { name: names.targets[j].clone(), target: Arc::clone(target), reference })
         };
         let targets = targets.iter().enumerate().map(watched).collect::<Result<Vec<_>>>()?;

@@ -52,9 +52,8 @@ pub fn studio(name: &str) -> PathBuf {
 /// Grey frames, one after the other, of a camera whose rotation to the right is given for each, degrees.
 pub fn frames(studio: &Path, pan_deg: impl IntoIterator<Item = f64>) -> Vec<u8> {
     let file = studio.join("camera.toml");
-    let camera: Camera =
-        resight::formats::read_camera(file.to_str().expect("a path")).expect("a camera").camera;
-    let target: Target = resight::formats::read_target(&studio.join("target.toml")).expect("a target").target;
+    let camera: Camera = resight::formats::read_camera(file).expect("a camera").camera;
+    let target: Target = resight::formats::read_target(studio.join("target.toml")).expect("a target").target;
     let cam_from_target = Pose::exp(&Vector6::new(0.35, -0.3, 0.1, 0.02, -0.01, 0.8));
     let frame = |(i, pan_deg): (usize, f64)| {
         let old_from_new = Pose::exp(&Vector6::new(0.0, pan_deg.to_radians(), 0.0, 0.0, 0.0, 0.0));

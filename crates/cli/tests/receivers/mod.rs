@@ -30,8 +30,8 @@ pub fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
 
 /// The demo's dots seen once a second, as lines of JSON; from `moved_at` on the camera is turned to the right by one degree.
 pub fn lines(camera: Option<&str>, seconds: std::ops::Range<usize>, moved_at: usize) -> String {
-    let lens: Camera = resight::formats::read_camera(&demo("left.toml")).expect("a camera").camera;
-    let target: Target = resight::formats::read_target(demo("dots.toml").as_ref()).expect("a target").target;
+    let lens: Camera = resight::formats::read_camera(demo("left.toml")).expect("a camera").camera;
+    let target: Target = resight::formats::read_target(demo("dots.toml")).expect("a target").target;
     let cam_from_target = Pose::exp(&[0.35, -0.25, 0.1, -0.03, -0.02, 0.6].into());
     let mut all = String::new();
     for second in seconds {

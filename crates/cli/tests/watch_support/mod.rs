@@ -20,8 +20,8 @@ pub fn lines(
     seed: u64,
     old_from_new: impl Fn(usize) -> Vector6<f64>,
 ) -> Vec<String> {
-    let camera: Camera = resight::formats::read_camera(&demo("left.toml")).expect("a camera").camera;
-    let target: Target = resight::formats::read_target(demo("dots.toml").as_ref()).expect("a target").target;
+    let camera: Camera = resight::formats::read_camera(demo("left.toml")).expect("a camera").camera;
+    let target: Target = resight::formats::read_target(demo("dots.toml")).expect("a target").target;
     let cam_from_target = Pose::exp(&Vector6::new(0.35, -0.25, 0.1, -0.03, -0.02, 0.6));
     let mut chance = Chance(seed);
     let mut line = |frame: usize| {

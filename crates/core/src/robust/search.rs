@@ -19,6 +19,10 @@ const SAMPLE: usize = 3;
 const RECALL: f64 = 0.5;
 /// Probability that a sample of good points leads to their consensus: docs/math/robust.md, table 1.
 const USABLE: f64 = 0.7;
+/// Poses polished in a row without a better one end the search: as many as polish this many points, and at least `LEAST_VAIN`. A threshold
+/// below the noise makes every sample promising, and each leads to a place of its own: docs/math/robust.md section 4.
+const VAIN_POINTS: usize = 2_000_000;
+const LEAST_VAIN: usize = 200;
 /// Pairs of different points looked at to see what the layout of the image gives for nothing.
 const SHUFFLED_PAIRS: usize = 4000;
 
@@ -53,6 +57,8 @@ struct Search<'a> {
     best: Option<Agreement>,
     /// The largest that is not more than chance.
     refused: Option<Agreement>,
+    /// Poses polished since the last that was better.
+    n_vain: usize,
 }
 
 /// The best consensus of `seen`; `NoConsensus` when none is more than chance.
@@ -62,8 +68,16 @@ pub(super) fn search(seen: &[Correspondence], camera: &Camera, config: &Config) 
     let evidence = evidence(seen, groups.as_ref(), config.threshold_px);
     let needed = evidence.needed(config.max_false_alarms.ln());
     let blocks_of_observations = ObservationBlocks::new(seen, &order, camera);
-    let mut search =
-        Search { config, blocks_of_observations, groups, evidence, needed, best: None, refused: None };
+    let mut search = Search {
+        config,
+        blocks_of_observations,
+        groups,
+        evidence,
+        needed,
+        best: None,
+        refused: None,
+        n_vain: 0,
+    };
     let n_samples = search.run(seen, &order);
     match search.best {
         Some(best) => Ok(Found {
@@ -109,8 +123,9 @@ impl Search<'_> {
         // Few points make few triples, and those share their points' noise: none is spared before there is an answer.
         let mut enough = if sampler.is_listed() { self.config.max_samples } else { self.enough() };
         let limit = self.wide_limit();
+        let most_vain = (VAIN_POINTS / seen.len()).max(LEAST_VAIN);
         let mut n_samples = 0;
-        while n_samples < enough {
+        while n_samples < enough && self.n_vain < most_vain {
             let Some(sample) = sampler.next(&mut chance, self.groups.as_ref()) else { break };
             n_samples += 1;
             if self.best.is_none() && n_samples.is_power_of_two() {
@@ -189,6 +204,7 @@ impl Search<'_> {
 
     /// Polishes a candidate; whether it became the best.
     fn follow(&mut self, candidate: &Pose, about: &Correspondence) -> bool {
+        self.n_vain += 1;
         let Some((cam_from_target, cost)) = self.polished(candidate, about) else { return false };
         if self.best.as_ref().is_some_and(|best| best.cost <= cost) {
             return false;
@@ -201,6 +217,7 @@ impl Search<'_> {
             return false;
         }
         self.best = Some(found);
+        self.n_vain = 0;
         true
     }
 

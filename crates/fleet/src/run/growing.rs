@@ -84,7 +84,7 @@ impl Growing {
         if !is_known {
             remove(&folder);
             std::fs::create_dir_all(&folder).map_err(|e| FleetError::at(&folder, e.to_string()))?;
-            write_atomically(&folder.join(PLAN), plan.as_bytes())?;
+            write_atomically(folder.join(PLAN), plan.as_bytes())?;
         }
         let rows = folder.join(ROWS);
         let at_rows = |e: std::io::Error| FleetError::at(&rows, e.to_string());

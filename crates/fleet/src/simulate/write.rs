@@ -31,8 +31,8 @@ const BATCH: usize = 65_536;
 pub fn write_day(fleet: &SimulatedFleet, folder: &Path) -> Result<Vec<PathBuf>, FleetError> {
     let views = folder.join("views");
     std::fs::create_dir_all(&views).map_err(|e| FleetError::at(&views, e.to_string()))?;
-    write_atomically(&folder.join("cameras.csv"), cameras(fleet).as_bytes())?;
-    write_atomically(&folder.join("truth.csv"), truth(fleet).as_bytes())?;
+    write_atomically(folder.join("cameras.csv"), cameras(fleet).as_bytes())?;
+    write_atomically(folder.join("truth.csv"), truth(fleet).as_bytes())?;
     let day = &fleet.simulation;
     let (ticks, per_file) = (day.ticks(), ((FILE_S / day.every_s).round() as usize).max(1));
     let mut files = Vec::new();

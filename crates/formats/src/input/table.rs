@@ -56,7 +56,8 @@ impl Mark {
 
 /// The remark about a table whose cells are not separated by commas, or whose header has units in brackets; none of others, and of what cannot be
 /// opened twice.
-pub fn how_read(path: &Path) -> Option<String> {
+pub fn how_read(path: impl AsRef<Path>) -> Option<String> {
+    let path = path.as_ref();
     let is_file = std::fs::metadata(path).is_ok_and(|found| found.is_file());
     let table = is_file.then(|| Table::open(path, "").ok())??;
     let named = |column: &String| Some(format!("column `{column}` is read as `{}`", with_unit(column)?));
@@ -71,7 +72,8 @@ pub fn how_read(path: &Path) -> Option<String> {
 }
 
 /// The remark of [`how_read`] behind the file's name, for jobs with several files.
-pub fn how_file_is_read(path: &Path) -> Option<String> {
+pub fn how_file_is_read(path: impl AsRef<Path>) -> Option<String> {
+    let path = path.as_ref();
     how_read(path).map(|remark| format!("{}: {remark}", path.display()))
 }
 
@@ -93,7 +95,8 @@ impl Table {
     ///
     /// # Errors
     /// A file that cannot be read, is empty, or names a column twice.
-    pub fn open(path: &Path, wanted: &str) -> Result<Self, FileError> {
+    pub fn open(path: impl AsRef<Path>, wanted: &str) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let table = Self::separated_by(Mark::Comma, path, wanted)?;
         let other =
             [Mark::Semicolon, Mark::Tab, Mark::Bar].into_iter().find(|mark| match &table.header[..] {
@@ -305,9 +308,20 @@ fn marks(text: &str) -> &'static str {
         "; write the minus of the keyboard, `-`"
     } else if unit != text && is_number(unit.trim_end()) {
         "; write the number alone, in the unit that the column's name states"
+    } else if text.split_once('/').is_some_and(|(a, b)| is_number(a.trim()) && is_number(b.trim())) {
+        "; write a fraction as a decimal number"
+    } else if is_several(text) {
+        "; write one number into each cell, under a column of its own"
     } else {
         ""
     }
+}
+
+/// Whether a cell holds the numbers of several columns: `(640.5, 480.2)`, `640.5x480.2`.
+fn is_several(text: &str) -> bool {
+    let inner = text.trim_matches(['(', ')', '[', ']', '{', '}']);
+    let mut numbers = inner.split([',', ';', ' ', 'x']).filter(|number| !number.is_empty()).peekable();
+    numbers.peek().is_some() && numbers.all(|number| number.parse::<f64>().is_ok())
 }
 
 /// The name of a column whose unit stands in brackets or behind a slash, as ours are written; none of others: `x [m]` is `x_m`.
@@ -488,9 +502,12 @@ mod tests {
             ("12.5px", "the number alone"),
             ("−0.5", "the minus of the keyboard"),
             ("1,234.5", "no marks between thousands"),
+            ("1/8", "a fraction as a decimal number"),
+            ("(640.5, 480.2)", "one number into each cell"),
+            ("640.5 x 480.2", "one number into each cell"),
         ] {
             assert!(marks(cell).contains(wanted), "{cell}: {}", marks(cell));
         }
-        assert_eq!((marks("x"), marks("1/8"), marks("px")), ("", "", ""));
+        assert_eq!((marks("x"), marks("1/b"), marks("px")), ("", "", ""));
     }
 }

@@ -17,13 +17,13 @@ pub fn text(name: &str) -> String {
 
 #[track_caller]
 pub fn read(name: &str, format: Format) -> CameraFile {
-    let file = read_cameras(&example(name)).unwrap_or_else(|reason| panic!("{reason}"));
+    let file = read_cameras(example(name)).unwrap_or_else(|reason| panic!("{reason}"));
     assert_eq!(file.format, format, "{name}");
     file
 }
 
 pub fn cameras(name: &str) -> Vec<NamedCamera> {
-    read_cameras(&example(name)).unwrap().cameras
+    read_cameras(example(name)).unwrap().cameras
 }
 
 pub fn golden(folder: &str) -> PathBuf {

@@ -33,7 +33,8 @@ struct Columns<'a> {
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
-pub fn read_points(path: &Path) -> Result<Vec<MeasuredPoint>, Error> {
+pub fn read_points(path: impl AsRef<Path>) -> Result<Vec<MeasuredPoint>, Error> {
+    let path = path.as_ref();
     let file = crate::input::open_table(path)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let unreadable = |reason: csv::Error| FileError::new(path, reason.to_string());
@@ -94,7 +95,8 @@ impl<'a> Columns<'a> {
 ///
 /// # Errors
 /// What is wrong with the file, and in which object.
-pub fn read_poses(path: &Path, keys: &[&str]) -> Result<Vec<Pose>, Error> {
+pub fn read_poses(path: impl AsRef<Path>, keys: &[&str]) -> Result<Vec<Pose>, Error> {
+    let path = path.as_ref();
     let text = crate::input::read_text(path, crate::input::Kind::Results)?;
     let mut found = Vec::new();
     for (n, object) in serde_json::Deserializer::from_str(&text).into_iter::<serde_json::Value>().enumerate()

@@ -29,6 +29,11 @@ pub struct Agreement {
     pub inliers: Vec<usize>,
 }
 
+/// The share of the squared residuals that a threshold of two standard deviations leaves: docs/math/robust.md eq. (14).
+const AT_TWO_SIGMA: f64 = 0.687;
+/// What a smaller share says.
+const BELOW_NOISE: &str = "; good points are thrown out too: the threshold is below two standard deviations of the stated noise, give three to five";
+
 /// Largest number of rows named in the text; further ones are only counted.
 const MAX_NAMED: usize = 5;
 
@@ -71,12 +76,13 @@ impl Agreement {
         let is_in = |row: &usize| self.inliers.binary_search(row).is_ok();
         let out: Vec<usize> = (0..self.n_rows).filter(|row| !is_in(row)).collect();
         let agree = format!(
-            "{} of {} points agree to within {} {unit} (confidence {:.4}, {} samples)",
+            "{} of {} points agree to within {} {unit} (confidence {:.4}, {} samples){}",
             self.inliers.len(),
             self.n_rows,
             self.threshold_px,
             self.confidence,
-            self.n_samples
+            self.n_samples,
+            if self.truncation < AT_TWO_SIGMA { BELOW_NOISE } else { "" }
         );
         if out.is_empty() {
             return format!("{agree}; none was thrown out");

@@ -48,7 +48,8 @@ pub struct ViewPoses {
 ///
 /// # Errors
 /// What is wrong with the file, and where.
-pub fn read(path: &Path) -> Result<(Compared, Vec<String>), Error> {
+pub fn read(path: impl AsRef<Path>) -> Result<(Compared, Vec<String>), Error> {
+    let path = path.as_ref();
     // Folders and recordings are read by the readers of rigs below.
     let bytes = match path.is_dir() || crate::recording::is_recording(path) {
         true => Vec::new(),

@@ -52,7 +52,11 @@ pub struct MapImage {
 ///
 /// # Errors
 /// An image without either; tags or numbers that are no map; units that are not metres or degrees; a system that contradicts the stated one.
-pub fn read_map_image(path: &Path, stated: Option<&CoordinateSystem>) -> Result<MapImage, FileError> {
+pub fn read_map_image(
+    path: impl AsRef<Path>,
+    stated: Option<&CoordinateSystem>,
+) -> Result<MapImage, FileError> {
+    let path = path.as_ref();
     let tagged = match of_tiff(path)? {
         Some(tagged) => tagged,
         None => Tagged { size_px: size_of(path)?, ..Tagged::default() },
@@ -177,11 +181,12 @@ pub struct MapPoints {
 /// # Errors
 /// A table without these columns, or that has coordinates already.
 pub fn read_map_points(
-    path: &Path,
+    path: impl AsRef<Path>,
     map: &MapImage,
     height_m: Option<f64>,
     sigma_px: f64,
 ) -> Result<MapPoints, Error> {
+    let path = path.as_ref();
     let table = Table::open(path, "map_u_px,map_v_px")?;
     let columns = [table.need("map_u_px", None)?, table.need("map_v_px", None)?];
     let (id, sigma, height) = (table.find("id"), table.find("map_sigma_px"), table.find("height_m"));

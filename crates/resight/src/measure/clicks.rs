@@ -26,7 +26,8 @@ const MAX_ROWS: usize = 20_000;
 ///
 /// # Errors
 /// Unreadable files, missing columns, cells that are not numbers, each with its line.
-pub fn read_image_points(path: &Path) -> Result<Vec<ImagePoint>, FileError> {
+pub fn read_image_points(path: impl AsRef<Path>) -> Result<Vec<ImagePoint>, FileError> {
+    let path = path.as_ref();
     let table = Table::open(path, "photo,point,u_px,v_px")?;
     let need = |name: &str| table.need(name, None);
     let (photo, point, u, v) = (need("photo")?, need("point")?, need("u_px")?, need("v_px")?);

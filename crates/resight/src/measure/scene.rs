@@ -160,7 +160,8 @@ impl NamedScene {
 ///
 /// # Errors
 /// Unreadable or invalid files with the line, unknown names, impossible numbers.
-pub fn read_scene(path: &Path) -> Result<NamedScene, FileError> {
+pub fn read_scene(path: impl AsRef<Path>) -> Result<NamedScene, FileError> {
+    let path = path.as_ref();
     let text = saved::without_session(&crate::input::read_text(path, Kind::Session)?);
     Kind::Scene.must_hold(path, text.len())?;
     let file: SceneFile = toml::from_str(&text).map_err(|e| {

@@ -404,7 +404,7 @@ fn measured_rulers_reach_the_target_file() {
     let measured = MeasuredRulers { x_mm: 0.996 * x, y_mm: 1.002 * y, ..rulers };
     let answer = print_target(&PrintRequest { measured: Some(measured), ..sheet.clone() }).unwrap();
     let toml = answer.contents.last().unwrap().clone();
-    let read = crate::formats::read_target_from_bytes("sheet.toml".as_ref(), toml).unwrap().target;
+    let read = crate::formats::read_target_from_bytes("sheet.toml", toml).unwrap().target;
     let scale = read.printed_scale().expect("a scale");
     assert!((scale.ratio[0] - 0.996).abs() < 1e-12 && (scale.ratio[1] - 1.002).abs() < 1e-12);
     assert!((scale.sigma[0] - 0.1 / x).abs() < 1e-12 && (scale.sigma[1] - 0.1 / y).abs() < 1e-12);

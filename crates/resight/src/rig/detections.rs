@@ -120,7 +120,7 @@ pub(crate) fn collect(detections: &Detections, collected: &mut Collected) -> Res
     match detections.source {
         DetectionSource::Files(paths) => {
             paths.iter().try_for_each(|path| table::read(path, &mut reader))?;
-            reader.collected.remarks.extend(paths.iter().filter_map(|path| how_file_is_read(path)));
+            reader.collected.remarks.extend(paths.iter().filter_map(how_file_is_read));
         }
         DetectionSource::Rows(rows) => {
             for (row, number) in rows.iter().zip(1..) {

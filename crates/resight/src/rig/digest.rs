@@ -11,7 +11,8 @@ pub fn sha256(bytes: &[u8]) -> String {
 }
 
 /// Returns the digest of a file, hexadecimal; reads it piece by piece.
-pub fn sha256_of_file(path: &Path) -> Result<String, FileError> {
+pub fn sha256_of_file(path: impl AsRef<Path>) -> Result<String, FileError> {
+    let path = path.as_ref();
     let failed = |e: std::io::Error| FileError::of_system(path, &e);
     let mut file = std::fs::File::open(path).map_err(failed)?;
     let (mut digest, mut piece) = (Sha256::new(), vec![0; 1 << 16]);

@@ -47,7 +47,7 @@ pub struct HandEyeRequest {
 /// let mut request = RigRequest::default();
 /// request.read_camera(Some("cam"), "camera.toml")?;
 /// let observed = ObservedRig::from_detections(&Detections::files(&["detections.csv".into()]), &request)?;
-/// let RobotFile { robot, remarks, .. } = read_robot_file("motions.csv".as_ref(), &Default::default(), None)?;
+/// let RobotFile { robot, remarks, .. } = read_robot_file("motions.csv", &Default::default(), None)?;
 /// let views = HandEyeViews::Points(Box::new(observed));
 /// let answer = resight::hand_eye(HandEyeRequest { robot, views, config: Default::default(), remarks })?;
 /// assert_eq!(answer.status(), resight::Status::Ok);

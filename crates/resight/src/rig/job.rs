@@ -26,10 +26,10 @@ use std::path::{Path, PathBuf};
 /// # std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/demo"))?;
 /// use resight::rig::{CameraImage, RigRequest};
 /// let (mut request, mut images) = (RigRequest::default(), Vec::new());
-/// request.read_target(None, "grid.toml".as_ref())?;
+/// request.read_target(None, "grid.toml")?;
 /// for camera in ["left", "right"] {
-///     request.read_camera(Some(camera), &format!("{camera}.toml"))?;
-///     let image = resight::GrayImage::read(format!("{camera}.png").as_ref())?;
+///     request.read_camera(Some(camera), format!("{camera}.toml"))?;
+///     let image = resight::GrayImage::read(format!("{camera}.png"))?;
 ///     images.push(CameraImage::in_memory(camera, "the only view", image));
 /// }
 /// let answer = resight::rig_from_images(&images, &Default::default(), &request)?;

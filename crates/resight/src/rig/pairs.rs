@@ -41,7 +41,8 @@ const MAX_ROTATION_DEFECT: f64 = 1e-5;
 ///
 /// # Errors
 /// With line or key: missing columns, a quaternion whose order is not stated or that is not unit, invalid numbers.
-pub fn read_pairs(path: &Path) -> Result<PairFile, FileError> {
+pub fn read_pairs(path: impl AsRef<Path>) -> Result<PairFile, FileError> {
+    let path = path.as_ref();
     let bytes = crate::input::read(path, crate::input::Kind::Literal)?;
     pairs_from_bytes(path, &bytes)
 }
@@ -50,7 +51,8 @@ pub fn read_pairs(path: &Path) -> Result<PairFile, FileError> {
 ///
 /// # Errors
 /// The errors of `read_pairs`.
-pub fn pairs_from_bytes(path: &Path, bytes: &[u8]) -> Result<PairFile, FileError> {
+pub fn pairs_from_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<PairFile, FileError> {
+    let path = path.as_ref();
     let text = std::str::from_utf8(bytes).map_err(|_| FileError::new(path, "not UTF-8 text"))?;
     let text = text.trim_start_matches('\u{feff}');
     let rows = if text.trim_start().starts_with('{') { stereograph(path, text)? } else { table(path, text)? };

@@ -74,20 +74,20 @@ impl RigRequest {
     ///
     /// # Errors
     /// What is wrong with the file, and where; a name that another camera already has.
-    pub fn read_camera(&mut self, name: Option<&str>, file: &str) -> Result<(), Error> {
-        let picked = file.rsplit_once('#').filter(|_| !Path::new(file).exists());
-        let path = PathBuf::from(picked.map_or(file, |(path, _)| path));
+    pub fn read_camera(&mut self, name: Option<&str>, file: impl AsRef<Path>) -> Result<(), Error> {
+        let file = file.as_ref();
+        let (path, picked) = formats::split_spec(file);
         if name.is_some() || picked.is_some() {
             let (camera, remarks) = formats::read_camera_with_remarks(file)?;
             self.remarks.extend(remarks.iter().map(|remark| format!("warning: {remark}")));
             self.cameras.push(NamedCamera { name: name.map_or(camera.name, str::to_string), ..camera });
         } else {
-            let read = formats::read_cameras(&path)?;
+            let read = formats::read_cameras(path)?;
             let remark = |warning: &String| format!("warning: {}: {warning}", path.display());
             self.remarks.extend(read.warnings.iter().map(remark));
             self.cameras.extend(read.cameras);
         }
-        self.files.push(path);
+        self.files.push(path.to_owned());
         check_camera_names(&self.cameras)
     }
 
@@ -95,7 +95,8 @@ impl RigRequest {
     ///
     /// # Errors
     /// What is wrong with the file, and where; a name that another target already has.
-    pub fn read_target(&mut self, name: Option<&str>, path: &Path) -> Result<(), Error> {
+    pub fn read_target(&mut self, name: Option<&str>, path: impl AsRef<Path>) -> Result<(), Error> {
+        let path = path.as_ref();
         let file = formats::read_target_with(path, &TagOptions::default())?;
         let remark = |warning: &String| format!("warning: {}: {warning}", path.display());
         self.remarks.extend(file.warnings.iter().map(remark));

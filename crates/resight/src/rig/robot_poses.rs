@@ -148,10 +148,11 @@ fn remarks_on(name: impl Display, remarks: Vec<String>) -> Vec<String> {
 /// # Errors
 /// As of [`read_pose_list`].
 pub fn read_robot_file(
-    path: &Path,
+    path: impl AsRef<Path>,
     options: &PoseListOptions,
     noise: Option<GripperNoise>,
 ) -> Result<RobotFile, FileError> {
+    let path = path.as_ref();
     Ok(RobotFile::of(path.display(), read_pose_list(path, options)?, noise))
 }
 
@@ -196,7 +197,8 @@ struct MinimumLine {
 ///
 /// # Errors
 /// With its line: text that is not such an object, a view that occurs twice, a quaternion that is not unit; the errors of [`read_pose_list`].
-pub fn read_view_poses(path: &Path) -> Result<(Vec<ViewPoses>, Vec<String>), FileError> {
+pub fn read_view_poses(path: impl AsRef<Path>) -> Result<(Vec<ViewPoses>, Vec<String>), FileError> {
+    let path = path.as_ref();
     crate::input::must_not_block(path)?;
     let is_file = std::fs::metadata(path).map_or(true, |found| found.is_file());
     let is_named_so = path.extension().is_some_and(|ending| ending == "jsonl");

@@ -42,7 +42,8 @@ pub struct RigPointsView {
 ///
 /// # Errors
 /// What is wrong with the file, and in which line; a camera that the rig does not have.
-pub fn read_rig_points(path: &Path, rig: &[KnownCamera]) -> Result<Vec<RigPointsView>, Error> {
+pub fn read_rig_points(path: impl AsRef<Path>, rig: &[KnownCamera]) -> Result<Vec<RigPointsView>, Error> {
+    let path = path.as_ref();
     let table = Table::open(path, "camera,x_m,y_m,z_m,u_px,v_px")?;
     let need = |name: &str| table.need(name, None);
     let camera = table

@@ -70,7 +70,8 @@ struct MirrorZone {
 ///
 /// # Errors
 /// What is wrong with the file, and in which zone; a size that is known from neither.
-pub fn read_zones(path: &Path, size: Option<ImageSize>) -> Result<ZonesFile, Error> {
+pub fn read_zones(path: impl AsRef<Path>, size: Option<ImageSize>) -> Result<ZonesFile, Error> {
+    let path = path.as_ref();
     let text = input::read_text(path, Kind::Text)?;
     let is_json = text.trim_start().starts_with('{');
     let fault = |line: Option<usize>, reason: String| FileError { path: path.into(), line, reason };

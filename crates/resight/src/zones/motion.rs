@@ -67,7 +67,8 @@ impl CameraMotion {
 ///
 /// # Errors
 /// A file without a motion, several cameras and no name, numbers that are no pose or no covariance.
-pub fn read_motion(path: &Path, name: Option<&str>) -> Result<CameraMotion, Error> {
+pub fn read_motion(path: impl AsRef<Path>, name: Option<&str>) -> Result<CameraMotion, Error> {
+    let path = path.as_ref();
     let text = input::read_text(path, Kind::Results)?;
     let fault = |reason: String| Error::request(format!("{}: {reason}", path.display()));
     let mut found: Vec<CameraMotion> = Vec::new();

@@ -83,7 +83,7 @@ fn find(folder: &Path, rounds: usize, only: Option<&str>) -> Result<(), Box<dyn 
     {
         let mut detector = Detector::new(target)?;
         for row in rows.iter().filter(|row| row.target == *name) {
-            let image = GrayImage::read(&folder.join(&row.image))?;
+            let image = GrayImage::read(folder.join(&row.image))?;
             all.push(timed(&mut detector, &image, &row.image, rounds)?);
         }
     }

@@ -56,7 +56,8 @@ pub struct StateShare {
 impl History {
     /// # Errors
     /// No such file, no history, a later version.
-    pub fn open(path: &Path) -> Result<Self, HistoryError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, HistoryError> {
+        let path = path.as_ref();
         if !path.is_file() {
             let reason = "there is no such file".to_string();
             return Err(HistoryError::NoAccess { path: path.to_path_buf(), reason });

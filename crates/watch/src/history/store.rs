@@ -35,7 +35,8 @@ impl Store {
     ///
     /// # Errors
     /// A folder that cannot be written, a database of another program or a later version; `NotNow` on a full or failing disk.
-    pub fn open(path: &Path, pairs: &[(String, String)]) -> Result<Opened, HistoryError> {
+    pub fn open(path: impl AsRef<Path>, pairs: &[(String, String)]) -> Result<Opened, HistoryError> {
+        let path = path.as_ref();
         let began = Instant::now();
         loop {
             match Store::start(path, pairs) {

@@ -52,7 +52,8 @@ pub fn to_text(reference: &Reference) -> Result<String, String> {
 ///
 /// # Errors
 /// A missing file or key, an invalid quaternion, a covariance that is not symmetric, or invalid noise.
-pub fn read(path: &Path) -> Result<Reference, FileError> {
+pub fn read(path: impl AsRef<Path>) -> Result<Reference, FileError> {
+    let path = path.as_ref();
     let reported = |reason: String| FileError::new(path, reason);
     let text = resight::input::read_text(path, resight::input::Kind::Text)
         .map_err(|fault| reported(format!("cannot be read: {}", fault.reason)))?;

@@ -9,7 +9,8 @@ use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
 ///
 /// # Errors
 /// A missing file, or a file without a certificate.
-pub fn read(path: &Path) -> Result<Vec<u8>> {
+pub fn read(path: impl AsRef<Path>) -> Result<Vec<u8>> {
+    let path = path.as_ref();
     let shown = path.display();
     let pem = resight::input::read(path, resight::input::Kind::Secret).context("--ca-file")?;
     if certificates(&pem).is_empty() {

@@ -60,7 +60,8 @@ impl McapTopic {
     ///
     /// # Errors
     /// A file that is no MCAP, a missing topic, or one that is not supported; the message lists the topics.
-    pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, FileError> {
+    pub fn open(path: impl AsRef<Path>, topic: Option<&str>) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let reported = |reason: String| FileError::new(path, reason);
         let open = || File::open(path).map_err(|e| reported(e.to_string()));
         let all = topics(&mut open()?).map_err(|e| reported(e.0))?;

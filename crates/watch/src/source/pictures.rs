@@ -85,7 +85,8 @@ enum Taken {
 impl Folder {
     /// # Errors
     /// A missing folder.
-    pub fn open(path: &Path, clock: Clock) -> Result<Self, FileError> {
+    pub fn open(path: impl AsRef<Path>, clock: Clock) -> Result<Self, FileError> {
+        let path = path.as_ref();
         std::fs::read_dir(path).map_err(|e| FileError::new(path, format!("cannot be read: {e}")))?;
         let (taken, waiting) = (BTreeMap::new(), VecDeque::new());
         let path = path.to_path_buf();

@@ -22,7 +22,8 @@ pub struct Film {
 impl Film {
     /// # Errors
     /// Opens a file like `Video::open`.
-    pub fn open(path: &Path) -> Result<Self, FileError> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let (video, name) = (Video::open(path)?, path.display().to_string());
         Ok(Film { video, name, number: 0, last_s: 0.0, period_s: 0.0 })
     }

@@ -187,11 +187,11 @@ impl Guide<'_> {
     /// The camera found, the standard deviation of its focal length, and the pose.
     fn answers(&self) -> Result<(Camera, f64, PoseEstimate)> {
         let path = |name: &str| self.folder.join(name);
-        let named = resight::formats::read_camera(&path("camera.toml").to_string_lossy())?;
+        let named = resight::formats::read_camera(path("camera.toml"))?;
         let intrinsics = IntrinsicsCovariance::of(&named).context("camera.toml states no covariance")?;
         let sigma_px = intrinsics.sigmas().get("fx_px").copied().context("camera.toml states no fx_px")?;
-        let target = resight::formats::read_target(&path("board.toml"))?.target;
-        let image = resight::GrayImage::read(&path("here.jpg"))?;
+        let target = resight::formats::read_target(path("board.toml"))?.target;
+        let image = resight::GrayImage::read(path("here.jpg"))?;
         let options = LocateOptions { intrinsics: Some(intrinsics), ..LocateOptions::default() };
         let answer = locate_image(&image, &named.camera, &target, &options)?;
         let estimate = answer.estimate.with_context(|| answer.verdict.message.clone())?;

@@ -27,7 +27,7 @@ const FILES: [(&str, &[u8]); 9] = shipped![
 pub fn unpack(folder: &Path) -> Result<()> {
     crate::files::make_folder("-o", folder)?;
     for (name, bytes) in FILES {
-        resight::formats::write_atomically(&folder.join(name), bytes)?;
+        resight::formats::write_atomically(folder.join(name), bytes)?;
     }
     Ok(())
 }

@@ -23,7 +23,7 @@ pub fn request(cameras: &[String], targets: &[String]) -> Result<RigRequest> {
     for argument in targets {
         let (name, file) = split(argument);
         crate::files::must_exist(file.as_ref())?;
-        request.read_target(name, file.as_ref())?;
+        request.read_target(name, file)?;
     }
     Ok(request)
 }

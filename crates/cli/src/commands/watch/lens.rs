@@ -77,7 +77,7 @@ impl LensArgs {
         let lens = match self.given(names, i)? {
             Some(lens) => lens,
             None => {
-                let bytes = picture.map(|file| input::read(file.as_ref(), Kind::Image)).transpose()?;
+                let bytes = picture.map(|file| input::read(file, Kind::Image)).transpose()?;
                 match bytes.and_then(|bytes| exif::lens(&bytes)) {
                     Some(lens) => NominalLens::Exif(lens),
                     None => bail!(

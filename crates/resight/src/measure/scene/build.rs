@@ -139,7 +139,7 @@ impl Builder {
 
     fn named_camera(&mut self, photo: &PhotoEntry) -> Result<NamedCamera, FileError> {
         let Some(text) = &photo.camera_text else {
-            let file = self.folder.join(&photo.camera).display().to_string();
+            let file = self.folder.join(&photo.camera);
             let (camera, remarks) = formats::read_camera_with_remarks(&file)?;
             self.scene.remarks.extend(remarks);
             return Ok(camera);

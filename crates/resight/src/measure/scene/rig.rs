@@ -16,7 +16,13 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// Errors of the files; cameras without a pose in the rig.
-pub fn rig_scene(rig: &Path, image_points: &Path, sigma_px: Option<f64>) -> Result<NamedScene, FileError> {
+pub fn rig_scene(
+    rig: impl AsRef<Path>,
+    image_points: impl AsRef<Path>,
+    sigma_px: Option<f64>,
+) -> Result<NamedScene, FileError> {
+    let rig = rig.as_ref();
+    let image_points = image_points.as_ref();
     let file = formats::read_cameras(rig)?;
     let mut builder = Builder::new(rig, PathBuf::new(), sigma_px)?;
     builder.scene.is_camera_frame = true;

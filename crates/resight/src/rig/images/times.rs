@@ -26,7 +26,8 @@ impl FrameTimes {
     ///
     /// # Errors
     /// With its line: an unknown camera, a frame without a name or with two times, a time that is not a number.
-    pub fn read(path: &Path, cameras: &[String]) -> Result<Self, FileError> {
+    pub fn read(path: impl AsRef<Path>, cameras: &[String]) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let table = Table::open(path, "camera,frame,t_s")?;
         let (camera, frame, t_s) =
             (table.need("camera", None)?, table.need("frame", None)?, table.need("t_s", None)?);

@@ -60,7 +60,11 @@ impl StateFile {
     ///
     /// # Errors
     /// A folder that does not exist, a file of another kind, a file that another session uses, or one that cannot be read or renamed.
-    pub fn open(path: &Path, say: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, FileError> {
+    pub fn open(
+        path: impl AsRef<Path>,
+        say: impl Fn(&str) + Send + Sync + 'static,
+    ) -> Result<Self, FileError> {
+        let path = path.as_ref();
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
             return Err(FileError::new(

@@ -65,7 +65,8 @@ pub struct Recorder {
 
 impl Recorder {
     /// Creates the file.
-    pub fn open(path: &Path, log: &Log) -> Result<Self> {
+    pub fn open(path: impl AsRef<Path>, log: &Log) -> Result<Self> {
+        let path = path.as_ref();
         if path.is_dir() {
             bail!("--tf {}: this is a folder; give a file in it", path.display());
         }

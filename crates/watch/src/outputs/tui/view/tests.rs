@@ -44,9 +44,8 @@ fn reference() -> Reference {
 
 /// Returns the estimate of a pose whose pixels have errors of up to 0.1 px.
 fn estimate(pose: &Pose) -> PoseEstimate {
-    let camera: Camera = resight::formats::read_camera(&shipped("left.toml")).expect("a camera").camera;
-    let target: Target =
-        resight::formats::read_target(shipped("dots.toml").as_ref()).expect("a target").target;
+    let camera: Camera = resight::formats::read_camera(shipped("left.toml")).expect("a camera").camera;
+    let target: Target = resight::formats::read_target(shipped("dots.toml")).expect("a target").target;
     let detection = |feature| {
         let x_in_cam = *pose * target.point(feature).expect("a point").position;
         let error = 0.1 * (5.0 * x_in_cam.x + 40.0 * x_in_cam.y).sin();
