@@ -78,7 +78,7 @@ const SNAPSHOTS: &[(&str, &str)] = &[
     ("tag.toml", "examples/photo/board.toml"),
 ];
 
-const FOLLOWED: [Followed; 22] = [
+const FOLLOWED: [Followed; 21] = [
     Followed { page: "README.md", files: &[], at_least: [15, 1] },
     Followed { page: "docs/guide-operator.md", files: &[], at_least: [8, 3] },
     Followed { page: "docs/guide-robot.md", files: &[], at_least: [11, 2] },
@@ -102,9 +102,8 @@ const FOLLOWED: [Followed; 22] = [
     Followed { page: "docs/report.md", files: &[(".", "examples/rig")], at_least: [1, 0] },
     Followed { page: "docs/files.md", files: &[], at_least: [5, 0] },
     Followed { page: "docs/hand-eye.md", files: &[], at_least: [5, 0] },
-    Followed { page: "docs/landmarks.md", files: SNAPSHOTS, at_least: [2, 0] },
     Followed { page: "docs/uncertain-intrinsics.md", files: SNAPSHOTS, at_least: [4, 0] },
-    Followed { page: "docs/watch.md", files: SNAPSHOTS, at_least: [8, 1] },
+    Followed { page: "docs/watch.md", files: SNAPSHOTS, at_least: [10, 1] },
 ];
 
 /// Pages with commands that other tests run.

@@ -1,4 +1,4 @@
-//! Draws the image of docs/landmarks.md: `cargo run --release -p resight --example make_landmarks` from the repository's root.
+//! Draws the image of docs/watch.md: `cargo run --release -p resight --example make_landmarks` from the repository's root.
 
 #[allow(dead_code)] // The tests use the rest.
 #[path = "../tests/landmarks_support/mod.rs"]

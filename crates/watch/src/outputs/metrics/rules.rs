@@ -141,7 +141,7 @@ fn what_the_documents_ask_for_is_exported() {
             assert!(all.contains(&format!("resight_{name}")), "{file}: no metric is called resight_{name}");
             metrics += 1;
         }
-        if file.starts_with("watch") || file == "landmarks.md" {
+        if file.starts_with("watch") {
             for old in ["unseen", "settling"] {
                 assert!(!text.contains(old), "{file}: the state {old} has another name");
             }
