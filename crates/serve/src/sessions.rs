@@ -29,6 +29,8 @@ pub struct Shared {
     turn: Semaphore,
     cancelled: Notify,
     is_measuring: AtomicBool,
+    /// Somebody waits for the measurements: they take no rest.
+    awaited: Notify,
     /// Is notified of changes of the session, and closed when the session is no longer kept.
     news: watch::Sender<bool>,
 }
@@ -43,6 +45,7 @@ impl Shared {
             turn: Semaphore::new(1),
             cancelled: Notify::new(),
             is_measuring: AtomicBool::new(false),
+            awaited: Notify::new(),
             news: watch::Sender::new(true),
         }))
     }
@@ -119,7 +122,10 @@ impl Shared {
                 let Ok(measured) = aside(move || task.run()).await else { break };
                 shared.take(measured).await;
                 if shared.now().is_dragging() {
-                    tokio::time::sleep(REST).await;
+                    tokio::select! {
+                        () = tokio::time::sleep(REST) => {}
+                        () = shared.awaited.notified() => {}
+                    }
                 }
             }
             shared.is_measuring.store(false, Ordering::Release);
@@ -128,6 +134,23 @@ impl Shared {
                 shared.measure();
             }
         });
+    }
+
+    /// Returns the session when everything in it is measured.
+    ///
+    /// # Errors
+    /// The session is no longer kept.
+    pub async fn measured(self: &Arc<Self>) -> Result<Arc<Session>, Problem> {
+        let mut news = self.news();
+        loop {
+            let now = self.now();
+            if now.measuring().is_none() {
+                return Ok(now);
+            }
+            self.measure();
+            self.awaited.notify_one();
+            news.changed().await.map_err(|_| Problem::failed())?;
+        }
     }
 
     async fn take(&self, measured: Measured) {

@@ -103,7 +103,7 @@ impl Session {
                 Some(GivenLens::Lines { lines }) => {
                     format!("{} lines that are parallel in the scene, {}", lines.len(), lens.words)
                 }
-                Some(GivenLens::Unknown) | None => lens.words.clone(),
+                Some(GivenLens::Photograph { .. } | GivenLens::Unknown) | None => lens.words.clone(),
             };
             row("lens", stated);
             if let Some(hfov_deg) = lens.hfov_deg {

@@ -258,7 +258,9 @@ impl Session {
         };
         let (figures, overlay): (Vec<Figure>, Option<Overlay>) =
             shown.map_or((Vec::new(), None), |solved| (figures(solved), Some(overlay(state, solved))));
-        let photos: Vec<PhotoView> = state.photos.iter().map(photo_view).collect();
+        let lends_lens = |i: usize| state.lender(i).is_none() && self.solving.has_lens(i);
+        let photos: Vec<PhotoView> =
+            state.photos.iter().enumerate().map(|(i, p)| photo_view(p, lends_lens(i))).collect();
         let lens = self.solving.lens(photo);
         let (can_undo, can_redo) = self.history.steps();
         View {
@@ -266,7 +268,7 @@ impl Session {
             photo_index: photo,
             photo: photos.get(photo).cloned(),
             photos,
-            lens: lens.map(|known| lens_view(known, shown)),
+            lens: lens.map(|known| lens_view(known, shown, is_old)),
             template: state.template,
             sigma_px: state.sigma_px,
             points: state

@@ -86,12 +86,14 @@ pub struct PhotoView {
     pub height_px: u32,
     /// Whether its EXIF states a focal length.
     pub has_exif_lens: bool,
+    /// Whether it has a lens of its own, stated or estimated, that another photograph may take.
+    pub lends_lens: bool,
 }
 
 /// The lens of a photograph.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct LensView {
-    /// `given`, `estimated` or `refused`.
+    /// `given`, `estimated`, `open` (to be estimated, and not determined yet) or `refused`.
     pub state: &'static str,
     /// In words.
     pub words: String,

@@ -747,6 +747,10 @@ export type GivenLens = {
   /** Three at least, of two directions at least. */
   lines: GivenLine[];
 } | {
+  by: "photograph";
+  /** The other photograph. */
+  name: string;
+} | {
   by: "unknown";
 };
 
@@ -1201,6 +1205,8 @@ export type PhotoView = {
   has_exif_lens: boolean;
   /** Rows. */
   height_px: number;
+  /** Whether it has a lens of its own, stated or estimated, that another photograph may take. */
+  lends_lens: boolean;
   /** Its file name. */
   name: string;
   /** SHA-256 of its file, in hexadecimal: what it is known by. */
