@@ -52,6 +52,8 @@ pub struct View {
     pub advice: Option<Advice>,
     /// What is measured.
     pub measurements: Vec<MeasurementView>,
+    /// Changes when anything of the measurements changes.
+    pub n_measured: u64,
     /// Whether their values are those of an earlier state: newer ones follow.
     pub is_measuring: bool,
     /// Whether a bird's-eye view can be asked for.

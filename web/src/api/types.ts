@@ -1723,6 +1723,8 @@ export type View = {
   measurements: MeasurementView[];
   /** What is still needed. */
   missing: StepText[];
+  /** Changes when anything of the measurements changes. */
+  n_measured: number;
   /** Names of points that other photographs show and this one does not yet. */
   names_elsewhere: string[];
   /** What is drawn over the photograph. */

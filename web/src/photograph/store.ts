@@ -84,7 +84,7 @@ export const measured = computed(() => measurements.value.filter((m) => m.photo 
   const hand = movedOfMeasurement.value;
   const points = m.points.map((point, index): Point =>
     hand && hand.name === m.name && hand.index === index ? hand.at : (point as [number, number]));
-  return { ...m, points };
+  return points.every((point, index) => point === m.points[index]) ? m : { ...m, points };
 }));
 
 /** Where a click or Enter would place something: the pointer, or the middle of the view. */
@@ -117,12 +117,24 @@ function freeName(taken: string[]): string {
 
 export const needsMarks = computed(() => (view.value ? NEEDED[view.value.template] : 4));
 
+/** Measurements of a view; those that are as they were stay the very same, so that what hangs on them is not found anew. */
+function keptAlike(last: View | null, next: View): View["measurements"] {
+  if (!last) return next.measurements;
+  if (last.n_measured === next.n_measured) return last.measurements;
+  const known = new Map(last.measurements.map((m) => [m.name, m] as const));
+  return next.measurements.map((m) => {
+    const before = known.get(m.name);
+    if (!before || before.photo !== m.photo || before.what !== m.what) return m;
+    const points = String(before.points) === String(m.points) ? before.points : m.points;
+    return points === before.points && before.words === m.words && before.error === m.error ? before : { ...m, points };
+  });
+}
+
 function took(next: View) {
   // Its photograph was taken back.
   if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
   seen = Math.max(seen, next.version);
-  const { measurements: before } = view.value ?? {};
-  if (before && JSON.stringify(before) === JSON.stringify(next.measurements)) next = { ...next, measurements: before };
+  next = { ...next, measurements: keptAlike(view.value, next) };
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -154,7 +166,8 @@ function news(next: View) {
   const isOthers = seen < next.version;
   // While something is under the hand, what it has drawn stays: measurements alone are taken over.
   if (hand && view.value && !isOthers) {
-    view.value = { ...view.value, measurements: next.measurements, is_measuring: next.is_measuring };
+    const { is_measuring, n_measured } = next;
+    view.value = { ...view.value, measurements: keptAlike(view.value, next), is_measuring, n_measured };
     return;
   }
   if (isOthers) {
@@ -337,6 +350,8 @@ function use(id: string, next: View) {
   seen = next.version;
   offered.value = null;
   batch(() => {
+    // Numbers of another session mean nothing here.
+    view.value = null;
     session.value = id;
     selected.value = null;
     pending.value = [];

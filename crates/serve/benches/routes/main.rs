@@ -1,8 +1,11 @@
 //! How soon each route answers while everything else is busy: targets are searched in photographs of 12 megapixels, photographs come, sweeps are solved,
-//! and 256 bodies do not come. Exit status 1 where `/healthz` takes more than its bar.
+//! and 256 bodies do not come. Exit status 1 where `/healthz` takes more than its bar, or a route of the description is not asked.
+//!
+//! With `--soak SECONDS` sessions are opened, worked on, saved and loaded for so long instead, and memory must stay flat.
 //!
 //! ```sh
 //! cargo bench -p resight-serve --bench routes
+//! cargo bench -p resight-serve --bench routes -- --soak 3600
 //! ```
 #![allow(missing_docs)]
 
@@ -27,6 +30,10 @@ const REQUESTS: usize = 200;
 const WAITING_REQUESTS: usize = 10;
 /// p99 of `/healthz`, whatever else runs.
 const HEALTHZ_MS: f64 = 10.0;
+/// Sessions that the program keeps.
+const MOST_SESSIONS: usize = 32;
+/// By how much memory may differ between the thirds of a soak, MB: what the allocator's pieces scatter by.
+const GROWN_MB: f64 = 8.0;
 
 /// Blocks of noise: a search has much to do.
 fn blocks(width_px: u32, height_px: u32) -> Vec<u8> {
@@ -163,7 +170,65 @@ impl Timing {
     }
 }
 
+/// Resident memory of this process, server and client, MB; `None` where the system does not state it.
+fn resident_mb() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: f64 = text.split_whitespace().nth(1)?.parse().ok()?;
+    Some(pages * 4096.0 / 1e6)
+}
+
+/// Opens a session, works on it with a further photograph, saves it and opens what was saved.
+fn worked(place: SocketAddr, png: &[u8]) {
+    let opened = post(place, "/api/session", &json!({ "example": true })).json();
+    let id = opened["session"].as_str().expect("an id");
+    let command = format!("/api/session/command?session={id}");
+    put(place, id, png);
+    for i in 0..10 {
+        let (u_px, name) = (277.0 + 0.1 * f64::from(i), format!("length {i}"));
+        let put = json!({ "kind": "put_point", "name": "A", "u_px": u_px, "v_px": 72.0, "drag": i % 5 != 4 });
+        let points = [[300.0, 150.0 + 10.0 * f64::from(i)], [400.0, 170.0]];
+        let add = json!({ "kind": "add_measurement", "name": name, "what": "length", "points": points });
+        for one in [put, add] {
+            assert_eq!(post(place, &command, &json!({ "command": one })).status, 200);
+        }
+    }
+    assert_eq!(post(place, &command, &json!({ "command": { "kind": "undo" } })).status, 200);
+    assert_eq!(get(place, &format!("/api/session/export?format=report&session={id}")).status, 200);
+    let saved = get(place, &format!("/api/session/save?session={id}")).body;
+    let load = json!({ "load": String::from_utf8(saved).expect("text") });
+    assert_eq!(post(place, "/api/session", &load).status, 200);
+}
+
+/// Sessions for so long; whether memory stays flat.
+fn is_flat(seconds: f64) -> bool {
+    let (place, png, began) = (server(None), blocks(2000, 1500), Instant::now());
+    let mut resident: Vec<f64> = Vec::new();
+    while began.elapsed().as_secs_f64() < seconds {
+        worked(place, &png);
+        resident.extend(resident_mb());
+    }
+    // The first sessions fill what the program keeps: twice as many as that.
+    let steady = resident.get(2 * MOST_SESSIONS..).unwrap_or_default();
+    let middle = |part: &[f64]| {
+        let mut sorted = part.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+    };
+    let third = steady.len() / 3;
+    let (early, late) = (middle(&steady[..third]), middle(&steady[steady.len() - third..]));
+    println!("{} sessions in {seconds:.0} s: {early:.1} MB in the first third, {late:.1} MB in the last", 2 * resident.len());
+    late - early < GROWN_MB
+}
+
 fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    if let [flag, seconds] = words.as_slice()
+        && flag == "--soak"
+    {
+        let is_met = is_flat(seconds.parse().expect("a number of seconds"));
+        println!("{}", if is_met { "met" } else { "missed: memory grows" });
+        return ExitCode::from(u8::from(!is_met));
+    }
     let place = server(None);
     let png = Arc::new(blocks(4000, 3000));
     let over = Arc::new(AtomicBool::new(false));
