@@ -12,14 +12,16 @@ use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{Notify, Semaphore, watch};
 
 /// Number of sessions kept.
 const MOST: usize = 32;
 
-/// Between two measurements during a drag: poses take precedence.
+/// Between two measurements during a drag, at least: poses take precedence.
 const REST: Duration = Duration::from_millis(40);
+/// How many times as long as a measurement takes the rest after it is: a third of a processor measures at most.
+const REST_TIMES: u32 = 2;
 
 /// A session that several requests may want at once.
 pub struct Shared {
@@ -119,11 +121,13 @@ impl Shared {
         let shared = Arc::clone(self);
         tokio::spawn(async move {
             while let Some(task) = shared.now().measuring() {
+                let began = Instant::now();
                 let Ok(measured) = aside(move || task.run()).await else { break };
+                let rest = REST.max(REST_TIMES * began.elapsed());
                 shared.take(measured).await;
                 if shared.now().is_dragging() {
                     tokio::select! {
-                        () = tokio::time::sleep(REST) => {}
+                        () = tokio::time::sleep(rest) => {}
                         () = shared.awaited.notified() => {}
                     }
                 }

@@ -32,7 +32,7 @@ pub fn photo_view(p: &PhotoState, lends_lens: bool) -> PhotoView {
     }
 }
 
-/// Returns the view of its lens; `solved` is the pose that is drawn, of now or of before, which `is_old`.
+/// Returns the view of its lens; `solved` is the pose that is drawn, and `is_old` where that is of an earlier state.
 pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>, is_old: bool) -> LensView {
     let none = LensView {
         state: "given",

@@ -894,7 +894,7 @@ export type LensView = {
   model: string | null;
   /** What one must know of it. */
   remark: string | null;
-  /** `given`, `estimated` or `refused`. */
+  /** `given`, `estimated`, `open` (to be estimated, and not determined yet) or `refused`. */
   state: string;
   /** In words. */
   words: string;

@@ -69,7 +69,7 @@ export async function keepPhotograph(sha256: string, file: Blob) {
   }
 }
 
-/** Keeps a session in place of what was kept of it before; of the others the newest stay, with the photographs that they show. */
+/** Keeps a session in place of an earlier state of it; of the others the newest stay, with the photographs that they show. */
 export async function keep(session: KeptSession) {
   const transaction = (await database()).transaction(["sessions", "photographs"], "readwrite", { durability: "strict" });
   const photographs = transaction.objectStore("photographs");

@@ -124,9 +124,8 @@ function keptAlike(last: View | null, next: View): View["measurements"] {
   const known = new Map(last.measurements.map((m) => [m.name, m] as const));
   return next.measurements.map((m) => {
     const before = known.get(m.name);
-    if (!before || before.photo !== m.photo || before.what !== m.what) return m;
-    const points = String(before.points) === String(m.points) ? before.points : m.points;
-    return points === before.points && before.words === m.words && before.error === m.error ? before : { ...m, points };
+    if (!before || before.photo !== m.photo || before.what !== m.what || String(before.points) !== String(m.points)) return m;
+    return JSON.stringify(before) === JSON.stringify(m) ? before : { ...m, points: before.points };
   });
 }
 
@@ -442,7 +441,7 @@ export async function openKept(): Promise<boolean> {
   return isOpen;
 }
 
-/** Forgets what is offered; what was kept before it is offered then. */
+/** Forgets what is offered, and offers what is older. */
 export async function forgetKept() {
   const kept = offered.value;
   offered.value = null;
