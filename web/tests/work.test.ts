@@ -398,3 +398,28 @@ test("a lens that is not known is ticked when it is estimated, and lent to anoth
   assert.deepEqual(faultsOf(page), []);
   await page.context().close();
 });
+
+/** "Print or PDF" prints the report, all of it, and the page is as it was after it. */
+test("the report is printed whole", async () => {
+  const page = await open(chromium, server);
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+  await page.evaluate(() => {
+    window.print = () => void ((window as unknown as { isPrinted: boolean }).isPrinted = true);
+  });
+  await page.getByRole("button", { name: "Export" }).click();
+  await page.getByRole("button", { name: "Print or PDF" }).click();
+  await page.waitForFunction(() => (window as unknown as { isPrinted?: boolean }).isPrinted);
+  await page.emulateMedia({ media: "print" });
+  const shown = page.locator(".printed");
+  for (const title of ["Photograph and lens", "Pose", "Marks", "Distances typed", "Measurements"]) assert(await shown.getByRole("heading", { name: title, exact: true }).isVisible(), title);
+  assert(await shown.getByText("four squares").first().isVisible());
+  assert(!(await page.locator("#app").isVisible()));
+  const wide = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+  assert(wide[0]! <= wide[1]!, String(wide));
+  assert((await page.pdf({ preferCSSPageSize: true })).toString("latin1").match(/\/Type \/Page\b/g)!.length >= 2);
+  await page.emulateMedia({ media: "screen" });
+  await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+  assert.equal(await shown.count(), 0);
+  await page.context().close();
+});

@@ -19,10 +19,13 @@ pub fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     FILES.iter().fold(Router::new(), |router, (path, media_type, bytes)| {
         let digest = Sha256::digest(bytes);
         let tag = format!("\"{}\"", digest.iter().take(12).map(|b| format!("{b:02x}")).collect::<String>());
-        router
-            .route(path, get(move |request: Request| async move {
-                is_known(&request, &tag).unwrap_or_else(|| file(&tag, media_type, Bytes::from_static(bytes).into()))
-            }))
+        router.route(
+            path,
+            get(move |request: Request| async move {
+                is_known(&request, &tag)
+                    .unwrap_or_else(|| file(&tag, media_type, Bytes::from_static(bytes).into()))
+            }),
+        )
     })
 }
 

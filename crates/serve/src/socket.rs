@@ -46,8 +46,7 @@ async fn open(
 ) -> Result<Response, Problem> {
     let gone = || Problem::missing("There is no such session any more.");
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
-    let upgrade =
-        upgrade.max_message_size(SOCKET_BYTES).max_frame_size(SOCKET_BYTES).protocols(["resight"]);
+    let upgrade = upgrade.max_message_size(SOCKET_BYTES).max_frame_size(SOCKET_BYTES).protocols(["resight"]);
     let page = Page { app, session, id: named.session, photo: 0, shown: None };
     Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }

@@ -179,14 +179,19 @@ fn loaded_sessions_stay_below_the_ceiling() {
     assert_eq!(put(place, &id, "0.png", "image/png", &flat).status, 200);
     let saved = get(place, &format!("/api/session/save?session={id}")).body;
     let saved = String::from_utf8(saved).expect("text");
-    let (begin, end) = (saved.find("[[session.photos]]").expect("one"), saved.find("[session.positions]").expect("one"));
+    let (begin, end) =
+        (saved.find("[[session.photos]]").expect("one"), saved.find("[session.positions]").expect("one"));
     let photos: String = (0..6).map(|i| saved[begin..end].replace("0.png", &format!("{i}.png"))).collect();
     let load = json!({ "load": format!("{}{photos}{}", &saved[..begin], &saved[end..]) });
     let before = resident_bytes();
-    let all: Vec<_> = (0..6).map(|_| std::thread::spawn({
-        let load = load.clone();
-        move || post(place, "/api/session", &load)
-    })).collect();
+    let all: Vec<_> = (0..6)
+        .map(|_| {
+            std::thread::spawn({
+                let load = load.clone();
+                move || post(place, "/api/session", &load)
+            })
+        })
+        .collect();
     let mut grown = 0;
     while all.iter().any(|thread| !thread.is_finished()) {
         grown = grown.max(resident_bytes().saturating_sub(before));
@@ -195,7 +200,10 @@ fn loaded_sessions_stay_below_the_ceiling() {
     println!("six sessions of six photographs of 64 megapixels: {} MB more", grown >> 20);
     assert!(grown < MOST_GROWN_BYTES, "{} MB", grown >> 20);
     let statuses: Vec<u16> = all.into_iter().map(|thread| thread.join().expect("an answer").status).collect();
-    assert!(statuses.contains(&200) && statuses.iter().all(|status| matches!(status, 200 | 503)), "{statuses:?}");
+    assert!(
+        statuses.contains(&200) && statuses.iter().all(|status| matches!(status, 200 | 503)),
+        "{statuses:?}"
+    );
     assert_eq!(get(place, "/healthz").status, 200);
 }
 
@@ -215,12 +223,17 @@ fn answers_that_nobody_takes_stay_below_the_ceiling() {
     let png = noise.png().expect("a PNG");
     assert_eq!(put(place, &id, "a.png", "image/png", &png).status, 200);
     let before = resident_bytes();
-    let head = format!("GET /api/session/photograph?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", place.port());
-    let slow: Vec<TcpStream> = (0..150).filter_map(|_| {
-        let mut stream = TcpStream::connect(place).ok()?;
-        stream.write_all(head.as_bytes()).ok()?;
-        Some(stream)
-    }).collect();
+    let head = format!(
+        "GET /api/session/photograph?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n",
+        place.port()
+    );
+    let slow: Vec<TcpStream> = (0..150)
+        .filter_map(|_| {
+            let mut stream = TcpStream::connect(place).ok()?;
+            stream.write_all(head.as_bytes()).ok()?;
+            Some(stream)
+        })
+        .collect();
     std::thread::sleep(Duration::from_secs(3));
     let grown = resident_bytes().saturating_sub(before);
     println!("{} answers of {} MB: {} MB more", slow.len(), png.len() >> 20, grown >> 20);
@@ -280,7 +293,8 @@ fn metadata_is_not_unpacked() {
     let place = server(None);
     let png = GrayImage::filled(64, 48, 100).png().expect("a PNG");
     let zeros = deflated_zeros(4_200_000);
-    let chunks: [(&[u8; 4], &[u8]); 3] = [(b"iCCP", b"p\0\0"), (b"zTXt", b"k\0\0"), (b"iTXt", b"k\0\x01\0\0\0")];
+    let chunks: [(&[u8; 4], &[u8]); 3] =
+        [(b"iCCP", b"p\0\0"), (b"zTXt", b"k\0\0"), (b"iTXt", b"k\0\x01\0\0\0")];
     for (kind, head) in chunks {
         let id = session(place);
         let bomb = with_chunk(&png, kind, &[head, &zeros].concat());

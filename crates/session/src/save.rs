@@ -164,11 +164,7 @@ fn scene(state: &State, places: &Places, solved: &[Option<Arc<crate::pose::Solve
     );
     file.insert("upright".into(), uprights.into());
     file.insert("query".into(), queries.into());
-    let photos = state
-        .photos
-        .iter()
-        .enumerate()
-        .filter_map(|(i, p)| photo(state, i, p, solved));
+    let photos = state.photos.iter().enumerate().filter_map(|(i, p)| photo(state, i, p, solved));
     file.insert("photo".into(), photos.collect::<Vec<_>>().into());
     file
 }

@@ -20,8 +20,7 @@ pub const COMMON_CAMERA: &str = "the focal length is that of the maker's main ca
 pub const BY_LINES: &str =
     "the focal length is that at which the marked lines are parallel; distortion is taken as none";
 pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, two upright and two along a wall or a road; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
-pub const BY_PHOTOGRAPH: &str =
-    "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
+pub const BY_PHOTOGRAPH: &str = "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
 
 pub fn lens_of(photograph: &str) -> String {
     format!("lens of {photograph}")
@@ -32,11 +31,15 @@ pub fn no_photograph_named(name: &str) -> String {
 }
 
 pub fn no_lens_yet(photograph: &str) -> String {
-    format!("{photograph} has no lens yet: state it there, or place marks there until its focal length is estimated.")
+    format!(
+        "{photograph} has no lens yet: state it there, or place marks there until its focal length is estimated."
+    )
 }
 
 pub fn borrowed_lens(photograph: &str) -> String {
-    format!("{photograph} takes its lens from another photograph; choose one whose lens is stated or estimated.")
+    format!(
+        "{photograph} takes its lens from another photograph; choose one whose lens is stated or estimated."
+    )
 }
 
 pub fn other_size(name: &str, other: ImageSize, size: ImageSize) -> String {

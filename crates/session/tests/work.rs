@@ -319,6 +319,11 @@ fn a_report_names_its_evidence_and_tables_run_nothing() {
     ] {
         assert!(report.contains(part), "{part}");
     }
+    // Only what could be wider than the paper is broken within a word, and every page repeats the head of its table.
+    assert_eq!(report.matches("class=\"long\"").count(), 2, "{report}");
+    assert!(
+        report.contains(&format!("<td class=\"long\">{hash}</td>")) && 4 <= report.matches("<thead>").count()
+    );
     assert!(
         !report.contains("<b>.jpg")
             && view.points.iter().all(|p| report.contains(&format!("<td>{}</td>", p.name)))
@@ -434,10 +439,21 @@ fn a_second_photograph_gives_the_lens() {
     assert_eq!(view.status(), Some("ok"), "{:?} {:?}", view.lens, view.refusal);
     assert_eq!(view.photos.iter().map(|photo| photo.lends_lens).collect::<Vec<_>>(), [false, true, false]);
     let height = view.figures.iter().find(|f| f.name == "height").expect("a height");
-    assert!((height.value - 6.0).abs() < height.half_width_95 && height.half_width_95 < 1.0, "{}", height.words);
+    assert!(
+        (height.value - 6.0).abs() < height.half_width_95 && height.half_width_95 < 1.0,
+        "{}",
+        height.words
+    );
     // It follows the other photograph, and is saved.
-    assert_eq!(Session::load(&session.save().expect("a file")).expect("the same").view(0).figures, view.figures);
-    for (photo, name, said) in [(1, "above.jpg", "takes its lens"), (0, "none.jpg", "No photograph"), (1, "slant.jpg", "takes its lens")] {
+    assert_eq!(
+        Session::load(&session.save().expect("a file")).expect("the same").view(0).figures,
+        view.figures
+    );
+    for (photo, name, said) in [
+        (1, "above.jpg", "takes its lens"),
+        (0, "none.jpg", "No photograph"),
+        (1, "slant.jpg", "takes its lens"),
+    ] {
         let error = session.apply(photo, of(name)).error.expect("a sentence");
         assert!(error.step == "lens" && error.text.contains(said), "{}", error.text);
     }

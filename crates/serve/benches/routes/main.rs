@@ -103,7 +103,12 @@ impl Timing {
         let at = |share: usize| took_ms[share * (requests - 1) / 100];
         let (route, query) = name.split_once('?').unwrap_or((name, ""));
         let format = query.split('&').find(|part| part.starts_with("format=")).unwrap_or_default();
-        println!("{:44} {requests:3} times   p50 {:8.2}   p99 {:8.2}", format!("{route} {format}"), at(50), at(99));
+        println!(
+            "{:44} {requests:3} times   p50 {:8.2}   p99 {:8.2}",
+            format!("{route} {format}"),
+            at(50),
+            at(99)
+        );
         self.asked.insert(route.to_owned());
         at(99)
     }
@@ -112,7 +117,9 @@ impl Timing {
     fn all(&mut self, own: &str, png: &[u8]) -> bool {
         let of = |path: &str| format!("/api/session{path}session={own}");
         let p99_ms = self.get("/healthz", REQUESTS);
-        for path in ["/", "/app.js", "/app.css", "/openapi.json", "/api/session/exports", "/api/session/cameras"] {
+        for path in
+            ["/", "/app.js", "/app.css", "/openapi.json", "/api/session/exports", "/api/session/cameras"]
+        {
             self.get(path, REQUESTS);
         }
         self.live();
@@ -216,7 +223,10 @@ fn is_flat(seconds: f64) -> bool {
     };
     let third = steady.len() / 3;
     let (early, late) = (middle(&steady[..third]), middle(&steady[steady.len() - third..]));
-    println!("{} sessions in {seconds:.0} s: {early:.1} MB in the first third, {late:.1} MB in the last", 2 * resident.len());
+    println!(
+        "{} sessions in {seconds:.0} s: {early:.1} MB in the first third, {late:.1} MB in the last",
+        2 * resident.len()
+    );
     late - early < GROWN_MB
 }
 
