@@ -320,7 +320,7 @@ fn a_report_names_its_evidence_and_tables_run_nothing() {
         assert!(report.contains(part), "{part}");
     }
     // Only what could be wider than the paper is broken within a word, and every page repeats the head of its table.
-    assert_eq!(report.matches("class=\"long\"").count(), 2, "{report}");
+    assert_eq!(report.matches("class=\"long\"").count(), 1);
     assert!(
         report.contains(&format!("<td class=\"long\">{hash}</td>")) && 4 <= report.matches("<thead>").count()
     );
