@@ -3,6 +3,7 @@ import "./style/tokens.css";
 import "./style/base.css";
 import "./style/parts.css";
 import "./style/photograph.css";
+import "./style/printed.css";
 import { render } from "preact";
 import { Shell } from "./shell";
 

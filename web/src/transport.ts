@@ -60,6 +60,10 @@ export interface Transport {
 /** Keys without a value are left out. */
 export type Query = Record<string, string | number | undefined>;
 
+/** How often a stream looks at the clock, and a gap in which the machine must have slept, ms: browsers let pages in the background wait a minute. */
+const BEAT_MS = 5000;
+const SLEPT_MS = 90_000;
+
 const TOKEN = "resight token";
 
 /** Whether the program wants a token, and whether the one it got was wrong. */
@@ -124,6 +128,12 @@ class Http implements Transport {
     let wait = 250;
     let timer = 0;
     let isClosed = false;
+    let beat = Date.now();
+    // A machine that slept does not learn by itself that its connections are gone.
+    const watch = window.setInterval(() => {
+      if (SLEPT_MS < Date.now() - beat) socket?.close();
+      beat = Date.now();
+    }, BEAT_MS);
     const connect = () => {
       const token = sessionStorage.getItem(TOKEN);
       socket = new WebSocket(address(path, query), token ? ["resight", `bearer.${token}`] : ["resight"]);
@@ -151,6 +161,7 @@ class Http implements Transport {
       close: () => {
         isClosed = true;
         clearTimeout(timer);
+        clearInterval(watch);
         socket?.close();
       },
     };

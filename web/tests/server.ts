@@ -40,11 +40,13 @@ export async function serve(...args: string[]): Promise<Server> {
   return { address: address.replace(/\/$/, ""), process: child, stop };
 }
 
+export const EXECUTABLE = process.env.CHROMIUM ?? "/usr/bin/chromium";
+/** A page that was replaced has no address of its own, and would not be allowed to ask this machine. */
+export const ARGUMENTS = [...FLAGS, ...(process.env.PAGE_DIR ? ["--disable-features=LocalNetworkAccessChecks"] : [])];
+
 /** Debian's Chromium, headless. */
 export function browser(...more: string[]): Promise<Browser> {
-  // A page that was replaced has no address of its own, and would not be allowed to ask this machine.
-  const args = [...FLAGS, ...(process.env.PAGE_DIR ? ["--disable-features=LocalNetworkAccessChecks"] : []), ...more];
-  return chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args });
+  return chromium.launch({ executablePath: EXECUTABLE, args: [...ARGUMENTS, ...more] });
 }
 
 export const WIDE = { viewport: { width: 1280, height: 800 } };
@@ -61,15 +63,20 @@ export async function open(browser: Browser, server: Server, tab = "photograph",
     if (message.type() === "error" && !message.text().startsWith("Failed to load resource")) faults.push(message.text());
   });
   FAULTS.set(page, faults);
-  if (process.env.PAGE_DIR) await replaced(page, server, process.env.PAGE_DIR);
+  await prepared(page, server);
   await page.goto(`${server.address}/#${tab}`);
   return page;
+}
+
+/** Lets a page be that of PAGE_DIR. */
+export async function prepared(page: Page, server: Server) {
+  if (process.env.PAGE_DIR) await replaced(page, server, process.env.PAGE_DIR);
 }
 
 /** Another tab beside a page, in the same window. */
 export async function another(beside: Page, server: Server, tab: string): Promise<Page> {
   const page = await beside.context().newPage();
-  if (process.env.PAGE_DIR) await replaced(page, server, process.env.PAGE_DIR);
+  await prepared(page, server);
   await page.goto(`${server.address}/#${tab}`);
   return page;
 }

@@ -364,3 +364,62 @@ test("a torn photograph is refused", async () => {
   await page.getByText(/is torn/).waitFor();
   await page.context().close();
 });
+
+/** A lens that is to be estimated has its tick when it is, and another photograph may then take it. */
+test("a lens that is not known is ticked when it is estimated, and lent to another photograph", async () => {
+  const page = await open(chromium, server);
+  const input = page.locator("input[type=file][accept='image/png,image/jpeg']").first();
+  const buffer = readFileSync(file("testdata/demo/left.png"));
+  await input.setInputFiles({ name: "first.png", mimeType: "image/png", buffer });
+  const lens = page.locator("[data-step=lens]");
+  await lens.getByText("Or add a second photograph").waitFor();
+  await lens.getByRole("button", { name: "I don't know" }).click();
+  await lens.getByText("as soon as the marks determine it").waitFor();
+  assert.equal(await lens.getAttribute("data-done"), "false");
+  await input.setInputFiles({ name: "second.png", mimeType: "image/png", buffer });
+  await lens.getByRole("button", { name: "The lens of first.png" }).waitFor();
+  assert(await lens.getByRole("button", { name: "The lens of first.png" }).isDisabled());
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+  const command = (one: object, photo = 1) => page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { photo, command: one } });
+  await command({ kind: "set_template", template: "own" });
+  await command({ kind: "set_sigma", sigma_px: 0.1 });
+  for (const [i, [x, y]] of [[0, 0], [5, 0], [5, 4], [0, 4], [2, 1], [3, 3], [1, 3], [4, 1]].entries()) {
+    const [u_px, v_px] = pixel(x!, y!);
+    await command({ kind: "set_position", name: `P${i}`, x_m: x, y_m: y });
+    await command({ kind: "put_point", name: `P${i}`, u_px, v_px });
+  }
+  await lens.getByRole("button", { name: "I don't know" }).click();
+  await page.locator("[data-step=lens][data-done=true]").waitFor();
+  await page.getByRole("button", { name: "first.png", exact: true }).click();
+  await page.locator("[data-step=lens][data-done=false]").waitFor();
+  await lens.getByRole("button", { name: "Change" }).click();
+  await lens.getByRole("button", { name: "The lens of second.png" }).click();
+  await page.locator("[data-step=lens][data-done=true]", { hasText: "lens of second.png" }).waitFor();
+  assert.deepEqual(faultsOf(page), []);
+  await page.context().close();
+});
+
+/** "Print or PDF" prints the report, all of it, and the page is as it was after it. */
+test("the report is printed whole", async () => {
+  const page = await open(chromium, server);
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+  await page.evaluate(() => {
+    window.print = () => void ((window as unknown as { isPrinted: boolean }).isPrinted = true);
+  });
+  await page.getByRole("button", { name: "Export" }).click();
+  await page.getByRole("button", { name: "Print or PDF" }).click();
+  await page.waitForFunction(() => (window as unknown as { isPrinted?: boolean }).isPrinted);
+  await page.emulateMedia({ media: "print" });
+  const shown = page.locator(".printed");
+  for (const title of ["Photograph and lens", "Pose", "Marks", "Distances typed", "Measurements"]) assert(await shown.getByRole("heading", { name: title, exact: true }).isVisible(), title);
+  assert(await shown.getByText("four squares").first().isVisible());
+  assert(!(await page.locator("#app").isVisible()));
+  const wide = await page.evaluate(() => [document.documentElement.scrollWidth, innerWidth]);
+  assert(wide[0]! <= wide[1]!, String(wide));
+  assert((await page.pdf({ preferCSSPageSize: true })).toString("latin1").match(/\/Type \/Page\b/g)!.length >= 2);
+  await page.emulateMedia({ media: "screen" });
+  await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+  assert.equal(await shown.count(), 0);
+  await page.context().close();
+});

@@ -41,11 +41,27 @@ pub fn size(path: impl AsRef<Path>) -> Result<(u32, u32), FileError> {
     header::dimensions(&bytes).ok_or_else(|| FileError::new(path, what_is_it::that_is_no_image(&bytes)))
 }
 
-/// Returns the memory that decoding needs at most, its result included, bytes; `None` where the bytes are not a PNG or JPEG.
-pub fn decoding_bytes(bytes: &[u8]) -> Option<u64> {
-    let (width, height) = header::dimensions(bytes)?;
-    let pixels = u64::from(width) * u64::from(height);
-    Some(pixels.saturating_add(pixels.saturating_mul(4).min(MAX_DECODED_BYTES)))
+/// Memory that decoding takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DecodingBytes {
+    /// Of the decoded image.
+    pub image: u64,
+    /// Besides, at most, until it is decoded.
+    pub besides: u64,
+}
+
+impl DecodingBytes {
+    /// Reads the size of a PNG or JPEG from its header; `None` where the bytes are neither.
+    pub fn of(bytes: &[u8]) -> Option<Self> {
+        let (width, height) = header::dimensions(bytes)?;
+        let image = u64::from(width) * u64::from(height);
+        Some(DecodingBytes { image, besides: image.saturating_mul(4).min(MAX_DECODED_BYTES) })
+    }
+
+    /// Returns both together.
+    pub fn sum(self) -> u64 {
+        self.image.saturating_add(self.besides)
+    }
 }
 
 /// Returns the remark on images that EXIF asks viewers to show otherwise than they are stored.

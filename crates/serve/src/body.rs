@@ -1,10 +1,10 @@
-//! The bodies of requests: each route has its limit, and all of them together what memory is left.
+//! The bodies of requests and of large answers: each route has its limit, and all of them together what memory is left.
 
 use crate::app::App;
 use crate::error::Problem;
 use crate::guard::must_be_json;
-use crate::memory::Taken;
-use axum::body::Bytes;
+use crate::memory::{Taken, full};
+use axum::body::{Body, Bytes};
 use axum::extract::Request;
 use axum::http::{HeaderMap, StatusCode, header};
 use futures_core::Stream;
@@ -34,6 +34,30 @@ impl Received {
         must_be_json(&self.headers)?;
         serde_json::from_slice(&self.bytes).map_err(|reason| Problem::input(format!("{needed}: {reason}.")))
     }
+}
+
+/// The bytes of an answer, which keep their memory until the last of them is sent or the client has left.
+struct Sending {
+    bytes: Vec<u8>,
+    _taken: Taken,
+}
+
+impl AsRef<[u8]> for Sending {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+/// Returns the body of an answer that counts for the memory `taken`, resized to its length, until it is sent. No session goes for it: clients that
+/// are slow to take answers cost others nothing.
+///
+/// # Errors
+/// No memory left.
+pub fn sending(app: &App, bytes: Vec<u8>, mut taken: Taken) -> Result<Body, Problem> {
+    if !app.memory.resize(&mut taken, bytes.len()) {
+        return Err(full());
+    }
+    Ok(Body::from(Bytes::from_owner(Sending { bytes, _taken: taken })))
 }
 
 /// Receives a body of at most `limit` bytes.

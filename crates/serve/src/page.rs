@@ -1,8 +1,9 @@
 //! The page's files, compiled in.
 
 use axum::Router;
+use axum::body::{Body, Bytes};
 use axum::extract::Request;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderName, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use sha2::{Digest, Sha256};
@@ -18,17 +19,28 @@ pub fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     FILES.iter().fold(Router::new(), |router, (path, media_type, bytes)| {
         let digest = Sha256::digest(bytes);
         let tag = format!("\"{}\"", digest.iter().take(12).map(|b| format!("{b:02x}")).collect::<String>());
-        router
-            .route(path, get(move |request: Request| async move { file(&request, &tag, media_type, bytes) }))
+        router.route(
+            path,
+            get(move |request: Request| async move {
+                is_known(&request, &tag)
+                    .unwrap_or_else(|| file(&tag, media_type, Bytes::from_static(bytes).into()))
+            }),
+        )
     })
 }
 
-/// A file, or that the browser has it already.
-pub fn file(request: &Request, tag: &str, media_type: &'static str, bytes: &[u8]) -> Response {
-    let known = request.headers().get(header::IF_NONE_MATCH).and_then(|v| v.to_str().ok());
-    let headers = [(header::ETAG, tag.to_owned()), (header::CACHE_CONTROL, "no-cache".to_owned())];
-    match known.is_some_and(|known| known.split(',').any(|one| one.trim() == tag)) {
-        true => (StatusCode::NOT_MODIFIED, headers).into_response(),
-        false => (headers, [(header::CONTENT_TYPE, media_type)], bytes.to_vec()).into_response(),
-    }
+/// Returns the answer to a browser that has the file of this tag already.
+pub fn is_known(request: &Request, tag: &str) -> Option<Response> {
+    let known = request.headers().get(header::IF_NONE_MATCH)?.to_str().ok()?;
+    let is_there = known.split(',').any(|one| one.trim() == tag);
+    is_there.then(|| (StatusCode::NOT_MODIFIED, headers(tag)).into_response())
+}
+
+/// Returns a file with its tag.
+pub fn file(tag: &str, media_type: &'static str, body: Body) -> Response {
+    (headers(tag), [(header::CONTENT_TYPE, media_type)], body).into_response()
+}
+
+fn headers(tag: &str) -> [(HeaderName, String); 2] {
+    [(header::ETAG, tag.to_owned()), (header::CACHE_CONTROL, "no-cache".to_owned())]
 }

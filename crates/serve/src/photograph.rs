@@ -2,17 +2,20 @@
 
 use crate::app::App;
 use crate::aside::aside;
-use crate::body::{Received, receive};
+use crate::body::{Received, receive, sending};
 use crate::error::Problem;
 use crate::guard::must_be_json;
+use crate::memory::{Taken, full};
 use crate::sessions::Shared;
 use crate::{example, page};
+use axum::body::Body;
 use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use resight_session::{Command, Photograph, Session, View};
+use resight::image::DecodingBytes;
+use resight_session::{Command, Photograph, Refusal, SavedSession, Session, View};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -26,7 +29,7 @@ const SESSION_BYTES: usize = resight_session::SAVED_BYTES + (16 << 20);
 /// Reading a session takes its text, the table that it is, and the files in it.
 const READING_TIMES: usize = 3;
 /// Largest command: camera and target files are in them.
-pub const COMMAND_BYTES: usize = 8 << 20;
+const COMMAND_BYTES: usize = 8 << 20;
 /// Memory that a search for a target takes for each pixel, bytes.
 const SEARCHING_BYTES_PER_PX: usize = 6;
 
@@ -113,18 +116,27 @@ async fn open(State(app): State<App>, request: Request) -> Result<Json<Opened>, 
             body.json("The JSON is not what is needed")?
         }
     };
-    let n_bytes = body.bytes.len();
     drop(body);
     let _turn = turn(&app.decoding).await?;
-    let _reading = app.take(READING_TIMES * n_bytes)?;
-    let made = aside(move || match asked {
-        Open { load: Some(text), .. } => Session::load(&text).map_err(|refusal| Problem::input(refusal.text)),
-        Open { example: true, .. } => example::session().map_err(Problem::input),
-        Open { .. } => Ok(Session::new()),
-    });
-    let (session, shared) = app.sessions.add(made.await??)?;
+    let made = match asked {
+        Open { load: Some(text), .. } => loaded(&app, text).await?,
+        Open { example: true, .. } => aside(|| example::session().map_err(Problem::input)).await??,
+        Open { .. } => Session::new(),
+    };
+    let (session, shared) = app.sessions.add(made)?;
     let view = aside(move || shared.now().view(0)).await?;
     Ok(Json(Opened { session, view }))
+}
+
+/// Reads a saved session; its photographs are decoded where there is memory for all of them.
+async fn loaded(app: &App, text: String) -> Result<Session, Problem> {
+    let input = |refusal: Refusal| Problem::input(refusal.text);
+    let reading_bytes = READING_TIMES * text.len();
+    let mut reading = app.take(reading_bytes)?;
+    let read = move || SavedSession::read(&text).map(|saved| (saved.decoding_bytes(), saved));
+    let (decoding_bytes, saved) = aside(read).await?.map_err(input)?;
+    app.make_room(&mut reading, reading_bytes.saturating_add(decoding_bytes))?;
+    aside(move || saved.open()).await?.map_err(input)
 }
 
 async fn add(
@@ -140,7 +152,7 @@ async fn add(
     }
     let body = receive(&app, request, PHOTOGRAPH_BYTES).await?;
     let _turn = turn(&app.decoding).await?;
-    let decoding_bytes = resight::image::decoding_bytes(&body.bytes).unwrap_or(0);
+    let decoding_bytes = DecodingBytes::of(&body.bytes).map_or(0, DecodingBytes::sum);
     let _decoding = app.take(usize::try_from(decoding_bytes).unwrap_or(usize::MAX))?;
     let name = named.name.unwrap_or_else(|| "photograph".to_owned());
     let decoded = aside(move || {
@@ -167,8 +179,11 @@ async fn photograph(
     let photograph = now.photograph(named.photo);
     let photograph = photograph.ok_or_else(|| Problem::missing("There is no such photograph."))?;
     let tag = format!("\"{}\"", photograph.sha256);
-    let _sending = app.take(photograph.bytes.len())?;
-    Ok(page::file(&request, &tag, photograph.media_type(), &photograph.bytes))
+    if let Some(known) = page::is_known(&request, &tag) {
+        return Ok(known);
+    }
+    let taken = app.memory.take(photograph.bytes.len()).ok_or_else(full)?;
+    Ok(page::file(&tag, photograph.media_type(), sending(&app, photograph.bytes.clone(), taken)?))
 }
 
 /// Applies a command and returns what `then` makes of the present view, on the same thread; its measurements may still be the earlier ones.
@@ -205,23 +220,10 @@ async fn command(
     let mut view = applied(&app, &session, photo, command, |view, _| view).await?;
     if view.is_measuring {
         let (snap, error) = (view.snap.take(), view.error.take());
-        let now = measured(&session).await?;
+        let now = session.measured().await?;
         view = View { snap, error, ..aside(move || now.view(photo)).await? };
     }
     Ok(Json(NumberedView { seq, view }))
-}
-
-/// The session when everything in it is measured.
-async fn measured(session: &Arc<Shared>) -> Result<Arc<Session>, Problem> {
-    let mut news = session.news();
-    loop {
-        let now = session.now();
-        if now.measuring().is_none() {
-            return Ok(now);
-        }
-        session.measure();
-        news.changed().await.map_err(|_| Problem::failed())?;
-    }
 }
 
 async fn cancel(
@@ -235,7 +237,7 @@ async fn cancel(
 }
 
 async fn view(State(app): State<App>, Query(named): Query<Named>) -> Result<Json<View>, Problem> {
-    let now = measured(&known(&app, &named.session)?).await?;
+    let now = known(&app, &named.session)?.measured().await?;
     Ok(Json(aside(move || now.view(named.photo)).await?))
 }
 
@@ -244,31 +246,33 @@ async fn save(State(app): State<App>, Query(named): Query<Named>) -> Result<Resp
     let is_whole = named.photographs.unwrap_or(true);
     let _turn = turn(&app.working).await?;
     // The text, and the pieces that it is put together from.
-    let _writing = app.take(if is_whole { 4 * now.files_bytes() } else { 0 })?;
+    let writing = app.take(if is_whole { 4 * now.files_bytes() } else { 0 })?;
     let saved = aside(move || if is_whole { now.save() } else { now.save_without_photographs() });
     let saved = saved.await?.map_err(|refusal| Problem::input(refusal.text))?;
-    Ok(download("session.toml", "application/toml; charset=utf-8", saved.into_bytes()))
+    let body = sending(&app, saved.into_bytes(), writing)?;
+    Ok(download("session.toml", "application/toml; charset=utf-8", body))
 }
 
 async fn export(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
-    let now = measured(&known(&app, &named.session)?).await?;
+    let now = known(&app, &named.session)?.measured().await?;
     let format = named.format.unwrap_or_else(|| "json".to_owned());
     let _turn = turn(&app.working).await?;
-    let _writing = app.take(4 * now.photograph(named.photo).map_or(0, |p| p.bytes.len()))?;
+    let writing = app.take(4 * now.photograph(named.photo).map_or(0, |p| p.bytes.len()))?;
     let today_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let made = aside(move || now.export(named.photo, &format, today_s)).await?;
     let export = made.map_err(|refusal| Problem::input(refusal.text))?;
-    Ok(download(&export.name, export.media_type, export.text.into_bytes()))
+    let body = sending(&app, export.text.into_bytes(), writing)?;
+    Ok(download(&export.name, export.media_type, body))
 }
 
 /// Returns a file to be saved, not shown: a report is a page of its own and must not run as a page of this server.
-fn download(name: &str, media_type: &str, bytes: Vec<u8>) -> Response {
+fn download(name: &str, media_type: &str, body: Body) -> Response {
     let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || "-_.".contains(*c)).collect();
     let headers = [
         (header::CONTENT_TYPE, media_type.to_owned()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{plain}\"")),
     ];
-    (headers, bytes).into_response()
+    (headers, body).into_response()
 }
 
 async fn birdseye(State(app): State<App>, Query(named): Query<Named>) -> Result<Response, Problem> {
@@ -280,5 +284,6 @@ async fn birdseye(State(app): State<App>, Query(named): Query<Named>) -> Result<
             "There is no bird's-eye view yet: the camera needs a pose, and three points on the ground.",
         )
     })?;
-    Ok(([(header::CONTENT_TYPE, "image/png")], png).into_response())
+    let body = sending(&app, png, Taken::default())?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], body).into_response())
 }

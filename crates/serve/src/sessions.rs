@@ -12,14 +12,16 @@ use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::sync::{Notify, Semaphore, watch};
 
 /// Number of sessions kept.
 const MOST: usize = 32;
 
-/// Between two measurements during a drag: poses take precedence.
+/// Between two measurements during a drag, at least: poses take precedence.
 const REST: Duration = Duration::from_millis(40);
+/// How many times as long as a measurement takes the rest after it is: a third of a processor measures at most.
+const REST_TIMES: u32 = 2;
 
 /// A session that several requests may want at once.
 pub struct Shared {
@@ -29,6 +31,8 @@ pub struct Shared {
     turn: Semaphore,
     cancelled: Notify,
     is_measuring: AtomicBool,
+    /// Somebody waits for the measurements: they take no rest.
+    awaited: Notify,
     /// Is notified of changes of the session, and closed when the session is no longer kept.
     news: watch::Sender<bool>,
 }
@@ -43,6 +47,7 @@ impl Shared {
             turn: Semaphore::new(1),
             cancelled: Notify::new(),
             is_measuring: AtomicBool::new(false),
+            awaited: Notify::new(),
             news: watch::Sender::new(true),
         }))
     }
@@ -116,10 +121,15 @@ impl Shared {
         let shared = Arc::clone(self);
         tokio::spawn(async move {
             while let Some(task) = shared.now().measuring() {
+                let began = Instant::now();
                 let Ok(measured) = aside(move || task.run()).await else { break };
+                let rest = REST.max(REST_TIMES * began.elapsed());
                 shared.take(measured).await;
                 if shared.now().is_dragging() {
-                    tokio::time::sleep(REST).await;
+                    tokio::select! {
+                        () = tokio::time::sleep(rest) => {}
+                        () = shared.awaited.notified() => {}
+                    }
                 }
             }
             shared.is_measuring.store(false, Ordering::Release);
@@ -128,6 +138,23 @@ impl Shared {
                 shared.measure();
             }
         });
+    }
+
+    /// Returns the session when everything in it is measured.
+    ///
+    /// # Errors
+    /// The session is no longer kept.
+    pub async fn measured(self: &Arc<Self>) -> Result<Arc<Session>, Problem> {
+        let mut news = self.news();
+        loop {
+            let now = self.now();
+            if now.measuring().is_none() {
+                return Ok(now);
+            }
+            self.measure();
+            self.awaited.notify_one();
+            news.changed().await.map_err(|_| Problem::failed())?;
+        }
     }
 
     async fn take(&self, measured: Measured) {

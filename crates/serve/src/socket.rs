@@ -6,7 +6,7 @@
 use crate::app::App;
 use crate::aside::aside;
 use crate::error::Problem;
-use crate::photograph::{COMMAND_BYTES, Numbered, NumberedView, applied};
+use crate::photograph::{Numbered, NumberedView, applied};
 use crate::sessions::Shared;
 use axum::Router;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -21,6 +21,8 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
 
+/// Largest command by WebSocket, for every connection may hold one that is not complete; larger ones are posted.
+const SOCKET_BYTES: usize = 64 << 10;
 /// A page that sends nothing for this long is considered closed; it can open another connection.
 const SILENCE: Duration = Duration::from_secs(3600);
 /// For a client to take an answer.
@@ -44,8 +46,7 @@ async fn open(
 ) -> Result<Response, Problem> {
     let gone = || Problem::missing("There is no such session any more.");
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
-    let upgrade =
-        upgrade.max_message_size(COMMAND_BYTES).max_frame_size(COMMAND_BYTES).protocols(["resight"]);
+    let upgrade = upgrade.max_message_size(SOCKET_BYTES).max_frame_size(SOCKET_BYTES).protocols(["resight"]);
     let page = Page { app, session, id: named.session, photo: 0, shown: None };
     Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }

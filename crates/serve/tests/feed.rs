@@ -50,7 +50,10 @@ impl Feed {
         let text = message.to_string();
         let mut frame = match text.len() {
             n if n < 126 => vec![0x81, 0x80 | n as u8],
-            n => [&[0x81, 0x80 | 126], &u16::try_from(n).expect("a short text").to_be_bytes()[..]].concat(),
+            n => match u16::try_from(n) {
+                Ok(n) => [&[0x81, 0x80 | 126], &n.to_be_bytes()[..]].concat(),
+                Err(_) => [&[0x81, 0x80 | 127], &(n as u64).to_be_bytes()[..]].concat(),
+            },
         };
         frame.extend([0; 4]);
         frame.extend(text.as_bytes());

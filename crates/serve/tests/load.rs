@@ -130,6 +130,10 @@ fn slow_bodies_keep_nobody_out() {
     assert!(began.elapsed() < Duration::from_secs(8), "{:?}", began.elapsed());
 }
 
+/// Tests that look at the memory of the process do so one after the other.
+#[cfg(target_os = "linux")]
+static MEASURED: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
 /// Resident memory of this process, bytes: the server is part of it.
 #[cfg(target_os = "linux")]
 fn resident_bytes() -> usize {
@@ -142,6 +146,7 @@ fn resident_bytes() -> usize {
 #[cfg(target_os = "linux")]
 #[test]
 fn replaced_photographs_do_not_pile_up() {
+    let _alone = MEASURED.lock();
     let place = server(None);
     let id = session(place);
     let flat = GrayImage::filled(8000, 8000, 0);
@@ -156,6 +161,175 @@ fn replaced_photographs_do_not_pile_up() {
     assert!(grown < 700 << 20, "{} MB", grown >> 20);
     let view = get(place, &format!("/api/session/view?session={id}")).json();
     assert_eq!(view["photos"].as_array().map(Vec::len), Some(1));
+}
+
+/// What all requests together may hold, and what this test, its threads and the allocator hold besides, bytes.
+#[cfg(target_os = "linux")]
+const MOST_GROWN_BYTES: usize = (1 << 30) + (300 << 20);
+
+/// Small files that become large: six photographs of 64 megapixels in a saved session of less than a megabyte, many times at once. They count before
+/// they are decoded.
+#[cfg(target_os = "linux")]
+#[test]
+fn loaded_sessions_stay_below_the_ceiling() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    let id = session(place);
+    let flat = GrayImage::filled(8000, 8000, 90).png().expect("a PNG");
+    assert_eq!(put(place, &id, "0.png", "image/png", &flat).status, 200);
+    let saved = get(place, &format!("/api/session/save?session={id}")).body;
+    let saved = String::from_utf8(saved).expect("text");
+    let (begin, end) =
+        (saved.find("[[session.photos]]").expect("one"), saved.find("[session.positions]").expect("one"));
+    let photos: String = (0..6).map(|i| saved[begin..end].replace("0.png", &format!("{i}.png"))).collect();
+    let load = json!({ "load": format!("{}{photos}{}", &saved[..begin], &saved[end..]) });
+    let before = resident_bytes();
+    let all: Vec<_> = (0..6)
+        .map(|_| {
+            std::thread::spawn({
+                let load = load.clone();
+                move || post(place, "/api/session", &load)
+            })
+        })
+        .collect();
+    let mut grown = 0;
+    while all.iter().any(|thread| !thread.is_finished()) {
+        grown = grown.max(resident_bytes().saturating_sub(before));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    println!("six sessions of six photographs of 64 megapixels: {} MB more", grown >> 20);
+    assert!(grown < MOST_GROWN_BYTES, "{} MB", grown >> 20);
+    let statuses: Vec<u16> = all.into_iter().map(|thread| thread.join().expect("an answer").status).collect();
+    assert!(
+        statuses.contains(&200) && statuses.iter().all(|status| matches!(status, 200 | 503)),
+        "{statuses:?}"
+    );
+    assert_eq!(get(place, "/healthz").status, 200);
+}
+
+/// Clients that ask for a large photograph and take nothing of it: answers count until they are sent, and no session goes for them.
+#[cfg(target_os = "linux")]
+#[test]
+fn answers_that_nobody_takes_stay_below_the_ceiling() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    let id = session(place);
+    let mut noise = GrayImage::filled(5000, 4000, 0);
+    let mut draw = 1u32;
+    for value in &mut noise.data {
+        draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *value = (draw >> 24) as u8;
+    }
+    let png = noise.png().expect("a PNG");
+    assert_eq!(put(place, &id, "a.png", "image/png", &png).status, 200);
+    let before = resident_bytes();
+    let head = format!(
+        "GET /api/session/photograph?session={id} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n",
+        place.port()
+    );
+    let slow: Vec<TcpStream> = (0..150)
+        .filter_map(|_| {
+            let mut stream = TcpStream::connect(place).ok()?;
+            stream.write_all(head.as_bytes()).ok()?;
+            Some(stream)
+        })
+        .collect();
+    std::thread::sleep(Duration::from_secs(3));
+    let grown = resident_bytes().saturating_sub(before);
+    println!("{} answers of {} MB: {} MB more", slow.len(), png.len() >> 20, grown >> 20);
+    assert!(MOST_GROWN_BYTES < slow.len() * png.len() && grown < MOST_GROWN_BYTES, "{} MB", grown >> 20);
+    drop(slow);
+    let again = Instant::now();
+    while get(place, &format!("/api/session/photograph?session={id}")).status != 200 {
+        assert!(again.elapsed() < Duration::from_secs(30));
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+/// Zeros, 258 of them in 13 bits: what a profile or a text of a PNG unpacks to has no bound but the file's size.
+#[cfg(target_os = "linux")]
+fn deflated_zeros(times: usize) -> Vec<u8> {
+    let (mut bytes, mut held, mut n_held) = (vec![0x78, 0x01], 0u32, 0);
+    let mut put = |bits: u32, n: u32| {
+        held |= bits << n_held;
+        n_held += n;
+        while 8 <= n_held {
+            bytes.push(held as u8);
+            (held, n_held) = (held >> 8, n_held - 8);
+        }
+    };
+    // The last block, of fixed codes; one zero; then a copy of 258 from one byte back, so many times; the end. Codes come with their first bit first.
+    put(0b011, 3);
+    put(0b0011_0000u32.reverse_bits() >> 24, 8);
+    for _ in 0..times {
+        put(0b1100_0101u32.reverse_bits() >> 24, 8);
+        put(0, 5);
+    }
+    put(0, 7);
+    put(0, 7);
+    bytes.extend([0; 4]);
+    bytes
+}
+
+/// A PNG with a further chunk behind its header.
+#[cfg(target_os = "linux")]
+fn with_chunk(png: &[u8], kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
+    let mut crc = !0u32;
+    for byte in kind.iter().chain(body) {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
+        }
+    }
+    let length = u32::try_from(body.len()).expect("a chunk").to_be_bytes();
+    [&png[..33], &length, kind, body, &(!crc).to_be_bytes(), &png[33..]].concat()
+}
+
+/// Profiles and texts that unpack to a gigabyte are not unpacked, whichever chunk holds them, by upload or in a saved session.
+#[cfg(target_os = "linux")]
+#[test]
+fn metadata_is_not_unpacked() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    let png = GrayImage::filled(64, 48, 100).png().expect("a PNG");
+    let zeros = deflated_zeros(4_200_000);
+    let chunks: [(&[u8; 4], &[u8]); 3] =
+        [(b"iCCP", b"p\0\0"), (b"zTXt", b"k\0\0"), (b"iTXt", b"k\0\x01\0\0\0")];
+    for (kind, head) in chunks {
+        let id = session(place);
+        let bomb = with_chunk(&png, kind, &[head, &zeros].concat());
+        let before = resident_bytes();
+        let sent = std::thread::spawn(move || put(place, &id, "a.png", "image/png", &bomb).status);
+        let mut grown = 0;
+        while !sent.is_finished() {
+            grown = grown.max(resident_bytes().saturating_sub(before));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        println!("{}: {} MB more", String::from_utf8_lossy(kind), grown >> 20);
+        assert!(grown < 100 << 20, "{} MB", grown >> 20);
+        assert_eq!(sent.join().expect("an answer"), 200);
+    }
+}
+
+/// A command by WebSocket is short, for every connection may hold one; a longer one, with a file, is posted.
+#[test]
+fn long_commands_are_posted() {
+    let place = server(None);
+    let opened = post(place, "/api/session", &json!({ "example": true })).json();
+    let id = opened["session"].as_str().expect("an id");
+    let lens = |n: usize| {
+        let text = format!("{}# {}\n", include_str!("../../../testdata/demo/left.toml"), "x".repeat(n));
+        json!({ "seq": 3, "command": { "kind": "set_lens", "lens": { "by": "file", "name": "left.toml", "text": text } } })
+    };
+    let mut feed = Feed::of(place, &format!("/ws/session?session={id}"));
+    feed.say(&lens(10_000));
+    assert_eq!(text(&mut feed)["seq"], 3);
+    feed.say(&lens(200_000));
+    // Measurements may still come; the answer does not.
+    while let Some(Told::Text(news)) = feed.next(Duration::from_secs(5)) {
+        assert_eq!(news["seq"], 0);
+    }
+    assert_eq!(post(place, &format!("/api/session/command?session={id}"), &lens(200_000)).status, 200);
 }
 
 /// Torn JPEGs are refused, whoever sends them.

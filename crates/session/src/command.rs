@@ -176,6 +176,11 @@ pub enum GivenLens {
         /// Three at least, of two directions at least.
         lines: Vec<GivenLine>,
     },
+    /// That of another photograph of the session, which the same camera took without zooming.
+    Photograph {
+        /// The other photograph.
+        name: String,
+    },
     /// Nothing: the focal length is estimated from the same points.
     Unknown,
 }

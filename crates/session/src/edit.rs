@@ -21,7 +21,7 @@ type Edited = Result<(), Refusal>;
 /// Changes the state. Undo, redo and snap are the session's own.
 pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
     match command {
-        Command::SetLens { lens } => set_lens(photo_of(state, photo)?, lens),
+        Command::SetLens { lens } => set_lens(state, photo, lens),
         Command::SetTemplate { template } => {
             state.template = template;
             Ok(())
@@ -124,10 +124,23 @@ fn named(name: &str) -> Edited {
     }
 }
 
-fn set_lens(photo: &mut PhotoState, given: GivenLens) -> Edited {
-    lens::known(&given, &photo.photograph).map_err(|text| Refusal { step: Step::Lens, text })?;
-    photo.lens = Some(given);
-    Ok(())
+fn set_lens(state: &mut State, photo: usize, given: GivenLens) -> Edited {
+    let refuse = |text: String| Refusal { step: Step::Lens, text };
+    let own = photo_of(state, photo)?;
+    if !matches!(given, GivenLens::Photograph { .. }) {
+        lens::known(&given, &own.photograph).map_err(refuse)?;
+    }
+    own.lens = Some(given);
+    check_lenders(state)
+}
+
+/// Checks that a photograph which lends its lens has one of its own.
+fn check_lenders(state: &State) -> Edited {
+    let lenders = (0..state.photos.len()).filter_map(|i| state.lender(i));
+    lenders
+        .map(|lender| lender.map(|_| ()))
+        .collect::<Result<_, _>>()
+        .map_err(|text| Refusal { step: Step::Lens, text })
 }
 
 fn put_point(photo: &mut PhotoState, put: ImagePoint) -> Edited {
@@ -299,6 +312,7 @@ pub fn check(state: &State) -> Edited {
         photo.points.iter().try_for_each(|point| check_point(size, point))?;
         no_twice("points", photo.points.iter().map(|p| p.name.as_str()))?;
     }
+    check_lenders(state)?;
     room("positions", state.positions.len(), MOST_POINTS + 1)?;
     state.positions.iter().try_for_each(|(name, position)| check_position(name, position))?;
     room("distances", state.distances.len(), MOST_DISTANCES + 1)?;

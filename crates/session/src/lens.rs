@@ -3,7 +3,8 @@
 use crate::cameras::COMMON_CAMERAS;
 use crate::command::{GivenLens, GivenLine, LineDirection};
 use crate::photograph::Photograph;
-use crate::state::SIGMA_PX;
+use crate::pose::Solved;
+use crate::state::{PhotoState, SIGMA_PX};
 use crate::texts;
 use resight::answer::{EstimatedFocal, Status};
 use resight::core::camera::ImageSize;
@@ -37,6 +38,44 @@ pub enum KnownLens {
     Unknown(LensPrior),
 }
 
+/// Returns the lens of a photograph for another one of the same camera; a sentence where it has none, or the sizes differ.
+pub fn of_photograph(
+    lender: &PhotoState,
+    known: Option<&KnownLens>,
+    solved: Option<&Solved>,
+    size: ImageSize,
+) -> Result<KnownLens, String> {
+    let Photograph { name, .. } = &*lender.photograph;
+    if lender.photograph.size() != size {
+        return Err(texts::other_size(name, lender.photograph.size(), size));
+    }
+    match (known, solved.and_then(|s| s.answer.estimated_focal.as_ref())) {
+        (Some(KnownLens::Camera { camera, intrinsics, remark, .. }), _) => Ok(KnownLens::Camera {
+            camera: camera.clone(),
+            intrinsics: intrinsics.clone(),
+            remark: remark.clone(),
+            name: texts::lens_of(name),
+        }),
+        (Some(KnownLens::Unknown(prior)), Some(found)) => {
+            let nominal = NominalLens::HorizontalFieldOfView(found.horizontal_field_of_view_rad.to_degrees());
+            let mut named = nominal.camera(size).map_err(|reason| reason.to_string())?;
+            named.camera = estimated(found, prior).ok_or_else(|| texts::no_lens_yet(name))?;
+            open_focal(&mut named, found.focal_px, found.sigma_px);
+            let words = format!("{}: {}", texts::lens_of(name), found.words());
+            Ok(of_named(named, &words, Some(texts::BY_PHOTOGRAPH.to_owned())))
+        }
+        _ => Err(texts::no_lens_yet(name)),
+    }
+}
+
+/// Gives a nominal lens the standard deviation that its focal length was estimated with.
+fn open_focal(named: &mut NamedCamera, focal_px: f64, sigma_px: f64) {
+    if let Some(covariance) = &mut named.intrinsics_covariance {
+        let open = sigma_px.powi(2) - (FIELD_OF_VIEW_SIGMA * focal_px).powi(2);
+        (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);
+    }
+}
+
 /// The lens that was stated, for this photograph; a sentence where it cannot be.
 pub fn known(given: &GivenLens, photograph: &Photograph) -> Result<KnownLens, String> {
     let size = photograph.size();
@@ -60,6 +99,7 @@ pub fn known(given: &GivenLens, photograph: &Photograph) -> Result<KnownLens, St
             Ok(of_named(named, name, Some(texts::COMMON_CAMERA.to_owned())))
         }
         GivenLens::Lines { lines } => of_lines(lines, size),
+        GivenLens::Photograph { name } => Err(texts::no_lens_yet(name)),
         GivenLens::Unknown => Ok(KnownLens::Unknown(lens_of_unknown_focal(size))),
     }
 }
@@ -87,11 +127,7 @@ fn of_lines(lines: &[GivenLine], size: ImageSize) -> Result<KnownLens, String> {
     };
     let nominal = NominalLens::HorizontalFieldOfView(hfov_rad.to_degrees());
     let mut named = nominal.camera(size).map_err(|reason| reason.to_string())?;
-    // The uncertainty of the field of view is that which the lines leave.
-    if let Some(covariance) = &mut named.intrinsics_covariance {
-        let open = sigma_px.powi(2) - (FIELD_OF_VIEW_SIGMA * focal_px).powi(2);
-        (0..4).for_each(|k| covariance[(k / 2, k % 2)] += open);
-    }
+    open_focal(&mut named, focal_px, sigma_px);
     Ok(of_named(named, &texts::by_lines(focal_px, sigma_px), Some(texts::BY_LINES.to_owned())))
 }
 

@@ -58,5 +58,6 @@ pub use limits::{FILES_BYTES, MOST_PHOTOS, SAVED_BYTES};
 pub use measuring::{Measured, Measuring};
 pub use photograph::Photograph;
 pub use refusal::{Refusal, Step};
+pub use save::SavedSession;
 pub use session::Session;
 pub use view::View;

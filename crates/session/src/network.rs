@@ -48,8 +48,11 @@ pub fn scene(
     let up = shown.first()?.1.up;
     let scene = empty(state.sigma_px, up);
     let mut builder = Builder { scene, state, flatness_m: flatness_m(places), numbers: BTreeMap::new() };
-    for (photo, solved) in &shown {
-        builder.photo(*photo, solved);
+    for (photo, own) in &shown {
+        // A lens that another photograph lends is one camera of both.
+        let lender = state.lender(*photo).and_then(Result::ok);
+        let lens = lender.and_then(|lender| solved.get(lender)?.as_deref());
+        builder.photo(*photo, own, lens.unwrap_or(own));
     }
     builder.known(places, on_plane);
     for (at, (photo, _)) in shown.iter().enumerate() {
@@ -103,10 +106,10 @@ impl Builder<'_> {
     }
 
     /// Photographs of one lens, stated alike, share its errors.
-    fn photo(&mut self, photo: usize, solved: &Solved) {
+    fn photo(&mut self, photo: usize, solved: &Solved, lens: &Solved) {
         let camera = SceneCamera {
-            camera: solved.camera.clone(),
-            intrinsics_covariance: solved.intrinsics_covariance.clone(),
+            camera: lens.camera.clone(),
+            intrinsics_covariance: lens.intrinsics_covariance.clone(),
         };
         let known = self.scene.cameras.iter().position(|c| *c == camera);
         let camera = known.unwrap_or_else(|| {

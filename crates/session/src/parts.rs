@@ -19,8 +19,8 @@ const SUSPECT_CHI2: f64 = 13.816;
 /// Share of a point's variance that the pose must leave to its residual, below which nothing checks the point.
 const LEAST_REST: f64 = 1e-3;
 
-/// A photograph.
-pub fn photo_view(p: &PhotoState) -> PhotoView {
+/// A photograph, and whether its lens can be that of others.
+pub fn photo_view(p: &PhotoState, lends_lens: bool) -> PhotoView {
     let size = p.photograph.size();
     PhotoView {
         name: p.photograph.name.clone(),
@@ -28,11 +28,12 @@ pub fn photo_view(p: &PhotoState) -> PhotoView {
         width_px: size.width_px,
         height_px: size.height_px,
         has_exif_lens: p.photograph.exif.is_some(),
+        lends_lens,
     }
 }
 
-/// Returns the view of its lens.
-pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>) -> LensView {
+/// Returns the view of its lens; `solved` is the pose that is drawn, and `is_old` where that is of an earlier state.
+pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>, is_old: bool) -> LensView {
     let none = LensView {
         state: "given",
         words: String::new(),
@@ -52,8 +53,8 @@ pub fn lens_view(lens: &StatedLens, solved: Option<&Solved>) -> LensView {
         Ok(KnownLens::Unknown(_)) => {
             let focal = solved.and_then(|s| s.answer.estimated_focal.as_ref());
             LensView {
-                state: "estimated",
-                words: focal.map_or_else(|| texts::ESTIMATED.to_owned(), |focal| focal.words()),
+                state: if focal.is_some() && !is_old { "estimated" } else { "open" },
+                words: focal.map_or_else(|| texts::OPEN_LENS.to_owned(), |focal| focal.words()),
                 hfov_deg: focal.map(|f| f.horizontal_field_of_view_rad.to_degrees()),
                 ..none
             }

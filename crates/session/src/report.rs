@@ -9,9 +9,12 @@ use std::fmt::Write;
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;overflow-wrap:anywhere}\
 svg{display:block;width:100%;height:auto;max-height:16cm}table{border-collapse:collapse}\
-th,td{padding:.2rem 1rem .2rem 0;vertical-align:top;text-align:left;border-bottom:1px solid #ccc}\
-td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}\
+th,td{padding:.2rem 1rem .2rem 0;vertical-align:top;text-align:left;border-bottom:1px solid #ccc;overflow-wrap:normal}\
+td.long{overflow-wrap:anywhere}\
 @page{size:A4;margin:15mm}@media print{body{margin:0;max-width:none;padding:0}svg,tr{break-inside:avoid}h2{break-after:avoid}}";
+
+/// A word with more letters may be broken, for it could be wider than the paper.
+const LONG_WORD: usize = 24;
 
 /// Writes a table with title, columns and rows; nothing without rows.
 fn table(title: &str, columns: &[&str], rows: Vec<Vec<String>>) -> String {
@@ -19,11 +22,16 @@ fn table(title: &str, columns: &[&str], rows: Vec<Vec<String>>) -> String {
         return String::new();
     }
     let head: String = columns.iter().map(|c| format!("<th>{}</th>", escaped(c))).collect();
-    let row = |cells: Vec<String>| {
-        format!("<tr>{}</tr>", cells.iter().map(|c| format!("<td>{}</td>", escaped(c))).collect::<String>())
+    // Each page repeats it.
+    let has_head = columns.iter().any(|c| !c.is_empty());
+    let head = if has_head { format!("<thead><tr>{head}</tr></thead>") } else { String::new() };
+    let cell = |c: &String| {
+        let is_long = c.split_whitespace().any(|word| LONG_WORD < word.chars().count());
+        format!("<td{}>{}</td>", if is_long { " class=\"long\"" } else { "" }, escaped(c))
     };
+    let row = |cells: Vec<String>| format!("<tr>{}</tr>", cells.iter().map(cell).collect::<String>());
     let rows: String = rows.into_iter().map(row).collect();
-    format!("<h2>{}</h2><table><tr>{head}</tr>{rows}</table>", escaped(title))
+    format!("<h2>{}</h2><table>{head}<tbody>{rows}</tbody></table>", escaped(title))
 }
 
 fn metres(x: f64) -> String {
@@ -103,7 +111,7 @@ impl Session {
                 Some(GivenLens::Lines { lines }) => {
                     format!("{} lines that are parallel in the scene, {}", lines.len(), lens.words)
                 }
-                Some(GivenLens::Unknown) | None => lens.words.clone(),
+                Some(GivenLens::Photograph { .. } | GivenLens::Unknown) | None => lens.words.clone(),
             };
             row("lens", stated);
             if let Some(hfov_deg) = lens.hfov_deg {

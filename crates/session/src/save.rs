@@ -7,7 +7,10 @@ use crate::state::{PhotoState, State};
 use crate::texts;
 use crate::{GivenLens, MeasuredKind};
 use crate::{edit, lens, network};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use resight::formats::{self, NamedCamera};
+use resight::image::DecodingBytes;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use toml::{Table, Value};
@@ -51,25 +54,61 @@ impl Session {
     /// A session that was saved.
     ///
     /// # Errors
-    /// A sentence: no session, a photograph that is torn, keys that nothing has, more than a session holds.
+    /// The errors of [`SavedSession::read`] and [`SavedSession::open`].
     pub fn load(text: &str) -> Result<Self, Refusal> {
-        let fault = |text: String| Refusal { step: Step::Photograph, text };
-        let mut table: Table = toml::from_str(text).map_err(|e| fault(e.message().to_owned()))?;
-        let own = table.remove("session").ok_or_else(|| fault(texts::NOTHING_SAVED.to_owned()))?;
-        drop(table);
-        check_encoded(&own)?;
-        let state: State = own.try_into().map_err(|e: toml::de::Error| fault(e.message().to_owned()))?;
-        edit::check(&state)?;
-        Ok(Session::of(state))
+        SavedSession::read(text)?.open()
     }
 }
 
-/// Checks that the photographs fit, before the first is decoded.
-fn check_encoded(own: &Value) -> Result<(), Refusal> {
-    let Some(photos) = own.get("photos").and_then(Value::as_array) else { return Ok(()) };
-    let encoded = photos.iter().filter_map(|p| p.get("photograph")?.get("image_base64")?.as_str());
-    // Four letters hold three bytes.
-    edit::check_photographs(photos.len(), encoded.map(|text| text.len() / 4 * 3).sum())
+/// A saved session whose photographs are not decoded yet.
+#[derive(Debug)]
+pub struct SavedSession {
+    own: Value,
+}
+
+fn fault(text: impl Into<String>) -> Refusal {
+    Refusal { step: Step::Photograph, text: text.into() }
+}
+
+impl SavedSession {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// A sentence: no TOML, no session, more or larger photographs than a session holds.
+    pub fn read(text: &str) -> Result<Self, Refusal> {
+        let mut table: Table = toml::from_str(text).map_err(|e| fault(e.message()))?;
+        let own = table.remove("session").ok_or_else(|| fault(texts::NOTHING_SAVED))?;
+        let saved = SavedSession { own };
+        let n_photos = saved.own.get("photos").and_then(Value::as_array).map_or(0, Vec::len);
+        // Four letters hold three bytes.
+        edit::check_photographs(n_photos, saved.encoded().map(|text| text.len() / 4 * 3).sum())?;
+        Ok(saved)
+    }
+
+    /// Returns the photographs' files in base64.
+    fn encoded(&self) -> impl Iterator<Item = &str> {
+        let photos = self.own.get("photos").and_then(Value::as_array).into_iter().flatten();
+        photos.filter_map(|p| p.get("photograph")?.get("image_base64")?.as_str())
+    }
+
+    /// Returns the memory that the decoded photographs take, with what decoding the largest takes besides, bytes.
+    pub fn decoding_bytes(&self) -> usize {
+        let of = |text: &str| DecodingBytes::of(&STANDARD.decode(text).ok()?);
+        let all: Vec<DecodingBytes> = self.encoded().filter_map(of).collect();
+        let images = all.iter().fold(0, |sum: u64, one| sum.saturating_add(one.image));
+        let besides = all.iter().map(|one| one.besides).max().unwrap_or(0);
+        usize::try_from(images.saturating_add(besides)).unwrap_or(usize::MAX)
+    }
+
+    /// Decodes the photographs and solves.
+    ///
+    /// # Errors
+    /// A sentence: a photograph that is torn, keys that nothing has, more than a session holds.
+    pub fn open(self) -> Result<Session, Refusal> {
+        let state: State = self.own.try_into().map_err(|e: toml::de::Error| fault(e.message()))?;
+        edit::check(&state)?;
+        Ok(Session::of(state))
+    }
 }
 
 fn table<const N: usize>(entries: [(&str, Value); N]) -> Value {
@@ -125,12 +164,7 @@ fn scene(state: &State, places: &Places, solved: &[Option<Arc<crate::pose::Solve
     );
     file.insert("upright".into(), uprights.into());
     file.insert("query".into(), queries.into());
-    let photos = state
-        .photos
-        .iter()
-        .enumerate()
-        .zip(solved)
-        .filter_map(|((i, p), s)| photo(state, i, p, s.as_deref()));
+    let photos = state.photos.iter().enumerate().filter_map(|(i, p)| photo(state, i, p, solved));
     file.insert("photo".into(), photos.collect::<Vec<_>>().into());
     file
 }
@@ -139,9 +173,10 @@ fn photo(
     state: &State,
     number: usize,
     photo: &PhotoState,
-    solved: Option<&crate::pose::Solved>,
+    solved: &[Option<Arc<crate::pose::Solved>>],
 ) -> Option<Value> {
-    let camera_text = camera_text(photo, solved)?;
+    let lender = state.lender(number).and_then(Result::ok).unwrap_or(number);
+    let camera_text = camera_text(state.photos.get(lender)?, solved.get(lender)?.as_deref())?;
     let clicked = photo.points.iter().map(|p| (p.name.clone(), [p.u_px, p.v_px], p.sigma_px));
     let measured = state.measurements.iter().filter(|m| m.photo == number).flat_map(|m| {
         m.points.iter().enumerate().map(|(i, at)| (format!("{} · {}", m.name, i + 1), *at, None))

@@ -39,7 +39,7 @@ pub struct Session {
     /// The present scene, where it differs from that one.
     unmeasured: Option<Arc<Scene>>,
     version: u64,
-    /// Counts what was measured.
+    /// Counts the changes of measurements and of their values.
     n_measured: u64,
 }
 
@@ -120,7 +120,7 @@ impl Session {
         self.version
     }
 
-    /// Counts what was measured.
+    /// Counts the changes of measurements and of their values.
     pub fn n_measured(&self) -> u64 {
         self.n_measured
     }
@@ -154,6 +154,15 @@ impl Session {
     }
 
     fn edit(&mut self, photo: usize, command: Command) -> Result<(), Refusal> {
+        let measurements = self.state.measurements.clone();
+        self.edit_state(photo, command)?;
+        self.n_measured += u64::from(self.state.measurements != measurements);
+        self.version += 1;
+        self.solve();
+        Ok(())
+    }
+
+    fn edit_state(&mut self, photo: usize, command: Command) -> Result<(), Refusal> {
         match command {
             Command::Undo => self.step(History::undo, texts::NOTHING_TO_UNDO),
             Command::Redo => self.step(History::redo, texts::NOTHING_TO_REDO),
@@ -172,10 +181,7 @@ impl Session {
                 }
                 Ok(())
             }
-        }?;
-        self.version += 1;
-        self.solve();
-        Ok(())
+        }
     }
 
     /// Swaps the two points of a height whose top was clicked before its foot.
@@ -205,8 +211,8 @@ impl Session {
         self.places = Arc::new(places(&self.state));
         self.solving.solve(&self.state, &self.places);
         let scene = self.scene();
-        if scene.is_none() {
-            self.measured = None;
+        if scene.is_none() && self.measured.take().is_some() {
+            self.n_measured += 1;
         }
         let is_known = |scene: &Scene| self.measured.as_ref().is_some_and(|m| m.scene == *scene);
         self.unmeasured = scene.filter(|scene| !is_known(scene)).map(Arc::new);
@@ -258,7 +264,9 @@ impl Session {
         };
         let (figures, overlay): (Vec<Figure>, Option<Overlay>) =
             shown.map_or((Vec::new(), None), |solved| (figures(solved), Some(overlay(state, solved))));
-        let photos: Vec<PhotoView> = state.photos.iter().map(photo_view).collect();
+        let lends_lens = |i: usize| state.lender(i).is_none() && self.solving.has_lens(i);
+        let photos: Vec<PhotoView> =
+            state.photos.iter().enumerate().map(|(i, p)| photo_view(p, lends_lens(i))).collect();
         let lens = self.solving.lens(photo);
         let (can_undo, can_redo) = self.history.steps();
         View {
@@ -266,7 +274,7 @@ impl Session {
             photo_index: photo,
             photo: photos.get(photo).cloned(),
             photos,
-            lens: lens.map(|known| lens_view(known, shown)),
+            lens: lens.map(|known| lens_view(known, shown, is_old)),
             template: state.template,
             sigma_px: state.sigma_px,
             points: state
@@ -286,6 +294,7 @@ impl Session {
             overlay,
             advice,
             measurements: state.measurements.iter().map(|m| measurement_view(m, measured)).collect(),
+            n_measured: self.n_measured,
             is_measuring: self.unmeasured.is_some(),
             birdseye: shown.filter(|_| !is_old).map(|_| BirdseyeView { version: self.version }),
             snap: None,

@@ -39,9 +39,14 @@ impl Solving {
     pub fn solve(&mut self, state: &State, places: &Places) {
         self.photos.resize_with(state.photos.len(), OnePhoto::default);
         self.good.resize(state.photos.len(), None);
-        for (i, photo) in state.photos.iter().enumerate() {
+        // Photographs that take their lens from another one come after it.
+        let (borrowing, own): (Vec<_>, Vec<_>) =
+            (0..state.photos.len()).map(|i| (i, state.lender(i))).partition(|(_, lender)| lender.is_some());
+        for (i, lender) in own.into_iter().chain(borrowing) {
+            let photo = &state.photos[i];
+            let lent = lender.map(|lender| self.lent(state, lender?, photo));
             let one = &mut self.photos[i];
-            one.state_lens(photo);
+            one.state_lens(photo, lent);
             let known = one.lens.as_ref().and_then(|lens| lens.known.as_ref().ok());
             let given = known.map(|lens| Given {
                 name: photo.photograph.name.clone(),
@@ -72,6 +77,16 @@ impl Solving {
         }
     }
 
+    /// Returns the lens of one photograph for another one.
+    fn lent(&self, state: &State, lender: usize, photo: &PhotoState) -> Result<KnownLens, String> {
+        let known = self.lens(lender).and_then(|lens| lens.known.as_deref().ok());
+        let solved = match self.attempt(lender) {
+            Some(Attempt::Solved(solved)) => Some(&**solved),
+            _ => None,
+        };
+        lens::of_photograph(&state.photos[lender], known, solved, photo.photograph.size())
+    }
+
     /// Returns the result for a photograph's points; `None` where no lens is known.
     pub fn attempt(&self, photo: usize) -> Option<&Attempt> {
         self.photos.get(photo)?.tried.as_ref().map(|(_, attempt)| &**attempt)
@@ -82,6 +97,15 @@ impl Solving {
         matches!(self.attempt(photo), Some(Attempt::Solved(_)))
     }
 
+    /// Returns whether the lens of a photograph is known, as stated or as estimated.
+    pub fn has_lens(&self, photo: usize) -> bool {
+        match self.lens(photo).and_then(|lens| lens.known.as_deref().ok()) {
+            Some(KnownLens::Camera { .. }) => true,
+            Some(KnownLens::Unknown(_)) => self.is_solved(photo),
+            None => false,
+        }
+    }
+
     /// The lens that was stated of a photograph.
     pub fn lens(&self, photo: usize) -> Option<&StatedLens> {
         self.photos.get(photo)?.lens.as_ref()
@@ -89,15 +113,16 @@ impl Solving {
 }
 
 impl OnePhoto {
-    fn state_lens(&mut self, photo: &PhotoState) {
+    /// States the lens of the photograph: its own, or the one `lent` by another photograph.
+    fn state_lens(&mut self, photo: &PhotoState, lent: Option<Result<KnownLens, String>>) {
         let Some(given) = &photo.lens else {
             self.lens = None;
             return;
         };
         let is_known =
             |lens: &StatedLens| lens.given == *given && Arc::ptr_eq(&lens.photograph, &photo.photograph);
-        if !self.lens.as_ref().is_some_and(is_known) {
-            let known = lens::known(given, &photo.photograph).map(Arc::new);
+        if lent.is_some() || !self.lens.as_ref().is_some_and(is_known) {
+            let known = lent.unwrap_or_else(|| lens::known(given, &photo.photograph)).map(Arc::new);
             self.lens =
                 Some(StatedLens { given: given.clone(), photograph: Arc::clone(&photo.photograph), known });
         }

@@ -14,12 +14,40 @@ pub const NOTHING_TO_REDO: &str = "There is nothing to redo.";
 pub const NO_TAG: &str = "No tag of this family is in the photograph.";
 pub const NOTHING_SAVED: &str = "This is no session that the page saved: it has no table [session].";
 pub const REPORT: &str = "± of the pose and of measurements, and intervals, hold with 95 % probability; ± 1σ is one standard deviation. Pixels are those of the file: (0, 0) is the middle of the top-left one.";
-pub const ESTIMATED: &str = "estimated from the same points";
+pub const OPEN_LENS: &str = "estimated as soon as the marks determine it";
 
 pub const COMMON_CAMERA: &str = "the focal length is that of the maker's main camera; a photograph that was zoomed or cropped has another";
 pub const BY_LINES: &str =
     "the focal length is that at which the marked lines are parallel; distortion is taken as none";
-pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, two upright and two along a wall or a road; or give the field of view; or add a mark well off the plane of the others.";
+pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, two upright and two along a wall or a road; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
+pub const BY_PHOTOGRAPH: &str = "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
+
+pub fn lens_of(photograph: &str) -> String {
+    format!("lens of {photograph}")
+}
+
+pub fn no_photograph_named(name: &str) -> String {
+    format!("No photograph of this session is called {name}.")
+}
+
+pub fn no_lens_yet(photograph: &str) -> String {
+    format!(
+        "{photograph} has no lens yet: state it there, or place marks there until its focal length is estimated."
+    )
+}
+
+pub fn borrowed_lens(photograph: &str) -> String {
+    format!(
+        "{photograph} takes its lens from another photograph; choose one whose lens is stated or estimated."
+    )
+}
+
+pub fn other_size(name: &str, other: ImageSize, size: ImageSize) -> String {
+    format!(
+        "{name} has {} × {} px, this photograph {} × {} px: a lens holds for photographs of one size.",
+        other.width_px, other.height_px, size.width_px, size.height_px
+    )
+}
 
 pub fn no_common_camera(name: &str) -> String {
     format!(

@@ -52,6 +52,8 @@ pub struct View {
     pub advice: Option<Advice>,
     /// What is measured.
     pub measurements: Vec<MeasurementView>,
+    /// Changes when anything of the measurements changes.
+    pub n_measured: u64,
     /// Whether their values are those of an earlier state: newer ones follow.
     pub is_measuring: bool,
     /// Whether a bird's-eye view can be asked for.
@@ -86,12 +88,14 @@ pub struct PhotoView {
     pub height_px: u32,
     /// Whether its EXIF states a focal length.
     pub has_exif_lens: bool,
+    /// Whether it has a lens of its own, stated or estimated, that another photograph may take.
+    pub lends_lens: bool,
 }
 
 /// The lens of a photograph.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct LensView {
-    /// `given`, `estimated` or `refused`.
+    /// `given`, `estimated`, `open` (to be estimated, and not determined yet) or `refused`.
     pub state: &'static str,
     /// In words.
     pub words: String,

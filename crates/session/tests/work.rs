@@ -319,6 +319,11 @@ fn a_report_names_its_evidence_and_tables_run_nothing() {
     ] {
         assert!(report.contains(part), "{part}");
     }
+    // Only what could be wider than the paper is broken within a word, and every page repeats the head of its table.
+    assert_eq!(report.matches("class=\"long\"").count(), 1);
+    assert!(
+        report.contains(&format!("<td class=\"long\">{hash}</td>")) && 4 <= report.matches("<thead>").count()
+    );
     assert!(
         !report.contains("<b>.jpg")
             && view.points.iter().all(|p| report.contains(&format!("<td>{}</td>", p.name)))
@@ -392,6 +397,68 @@ fn a_lens_that_nobody_knows_is_found_otherwise() {
     }
     let view = session.apply(0, Command::SetLens { lens: GivenLens::Common { name: "a shoe box".into() } });
     assert!(view.error.is_some_and(|error| error.text.contains("list")));
+}
+
+/// Where a camera at (0, 7, 6) m that looks straight down sees a place of the ground, 60° across.
+fn seen_from_above(width_px: f64, height_px: f64, x: f64, y: f64) -> [f64; 2] {
+    let f = width_px / 2.0 / 30f64.to_radians().tan();
+    [f * x / 6.0 + width_px / 2.0 - 0.5, f * (7.0 - y) / 6.0 + height_px / 2.0 - 0.5]
+}
+
+/// A photograph straight from above leaves the focal length open; a second one by the same camera, at a slant, gives it, and only one of its size.
+#[test]
+fn a_second_photograph_gives_the_lens() {
+    let mut session = Session::new();
+    for (name, width_px) in [("above.jpg", 800), ("slant.jpg", 800), ("other.jpg", 640)] {
+        session.add_photograph(photograph(name, width_px, 600)).expect("room");
+    }
+    session.apply(0, Command::SetTemplate { template: Template::Own });
+    let places = [(-2.0, 5.0), (2.0, 5.0), (2.0, 9.0), (-2.0, 9.0), (0.0, 6.0), (1.0, 8.0)];
+    for (i, (x_m, y_m)) in places.into_iter().enumerate() {
+        let name = format!("P{i}");
+        session.apply(0, Command::SetPosition { name: name.clone(), x_m, y_m, z_m: 0.0, sigma_m: 0.0 });
+        for (photo, [u_px, v_px]) in
+            [(0, seen_from_above(800.0, 600.0, x_m, y_m)), (1, seen(800.0, 600.0, x_m, y_m))]
+        {
+            let (name, sigma_px) = (name.clone(), Some(0.3));
+            session.apply(photo, Command::PutPoint { name, u_px, v_px, drag: false, sigma_px });
+        }
+    }
+    let of = |name: &str| Command::SetLens { lens: GivenLens::Photograph { name: name.to_owned() } };
+    let open = session.apply(0, Command::SetLens { lens: GivenLens::Unknown });
+    assert_eq!(open.lens.as_ref().map(|lens| lens.state), Some("open"));
+    let refusal = open.refusal.expect("a sentence");
+    assert!(refusal.step == "lens" && refusal.text.contains("second photograph"), "{}", refusal.text);
+    // Nothing to take yet.
+    let early = session.apply(0, of("slant.jpg"));
+    let lens = early.lens.expect("a lens");
+    assert!(lens.state == "refused" && lens.error.is_some_and(|error| error.contains("no lens yet")));
+    assert!(early.photos.iter().all(|photo| !photo.lends_lens));
+    session.apply(1, Command::SetLens { lens: GivenLens::Unknown });
+    let view = session.view(0);
+    assert_eq!(view.status(), Some("ok"), "{:?} {:?}", view.lens, view.refusal);
+    assert_eq!(view.photos.iter().map(|photo| photo.lends_lens).collect::<Vec<_>>(), [false, true, false]);
+    let height = view.figures.iter().find(|f| f.name == "height").expect("a height");
+    assert!(
+        (height.value - 6.0).abs() < height.half_width_95 && height.half_width_95 < 1.0,
+        "{}",
+        height.words
+    );
+    // It follows the other photograph, and is saved.
+    assert_eq!(
+        Session::load(&session.save().expect("a file")).expect("the same").view(0).figures,
+        view.figures
+    );
+    for (photo, name, said) in [
+        (1, "above.jpg", "takes its lens"),
+        (0, "none.jpg", "No photograph"),
+        (1, "slant.jpg", "takes its lens"),
+    ] {
+        let error = session.apply(photo, of(name)).error.expect("a sentence");
+        assert!(error.step == "lens" && error.text.contains(said), "{}", error.text);
+    }
+    let lens = session.apply(2, of("slant.jpg")).lens.expect("a lens");
+    assert!(lens.error.is_some_and(|error| error.contains("800 × 600 px")));
 }
 
 /// A point is not suspected for being the last in a row.

@@ -747,6 +747,10 @@ export type GivenLens = {
   /** Three at least, of two directions at least. */
   lines: GivenLine[];
 } | {
+  by: "photograph";
+  /** The other photograph. */
+  name: string;
+} | {
   by: "unknown";
 };
 
@@ -890,7 +894,7 @@ export type LensView = {
   model: string | null;
   /** What one must know of it. */
   remark: string | null;
-  /** `given`, `estimated` or `refused`. */
+  /** `given`, `estimated`, `open` (to be estimated, and not determined yet) or `refused`. */
   state: string;
   /** In words. */
   words: string;
@@ -1201,6 +1205,8 @@ export type PhotoView = {
   has_exif_lens: boolean;
   /** Rows. */
   height_px: number;
+  /** Whether it has a lens of its own, stated or estimated, that another photograph may take. */
+  lends_lens: boolean;
   /** Its file name. */
   name: string;
   /** SHA-256 of its file, in hexadecimal: what it is known by. */
@@ -1717,6 +1723,8 @@ export type View = {
   measurements: MeasurementView[];
   /** What is still needed. */
   missing: StepText[];
+  /** Changes when anything of the measurements changes. */
+  n_measured: number;
   /** Names of points that other photographs show and this one does not yet. */
   names_elsewhere: string[];
   /** What is drawn over the photograph. */

@@ -2,14 +2,14 @@
 
 export class Layer {
   private canvas: OffscreenCanvas | null = null;
-  private shown = "";
+  private shown: readonly unknown[] = [];
 
-  /** Draws over a canvas what `looks` describes: equal descriptions look alike. */
-  draw(context: CanvasRenderingContext2D, looks: unknown, draw: (context: OffscreenCanvasRenderingContext2D) => void) {
+  /** Draws over a canvas what `looks` holds: where each of it is the very thing that was drawn last, it looks alike. */
+  draw(context: CanvasRenderingContext2D, looks: readonly unknown[], draw: (context: OffscreenCanvasRenderingContext2D) => void) {
     const { width, height } = context.canvas;
     const ratio = context.getTransform().a;
-    const now = JSON.stringify([width, height, ratio, looks]);
-    if (now !== this.shown) {
+    const now = [width, height, ratio, ...looks];
+    if (now.length !== this.shown.length || now.some((one, i) => !Object.is(one, this.shown[i]))) {
       this.canvas ??= new OffscreenCanvas(width, height);
       // This clears it too.
       [this.canvas.width, this.canvas.height] = [width, height];

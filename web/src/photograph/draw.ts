@@ -1,4 +1,5 @@
 // What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next.
+import { computed } from "@preact/signals";
 import { type Curve, trace } from "../parts/curve";
 import { Layer } from "../parts/layer";
 import { colours } from "../parts/theme";
@@ -199,16 +200,14 @@ function distances(context: Context, t: Transform) {
 const outlines = new Layer();
 const plates = new Layer();
 /** The measurement whose point is being moved: it is drawn by itself, over the others. */
-const heldName = () => (moved.value?.handle.kind === "measurement" ? moved.value.handle.name : null);
+const heldName = computed(() => (moved.value?.handle.kind === "measurement" ? moved.value.handle.name : null));
 
 function measurements(context: CanvasRenderingContext2D, t: Transform) {
   const chosen = selected.value?.kind === "measurement" ? selected.value : null;
-  const others = measured.value.filter(({ name }) => name !== heldName());
-  if (others.length) {
-    const looks = [t, chosen, others.map(({ name, what, points }) => [name === chosen?.name, what, points])];
-    outlines.draw(context, looks, (pen) => others.forEach((m) => outline(pen, t, m, chosen)));
-  }
-  measured.value.filter(({ name }) => name === heldName()).forEach((m) => outline(context, t, m, chosen));
+  const others = measured.value.filter(({ name }) => name !== heldName.value);
+  // What is measured may have another value; its outline is that of its points.
+  if (others.length) outlines.draw(context, [t, chosen, ...others.map(({ points }) => points)], (pen) => others.forEach((m) => outline(pen, t, m, chosen)));
+  measured.value.filter(({ name }) => name === heldName.value).forEach((m) => outline(context, t, m, chosen));
 }
 
 function outline(context: Context, t: Transform, m: (typeof measured.value)[number], chosen: Handle | null) {
@@ -229,9 +228,9 @@ function outline(context: Context, t: Transform, m: (typeof measured.value)[numb
 /** What was measured, with its interval, over everything else; paler where it is of before, and newer values are on their way. */
 function values(context: CanvasRenderingContext2D) {
   const isPale = view.value!.is_measuring && !moved.value;
-  const others = labels.value.filter(({ name }) => name !== heldName());
-  if (others.length) plates.draw(context, [isPale, others], (pen) => written(pen, others, isPale));
-  written(context, labels.value.filter(({ name }) => name === heldName()), isPale);
+  const others = labels.value.filter(({ name }) => name !== heldName.value);
+  if (others.length) plates.draw(context, [isPale, ...others], (pen) => written(pen, others, isPale));
+  written(context, labels.value.filter(({ name }) => name === heldName.value), isPale);
 }
 
 function written(context: Context, all: Label[], isPale: boolean) {

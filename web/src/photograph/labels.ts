@@ -103,7 +103,11 @@ export const labels = computed((): Label[] => {
   if (!picture.value || !hasView.value) return [];
   if (heldKind.value === null || !before.length) return (before = placed([], () => true));
   const texts = new Map(measured.value.map((m) => [m.name, textOf(m)] as const));
-  const kept = before.map((label) => ({ ...label, text: texts.get(label.name) ?? label.text }));
+  // A label whose words stay is the very same: it is not drawn anew.
+  const kept = (before = before.map((label) => {
+    const text = texts.get(label.name) ?? label.text;
+    return text === label.text ? label : { ...label, text };
+  }));
   if (heldKind.value === "mark") return kept;
   // The one whose point moves finds a place among the others.
   const { name: held } = moved.value!.handle;

@@ -9,6 +9,9 @@ interface Waiting {
   failed: (problem: Problem) => void;
 }
 
+/** Longer commands, which hold files, are posted: the program takes 64 kB by socket. */
+const SOCKET_LETTERS = 16_000;
+
 /** What a drag moves; none for a command that is no drag. */
 function draggedBy({ photo, command }: Waiting): string | null {
   if (command.kind === "put_point" && command.drag) return `${photo} point ${command.name}`;
@@ -68,9 +71,10 @@ export class Link {
     const one = this.flying ? undefined : this.waiting.shift();
     if (!one) return;
     const seq = ++this.seq;
-    this.flying = { ...one, seq, bySocket: this.isConnected };
     const { photo, command } = one;
-    if (this.isConnected) this.stream.send({ seq, photo, command });
+    const bySocket = this.isConnected && JSON.stringify(command).length < SOCKET_LETTERS;
+    this.flying = { ...one, seq, bySocket };
+    if (bySocket) this.stream.send({ seq, photo, command });
     else transport.command(this.session, photo, command, seq).then(({ view }) => this.finished(seq, view), (problem) => this.finished(seq, problem));
   }
 

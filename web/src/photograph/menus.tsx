@@ -5,6 +5,7 @@ import { Confirm } from "../parts/dialog";
 import { Pick, download } from "../parts/files";
 import { Menu } from "../parts/menu";
 import { drawPicture } from "../parts/picture";
+import { printDocument } from "../parts/printed";
 import { ViewportState } from "../parts/transform";
 import { common } from "../texts/common";
 import { photographTexts as texts } from "../texts/photograph";
@@ -48,7 +49,7 @@ export function Menus() {
         <button onClick={saveBirdseye}>{t.birdseye}</button>
         <h3>{texts.steps.answer}</h3>
         <button onClick={save("report")}>{t.report}</button>
-        <button onClick={() => print()}>{t.print}</button>
+        <button onClick={printReport}>{t.print}</button>
         <button onClick={save("csv")}>{t.csv}</button>
         <h3>{t.pose}</h3>
         {formats.value.filter((word) => !OTHERS.includes(word)).map((word) => <button key={word} onClick={save(word)}>{t.names[word] ?? word}</button>)}
@@ -63,6 +64,15 @@ export function Menus() {
       )}
     </Actions>
   );
+}
+
+async function printReport() {
+  try {
+    const { blob } = await transport.exported(session.value!, photo.value, "report");
+    await printDocument(await blob.text());
+  } catch (problem) {
+    failed("answer", problem);
+  }
 }
 
 async function saveSession() {

@@ -6,7 +6,7 @@ import { decodePicture, type Picture } from "../parts/picture";
 import { type Point, ViewportState, toPicture } from "../parts/transform";
 import { Problem, transport } from "../transport";
 import { photographTexts as texts } from "../texts/photograph";
-import { forget, hasPhotograph, keep, keepPhotograph, lastKept, wholeSession } from "./kept";
+import { forget, hasPhotograph, keep, keepPhotograph, lastKept, succeed, successorOf, wholeSession, type WholeSession } from "./kept";
 import { Link } from "./link";
 
 export interface StepError {
@@ -84,7 +84,7 @@ export const measured = computed(() => measurements.value.filter((m) => m.photo 
   const hand = movedOfMeasurement.value;
   const points = m.points.map((point, index): Point =>
     hand && hand.name === m.name && hand.index === index ? hand.at : (point as [number, number]));
-  return { ...m, points };
+  return points.every((point, index) => point === m.points[index]) ? m : { ...m, points };
 }));
 
 /** Where a click or Enter would place something: the pointer, or the middle of the view. */
@@ -117,12 +117,23 @@ function freeName(taken: string[]): string {
 
 export const needsMarks = computed(() => (view.value ? NEEDED[view.value.template] : 4));
 
+/** Measurements of a view; those that are as they were stay the very same, so that what hangs on them is not found anew. */
+function keptAlike(last: View | null, next: View): View["measurements"] {
+  if (!last) return next.measurements;
+  if (last.n_measured === next.n_measured) return last.measurements;
+  const known = new Map(last.measurements.map((m) => [m.name, m] as const));
+  return next.measurements.map((m) => {
+    const before = known.get(m.name);
+    if (!before || before.photo !== m.photo || before.what !== m.what || String(before.points) !== String(m.points)) return m;
+    return JSON.stringify(before) === JSON.stringify(m) ? before : { ...m, points: before.points };
+  });
+}
+
 function took(next: View) {
   // Its photograph was taken back.
   if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
   seen = Math.max(seen, next.version);
-  const { measurements: before } = view.value ?? {};
-  if (before && JSON.stringify(before) === JSON.stringify(next.measurements)) next = { ...next, measurements: before };
+  next = { ...next, measurements: keptAlike(view.value, next) };
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -154,7 +165,8 @@ function news(next: View) {
   const isOthers = seen < next.version;
   // While something is under the hand, what it has drawn stays: measurements alone are taken over.
   if (hand && view.value && !isOthers) {
-    view.value = { ...view.value, measurements: next.measurements, is_measuring: next.is_measuring };
+    const { is_measuring, n_measured } = next;
+    view.value = { ...view.value, measurements: keptAlike(view.value, next), is_measuring, n_measured };
     return;
   }
   if (isOthers) {
@@ -333,10 +345,12 @@ function remember() {
 
 function use(id: string, next: View) {
   link?.close();
-  link = new Link(id, { news, gone: () => void offerAgain() });
+  link = new Link(id, { news, gone: () => void openAgain(id) });
   seen = next.version;
   offered.value = null;
   batch(() => {
+    // Numbers of another session mean nothing here.
+    view.value = null;
     session.value = id;
     selected.value = null;
     pending.value = [];
@@ -370,29 +384,50 @@ export async function resume() {
   if (session.value) return;
   if (!kept) return void (offered.value = await lastKept());
   busy.value = texts.opening;
+  const { session: id, photo: number } = JSON.parse(kept) as { session: string; photo: number };
   try {
-    const { session: id, photo: number } = JSON.parse(kept);
     use(id, await transport.view(id, number));
   } catch (problem) {
+    if (await followed(id, number)) return;
     sessionStorage.removeItem(KEPT);
-    offered.value = await lastKept();
+    offered.value = await lastKept(id);
     if (!offered.value) failed("photograph", problem);
   } finally {
     busy.value = null;
   }
 }
 
-/** A session that the page has kept and the program does not have: when it was kept, and how it is opened. */
-export const offered = signal<Awaited<ReturnType<typeof lastKept>>>(null);
+/** Shows the session that took the place of another one; whether there is one. */
+async function followed(id: string, number: number): Promise<boolean> {
+  const next = await successorOf(id);
+  if (!next) return false;
+  try {
+    use(next, await transport.view(next, number));
+    return true;
+  } catch {
+    return followed(next, number);
+  }
+}
 
-/** The program was started again while the page was open: what is on the page is opened anew, and nothing is lost. */
-async function offerAgain() {
+/** Does something that windows of this browser must not do at once. Where browsers have no locks (pages of other machines without TLS) it is just done. */
+function alone(name: string, job: () => Promise<void>): Promise<void> {
+  return navigator.locks ? navigator.locks.request(name, job) : job();
+}
+
+/** A session that the page has kept and the program does not have: when it was kept, and how it is opened. */
+export const offered = signal<WholeSession | null>(null);
+
+/** The program was started again while the page was open: what is on the page is opened anew, once for all windows that show it. */
+async function openAgain(id: string) {
   link?.close();
   link = null;
-  const kept = await lastKept();
-  if (!kept) return failed("photograph", new Problem("not_found", texts.lost));
-  offered.value = kept;
-  await openKept();
+  await alone(`resight ${id}`, async () => {
+    if (session.value !== id || (await followed(id, photo.value))) return;
+    const kept = await lastKept(id);
+    if (kept?.id !== id) return failed("photograph", new Problem("not_found", texts.lost));
+    offered.value = kept;
+    await openKept();
+  });
 }
 
 /** Opens the session that the page has kept. */
@@ -402,13 +437,17 @@ export async function openKept(): Promise<boolean> {
   const number = photo.value;
   const isOpen = await open({ load: wholeSession(kept) });
   if (isOpen && number) await showPhoto(number);
+  if (isOpen) await succeed(kept, session.value!);
   return isOpen;
 }
 
-/** Forgets what the page has kept. */
+/** Forgets what is offered, and offers what is older. */
 export async function forgetKept() {
+  const kept = offered.value;
   offered.value = null;
-  await forget();
+  if (!kept) return;
+  await forget(kept.id);
+  offered.value = await lastKept();
 }
 
 let keepTimer = 0;
@@ -429,7 +468,7 @@ function keepSession(next: View) {
       for (const [number, { sha256 }] of next.photos.entries()) {
         if (!(await hasPhotograph(sha256))) await keepPhotograph(sha256, await transport.photograph(id, number));
       }
-      await keep({ text, kept_ms: Date.now(), names: next.photos.map(({ name }) => name), hashes: next.photos.map(({ sha256 }) => sha256) });
+      await keep({ id, text, kept_ms: Date.now(), names: next.photos.map(({ name }) => name), hashes: next.photos.map(({ sha256 }) => sha256) });
       keptVersion = version;
     } catch {
       // Private windows keep nothing, and a program that does not answer is asked again with the next change.

@@ -5,9 +5,10 @@ use super::answers::{LiveView, LogLine, ReferenceView, StripView};
 use super::asked::Asked;
 use crate::app::App;
 use crate::aside::aside;
-use crate::body::receive;
+use crate::body::{receive, sending};
 use crate::error::Problem;
 use crate::guard::must_be_json;
+use crate::memory::Taken;
 use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -172,7 +173,8 @@ async fn frame(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Res
     let next = live.pictures.frame(number(live, &asked.camera)?).ok_or_else(none)?;
     let Ok(Ok(image)) = timeout(FRAME_PATIENCE, next).await else { return Err(none()) };
     let png = aside(move || image.png()).await?.map_err(|_| Problem::failed())?;
-    Ok(([(header::CONTENT_TYPE, "image/png")], png).into_response())
+    let body = sending(&app, png, Taken::default())?;
+    Ok(([(header::CONTENT_TYPE, "image/png")], body).into_response())
 }
 
 /// The lens of a camera as a camera file: the Photograph tab takes it with a frame.

@@ -22,7 +22,7 @@ export function LensStep() {
     if (next && !next.error) changing.value = false;
   };
   return (
-    <Step n={1} name="lens" done={!!lens && lens.state !== "refused"} summary={lens ? lens.words : t.none}>
+    <Step n={1} name="lens" done={lens?.state === "given" || lens?.state === "estimated"} summary={lens ? lens.words : t.none}>
       {open ? <Choices set={set} /> : (
         <>
           {lens.error && <Note tone="bad">{lens.error}</Note>}
@@ -51,6 +51,21 @@ function Common({ set }: { set: (lens: GivenLens) => Promise<void> }) {
         {cameras.value.map((name) => <option key={name} value={name}>{name}</option>)}
       </select>
       <p class="small quiet">{t.commonHelp}</p>
+    </div>
+  );
+}
+
+/** Photographs of the session whose lens this one may take: the same camera gives photographs of one size. */
+function Others({ set }: { set: (lens: GivenLens) => Promise<void> }) {
+  const now = view.value!;
+  const { width_px, height_px } = now.photo!;
+  const others = now.photos.filter((one, number) => number !== now.photo_index && one.width_px === width_px && one.height_px === height_px);
+  return (
+    <div class="choice">
+      {others.map(({ name, lends_lens }) => (
+        <button key={name} class="cut" disabled={!lends_lens} onClick={() => set({ by: "photograph", name })}>{t.other(name)}</button>
+      ))}
+      <p class="small quiet">{others.length ? t.otherHelp : t.secondHelp}</p>
     </div>
   );
 }
@@ -110,6 +125,7 @@ function Choices({ set }: { set: (lens: GivenLens) => Promise<void> }) {
       </form>
       <Common set={set} />
       <Lines set={set} />
+      <Others set={set} />
       <div class="choice">
         <button onClick={() => set({ by: "unknown" })}>{t.unknown}</button>
         <p class="small quiet">{t.unknownHelp}</p>
