@@ -32,6 +32,7 @@ use nalgebra::DMatrix;
 pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
 pub use verdict::{Cause, Losses, RigVerdict, RigWarning};
+pub(in crate::multiview) use views::Groups;
 pub use views::shared_views;
 
 /// The observation of one target by one camera in one view.
@@ -69,7 +70,7 @@ pub struct RigConfig<'a> {
     /// The cost of a residual. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every visible
     /// point.
     pub loss: Loss,
-    /// Whether the covariance of all cameras together is computed.
+    /// Whether the covariances of all cameras, and of all targets, together are computed.
     pub joint_covariance: bool,
     /// Measured distances between cameras, which add to the cost and check a target's size.
     pub known_distances: &'a [KnownDistance],
@@ -243,6 +244,8 @@ pub struct RigSolution {
     pub n_used: usize,
     /// Covariance of all cameras together, 6 rows for each camera in the order given (zero for the reference), where requested.
     pub joint_covariance: Option<DMatrix<f64>>,
+    /// Covariance of all targets together, 6 rows for each target in the order given (zero for the first of each body), where requested.
+    pub joint_targets: Option<DMatrix<f64>>,
     /// Factor by which every covariance was widened because the residuals are larger than the stated sigmas; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
