@@ -398,14 +398,15 @@ impl TagMap {
         Ok(())
     }
 
-    /// Covariance of the small left motions `[rotation_rad; translation_m]` of all tags together, map frame: the stated one, or that of the
-    /// independent motions about their centres that the tolerances mean.
-    pub fn covariance(&self) -> DMatrix<f64> {
+    /// Covariance of the small left motions `[rotation_rad; translation_m]` of some tags together, by their indices, map frame: the stated one, or
+    /// that of the independent motions about their centres that the tolerances mean.
+    pub fn covariance_of(&self, tags: &[usize]) -> DMatrix<f64> {
         if let Some(joint) = &self.joint_covariance {
-            return joint.clone();
+            let at = |i: usize| 6 * tags[i / 6] + i % 6;
+            return DMatrix::from_fn(6 * tags.len(), 6 * tags.len(), |i, j| joint[(at(i), at(j))]);
         }
-        let mut all = DMatrix::zeros(6 * self.tags.len(), 6 * self.tags.len());
-        for (i, tag) in self.tags.iter().enumerate() {
+        let mut all = DMatrix::zeros(6 * tags.len(), 6 * tags.len());
+        for (i, tag) in tags.iter().map(|tag| &self.tags[*tag]).enumerate() {
             let mut about_origin = Matrix6::identity();
             about_origin
                 .fixed_view_mut::<3, 3>(3, 0)

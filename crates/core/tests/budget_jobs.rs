@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 use resight_core::budget::ErrorSource;
 use resight_core::locate::loss::Loss;
 use resight_core::multiview::hand_eye::{HandEyeConfig, HandEyeView, Height, Mounting, solve_hand_eye};
-use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig, UncertainTag};
+use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig, UncertainTags};
 use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.3;
@@ -174,10 +174,17 @@ fn displaced_tags_scatter_a_rig_as_their_part() {
     let (sigma_m, sigma_rad) = (1e-3, 2e-3);
     let corners: Vec<[Point; 4]> =
         room.points[0].chunks(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
-    let tags: Vec<UncertainTag> = corners
-        .iter()
-        .map(|corners| UncertainTag { target: 0, corners_in_target: *corners, sigma_m, sigma_rad })
-        .collect();
+    let independent = |corners: &[Point; 4]| {
+        let mut about_origin = Matrix6::identity();
+        let centre = corners.iter().sum::<Point>() / 4.0;
+        about_origin.fixed_view_mut::<3, 3>(3, 0).copy_from(&centre.cross_matrix());
+        let mut own = Matrix6::identity() * (sigma_rad * sigma_rad);
+        own.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(sigma_m * sigma_m);
+        let own = about_origin * own * about_origin.transpose();
+        let covariance = DMatrix::from_column_slice(6, 6, own.as_slice());
+        UncertainTags { target: 0, corners_in_target: vec![*corners], covariance }
+    };
+    let tags: Vec<UncertainTags> = corners.iter().map(independent).collect();
     let loss = Loss::Squared;
     let config = RigConfig { displaced_tags: &tags, loss, shared_errors: false, ..RigConfig::default() };
     let exact = room.solve(&room.observations, &config).expect("a rig");

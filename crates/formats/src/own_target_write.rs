@@ -81,10 +81,11 @@ fn tag_map(map: &TagMap) -> Keys {
     std::iter::once(("family", quoted(&map.family))).chain(joint).collect()
 }
 
-/// The rows of a symmetric matrix up to the diagonal, one a line.
+/// The rows of a symmetric matrix up to the diagonal, one a line, to nine digits: what they leave out of a covariance of metres is micrometres.
 fn lower_rows(matrix: &DMatrix<f64>) -> String {
+    let nine = |x: f64| format!("{x:.8e}").parse().unwrap_or(x);
     let row = |i: usize| {
-        let numbers: Vec<String> = (0..=i).map(|j| matrix[(i, j)]).map(number).collect();
+        let numbers: Vec<String> = (0..=i).map(|j| number(nine(matrix[(i, j)]))).collect();
         format!("    [{}],\n", numbers.join(", "))
     };
     format!("[\n{}]", (0..matrix.nrows()).map(row).collect::<String>())

@@ -1,4 +1,4 @@
-"""Checks docs/math/map.md: eqs. (1), (4)-(9) at random points to 40 digits. Needs mpmath."""
+"""Checks docs/math/map.md: eqs. (1), (4)-(10) at random points to 40 digits. Needs mpmath."""
 
 import random
 
@@ -76,60 +76,34 @@ p = exp(-eps) * exp(w) * world * exp(alpha) * a
 d = log(p * (world * a) ** -1)
 near(d / small, (w + adjoint(world) * alpha - eps) / small, 1000 * small)
 
-# (5)-(7) against one least-squares problem over w, the motions of three targets of the map (the first two known) and of three known ones (the
-# last not seen), with priors Sigma and P and the condition that both poses of a target agree, made soft with a variance that vanishes.
-n_map, n_known, n_both = 3, 3, 2
-sigma, prior = covariance(6 * n_map), covariance(6 * n_known)  # Sigma in the world's axes: Ad is in it.
-d = matrix(6 * n_both, 1)
-unknowns = 6 * (1 + n_map + n_known)
+# (5) against one least-squares problem over w and the motions of three targets of the map and as known, with priors Sigma and P and the condition that
+# both poses of a target agree, made soft with a variance that vanishes.
+n = 3
+sigma, prior = covariance(6 * n), covariance(6 * n)  # Sigma in the world's axes: Ad is in it.
+d = matrix(6 * n, 1)
+unknowns = 6 * (1 + 2 * n)
 mp.mp.dps = 120  # The vanishing variance takes 36 digits.
 soft = mp.mpf(10) ** -36
 h, g = mp.zeros(unknowns), mp.zeros(unknowns, 1)
 put(h, 6, 6, sigma ** -1)
-put(h, 6 + 6 * n_map, 6 + 6 * n_map, prior ** -1)
-for k in range(n_both):
+put(h, 6 + 6 * n, 6 + 6 * n, prior ** -1)
+for k in range(n):
     row = mp.zeros(6, unknowns)
     put(row, 0, 0, mp.eye(6))
     put(row, 0, 6 + 6 * k, mp.eye(6))
-    put(row, 0, 6 + 6 * n_map + 6 * k, -mp.eye(6))
+    put(row, 0, 6 + 6 * n + 6 * k, -mp.eye(6))
     h += row.T * row / soft
     g += row.T * part(d, 6 * k, 0, 6, 1) / soft
 whole, x = h ** -1, mp.lu_solve(h, g)
 mp.mp.dps = 40
-
-c, e = mp.zeros(6 * n_both), mp.zeros(6 * n_both, 6)
-for k in range(n_both):
+c, e = sigma + prior, mp.zeros(6 * n, 6)
+for k in range(n):
     put(e, 6 * k, 0, mp.eye(6))
-    for l in range(n_both):
-        put(c, 6 * k, 6 * l, part(sigma, 6 * k, 6 * l) + part(prior, 6 * k, 6 * l))
-ci = c ** -1
-m = (e.T * ci * e) ** -1
-w_hat = m * e.T * ci * d
-r = d - e * w_hat
-near(w_hat, part(x, 0, 0, 6, 1), mp.mpf(10) ** -20)
+m = (e.T * c ** -1 * e) ** -1
+near(m * e.T * c ** -1 * d, part(x, 0, 0, 6, 1), mp.mpf(10) ** -20)
+near(m, part(whole, 0, 0), mp.mpf(10) ** -20)
 
-n_all = n_map + 1  # And the known target that is not seen.
-z, cross, by = mp.zeros(6 * n_all), mp.zeros(6 * n_all, 6 * n_both), mp.zeros(6 * n_all, 6)
-put(z, 0, 0, sigma)
-put(z, 6 * n_map, 6 * n_map, part(prior, 12, 12))
-for k in range(n_both):
-    for t in range(n_map):
-        put(cross, 6 * t, 6 * k, part(sigma, 6 * t, 6 * k))
-    put(cross, 6 * n_map, 6 * k, -part(prior, 12, 6 * k))
-for t in range(n_map):
-    put(by, 6 * t, 0, mp.eye(6))
-moved = by * w_hat + cross * ci * r
-left = by - cross * ci * e
-posterior = z - cross * ci * cross.T + left * m * left.T
-take = mp.zeros(6 * n_all, unknowns)
-for t in range(n_map):
-    put(take, 6 * t, 0, mp.eye(6))
-    put(take, 6 * t, 6 + 6 * t, mp.eye(6))
-put(take, 6 * n_map, 6 + 6 * n_map + 12, mp.eye(6))
-near(moved, take * x, mp.mpf(10) ** -20)
-near(posterior, take * whole * take.T, mp.mpf(10) ** -20)
-
-# (8): leaving one of four known targets out lowers chi^2 by T.
+# (6): leaving one of four known targets out lowers chi^2 by T.
 n = 4
 c, e, d = covariance(6 * n), mp.zeros(6 * n, 6), matrix(6 * n, 1)
 for k in range(n):
@@ -150,7 +124,7 @@ last = 6 * (n - 1)
 t = (part(u, last, 0, 6, 1).T * part(q, last, last) ** -1 * part(u, last, 0, 6, 1))[0]
 near(chi2(c, e, d) - t, chi2(part(c, 0, 0, last, last), part(e, 0, 0, last, 6), part(d, 0, 0, last, 1)))
 
-# (9): a map grown by s moves world_from_target = W a by Ad [0; t] s.
+# (7): a map grown by s moves world_from_target = W a by Ad [0; t] s.
 s = small
 a, world = exp(matrix(6, 1)), exp(matrix(6, 1))
 grown = a.copy()
@@ -159,4 +133,28 @@ for i in range(3):
 motion = log(world * grown * (world * a) ** -1)
 expected = adjoint(world) * mp.matrix([0, 0, 0, a[0, 3], a[1, 3], a[2, 3]])
 near(motion / s, expected, 1000 * s)
+
+# (8): with the frame of a target as the world, e of that target vanishes whatever the common motion; the errors of the others follow.
+common, unknown = exp(matrix(6, 1)), exp(matrix(6, 1))
+eta = log(unknown * (common * unknown) ** -1)
+near(eta + log(common), mp.zeros(6, 1))
+eta = matrix(6, 1) * mp.mpf("0.1")
+near(log(exp(eta) * common * unknown * (common * unknown) ** -1), eta)
+
+# (9): Lambda is the information with the common motion unknown, the limit of a common motion of any size; it costs nothing.
+n, mp.mp.dps = 3, 80
+sigma, e = covariance(6 * n), mp.zeros(6 * n, 6)
+for k in range(n):
+    put(e, 6 * k, 0, mp.eye(6))
+inverse = sigma ** -1
+information = inverse - inverse * e * (e.T * inverse * e) ** -1 * e.T * inverse
+near(information * e, mp.zeros(6 * n, 6), mp.mpf(10) ** -40)
+near((sigma + mp.mpf(10) ** 40 * e * e.T) ** -1, information, mp.mpf(10) ** -30)
+mp.mp.dps = 40
+
+# (10): a small motion of the unknown pose, about a common motion of any size.
+eta, x = matrix(6, 1) * small, matrix(6, 1) * small
+p = exp(eta) * common * unknown
+changed = log(p * (common * exp(x) * unknown) ** -1)
+near((changed - eta) / small, -adjoint(common) * x / small, 1000 * small)
 print("map.md: ok")

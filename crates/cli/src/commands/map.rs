@@ -8,6 +8,7 @@ use clap::Args;
 use resight::answer::{MapAnswer, SolvedMap, Status};
 use resight::core::Target;
 use resight::formats::{self, write_atomically};
+use resight::input::Kind;
 use resight::map::{MapImage, MapRequest, map_from_images, map_from_rows, read_tag_rows};
 use resight::report::verdict::figures;
 use resight::report::words::{coordinate, counted, degrees};
@@ -146,7 +147,10 @@ fn answered(args: &Map, solved: &SolvedMap) -> Result<Outcome> {
     let mut unwritten = Vec::new();
     if let Some(path) = &args.output {
         match solved.file() {
-            Some(text) => write_atomically(path, text.as_bytes())?,
+            Some(text) => {
+                Kind::Toml.must_hold(path, text.len())?;
+                write_atomically(path, text.as_bytes())?;
+            }
             None => unwritten.push(path),
         }
     }

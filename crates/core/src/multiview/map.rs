@@ -10,6 +10,7 @@ mod places;
 mod size;
 mod revise;
 mod second;
+mod merge;
 mod world;
 
 use super::rig::{

@@ -87,21 +87,20 @@ pub struct RigConfig<'a> {
     /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens every
     /// covariance, because no view shows it and more views do not reduce it.
     pub scale_sigma: f64,
-    /// Tags that are displaced on their target, in all views alike. They widen every covariance, because more views do not reduce it.
-    pub displaced_tags: &'a [UncertainTag],
+    /// Tags that are displaced on their target, in all views alike; groups are independent. They widen every covariance, because more views do
+    /// not reduce it.
+    pub displaced_tags: &'a [UncertainTags],
 }
 
-/// A tag whose pose on its target is uncertain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UncertainTag {
+/// Tags whose poses on their target are uncertain together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UncertainTags {
     /// Index of the target.
     pub target: usize,
-    /// Its corners as stated, target frame; points there belong to it.
-    pub corners_in_target: [Point; 4],
-    /// Standard deviation of its position along each axis, m.
-    pub sigma_m: f64,
-    /// Standard deviation of its rotation about each axis through its centre, rad.
-    pub sigma_rad: f64,
+    /// The corners of each tag as stated, target frame; points there belong to it.
+    pub corners_in_target: Vec<[Point; 4]>,
+    /// Covariance of the small left motions `[rotation_rad; translation_m]` of all of them, target frame, six rows for each.
+    pub covariance: DMatrix<f64>,
 }
 
 /// The gate for good points, exceeded by one in ten thousand: the root of the 99.99 % quantile of χ² with two degrees of freedom.

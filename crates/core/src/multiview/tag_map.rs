@@ -165,7 +165,7 @@ impl<'a> TagView<'a> {
             })
         });
         let mut tags: Vec<SeenTag> = tags.collect();
-        let joint = map.joint_covariance.as_ref().map(|all| joint::among(all, map, &tags));
+        let joint = joint::among(map, &tags);
         if let Some(joint) = &joint {
             joint::make_relative(&mut tags, joint);
         }

@@ -30,6 +30,9 @@ pub fn map_from_rows(rows: &[TagRow], request: &MapRequest) -> Result<MapAnswer,
     solved(table::of_rows(rows, request)?, request)
 }
 
+/// Largest number of tags: all of them have one covariance together, whose rows are six for each.
+const MOST_TAGS: usize = 500;
+
 /// Observations by index, and the names of the indices.
 struct Indexed {
     ids: Vec<u32>,
@@ -41,6 +44,10 @@ struct Indexed {
 fn solved(mut observed: Observed, request: &MapRequest) -> Result<MapAnswer, Error> {
     let camera = observed.camera.camera.clone();
     let indexed = indexed(&mut observed, &camera, request)?;
+    if MOST_TAGS < indexed.ids.len() {
+        let n = indexed.ids.len();
+        return Err(Error::request(format!("{n} tags are seen or known; a map has at most {MOST_TAGS}: map parts")));
+    }
     if indexed.observations.is_empty() {
         return Ok(MapAnswer::Unsolved(unsolved::nothing_seen(&observed, request, &indexed.mirrored)));
     }
@@ -55,7 +62,8 @@ fn solved(mut observed: Observed, request: &MapRequest) -> Result<MapAnswer, Err
         .flat_map(|map| &map.tags)
         .filter_map(|tag| Some(KnownTarget { target: index(tag.id)?, world_from_target: tag.world_from_tag }))
         .collect();
-    let known_covariance: Option<DMatrix<f64>> = request.known.as_ref().map(TagMap::covariance);
+    let all = |map: &TagMap| map.covariance_of(&(0..map.tags.len()).collect::<Vec<usize>>());
+    let known_covariance: Option<DMatrix<f64>> = request.known.as_ref().map(all);
     let problem = MapProblem {
         camera: &camera,
         n_views: observed.views.len(),

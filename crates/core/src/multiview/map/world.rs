@@ -2,9 +2,10 @@
 //!
 //! ```text
 //!   W  world_from_map   ·   a_k  map_from_target, covariance Σ   ·   p_k  world_from_target as known, covariance P
-//!   d_k = log(p_k (W a_k)⁻¹) = w + Ad α_k − ε_k,   C = Ad Σ Adᵀ + P     docs/math/map.md eqs. (4)–(9)
+//!   d_k = log(p_k (W a_k)⁻¹) = w + Ad α_k − ε_k,   C = Ad Σ Adᵀ + P     docs/math/map.md eqs. (4)–(10)
 //! ```
 
+use super::merge::{self, Merged, Placed};
 use super::places::{Connected, Place};
 use super::revise::ENOUGH;
 use super::second::SecondPose;
@@ -14,15 +15,6 @@ use crate::locate::consistency::{is_inconsistent, loses_too_many, noise_scale};
 use crate::locate::refine::OVERFLOW;
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-
-/// What is taken as exact is known to a micrometre and a microradian: no map is better, and every matrix has an inverse.
-const EXACT: f64 = 1e-6;
-
-/// A pose of the answer.
-struct Placed {
-    target: usize,
-    world_from_target: Pose,
-}
 
 /// The poses in the world with their covariance together.
 struct World {
@@ -212,12 +204,7 @@ fn views(problem: &MapProblem, observations: &[usize]) -> [usize; 2] {
 fn own(adjusted: &Adjusted, chosen: &[Option<usize>]) -> World {
     let placed: Vec<(usize, usize)> =
         chosen.iter().enumerate().filter_map(|(target, place)| Some((target, (*place)?))).collect();
-    let mut joint = DMatrix::zeros(6 * placed.len(), 6 * placed.len());
-    for (i, (_, a)) in placed.iter().enumerate() {
-        for (j, (_, b)) in placed.iter().enumerate() {
-            joint.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&adjusted.joint(*a, *b));
-        }
-    }
+    let joint = blocks(placed.len(), |i, j| adjusted.joint(placed[i].1, placed[j].1));
     let pose = |(target, place): &(usize, usize)| Placed {
         target: *target,
         world_from_target: adjusted.rig.targets[*place].body_from_target,
@@ -292,7 +279,8 @@ fn known(
         degrees_of_freedom,
         scale,
     };
-    let (placed, mut joint) = survey.posterior(&fit, chosen, problem.n_targets);
+    let Merged { placed, mut joint } =
+        survey.merged(&fit.world_from_map, chosen, problem.n_targets).ok_or_else(undetermined)?;
     joint *= noise_scale(fit.chi2, degrees_of_freedom);
     Ok(World { world_from_map: fit.world_from_map, gauge, placed, joint, displaced: faults })
 }
@@ -313,18 +301,11 @@ impl Survey<'_> {
     /// Returns C, eq. (5).
     fn noise(&self, world_from_map: &Pose) -> Option<Cholesky<f64, Dyn>> {
         let ad = world_from_map.adjoint();
-        let n = self.both.len();
-        let mut c = DMatrix::zeros(6 * n, 6 * n);
-        for (i, (k, a)) in self.both.iter().enumerate() {
-            for (j, (l, b)) in self.both.iter().enumerate() {
-                let both = ad * self.adjusted.joint(*a, *b) * ad.transpose() + self.prior(*k, *l);
-                c.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&both);
-            }
-        }
-        for i in 0..6 * n {
-            c[(i, i)] += EXACT * EXACT;
-        }
-        c.cholesky()
+        let c = blocks(self.both.len(), |i, j| {
+            let ((k, a), (l, b)) = (self.both[i], self.both[j]);
+            ad * self.adjusted.joint(a, b) * ad.transpose() + self.prior(k, l)
+        });
+        merge::factor(&c)
     }
 
     /// Returns d, eq. (4).
@@ -339,7 +320,7 @@ impl Survey<'_> {
 
     /// Returns the columns [I; I; …].
     fn columns(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(6 * self.both.len(), 6, |i, j| if i % 6 == j { 1.0 } else { 0.0 })
+        merge::columns(self.both.len())
     }
 
     fn fit(&self) -> Option<Fit> {
@@ -380,7 +361,7 @@ impl Survey<'_> {
         chi2.is_finite().then_some(Fit { world_from_map, factor, left, covariance, chi2 })
     }
 
-    /// Returns the known target without which χ² falls most, and by how much: eq. (8).
+    /// Returns the known target without which χ² falls most, and by how much: eq. (6).
     fn worst(&self, fit: &Fit) -> Option<(usize, f64)> {
         let inverse = fit.factor.inverse();
         let columns = &inverse * self.columns();
@@ -394,7 +375,7 @@ impl Survey<'_> {
         (0..self.both.len()).filter_map(of).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Returns lengths in the world over lengths in the map, with the standard deviation: eq. (9).
+    /// Returns lengths in the world over lengths in the map, with the standard deviation: eq. (7).
     fn scale(&self, fit: &Fit) -> Option<[f64; 2]> {
         if self.both.len() < 2 {
             return None;
@@ -411,62 +392,28 @@ impl Survey<'_> {
         let ratio = (&inverse * solved.tr_mul(&fit.left))[6];
         Some([1.0 + ratio, inverse[(6, 6)].sqrt()]).filter(|s| s.iter().all(|x| x.is_finite()))
     }
-
-    /// Returns all poses, moved by what the known ones say of them, and their covariance together: eqs. (6) and (7).
-    fn posterior(
-        &self,
-        fit: &Fit,
-        chosen: &[Option<usize>],
-        n_targets: usize,
-    ) -> (Vec<Placed>, DMatrix<f64>) {
-        enum Source {
-            Map(usize),
-            Known(usize),
-        }
-        let known = |target: usize| self.config.known.iter().position(|k| k.target == target);
-        let source = |target: usize| match chosen[target] {
-            Some(place) => Some(Source::Map(place)),
-            None => known(target).map(Source::Known),
+    /// Returns the poses of all targets by what is known and by the walk, eq. (9); those that are not where they were known to be by the walk
+    /// alone.
+    fn merged(&self, world_from_map: &Pose, chosen: &[Option<usize>], n_targets: usize) -> Option<Merged> {
+        let is_kept = |k: &usize| {
+            chosen[self.config.known[*k].target].is_none() || self.both.iter().any(|(both, _)| both == k)
         };
-        let sources: Vec<(usize, Source)> = (0..n_targets).filter_map(|t| Some((t, source(t)?))).collect();
-        let (n, m) = (sources.len(), self.both.len());
-        let ad = fit.world_from_map.adjoint();
-        let carried = |a: usize, b: usize| ad * self.adjusted.joint(a, b) * ad.transpose();
-        let (mut z, mut x, mut g) =
-            (DMatrix::zeros(6 * n, 6 * n), DMatrix::zeros(6 * n, 6 * m), DMatrix::zeros(6 * n, 6));
-        for (i, (_, of_i)) in sources.iter().enumerate() {
-            for (j, (_, of_j)) in sources.iter().enumerate() {
-                let block = match (of_i, of_j) {
-                    (Source::Map(a), Source::Map(b)) => carried(*a, *b),
-                    (Source::Known(k), Source::Known(l)) => self.prior(*k, *l),
-                    _ => Matrix6::zeros(),
-                };
-                z.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&block);
-            }
-            for (j, (l, b)) in self.both.iter().enumerate() {
-                let block = match of_i {
-                    Source::Map(a) => carried(*a, *b),
-                    Source::Known(k) => -self.prior(*k, *l),
-                };
-                x.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&block);
-            }
-            if let Source::Map(_) = of_i {
-                g.fixed_view_mut::<6, 6>(6 * i, 0).fill_with_identity();
-            }
-        }
-        let gain = fit.factor.solve(&x.transpose()).transpose();
-        let mean = &gain * &fit.left;
-        let by_world = g - &gain * self.columns();
-        let mut joint = z - &gain * x.transpose() + &by_world * fit.covariance * by_world.transpose();
-        joint = (&joint + joint.transpose()) * 0.5;
-        let pose = |(i, (target, source)): (usize, &(usize, Source))| {
-            let before = match source {
-                Source::Map(place) => fit.world_from_map * *self.map_from_target(*place),
-                Source::Known(k) => *self.known(*k),
-            };
-            let motion: Vector6 = mean.fixed_rows::<6>(6 * i).into();
-            Placed { target: *target, world_from_target: before.moved(&motion) }
-        };
-        (sources.iter().enumerate().map(pose).collect(), joint)
+        let kept: Vec<usize> = (0..self.config.known.len()).filter(is_kept).collect();
+        let walked: Vec<(usize, usize)> = (0..n_targets).filter_map(|t| Some((t, chosen[t]?))).collect();
+        let as_known = kept.iter().map(|k| (self.config.known[*k].target, *self.known(*k)));
+        let by_walk = walked.iter().map(|(target, place)| (*target, *self.map_from_target(*place)));
+        let prior = blocks(kept.len(), |i, j| self.prior(kept[i], kept[j]));
+        let of_walk = blocks(walked.len(), |i, j| self.adjusted.joint(walked[i].1, walked[j].1));
+        merge::merged(as_known.collect(), &prior, by_walk.collect(), &of_walk, world_from_map)
     }
+}
+
+fn blocks(n: usize, of: impl Fn(usize, usize) -> Matrix6) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(6 * n, 6 * n);
+    for i in 0..n {
+        for j in 0..n {
+            all.fixed_view_mut::<6, 6>(6 * i, 6 * j).copy_from(&of(i, j));
+        }
+    }
+    all
 }

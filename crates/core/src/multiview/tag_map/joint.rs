@@ -19,12 +19,11 @@ use nalgebra::DMatrix;
 /// What is exact is taken as known to a micrometre and a microradian, so that every matrix has an inverse.
 const EXACT: f64 = 1e-6;
 
-/// Returns the covariance of these tags together.
-pub(super) fn among(all: &DMatrix<f64>, map: &TagMap, tags: &[SeenTag]) -> DMatrix<f64> {
-    let index = |tag: &SeenTag| map.tags.iter().position(|known| known.id == tag.id).unwrap_or_default();
-    let kept: Vec<usize> = tags.iter().map(index).collect();
-    let at = |i: usize| 6 * kept[i / 6] + i % 6;
-    DMatrix::from_fn(6 * kept.len(), 6 * kept.len(), |i, j| all[(at(i), at(j))])
+/// Returns the covariance of these tags together; none where they are independent.
+pub(super) fn among(map: &TagMap, tags: &[SeenTag]) -> Option<DMatrix<f64>> {
+    map.joint_covariance.as_ref()?;
+    let index = |tag: &SeenTag| map.tags.iter().position(|known| known.id == tag.id);
+    Some(map.covariance_of(&tags.iter().filter_map(index).collect::<Vec<usize>>()))
 }
 
 /// Gives each tag the tolerance that remains without the motion that all have in common: eq. (11).
