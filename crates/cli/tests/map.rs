@@ -185,6 +185,63 @@ fn input_without_a_map_is_explained() {
     );
 }
 
+/// The ids of the map are on other tags, as in another place: nothing places the walk, whichever tags agree by chance.
+#[test]
+fn a_known_map_of_another_place_writes_no_map() {
+    let folder = folder("map-elsewhere");
+    let (known, file) = (folder.join("known.toml"), folder.join("map.toml"));
+    let (known_name, file_name) = (known.display().to_string(), file.display().to_string());
+    assert_eq!(map(&example("corners.csv"), &["-o", &known_name]).code, 0);
+    let text = std::fs::read_to_string(&known).unwrap();
+    let exchanged = text.lines().map(|line| match line.strip_prefix("id = ") {
+        Some(id) => format!("id = {}", (7 * id.parse::<u32>().unwrap() + 5) % 24),
+        None => line.to_string(),
+    });
+    std::fs::write(&known, exchanged.collect::<Vec<String>>().join("\n")).unwrap();
+    let run = map(&example("later.csv"), &["--known", &known_name, "-o", &file_name, "--json"]);
+    assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
+    let answer = answer(&run);
+    assert_eq!(answer["status"], "inconsistent");
+    assert!(answer["contradiction"].as_str().unwrap().contains("check --known"), "{answer}");
+    assert!(!file.exists() && run.stderr.contains("not written"), "{}", run.stderr);
+}
+
+/// Two views of the walk as the cameras of a rig: the map's uncertainty is in their ±, as its tags have it together.
+#[test]
+fn a_rig_takes_the_map_with_its_covariance() {
+    let folder = folder("map-rig");
+    let path = |name: &str| folder.join(name).display().to_string();
+    assert_eq!(map(&example("corners.csv"), &["-o", &path("joint.toml")]).code, 0);
+    let text = std::fs::read_to_string(folder.join("joint.toml")).unwrap();
+    let (head, rest) = text.split_once("joint_covariance = [\n").unwrap();
+    let apart = format!("{head}{}", rest.split_once("\n]\n").unwrap().1);
+    let exact = apart.lines().filter(|line| !line.starts_with("sigma_"));
+    std::fs::write(folder.join("exact.toml"), exact.collect::<Vec<&str>>().join("\n")).unwrap();
+    std::fs::write(folder.join("apart.toml"), &apart).unwrap();
+    let rows = std::fs::read_to_string(example("corners.csv")).unwrap();
+    let rows = rows.lines().filter_map(|row| match row.split_once(',') {
+        Some(("02", rest)) => Some(format!("a,0,{rest}\n")),
+        Some(("04", rest)) => Some(format!("b,0,{rest}\n")),
+        _ => None,
+    });
+    let rows: String = rows.collect();
+    std::fs::write(folder.join("rows.csv"), format!("camera,view,id,corner,u_px,v_px,sigma_px\n{rows}"))
+        .unwrap();
+    let cameras = ["a", "b"].map(|name| format!("{name}={}", example("camera.toml")));
+    let variance = |target: &str| {
+        let (target, rows) = (path(target), path("rows.csv"));
+        let given = ["rig", "--camera", &cameras[0], "--camera", &cameras[1], "--target", &target];
+        let run = resight(&[&given[..], &["--detections", &rows, "--json"]].concat());
+        let answer = answer(&run);
+        let covariance = answer["cameras"]["b"]["covariance"].as_array().expect("a covariance");
+        (0..6).map(|i| covariance[i][i].as_f64().unwrap()).sum::<f64>()
+    };
+    let [exact, joint, apart] = ["exact.toml", "joint.toml", "apart.toml"].map(variance);
+    assert!(1.02 * exact < joint, "{exact:e} {joint:e}");
+    // Tags by themselves, each as uncertain as in the frame of a tag that is far off, are worse than neighbours are.
+    assert!(joint < apart, "{joint:e} {apart:e}");
+}
+
 /// A wrong camera file: whatever it makes of the corners, the answer is not `ok`, and no file is written.
 #[test]
 fn a_wrong_camera_writes_no_map() {

@@ -219,6 +219,28 @@ fn displaced_tags_scatter_a_rig_as_their_part() {
     assert_scatters(&errors, &part(budget, ErrorSource::Target), whole, "displaced tags");
 }
 
+/// A motion that all tags of a map share moves every body with it and no camera; the same motions by themselves move the cameras.
+#[test]
+fn tags_displaced_together_move_no_camera() {
+    let room = rooms::pair_with(&mut Rng::new(3), rooms::board(4, 6, 0.08), 8, 0.02);
+    let corners: Vec<[Point; 4]> =
+        room.points[0].chunks(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
+    let variance = |i: usize| if i < 3 { 4e-6 } else { 1e-6 };
+    let group = |corners: &[[Point; 4]]| {
+        let n = 6 * corners.len();
+        let covariance = DMatrix::from_fn(n, n, |i, j| if i % 6 == j % 6 { variance(i % 6) } else { 0.0 });
+        UncertainTags { target: 0, corners_in_target: corners.to_vec(), covariance }
+    };
+    let of_target = |tags: &[UncertainTags]| {
+        let config = RigConfig { displaced_tags: tags, ..RigConfig::default() };
+        let found = room.solve(&room.observations, &config).expect("a rig");
+        part(&found.budgets[1], ErrorSource::Target).trace()
+    };
+    let apart: Vec<UncertainTags> = corners.chunks(1).map(group).collect();
+    let (together, apart) = (of_target(&[group(&corners)]), of_target(&apart));
+    assert!(0.0 < apart && together < 1e-6 * apart, "{together:e} {apart:e}");
+}
+
 /// Every view with the covariances of `stated`, its errors drawn from those of `drawn`.
 fn hand_eye_views(
     rng: &mut Rng,

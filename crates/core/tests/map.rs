@@ -426,7 +426,8 @@ fn located(rng: &mut Rng, walk: &Walk, solution: &MapSolution, reference: usize)
         joint_covariance: Some(solution.joint_covariance.clone()),
     };
     let target = Target::TagMap(map);
-    let fresh = Walk { cam_from_world: Walk::room(rng, 40, 12, walk.sigma_px).cam_from_world, ..walk.clone() };
+    let fresh =
+        Walk { cam_from_world: Walk::room(rng, 40, 12, walk.sigma_px).cam_from_world, ..walk.clone() };
     let seen = fresh.observed(rng);
     let views = seen.chunk_by(|a, b| a.view == b.view).filter(|view| 1 < view.len());
     let squared = |view: &[MapObservation]| {

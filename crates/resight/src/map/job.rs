@@ -46,7 +46,9 @@ fn solved(mut observed: Observed, request: &MapRequest) -> Result<MapAnswer, Err
     let indexed = indexed(&mut observed, &camera, request)?;
     if MOST_TAGS < indexed.ids.len() {
         let n = indexed.ids.len();
-        return Err(Error::request(format!("{n} tags are seen or known; a map has at most {MOST_TAGS}: map parts")));
+        return Err(Error::request(format!(
+            "{n} tags are seen or known; a map has at most {MOST_TAGS}: map parts"
+        )));
     }
     if indexed.observations.is_empty() {
         return Ok(MapAnswer::Unsolved(unsolved::nothing_seen(&observed, request, &indexed.mirrored)));

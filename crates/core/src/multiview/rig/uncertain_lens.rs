@@ -90,8 +90,7 @@ impl UncertainParameters {
         eliminated: &Eliminated,
     ) -> Self {
         for group in groups {
-            let of_tag =
-                |corners: &[Point; 4]| by_tag((group.target, corners), layout, adjusted).common;
+            let of_tag = |corners: &[Point; 4]| by_tag((group.target, corners), layout, adjusted).common;
             let common = group.corners_in_target.iter().flat_map(of_tag);
             let following = common.map(|c| adjusted.equations.following(eliminated, &c, true)).collect();
             self.each.push(Uncertain { covariance: group.covariance.clone(), following });

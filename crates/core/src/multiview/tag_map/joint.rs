@@ -1,4 +1,4 @@
-//! Maps whose tags have a covariance together, as of a walk: what tags in view have in common moves the pose and no residual.
+//! Maps whose tags have a covariance together, as of a walk: what all tags in view share moves the pose and no residual.
 //!
 //! ```text
 //!   Σ  covariance of the left motions of the tags in view, map frame   ·   E  [I; I; …]   ·   S_t  what is left of tag t's without the common motion
@@ -26,7 +26,7 @@ pub(super) fn among(map: &TagMap, tags: &[SeenTag]) -> Option<DMatrix<f64>> {
     Some(map.covariance_of(&tags.iter().filter_map(index).collect::<Vec<usize>>()))
 }
 
-/// Gives each tag the tolerance that remains without the motion that all have in common: eq. (11).
+/// Gives each tag the tolerance that remains without the motion that all share: eq. (11).
 pub(super) fn make_relative(tags: &mut [SeenTag], joint: &DMatrix<f64>) {
     let n = tags.len();
     let mut regular = joint.clone();

@@ -30,8 +30,8 @@ pub(super) fn gauge(solved: &SolvedMap) -> String {
 
 pub(super) fn contradiction(solved: &SolvedMap) -> Option<String> {
     let s = &solved.solution;
-    if let Some(scale) = scale_contradiction(solved) {
-        return Some(scale);
+    if let Some(known) = known_contradiction(solved).or_else(|| scale_contradiction(solved)) {
+        return Some(known);
     }
     if !s.verdict.is_inconsistent {
         return bridge_contradiction(solved);
@@ -72,6 +72,24 @@ fn bridge_contradiction(solved: &SolvedMap) -> Option<String> {
             "the map is not to be relied on: {} seem to stand at two places, and {} alone joins parts of the map, so that it may be one of these that is there twice; add views that show other tags of both parts",
             tags(&solved.ids_of(&apart)),
             tags(&solved.ids_of(&s.bridges))
+        )
+    })
+}
+
+/// Known tags determine the world where more of them agree than contradict.
+fn known_contradiction(solved: &SolvedMap) -> Option<String> {
+    let Gauge::Known { targets, .. } = &solved.solution.gauge else { return None };
+    let is_displaced = |i: &usize| {
+        let faults = &solved.solution.targets[*i].faults;
+        faults.iter().any(|fault| matches!(fault, TargetFault::Displaced { .. }))
+    };
+    let displaced: Vec<usize> = (0..solved.ids.len()).filter(is_displaced).collect();
+    let n_right = targets.iter().filter(|i| !is_displaced(i)).count();
+    (n_right < displaced.len()).then(|| {
+        format!(
+            "{} of {} that are seen are not where the known map says: it is of another place or in another unit, or its ids are on other tags; check --known",
+            displaced.len(),
+            counted(n_right + displaced.len(), "known tag")
         )
     })
 }
