@@ -1,4 +1,4 @@
-"""Writes the simulated files of examples/: robot, gate, marks, marked_lines and rig. Needs NumPy. Run it in this folder: python make.py"""
+"""Writes the simulated files of examples/: robot, gate, marks, marked_lines, rig and walk. Needs NumPy. Run it in this folder: python make.py"""
 
 import json
 from pathlib import Path
@@ -37,6 +37,82 @@ def pixels(cam_from_target, points_m, sigma_px):
     assert (x[:, 2] > 0).all()
     uv = F_PX * x[:, :2] / x[:, 2:] + [CX_PX, CY_PX]
     return uv + chance.normal(0.0, sigma_px, uv.shape)
+
+
+def walk():
+    """A camera carried once round a room of 6 m x 4 m with 24 tags on its walls; a day later a shorter walk, tag 5 moved by 0.3 m, tag 24 new."""
+    chance = np.random.default_rng(42)
+    size_m, sigma_px, sides = 0.165, 0.3, [(6.0, 0.0), (4.0, 90.0), (6.0, 180.0), (4.0, 270.0)]
+
+    def along(share):
+        """A place on the walls, and the direction out of the room."""
+        at, corner = share % 1.0 * 20.0, np.array([-3.0, -2.0])
+        for length, heading in sides:
+            a = np.radians(heading)
+            step = np.array([np.cos(a), np.sin(a)])
+            if at <= length:
+                return corner + at * step, np.array([step[1], -step[0]])
+            at, corner = at - length, corner + length * step
+
+    def tag(share, height_m):
+        place, out = along(share)
+        z = np.array([*out, 0.0]) + chance.normal(0.0, 0.1, 3)
+        z /= np.linalg.norm(z)
+        y = np.array([0.0, 0.0, -1.0]) + z[2] * z
+        y /= np.linalg.norm(y)
+        world_from_tag = np.eye(4)
+        world_from_tag[:3, :3], world_from_tag[:3, 3] = np.column_stack([np.cross(y, z), y, z]), [*place, height_m]
+        return world_from_tag
+
+    def look(share):
+        wall, out = along(share + chance.uniform(-0.01, 0.01))
+        centre = np.array([*(wall - out * chance.uniform(2.0, 2.6)), chance.uniform(1.2, 1.7)])
+        aim = np.array([*along(share + chance.uniform(-0.05, 0.05))[0], 1.4])
+        z = (aim - centre) / np.linalg.norm(aim - centre)
+        x = np.cross(z, [0.0, 0.0, 1.0])
+        x /= np.linalg.norm(x)
+        cam_from_world = np.eye(4)
+        cam_from_world[:3, :3] = np.vstack([x, np.cross(z, x), z])
+        cam_from_world[:3, 3] = -cam_from_world[:3, :3] @ centre
+        return cam_from_world
+
+    h = 0.5 * size_m
+    corners_m = np.array([[-h, -h, 0.0], [h, -h, 0.0], [h, h, 0.0], [-h, h, 0.0]])
+
+    def rows(shares, tags):
+        rows = ["view,id,corner,u_px,v_px,sigma_px"]
+        for view, share in enumerate(shares):
+            cam_from_world = look(share)
+            for id, world_from_tag in tags.items():
+                cam_from_tag = cam_from_world @ world_from_tag
+                t = cam_from_tag[:3, 3]
+                if t[2] < 0.5 or cam_from_tag[:3, 2] @ t < 0.35 * np.linalg.norm(t):
+                    continue
+                x = corners_m @ cam_from_tag[:3, :3].T + t
+                uv = F_PX * x[:, :2] / x[:, 2:] + [CX_PX, CY_PX] + chance.normal(0.0, sigma_px, (4, 2))
+                if ((uv > 5.0) & (uv < [1274.0, 954.0])).all():
+                    rows += [f"{view:02},{id},{c},{u:.2f},{v:.2f},{sigma_px}" for c, (u, v) in enumerate(uv)]
+        return "\n".join(rows) + "\n"
+
+    tags = {id: tag((id + 0.5) / 24, (1.1, 1.9, 1.5)[id % 3]) for id in range(24)}
+    Path("walk/camera.toml").write_text(CAMERA)
+    Path("walk/corners.csv").write_text(rows(np.arange(44) / 40, tags))
+    tags[5] = tags[5] @ pose([0.0, 0.0, 0.1], [0.3, 0.0, 0.0])
+    tags[24] = tag(0.3, 2.0)
+    Path("walk/later.csv").write_text(rows(0.2 + np.arange(14) / 56, tags))
+    truth = {id: [*quaternion_wxyz_any(t[:3, :3]), *t[:3, 3]] for id, t in tags.items()}
+    Path("walk/truth.csv").write_text(
+        "id,qw,qx,qy,qz,x_m,y_m,z_m\n" + "".join(f"{id}," + ",".join(f"{n:.7f}" for n in t) + "\n" for id, t in truth.items())
+    )
+
+
+def quaternion_wxyz_any(r):
+    """Of any rotation, by its largest component."""
+    k = np.array([[r[0, 0] - r[1, 1] - r[2, 2], 0, 0, 0], [r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], 0, 0],
+                  [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1], 0],
+                  [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], np.trace(r)]])
+    x, y, z, w = np.linalg.eigh(k / 3)[1][:, -1]
+    return np.array([w, x, y, z]) * np.sign(w if w else 1.0)
 
 
 def robot():
@@ -178,3 +254,4 @@ gate()
 marks()
 marked_lines()
 rig()
+walk()

@@ -85,6 +85,12 @@ pub fn parse_size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| "width and height are needed, e.g. 640x480".to_owned())
 }
 
+/// `16.54x8.21`, in metres.
+pub fn parse_metres_pair(text: &str) -> Result<(f64, f64), String> {
+    let pair = text.split_once(['x', 'X']).and_then(|(a, b)| Some((positive(a).ok()?, positive(b).ok()?)));
+    pair.ok_or_else(|| "length and width in metres are needed, e.g. 16.54x8.21".to_owned())
+}
+
 /// A number from 0 on.
 pub fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

@@ -14,6 +14,7 @@ pub mod history;
 pub mod locate;
 pub mod rig;
 pub mod rig_pose;
+pub mod map;
 pub mod intrinsics;
 pub mod pose_graph;
 pub mod hand_eye;

@@ -2,7 +2,7 @@
 
 use crate::commands::{
     advise, batch, capture, compare, completions, convert, demo, detect, explain, fleet_report, georeference,
-    hand_eye, history, intrinsics, landmarks, locate, measure, pose_graph, print, rig, rig_pose, schema,
+    hand_eye, history, intrinsics, landmarks, locate, map, measure, pose_graph, print, rig, rig_pose, schema,
     serve, solve, watch, whisker, zones,
 };
 use crate::meant;
@@ -95,6 +95,8 @@ pub enum Command {
     Rig(rig::Rig),
     /// Computes where a known rig is, from points seen by any of its cameras.
     RigPose(rig_pose::RigPose),
+    /// Makes a map of tags: the pose of every tag of a place, from one camera carried through it.
+    Map(map::Map),
     /// Computes the extrinsics of several cameras from the relative poses of pairs of them.
     PoseGraph(pose_graph::PoseGraphArgs),
     /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
@@ -151,6 +153,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Capture(args) => capture::run(&args),
         Command::Rig(args) => rig::run(&args),
         Command::RigPose(args) => rig_pose::run(&args),
+        Command::Map(args) => map::run(&args),
         Command::PoseGraph(args) => pose_graph::run(&args),
         Command::HandEye(args) => hand_eye::run(&args),
         Command::Compare(args) => compare::run(&args),

@@ -78,7 +78,7 @@ const SNAPSHOTS: &[(&str, &str)] = &[
     ("tag.toml", "examples/photo/board.toml"),
 ];
 
-const FOLLOWED: [Followed; 21] = [
+const FOLLOWED: [Followed; 22] = [
     Followed { page: "README.md", files: &[], at_least: [15, 1] },
     Followed { page: "docs/guide-operator.md", files: &[], at_least: [8, 3] },
     Followed { page: "docs/guide-robot.md", files: &[], at_least: [11, 2] },
@@ -90,6 +90,7 @@ const FOLLOWED: [Followed; 21] = [
     Followed { page: "docs/marked-lines.md", files: &[], at_least: [1, 1] },
     Followed { page: "docs/georeference.md", files: &[], at_least: [2, 2] },
     Followed { page: "docs/zones.md", files: &[], at_least: [3, 2] },
+    Followed { page: "docs/map.md", files: &[], at_least: [4, 2] },
     Followed {
         page: "docs/getting-started.md",
         files: &[("my_camera.yaml", "testdata/formats/ros_plumb_bob.yaml")],

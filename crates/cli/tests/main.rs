@@ -40,6 +40,7 @@ mod inputs;
 mod intrinsics;
 mod licences;
 mod marked_lines;
+mod map;
 mod measure;
 mod nominal;
 mod print;

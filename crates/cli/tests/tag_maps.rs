@@ -24,7 +24,11 @@ fn image_of_field(off_m: f64) -> resight::GrayImage {
         }
     };
     let places = [(1, -0.4, -0.25), (2, 0.4, -0.25), (3, -0.4, 0.25), (4, 0.4 + off_m, 0.25)];
-    let target = Target::TagMap(TagMap { family: "tag36h11".into(), tags: places.map(tag).to_vec() });
+    let target = Target::TagMap(TagMap {
+        family: "tag36h11".into(),
+        tags: places.map(tag).to_vec(),
+        joint_covariance: None,
+    });
     let cam_from_target = Pose::exp(&resight::core::Vector6::new(0.15, -0.2, 0.05, 0.0, 0.0, 1.5));
     render(&Scene::of(target, cam_from_target, Style::default()), &camera, &Finish::default()).unwrap()
 }

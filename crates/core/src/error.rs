@@ -159,6 +159,16 @@ pub enum Error {
     /// A rig without a camera.
     #[error("the rig has no camera; give at least one view")]
     EmptyRig,
+    /// Views of which none shows two targets.
+    #[error(
+        "none of {n_views} views with {n_observations} observations shows two targets, so that nothing relates their poses; take views that show two or more at a time, each overlapping with the next"
+    )]
+    EmptyMap {
+        /// Number of views.
+        n_views: usize,
+        /// Number of observations.
+        n_observations: usize,
+    },
     /// A camera of a rig with an impossible pose.
     #[error("camera {camera} of the rig: {what} is {seen}; {needed}")]
     InvalidRig {

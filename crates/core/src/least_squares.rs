@@ -46,6 +46,13 @@ pub trait LeastSquares {
         Self::MAX_STEPS
     }
 
+    /// Returns whether the cost has curved valleys whose floor is flatter than the first damping, relative to the diagonal. Damping then begins lower and
+    /// is reduced step by step: along the floor a step with the usual damping is too short, and one without too long.
+    #[inline(always)]
+    fn has_flat_valleys(&self) -> bool {
+        false
+    }
+
     /// Returns the cost at a state with its derivatives; `None` where it is undefined, as for a point outside the camera's field.
     fn evaluate(&self, state: &Self::State) -> Option<Self::Equations>;
 
@@ -114,6 +121,8 @@ pub(crate) const TOLERANCE_CHI2: f64 = 1e-7;
 pub(crate) const TOLERANCE_RELATIVE: f64 = 1e-14;
 /// Damping (relative to the diagonal) after the first rejected step; before it the steps are Gauss–Newton's.
 pub(crate) const FIRST_DAMPING: f64 = 1e-3;
+/// … and where the cost has flat valleys.
+const FIRST_DAMPING_IN_VALLEYS: f64 = 1e-6;
 /// Damping beyond which no step can lower the cost.
 pub(crate) const LAST_DAMPING: f64 = 1e12;
 
@@ -153,7 +162,7 @@ pub fn minimize<P: LeastSquares>(
     let mut trial = start;
     // It starts without a state, so that the start is accepted like any better trial: `evaluate` is called, and inlined, only once in the loop.
     let mut lowest: Option<(P::State, P::Equations)> = None;
-    let (mut damping, mut promised) = (Damping::NONE, 1.0);
+    let (mut damping, mut promised) = (Damping::none(problem.has_flat_valleys()), 1.0);
     for steps in 1..=problem.max_steps() {
         // The promise of the previous step, where both are Gauss–Newton steps.
         let mut before = 0.0;
@@ -231,13 +240,22 @@ pub(crate) const LEAST_GAIN: f64 = 0.1;
 struct Damping {
     value: f64,
     growth: f64,
+    /// After a rejected step without damping.
+    first: f64,
+    /// After a step that achieved its promise, less than this is set to zero.
+    needless: f64,
 }
 
 impl Damping {
-    const NONE: Damping = Damping { value: 0.0, growth: 2.0 };
+    #[inline(always)]
+    fn none(has_flat_valleys: bool) -> Self {
+        let (first, needless) =
+            if has_flat_valleys { (FIRST_DAMPING_IN_VALLEYS, 0.0) } else { (FIRST_DAMPING, FIRST_DAMPING) };
+        Damping { value: 0.0, growth: 2.0, first, needless }
+    }
 
     fn raise(&mut self) {
-        self.value = f64::max(self.growth * self.value, FIRST_DAMPING);
+        self.value = f64::max(self.growth * self.value, self.first);
         self.growth *= 2.0;
     }
 
@@ -245,12 +263,12 @@ impl Damping {
     /// vanishing damping is set to zero, so that the loop ends with Gauss–Newton steps.
     fn ease(&mut self, gain: f64) {
         if gain < LEAST_GAIN {
-            *self = Damping { value: f64::max(2.0 * self.value, FIRST_DAMPING), growth: 2.0 };
+            (self.value, self.growth) = (f64::max(2.0 * self.value, self.first), 2.0);
             return;
         }
         let eased = self.value * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3));
-        let vanishes = eased < 1e-9 || 0.9 < gain && eased < 1e-3;
-        *self = Damping { value: if vanishes { 0.0 } else { eased }, growth: 2.0 };
+        let vanishes = eased < 1e-9 || 0.9 < gain && eased < self.needless;
+        (self.value, self.growth) = (if vanishes { 0.0 } else { eased }, 2.0);
     }
 }
 

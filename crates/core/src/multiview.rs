@@ -16,6 +16,8 @@ pub mod network;
 #[cfg(feature = "std")]
 pub mod rig;
 #[cfg(feature = "std")]
+pub mod map;
+#[cfg(feature = "std")]
 pub(crate) mod relative;
 #[cfg(feature = "std")]
 pub mod pose_graph;

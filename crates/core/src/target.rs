@@ -12,7 +12,9 @@ mod symmetry;
 pub use circle_grid::CircleGrid;
 pub use printed::{MOST_PRINTED_ERROR, Printed, PrintedScale};
 
-use crate::{Error, Point, Pose};
+use crate::covariance::is_covariance;
+use crate::{Error, Matrix6, Point, Pose};
+use nalgebra::DMatrix;
 
 /// Name of one known point of a target: `id` counts tags or points, `corner` the corners of a tag (else 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -119,6 +121,9 @@ pub struct TagMap {
     pub family: String,
     /// The tags.
     pub tags: Vec<MapTag>,
+    /// Covariance of the small left motions `[rotation_rad; translation_m]` of all tags together, map frame, 6 rows for each in the order of
+    /// `tags`; none where their errors are independent. With it, `sigma_m` and `sigma_rad` are only its summary.
+    pub joint_covariance: Option<DMatrix<f64>>,
 }
 
 /// One surveyed landmark.
@@ -310,11 +315,14 @@ impl Target {
                 Ok(())
             }
             Target::CircleGrid(t) => t.check(),
-            Target::TagMap(t) => t.tags.iter().try_for_each(|tag| {
-                positive("size_m", tag.size_m)?;
-                check_sigma("sigma_m", tag.sigma_m)?;
-                check_sigma("sigma_rad", tag.sigma_rad)
-            }),
+            Target::TagMap(t) => {
+                t.tags.iter().try_for_each(|tag| {
+                    positive("size_m", tag.size_m)?;
+                    check_sigma("sigma_m", tag.sigma_m)?;
+                    check_sigma("sigma_rad", tag.sigma_rad)
+                })?;
+                t.check_joint()
+            }
             Target::Points(points) => check_points(points),
             Target::Printed(t) => t.check(),
         }
@@ -374,6 +382,43 @@ impl AprilGrid {
 }
 
 impl TagMap {
+    /// Refuses a joint covariance of another size, or one that is none.
+    fn check_joint(&self) -> Result<(), Error> {
+        let Some(joint) = &self.joint_covariance else { return Ok(()) };
+        let (parameter, n) = ("joint_covariance", 6 * self.tags.len());
+        if joint.shape() != (n, n) {
+            let needed =
+                "it has six rows and columns for each tag; without it each tag has its sigma_m and sigma_rad";
+            return Err(Error::InvalidTarget { parameter, seen: joint.nrows() as f64, needed });
+        }
+        if !is_covariance(joint) {
+            let needed = "it must be symmetric without a negative variance; copy all digits, or leave it out";
+            return Err(Error::InvalidTarget { parameter, seen: joint.nrows() as f64, needed });
+        }
+        Ok(())
+    }
+
+    /// Covariance of the small left motions `[rotation_rad; translation_m]` of some tags together, by their indices, map frame: the stated one, or
+    /// that of the independent motions about their centres that the tolerances mean.
+    pub fn covariance_of(&self, tags: &[usize]) -> DMatrix<f64> {
+        if let Some(joint) = &self.joint_covariance {
+            let at = |i: usize| 6 * tags[i / 6] + i % 6;
+            return DMatrix::from_fn(6 * tags.len(), 6 * tags.len(), |i, j| joint[(at(i), at(j))]);
+        }
+        let mut all = DMatrix::zeros(6 * tags.len(), 6 * tags.len());
+        for (i, tag) in tags.iter().map(|tag| &self.tags[*tag]).enumerate() {
+            let mut about_origin = Matrix6::identity();
+            about_origin
+                .fixed_view_mut::<3, 3>(3, 0)
+                .copy_from(&tag.world_from_tag.translation.cross_matrix());
+            let mut own = Matrix6::identity() * (tag.sigma_rad * tag.sigma_rad);
+            own.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(tag.sigma_m * tag.sigma_m);
+            let own = crate::pose::symmetric(&(about_origin * own * about_origin.transpose()));
+            all.fixed_view_mut::<6, 6>(6 * i, 6 * i).copy_from(&own);
+        }
+        all
+    }
+
     /// Whether all tags lie in the map's plane z = 0 and face the same way, as on one sheet: 1 where that is the way of a lone tag
     /// (z into the sheet), −1 where z points towards the viewer.
     pub fn sheet_facing(&self) -> Option<f64> {

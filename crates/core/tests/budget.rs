@@ -391,7 +391,7 @@ fn targets_have_their_part() {
         sigma_rad: 0.01,
     };
     let tags = vec![tag(0, -0.4, 0.0), tag(1, 0.0, 0.3), tag(2, 0.4, -0.2)];
-    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags });
+    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None });
     let pose = views::looking_at(Point::new(0.4, -0.5, -1.9), Point::new(0.1, 0.1, 0.0));
     for target in [printed, map] {
         let camera: Camera = views::camera();

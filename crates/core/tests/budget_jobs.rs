@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 use resight_core::budget::ErrorSource;
 use resight_core::locate::loss::Loss;
 use resight_core::multiview::hand_eye::{HandEyeConfig, HandEyeView, Height, Mounting, solve_hand_eye};
-use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig, UncertainTag};
+use resight_core::multiview::rig::{KnownDistance, Observation, RigConfig, UncertainTags};
 use resight_core::{Correspondence, Matrix6, Point, Pose, Vector6};
 
 const SIGMA_PX: f64 = 0.3;
@@ -174,10 +174,17 @@ fn displaced_tags_scatter_a_rig_as_their_part() {
     let (sigma_m, sigma_rad) = (1e-3, 2e-3);
     let corners: Vec<[Point; 4]> =
         room.points[0].chunks(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
-    let tags: Vec<UncertainTag> = corners
-        .iter()
-        .map(|corners| UncertainTag { target: 0, corners_in_target: *corners, sigma_m, sigma_rad })
-        .collect();
+    let independent = |corners: &[Point; 4]| {
+        let mut about_origin = Matrix6::identity();
+        let centre = corners.iter().sum::<Point>() / 4.0;
+        about_origin.fixed_view_mut::<3, 3>(3, 0).copy_from(&centre.cross_matrix());
+        let mut own = Matrix6::identity() * (sigma_rad * sigma_rad);
+        own.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(sigma_m * sigma_m);
+        let own = about_origin * own * about_origin.transpose();
+        let covariance = DMatrix::from_column_slice(6, 6, own.as_slice());
+        UncertainTags { target: 0, corners_in_target: vec![*corners], covariance }
+    };
+    let tags: Vec<UncertainTags> = corners.iter().map(independent).collect();
     let loss = Loss::Squared;
     let config = RigConfig { displaced_tags: &tags, loss, shared_errors: false, ..RigConfig::default() };
     let exact = room.solve(&room.observations, &config).expect("a rig");
@@ -210,6 +217,28 @@ fn displaced_tags_scatter_a_rig_as_their_part() {
         errors.push((found.cameras[1].cam_from_rig * exact.cameras[1].cam_from_rig.inverse()).log());
     }
     assert_scatters(&errors, &part(budget, ErrorSource::Target), whole, "displaced tags");
+}
+
+/// A motion that all tags of a map share moves every body with it and no camera; the same motions by themselves move the cameras.
+#[test]
+fn tags_displaced_together_move_no_camera() {
+    let room = rooms::pair_with(&mut Rng::new(3), rooms::board(4, 6, 0.08), 8, 0.02);
+    let corners: Vec<[Point; 4]> =
+        room.points[0].chunks(4).map(|four| [four[0], four[1], four[2], four[3]]).collect();
+    let variance = |i: usize| if i < 3 { 4e-6 } else { 1e-6 };
+    let group = |corners: &[[Point; 4]]| {
+        let n = 6 * corners.len();
+        let covariance = DMatrix::from_fn(n, n, |i, j| if i % 6 == j % 6 { variance(i % 6) } else { 0.0 });
+        UncertainTags { target: 0, corners_in_target: corners.to_vec(), covariance }
+    };
+    let of_target = |tags: &[UncertainTags]| {
+        let config = RigConfig { displaced_tags: tags, ..RigConfig::default() };
+        let found = room.solve(&room.observations, &config).expect("a rig");
+        part(&found.budgets[1], ErrorSource::Target).trace()
+    };
+    let apart: Vec<UncertainTags> = corners.chunks(1).map(group).collect();
+    let (together, apart) = (of_target(&[group(&corners)]), of_target(&apart));
+    assert!(0.0 < apart && together < 1e-6 * apart, "{together:e} {apart:e}");
 }
 
 /// Every view with the covariances of `stated`, its errors drawn from those of `drawn`.

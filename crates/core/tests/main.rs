@@ -96,6 +96,7 @@ mod survey;
 mod survey_coverage;
 mod survey_reliability;
 mod survey_verdicts;
+mod map;
 mod tag_map;
 mod tidy;
 mod words;

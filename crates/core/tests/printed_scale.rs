@@ -180,7 +180,8 @@ fn scales_that_no_print_has_are_refused() {
     let lifted = |z: f64| {
         let world_from_tag = Pose::new(nalgebra::Matrix3::identity(), Vector3::new(0.0, 0.0, z));
         let tags = vec![MapTag { id: 0, size_m: 0.1, world_from_tag, sigma_m: 0.0, sigma_rad: 0.0 }];
-        Target::TagMap(TagMap { family: "tag36h11".into(), tags }).printed_at(scale([1.0, 1.0], [0.0; 2]))
+        Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None })
+            .printed_at(scale([1.0, 1.0], [0.0; 2]))
     };
     assert!(lifted(0.0).check().is_ok() && refused(&lifted(0.1)));
     let literal = Config { method: Method::Wang2004, target_scale_sigma: [1e-3; 2], ..Config::default() };

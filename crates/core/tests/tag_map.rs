@@ -52,7 +52,7 @@ fn scene(rng: &mut Rng, n: usize, tolerance: Tolerance) -> (Target, Pose) {
         }
     };
     let tags = (0..n as u32).map(|id| tag(rng, id)).collect();
-    (Target::TagMap(TagMap { family: "tag36h11".into(), tags }), cam_from_world)
+    (Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None }), cam_from_world)
 }
 
 /// The tag moved about its own centre, in the axes of the map.

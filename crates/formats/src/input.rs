@@ -23,8 +23,10 @@ use std::path::Path;
 pub enum Kind {
     /// A PNG or JPEG image.
     Image,
-    /// A configuration in TOML, YAML or XML, whose parsers take many times what they read.
+    /// A configuration in YAML or XML, whose parsers take many times what they read.
     Text,
+    /// A configuration in TOML: a map of a hundred tags with the covariance of all of them together.
+    Toml,
     /// JSON, a Python literal or a table of numbers read whole: calibrations that store every observation.
     Literal,
     /// A table that is read row by row.
@@ -43,9 +45,10 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, as documented.
-    pub const ALL: [Kind; 9] = [
+    pub const ALL: [Kind; 10] = [
         Kind::Image,
         Kind::Text,
+        Kind::Toml,
         Kind::Literal,
         Kind::Table,
         Kind::Results,
@@ -60,6 +63,7 @@ impl Kind {
         match self {
             Kind::Image => 96 << 20,
             Kind::Text => 1 << 20,
+            Kind::Toml => 4 << 20,
             Kind::Literal => 16 << 20,
             Kind::Table => 512 << 20,
             Kind::Results => 128 << 20,
@@ -74,7 +78,8 @@ impl Kind {
     const fn name(self) -> &'static str {
         match self {
             Kind::Image => "an image",
-            Kind::Text => "a file of this kind (TOML, YAML, XML)",
+            Kind::Text => "a file of this kind (YAML, XML)",
+            Kind::Toml => "a TOML file",
             Kind::Literal => "a file of this kind (JSON, a table)",
             Kind::Table => "a table of rows",
             Kind::Results => "a file of results",

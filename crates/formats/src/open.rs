@@ -9,8 +9,10 @@ use crate::FileError;
 use crate::input::Kind;
 use std::path::Path;
 
-/// Largest text accepted where the parser allocates much more than it reads (YAML, TOML, XML).
+/// Largest text accepted where the parser allocates much more than it reads (YAML, XML).
 const MAX_TEXT_BYTES: u64 = Kind::Text.limit_bytes();
+/// Largest TOML: a map of a hundred tags with the covariance of all of them together.
+const MAX_TOML_BYTES: u64 = Kind::Toml.limit_bytes();
 /// Largest JSON, Python literal or table: PhotonVision, mrcal and COLMAP store every observation.
 const MAX_LITERAL_BYTES: u64 = Kind::Literal.limit_bytes();
 
@@ -43,6 +45,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>) -> Result<Document, Fault> {
     let syntax = syntax_of(&text);
     let limit = match syntax {
         Syntax::Json | Syntax::Python | Syntax::Lines => MAX_LITERAL_BYTES,
+        Syntax::Toml => MAX_TOML_BYTES,
         _ => MAX_TEXT_BYTES,
     };
     if limit < text.len() as u64 {

@@ -8,6 +8,7 @@ use crate::core::target::{
 };
 use crate::core::{Point, Pose, Target};
 use crate::input::nearest;
+use nalgebra::DMatrix;
 
 pub(super) const FORMAT: TargetFormat = TargetFormat {
     format: Format::OwnTarget,
@@ -21,6 +22,8 @@ const KINDS: [&str; 8] =
 const FAMILY: &str = "tag36h11";
 /// The scale of the print: printed length over designed length along x and y, each with its standard deviation.
 pub(super) const PRINTED: &str = "printed_scale";
+/// The covariance of all tags of a map together: the rows up to the diagonal.
+pub(super) const JOINT: &str = "joint_covariance";
 /// More points or tags than any survey; keeps a hostile file from filling the memory later.
 const MOST_ENTRIES: usize = 10_000;
 
@@ -137,7 +140,7 @@ fn listed<'a>(root: &Entry<'a>, key: &str) -> Result<Vec<Entry<'a>>, Fault> {
 }
 
 fn tag_map(root: &Entry<'_>) -> Result<Target, Fault> {
-    root.only(&["kind", "family", "sigma_m", "sigma_rad", "tag", PRINTED])?;
+    root.only(&["kind", "family", "sigma_m", "sigma_rad", "tag", PRINTED, JOINT])?;
     let number = |entry: &Entry<'_>, key: &str, otherwise: f64| {
         entry.get(key).map_or(Ok(otherwise), |value| value.number())
     };
@@ -155,7 +158,28 @@ fn tag_map(root: &Entry<'_>) -> Result<Target, Fault> {
             (number(&entry, "sigma_m", sigma_m)?, number(&entry, "sigma_rad", sigma_rad)?);
         tags.push(MapTag { id, size_m: entry.need("size_m")?.number()?, world_from_tag, sigma_m, sigma_rad });
     }
-    Ok(Target::TagMap(TagMap { family: family(root)?, tags }))
+    let joint_covariance = root.get(JOINT).map(|rows| joint(&rows, tags.len())).transpose()?;
+    Ok(Target::TagMap(TagMap { family: family(root)?, tags, joint_covariance }))
+}
+
+/// Reads the rows of a symmetric matrix up to the diagonal, six for each tag.
+fn joint(rows: &Entry<'_>, n_tags: usize) -> Result<DMatrix<f64>, Fault> {
+    let (items, n) = (rows.items()?, 6 * n_tags);
+    if items.len() != n {
+        let way_out =
+            "leave the key out after adding or removing tags; each then has its sigma_m and sigma_rad";
+        return Err(rows.fault(format!(
+            "has {} rows; {n} are needed, six for each of {n_tags} tags ({way_out})",
+            items.len()
+        )));
+    }
+    let mut matrix = DMatrix::zeros(n, n);
+    for (i, row) in items.iter().enumerate() {
+        for (j, x) in row.exactly(i + 1, "the row up to the diagonal")?.into_iter().enumerate() {
+            (matrix[(i, j)], matrix[(j, i)]) = (x, x);
+        }
+    }
+    Ok(matrix)
 }
 
 fn pose(entry: &Entry<'_>) -> Result<Pose, Fault> {

@@ -1,9 +1,10 @@
 //! Our own target file, written: what `own_target.rs` reads.
 
 use super::emit::{list, number, quoted};
-use super::own_target::PRINTED;
+use super::own_target::{JOINT, PRINTED};
 use crate::core::Target;
 use crate::core::target::{CircleGrid, MapTag, NamedPoint, PrintedScale, TagMap};
+use nalgebra::DMatrix;
 use std::fmt::Write as _;
 
 /// A target as the text of our own file, which reads back to the same numbers. `comment` stands above it, each line behind a `#`.
@@ -53,7 +54,7 @@ fn keys(design: &Target, tables: &mut String) -> Keys {
         Target::CircleGrid(t) => circle_grid(t),
         Target::TagMap(t) => {
             tables.extend(t.tags.iter().map(tag_text));
-            family(t)
+            tag_map(t)
         }
         Target::Points(points) => {
             tables.extend(points.iter().map(point_text));
@@ -75,8 +76,19 @@ fn circle_grid(grid: &CircleGrid) -> Keys {
     keys.into_iter().chain(diameter).collect()
 }
 
-fn family(map: &TagMap) -> Keys {
-    vec![("family", quoted(&map.family))]
+fn tag_map(map: &TagMap) -> Keys {
+    let joint = map.joint_covariance.as_ref().map(|joint| (JOINT, lower_rows(joint)));
+    std::iter::once(("family", quoted(&map.family))).chain(joint).collect()
+}
+
+/// The rows of a symmetric matrix up to the diagonal, one a line, to nine digits: what they leave out of a covariance of metres is micrometres.
+fn lower_rows(matrix: &DMatrix<f64>) -> String {
+    let nine = |x: f64| format!("{x:.8e}").parse().unwrap_or(x);
+    let row = |i: usize| {
+        let numbers: Vec<String> = (0..=i).map(|j| number(nine(matrix[(i, j)]))).collect();
+        format!("    [{}],\n", numbers.join(", "))
+    };
+    format!("[\n{}]", (0..matrix.nrows()).map(row).collect::<String>())
 }
 
 fn tag_text(tag: &MapTag) -> String {

@@ -379,6 +379,7 @@ mod tests {
         of_target(&Target::TagMap(TagMap {
             family: "tag36h11".into(),
             tags: vec![tag(0, 0.0), tag(1, 1.5), tag(2, 16.0)],
+            joint_covariance: None,
         }))
     }
 

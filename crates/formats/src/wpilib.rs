@@ -84,7 +84,7 @@ fn read(document: &Document) -> Result<(Target, Vec<String>), Fault> {
     if tags.is_empty() {
         return Err(list.fault("holds no tags"));
     }
-    Ok((Target::TagMap(TagMap { family, tags }), Vec::new()))
+    Ok((Target::TagMap(TagMap { family, tags, joint_covariance: None }), Vec::new()))
 }
 
 fn field_from_wpilib_tag(pose: &Entry<'_>) -> Result<Pose, Fault> {

@@ -53,6 +53,7 @@ fn targets() -> Vec<Target> {
         Target::TagMap(TagMap {
             family: family(),
             tags: vec![tag(3, pose, 0.01), tag(1, Pose::identity(), 0.0)],
+            joint_covariance: None,
         }),
         Target::Points(vec![
             NamedPoint {
@@ -109,7 +110,11 @@ fn every_kind_reads_back_as_written() {
         sigma_m: 0.0,
         sigma_rad: 0.0,
     };
-    let sheet = Target::TagMap(TagMap { family: "tag36h11".into(), tags: vec![flat(0, 0.0), flat(1, 0.08)] });
+    let sheet = Target::TagMap(TagMap {
+        family: "tag36h11".into(),
+        tags: vec![flat(0, 0.0), flat(1, 0.08)],
+        joint_covariance: None,
+    });
     let printed = sheet.printed_at(scale);
     assert_same(&read(&own_target_file(&printed, "")).unwrap(), &printed);
 }

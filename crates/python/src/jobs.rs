@@ -7,15 +7,20 @@ use crate::image::{Input, corner_window};
 use crate::run::run;
 use crate::target::Target;
 use pyo3::prelude::*;
-use resight::answer::{CompareAnswer, IntrinsicsAnswer, IntrinsicsCheckAnswer, PoseGraphAnswer, RigAnswer};
+use resight::answer::{
+    CompareAnswer, IntrinsicsAnswer, IntrinsicsCheckAnswer, MapAnswer, PoseGraphAnswer, RigAnswer,
+};
 use resight::compare::CompareOptions;
+use resight::core::Target as AnyTarget;
 use resight::core::camera::ImageSize;
 use resight::core::multiview::pose_graph::PairSigma;
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, model_names};
+use resight::map::{MapImage, MapRequest, read_tag_rows};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{
     CameraDistance, CameraImage, FrameTimes, ImageOptions, PoseGraphMethod, PoseGraphRequest, RigRequest,
 };
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 pub type JobResult<T> = Result<T, resight::Error>;
@@ -201,6 +206,63 @@ pub fn pose_graph(
         match resight::pose_graph(&request)? {
             PoseGraphAnswer::Solved(solved) => Ok(vec![line(&solved)?, solved.file(&lenses)?]),
             PoseGraphAnswer::Unsolved(reason) => Ok(vec![line(&reason)?]),
+        }
+    })
+}
+
+/// What a map is asked, as `resight map` has it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Mapping {
+    family: Option<String>,
+    size_m: Option<f64>,
+    sizes_m: BTreeMap<u32, f64>,
+    reference: Option<u32>,
+    sigma_px: f64,
+    joint_covariance: bool,
+}
+
+/// The answer, and the map as a file where there is one to rely on.
+#[pyfunction]
+pub fn map_tags(
+    py: Python<'_>,
+    camera: &Bound<'_, Camera>,
+    images: Vec<Taken<'_>>,
+    detections: Option<PathBuf>,
+    known: Option<&Bound<'_, Target>>,
+    mapping: Mapping,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<String>> {
+    let known = match known.map(|target| target.get().target.clone()) {
+        None => None,
+        Some(AnyTarget::TagMap(map)) => Some(map),
+        Some(_) => return Err(error::input(py, "known: a map of tags is needed")),
+    };
+    let image = |(_, view, _, image): Taken<'_>| {
+        Ok(match Input::new(&image, &view.unwrap_or_default())? {
+            Input::File(path) => MapImage::File(path),
+            Input::Memory(view, image) => MapImage::Memory(view, image),
+        })
+    };
+    let images = images.into_iter().map(image).collect::<PyResult<Vec<MapImage>>>()?;
+    let family = mapping.family.or_else(|| known.as_ref().map(|map| map.family.clone()));
+    let request = MapRequest {
+        size_m: mapping.size_m,
+        sizes_m: mapping.sizes_m,
+        reference: mapping.reference,
+        sigma_px: mapping.sigma_px,
+        joint_covariance: mapping.joint_covariance,
+        known,
+        ..MapRequest::new(camera.get().known.clone(), family.unwrap_or_else(|| "tag36h11".to_owned()))
+    };
+    observed(py, progress, move || {
+        let answer = match detections {
+            Some(file) => resight::map_from_rows(&read_tag_rows(&file)?, &request)?,
+            None => resight::map_from_images(&images, &request)?,
+        };
+        match answer {
+            MapAnswer::Solved(solved) => Ok(std::iter::once(line(&solved)?).chain(solved.file()).collect()),
+            MapAnswer::Unsolved(reason) => Ok(vec![line(&reason)?]),
         }
     })
 }

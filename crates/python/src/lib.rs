@@ -41,7 +41,7 @@ mod _native {
     use super::image::{detect, locate_image, locate_images};
     #[pymodule_export]
     use super::jobs::{
-        check_intrinsics, compare, explain, intrinsics, measure, pose_graph, rig_from_detections,
+        check_intrinsics, compare, explain, intrinsics, map_tags, measure, pose_graph, rig_from_detections,
         rig_from_images, schema, write_atomically,
     };
     #[pymodule_export]

@@ -26,6 +26,7 @@
 //! | an image to a pose | [`locate_image`]; many images of one camera: [`locate::ImageLocator`] |
 //! | known points to a pose | [`locate_points`]; a CSV file of them: [`locate_table`] |
 //! | images of several cameras to a rig | [`rig_from_images`]; points found already: [`rig_from_detections`] |
+//! | images of one camera carried past many tags to the map of the tags | [`map_from_images`]; corners found already: [`map_from_rows`] |
 //! | relative poses of pairs of cameras to a rig | [`pose_graph()`] |
 //! | a robot's poses and its camera's images to where the camera is mounted | [`hand_eye()`] |
 //! | images or detections of a target to a camera's intrinsics | [`intrinsics()`]; existing ones on new images: [`check_intrinsics`] |
@@ -77,11 +78,12 @@ pub mod convert;
 pub mod print;
 pub mod landmarks;
 pub mod zones;
+pub mod map;
 
 pub use self::image::GrayImage;
 pub use advise::{advise_boards, advise_points, advise_target};
 pub use answer::{
-    CaptureAnswer, CompareAnswer, HandEyeAnswer, IntrinsicsAnswer, MeasureAnswer, PoseAnswer,
+    CaptureAnswer, CompareAnswer, HandEyeAnswer, IntrinsicsAnswer, MapAnswer, MeasureAnswer, PoseAnswer,
     PoseGraphAnswer, RigAnswer, Status,
 };
 pub use compare::compare;
@@ -89,6 +91,7 @@ pub use convert::{convert, explain};
 pub use error::{Error, FileError};
 pub use intrinsics::{check_intrinsics, intrinsics};
 pub use locate::{locate_image, locate_points};
+pub use map::{map_from_images, map_from_rows};
 pub use marked_lines::scene_views;
 pub use measure::measure;
 pub use points::locate_table;

@@ -42,7 +42,8 @@ fn targets() -> [(Target, f64, f64); 4] {
         sigma_m: 0.0,
         sigma_rad: 0.0,
     };
-    let map = TagMap { family: "tag36h11".to_string(), tags: (0..24).map(tag).collect() };
+    let map =
+        TagMap { family: "tag36h11".to_string(), tags: (0..24).map(tag).collect(), joint_covariance: None };
     [
         (Target::TagMap(map), 0.06, 42.0),
         (Target::Chessboard(Chessboard { rows: 6, columns: 9, square_m: 0.03 }), 0.03, 30.0),

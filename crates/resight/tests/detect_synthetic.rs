@@ -99,7 +99,7 @@ fn only_the_tags_of_a_map_are_reported() {
     let image = photograph(480, 240, &View::new(Pixel::new(240.0, 120.0), 80.0, 0.0, 0.0), two);
     let map_tag =
         |id| MapTag { id, size_m: 1.0, world_from_tag: Pose::identity(), sigma_m: 0.0, sigma_rad: 0.0 };
-    let map = TagMap { family: "tag25h9".into(), tags: vec![map_tag(4), map_tag(8)] };
+    let map = TagMap { family: "tag25h9".into(), tags: vec![map_tag(4), map_tag(8)], joint_covariance: None };
     let found = detect(Target::TagMap(map), &image);
     assert_eq!(
         found.iter().map(|d| (d.feature.id, d.feature.corner)).collect::<Vec<_>>(),

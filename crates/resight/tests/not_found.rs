@@ -146,7 +146,7 @@ fn copies_of_tags_of_a_map_are_reported() {
         sigma_m: 0.0,
         sigma_rad: 0.0,
     };
-    let map = |tags| Target::TagMap(TagMap { family: "tag36h11".into(), tags });
+    let map = |tags| Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None });
     let mut shown = photograph(&map(vec![place(1, -0.15), place(2, 0.15)]), 0.9);
     let mut own = Detector::new(&map(vec![place(1, -0.15), place(2, 0.15)])).unwrap();
     assert_eq!((own.detect(&shown).unwrap().len(), own.copies().len()), (8, 0));

@@ -56,7 +56,7 @@ fn entry(id: u32, world_from_tag: Pose) -> MapTag {
 }
 
 fn target(tags: &[MapTag]) -> Target {
-    Target::TagMap(TagMap { family: "tag36h11".into(), tags: tags.to_vec() })
+    Target::TagMap(TagMap { family: "tag36h11".into(), tags: tags.to_vec(), joint_covariance: None })
 }
 
 fn located(view: &[Detection], map: &Target) -> TargetPose {

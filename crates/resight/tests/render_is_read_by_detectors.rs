@@ -100,7 +100,7 @@ fn tag_map_shows_each_tag_in_its_place() {
         sigma_rad: 0.0,
     };
     let tags = vec![tag(3, at(-0.3, -0.1, 0.4)), tag(17, at(0.0, 0.1, 0.0)), tag(99, at(0.3, 0.0, -0.4))];
-    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags });
+    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None });
     let scene = Scene::of(map, pose([0.1, 0.2, 0.1], [0.0, 0.0, 1.1]), Style::default());
     let image = render(&scene, &camera(), &Finish::default()).unwrap();
     let (n, worst) = worst_corner_px(&scene.placed[0], &apriltags(&image));

@@ -43,7 +43,7 @@ fn layout() -> Target {
         tag(6, [1.6, 1.9, 0.9], [0.3, -1.0]),
         tag(7, [0.9, -1.5, 0.8], [0.6, 0.8]),
     ];
-    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags });
+    let map = Target::TagMap(TagMap { family: "tag36h11".into(), tags, joint_covariance: None });
     let field = Field { length_m: 16.541, width_m: 8.211, keys_of_2027: false };
     let text = write_field_layout(&map, &field).unwrap().text;
     assert!(!text.contains("sigma"), "the defaults are not written");
@@ -218,7 +218,7 @@ fn other_tags_in_the_image_are_named() {
     assert!(said.contains("tag36h11") && said.contains(" 2, "), "{said}");
     let Target::TagMap(map) = target.clone() else { unreachable!() };
     let tags = map.tags.into_iter().filter(|tag| tag.id < 30).collect();
-    let other = Target::TagMap(TagMap { family: "tag16h5".into(), tags });
+    let other = Target::TagMap(TagMap { family: "tag16h5".into(), tags, joint_covariance: None });
     let said = instead_of(&other, &image).expect("tags are there");
     assert!(said.contains("tag36h11") && said.contains("--tag-family"), "{said}");
     let empty = GrayImage::filled(320, 240, 128);

@@ -130,4 +130,13 @@ for dof in (6, 10):
     mean = sympy.integrate(dof / x * density.subs(p_, dof), (x, 0, sympy.oo))
     assert sympy.simplify(mean - sympy.Rational(dof, dof - 2)) == 0
 assert sympy.series((1 / z) / (1 / z - 2), z, 0, 2).removeO().equals(1 + 2 * z)
+
+# (10): two blocks of one unknown that move together: D P D is below P for their difference, c P + D1 P D1 is not, and both have the same blocks.
+p, d = sympy.Matrix([[1, sympy.Rational(999, 1000)], [sympy.Rational(999, 1000), 1]]), (sympy.Integer(1), sympy.Rational(3, 2))
+root = sympy.diag(*(sympy.sqrt(x) for x in d))
+alone = root * p * root
+beyond = sympy.diag(*(sympy.sqrt(x - min(d)) for x in d))
+added = min(d) * p + beyond * p * beyond
+assert not (alone - p).is_positive_semidefinite and (added - p).is_positive_semidefinite
+assert all(sympy.simplify(added[i, i] - alone[i, i]) == 0 and alone[i, i] == d[i] for i in (0, 1))
 print("clustered.md: all equations hold")

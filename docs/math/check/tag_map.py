@@ -100,3 +100,24 @@ q, t = mp.mpf(32), (delta.T * (noise + prior) ** -1 * delta)[0]
 small = delta * mp.sqrt(q / t)
 near((small.T * (noise + prior) ** -1 * small)[0], q)
 print("tag_map.md: eqs. (2)-(10) hold")
+
+# (11)-(13): two tags with a covariance together, a pose by weights that are not theirs; and what is left of each without the common motion.
+a = matrix(12, 12)
+sigma = a * a.T
+columns = mp.zeros(12, 6)
+for i in range(6):
+    columns[i, i] = columns[6 + i, i] = 1
+common = (columns.T * sigma ** -1 * columns) ** -1
+rest = sigma - columns * common * columns.T
+assert all(-mp.mpf(10) ** -25 < x for x in mp.eigsy(rest, eigvals_only=True))
+n_1, n_2 = (lambda b: b * b.T)(matrix(6, 6)), (lambda b: b * b.T)(matrix(6, 6))
+total = n_1 + n_2
+d = mp.zeros(6, 12)
+for t, own in enumerate((n_1, n_2)):
+    one_tag = total ** -1 * own
+    for i in range(6):
+        for k in range(6):
+            d[i, 6 * t + k] = one_tag[i, k]
+# A common motion moves the pose as a whole, whatever the weights.
+near(d * columns, mp.eye(6))
+print("tag_map.md (11)-(13): ok")

@@ -48,8 +48,8 @@ struct Scatter {
 
 /// A leverage this close to one is treated as one: the blocks then depend on this cluster alone.
 const RIDGE: f64 = 1e-6;
-/// Relative term added to a cluster's information where it does not cover all directions …
-const ROUNDING: f64 = 1e-11;
+/// Relative term added to a cluster's information, larger than the rounding that its elimination leaves where it does not cover all directions …
+const ROUNDING: f64 = 1e-9;
 /// … and the share that must remain of a direction that it covers.
 const SEEN: f64 = 1e-8;
 /// Standard normal quantile for one in a hundred: the probability that clusters without a shared error seem to contradict each other.
@@ -70,7 +70,7 @@ const NORMAL_FOURTH: f64 = 1.0 + 2.0 / BLOCK as f64;
 pub(crate) fn clustered(inverse: &DMatrix<f64>, clusters: &[Cluster], base: f64) -> Clustered {
     let n_blocks = inverse.nrows() / BLOCK;
     let mut sums = Sums::new(inverse);
-    clusters.iter().for_each(|cluster| sums.compare(cluster));
+    clusters.iter().for_each(|cluster| sums.compare(inverse, cluster));
     if !sums.contradict(base, WORTH_A_LOOK) {
         return Clustered { covariance: inverse * base, within: base };
     }
@@ -80,20 +80,31 @@ pub(crate) fn clustered(inverse: &DMatrix<f64>, clusters: &[Cluster], base: f64)
         pulls.push(pull);
     }
     let scatters = sums.scatters(clusters.len(), base);
-    let mut of_shape = DVector::from_element(inverse.nrows(), base.sqrt());
     let mut of_scatter = DVector::zeros(inverse.nrows());
     let mut within = 0.0;
     for (block, s) in scatters.iter().enumerate() {
-        of_shape.rows_mut(BLOCK * block, BLOCK).fill(s.of_shape.sqrt());
         of_scatter.rows_mut(BLOCK * block, BLOCK).fill((s.of_scatter / sums.excess()).sqrt());
         within += s.total / n_blocks as f64;
     }
-    let mut covariance = scaled(inverse.clone(), &of_shape);
+    let of_shape: Vec<f64> = scatters.iter().map(|s| s.of_shape).collect();
+    let mut covariance = shaped(inverse, &of_shape);
     if 0.0 < of_scatter.max() {
         let moved = inverse * meat(inverse.nrows(), clusters, &pulls) * inverse;
         covariance += scaled(moved, &of_scatter);
     }
     Clustered { covariance, within: within.max(base) }
+}
+
+/// Returns the inverse information times a factor for each block: what all blocks need, and what single ones need beyond is added to it. D P D alone
+/// makes the blocks' relative motions, which are often known far better than the blocks, follow from the blocks' own errors.
+fn shaped(inverse: &DMatrix<f64>, factors: &[f64]) -> DMatrix<f64> {
+    let of_all = factors.iter().copied().fold(f64::INFINITY, f64::min);
+    let beyond = DVector::from_fn(inverse.nrows(), |i, _| (factors[i / BLOCK] - of_all).sqrt());
+    let mut covariance = inverse * of_all;
+    if 0.0 < beyond.max() {
+        covariance += scaled(inverse.clone(), &beyond);
+    }
+    covariance
 }
 
 /// Returns diag(by) · matrix · diag(by).
@@ -141,9 +152,9 @@ struct Sums {
     /// Expected Σ|y|² without shared errors, relative to its ideal value: leaving clusters out exaggerates.
     expected: f64,
     nominal: f64,
-    /// Σ sᵀ S⁻¹ s, and the number of its terms.
+    /// Σ sᵀ S⁻¹ s, and its degrees of freedom.
     chi2: f64,
-    rank: usize,
+    degrees_of_freedom: f64,
 }
 
 impl Sums {
@@ -160,7 +171,7 @@ impl Sums {
             expected: 0.0,
             nominal: 0.0,
             chi2: 0.0,
-            rank: 0,
+            degrees_of_freedom: 0.0,
         }
     }
 
@@ -194,21 +205,22 @@ impl Sums {
     }
 
     /// Compares the cluster's own answer with the common one, in the directions that the cluster determines.
-    fn compare(&mut self, cluster: &Cluster) {
+    fn compare(&mut self, inverse: &DMatrix<f64>, cluster: &Cluster) {
         let mut information = cluster.information.clone();
         for i in 0..information.nrows() {
             information[(i, i)] *= 1.0 + ROUNDING;
         }
         let Some(factor) = information.cholesky() else { return };
         let is_seen = |i: &usize| SEEN * cluster.information[(*i, *i)] < factor.l_dirty()[(*i, *i)].powi(2);
-        self.rank += (0..cluster.score.len()).filter(is_seen).count();
+        let rank = (0..cluster.score.len()).filter(is_seen).count() as f64;
+        self.degrees_of_freedom += rank - cluster.information.dot(&restricted(inverse, &cluster.blocks));
         self.chi2 += cluster.score.dot(&factor.solve(&cluster.score));
     }
 
     /// Returns whether the clusters contradict each other by more than chance, docs/math/clustered.md eq. (8).
     fn contradict(&self, base: f64, quantile: f64) -> bool {
-        let n = BLOCK * self.scatter.len();
-        n < self.rank && base * quick_quantile((self.rank - n) as f64, quantile) < self.chi2
+        let n = self.degrees_of_freedom;
+        1.0 <= n && base * quick_quantile(n, quantile) < self.chi2
     }
 
     fn scatters(&self, n_clusters: usize, base: f64) -> Vec<Scatter> {
@@ -271,4 +283,23 @@ fn scatters_alone(own: (f64, f64), base: f64) -> bool {
     let degrees_of_freedom = BLOCK as f64 * own.1;
     ENOUGH_CLUSTERS <= own.1
         && base * quick_quantile(degrees_of_freedom, ONE_BLOCK_QUANTILE) < own.0 * degrees_of_freedom
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two blocks whose difference is known a thousand times better than either, with factors that differ.
+    #[test]
+    fn factors_that_differ_take_nothing_from_the_inverse_information() {
+        let inverse = DMatrix::from_fn(2 * BLOCK, 2 * BLOCK, |i, j| match (i == j, i % BLOCK == j % BLOCK) {
+            (true, _) => 1.0,
+            (false, true) => 1.0 - 1e-6,
+            _ => 0.0,
+        });
+        let found = shaped(&inverse, &[1.2, 1.5]);
+        let least = (&found - &inverse * 1.2).symmetric_eigenvalues().min();
+        assert!(-1e-12 < least, "{least:e}");
+        assert!((found[(0, 0)] - 1.2).abs() < 1e-12 && (found[(BLOCK, BLOCK)] - 1.5).abs() < 1e-12);
+    }
 }

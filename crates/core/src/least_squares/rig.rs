@@ -56,6 +56,9 @@ pub struct RigStep {
     change: DVector<f64>,
 }
 
+/// Fewer targets than this make no chain.
+const MANY_TARGETS: usize = 4;
+
 struct RigCost<'a, F> {
     graph: &'a RigGraph,
     evaluate: F,
@@ -65,6 +68,16 @@ impl<F: Fn(&RigPoses) -> Option<RigEquations>> LeastSquares for RigCost<'_, F> {
     type State = RigPoses;
     type Equations = RigEquations;
     type Step = RigStep;
+
+    fn max_steps(&self) -> usize {
+        if self.has_flat_valleys() { 2 * Self::MAX_STEPS } else { Self::MAX_STEPS }
+    }
+
+    /// Targets of one body are joined in chains by the views that show several: a chain of forty bends a thousand times more easily than two
+    /// neighbours move apart, and its end moves on a circle.
+    fn has_flat_valleys(&self) -> bool {
+        MANY_TARGETS < self.graph.block_of_target.iter().flatten().count()
+    }
 
     fn evaluate(&self, places: &RigPoses) -> Option<RigEquations> {
         (self.evaluate)(places)

@@ -32,6 +32,7 @@ use nalgebra::DMatrix;
 pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
 pub use verdict::{Cause, Losses, RigVerdict, RigWarning};
+pub(in crate::multiview) use views::Groups;
 pub use views::shared_views;
 
 /// The observation of one target by one camera in one view.
@@ -69,7 +70,7 @@ pub struct RigConfig<'a> {
     /// The cost of a residual. `Truncated`, the default at `GATE_SIGMAS`, finds wrong points and leaves them out; the others use every visible
     /// point.
     pub loss: Loss,
-    /// Whether the covariance of all cameras together is computed.
+    /// Whether the covariances of all cameras, and of all targets, together are computed.
     pub joint_covariance: bool,
     /// Measured distances between cameras, which add to the cost and check a target's size.
     pub known_distances: &'a [KnownDistance],
@@ -86,21 +87,20 @@ pub struct RigConfig<'a> {
     /// Relative standard deviation of the size of all targets together, as of a printed scale; 0 where sizes are exact. It widens every
     /// covariance, because no view shows it and more views do not reduce it.
     pub scale_sigma: f64,
-    /// Tags that are displaced on their target, in all views alike. They widen every covariance, because more views do not reduce it.
-    pub displaced_tags: &'a [UncertainTag],
+    /// Tags that are displaced on their target, in all views alike; groups are independent. They widen every covariance, because more views do
+    /// not reduce it.
+    pub displaced_tags: &'a [UncertainTags],
 }
 
-/// A tag whose pose on its target is uncertain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UncertainTag {
+/// Tags whose poses on their target are uncertain together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UncertainTags {
     /// Index of the target.
     pub target: usize,
-    /// Its corners as stated, target frame; points there belong to it.
-    pub corners_in_target: [Point; 4],
-    /// Standard deviation of its position along each axis, m.
-    pub sigma_m: f64,
-    /// Standard deviation of its rotation about each axis through its centre, rad.
-    pub sigma_rad: f64,
+    /// The corners of each tag as stated, target frame; points there belong to it.
+    pub corners_in_target: Vec<[Point; 4]>,
+    /// Covariance of the small left motions `[rotation_rad; translation_m]` of all of them, target frame, six rows for each.
+    pub covariance: DMatrix<f64>,
 }
 
 /// The gate for good points, exceeded by one in ten thousand: the root of the 99.99 % quantile of χ² with two degrees of freedom.
@@ -243,6 +243,8 @@ pub struct RigSolution {
     pub n_used: usize,
     /// Covariance of all cameras together, 6 rows for each camera in the order given (zero for the reference), where requested.
     pub joint_covariance: Option<DMatrix<f64>>,
+    /// Covariance of all targets together, 6 rows for each target in the order given (zero for the first of each body), where requested.
+    pub joint_targets: Option<DMatrix<f64>>,
     /// Factor by which every covariance was widened because the residuals are larger than the stated sigmas; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each

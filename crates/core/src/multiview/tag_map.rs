@@ -5,8 +5,9 @@
 
 mod agreement;
 mod displaced;
+mod joint;
 
-use crate::budget::Budget;
+use crate::budget::{Budget, ErrorSource};
 use crate::correspondence::{Detection, Skipped, correspond};
 use crate::locate::consistency::{Consistency, inconsistent_above};
 use crate::locate::group::RigidGroup;
@@ -15,6 +16,7 @@ use crate::target::{Feature, PrintedScale, TagMap};
 use crate::{Camera, Correspondence, Error, Target};
 use agreement::{Agreement, agreement, separate};
 pub use displaced::DisplacedTag;
+use nalgebra::DMatrix;
 
 /// What one view of a target gives.
 #[derive(Debug, Clone)]
@@ -63,14 +65,21 @@ pub fn locate_target(
     let view = TagView::new(&joined, map, target.printed_scale(), camera, config);
     let answer = view.answer();
     let kept = |feature: &Feature| !answer.left_out.iter().any(|tag| tag.id == feature.id);
-    let (features, seen) = joined.into_iter().filter(|(feature, _)| kept(feature)).unzip();
+    let (features, seen): (Vec<_>, Vec<_>) =
+        joined.iter().copied().filter(|(feature, _)| kept(feature)).unzip();
+    let estimate = answer.estimate.map(|e| {
+        let chosen: Vec<usize> = (0..view.tags.len())
+            .filter(|i| !answer.left_out.iter().any(|tag| tag.id == view.tags[*i].id))
+            .collect();
+        PoseEstimate { covariance: e.covariance + joint::of_map(&view, &chosen, &e), ..e }
+    });
     TargetPose {
         features,
         seen,
         skipped,
         left_out: answer.left_out,
         contradicting: answer.contradicting,
-        estimate: answer.estimate,
+        estimate,
     }
 }
 
@@ -86,8 +95,12 @@ impl TargetPose {
         let Target::TagMap(map) = target.design() else { return estimate.budget(&self.seen, camera, config) };
         let joined: Vec<_> = self.features.iter().copied().zip(self.seen.iter().copied()).collect();
         let view = TagView::new(&joined, map, target.printed_scale(), camera, config);
-        let points = view.points(&(0..view.tags.len()).collect::<Vec<_>>());
-        estimate.budget(&points.seen, camera, &Config { groups: &points.groups, ..*config })
+        let all: Vec<usize> = (0..view.tags.len()).collect();
+        let (points, of_map) = (view.points(&all), joint::of_map(&view, &all, estimate));
+        let own = PoseEstimate { covariance: estimate.covariance - of_map, ..*estimate };
+        let mut budget = own.budget(&points.seen, camera, &Config { groups: &points.groups, ..*config })?;
+        budget.add(ErrorSource::Target, &of_map);
+        Ok(budget)
     }
 }
 
@@ -98,13 +111,15 @@ struct SeenTag {
     /// Outer edge of the black square.
     size_m: f64,
     corners: Vec<Correspondence>,
-    /// Counted from its first corner.
+    /// Counted from its first corner. Of a map whose tags have a covariance together, it holds what is not common to the tags in view.
     group: RigidGroup,
 }
 
 /// The tags of a map in one view.
 struct TagView<'a> {
     tags: Vec<SeenTag>,
+    /// Covariance of the left motions of these tags together, 6 rows each; none where they are independent.
+    joint: Option<DMatrix<f64>>,
     camera: &'a Camera,
     config: &'a Config<'a>,
 }
@@ -149,7 +164,12 @@ impl<'a> TagView<'a> {
                 group,
             })
         });
-        TagView { tags: tags.collect(), camera, config }
+        let mut tags: Vec<SeenTag> = tags.collect();
+        let joint = joint::among(map, &tags);
+        if let Some(joint) = &joint {
+            joint::make_relative(&mut tags, joint);
+        }
+        TagView { tags, joint, camera, config }
     }
 
     /// Of the tags with these indices, ascending.

@@ -70,6 +70,24 @@ def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sig
     return Answer(*_native.rig_from_detections(*named, _detected(detections), sigma_px, solving))
 
 
+def map_tags(images: Any = (), camera: Any = None, *, detections: Any = None, family: str | None = None, size_m: float | None = None,
+             sizes_m: Mapping[int, float] | None = None, known: Any = None, reference: int | None = None, sigma_px: float = 0.5,
+             joint_covariance: bool = False, progress: Any = None) -> Answer:
+    """A map of tags: the pose of every tag of a place, from one camera carried through it. `answer.save("map.toml")` writes the map.
+
+    `images`: a pattern such as `walk/*.jpg`, a video, or a list of paths and arrays of uint8, in the order in which they were taken; or
+    `detections`, a CSV file with the columns view, id, corner, u_px, v_px and optionally sigma_px. `size_m`: the outer edge of the black square
+    of the tags, `sizes_m` that of single tags. `known`: tags with known poses, a target or its file, which determine the world; without it the
+    world is the frame of the tag `reference`.
+    """
+    taken = [] if detections is not None else _taken({"camera": images})
+    mapping = {"family": family, "size_m": size_m, "sizes_m": dict(sizes_m or {}), "reference": reference, "sigma_px": sigma_px,
+               "joint_covariance": joint_covariance}
+    rows = None if detections is None else os.fspath(detections)
+    world = None if known is None else _target(known)
+    return Answer(*_native.map_tags(_camera(camera), taken, rows, world, mapping, progress))
+
+
 def pose_graph(file: Any, *, cameras: Any = (), reference: str | None = None, chain: bool = False, pair_sigma_rad: float | None = None,
                pair_sigma_m: float | None = None, joint_covariance: bool = False) -> Answer:
     """The extrinsics of several cameras from the relative poses of pairs of them, in a file that `resight pose-graph` reads.

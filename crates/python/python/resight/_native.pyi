@@ -37,6 +37,7 @@ __all__ = [
     "locate_images",
     "locate_views",
     "main",
+    "map_tags",
     "measure",
     "panic_on_purpose",
     "pose_graph",
@@ -512,6 +513,14 @@ def rig_from_images(
 ) -> list[str]: ...
 def rig_from_detections(
     cameras: _Named, targets: _Named, detections: _Detected, sigma_px: float | None, solving: dict[str, Any]
+) -> list[str]: ...
+def map_tags(
+    camera: Camera,
+    images: _Taken,
+    detections: str | None,
+    known: Target | None,
+    mapping: dict[str, Any],
+    progress: Any,
 ) -> list[str]: ...
 def pose_graph(
     file: str,

@@ -1,8 +1,8 @@
 //! The JSON schema of every answer, generated from the types that serialise.
 
 use super::{
-    advise, capture, compare, detection, files, georeference, hand_eye, intrinsics, landmarks, measure, pose,
-    pose_graph, print, rig, rig_pose, scene_view, zones,
+    advise, capture, compare, detection, files, georeference, hand_eye, intrinsics, landmarks, map, measure,
+    pose, pose_graph, print, rig, rig_pose, scene_view, zones,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -31,6 +31,7 @@ macro_rules! serialised_as {
 serialised_as! {
     pose::PoseAnswer => pose::PoseObject,
     rig::SolvedRig => rig::RigObject,
+    map::SolvedMap => map::MapObject,
     pose_graph::SolvedPoseGraph => pose_graph::GraphObject,
     hand_eye::SolvedHandEye => hand_eye::HandEyeObject,
 }
@@ -39,9 +40,10 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer, with the name of its job.
-const ANSWERS: [(&str, Generate); 27] = [
+const ANSWERS: [(&str, Generate); 28] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
+    ("map", SchemaGenerator::subschema_for::<map::MapAnswer>),
     ("rig_pose", SchemaGenerator::subschema_for::<rig_pose::RigPoseAnswer>),
     ("scene_view", SchemaGenerator::subschema_for::<scene_view::SceneViewAnswer>),
     ("pose_graph", SchemaGenerator::subschema_for::<pose_graph::PoseGraphAnswer>),

@@ -56,5 +56,5 @@ pub fn sheet_of_tags(
         sigma_m: 0.0,
         sigma_rad: 0.0,
     });
-    Ok(Target::TagMap(TagMap { family: family.to_owned(), tags: tags.collect() }))
+    Ok(Target::TagMap(TagMap { family: family.to_owned(), tags: tags.collect(), joint_covariance: None }))
 }

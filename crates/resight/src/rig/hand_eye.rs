@@ -6,6 +6,7 @@ use super::{NamedRig, uncertain_lens};
 use crate::answer::{HandEyeAnswer, RigAnswer, SolvedHandEye, Status, Unsolved};
 use crate::core::budget::ErrorSource;
 use crate::core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, solve_hand_eye};
+use crate::core::multiview::rig::UncertainTags;
 use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Camera, Correspondence, Error as MathError, Point, Pose, Vector6};
 use crate::error::Error;
@@ -141,27 +142,41 @@ fn tag_share(
     config: &HandEyeConfig,
 ) -> Option<DMatrix<f64>> {
     let mut sum: Option<DMatrix<f64>> = None;
-    for tag in uncertain_tags(&rig.targets) {
-        let centre = tag.corners_in_target.iter().sum::<Point>() / 4.0;
-        for axis in 0..6 {
-            let sigma = if axis < 3 { tag.sigma_rad } else { tag.sigma_m };
-            if sigma == 0.0 {
+    for group in uncertain_tags(&rig.targets) {
+        let covariance = about_centres(&group);
+        let mut by_motion = DMatrix::zeros(12, covariance.nrows());
+        for (i, mut column) in by_motion.column_iter_mut().enumerate() {
+            let (corners, sigma) = (&group.corners_in_target[i / 6], covariance[(i, i)].max(0.0).sqrt());
+            let own = |c: &Correspondence| corners.contains(&c.x_in_target);
+            if sigma == 0.0 || !rig.observations.iter().flat_map(|s| &s.seen).any(own) {
                 continue;
             }
-            let motion = Pose::exp(&Vector6::ith(axis, sigma));
+            let (centre, motion) = (centre(corners), Pose::exp(&Vector6::ith(i % 6, sigma)));
             let mut other = rig.clone();
-            for c in other.observations.iter_mut().flat_map(|s| &mut s.seen) {
-                if tag.corners_in_target.contains(&c.x_in_target) {
-                    c.x_in_target = centre + motion * (c.x_in_target - centre);
-                }
+            for c in other.observations.iter_mut().flat_map(|s| &mut s.seen).filter(|c| own(c)) {
+                c.x_in_target = centre + motion * (c.x_in_target - centre);
             }
             let other = mounted(&other, cam_from_rig, robot_views, config).ok()?;
-            let change = moved(&other, found);
-            let added = &change * change.transpose();
-            sum = Some(sum.map_or_else(|| added.clone(), |sum| sum + &added));
+            column.copy_from(&(moved(&other, found) / sigma));
         }
+        let added = &by_motion * covariance * by_motion.transpose();
+        sum = Some(sum.map_or_else(|| added.clone(), |sum| sum + &added));
     }
     sum
+}
+
+fn centre(corners: &[Point; 4]) -> Point {
+    corners.iter().sum::<Point>() / 4.0
+}
+
+/// Returns the covariance of the motions of tags about their centres.
+fn about_centres(group: &UncertainTags) -> DMatrix<f64> {
+    let n = group.covariance.nrows();
+    let mut by = DMatrix::identity(n, n);
+    for (i, corners) in group.corners_in_target.iter().enumerate() {
+        by.fixed_view_mut::<3, 3>(6 * i + 3, 6 * i).copy_from(&-centre(corners).cross_matrix());
+    }
+    &by * &group.covariance * by.transpose()
 }
 
 /// Returns a remark where the robot's positions are implausible in metres.

@@ -11,9 +11,9 @@ use super::request::RigRequest;
 use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::multiview::rig::{
-    KnownDistance, RigConfig, SharedViews, UncertainTag, shared_views, solve_rig,
+    KnownDistance, RigConfig, SharedViews, UncertainTags, shared_views, solve_rig,
 };
-use crate::core::target::{Feature, MapTag};
+use crate::core::target::Feature;
 use crate::core::{Error as MathError, Target};
 use crate::error::Error;
 use std::collections::BTreeSet;
@@ -221,27 +221,32 @@ fn scale_sigma(targets: &[NamedTarget]) -> f64 {
     targets.iter().filter_map(of_target).fold(0.0, f64::max)
 }
 
-/// Returns the tags of maps that state a tolerance.
-pub(super) fn uncertain_tags(targets: &[NamedTarget]) -> Vec<UncertainTag> {
-    let mut tags = Vec::new();
+/// Returns the tags of maps that are uncertain: together where the map has their covariance together, each by itself where it has tolerances.
+pub(super) fn uncertain_tags(targets: &[NamedTarget]) -> Vec<UncertainTags> {
+    let mut groups = Vec::new();
     for (index, named) in targets.iter().enumerate() {
         let Some(target) = &named.target else { continue };
         let Target::TagMap(map) = target.design() else { continue };
-        for tag in &map.tags {
-            let MapTag { id, sigma_m, sigma_rad, .. } = *tag;
+        let corners = |tag: &usize| {
+            let id = map.tags[*tag].id;
             let corner = |corner| target.point(Feature { id, corner }).map(|point| point.position);
-            let corners = [corner(0), corner(1), corner(2), corner(3)];
-            if let ([Some(a), Some(b), Some(c), Some(d)], true) = (corners, 0.0 < sigma_m.max(sigma_rad)) {
-                tags.push(UncertainTag {
-                    target: index,
-                    corners_in_target: [a, b, c, d],
-                    sigma_m,
-                    sigma_rad,
-                });
+            Some([corner(0)?, corner(1)?, corner(2)?, corner(3)?])
+        };
+        let mut add = |tags: Vec<usize>| {
+            let corners: Vec<_> = tags.iter().filter_map(corners).collect();
+            if corners.len() == tags.len() {
+                let covariance = map.covariance_of(&tags);
+                groups.push(UncertainTags { target: index, corners_in_target: corners, covariance });
             }
+        };
+        if map.joint_covariance.is_some() {
+            add((0..map.tags.len()).collect());
+            continue;
         }
+        let is_uncertain = |tag: &usize| 0.0 < map.tags[*tag].sigma_m.max(map.tags[*tag].sigma_rad);
+        (0..map.tags.len()).filter(is_uncertain).for_each(|tag| add(vec![tag]));
     }
-    tags
+    groups
 }
 
 fn camera_names(rig: &NamedRig) -> Vec<String> {

@@ -32,7 +32,11 @@ pub fn map() -> Target {
         let world_from_tag = Pose::exp(&Vector6::new(0.0, 0.0, 0.0, x_m, y_m, 0.0));
         MapTag { id: i, size_m: TAG_M, world_from_tag, sigma_m: 0.0, sigma_rad: 0.0 }
     };
-    Target::TagMap(TagMap { family: "tag36h11".to_string(), tags: (0..12).map(tag).collect() })
+    Target::TagMap(TagMap {
+        family: "tag36h11".to_string(),
+        tags: (0..12).map(tag).collect(),
+        joint_covariance: None,
+    })
 }
 
 /// A tilted tag of about `edge_px`, its centre `u_px`, `v_px` from the middle of the image.

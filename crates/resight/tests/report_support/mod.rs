@@ -164,6 +164,7 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
         n_seen,
         n_used: all.len(),
         joint_covariance: Some(joint(n_cameras)),
+        joint_targets: None,
         noise_scale: 1.0,
         view_scale: 1.0,
         lens_sigma_m: None,

@@ -64,7 +64,7 @@ pub fn map() -> Target {
     };
     let places = [(-0.12, -0.1), (0.12, -0.1), (-0.12, 0.1), (0.12, 0.1)];
     let tags = places.into_iter().enumerate().map(at).collect();
-    Target::TagMap(TagMap { family: "tag36h11".to_string(), tags })
+    Target::TagMap(TagMap { family: "tag36h11".to_string(), tags, joint_covariance: None })
 }
 
 fn camera() -> Camera {

@@ -7,7 +7,7 @@ use super::classify::{Parts, Residuals, parts, residuals, robust_variance};
 use super::distance::add_distances;
 use super::layout::Layout;
 use super::sighted::{CAUCHY_SIGMAS, LocatedViews, enough};
-use super::start::{UNOBSERVED_CHI2, best_of_body, check_joined};
+use super::start::{UNOBSERVED_CHI2, best_of_body, best_of_target, check_joined, check_targets_joined};
 use crate::least_squares::rig::{RigEquations, RigGraph, RigMinimum, RigPoses, minimize_rig};
 use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::locate::accumulate::normal_equations;
@@ -31,6 +31,8 @@ pub(super) struct Adjusted {
 
 /// Largest number of rounds of selecting points; each lowers the truncated cost, two or three are usual.
 const MAX_ROUNDS: usize = 20;
+/// Largest number of times that targets with several poses are turned to another one.
+const MAX_TURNS: usize = 3;
 /// Tolerance of the rough minimum before the points are selected.
 const ROUGH: f64 = 1e-4;
 
@@ -64,6 +66,13 @@ pub(super) fn adjust(
     let mut adjustment = Adjustment { layout, located_views, config, graph, places, residuals, steps: 0 };
     adjustment.approach()?;
     adjustment.look_around();
+    for _ in 0..MAX_TURNS {
+        if !adjustment.look_at_targets() {
+            break;
+        }
+        adjustment.approach()?;
+        adjustment.look_around();
+    }
     adjustment.settle()
 }
 
@@ -131,6 +140,45 @@ impl<'a> Adjustment<'a> {
         }
     }
 
+    /// Replaces the pose of a target on its body where another one, suggested by an observation, fits better with the cameras and bodies found, as
+    /// for a tag that is first placed by the wrong one of its two poses. Returns whether there was any.
+    fn look_at_targets(&mut self) -> bool {
+        let layout = self.layout;
+        let judged = self.parts(self.variance());
+        let mut places = self.places.clone();
+        let mut is_moved = false;
+        for target in 0..layout.first_target.len() {
+            let own = |i: &usize| layout.observations[*i].target == target;
+            let own: Vec<usize> = (0..layout.observations.len()).filter(own).collect();
+            let is_doubtful = own.iter().any(|i| judged.rejected[*i].is_some());
+            if !is_doubtful || layout.graph.block_of_target[target].is_none() {
+                continue;
+            }
+            let pivot = &layout.pivot_in_target[target];
+            let present = self.places.body_from_target[target].pose(pivot);
+            let rig_from_body = |i: usize| {
+                let body = layout.graph.links[i].body;
+                self.graph.is_active[body]
+                    .then(|| self.places.rig_from_body[body].pose(&layout.graph.pivot_in_body[body]))
+            };
+            let cam_from_body: Vec<(usize, Pose)> = own
+                .iter()
+                .filter_map(|i| {
+                    Some((*i, self.places.cam_from_rig[layout.observations[*i].camera] * rig_from_body(*i)?))
+                })
+                .collect();
+            let best = best_of_target(&cam_from_body, layout, self.located_views, present);
+            if best != present {
+                places.body_from_target[target] = PivotedPose::new(&best, pivot);
+                is_moved = true;
+            }
+        }
+        if is_moved {
+            self.move_to(places);
+        }
+        is_moved
+    }
+
     /// Selects the points that take part under the configured loss.
     fn parts(&self, variance: f64) -> Parts {
         let gate_chi2 = match self.config.loss {
@@ -148,6 +196,7 @@ impl<'a> Adjustment<'a> {
         for _ in 0..MAX_ROUNDS {
             self.graph.is_active.clone_from(&parts.is_active);
             check_joined(self.layout, |i| 0 < parts.n_used(i))?;
+            check_targets_joined(self.layout, |i| 0 < parts.n_used(i))?;
             let found = self.minimize(&active(self.layout, &parts), loss, 0.0)?;
             if self.drop_undetermined(&found.equations, &mut parts) {
                 continue;

@@ -133,6 +133,7 @@ pub(super) fn answer(
         n_seen: layout.observations.iter().map(|s| s.seen.len()).sum(),
         n_used: total.n_used,
         joint_covariance: config.joint_covariance.then(|| joint(layout, &shared)),
+        joint_targets: config.joint_covariance.then(|| joint_targets(layout, &adjusted, &shared)),
         noise_scale,
         view_scale: neighbours.of_poses * within / widened,
         lens_sigma_m,
@@ -343,6 +344,27 @@ fn joint(layout: &Layout, shared: &DMatrix<f64>) -> DMatrix<f64> {
                 let both = (block(shared, i, j) + block(shared, j, i).transpose()) * 0.5;
                 joint.fixed_view_mut::<6, 6>(6 * a, 6 * b).copy_from(&both);
             }
+        }
+    }
+    joint
+}
+
+/// Returns the covariance of the left motions of all targets about their bodies' origins.
+fn joint_targets(layout: &Layout, adjusted: &Adjusted, shared: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = layout.first_target.len();
+    let mut joint = DMatrix::zeros(6 * n, 6 * n);
+    let about_origin = |t: usize| {
+        let mut transport = Matrix6::identity();
+        let pivot = adjusted.places.body_from_target[t].pivot_in_cam;
+        transport.fixed_view_mut::<3, 3>(3, 0).copy_from(&pivot.cross_matrix());
+        Some((layout.graph.block_of_target[t]?, transport))
+    };
+    let blocks: Vec<Option<(usize, Matrix6)>> = (0..n).map(about_origin).collect();
+    for (a, of_a) in blocks.iter().enumerate() {
+        for (b, of_b) in blocks.iter().enumerate() {
+            let (Some((i, by_a)), Some((j, by_b))) = (of_a, of_b) else { continue };
+            let both = (block(shared, *i, *j) + block(shared, *j, *i).transpose()) * 0.5;
+            joint.fixed_view_mut::<6, 6>(6 * a, 6 * b).copy_from(&(by_a * both * by_b.transpose()));
         }
     }
     joint

@@ -3,12 +3,19 @@
 use super::RigSolution;
 use crate::budget::ErrorSource;
 use crate::{Matrix6, Pose, Vector6};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// Returns the left motion of a pose for one unit of relative scale, eq. (8): its translation grows, its rotation is constant.
 fn grows(b_from_a: &Pose) -> Vector6 {
     let t = b_from_a.translation;
     Vector6::new(0.0, 0.0, 0.0, t.x, t.y, t.z)
+}
+
+/// Adds the same to the covariance of several poses together.
+fn add_joint<'a>(joint: &mut DMatrix<f64>, poses: impl Iterator<Item = &'a Pose>, sigma: f64) {
+    let all = poses.flat_map(|pose| (grows(pose) * sigma).data.0[0]);
+    let all = DVector::from_iterator(joint.nrows(), all);
+    *joint += &all * all.transpose();
 }
 
 impl RigSolution {
@@ -27,9 +34,10 @@ impl RigSolution {
         self.targets.iter_mut().for_each(|t| add(&mut t.covariance, &t.body_from_target));
         self.bodies.iter_mut().for_each(|b| add(&mut b.covariance, &b.rig_from_body));
         if let Some(joint) = &mut self.joint_covariance {
-            let all = self.cameras.iter().flat_map(|c| (grows(&c.cam_from_rig) * sigma).data.0[0]);
-            let all = DVector::from_iterator(joint.nrows(), all);
-            *joint += &all * all.transpose();
+            add_joint(joint, self.cameras.iter().map(|c| &c.cam_from_rig), sigma);
+        }
+        if let Some(joint) = &mut self.joint_targets {
+            add_joint(joint, self.targets.iter().map(|t| &t.body_from_target), sigma);
         }
     }
 }

@@ -289,5 +289,62 @@ pub(super) fn best_of_body(
     best.1.copied()
 }
 
+/// Number of observations by which the poses of a target are suggested, and by which they are compared.
+const COMPARED_OBSERVATIONS: usize = 16;
+
+/// Returns the pose of a target on its body that fits its observations best, among those that they suggest and its present one. The observations
+/// come with the poses cam_from_body.
+pub(super) fn best_of_target(
+    cam_from_body: &[(usize, Pose)],
+    layout: &Layout,
+    located_views: &LocatedViews,
+    present: Pose,
+) -> Pose {
+    let stride = cam_from_body.len().div_ceil(COMPARED_OBSERVATIONS).max(1);
+    let compared: Vec<&(usize, Pose)> = cam_from_body.iter().step_by(stride).collect();
+    let cost = |body_from_target: &Pose| -> f64 {
+        let of_observation = |(i, cam_from_body): &&(usize, Pose)| -> f64 {
+            let seen = &layout.observations[*i].seen;
+            let cam_from_target = *cam_from_body * *body_from_target;
+            let squared = |c| {
+                whitened_residual(&cam_from_target, c, layout.camera(*i)).map_or(UNOBSERVED_CHI2, |r| r.2)
+            };
+            let points = seen.iter().step_by(seen.len().div_ceil(COMPARED_POINTS));
+            points.map(|c| COMPARED_LOSS.at(squared(c).min(UNOBSERVED_CHI2)).0).sum()
+        };
+        compared.iter().map(of_observation).sum()
+    };
+    let suggested = compared.iter().flat_map(|(i, cam_from_body)| {
+        let poses = located_views[*i].as_deref().unwrap_or_default();
+        poses.iter().map(|h| cam_from_body.inverse() * h.cam_from_target)
+    });
+    // Another pose has to be clearly better, or noise would turn targets for ever.
+    let first = (CLEARLY * cost(&present), present);
+    suggested.map(|p| (cost(&p), p)).fold(first, |best, next| if next.0 < best.0 { next } else { best }).1
+}
+
+/// Another pose of a target is taken where it costs less than this share.
+const CLEARLY: f64 = 0.8;
+
+/// Checks whether the observations that take part join every target to the first one of its body.
+///
+/// # Errors
+/// `TargetUnconnected`.
+pub(super) fn check_targets_joined(layout: &Layout, takes_part: impl Fn(usize) -> bool) -> Result<(), Error> {
+    let n_targets = layout.first_target.len();
+    // A body in a view joins the targets seen on it.
+    let mut groups = Groups::new(n_targets + layout.bodies.len());
+    for (_, link) in layout.graph.links.iter().enumerate().filter(|(i, _)| takes_part(*i)) {
+        groups.join(link.target, n_targets + link.body);
+    }
+    for target in (0..n_targets).filter(|t| layout.graph.block_of_target[*t].is_some()) {
+        let first = layout.first_target[target];
+        if groups.root(target) != groups.root(first) {
+            return Err(Error::TargetUnconnected { target, body: layout.problem.body_of_target[target] });
+        }
+    }
+    Ok(())
+}
+
 /// Squared residual assigned to a point that cannot be projected: ten thousand standard deviations off.
 pub(super) const UNOBSERVED_CHI2: f64 = 1e8;

@@ -7,7 +7,7 @@
 use super::adjust::Adjusted;
 use super::layout::Layout;
 use super::scale::by_size;
-use super::{TargetScale, UncertainTag};
+use super::{TargetScale, UncertainTags};
 use crate::covariance::is_covariance;
 use crate::least_squares::rig::{Common, Eliminated, RigLink};
 use crate::locate::common::check_intrinsics_covariance;
@@ -84,18 +84,16 @@ impl UncertainParameters {
     /// Adds the poses of tags on their targets.
     pub(super) fn with_tags(
         mut self,
-        tags: &[UncertainTag],
+        groups: &[UncertainTags],
         layout: &Layout,
         adjusted: &Adjusted,
         eliminated: &Eliminated,
     ) -> Self {
-        for tag in tags {
-            let common = by_tag(tag, layout, adjusted).common;
-            let following =
-                common.iter().map(|c| adjusted.equations.following(eliminated, c, true)).collect();
-            let sigma = |i: usize| if i < 3 { tag.sigma_rad } else { tag.sigma_m };
-            let covariance = DMatrix::from_fn(6, 6, |i, j| if i == j { sigma(i).powi(2) } else { 0.0 });
-            self.each.push(Uncertain { covariance, following });
+        for group in groups {
+            let of_tag = |corners: &[Point; 4]| by_tag((group.target, corners), layout, adjusted).common;
+            let common = group.corners_in_target.iter().flat_map(of_tag);
+            let following = common.map(|c| adjusted.equations.following(eliminated, &c, true)).collect();
+            self.each.push(Uncertain { covariance: group.covariance.clone(), following });
         }
         self
     }
@@ -138,21 +136,19 @@ pub(super) fn by_parameters(camera: usize, layout: &Layout, adjusted: &Adjusted)
     sums(lens.parameters().len(), layout, adjusted, |link| link.camera == camera, columns)
 }
 
-/// Sums over the corners of a tag, for a rotation about its centre and a translation, target frame.
-fn by_tag(tag: &UncertainTag, layout: &Layout, adjusted: &Adjusted) -> ByParameters {
-    let centre = tag.corners_in_target.iter().sum::<Point>() / 4.0;
+/// Sums over the corners of a tag, for its left motion in the frame of its target.
+fn by_tag((target, corners): (usize, &[Point; 4]), layout: &Layout, adjusted: &Adjusted) -> ByParameters {
     let columns = |at: &PointAt| {
         let is_own = |corner: &Point| (corner - at.x_in_target).norm() <= SAME_CORNER * at.x_in_target.norm();
-        if !tag.corners_in_target.iter().any(is_own) {
+        if !corners.iter().any(is_own) {
             return None;
         }
         let by_point = at.jacobian * at.cam_from_target;
-        let arm = at.x_in_target - centre;
         let unit = |k: usize| Vector3::ith(k % 3, 1.0);
-        let moved = |k: usize| if k < 3 { unit(k).cross(&arm) } else { unit(k) };
+        let moved = |k: usize| if k < 3 { unit(k).cross(&at.x_in_target) } else { unit(k) };
         Some((0..6).map(|k| by_point * moved(k)).collect())
     };
-    sums(6, layout, adjusted, |link| link.target == tag.target, columns)
+    sums(6, layout, adjusted, |link| link.target == target, columns)
 }
 
 /// Corners nearer to each other than this part of their distance from the origin are one.

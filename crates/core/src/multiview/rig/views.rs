@@ -39,16 +39,16 @@ pub(super) fn counts(seen: &[(usize, usize, usize)], n: usize) -> Vec<Vec<usize>
 }
 
 /// A union–find structure: which elements are connected.
-pub(super) struct Groups {
+pub(in crate::multiview) struct Groups {
     parent: Vec<usize>,
 }
 
 impl Groups {
-    pub(super) fn new(n: usize) -> Self {
+    pub(in crate::multiview) fn new(n: usize) -> Self {
         Groups { parent: (0..n).collect() }
     }
 
-    pub(super) fn root(&mut self, mut i: usize) -> usize {
+    pub(in crate::multiview) fn root(&mut self, mut i: usize) -> usize {
         while self.parent[i] != i {
             self.parent[i] = self.parent[self.parent[i]];
             i = self.parent[i];
@@ -57,13 +57,13 @@ impl Groups {
     }
 
     /// Joins two groups. The lower root remains, so that the result does not depend on the order of joining.
-    pub(super) fn join(&mut self, a: usize, b: usize) {
+    pub(in crate::multiview) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root(a), self.root(b));
         self.parent[a.max(b)] = a.min(b);
     }
 
     /// Returns the groups, the largest first, among equals that with the lowest member.
-    pub(super) fn members(&mut self) -> Vec<Vec<usize>> {
+    pub(in crate::multiview) fn members(&mut self) -> Vec<Vec<usize>> {
         let n = self.parent.len();
         let mut groups: Vec<Vec<usize>> = vec![Vec::new(); n];
         for i in 0..n {

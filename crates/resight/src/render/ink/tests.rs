@@ -54,7 +54,7 @@ fn targets() -> Vec<Target> {
             diameter_m: Some(0.012),
             asymmetric: true,
         }),
-        Target::TagMap(resight_core::target::TagMap { family: family(), tags }),
+        Target::TagMap(resight_core::target::TagMap { family: family(), tags, joint_covariance: None }),
     ]);
     all.extend([(5, 4, false), (4, 5, true), (5, 5, true)].map(|(rows, columns, legacy_pattern)| {
         let (square_m, marker_m, dictionary) = (0.04, 0.03, "DICT_5X5_100".to_owned());

@@ -127,6 +127,7 @@ mod tests {
             n_seen: 0,
             n_used: 0,
             joint_covariance,
+            joint_targets: None,
             noise_scale: 1.0,
             view_scale: 1.0,
             lens_sigma_m: None,
