@@ -288,7 +288,7 @@ def test_notebooks_show_poses_cameras_and_tables(camera, points_m, pixels):
     pose = resight.Pose.from_vectors([0, 0, np.pi / 2], [1, 2, 3], b="<right>", a="left")._repr_html_()
     assert "&lt;right&gt;_from_left" in pose and "(0.000, 0.000, 90.000) deg" in pose and "(1.0000, 2.0000, 3.0000) m" in pose
     lens = camera._repr_html_()
-    assert all(f"<th>{name}</th>" in lens for name in camera.parameters) and str(camera.parameters["fx_px"]) in lens
+    assert all(f"<th>{name}</th>" in lens for name in camera.parameters) and f"{camera.parameters['fx_px']:g}" in lens
     table = resight.table([answer] * 23)._repr_html_()
     assert table.count("<tr>") == 21 and "and 3 more rows" in table and "&lt;b&gt;" in table and "<b>" not in table
 

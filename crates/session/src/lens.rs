@@ -3,7 +3,6 @@
 use crate::cameras::COMMON_CAMERAS;
 use crate::command::{GivenLens, GivenLine, LineDirection};
 use crate::photograph::Photograph;
-use crate::pose::Solved;
 use crate::state::{PhotoState, SIGMA_PX};
 use crate::texts;
 use resight::answer::{EstimatedFocal, Status};
@@ -42,14 +41,14 @@ pub enum KnownLens {
 pub fn of_photograph(
     lender: &PhotoState,
     known: Option<&KnownLens>,
-    solved: Option<&Solved>,
+    estimated_focal: Option<&EstimatedFocal>,
     size: ImageSize,
 ) -> Result<KnownLens, String> {
     let Photograph { name, .. } = &*lender.photograph;
     if lender.photograph.size() != size {
         return Err(texts::other_size(name, lender.photograph.size(), size));
     }
-    match (known, solved.and_then(|s| s.answer.estimated_focal.as_ref())) {
+    match (known, estimated_focal) {
         (Some(KnownLens::Camera { camera, intrinsics, remark, .. }), _) => Ok(KnownLens::Camera {
             camera: camera.clone(),
             intrinsics: intrinsics.clone(),

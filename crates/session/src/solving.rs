@@ -80,11 +80,11 @@ impl Solving {
     /// Returns the lens of one photograph for another one.
     fn lent(&self, state: &State, lender: usize, photo: &PhotoState) -> Result<KnownLens, String> {
         let known = self.lens(lender).and_then(|lens| lens.known.as_deref().ok());
-        let solved = match self.attempt(lender) {
-            Some(Attempt::Solved(solved)) => Some(&**solved),
+        let estimated_focal = match self.attempt(lender) {
+            Some(Attempt::Solved(solved)) => solved.answer.estimated_focal.as_ref(),
             _ => None,
         };
-        lens::of_photograph(&state.photos[lender], known, solved, photo.photograph.size())
+        lens::of_photograph(&state.photos[lender], known, estimated_focal, photo.photograph.size())
     }
 
     /// Returns the result for a photograph's points; `None` where no lens is known.
