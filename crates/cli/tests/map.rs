@@ -170,7 +170,9 @@ fn input_without_a_map_is_explained() {
         "not connected",
     );
     refused(&changed("none", only(|_, _| false)), &[], 2, "", "no");
-    let unit = |view: u32, id: u32, rest: &str| Some(format!("{view},{id},{rest}").replace("0.3", "-1"));
+    let unit = |view: u32, id: u32, rest: &str| {
+        Some(format!("{view},{id},{}-1", rest.strip_suffix("0.3").expect("the standard deviation last")))
+    };
     refused(&changed("sigma", unit), &[], 2, "", "sigma_px");
     refused(&example("corners.csv"), &["--reference", "99"], 2, "", "no view shows this tag");
     refused(&example("corners.csv"), &["--known", &example("camera.toml")], 2, "", "camera.toml");

@@ -6,7 +6,6 @@
 //! ```
 
 use super::{Adjusted, MapProblem, resized};
-use crate::locate::consistency::is_inconsistent;
 use crate::locate::{Config, locate};
 use crate::{Matrix6, Pose};
 use nalgebra::{Matrix4, SMatrix, Vector3, Vector4};
@@ -22,6 +21,8 @@ pub(super) struct Size {
 const SIZE_OFF: f64 = 0.005;
 /// A size explains a contradiction where it lowers χ² by the square of so many standard deviations.
 const EXPLAINS_SIGMAS: f64 = 6.0;
+/// … and the rest is at most so many times what pixels explain: rows leave out the errors of the cameras' poses.
+const MOST_NOISE: f64 = 9.0;
 /// Least number of views.
 const ENOUGH_VIEWS: usize = 4;
 
@@ -41,7 +42,7 @@ pub(super) fn size(problem: &MapProblem, adjusted: &Adjusted, observations: &[us
     let sigma = (variance * noise).sqrt();
     let is_other = 0.0 < ratio && SIZE_OFF < (ratio - 1.0).abs() - 4.0 * sigma;
     let explains = EXPLAINS_SIGMAS * EXPLAINS_SIGMAS * noise < chi2_as_stated - chi2;
-    (is_other && explains && !is_inconsistent(chi2, degrees_of_freedom)).then_some(Size { ratio })
+    (is_other && explains && noise < MOST_NOISE).then_some(Size { ratio })
 }
 
 struct Row {
