@@ -239,7 +239,7 @@ test("two photographs put a point in space", async () => {
   await fourClicks(page);
   await page.locator(".photos input[type=file]").setInputFiles({ name: "second.png", mimeType: "image/png", buffer: readFileSync("../testdata/demo/left.png") });
   await page.getByText("Click A, which another photograph shows too.").waitFor();
-  await page.getByRole("button", { name: "left.png" }).click();
+  await page.getByRole("button", { name: "left.png", exact: true }).click();
   await page.getByText("A B C D").waitFor();
   await ended(page);
 });

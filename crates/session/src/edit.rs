@@ -136,11 +136,8 @@ fn set_lens(state: &mut State, photo: usize, given: GivenLens) -> Edited {
 
 /// Checks that a photograph which lends its lens has one of its own.
 fn check_lenders(state: &State) -> Edited {
-    let lenders = (0..state.photos.len()).filter_map(|i| state.lender(i));
-    lenders
-        .map(|lender| lender.map(|_| ()))
-        .collect::<Result<_, _>>()
-        .map_err(|text| Refusal { step: Step::Lens, text })
+    let mut lenders = (0..state.photos.len()).filter_map(|i| lens::lender(state, i));
+    lenders.try_for_each(|lender| lender.map(|_| ())).map_err(|text| Refusal { step: Step::Lens, text })
 }
 
 fn put_point(photo: &mut PhotoState, put: ImagePoint) -> Edited {

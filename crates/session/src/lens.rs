@@ -3,7 +3,7 @@
 use crate::cameras::COMMON_CAMERAS;
 use crate::command::{GivenLens, GivenLine, LineDirection};
 use crate::photograph::Photograph;
-use crate::state::{PhotoState, SIGMA_PX};
+use crate::state::{PhotoState, SIGMA_PX, State};
 use crate::texts;
 use resight::answer::{EstimatedFocal, Status};
 use resight::core::camera::ImageSize;
@@ -35,6 +35,19 @@ pub enum KnownLens {
     },
     /// Its focal length is estimated with the pose.
     Unknown(LensPrior),
+}
+
+/// Returns the number of the photograph from which another one takes its lens; the error is a sentence.
+pub fn lender(state: &State, photo: usize) -> Option<Result<usize, String>> {
+    let GivenLens::Photograph { name } = state.photos.get(photo)?.lens.as_ref()? else { return None };
+    let found = state.photos.iter().position(|p| p.photograph.name == *name);
+    Some(match found {
+        Some(other) if matches!(state.photos[other].lens, Some(GivenLens::Photograph { .. })) => {
+            Err(texts::borrowed_lens(name))
+        }
+        Some(other) => Ok(other),
+        None => Err(texts::no_photograph_named(name)),
+    })
 }
 
 /// Returns the lens of a photograph for another one of the same camera; a sentence where it has none, or the sizes differ.

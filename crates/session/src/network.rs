@@ -1,6 +1,7 @@
 //! The network for measuring in the photographs, which `resight measure` adjusts, built from the session.
 
 use crate::command::MeasuredKind;
+use crate::lens;
 use crate::places::Places;
 use crate::pose::Solved;
 use crate::state::{Measurement, State};
@@ -50,7 +51,7 @@ pub fn scene(
     let mut builder = Builder { scene, state, flatness_m: flatness_m(places), numbers: BTreeMap::new() };
     for (photo, own) in &shown {
         // A lens that another photograph lends is one camera of both.
-        let lender = state.lender(*photo).and_then(Result::ok);
+        let lender = lens::lender(state, *photo).and_then(Result::ok);
         let lens = lender.and_then(|lender| solved.get(lender)?.as_deref());
         builder.photo(*photo, own, lens.unwrap_or(own));
     }

@@ -175,7 +175,7 @@ fn photo(
     photo: &PhotoState,
     solved: &[Option<Arc<crate::pose::Solved>>],
 ) -> Option<Value> {
-    let lender = state.lender(number).and_then(Result::ok).unwrap_or(number);
+    let lender = lens::lender(state, number).and_then(Result::ok).unwrap_or(number);
     let camera_text = camera_text(state.photos.get(lender)?, solved.get(lender)?.as_deref())?;
     let clicked = photo.points.iter().map(|p| (p.name.clone(), [p.u_px, p.v_px], p.sigma_px));
     let measured = state.measurements.iter().filter(|m| m.photo == number).flat_map(|m| {

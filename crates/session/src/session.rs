@@ -18,7 +18,7 @@ use crate::snap::snap;
 use crate::solving::Solving;
 use crate::state::{PhotoState, State};
 use crate::view::{BirdseyeView, PhotoView, ShowView, StepText, View};
-use crate::{advice, edit, texts};
+use crate::{advice, edit, lens, texts};
 use resight::core::Pixel;
 use std::sync::Arc;
 
@@ -264,7 +264,7 @@ impl Session {
         };
         let (figures, overlay): (Vec<Figure>, Option<Overlay>) =
             shown.map_or((Vec::new(), None), |solved| (figures(solved), Some(overlay(state, solved))));
-        let lends_lens = |i: usize| state.lender(i).is_none() && self.solving.has_lens(i);
+        let lends_lens = |i: usize| lens::lender(state, i).is_none() && self.solving.has_lens(i);
         let photos: Vec<PhotoView> =
             state.photos.iter().enumerate().map(|(i, p)| photo_view(p, lends_lens(i))).collect();
         let lens = self.solving.lens(photo);

@@ -40,8 +40,9 @@ impl Solving {
         self.photos.resize_with(state.photos.len(), OnePhoto::default);
         self.good.resize(state.photos.len(), None);
         // Photographs that take their lens from another one come after it.
-        let (borrowing, own): (Vec<_>, Vec<_>) =
-            (0..state.photos.len()).map(|i| (i, state.lender(i))).partition(|(_, lender)| lender.is_some());
+        let (borrowing, own): (Vec<_>, Vec<_>) = (0..state.photos.len())
+            .map(|i| (i, lens::lender(state, i)))
+            .partition(|(_, lender)| lender.is_some());
         for (i, lender) in own.into_iter().chain(borrowing) {
             let photo = &state.photos[i];
             let lent = lender.map(|lender| self.lent(state, lender?, photo));

@@ -2,7 +2,6 @@
 
 use crate::command::{GivenLens, MeasuredKind, Template};
 use crate::photograph::Photograph;
-use crate::texts;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -29,19 +28,6 @@ pub struct State {
 }
 
 impl State {
-    /// Returns the number of the photograph from which another one takes its lens; the error is a sentence.
-    pub fn lender(&self, photo: usize) -> Option<Result<usize, String>> {
-        let GivenLens::Photograph { name } = self.photos.get(photo)?.lens.as_ref()? else { return None };
-        let found = self.photos.iter().position(|p| p.photograph.name == *name);
-        Some(match found {
-            Some(other) if matches!(self.photos[other].lens, Some(GivenLens::Photograph { .. })) => {
-                Err(texts::borrowed_lens(name))
-            }
-            Some(other) => Ok(other),
-            None => Err(texts::no_photograph_named(name)),
-        })
-    }
-
     /// Memory that it takes besides its photographs: texts, and lists by their lengths.
     pub fn weight_bytes(&self) -> usize {
         const ENTRY: usize = 128; // A name, a handful of numbers and what holds them.

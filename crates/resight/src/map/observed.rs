@@ -28,10 +28,13 @@ enum Job<'a> {
     Frame(String, GrayImage),
 }
 
+/// The corners of each tag, by id.
+type TagsOfImage = Vec<(u32, Vec<Detection>)>;
+
 /// What a search found.
 struct Found {
     name: String,
-    tags: Result<(Camera, Vec<(u32, Vec<Detection>)>), String>,
+    tags: Result<(Camera, TagsOfImage), String>,
 }
 
 struct Search<'a> {

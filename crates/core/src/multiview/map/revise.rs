@@ -32,7 +32,7 @@ pub(super) fn revised(
         }
         let (mut places, mut sizes) = (adjusted.places.clone(), adjusted.sizes.clone());
         add_copies(problem, &adjusted, &mut copies, &mut places);
-        resize(problem, &adjusted, &mut sizes);
+        resize(problem, &adjusted, &mut places, &mut sizes);
         let is_resized = |target: usize| sizes[target] != adjusted.sizes[target];
         part(problem, &adjusted, &mut places, is_resized);
         unite(problem, &adjusted, &mut places);
@@ -89,16 +89,39 @@ fn add_copies(problem: &MapProblem, adjusted: &Adjusted, copies: &mut Vec<usize>
     }
 }
 
-/// Gives targets that contradict the map the size that explains them.
-fn resize(problem: &MapProblem, adjusted: &Adjusted, sizes: &mut [f64]) {
+/// Returns the observations of a target, from views that the map places, that no place has: what contradicts every place is dropped.
+pub(super) fn without_place(problem: &MapProblem, adjusted: &Adjusted, target: usize) -> Vec<usize> {
+    let cam_from_map = adjusted.cam_from_map(problem.n_views);
+    let mut is_taken = vec![false; problem.observations.len()];
+    adjusted.taken.iter().for_each(|(_, i)| is_taken[*i] = true);
+    let is_own = |i: &usize| {
+        let observation = &problem.observations[*i];
+        observation.target == target
+            && !observation.seen.is_empty()
+            && cam_from_map[observation.view].is_some()
+    };
+    (0..problem.observations.len()).filter(|i| !is_taken[*i] && is_own(i)).collect()
+}
+
+/// Gives targets that contradict the map the size that explains them, and a place again to those that have lost it.
+fn resize(problem: &MapProblem, adjusted: &Adjusted, places: &mut Vec<Place>, sizes: &mut [f64]) {
     let mut is_explained = false;
-    for (p, place) in adjusted.places.iter().enumerate() {
-        if adjusted.of_place(p, false).len() < ENOUGH {
+    for target in 0..problem.n_targets {
+        let lost = without_place(problem, adjusted, target);
+        let own = adjusted.places.iter().position(|place| place.target == target);
+        let n_contradicting = own.map_or(0, |p| adjusted.of_place(p, false).len());
+        if lost.len() + n_contradicting < ENOUGH {
             continue;
         }
-        if let Some(found) = size(problem, adjusted, &place.observations) {
-            sizes[place.target] *= found.ratio;
-            is_explained = true;
+        let mut observations = own.map_or_else(Vec::new, |p| adjusted.places[p].observations.clone());
+        observations.extend(lost);
+        observations.sort_unstable();
+        let Some(found) = size(problem, adjusted, &observations) else { continue };
+        sizes[target] *= found.ratio;
+        is_explained = true;
+        match own {
+            Some(p) => places[p].observations = observations,
+            None => places.push(Place { target, observations }),
         }
     }
     if is_explained {

@@ -7,7 +7,7 @@
 
 use super::merge::{self, Merged, Placed};
 use super::places::{Connected, Place};
-use super::revise::ENOUGH;
+use super::revise::{ENOUGH, without_place};
 use super::second::SecondPose;
 use super::{Adjusted, Gauge, KnownTarget, MapConfig, MapProblem, MapSolution, TargetFault, TargetInMap};
 use crate::least_squares::dense::{DenseEquations, minimize_dense};
@@ -48,7 +48,7 @@ pub(super) fn placed(
         let Some(place) = chosen[target] else { continue };
         let tally = tally(&adjusted, place);
         (entry.n_used, entry.rms_px) = (tally.0, tally.1);
-        entry.n_rejected = n_rejected(&adjusted, target, place);
+        entry.n_rejected = n_rejected(problem, &adjusted, target, place);
         entry.scale = Some(adjusted.rig.scales[place].clone());
     }
     for (target, fault) in world.displaced {
@@ -105,7 +105,7 @@ fn chosen(problem: &MapProblem, adjusted: &Adjusted) -> Vec<Option<usize>> {
     }
     // The frame of the first place is that of the map, whose covariance is zero.
     if let Some(first) = adjusted.places.first()
-        && 0 < adjusted.of_place(0, true).len()
+        && !adjusted.of_place(0, true).is_empty()
     {
         best[first.target] = Some((0, 0));
     }
@@ -127,15 +127,18 @@ fn tally(adjusted: &Adjusted, place: usize) -> (usize, f64) {
     (n, (sum / f64::max(n_points, 1.0)).sqrt())
 }
 
-/// Returns the number of observations of a target that contradict the place, except for those of another proven place.
-fn n_rejected(adjusted: &Adjusted, target: usize, place: usize) -> usize {
+/// Returns the number of observations of a target that contradict the place, except for those of another proven place; those that no place has
+/// are among them.
+fn n_rejected(problem: &MapProblem, adjusted: &Adjusted, target: usize, place: usize) -> usize {
     let is_other = |p: usize| p == place || adjusted.of_place(p, true).len() < ENOUGH;
     let own = (0..adjusted.places.len()).filter(|p| adjusted.places[*p].target == target);
-    own.map(|p| {
-        let n_lost = adjusted.of_place(p, false).len();
-        n_lost + if p != place && is_other(p) { adjusted.of_place(p, true).len() } else { 0 }
-    })
-    .sum()
+    let of_places: usize = own
+        .map(|p| {
+            let n_lost = adjusted.of_place(p, false).len();
+            n_lost + if p != place && is_other(p) { adjusted.of_place(p, true).len() } else { 0 }
+        })
+        .sum();
+    of_places + without_place(problem, adjusted, target).len()
 }
 
 fn faults(
@@ -186,7 +189,7 @@ fn faults(
     if let Some((other, ratio)) = second[place] {
         faults.push(TargetFault::Ambiguous { world_from_target: in_world(&other), ratio });
     }
-    let n_lost = n_rejected(adjusted, target, place);
+    let n_lost = n_rejected(problem, adjusted, target, place);
     let n_observations = n_lost + adjusted.of_place(place, true).len();
     if loses_too_many(n_lost, n_observations) {
         faults.push(TargetFault::Contradicts { n_lost, n_observations });
