@@ -205,7 +205,7 @@ fn of_fault(solved: &SolvedMap, i: usize, fault: &TargetFault) -> String {
             solved.sizes_m[i]
         ),
         TargetFault::Contradicts { n_lost, n_observations } => format!(
-            "{n_lost} of {n_observations} observations contradict the map and agree on no other place: it moves, is bent, or several tags have this id"
+            "{n_lost} of {n_observations} observations contradict the map and agree on no other place: it moves, is bent, has another size than stated, or several tags have this id"
         ),
         TargetFault::Displaced { distance_m, rotation_rad } => format!(
             "it is {} and {} from where the known map says; it was moved, or the map is wrong there: measure it again",
