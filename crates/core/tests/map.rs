@@ -522,8 +522,10 @@ fn a_second_walk_updates_the_map() {
 #[test]
 #[ignore = "takes minutes"]
 fn a_hundred_rooms_are_mapped_and_updated_as_accurately_as_stated() {
-    for mean in updated(100..260, 0.2).into_iter().flatten() {
-        assert!((0.95..1.05).contains(&mean), "{mean}");
+    for sigma_px in [0.2, 0.5] {
+        for mean in updated(100..260, sigma_px).into_iter().flatten() {
+            assert!((0.95..1.05).contains(&mean), "{sigma_px} px: {mean}");
+        }
     }
 }
 #[test]
@@ -538,17 +540,4 @@ fn the_answer_does_not_depend_on_the_order() {
     let solve =
         |observations: &[MapObservation]| walk.solve(observations, &MapConfig::default()).expect("a map");
     assert_eq!(solve(&observations).targets, solve(&shuffled).targets);
-}
-
-/// As large as asked for: 60 tags, 300 views. `cargo test --release … -- --ignored --nocapture` measures the time.
-#[test]
-#[ignore = "measures time"]
-fn sixty_tags_in_three_hundred_views() {
-    let mut rng = Rng::new(9);
-    let walk = Walk::room(&mut rng, 60, 300, 0.3);
-    let observations = walk.observed(&mut rng);
-    let start = std::time::Instant::now();
-    let solution = walk.solve(&observations, &MapConfig::default()).expect("a map");
-    println!("{} observations: {:?}, {} placed", observations.len(), start.elapsed(), solution.placed.len());
-    assert_eq!(faulty(&solution), [0; 0]);
 }
