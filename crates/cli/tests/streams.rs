@@ -166,7 +166,7 @@ fn rtsp_is_watched() {
     wait_for_listener(port);
     let _camera = serve(&film, &["-f", "rtsp", "-rtsp_transport", "tcp", &address]);
     watching.until("steady state", |event| event["state"] == "steady");
-    watching.frames(5);
+    watching.frames(30);
     assert_eq!(states(&watching.seen), ["learning", "steady"], "{:?}", said(&watching.seen));
     capture_times_are_those_of_the_camera(&watching.seen);
 }

@@ -53,7 +53,7 @@ fn a_udp_sender_that_falls_silent_is_lost_and_comes_back() {
     assert_eq!(lost["reason"], reason.as_str());
     let _sender = send_udp(&film, &address);
     watching.until("return", |event| is_source(event, true));
-    watching.frames(5);
+    watching.frames(30);
     nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &format!("-i {address}"));
 }
@@ -91,7 +91,7 @@ fn an_rtmp_server_is_watched_lost_and_watched_again() {
     assert!(lost["reason"].as_str().is_some_and(|reason| reason.starts_with(&address)), "{lost}");
     let _server = start();
     watching.until("return", |event| is_source(event, true));
-    watching.frames(10);
+    watching.frames(30);
     nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &format!("-i {address}"));
 }
@@ -111,7 +111,7 @@ fn an_rtmp_camera_that_pushes_is_watched() {
     wait_for_listener(port);
     let _camera = serve(&film, &["-f", "flv", &address]);
     watching.until("steady state", |event| event["state"] == "steady");
-    watching.frames(5);
+    watching.frames(30);
     nothing_else_was_reported(&watching);
 }
 
@@ -169,7 +169,7 @@ fn a_v4l2_camera_is_watched_when_it_is_there() {
     watching.until("steady state", |event| event["state"] == "steady");
     watching.until("end", |event| is_source(event, false));
     watching.until("return", |event| is_source(event, true));
-    watching.frames(5);
+    watching.frames(30);
     nothing_else_was_reported(&watching);
     nothing_stays_behind(watching, &plugged.display().to_string());
 }

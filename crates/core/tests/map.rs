@@ -262,17 +262,18 @@ fn an_id_twice_in_one_view_is_named() {
 
 #[test]
 fn a_tag_of_another_size_is_named() {
-    for (seed, ratio) in [(0, 1.25), (1, 0.7), (2, 1.03), (3, 1.1)] {
-        let mut rng = Rng::new(980 + seed);
+    let ratios = [1.25, 0.7, 1.03, 1.1, 0.94, 0.8, 1.5, 0.5, 2.0, 0.97];
+    for (seed, ratio) in ratios.into_iter().enumerate() {
+        let mut rng = Rng::new(980 + seed as u64);
         let mut walk = Walk::room(&mut rng, 40, 120, 0.3);
         walk.size_m[6] = ratio * SIZE_M;
         let solution = walk.solve(&walk.observed(&mut rng), &MapConfig::default()).expect("a map");
         assert!(!solution.verdict.is_inconsistent, "{ratio}");
         assert_eq!(faulty(&solution), [6], "{ratio}: {:?}", faults(&solution, 6));
-        // Where nothing tells the size, it is named as contradicting the others.
-        if let [TargetFault::Size { ratio: found, sigma }] = faults(&solution, 6) {
-            assert!((found - ratio).abs() < 4.0 * sigma && *sigma < 0.05, "{found} ± {sigma}, true {ratio}");
-        }
+        let [TargetFault::Size { ratio: found, sigma }] = faults(&solution, 6) else {
+            panic!("{ratio}: {:?}", faults(&solution, 6))
+        };
+        assert!((found - ratio).abs() < 4.0 * sigma && *sigma < 0.05, "{found} ± {sigma}, true {ratio}");
     }
 }
 
@@ -450,39 +451,62 @@ fn located(rng: &mut Rng, walk: &Walk, solution: &MapSolution, reference: usize)
     views.filter_map(squared).collect()
 }
 
+/// A room with its map, the reference of the map, a walk through half of the room, and the map updated by it.
+fn walked_again(
+    rng: &mut Rng,
+    sigma_px: f64,
+) -> (Walk, MapSolution, usize, Vec<MapObservation>, MapSolution) {
+    let walk = Walk::room(rng, 40, 120, sigma_px);
+    let first = walk.solve(&walk.observed(rng), &MapConfig::default()).expect("a map");
+    let known = as_known(&first);
+    let config =
+        MapConfig { known: &known, known_covariance: Some(&first.joint_covariance), ..MapConfig::default() };
+    let half: Vec<MapObservation> = walk.observed(rng).into_iter().filter(|s| s.view < 60).collect();
+    let second = walk.solve(&half, &config).expect("a map");
+    let reference = reference(&first);
+    (walk, first, reference, half, second)
+}
+
+/// In these rooms the second walk shows a tag in one view, in which it has two poses: by itself, with three of its corners, or because the camera
+/// has two by the only other tag. What is known decides.
+#[test]
+fn a_known_map_decides_between_two_poses() {
+    for (trial, tag) in [(122, 22), (151, 39), (221, 37)] {
+        let mut rng = Rng::new(3000 + trial);
+        let (walk, _, reference, half, second) = walked_again(&mut rng, 0.5);
+        assert_eq!(half.iter().filter(|s| s.target == tag).count(), 1, "room {trial}");
+        assert_eq!(faults(&second, tag), [], "room {trial}");
+        let squared = squared(&second, tag, &walk.truth(reference, tag));
+        assert!(squared < 22.5, "room {trial}: {squared}");
+        // Without it the tag is where it is, or says that it may be elsewhere.
+        let alone = walk.solve(&half, &MapConfig::default()).expect("a map");
+        let found = alone.targets[tag].world_from_target.expect("placed");
+        let in_world = match alone.gauge {
+            Gauge::Reference { target } => walk.truth(target, tag),
+            Gauge::Known { .. } => panic!("nothing is known"),
+        };
+        let is_right = found.angle_to_rad(&in_world) < 0.3;
+        let is_ambiguous = matches!(faults(&alone, tag), [TargetFault::Ambiguous { .. }]);
+        assert!(is_right || is_ambiguous, "room {trial}: {:?}", faults(&alone, tag));
+    }
+}
+
 /// Means over rooms of what a map, its update by a walk through half of the room, and poses located by both are off, in units of what they state:
 /// all tags together, tag by tag, and camera poses.
 fn updated(rooms: core::ops::Range<u64>, sigma_px: f64) -> [[f64; 3]; 2] {
     let mut sums = [[0.0; 3]; 2];
-    let (n, mut n_ambiguous) = ((rooms.end - rooms.start) as f64, 0.0);
+    let (n, mut n_displaced) = ((rooms.end - rooms.start) as f64, 0);
     for trial in rooms {
         let mut rng = Rng::new(3000 + trial);
-        let walk = Walk::room(&mut rng, 40, 120, sigma_px);
-        let first = walk.solve(&walk.observed(&mut rng), &MapConfig::default()).expect("a map");
-        let reference = reference(&first);
-        let known = as_known(&first);
-        let config = MapConfig {
-            known: &known,
-            known_covariance: Some(&first.joint_covariance),
-            ..MapConfig::default()
-        };
-        let half: Vec<MapObservation> = walk.observed(&mut rng).into_iter().filter(|s| s.view < 60).collect();
-        let second = walk.solve(&half, &config).expect("a map");
+        let (walk, first, reference, half, second) = walked_again(&mut rng, sigma_px);
         assert_eq!((first.placed.len(), second.placed.len()), (40, 40));
         let is_seen = |t: &usize| half.iter().any(|s| s.target == *t);
-        let is_ambiguous = |s: &MapSolution, t: &usize| {
-            s.targets[*t].faults.iter().all(|fault| matches!(fault, TargetFault::Ambiguous { .. }))
-        };
         let of_second: Vec<usize> = faulty(&second).into_iter().filter(is_seen).collect();
-        for (solution, faulty) in [(&first, &faulty(&first)), (&second, &of_second)] {
-            let faults = faulty.iter().map(|t| &solution.targets[*t].faults).collect::<Vec<_>>();
-            assert!(faulty.iter().all(|t| is_ambiguous(solution, t)), "room {trial}: {faults:?}");
-        }
-        // A tag that a second pose explains says so, and may stand at either.
-        if !faulty(&first).is_empty() || !of_second.is_empty() {
-            n_ambiguous += 1.0;
-            continue;
-        }
+        // Known with errors, and measured with errors: the test has a level.
+        let is_displaced = |t: &usize| matches!(faults(&second, *t), [TargetFault::Displaced { .. }]);
+        assert_eq!(faulty(&first), [0; 0], "room {trial}: {:?}", first.targets);
+        assert!(of_second.iter().all(is_displaced), "room {trial}: {of_second:?}");
+        n_displaced += of_second.len();
         for (sums, solution) in sums.iter_mut().zip([&first, &second]) {
             let others = (0..40).filter(|t| *t != reference);
             let by_tag: f64 = others.map(|t| squared(solution, t, &walk.truth(reference, t))).sum();
@@ -497,13 +521,12 @@ fn updated(rooms: core::ops::Range<u64>, sigma_px: f64) -> [[f64; 3]; 2] {
             // The reference is exact in the first, and known to a micrometre in the second.
             trace(&second) <= trace(&first) * 1.01 + 1e-10
         };
-        assert!((0..40).all(is_smaller));
+        assert!((0..40).filter(|t| !of_second.contains(t)).all(is_smaller));
     }
-    assert!(n_ambiguous <= 0.1 * n, "{n_ambiguous} of {n} rooms have an ambiguous tag");
-    let means = sums.map(|sums| sums.map(|sum| sum / (n - n_ambiguous)));
-    println!(
-        "{sigma_px} px: first map and updated, together, by tag and by camera pose {means:.3?}, {n_ambiguous} rooms ambiguous"
-    );
+    // One of ten thousand known tags by chance; each room shows half of its forty again.
+    assert!(n_displaced as f64 <= 1.0 + 3e-4 * 20.0 * n, "{n_displaced} tags in {n} rooms");
+    let means = sums.map(|sums| sums.map(|sum| sum / n));
+    println!("{sigma_px} px: first map and updated, together, by tag and by camera pose {means:.3?}");
     means
 }
 
@@ -520,7 +543,7 @@ fn a_second_walk_updates_the_map() {
 
 /// As above, of so many rooms that the means by tag and by pose are known. `cargo test … -- --ignored --nocapture` prints them.
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "takes a minute"]
 fn a_hundred_rooms_are_mapped_and_updated_as_accurately_as_stated() {
     for sigma_px in [0.2, 0.5] {
         for mean in updated(100..260, sigma_px).into_iter().flatten() {
@@ -528,6 +551,7 @@ fn a_hundred_rooms_are_mapped_and_updated_as_accurately_as_stated() {
         }
     }
 }
+
 #[test]
 fn the_answer_does_not_depend_on_the_order() {
     let mut rng = Rng::new(8);

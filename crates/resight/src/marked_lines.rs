@@ -120,7 +120,7 @@ pub fn read_marked_lines(
 /// use resight::marked_lines::{SceneLens, scene_views};
 /// use resight::nominal::lens_of_unknown_focal;
 /// let lens = SceneLens::Unknown(lens_of_unknown_focal(ImageSize { width_px: 1280, height_px: 720 }));
-/// for answer in scene_views("lines.csv".as_ref(), &lens, None)? {
+/// for answer in scene_views("lines.csv", &lens, None)? {
 ///     println!("{}: {:?} px, tilt {:?}", answer.view, answer.focal_px, answer.tilt_rad);
 /// }
 /// # Ok(())

@@ -346,6 +346,23 @@ impl Adjusted {
         own.filter(|(_, result)| kind(&result.rejected)).map(|((_, index), _)| *index).collect()
     }
 
+    /// Returns the points of a view that took part, in the map's frame, but for those of one place.
+    fn seen_in(&self, problem: &MapProblem, view: usize, but: Option<usize>) -> Vec<Correspondence> {
+        let mut seen = Vec::new();
+        for ((place, i), result) in self.taken.iter().zip(&self.rig.observations) {
+            let observation = &problem.observations[*i];
+            if observation.view != view || result.rejected.is_some() || Some(*place) == but {
+                continue;
+            }
+            let map_from_target = self.rig.targets[*place].body_from_target;
+            let points = resized(&observation.seen, self.sizes[observation.target]);
+            let in_map =
+                |c: Correspondence| Correspondence { x_in_target: map_from_target * c.x_in_target, ..c };
+            seen.extend(points.into_iter().map(in_map));
+        }
+        seen
+    }
+
     /// Returns the covariance of two places together.
     fn joint(&self, a: usize, b: usize) -> Matrix6 {
         self.rig

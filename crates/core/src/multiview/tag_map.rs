@@ -9,11 +9,14 @@ mod joint;
 
 use crate::budget::{Budget, ErrorSource};
 use crate::correspondence::{Detection, Skipped, correspond};
+use crate::least_squares::{NormalEquations, PivotedPose};
 use crate::locate::consistency::{Consistency, inconsistent_above};
 use crate::locate::group::RigidGroup;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{centroid, normal_equations};
 use crate::locate::{Config, PoseEstimate, locate};
 use crate::target::{Feature, PrintedScale, TagMap};
-use crate::{Camera, Correspondence, Error, Target};
+use crate::{Camera, Correspondence, Error, Point, Target};
 use agreement::{Agreement, agreement, separate};
 pub use displaced::DisplacedTag;
 use nalgebra::DMatrix;
@@ -136,6 +139,15 @@ struct Points {
     groups: Vec<RigidGroup>,
 }
 
+/// The normal equations of some tags about the centroid of their points.
+struct Equations {
+    pivot_in_cam: Point,
+    /// Of all together, with the priors.
+    all: NormalEquations,
+    /// Of each alone; none where they are not finite.
+    of_tags: Vec<Option<NormalEquations>>,
+}
+
 impl<'a> TagView<'a> {
     /// `joined` in the order of ids.
     fn new(
@@ -183,6 +195,29 @@ impl<'a> TagView<'a> {
             points.seen.extend(&tag.corners);
         }
         points
+    }
+
+    /// Returns the normal equations at an estimate; none where those of all together are not finite.
+    fn equations(&self, chosen: &[usize], e: &PoseEstimate) -> Option<Equations> {
+        let points = self.points(chosen);
+        let pivot = centroid(&points.seen);
+        let place = PivotedPose::new(&e.cam_from_target, &pivot);
+        let whole = Problem {
+            seen: &points.seen,
+            camera: self.camera,
+            priors: self.config.priors,
+            loss: self.config.loss,
+            groups: &points.groups,
+            weights_at: None,
+        };
+        let of_tag = |i: &usize| {
+            let own = self.points(&[*i]);
+            let alone = Problem { seen: &own.seen, priors: &[], groups: &own.groups, ..whole };
+            normal_equations(&place, &pivot, &alone)
+        };
+        let all = normal_equations(&place, &pivot, &whole)?;
+        let of_tags = chosen.iter().map(of_tag).collect();
+        Some(Equations { pivot_in_cam: place.pivot_in_cam, all, of_tags })
     }
 
     fn locate(&self, chosen: &[usize]) -> Result<PoseEstimate, Error> {

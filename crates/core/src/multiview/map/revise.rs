@@ -32,7 +32,7 @@ pub(super) fn revised(
         }
         let (mut places, mut sizes) = (adjusted.places.clone(), adjusted.sizes.clone());
         add_copies(problem, &adjusted, &mut copies, &mut places);
-        resize(problem, &adjusted, &mut places, &mut sizes);
+        resize(problem, config, &adjusted, &mut places, &mut sizes);
         let is_resized = |target: usize| sizes[target] != adjusted.sizes[target];
         part(problem, &adjusted, &mut places, is_resized);
         unite(problem, &adjusted, &mut places);
@@ -104,24 +104,28 @@ pub(super) fn without_place(problem: &MapProblem, adjusted: &Adjusted, target: u
 }
 
 /// Gives targets that contradict the map the size that explains them, and a place again to those that have lost it.
-fn resize(problem: &MapProblem, adjusted: &Adjusted, places: &mut Vec<Place>, sizes: &mut [f64]) {
+fn resize(
+    problem: &MapProblem,
+    config: &MapConfig,
+    adjusted: &Adjusted,
+    places: &mut Vec<Place>,
+    sizes: &mut [f64],
+) {
     let mut is_explained = false;
-    for target in 0..problem.n_targets {
-        let lost = without_place(problem, adjusted, target);
-        let own = adjusted.places.iter().position(|place| place.target == target);
-        let n_contradicting = own.map_or(0, |p| adjusted.of_place(p, false).len());
-        if lost.len() + n_contradicting < ENOUGH {
-            continue;
-        }
-        let mut observations = own.map_or_else(Vec::new, |p| adjusted.places[p].observations.clone());
-        observations.extend(lost);
-        observations.sort_unstable();
-        let Some(found) = size(problem, adjusted, &observations) else { continue };
-        sizes[target] *= found.ratio;
-        is_explained = true;
-        match own {
-            Some(p) => places[p].observations = observations,
-            None => places.push(Place { target, observations }),
+    let doubted: Vec<(usize, Option<usize>, Vec<usize>)> =
+        (0..problem.n_targets).filter_map(|target| doubted(problem, adjusted, target)).collect();
+    if doubted.len() * MOST_SIZES <= problem.n_targets {
+        for (target, own, observations) in doubted {
+            // With a wrong size it pulls the cameras of its views to where that fits.
+            let others = adjusted.places.iter().filter(|place| place.target != target).cloned().collect();
+            let Ok(without) = adjust(problem, config, others, adjusted.sizes.clone()) else { continue };
+            let Some(found) = size(problem, &without, &observations) else { continue };
+            sizes[target] *= found.ratio;
+            is_explained = true;
+            match own {
+                Some(p) => places[p].observations = observations,
+                None => places.push(Place { target, observations }),
+            }
         }
     }
     if is_explained {
@@ -141,6 +145,22 @@ fn resize(problem: &MapProblem, adjusted: &Adjusted, places: &mut Vec<Place>, si
     if let Some(p) = wrong.max_by(|a, b| worst(a).total_cmp(&worst(b))) {
         sizes[adjusted.places[p].target] *= adjusted.rig.scales[p].ratio.clamp(0.5, 2.0);
     }
+}
+
+/// Returns a target whose observations contradict the map, with its place and all observations that may show it there.
+fn doubted(
+    problem: &MapProblem,
+    adjusted: &Adjusted,
+    target: usize,
+) -> Option<(usize, Option<usize>, Vec<usize>)> {
+    let lost = without_place(problem, adjusted, target);
+    let own = adjusted.places.iter().position(|place| place.target == target);
+    let n_contradicting = own.map_or(0, |p| adjusted.of_place(p, false).len());
+    let mut observations = own.map_or_else(Vec::new, |p| adjusted.places[p].observations.clone());
+    let is_doubted = ENOUGH <= lost.len() + n_contradicting;
+    observations.extend(lost);
+    observations.sort_unstable();
+    is_doubted.then_some((target, own, observations))
 }
 
 /// Makes observations that contradict their place a place of their own.

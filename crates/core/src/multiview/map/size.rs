@@ -6,6 +6,9 @@
 //! ```
 
 use super::{Adjusted, MapProblem, resized};
+use crate::least_squares::PivotedPose;
+use crate::locate::problem::Problem;
+use crate::locate::refine::{centroid, normal_equations};
 use crate::locate::{Config, locate};
 use crate::{Matrix6, Pose};
 use nalgebra::{Matrix4, SMatrix, Vector3, Vector4};
@@ -53,19 +56,36 @@ struct Row {
 
 fn row(problem: &MapProblem, adjusted: &Adjusted, cam_from_map: &[Option<Pose>], i: usize) -> Option<Row> {
     let observation = &problem.observations[i];
-    let map_from_cam = cam_from_map[observation.view]?.inverse();
+    let cam_from_map = cam_from_map[observation.view]?;
     let seen = resized(&observation.seen, adjusted.sizes[observation.target]);
     let found = locate(&seen, problem.camera, &Config::default()).ok()?;
     let t = found.cam_from_target.translation;
+    let (camera, pivot_in_cam) = camera_noise(problem, adjusted, observation.view, &cam_from_map)?;
+    let noise = at(&t, &found.covariance) + at(&(t - pivot_in_cam), &camera);
+    let map_from_cam = cam_from_map.inverse();
     let r = map_from_cam.rotation;
-    let information = (r * of_translation(&t, &found.covariance) * r.transpose()).try_inverse()?;
+    let information = (r * noise * r.transpose()).try_inverse()?;
     Some(Row { o: map_from_cam.translation, t: r * t, information })
 }
 
-/// Returns the covariance of the translation: δt = ν + ω × t.
-fn of_translation(t: &Vector3<f64>, covariance: &Matrix6) -> SMatrix<f64, 3, 3> {
+/// Returns the covariance of the camera's motion about a pivot, by the targets of its view, and the pivot, camera frame.
+fn camera_noise(
+    problem: &MapProblem,
+    adjusted: &Adjusted,
+    view: usize,
+    cam_from_map: &Pose,
+) -> Option<(Matrix6, Vector3<f64>)> {
+    let seen = adjusted.seen_in(problem, view, None);
+    let pivot = centroid(&seen);
+    let place = PivotedPose::new(cam_from_map, &pivot);
+    let information = normal_equations(&place, &pivot, &Problem::new(&seen, problem.camera))?.information();
+    Some((information.cholesky()?.inverse(), place.pivot_in_cam))
+}
+
+/// Returns the covariance of a point: δx = ν + ω × x.
+fn at(x: &Vector3<f64>, covariance: &Matrix6) -> SMatrix<f64, 3, 3> {
     let mut by = SMatrix::<f64, 3, 6>::zeros();
-    by.fixed_view_mut::<3, 3>(0, 0).copy_from(&-t.cross_matrix());
+    by.fixed_view_mut::<3, 3>(0, 0).copy_from(&-x.cross_matrix());
     by.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
     by * covariance * by.transpose()
 }

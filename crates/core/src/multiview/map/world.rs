@@ -24,6 +24,8 @@ struct World {
     placed: Vec<Placed>,
     joint: DMatrix<f64>,
     displaced: Vec<(usize, TargetFault)>,
+    /// Targets with two poses of which one is known to be wrong.
+    decided: Vec<usize>,
 }
 
 pub(super) fn placed(
@@ -35,7 +37,8 @@ pub(super) fn placed(
 ) -> Result<MapSolution, Error> {
     let chosen = chosen(problem, &adjusted);
     let is_known = config.known.iter().any(|k| chosen[k.target].is_some());
-    let world = if is_known { known(problem, config, &adjusted, &chosen)? } else { own(&adjusted, &chosen) };
+    let world =
+        if is_known { known(problem, config, &adjusted, &chosen, &second)? } else { own(&adjusted, &chosen) };
     let mut targets = vec![NOT_PLACED; problem.n_targets];
     for (i, one) in world.placed.iter().enumerate() {
         let target = &mut targets[one.target];
@@ -44,7 +47,9 @@ pub(super) fn placed(
     }
     let in_world = |pose: &Pose| world.world_from_map * *pose;
     for (target, entry) in targets.iter_mut().enumerate() {
-        entry.faults = faults(problem, &connected, &adjusted, &second, (target, chosen[target]), in_world);
+        let other =
+            chosen[target].and_then(|place| second[place]).filter(|_| !world.decided.contains(&target));
+        entry.faults = faults(problem, &connected, &adjusted, other, (target, chosen[target]), in_world);
         let Some(place) = chosen[target] else { continue };
         let tally = tally(&adjusted, place);
         (entry.n_used, entry.rms_px) = (tally.0, tally.1);
@@ -145,7 +150,7 @@ fn faults(
     problem: &MapProblem,
     connected: &Connected,
     adjusted: &Adjusted,
-    second: &[SecondPose],
+    second: SecondPose,
     (target, place): (usize, Option<usize>),
     in_world: impl Fn(&Pose) -> Pose,
 ) -> Vec<TargetFault> {
@@ -186,7 +191,7 @@ fn faults(
         let scale = &adjusted.rig.scales[place];
         faults.push(TargetFault::Size { ratio: size * scale.ratio, sigma: size * scale.sigma });
     }
-    if let Some((other, ratio)) = second[place] {
+    if let Some((other, ratio)) = second {
         faults.push(TargetFault::Ambiguous { world_from_target: in_world(&other), ratio });
     }
     let n_lost = n_rejected(problem, adjusted, target, place);
@@ -218,6 +223,7 @@ fn own(adjusted: &Adjusted, chosen: &[Option<usize>]) -> World {
         placed: placed.iter().map(pose).collect(),
         joint,
         displaced: Vec::new(),
+        decided: Vec::new(),
     }
 }
 
@@ -227,6 +233,8 @@ struct Survey<'a> {
     adjusted: &'a Adjusted,
     /// Index into `known`, and the place.
     both: Vec<(usize, usize)>,
+    /// A place that is taken to have another pose.
+    instead: Option<(usize, Pose)>,
 }
 
 /// The solution for some of them.
@@ -247,9 +255,15 @@ fn known(
     config: &MapConfig,
     adjusted: &Adjusted,
     chosen: &[Option<usize>],
+    second: &[SecondPose],
 ) -> Result<World, Error> {
     let both = config.known.iter().enumerate().filter_map(|(k, one)| Some((k, chosen[one.target]?)));
-    let mut survey = Survey { config, adjusted, both: both.collect() };
+    let (mut doubtful, mut both): (Vec<(usize, usize)>, Vec<(usize, usize)>) =
+        both.partition(|(_, place)| second[*place].is_some());
+    if both.is_empty() {
+        both = core::mem::take(&mut doubtful);
+    }
+    let mut survey = Survey { config, adjusted, both, instead: None };
     let mut displaced: Vec<usize> = Vec::new();
     let undetermined = || Error::NotConverged { steps: adjusted.rig.steps };
     let mut fit = survey.fit().ok_or_else(undetermined)?;
@@ -267,7 +281,26 @@ fn known(
         // Two that contradict each other: which is right, nothing says.
         displaced.extend(survey.both.iter().map(|(k, _)| *k));
     }
+    // What is known decides between two poses of a target.
+    let (mut decided, mut walked) = (Vec::new(), chosen.to_vec());
+    let mut agreeing = Vec::new();
+    for one @ (k, place) in doubtful {
+        let other = second[place].map(|(other, _)| (place, other));
+        let target = config.known[k].target;
+        match (survey.agrees(&fit, one, None), survey.agrees(&fit, one, other)) {
+            (true, other) => {
+                agreeing.push(one);
+                decided.extend((!other).then_some(target));
+            }
+            (false, true) => {
+                walked[target] = None;
+                decided.push(target);
+            }
+            (false, false) => displaced.push(k),
+        }
+    }
     let scale = survey.scale(&fit);
+    survey.both.extend(agreeing);
     let fault = |k: usize| {
         let KnownTarget { target, world_from_target: known } = config.known[k];
         let place = chosen[target]?;
@@ -283,9 +316,9 @@ fn known(
         scale,
     };
     let Merged { placed, mut joint } =
-        survey.merged(&fit.world_from_map, chosen, problem.n_targets).ok_or_else(undetermined)?;
+        survey.merged(&fit.world_from_map, &walked, problem.n_targets).ok_or_else(undetermined)?;
     joint *= noise_scale(fit.chi2, degrees_of_freedom);
-    Ok(World { world_from_map: fit.world_from_map, gauge, placed, joint, displaced: faults })
+    Ok(World { world_from_map: fit.world_from_map, gauge, placed, joint, displaced: faults, decided })
 }
 
 impl Survey<'_> {
@@ -298,7 +331,20 @@ impl Survey<'_> {
     }
 
     fn map_from_target(&self, place: usize) -> &Pose {
-        &self.adjusted.rig.targets[place].body_from_target
+        match &self.instead {
+            Some((other, pose)) if *other == place => pose,
+            _ => &self.adjusted.rig.targets[place].body_from_target,
+        }
+    }
+
+    /// Returns whether a known target that took no part in a fit agrees with it, with another pose of its place if one is given: eq. (6).
+    fn agrees(&mut self, fit: &Fit, one: (usize, usize), instead: Option<(usize, Pose)>) -> bool {
+        self.both.push(one);
+        self.instead = instead;
+        let with = self.fit();
+        self.both.pop();
+        self.instead = None;
+        with.is_some_and(|with| !is_inconsistent(with.chi2 - fit.chi2, 6))
     }
 
     /// Returns C, eq. (5).
@@ -395,6 +441,7 @@ impl Survey<'_> {
         let ratio = (&inverse * solved.tr_mul(&fit.left))[6];
         Some([1.0 + ratio, inverse[(6, 6)].sqrt()]).filter(|s| s.iter().all(|x| x.is_finite()))
     }
+
     /// Returns the poses of all targets by what is known and by the walk, eq. (9); those that are not where they were known to be by the walk
     /// alone.
     fn merged(&self, world_from_map: &Pose, chosen: &[Option<usize>], n_targets: usize) -> Option<Merged> {

@@ -73,9 +73,15 @@ pub(super) fn parts(
             parts.is_used.push(used);
         }
     }
+    if gate_chi2 < f64::INFINITY {
+        parts.reject_exact_targets(residuals, layout);
+    }
     parts.drop_undetermined(layout, located_views);
     parts
 }
+
+/// Three points fit one of four poses exactly, so that nothing shows which is right.
+const PROVEN_POINTS: usize = 4;
 
 /// Returns the root mean square over the points that can be projected.
 pub(super) fn rms_px(residuals: &Residuals) -> f64 {
@@ -85,6 +91,25 @@ pub(super) fn rms_px(residuals: &Residuals) -> f64 {
 }
 
 impl Parts {
+    /// Rejects the observations of targets on bodies of which so many points are left out that the rest fits any of their poses.
+    fn reject_exact_targets(&mut self, residuals: &[Residuals], layout: &Layout) {
+        for target in (0..layout.first_target.len()).filter(|t| layout.graph.block_of_target[*t].is_some()) {
+            let own = |i: &usize| {
+                layout.observations[*i].target == target && self.rejected[*i].is_none() && 0 < self.n_used(*i)
+            };
+            let own: Vec<usize> = (0..residuals.len()).filter(own).collect();
+            let n_used: usize = own.iter().map(|i| self.n_used(*i)).sum();
+            let n_points: usize = own.iter().map(|i| self.is_used[*i].len()).sum();
+            if n_used < PROVEN_POINTS.min(n_points) {
+                for i in own {
+                    self.rejected[i] =
+                        Some(RejectedObservation::Contradicts { rms_px: rms_px(&residuals[i]) });
+                    self.is_used[i].iter_mut().for_each(|used| *used = false);
+                }
+            }
+        }
+    }
+
     /// Drops every body in a view that has fewer than three points.
     fn drop_undetermined(&mut self, layout: &Layout, located_views: &LocatedViews) {
         for (body, range) in layout.ranges().into_iter().enumerate() {

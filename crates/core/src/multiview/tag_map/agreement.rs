@@ -5,12 +5,10 @@
 //! ```
 
 use super::TagView;
-use crate::least_squares::PivotedPose;
+use crate::least_squares::NormalEquations;
 use crate::locate::PoseEstimate;
 use crate::locate::choose::AMBIGUITY_GATE_CHI2;
 use crate::locate::consistency::{Consistency, is_inconsistent, noise_scale};
-use crate::locate::problem::Problem;
-use crate::locate::refine::{centroid, normal_equations};
 
 /// Two coordinates of each of four corners.
 pub(super) const DEGREES_OF_FREEDOM: usize = 8;
@@ -45,26 +43,13 @@ fn excess(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> Vec<f64> {
     if view.config.intrinsics_covariance.is_some() || view.config.target_scale_sigma != [0.0; 2] {
         return excess_by_solving(view, chosen, e);
     }
-    let points = view.points(chosen);
-    let pivot = centroid(&points.seen);
-    let place = PivotedPose::new(&e.cam_from_target, &pivot);
-    let whole = Problem {
-        seen: &points.seen,
-        camera: view.camera,
-        priors: view.config.priors,
-        loss: view.config.loss,
-        groups: &points.groups,
-        weights_at: None,
-    };
-    let Some(all) = normal_equations(&place, &pivot, &whole) else { return vec![0.0; chosen.len()] };
-    let of_tag = |i: &usize| -> Option<f64> {
-        let own = view.points(&[*i]);
-        let alone = Problem { seen: &own.seen, priors: &[], groups: &own.groups, ..whole };
-        let tag = normal_equations(&place, &pivot, &alone)?;
-        let (rest, gradient) = (all.information() - tag.information(), tag.gradient());
+    let Some(equations) = view.equations(chosen, e) else { return vec![0.0; chosen.len()] };
+    let of_tag = |tag: &Option<NormalEquations>| -> Option<f64> {
+        let tag = tag.as_ref()?;
+        let (rest, gradient) = (equations.all.information() - tag.information(), tag.gradient());
         Some(tag.chi2 + gradient.dot(&rest.cholesky()?.solve(&gradient)))
     };
-    chosen.iter().map(|i| of_tag(i).filter(|t| t.is_finite()).unwrap_or(0.0)).collect()
+    equations.of_tags.iter().map(|tag| of_tag(tag).filter(|t| t.is_finite()).unwrap_or(0.0)).collect()
 }
 
 /// As `excess`, each tag left out in turn: what uncertain intrinsics and scales explain is then out of both χ².

@@ -7,10 +7,8 @@
 //! docs/math/tag_map.md eqs. (11)–(13).
 
 use super::{SeenTag, TagView};
-use crate::least_squares::PivotedPose;
+use crate::least_squares::NormalEquations;
 use crate::locate::PoseEstimate;
-use crate::locate::problem::Problem;
-use crate::locate::refine::{centroid, normal_equations};
 use crate::pose::symmetric;
 use crate::target::TagMap;
 use crate::{Matrix6, Point};
@@ -59,27 +57,12 @@ pub(super) fn of_map(view: &TagView, chosen: &[usize], e: &PoseEstimate) -> Matr
 }
 
 fn added(view: &TagView, joint: &DMatrix<f64>, chosen: &[usize], e: &PoseEstimate) -> Option<Matrix6> {
-    let points = view.points(chosen);
-    let pivot = centroid(&points.seen);
-    let place = PivotedPose::new(&e.cam_from_target, &pivot);
-    let to_pivot = about(&place.pivot_in_cam);
-    let whole = Problem {
-        seen: &points.seen,
-        camera: view.camera,
-        priors: view.config.priors,
-        loss: view.config.loss,
-        groups: &points.groups,
-        weights_at: None,
-    };
-    let inverse = normal_equations(&place, &pivot, &whole)?.information().cholesky()?.inverse();
-    let ad = to_pivot * e.cam_from_target.adjoint();
+    let equations = view.equations(chosen, e)?;
+    let inverse = equations.all.information().cholesky()?.inverse();
+    let ad = about(&equations.pivot_in_cam) * e.cam_from_target.adjoint();
     // D_t, the motion of the pose that follows a motion of the tag; the sign does not matter.
-    let by_tag = |i: &usize| -> Option<Matrix6> {
-        let own = view.points(&[*i]);
-        let alone = Problem { seen: &own.seen, priors: &[], groups: &own.groups, ..whole };
-        Some(inverse * normal_equations(&place, &pivot, &alone)?.information() * ad)
-    };
-    let by: Vec<Matrix6> = chosen.iter().map(by_tag).collect::<Option<_>>()?;
+    let by_tag = |tag: &Option<NormalEquations>| Some(inverse * tag.as_ref()?.information() * ad);
+    let by: Vec<Matrix6> = equations.of_tags.iter().map(by_tag).collect::<Option<_>>()?;
     let mut sum = Matrix6::zeros();
     for (a, by_a) in chosen.iter().zip(&by) {
         for (b, by_b) in chosen.iter().zip(&by) {
@@ -93,7 +76,7 @@ fn added(view: &TagView, joint: &DMatrix<f64>, chosen: &[usize], e: &PoseEstimat
         let origin = about(&-group.centre_in_target);
         sum -= by_a * origin * own * origin.transpose() * by_a.transpose();
     }
-    let back = about(&-place.pivot_in_cam);
+    let back = about(&-equations.pivot_in_cam);
     let added = symmetric(&(back * sum * back.transpose()));
     added.sum().is_finite().then_some(added)
 }
