@@ -1,8 +1,9 @@
 //! `map` as a user runs it: corners of a walk with truth, and wrong input of all kinds.
 
+use crate::rig_support::Chance;
 use crate::support::{Run, folder, json_lines, resight};
 use resight_core::{Pose, Vector6};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 
 fn example(name: &str) -> String {
@@ -272,4 +273,48 @@ fn a_wrong_camera_writes_no_map() {
     assert_eq!(run.code, 1, "{}{}", run.stdout, run.stderr);
     assert_eq!(answer(&run)["status"], "inconsistent");
     assert!(!file.exists() && run.stderr.contains("not written"), "{}", run.stderr);
+}
+
+/// A camera that stays where the walk had its third view is watched by the map, until it is turned by 0.3°.
+#[test]
+fn a_camera_is_watched_by_the_map() {
+    let file = folder("map-watch").join("map.toml").display().to_string();
+    assert_eq!(map(&example("corners.csv"), &["-o", &file]).code, 0);
+    let text = std::fs::read_to_string(example("corners.csv")).unwrap();
+    let rows = text.lines().filter_map(|row| row.strip_prefix("02,"));
+    let rows: Vec<Vec<f64>> =
+        rows.map(|row| row.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    assert_eq!(rows.len(), 20);
+    let turned = Pose::exp(&Vector6::new(0.0, f64::to_radians(0.3), 0.0, 0.0, 0.0, 0.0));
+    let (mut chance, sigma_px) = (Chance(0x61), 0.2);
+    let mut line = |second: usize| {
+        let old_from_new = if second < 200 { Pose::identity() } else { turned };
+        let mut detection = |row: &Vec<f64>| {
+            let ray = nalgebra::Vector3::new((row[2] - 639.5) / 900.0, (row[3] - 479.5) / 900.0, 1.0);
+            let ray = old_from_new.inverse().rotation * ray;
+            let pixel = [639.5 + 900.0 * ray.x / ray.z, 479.5 + 900.0 * ray.y / ray.z];
+            let [u, v] = pixel.map(|x| x + sigma_px * chance.normal());
+            json!({"id": row[0] as u32, "corner": row[1] as u32, "u_px": u, "v_px": v, "sigma_px": sigma_px})
+        };
+        let seen: Vec<Value> = rows.iter().map(&mut detection).collect();
+        format!("{}\n", json!({"t_s": second, "detections": seen}))
+    };
+    let input: String = (0..300).map(&mut line).collect();
+    let camera = example("camera.toml");
+    let run = assert_cmd::Command::cargo_bin("resight")
+        .expect("the program")
+        .args(["watch", "--camera", &camera, "--target", &file, "--once", "--json", "--source", "-"])
+        .write_stdin(input)
+        .output()
+        .expect("it runs");
+    let events = String::from_utf8(run.stdout).expect("text");
+    let events: Vec<Value> = events.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let states: Vec<&Value> = events.iter().filter(|event| event["event"] == "state").collect();
+    assert_eq!(run.status.code(), Some(3), "{states:?} {}", String::from_utf8_lossy(&run.stderr));
+    assert_eq!((&states[0]["state"], &states[1]["state"]), (&"learning".into(), &"steady".into()));
+    let drifted = states.iter().rfind(|event| event["state"] == "drifted").expect("a drift");
+    let found = drifted["pure_rotation_rad"][1].as_f64().expect("it only turned").to_degrees();
+    let sigma = drifted["pure_rotation_sigma_rad"][1].as_f64().expect("a number").to_degrees();
+    assert!((found - 0.3).abs() < 4.0 * sigma && sigma < 0.03, "{found}° ± {sigma}°");
+    assert!((drifted["began_s"].as_f64().expect("a time") - 200.0).abs() <= 3.0, "{drifted}");
 }
