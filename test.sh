@@ -173,8 +173,9 @@ if [ "$mode" = everything ]; then
     export RESIGHT_PROGRAM=${RESIGHT_PROGRAM:-$target/debug/resight}
     aside page 0 # It waits for the browser half of its time.
     step "derivations (SymPy, 50 digits)" awaited derivations
-    step "files read by other programs" foreign_readers
+    aside foreign_readers 0 # One thread, and so is most of the wheel.
     step "python wheel" wheel
+    step "files read by other programs" awaited foreign_readers
     aside cluster_tests 0 # Its engines wait for each other.
     step "tests of the wheel" wheel_tests
     step "page" awaited page
