@@ -4,14 +4,13 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use std::ffi::OsString;
 
 /// Words for jobs that other programs have, and the command that does the job here.
-const WORDS: [(&str, &str); 42] = [
+const WORDS: [(&str, &str); 41] = [
     ("calibrate", "intrinsics"),
     ("calibration", "intrinsics"),
     ("calibrate-camera", "intrinsics"),
     ("camera", "intrinsics"),
     ("intrinsic", "intrinsics"),
     ("lens", "intrinsics"),
-    ("undistort", "intrinsics"),
     ("cameracalibrator", "capture"),
     ("record", "capture"),
     ("extrinsic", "rig"),
@@ -60,23 +59,55 @@ pub fn flags(words: &[OsString]) -> Vec<OsString> {
     }
 }
 
-/// Adds what is meant: the command where the word is another program's, the decimal point where a number has a comma.
+/// Adds what is meant: the command where the word is another program's, the decimal point where a number has a comma, metres where a flag is in
+/// another unit, and every family where no target is given.
 pub fn with_advice(error: clap::Error) -> clap::Error {
-    with_point(with_command(error))
+    with_family(with_metres(with_point(with_command(error))))
 }
 
-fn with_point(mut error: clap::Error) -> clap::Error {
+fn advised(mut error: clap::Error, advice: String) -> clap::Error {
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![advice.into()]));
+    error
+}
+
+fn with_metres(error: clap::Error) -> clap::Error {
+    const UNITS: [(&str, &str); 3] =
+        [("-mm", "35 mm are 0.035"), ("-cm", "16 cm are 0.16"), ("-in", "4 inches are 0.1016")];
+    let (unknown, near) = match (error.get(ContextKind::InvalidArg), error.get(ContextKind::SuggestedArg)) {
+        (Some(ContextValue::String(unknown)), Some(ContextValue::String(near))) => (unknown, near),
+        _ => return error,
+    };
+    let in_metres = UNITS.iter().find_map(|(unit, example)| {
+        let stem = unknown.strip_suffix(unit)?;
+        (*near == format!("{stem}-m")).then(|| format!("{near} is in metres: {example}"))
+    });
+    match in_metres {
+        Some(advice) => advised(error, advice),
+        None => error,
+    }
+}
+
+fn with_family(error: clap::Error) -> clap::Error {
+    let is_lacking = |given: &ContextValue| matches!(given, ContextValue::Strings(all) if all.iter().any(|one| one.contains("--family")));
+    let is_it = error.kind() == ErrorKind::MissingRequiredArgument
+        && error.get(ContextKind::InvalidArg).is_some_and(is_lacking);
+    match is_it {
+        true => advised(error, "--family any finds the tags of every family".to_owned()),
+        false => error,
+    }
+}
+
+fn with_point(error: clap::Error) -> clap::Error {
     let point = match (error.kind(), error.get(ContextKind::InvalidValue)) {
         (ErrorKind::ValueValidation, Some(ContextValue::String(text))) if text.contains(',') => {
             text.replacen(',', ".", 1)
         }
         _ => return error,
     };
-    if point.parse::<f64>().is_ok_and(f64::is_finite) {
-        let advice = format!("numbers have a decimal point: {point}");
-        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![advice.into()]));
+    match point.parse::<f64>().is_ok_and(f64::is_finite) {
+        true => advised(error, format!("numbers have a decimal point: {point}")),
+        false => error,
     }
-    error
 }
 
 fn with_command(mut error: clap::Error) -> clap::Error {
@@ -129,6 +160,14 @@ mod tests {
         for value in ["-0.5", "1,000,5", "half"] {
             assert!(!solve(value).contains("decimal point"), "{}", solve(value));
         }
+    }
+
+    #[test]
+    fn a_flag_in_another_unit_leads_to_metres_and_a_search_without_a_target_to_every_family() {
+        let print = said(&["print", "--kind", "tag", "--id", "3", "--size-mm", "35", "-o", "x.pdf"]);
+        assert!(print.contains("--size-m is in metres: 35 mm are 0.035"), "{print}");
+        assert!(said(&["detect", "x.jpg"]).contains("--family any finds"), "{}", said(&["detect", "x.jpg"]));
+        assert!(!said(&["locate", "x.jpg"]).contains("--family any"));
     }
 
     #[test]

@@ -503,7 +503,7 @@ fn tapes_in_centimetres_are_implausible() {
         "{}",
         said.stdout
     );
-    assert!(said.stdout.contains("centimetres?") && said.stdout.contains("IMPLAUSIBLE"), "{}", said.stdout);
+    assert!(said.stdout.contains("centimetres (") && said.stdout.contains("IMPLAUSIBLE"), "{}", said.stdout);
     let lines = json_lines(&run(&scene, &["--json"]));
     assert!(lines.iter().all(|line| line["status"] == "implausible"), "{lines:?}");
     let meant = format!("lengths_are_metres = true\n{centimetres}");
@@ -512,6 +512,31 @@ fn tapes_in_centimetres_are_implausible() {
         let said = run(&scene, &[]);
         assert!(said.code == code && !said.stdout.contains("mplausible"), "{}", said.stdout);
     }
+}
+
+/// One of two photographs upside down: nothing tells which, both are named, and the numbers are those of the right rows.
+#[test]
+fn a_photograph_whose_rows_are_counted_upwards_is_named() {
+    let folder = folder("measure_upwards");
+    let scene = write_scene(&folder, 4, &Change::default());
+    let clicks = std::fs::read_to_string(folder.join("clicks.csv")).expect("read");
+    let upwards = |line: &str| match line.strip_prefix("east,") {
+        Some(_) => {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            cells[3] = (1065.0 - cells[3].parse::<f64>().expect("v_px")).to_string();
+            cells.join(",")
+        }
+        None => line.to_owned(),
+    };
+    let upwards: Vec<String> = clicks.lines().map(upwards).collect();
+    std::fs::write(folder.join("clicks.csv"), upwards.join("\n")).expect("written");
+    let said = run(&scene, &[]);
+    assert_eq!(said.code, 1);
+    for photo in ["east", "south"] {
+        let wanted = format!("v of all points in {photo} looks counted from the bottom");
+        assert!(said.stdout.contains(&wanted), "{}", said.stdout);
+    }
+    assert!(said.stdout.contains("the numbers below are with the first corrected"), "{}", said.stdout);
 }
 
 /// The labels B and C of one photograph exchanged: they are named, the numbers are those of the right labels, and the answer is not `ok`.

@@ -132,7 +132,10 @@ fn mistakes_are_named_with_the_way_out() {
     let tag = ["--kind", "tag", "--id", "7", "--size-m", "0.1"];
     refused(&print(&[]), "a target is needed: --target FILE, or --kind");
     refused(&print(&["--kind", "tg", "--id", "7"]), "did you mean `tag`?");
-    refused(&print(&["--kind", "chessboard", "--rows", "6"]), "`square_m` is missing");
+    refused(
+        &print(&["--kind", "chessboard", "--rows", "6"]),
+        "--kind chessboard needs --columns, --square-m, e.g. --columns 9 --square-m 0.025",
+    );
     refused(&print(&["--kind", "tag", "--id", "7", "--size-m", "nan"]), "a positive number is needed");
     refused(&print(&["--kind", "tag", "--id", "587", "--size-m", "0.1"]), "0 to 586, 587 asked for");
     refused(&print(&["--kind", "tag", "--id", "580-590", "--size-m", "0.1"]), "0 to 586, 590 asked for");

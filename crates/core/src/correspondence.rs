@@ -49,6 +49,11 @@ impl PixelCovariance {
         (0.5 * (self.uu_px2 + self.vv_px2)).sqrt()
     }
 
+    /// Returns the covariance of (v, u).
+    pub(crate) const fn with_axes_exchanged(&self) -> Self {
+        PixelCovariance { uu_px2: self.vv_px2, uv_px2: self.uv_px2, vv_px2: self.uu_px2 }
+    }
+
     /// Returns the smaller eigenvalue, px²; positive for a valid covariance.
     pub(crate) fn least_variance_px2(&self) -> f64 {
         let (mean, half) = (0.5 * (self.uu_px2 + self.vv_px2), 0.5 * (self.uu_px2 - self.vv_px2));

@@ -6,6 +6,7 @@ use crate::run::{Job, Progress, run};
 use crate::source::expand;
 use crate::{Cameras, FleetError, FleetState, Solver, report, reread, units};
 use resight::formats::{read_target, write_atomically};
+use resight::input::table::how_file_is_read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -56,7 +57,8 @@ pub fn batch(
     }
     let solver = Solver { cameras: Arc::new(cameras_of(request)?), sigma_px: request.sigma_px };
     let of_views = inputs.first().map(|first| units::of_views(first)).unwrap_or_default();
-    for text in solver.cameras.warnings.iter().chain(&of_views) {
+    let how_read = inputs.iter().find_map(how_file_is_read);
+    for text in solver.cameras.warnings.iter().chain(&of_views).chain(&how_read) {
         hear(News::Warning(text.clone()));
     }
     let (period_s, threads) = (request.period_s, request.threads);

@@ -17,6 +17,7 @@ use parquet::arrow::arrow_reader::{
     ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
     RowSelection, RowSelector,
 };
+use resight::input::what_is_it::{HEAD_BYTES, that_is_no_text};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -201,9 +202,10 @@ pub fn explain_file(path: impl AsRef<Path>) -> Result<(Columns, Option<usize>), 
 fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
     resight::input::must_not_block(path)?;
     let mut file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
-    let mut head = [0; 4];
+    let mut head = [0; HEAD_BYTES];
     let read = std::io::Read::read(&mut file, &mut head).map_err(|e| FleetError::at(path, e.to_string()))?;
-    if head[..read] == *b"PAR1" {
+    let head = &head[..read];
+    if head.starts_with(b"PAR1") {
         let metadata =
             ArrowReaderMetadata::load(&file, ArrowReaderOptions::new().with_skip_arrow_metadata(false));
         let metadata = metadata.map_err(|e| FleetError::parquet(path, &e))?;
@@ -214,7 +216,10 @@ fn schema_of(path: &Path) -> Result<(SchemaRef, Kind), FleetError> {
             Kind::Parquet { metadata: Box::new(metadata), columns: Vec::new() },
         ));
     }
-    let is_json = head[..read].iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+    if let Some(other) = that_is_no_text(head) {
+        return Err(FleetError::at(path, other));
+    }
+    let is_json = head.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
     match is_json {
         true => Ok((json_lines::schema(path)?, Kind::JsonLines)),
         false => Ok((csv::schema(path)?, Kind::Csv)),

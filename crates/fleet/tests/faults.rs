@@ -56,7 +56,7 @@ fn units_of_rows_get_a_remark() {
     let numbers = "a,0,700,480,900,490,720,700,100,200,300,2000,100,500,400,1500,100";
     std::fs::write(folder.join("cameras.csv"), "camera,fx_px,fy_px,cx_px,cy_px\na,900,900,640,480\n")
         .expect("written");
-    for (unit, said) in [("m", "are they in millimetres?"), ("mm", "`x0_mm` is not read")] {
+    for (unit, said) in [("m", "are they in millimetres ("), ("mm", "`x0_mm` is not read")] {
         let points =
             HEAD.split_once("x0").map_or("", |(_, points)| points).replace("_m", &format!("_{unit}"));
         let file = folder.join(format!("{unit}.csv"));
@@ -206,7 +206,7 @@ fn points_that_hardly_exist_make_a_row_implausible() {
         }
         let (status, reason) = Marks::of(1000.0).solved(in_row);
         assert_eq!(status, Status::Implausible);
-        assert!(reason.is_some_and(|reason| reason.contains("are they in millimetres?")));
+        assert!(reason.is_some_and(|reason| reason.contains("are they in millimetres (")));
     }
 }
 

@@ -39,6 +39,11 @@ fn csv_json_lines_and_rows_of_points_give_the_same_answers() {
     let first = run("flat.csv", &flat);
     assert!(300 < first.0.lines().count() && first.0.contains(",ok,"));
     assert!(run("lines.jsonl", &lines) == first && run("points.csv", &points) == first);
+    for (name, mark) in [("semicolons.csv", ";"), ("tabs.csv", "\t"), ("bars.csv", "|")] {
+        let of_country = |text: &str| format!("\u{feff}{}", text.replace(',', mark).replace('.', ","));
+        assert!(run(name, &of_country(&flat)) == first, "{name}");
+        assert!(run(&format!("points-{name}"), &of_country(&points)) == first, "points, {name}");
+    }
 }
 
 #[test]
@@ -56,6 +61,12 @@ fn explain_names_what_is_missing() {
     let (columns, rows) = explain_file(&long).expect("a table");
     let words = ColumnsObject::of(&long, columns, rows).in_words();
     assert!(words.contains("xxx…xxx") && words.lines().all(|line| line.len() < 1000), "a name of any length");
+    let refused = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.join(name), bytes).expect("written");
+        explain_file(folder.join(name)).expect_err("no table").to_string()
+    };
+    assert!(refused("views.xlsx", b"PK\x03\x04\0\0xl/workbook.xml").contains("save it as CSV"));
+    assert!(refused("views16.csv", b"\xff\xfec\0,\0").contains("save it as UTF-8"));
     let nothing = expand(&[folder.join("none*").display().to_string()]);
     assert!(nothing.is_err_and(|reason| reason.to_string().contains("no file of views")));
 }

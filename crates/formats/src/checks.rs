@@ -150,8 +150,8 @@ pub(super) fn size_pair(at: &Entry<'_>) -> Result<ImageSize, Fault> {
 pub(super) fn unit_warning(what: &str, length: f64) -> Option<String> {
     (LONG_BASELINE_M < length).then(|| {
         format!(
-            "{what} is {length:.1} long; the file states no unit and it is read as metres. If the \
-            board was measured in millimetres, divide by 1000"
+            "{what} is {length:.1} long; the file states no unit and it is read as metres. If it \
+            is in millimetres, divide by 1000"
         )
     })
 }

@@ -226,7 +226,7 @@ fn not_a_number(text: &str) -> String {
 }
 
 /// Names of single coefficients that other programs give keys of their own.
-const COEFFICIENTS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+pub(super) const COEFFICIENTS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 
 /// Whether a key is the length of which another is the ratio: `tag_spacing_m` of `tag_spacing_ratio`.
 fn is_length_of(key: &str, ratio: &str) -> bool {
@@ -244,6 +244,14 @@ fn unknown_key(key: &str, value: Option<f64>, known: &[&str]) -> String {
     }
     if COEFFICIENTS.contains(&key) && known.contains(&"distortion") {
         return "unknown key: coefficients stand in one list; write `distortion = [k1, k2, p1, p2]` with all of them, in OpenCV's order".into();
+    }
+    if let Some(stem @ ("fx" | "fy" | "f")) = key.strip_suffix("_mm") {
+        let wanted = format!("{stem}_px");
+        if known.contains(&wanted.as_str()) {
+            return format!(
+                "unknown key: focal lengths are in pixels; write `{wanted}`, the millimetres times width_px over the width of the sensor in millimetres"
+            );
+        }
     }
     for unit in ["_m", "_px"] {
         let with_unit = format!("{key}{unit}");

@@ -15,7 +15,7 @@ pub use toml_reason::{in_metres, toml_reason};
 use crate::FileError;
 use newlines::Newlines;
 use std::fs::File;
-use std::io::{Error, ErrorKind, Read};
+use std::io::{Cursor, Error, ErrorKind, Read};
 use std::path::Path;
 
 /// What a file is read as.
@@ -162,7 +162,12 @@ pub fn read_text(path: impl AsRef<Path>, kind: Kind) -> Result<String, FileError
 pub fn open_table(path: impl AsRef<Path>) -> Result<Rows, FileError> {
     let path = path.as_ref();
     let file = open_file(path, Kind::Table)?;
-    Ok(Rows(Newlines::new(Bounded { file, left: Kind::Table.limit_bytes(), line: 0, is_begun: false })))
+    Ok(Rows::new(Source::File(file)))
+}
+
+/// A table in memory, as [`open_table`] opens one of a disk.
+fn rows_of_bytes(bytes: &[u8]) -> Rows {
+    Rows::new(Source::Memory(Cursor::new(bytes.to_vec())))
 }
 
 /// Opens what is a file, or was opened by the shell, and is not too large.
@@ -206,6 +211,29 @@ fn is_opened_by_shell(path: &Path) -> bool {
 #[derive(Debug)]
 pub struct Rows(Newlines<Bounded>);
 
+impl Rows {
+    fn new(source: Source) -> Self {
+        let left = Kind::Table.limit_bytes();
+        Rows(Newlines::new(Bounded { source, left, line: 0, is_begun: false }))
+    }
+}
+
+/// Where a table is.
+#[derive(Debug)]
+enum Source {
+    File(File),
+    Memory(Cursor<Vec<u8>>),
+}
+
+impl Read for Source {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        match self {
+            Source::File(file) => file.read(into),
+            Source::Memory(bytes) => bytes.read(into),
+        }
+    }
+}
+
 impl Read for Rows {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         self.0.read(into)
@@ -215,7 +243,7 @@ impl Read for Rows {
 /// A file that ends in time, with lines that do.
 #[derive(Debug)]
 struct Bounded {
-    file: File,
+    source: Source,
     left: u64,
     line: usize,
     is_begun: bool,
@@ -226,7 +254,7 @@ const MAX_LINE_BYTES: usize = 1 << 20;
 
 impl Read for Bounded {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-        let n = self.file.read(into)?;
+        let n = self.source.read(into)?;
         if !std::mem::replace(&mut self.is_begun, true)
             && let Some(what) = what_is_it::that_is_no_text(&into[..n])
                 .or_else(|| into[..n].contains(&0).then(|| NUL.to_owned()))

@@ -6,7 +6,7 @@
 
 use crate::core::camera::{CameraMatrix, ImageSize};
 use crate::core::target::{LinePlusOne, NamedPoint, TagMap};
-use crate::core::{Point, Target};
+use crate::core::{Pixel, Point, Target};
 
 /// A printed square: the largest boards are 2 m overall.
 const LARGEST_SQUARE_M: f64 = 1.5;
@@ -27,6 +27,12 @@ const LARGEST_EXTENT_M: f64 = 1e5;
 const LEAST_COORDINATES: usize = 6;
 /// Coordinates in metres that are round to 0.1 m have this standard deviation at least: 0.1 m / √12.
 const ROUND_SIGMA_M: f64 = 0.028;
+/// Numbers that are parts of a whole, to rounding.
+const PARTS: std::ops::RangeInclusive<f64> = -0.01..=1.01;
+/// Fewer pixels may be in the corner of an image.
+const LEAST_PIXELS: usize = 3;
+/// Images of fewer pixels a side are those of no camera.
+const SMALLEST_IMAGE_PX: u32 = 16;
 /// Taped distances beyond this, all round, are millimetres.
 const LONGEST_TAPE_M: f64 = 100.0;
 /// Where the shortest taped distance of a scene is longer than this, round or not, all are centimetres or millimetres.
@@ -177,12 +183,18 @@ pub fn of_points(points: &[Point]) -> Option<String> {
     let is_suspect = is_round || (LARGEST_EXTENT_M < extent_m && extent_m < 1e12);
     is_suspect.then(|| {
         let why = if is_round { ", every coordinate a round number" } else { "" };
-        format!(
-            "the points lie over {} m{why}: are they in millimetres? Then divide by 1000 ({} m)",
-            short(extent_m),
-            short(extent_m / 1e3)
-        )
+        format!("the points lie over {} m{why}: {}", short(extent_m), in_other_units(extent_m))
     })
+}
+
+/// Asks for the unit of a number that is hardly metres, with what it is in metres.
+fn in_other_units(seen: f64) -> String {
+    format!(
+        "are they in millimetres ({} m: divide by 1000), centimetres ({} m: divide by 100) or inches ({} m: multiply by 0.0254)?",
+        short(seen / 1e3),
+        short(seen / 1e2),
+        short(seen * 0.0254)
+    )
 }
 
 /// Points with their standard deviations, metres: a remark where their coordinates are hardly metres. Round coordinates whose stated standard
@@ -195,15 +207,31 @@ pub fn of_uncertain_points(points: impl IntoIterator<Item = (Point, f64)>) -> Op
     })
 }
 
+/// Pixels of a camera's images: a remark where all are parts of the image's width and height.
+pub fn of_pixels(pixels: impl IntoIterator<Item = Pixel>, size: Option<ImageSize>) -> Option<String> {
+    let ImageSize { width_px, height_px } = size?;
+    let mut n = 0;
+    let is_part = |pixel: Pixel| {
+        n += 1;
+        PARTS.contains(&pixel.x) && PARTS.contains(&pixel.y)
+    };
+    let are_parts = pixels.into_iter().all(is_part);
+    (are_parts && LEAST_PIXELS <= n && SMALLEST_IMAGE_PX < width_px.min(height_px)).then(|| {
+        format!(
+            "every pixel lies between 0 and 1: are they parts of the image's width and height? Then multiply u by {width_px} and v by {height_px}"
+        )
+    })
+}
+
 /// Distances taped or stepped: a remark where the shortest is longer than any tape, and where all are round numbers of hundreds or thousands.
 pub fn of_distances(distances_m: &[f64]) -> Option<String> {
     let shortest = distances_m.iter().copied().fold(f64::INFINITY, f64::min);
     let longest = distances_m.iter().copied().fold(0.0, f64::max);
     if shortest.is_finite() && SHORTEST_TAPE_M < shortest && longest < LONGEST_CENTIMETRES {
         return Some(format!(
-            "the shortest distance stated is {} m, and no tape is that long: are they in centimetres? Did you mean {}?",
+            "the shortest distance stated is {} m, and no tape is that long: {}",
             short(shortest),
-            short(shortest / 1e2)
+            in_other_units(shortest)
         ));
     }
     let is_suspect = !distances_m.is_empty()
@@ -211,9 +239,9 @@ pub fn of_distances(distances_m: &[f64]) -> Option<String> {
         && LONGEST_TAPE_M < shortest;
     is_suspect.then(|| {
         format!(
-            "the shortest distance stated is {} m, all are round numbers: are they in millimetres? Did you mean {}?",
+            "the shortest distance stated is {} m, all are round numbers: {}",
             short(shortest),
-            short(shortest / 1e3)
+            in_other_units(shortest)
         )
     })
 }
@@ -224,11 +252,7 @@ fn of_line(line: &LinePlusOne) -> Option<String> {
         line.line_m.map(|x| Point::new(x, 0.0, 0.0)).into_iter().chain([Point::new(along, across, 0.0)]);
     let extent_m = extent_m(&points.collect::<Vec<_>>());
     (LARGEST_LINE_M < extent_m).then(|| {
-        format!(
-            "the points of line_m and off_m lie over {} m: are they in millimetres? Then divide by 1000 ({} m)",
-            short(extent_m),
-            short(extent_m / 1e3)
-        )
+        format!("the points of line_m and off_m lie over {} m: {}", short(extent_m), in_other_units(extent_m))
     })
 }
 
@@ -399,7 +423,7 @@ mod tests {
     fn points_in_millimetres_are_seen() {
         let road = [[0.0, 0.0, 0.0], [3500.0, 0.0, 0.0], [3500.0, 12000.0, 0.0], [100.0, 11950.5, 20.0]];
         assert!(
-            points(&road).is_some_and(|r| r.contains("12000 m") && r.contains("(12 m)")),
+            points(&road).is_some_and(|r| r.contains("12000 m") && r.contains("millimetres (12 m:")),
             "{:?}",
             points(&road)
         );
@@ -418,6 +442,17 @@ mod tests {
         assert!(points(&[]).is_none() && points(&[[f64::NAN, 0.0, 0.0]]).is_none());
     }
 
+    #[test]
+    fn pixels_that_are_parts_of_the_image_are_seen() {
+        let pixels = [[0.34, 0.6], [0.68, 0.56], [0.0, 1.0]].map(|[u, v]| Pixel::new(u, v));
+        let size = |width_px| Some(ImageSize { width_px, height_px: 960 });
+        let remark = of_pixels(pixels, size(1280)).expect("a remark");
+        assert!(remark.ends_with("multiply u by 1280 and v by 960"), "{remark}");
+        assert!(of_pixels(pixels, None).is_none() && of_pixels(pixels, size(1)).is_none());
+        assert!(of_pixels(pixels.map(|p| p * 3.0), size(1280)).is_none());
+        assert!(of_pixels(pixels[..2].to_vec(), size(1280)).is_none());
+    }
+
     /// A landscape by a map: known to 0.1 m, and stated so.
     #[test]
     fn round_points_that_are_stated_to_be_coarse_are_metres() {
@@ -433,15 +468,18 @@ mod tests {
     fn tapes_in_millimetres_are_seen() {
         assert!(
             of_distances(&[3500.0, 12_000.0])
-                .is_some_and(|r| r.contains("did you mean 3.5?") || r.contains("Did you mean 3.5?"))
+                .is_some_and(|r| r.contains("millimetres (3.5 m: divide by 1000)"))
         );
         assert!(of_distances(&[3.5, 120.0]).is_none() && of_distances(&[]).is_none());
         assert!(of_distances(&[123.45]).is_none());
         // Tapes of 6.98 and 12.31 m in centimetres, and in millimetres.
         let centimetres = of_distances(&[698.4, 1231.2]).expect("a remark");
-        assert!(centimetres.contains("centimetres? Did you mean 6.984?"), "{centimetres}");
+        assert!(
+            centimetres.contains("centimetres (6.984 m: divide by 100) or inches (17.74 m"),
+            "{centimetres}"
+        );
         let millimetres = of_distances(&[6984.0, 12_312.0]).expect("a remark");
-        assert!(millimetres.contains("millimetres? Did you mean 6.984?"), "{millimetres}");
+        assert!(millimetres.contains("millimetres (6.984 m: divide by 1000)"), "{millimetres}");
         assert!(of_distances(&[2.2, 698.4]).is_none(), "a short tape beside a long one");
     }
 }

@@ -1,6 +1,7 @@
 //! Camera and target files, read: the format by its content, then cameras by name.
 
 use super::document::{Document, Fault};
+use super::entry::COEFFICIENTS;
 use super::nearest_format::nearest;
 use super::table::{CAMERA_FORMATS, camera_format, target_format};
 use super::{
@@ -89,12 +90,14 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             target.format.name()
         )),
         None if is_table(&document.text) => Fault::new(
-            "a table, not a camera; give its path first, and with --camera the file that `resight intrinsics` writes",
+            "a table, not a camera; `resight solve TABLE --camera CAMERA` reads points, `resight hand-eye --motions TABLE` poses of a robot, and CAMERA is the file that `resight intrinsics` writes",
         ),
-        None if are_bare_numbers(&document.text) => Fault::new(
-            "bare numbers, of which nothing says what they are; write `model = \"pinhole\"`, `width_px`, `height_px`, `fx_px`, `fy_px`, `cx_px`, \
-             `cy_px` and, of a lens with distortion, `model = \"brown_conrady\"` and `distortion = [k1, k2, p1, p2]`, each on a line of its own",
-        ),
+        None if are_bare_numbers(&document.text) => {
+            Fault::new(format!("bare numbers, of which nothing says what they are; {WRITE_KEYS}"))
+        }
+        None if are_coefficients(document) => Fault::new(format!(
+            "coefficients of a lens without its focal length and image size; {WRITE_KEYS}"
+        )),
         None => Fault::new(match nearest(document) {
             Some(near) => format!(
                 "not a camera file that Resight knows ({:?} syntax, {}); the nearest: {near}; docs/files.md lists all formats",
@@ -117,6 +120,17 @@ fn is_table(text: &str) -> bool {
         text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or_default();
     let mut columns = header.split([',', ';', '\t', '|']).map(str::trim);
     columns.any(|column| matches!(column, "u_px" | "x_m" | "xn"))
+}
+
+/// What a camera file needs.
+const WRITE_KEYS: &str = "write `model = \"pinhole\"`, `width_px`, `height_px`, `fx_px`, `fy_px`, `cx_px`, `cy_px` and, of a lens with distortion, \
+    `model = \"brown_conrady\"` and `distortion = [k1, k2, p1, p2]`, each on a line of its own";
+
+/// Whether a file holds coefficients of a lens, each under its own name or together, and nothing else.
+fn are_coefficients(document: &Document) -> bool {
+    let entries = document.entry().entries().unwrap_or_default();
+    let is_one = |key: &str| COEFFICIENTS.contains(&key) || key == "distortion";
+    !entries.is_empty() && entries.iter().all(|entry| is_one(entry.name()))
 }
 
 /// Whether a text holds numbers and nothing else.

@@ -320,6 +320,10 @@ fn what_is_no_pose_is_refused_by_name() {
     }
     let small = read("small.txt", b"1 2 3 0.1 0 0\n1 2 3 1.5 0 0\n", &word("kuka")).unwrap();
     assert!(small.remarks.iter().any(|remark| remark.contains("radians")), "{:?}", small.remarks);
+    let printed = "[[[ 1.  0.  0.  0.5]\n  [ 0.  1.  0.  0.2]\n  [ 0.  0.  1. -3e-1]\n  [ 0.  0.  0.  1. ]]\n\n [[ 1.  0.  0.  0.6]\n  [ 0.  1.  0.  0. ]\n  [ 0.  0.  1.  0. ]\n  [ 0.  0.  0.  1. ]]]\n";
+    let printed = read("printed.txt", printed.as_bytes(), &none).unwrap();
+    let places: Vec<f64> = printed.poses.iter().map(|pose| pose.b_from_a.translation.x).collect();
+    assert_eq!((places, printed.poses[0].b_from_a.translation.z), (vec![0.5, 0.6], -0.3));
     let long = read("long.txt", b"400 200 300 0.1 0 0\n1 2 3 1.5 0 0\n", &word("ur")).unwrap();
     assert!(long.remarks.iter().any(|remark| remark.contains("millimetres")), "{:?}", long.remarks);
 }

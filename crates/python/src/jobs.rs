@@ -138,6 +138,7 @@ pub fn taken(images: Vec<Taken<'_>>) -> PyResult<Vec<CameraImage>> {
     images.into_iter().map(one).collect()
 }
 
+/// Solves for a rig from images; the line of `resight rig --json`, and its file.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
 pub fn rig_from_images(
@@ -160,6 +161,7 @@ pub fn rig_from_images(
     })
 }
 
+/// Solves for a rig from detections; the line of `resight rig --json`, and its file.
 #[pyfunction]
 pub fn rig_from_detections(
     py: Python<'_>,
@@ -182,6 +184,7 @@ pub fn write_atomically(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<(
     resight::formats::write_atomically(&path, text.as_bytes()).map_err(|reason| error::file(py, &reason))
 }
 
+/// Solves for a rig from poses of pairs; the line of `resight pose-graph --json`, and its file.
 #[pyfunction]
 pub fn pose_graph(
     py: Python<'_>,
@@ -344,6 +347,7 @@ fn intrinsics_lines(answer: &IntrinsicsAnswer) -> JobResult<Vec<String>> {
     Ok(lines)
 }
 
+/// Estimates the intrinsics of each camera; the lines of `resight intrinsics --json`, and their files.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
 pub fn intrinsics(
@@ -364,6 +368,7 @@ pub fn intrinsics(
     })
 }
 
+/// Tests camera files on images; the lines of `resight intrinsics --check --json`.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // As the package has them, by keyword.
 pub fn check_intrinsics(
@@ -389,6 +394,7 @@ pub fn check_intrinsics(
     })
 }
 
+/// Compares two calibrations; the lines of `resight compare --json`.
 #[pyfunction]
 pub fn compare(
     py: Python<'_>,
@@ -424,6 +430,7 @@ pub fn measure(py: Python<'_>, scene: PathBuf) -> PyResult<Vec<String>> {
     })
 }
 
+/// Describes a file; the lines of `resight explain --json`.
 #[pyfunction]
 pub fn explain(py: Python<'_>, file: PathBuf) -> PyResult<Vec<String>> {
     answered(py, move || Ok(vec![line(&resight::explain(&file)?)?]))

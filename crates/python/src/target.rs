@@ -2,6 +2,7 @@
 
 use crate::arrays::array;
 use crate::error;
+use crate::notebook;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -87,6 +88,15 @@ impl Target {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         let class = py.get_type::<Target>();
         Ok((class.getattr("parse")?, (self.to_toml(),)))
+    }
+
+    /// What a notebook shows: the keys of its file, and the number of its points.
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
+        let text = self.to_toml();
+        let keys =
+            text.lines().take_while(|line| !line.starts_with('[')).filter(|line| !line.starts_with('#'));
+        let rows = keys.filter_map(|line| line.split_once(" = ")).map(|(key, value)| (key, value.to_owned()));
+        notebook::named(py, rows.chain([("points", self.target.features().len().to_string())]))
     }
 
     fn __repr__(&self) -> String {

@@ -289,6 +289,8 @@ def test_notebooks_show_poses_cameras_and_tables(camera, points_m, pixels):
     assert "&lt;right&gt;_from_left" in pose and "(0.000, 0.000, 90.000) deg" in pose and "(1.0000, 2.0000, 3.0000) m" in pose
     lens = camera._repr_html_()
     assert all(f"<th>{name}</th>" in lens for name in camera.parameters) and f"{camera.parameters['fx_px']:g}" in lens
+    tag = resight.Target("tag", family="tag36h11", id=7, size_m=0.1)._repr_html_()
+    assert "<th>size_m</th>" in tag and ">4<" in tag and "&quot;tag36h11&quot;" in tag
     table = resight.table([answer] * 23)._repr_html_()
     assert table.count("<tr>") == 21 and "and 3 more rows" in table and "&lt;b&gt;" in table and "<b>" not in table
 

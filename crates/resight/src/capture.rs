@@ -30,6 +30,7 @@ use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::image::GrayImage;
 use crate::intrinsics::{self, CameraViews, NAMELESS};
+use crate::report::words::{counted, found_nowhere};
 use crate::rig::{Collected, FoundTargets, Orientations, search_image};
 use alike::{Points, Seen};
 pub use state::MATRIX;
@@ -505,20 +506,16 @@ impl Capture {
         let views: CameraViews = intrinsics::of_camera(0, &self.collected, None);
         let answer = intrinsics::not_found(&views, self.n_frames);
         let message = match (&self.first_missed, self.most_points) {
-            (Some(image), _) => format!(
-                "no target was found in any of {} images; in the first one, {}",
-                self.n_frames,
-                not_found(&self.target, image)
-            ),
+            (Some(image), _) => found_nowhere(self.n_frames, &not_found(&self.target, image)),
             (None, 0) if self.n_frames == 0 => "no image came; check the source".to_string(),
             (None, 0) => format!(
-                "none of {} images could be used; the first one: {}",
-                self.n_frames,
+                "none of {} could be used; the first one: {}",
+                counted(self.n_frames, "image"),
                 self.first_unusable.clone().unwrap_or_else(|| missing(&self.target))
             ),
             (None, _) => {
                 let why = words::most_refused(&self.refused).unwrap_or_default();
-                format!("none of {} images could be kept; {why}", self.n_frames)
+                format!("none of {} could be kept; {why}", counted(self.n_frames, "image"))
             }
         };
         CameraIntrinsics { message, ..answer }

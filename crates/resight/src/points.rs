@@ -3,6 +3,7 @@
 use crate::answer::{PoseAnswer, Status};
 use crate::core::locate::Method;
 use crate::core::{Camera, Correspondence, Lens, Pixel, Point};
+use crate::formats::plausible::of_pixels;
 use crate::georeference::columns::PositionColumns;
 use crate::georeference::features::{NamedPosition, on_earth};
 use crate::georeference::{CoordinateSystem, Features, Ground, LocalFrame, georeferenced_pose};
@@ -79,6 +80,10 @@ impl TableLocator {
             Some(_) => table.implausible.clone(),
             None => unit_remarks(&table.views),
         };
+        let rows = table.views.iter().flat_map(|view| &view.rows);
+        let size = self.camera.as_ref().and_then(|camera| camera.size);
+        let of_pixels = of_pixels(rows.map(|row| Pixel::from(row.image)), size);
+        let sizes = sizes.into_iter().chain(of_pixels).collect();
         TableLocator { sizes, how_read: how_read(path), frame: table.frame.clone(), ..self }
     }
 
@@ -503,7 +508,7 @@ mod tests {
         assert_eq!(located(&view(1.0, None)).status(), Status::Ok);
         let answer = located(&view(1e-3, None));
         assert_eq!(answer.status(), Status::Implausible);
-        assert!(answer.verdict.message.contains("are they in millimetres?"), "{}", answer.verdict.message);
+        assert!(answer.verdict.message.contains("are they in millimetres ("), "{}", answer.verdict.message);
         assert!(answer.estimate.is_some_and(|e| 1000.0 < e.cam_from_target.origin().norm()));
         // A stated sigma of 0.1 m shows that the lengths are metres.
         assert_eq!(located(&view(1e-3, Some(0.1))).status(), Status::Ok);

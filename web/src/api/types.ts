@@ -1290,7 +1290,7 @@ export type PointView = {
 
 /** A likely fault of the points of a view. */
 export type PointsCause = {
-  /** `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed`, `labels_exchanged`, `other_resolution` or `other_focal_length`. */
+  /** `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `labels_shifted`, `labels_exchanged`, `other_resolution` or `other_focal_length`. */
   cause: string;
   /** χ² per degree of freedom once the fault is corrected. */
   chi2_per_degree_of_freedom: number;

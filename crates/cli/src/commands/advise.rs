@@ -17,6 +17,7 @@ use resight::core::Pose;
 use resight::core::advise::board::Criterion;
 use resight::core::advise::volume::Volume;
 use resight::formats::{self, NamedCamera};
+use resight::input::table::how_file_is_read;
 use resight::report::verdict::Status;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -288,6 +289,7 @@ fn json<T: Serialize>(objects: impl IntoIterator<Item = T>) -> Result<String> {
 
 fn measured_points(path: &Path) -> Result<Vec<MeasuredPoint>> {
     crate::files::must_exist(path)?;
+    how_file_is_read(path).iter().for_each(|text| remark(text));
     Ok(read_points(path)?)
 }
 

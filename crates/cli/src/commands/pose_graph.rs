@@ -11,6 +11,7 @@ use resight::answer::{PoseGraphAnswer, SolvedPoseGraph};
 use resight::core::multiview::pose_graph::PairSigma;
 use resight::core::{Matrix6, Pose};
 use resight::formats::write_atomically;
+use resight::input::table::how_file_is_read;
 use resight::report::words::{budget, coordinate, degrees, length, position_sigma_m, sigmas};
 use resight::rig::pairs::read_pairs;
 use resight::rig::{PoseGraphMethod, PoseGraphRequest};
@@ -66,7 +67,7 @@ pub fn run(args: &PoseGraphArgs) -> Result<Outcome> {
     }
     crate::files::must_exist(&args.pairs)?;
     let lenses = named::request(&args.cameras, &[])?;
-    lenses.remarks.iter().for_each(|text| remark(text));
+    lenses.remarks.iter().chain(&how_file_is_read(&args.pairs)).for_each(|text| remark(text));
     let sigma = args.pair_sigma_deg.zip(args.pair_sigma_mm);
     let request = PoseGraphRequest {
         reference: args.reference.clone(),

@@ -201,8 +201,9 @@ pub struct Adjusted {
     pub suspects: Vec<Suspect>,
     /// The constraint that took no part because it alone contradicts the rest; all positions are those of the rest.
     pub left_out: Vec<usize>,
-    /// The two labels of a photograph whose exchange removes a contradiction; all positions are those with the labels corrected.
-    pub exchanged: Option<Exchange>,
+    /// What was exchanged, if that alone explains a contradiction: one exchange, or two of which nothing shows which it is. All positions are
+    /// those with the first corrected.
+    pub exchanged: Vec<Exchange>,
     /// The line that contains all control points, if there is one.
     pub on_line: Option<OnLine>,
     /// Whether a control point that a photograph shows has no position, so that the constraints on it took no part.

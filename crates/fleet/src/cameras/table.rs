@@ -6,7 +6,7 @@ use crate::words::of_other_unit;
 use resight::FileError;
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use resight::core::{Camera, Lens, Point};
-use resight::input::table::{Table, TableRow};
+use resight::input::table::{Table, TableRow, how_file_is_read};
 use std::path::Path;
 
 const MATRIX: [&str; 4] = ["fx_px", "fy_px", "cx_px", "cy_px"];
@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path) -> Result<Read, FleetError> {
     let columns = columns(&table)?;
     let (mut cameras, mut rejected) = (Vec::new(), Vec::new());
     let other = ["x0_mm", "x0_cm"].into_iter().filter(|name| table.find(name).is_some());
-    let remarks = other.filter_map(of_other_unit).collect();
+    let remarks = other.filter_map(of_other_unit).chain(how_file_is_read(path)).collect();
     table.each_or_torn(|row| {
         match row.and_then(|row| camera(&columns, &row)) {
             Ok(camera) => cameras.push(camera),

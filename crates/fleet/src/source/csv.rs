@@ -1,4 +1,4 @@
-//! CSV with a header line. A cell without a number is a missing number, whose row is kept with a status.
+//! CSV with a header line, its cells separated as in every table. A cell without a number is a missing number, whose row is kept with a status.
 
 use super::lines::Lines;
 use super::{Batches, PIECE};
@@ -7,29 +7,42 @@ use crate::layout::Layout;
 use arrow_array::builder::{Float64Builder, StringBuilder};
 use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
+use resight::input::table::Separator;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 type Reader = csv::Reader<Lines<File>>;
 
-fn open(path: &Path) -> Result<(Reader, SchemaRef), FleetError> {
-    let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
-    let mut builder = csv::ReaderBuilder::new();
-    let mut reader =
-        builder.trim(csv::Trim::All).flexible(true).comment(Some(b'#')).from_reader(Lines::new(file));
-    let header = reader.byte_headers().map_err(|e| FleetError::at(path, e.to_string()))?;
-    let name = |cell: &[u8]| String::from_utf8_lossy(cell).trim_start_matches('\u{feff}').to_string();
+fn open(path: &Path) -> Result<(Reader, SchemaRef, Separator), FleetError> {
+    let (reader, header) = separated_by(Separator::Comma, path)?;
+    let (reader, header, mark) = match Separator::of_header(&header) {
+        Separator::Comma => (reader, header, Separator::Comma),
+        other => {
+            let (reader, header) = separated_by(other, path)?;
+            (reader, header, other)
+        }
+    };
     let kind =
         |name: &str| if ["camera", "view"].contains(&name) { DataType::Utf8 } else { DataType::Float64 };
-    let fields: Vec<Field> =
-        header.iter().map(name).map(|name| Field::new(&name, kind(&name), true)).collect();
-    Ok((reader, Arc::new(Schema::new(fields))))
+    let fields: Vec<Field> = header.iter().map(|name| Field::new(name, kind(name), true)).collect();
+    Ok((reader, Arc::new(Schema::new(fields)), mark))
+}
+
+fn separated_by(mark: Separator, path: &Path) -> Result<(Reader, Vec<String>), FleetError> {
+    let file = File::open(path).map_err(|e| FleetError::at(path, e.to_string()))?;
+    let mut builder = csv::ReaderBuilder::new();
+    builder.delimiter(mark.byte()).trim(csv::Trim::All).flexible(true).comment(Some(b'#'));
+    let mut reader = builder.from_reader(Lines::new(file));
+    let header = reader.byte_headers().map_err(|e| FleetError::at(path, e.to_string()))?;
+    let name = |cell: &[u8]| String::from_utf8_lossy(cell).trim_start_matches('\u{feff}').to_string();
+    let header = header.iter().map(name).collect();
+    Ok((reader, header))
 }
 
 /// Returns its columns: names are text, all others numbers.
 pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
-    let (_, schema) = open(path)?;
+    let (_, schema, _) = open(path)?;
     if schema.fields().len() < 2 {
         let reason = "this is no Parquet file, and no table either; a header line camera,time_s,… with commas between the names is needed";
         return Err(FleetError::at(path, reason));
@@ -39,14 +52,15 @@ pub(super) fn schema(path: &Path) -> Result<SchemaRef, FleetError> {
 
 /// Returns its rows; columns that are not used stay empty.
 pub(super) fn batches(path: &Path, layout: &Layout) -> Result<Batches, FleetError> {
-    let (reader, schema) = open(path)?;
-    Ok(Box::new(Rows { path: path.to_path_buf(), reader, schema, used: layout.read(), is_over: false }))
+    let (reader, schema, mark) = open(path)?;
+    Ok(Box::new(Rows { path: path.to_path_buf(), reader, schema, mark, used: layout.read(), is_over: false }))
 }
 
 struct Rows {
     path: PathBuf,
     reader: Reader,
     schema: SchemaRef,
+    mark: Separator,
     used: Vec<usize>,
     is_over: bool,
 }
@@ -80,7 +94,7 @@ impl Iterator for Rows {
                 }
             }
             for (i, column) in columns.iter_mut().enumerate() {
-                column.push(record.get(i));
+                column.push(record.get(i), self.mark);
             }
         }
         (0 < n).then(|| self.batch(columns, n))
@@ -110,13 +124,13 @@ impl Rows {
 }
 
 impl Column {
-    fn push(&mut self, cell: Option<&[u8]>) {
+    fn push(&mut self, cell: Option<&[u8]>, mark: Separator) {
         let cell = cell.filter(|cell| !cell.is_empty());
         match self {
             Column::Text(text) => text.append_option(cell.map(String::from_utf8_lossy)),
             Column::Number(numbers) => {
                 let text = cell.and_then(|cell| std::str::from_utf8(cell).ok());
-                numbers.append_option(text.and_then(|text| text.parse().ok()));
+                numbers.append_option(text.and_then(|text| mark.number(text)));
             }
             Column::Unused => {}
         }

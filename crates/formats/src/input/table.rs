@@ -1,6 +1,6 @@
 //! CSV files with a header line: columns by name in any order, every complaint with its line.
 
-use super::{Rows, nearest, open_table};
+use super::{Rows, nearest, open_table, rows_of_bytes};
 use crate::FileError;
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -14,40 +14,65 @@ pub struct Table {
     path: PathBuf,
     header: Vec<String>,
     reader: csv::Reader<Rows>,
-    mark: Mark,
+    mark: Separator,
     decimal: Cell<Option<char>>,
 }
 
 /// What separates the cells. Spreadsheets of countries that write decimal commas separate cells by semicolons or tabs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Mark {
+pub enum Separator {
+    /// As documents say; the numbers have decimal points.
     Comma,
+    /// Semicolons; the numbers may have decimal commas, as below tabs and bars.
     Semicolon,
+    /// Tabs.
     Tab,
+    /// Bars.
     Bar,
 }
 
-impl Mark {
-    const fn byte(self) -> u8 {
+impl Separator {
+    /// Returns what separates the cells below a header whose names are `header` when it is cut at commas.
+    pub fn of_header(header: &[impl AsRef<[u8]>]) -> Self {
+        let is_in = |mark: &Separator, only: &[u8]| only.contains(&mark.byte());
+        match header {
+            [only] => [Separator::Semicolon, Separator::Tab, Separator::Bar]
+                .into_iter()
+                .find(|mark| is_in(mark, only.as_ref())),
+            _ => None,
+        }
+        .unwrap_or(Separator::Comma)
+    }
+
+    /// Returns the byte between two cells.
+    pub const fn byte(self) -> u8 {
         match self {
-            Mark::Comma => b',',
-            Mark::Semicolon => b';',
-            Mark::Tab => b'\t',
-            Mark::Bar => b'|',
+            Separator::Comma => b',',
+            Separator::Semicolon => b';',
+            Separator::Tab => b'\t',
+            Separator::Bar => b'|',
+        }
+    }
+
+    /// Returns the number of a cell: where cells are not separated by commas, a comma is its decimal point.
+    pub fn number(self, text: &str) -> Option<f64> {
+        match self {
+            Separator::Comma => text.parse().ok(),
+            _ => text.replacen(',', ".", 1).parse().ok(),
         }
     }
 
     /// What a file is read as, where that is not what documents say; none of commas.
     const fn remark(self) -> Option<&'static str> {
         match self {
-            Mark::Comma => None,
-            Mark::Semicolon => Some(
+            Separator::Comma => None,
+            Separator::Semicolon => Some(
                 "cells are separated by semicolons, and a comma in a number is read as its decimal point",
             ),
-            Mark::Tab => {
+            Separator::Tab => {
                 Some("cells are separated by tabs, and a comma in a number is read as its decimal point")
             }
-            Mark::Bar => {
+            Separator::Bar => {
                 Some("cells are separated by bars, and a comma in a number is read as its decimal point")
             }
         }
@@ -85,7 +110,7 @@ pub struct TableRow<'a> {
     path: &'a Path,
     header: &'a [String],
     record: &'a csv::StringRecord,
-    mark: Mark,
+    mark: Separator,
     /// The decimal mark of the numbers so far.
     decimal: &'a Cell<Option<char>>,
 }
@@ -97,15 +122,26 @@ impl Table {
     /// A file that cannot be read, is empty, or names a column twice.
     pub fn open(path: impl AsRef<Path>, wanted: &str) -> Result<Self, FileError> {
         let path = path.as_ref();
-        let table = Self::separated_by(Mark::Comma, path, wanted)?;
-        let other =
-            [Mark::Semicolon, Mark::Tab, Mark::Bar].into_iter().find(|mark| match &table.header[..] {
-                [only] => only.as_bytes().contains(&mark.byte()),
-                _ => false,
-            });
-        let table = match other {
-            Some(mark) => Self::separated_by(mark, path, wanted)?,
-            None => table,
+        Self::opened(path, wanted, || open_table(path))
+    }
+
+    /// Opens as `open` does, from bytes in memory; `path` is used in messages only.
+    ///
+    /// # Errors
+    /// As of `open`.
+    pub fn of_bytes(path: impl AsRef<Path>, bytes: &[u8], wanted: &str) -> Result<Self, FileError> {
+        Self::opened(path.as_ref(), wanted, || Ok(rows_of_bytes(bytes)))
+    }
+
+    fn opened(
+        path: &Path,
+        wanted: &str,
+        open: impl Fn() -> Result<Rows, FileError>,
+    ) -> Result<Self, FileError> {
+        let table = Self::separated_by(Separator::Comma, path, wanted, open()?)?;
+        let table = match Separator::of_header(&table.header) {
+            Separator::Comma => table,
+            other => Self::separated_by(other, path, wanted, open()?)?,
         };
         let is_duplicate =
             |(i, name): &(usize, &String)| !name.is_empty() && table.header[..*i].contains(name);
@@ -118,11 +154,10 @@ impl Table {
         }
     }
 
-    fn separated_by(mark: Mark, path: &Path, wanted: &str) -> Result<Self, FileError> {
-        let file = open_table(path)?;
+    fn separated_by(mark: Separator, path: &Path, wanted: &str, rows: Rows) -> Result<Self, FileError> {
         let mut builder = csv::ReaderBuilder::new();
         builder.delimiter(mark.byte()).trim(csv::Trim::All).comment(Some(b'#'));
-        let mut reader = builder.from_reader(file);
+        let mut reader = builder.from_reader(rows);
         let header = reader.headers().map_err(|e| complaint(path, 1, &e))?;
         if header.is_empty() {
             let reason = format!("the file is empty; a header line {wanted},… is needed");
@@ -251,7 +286,7 @@ impl TableRow<'_> {
         let shown: String = text.chars().take(40).collect();
         let mark = text.chars().find(|letter| matches!(letter, '.' | ','));
         let other = self.decimal.get().zip(mark).filter(|(known, mark)| known != mark);
-        if self.mark != Mark::Comma
+        if self.mark != Separator::Comma
             && let Some((known, mark)) = other
         {
             // "1,234" beside "0.5" is a little more than one, or than a thousand.
@@ -260,11 +295,7 @@ impl TableRow<'_> {
             )));
         }
         self.decimal.set(self.decimal.get().or(mark));
-        let number = match self.mark {
-            Mark::Comma => text.parse(),
-            _ => text.replacen(',', ".", 1).parse(),
-        };
-        number.map_err(|_| match text {
+        self.mark.number(text).ok_or_else(|| match text {
             "" => self.complaint(column, "is empty; a number is needed"),
             _ => self.complaint(column, &format!("is `{shown}`, which is not a number{}", marks(text))),
         })
@@ -396,7 +427,8 @@ fn complaint(path: &Path, line: u64, error: &csv::Error) -> FileError {
             // Decimal commas split a number in two.
             let commas =
                 if expected_len < len { "; are decimal commas among them? Write points: 0.5" } else { "" };
-            format!("{len} cells where the header has {expected_len}{commas}")
+            let cells = if *len == 1 { "cell" } else { "cells" };
+            format!("{len} {cells} where the header has {expected_len}{commas}")
         }
         csv::ErrorKind::Utf8 { .. } => super::NOT_UTF_8.to_string(),
         _ => error.to_string(),
@@ -428,7 +460,7 @@ mod tests {
         }
         std::fs::write(&path, "a,b\r\n1,2\r\n3\r\n").expect("written");
         let torn = Table::open(&path, "a,b").and_then(|table| table.each(|_| Ok::<(), FileError>(())));
-        assert!(torn.is_err_and(|reason| reason.to_string().contains(".csv:3: 1 cells")));
+        assert!(torn.is_err_and(|reason| reason.to_string().contains(".csv:3: 1 cell where")));
         std::fs::remove_file(&path).expect("removed");
     }
 

@@ -132,7 +132,7 @@ pub fn what_is_it(bytes: &[u8]) -> Option<FileKind> {
 }
 
 /// Returns what a file is that no reader of text reads, and the way out; none where it may be text.
-pub(crate) fn that_is_no_text(bytes: &[u8]) -> Option<String> {
+pub fn that_is_no_text(bytes: &[u8]) -> Option<String> {
     what_is_it(bytes).map(|kind| match kind {
         UTF_16 => sentence(UTF_16.name.to_string(), kind.for_text),
         _ => sentence(format!("{}, not a text file", kind.name), kind.for_text),

@@ -21,8 +21,13 @@ pub(super) fn node(line: usize, numbers: &[f64]) -> Node {
     Node { line, value: Value::List(numbers.iter().map(number).collect()) }
 }
 
-/// Rows of numbers alone, separated by commas, semicolons, tabs or spaces; `None` where a row has another word.
+/// Rows of numbers alone, separated by commas, semicolons, tabs or spaces, or in brackets as NumPy prints them; `None` where a row has another
+/// word.
 pub(super) fn rows_of_numbers(text: &str) -> Option<Array> {
+    // Lists of JSON have commas.
+    let is_printed = text.contains('[') && !text.contains(',');
+    let printed = is_printed.then(|| text.replace(['[', ']'], " "));
+    let text = printed.as_deref().unwrap_or(text);
     let (mut data, mut lines, mut width) = (Vec::new(), Vec::new(), 0);
     for (n, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default().trim();

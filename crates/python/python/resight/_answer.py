@@ -109,6 +109,7 @@ def _poses(keys: dict[str, Any]) -> list[str]:
 
 
 def _pose(keys: dict[str, Any]) -> str | None:
+    """Returns the first pose of an answer in a line, with its own standard deviations where the answer has them."""
     for name, value in keys.items():
         if "_from_" in name and isinstance(value, dict) and "translation_m" in value:
             x, y, z = value["translation_m"]
@@ -121,6 +122,7 @@ def _pose(keys: dict[str, Any]) -> str | None:
 
 
 def _value(value: Any) -> Any:
+    """Converts a value of JSON: objects to answers, lists of numbers to arrays."""
     if isinstance(value, dict):
         return Answer(json.dumps(value))
     if isinstance(value, list) and value:
@@ -131,6 +133,7 @@ def _value(value: Any) -> Any:
 
 
 def _is_numeric(value: Any) -> bool:
+    """Tests whether a value of JSON is a number or a regular array of numbers."""
     if not isinstance(value, list):
         return isinstance(value, (int, float)) and not isinstance(value, bool)
     sizes = {len(item) if isinstance(item, list) else -1 for item in value}

@@ -39,6 +39,7 @@ def pyarrow() -> Any:
 
 
 def _arrow(table: Any) -> Any:
+    """Returns a table of any library as one of Arrow."""
     pa = pyarrow()
     if isinstance(table, (pa.RecordBatch, pa.Table)):
         return table
@@ -48,6 +49,7 @@ def _arrow(table: Any) -> Any:
 
 
 def _of_arrow(name: str, column: Any) -> Column:
+    """Converts a column of Arrow; one that no reader needs is not touched."""
     pa = pyarrow()
     if not _READ.fullmatch(name):
         return ("unused",)
@@ -66,6 +68,7 @@ def _of_arrow(name: str, column: Any) -> Column:
 
 
 def _names_of_arrow(column: Any) -> Column:
+    """Converts a column of names to a dictionary and indices, -1 where a name is missing."""
     pa = pyarrow()
     if not pa.types.is_dictionary(column.type):
         column = column.dictionary_encode()
@@ -91,6 +94,7 @@ def pyarrow_compute() -> Any:
 
 
 def _of_numpy(name: str, values: Any) -> Column:
+    """Converts a column of NumPy or pandas; masked numbers and NaT become NaN."""
     if not _READ.fullmatch(name):
         return ("unused",)
     if name in _NAMES:
@@ -107,6 +111,7 @@ def _of_numpy(name: str, values: Any) -> Column:
 
 
 def _names_of_numpy(name: str, values: Any) -> Column:
+    """Converts a column of names to a list of distinct ones and indices, -1 where a name is missing."""
     if hasattr(values, "categories") and hasattr(values, "codes"):  # A categorical of pandas.
         return "names", [str(x) for x in values.categories], np.asarray(values.codes, dtype=np.int32)
     if isinstance(values, str):

@@ -127,5 +127,6 @@ class FleetState:
 
 
 def _paths(given: Any) -> list[str]:
+    """Returns one path or several as a list."""
     paths = [given] if isinstance(given, (str, os.PathLike)) else list(given)
     return [os.fspath(path) for path in paths]

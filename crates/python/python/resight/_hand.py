@@ -56,6 +56,7 @@ def seen_poses(poses: Any, covariance: Any, views: list[str] | None) -> Any:
 
 
 def _by_place(poses: Any, views: list[str] | None) -> list[tuple[str, Any]]:
+    """Gives each pose the name of its view, by place, or that of its own answer."""
     if not isinstance(poses, Iterable):
         raise Error(f"poses: a path, a list or an array is needed, not {type(poses).__name__}")
     listed = list(poses)
@@ -70,10 +71,12 @@ def _by_place(poses: Any, views: list[str] | None) -> list[tuple[str, Any]]:
 
 
 def _is_named(motions: Any) -> bool:
+    """Tests whether the motions state names of views."""
     return isinstance(motions, (str, os.PathLike, Mapping)) or _is_table(motions)
 
 
 def _is_table(motions: Any) -> bool:
+    """Tests whether the motions are a table of columns, not a dictionary of poses."""
     if isinstance(motions, Mapping):
         return bool(motions) and all(np.ndim(column) == 1 for column in motions.values())
     return any(hasattr(motions, name) for name in ("columns", "column_names"))
@@ -92,6 +95,7 @@ def _of_table(table: Any) -> tuple[str]:
 
 
 def _matrix(what: str, pose: Any) -> list[float]:
+    """Returns the 16 numbers of a pose, row by row."""
     if isinstance(pose, Pose):
         pose = pose.matrix
     try:

@@ -242,22 +242,26 @@ def explain(file: Any) -> Answer:
 
 
 def _both(names: str, first: float | None, second: float | None) -> tuple[float, float] | None:
+    """Returns two numbers that are given together or not at all."""
     if (first is None) != (second is None):
         raise Error(f"{names} are needed together")
     return None if first is None or second is None else (first, second)
 
 
 def _camera(value: Any) -> _native.Camera:
+    """Returns a camera, read where a path is given."""
     return value if isinstance(value, _native.Camera) else read_camera(value)
 
 
 def _target(value: Any) -> _native.Target:
+    """Returns a target, read where a path is given."""
     return value if isinstance(value, _native.Target) else read_target(value)
 
 
 def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
              known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool,
              sync_tolerance_s: float | None, adjust_lenses: bool = False) -> dict[str, Any]:
+    """Collects the options that all functions for rigs have."""
     return {
         "reference": reference,
         "world": world,
@@ -270,6 +274,7 @@ def _solving(reference: str | None, world: str | None, fixed_together: Sequence[
 
 
 def _named(what: str, values: Any) -> list[tuple[str | None, Any]]:
+    """Returns pairs of a name and a value; the name is None where none is given."""
     if isinstance(values, Mapping):
         return [(str(name), value) for name, value in values.items()]
     if isinstance(values, (str, os.PathLike, _native.Camera, _native.Target)):
@@ -283,12 +288,14 @@ Taken = tuple[str, str | None, str | None, Any]
 
 
 def _taken(images: Mapping[str, Any]) -> list[Taken]:
+    """Returns all images of all cameras."""
     if not isinstance(images, Mapping):
         raise Error("images: a dictionary from the names of the cameras is needed")
     return [image for camera, given in images.items() for image in _of_camera(str(camera), given)]
 
 
 def _of_camera(camera: str, given: Any) -> list[Taken]:
+    """Returns the images of one camera, each with the name of its view or the path that states it."""
     if isinstance(given, Mapping):
         if any(isinstance(image, (str, os.PathLike)) for image in given.values()):
             raise Error(f"images of {camera}: names of views are for arrays; the view of a file is called by its name, give a list of paths")
@@ -324,6 +331,7 @@ def _files(camera: str, pattern: str) -> list[Taken]:
 
 
 def _source(targets: Any, images: Any, detections: Any) -> tuple[list[tuple[str | None, Any]], list[Taken], Any]:
+    """Returns the targets, and either images or detections, of which one is needed."""
     if (images is None) == (detections is None):
         raise Error("either images or detections are needed")
     if images is not None and not isinstance(images, Mapping):
@@ -333,6 +341,7 @@ def _source(targets: Any, images: Any, detections: Any) -> tuple[list[tuple[str 
 
 
 def _is_paths(values: Any) -> bool:
+    """Tests whether paths are given, not a table."""
     if isinstance(values, (str, os.PathLike)):
         return True
     return isinstance(values, (list, tuple)) and all(isinstance(value, (str, os.PathLike)) for value in values)

@@ -17,6 +17,7 @@ def pose(matrix: Any, b: str, a: str) -> Pose:
 
 
 def _toml(value: Any, key: str) -> str:
+    """Writes a value as TOML."""
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (int, np.integer)):
@@ -38,6 +39,7 @@ def _toml(value: Any, key: str) -> str:
 
 
 def _document(keys: Mapping[str, Any]) -> str:
+    """Writes keys and values as a TOML document; None is left out."""
     return "".join(f"{key} = {_toml(value, key)}\n" for key, value in keys.items() if value is not None)
 
 
@@ -47,6 +49,7 @@ def camera_text(model: str, **keys: Any) -> str:
 
 
 def _float(key: str, value: Any) -> Any:
+    """Returns a whole number as a floating-point number, except for the image size."""
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     return float(value) if is_whole and key not in ("width_px", "height_px") else value
 
@@ -96,6 +99,7 @@ def unmasked(name: str, value: Any) -> np.ndarray:
 
 
 def _numbers(name: str, value: Any) -> np.ndarray:
+    """Returns an array of floating-point numbers."""
     try:
         return np.asarray(unmasked(name, value), dtype=np.float64)
     except (TypeError, ValueError) as reason:

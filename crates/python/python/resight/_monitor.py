@@ -12,6 +12,7 @@ from ._native import Pose, write_atomically
 
 def _alarms(false_alarms_per_day: float, decision_period_s: float, stale_after_s: float, tolerance_rotation_rad: float,
             tolerance_translation_m: float) -> dict[str, float]:
+    """Collects the options of a monitor under the names of the library."""
     return {"false_alarms_per_day": false_alarms_per_day, "decision_period_s": decision_period_s, "stale_after_s": stale_after_s,
             "tolerance_rotation_rad": tolerance_rotation_rad, "tolerance_translation_m": tolerance_translation_m}
 

@@ -16,6 +16,7 @@ _RUN = "import sys; from resight._native import main; sys.exit(main(sys.argv))"
 
 
 def _command(words: Sequence[Any]) -> list[str]:
+    """Returns the command line that runs the program in a process of its own."""
     return [sys.executable, "-c", _RUN, *(os.fspath(word) if isinstance(word, os.PathLike) else str(word) for word in words)]
 
 
@@ -33,6 +34,7 @@ def _flags(**given: Any) -> list[str]:
 
 
 def _refused(text: str) -> Error:
+    """Returns the error that the program states."""
     said = [line for line in text.splitlines() if not line.startswith("warning: ")]
     return Error("\n".join(said).removeprefix("error: ").strip() or "the program ended without a word", "request")
 
@@ -51,6 +53,7 @@ def _answers(*words: Any) -> list[Answer]:
 
 
 def _size(pair: tuple[float, float] | None) -> str | None:
+    """Writes a width and a height as the command line takes them."""
     return None if pair is None else f"{pair[0]}x{pair[1]}"
 
 

@@ -95,6 +95,7 @@ def failed(views: Any) -> list[tuple[str, str]]:
 
 
 def _path(name: str) -> str:
+    """Returns the path of a `file:` address; other addresses stay as they are."""
     return "/" + name[5:].lstrip("/") if name.startswith("file:") else name
 
 

@@ -35,6 +35,7 @@ def columns(table: Any, camera: str | None = None) -> dict[str, Any]:
 
 
 def given_columns(table: Any) -> dict[str, Any]:
+    """Returns the columns of a dictionary of arrays or of a table of any library."""
     if hasattr(table, "__arrow_c_stream__") and not hasattr(table, "columns"):  # Arrow by its PyCapsule interface alone
         table = import_module("pyarrow").table(table)
     if hasattr(table, "column_names") and hasattr(table, "to_pydict"):  # pyarrow
@@ -46,6 +47,7 @@ def given_columns(table: Any) -> dict[str, Any]:
 
 
 def _words(name: str, values: Any) -> list[str | None]:
+    """Returns a column of names as texts, None where one is missing."""
     array = np.asarray(values.tolist(), dtype=object) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     if array.ndim != 1:
         raise Error(f"detections: {name} has the shape {array.shape}, a column (n,) is needed")
@@ -58,12 +60,14 @@ def _words(name: str, values: Any) -> list[str | None]:
 
 
 def _word(value: Any) -> str | None:
+    """Returns a name as text: 3.0 of a column of numbers is `3`."""
     if value is None or type(value).__name__ == "NAType" or isinstance(value, float) and value != value:
         return None
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
 def _numbers(name: str, values: Any) -> np.ndarray:
+    """Returns a column as floating-point numbers, NaN where one is missing."""
     try:
         return np.ascontiguousarray(unmasked(name, values), dtype=np.float64)  # None becomes NaN.
     except (TypeError, ValueError) as reason:

@@ -44,11 +44,13 @@ class Result(tuple[Any, ...]):
 
 @lru_cache(maxsize=64)
 def _camera(matrix: bytes, distortion: bytes, fisheye: bool) -> Camera:
+    """Returns the camera of a matrix and coefficients, given as bytes so that equal ones are built once."""
     k, d = np.frombuffer(matrix).reshape(3, 3), np.frombuffer(distortion)
     return Camera.from_matrix(k, d, fisheye=fisheye)
 
 
 def _of_matrix(cameraMatrix: Any, distCoeffs: Any) -> Camera:
+    """Returns the camera of OpenCV's two arrays."""
     k = _array("cameraMatrix", cameraMatrix)
     if k.shape != (3, 3):
         raise Error(f"cameraMatrix: shape {k.shape} is given, (3, 3) is needed")
@@ -75,15 +77,18 @@ def _points(name: str, values: Any, columns: int) -> np.ndarray:
 
 
 def _solved(objectPoints: Any, imagePoints: Any, cameraMatrix: Any, distCoeffs: Any, **options: Any) -> PoseAnswer:
+    """Returns the pose of OpenCV's four arrays."""
     points, pixels = _points("objectPoints", objectPoints, 3), _points("imagePoints", imagePoints, 2)
     return solve(points, pixels, _of_matrix(cameraMatrix, distCoeffs), **options)
 
 
 def _is_usable(answer: Any) -> bool:
+    """Tests whether OpenCV would return True."""
     return answer.status in ("ok", "ambiguous")
 
 
 def _column(values: np.ndarray) -> np.ndarray:
+    """Returns three numbers as OpenCV's (3, 1)."""
     return np.asarray(values).reshape(3, 1)
 
 
@@ -232,6 +237,7 @@ def _poses(name: str, rotations: Any, translations: Any) -> list[Pose]:
 
 
 def _pose(name: str, turn: Any, of_shift: str, shift: Any) -> Pose:
+    """Returns the pose of a rotation, as a vector or a matrix, and a translation."""
     rotation, translation = _array(name, turn), _array(of_shift, shift)
     if translation.size != 3:
         raise Error(f"{of_shift}: shape {translation.shape} is given, (3,) or (3, 1) is needed")

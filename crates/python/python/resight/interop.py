@@ -86,6 +86,7 @@ def from_ros(message: Mapping[str, Any], *, b: str = "target", a: str = "cam") -
 
 
 def _pose(rotation: Any, translation_m: Any, b: str, a: str) -> Pose:
+    """Returns the pose of a rotation matrix and a translation."""
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation_m
     return Pose.from_matrix(matrix, b=b, a=a)

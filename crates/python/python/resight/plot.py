@@ -13,6 +13,7 @@ __all__ = ["covariance_ellipse", "drift_history", "overlay", "residuals", "rig_3
 
 
 def _axes(axes: Any, **options: Any) -> Any:
+    """Returns the given axes, or those of a new figure."""
     if axes is not None:
         return axes
     from matplotlib import pyplot
@@ -40,6 +41,7 @@ def overlay(image: Any, answer: PoseAnswer, camera: Camera, target: Target, axes
 
 
 def _points(axes: Any, camera: Camera, points_in_cam_m: np.ndarray, style: str, **options: Any) -> None:
+    """Draws the points that the camera sees."""
     seen = np.array(camera.sees(points_in_cam_m), dtype=bool)
     pixels = camera.project(points_in_cam_m[seen])
     axes.plot(pixels[:, 0], pixels[:, 1], style, **options)

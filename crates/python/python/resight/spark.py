@@ -89,6 +89,7 @@ def drift(df: Any, cameras: Any = None, *, period_s: float = 900.0, diurnal_deg:
 
 
 def _cameras(cameras: Any, target: Any) -> _native.Cameras:
+    """Returns the cameras of a fleet, read where a path is given."""
     if isinstance(cameras, _native.Cameras):
         if target is not None:
             raise Error("target: give it to Cameras.read", "input")
@@ -121,12 +122,14 @@ def _plain(table: _native.Table) -> Iterator[Any]:
 
 
 def _solve(cameras: str, sigma_px: float, batches: Iterator[Any]) -> Iterator[Any]:
+    """Solves the views of one partition."""
     known = _known(cameras)
     for batch in batches:
         yield from _plain(_native.solve_views(columns(batch), known, sigma_px))
 
 
 def _locate(cameras: str, target: str, image: str, batches: Iterator[Any]) -> Iterator[Any]:
+    """Locates the images of one partition."""
     known, shown = _known(cameras), _native.Target.parse(target)
     for batch in batches:
         images = batch.column(batch.schema.get_field_index(image)).to_pylist()
@@ -144,6 +147,7 @@ def _rows(named: Iterator[tuple[str, bytes]]) -> Any:
 
 
 def _sum(period_s: float, batches: Iterator[Any]) -> Iterator[Any]:
+    """Sums the poses of one partition to a state for each group of cameras."""
     state = FleetState(period_s)
     for batch in batches:
         state.add(batch)
@@ -151,6 +155,7 @@ def _sum(period_s: float, batches: Iterator[Any]) -> Iterator[Any]:
 
 
 def _merge(table: Any) -> Any:
+    """Merges the states of one group of cameras."""
     parts = [FleetState.from_bytes(part) for part in table.column("state").to_pylist()]
     for other in parts[1:]:
         parts[0].merge(other)
@@ -159,6 +164,7 @@ def _merge(table: Any) -> Any:
 
 def _assess(cameras: str | None, span: tuple[float, float] | None, period_s: float, diurnal_deg: float, diurnal_mm: float,
             batches: Iterator[Any]) -> Iterator[Any]:
+    """Assesses the cameras of one group."""
     known = None if cameras is None else _known(cameras)
     for batch in batches:
         state = _native.FleetState(period_s)
@@ -168,6 +174,7 @@ def _assess(cameras: str | None, span: tuple[float, float] | None, period_s: flo
 
 
 def _answers(lines: list[str]) -> Any:
+    """Converts lines of JSON to rows of a table."""
     pa = pyarrow()
     answers = [json.loads(line) for line in lines]
     motion: Callable[[str], list[Any]] = lambda key: [(answer["motion"] or {}).get(key) for answer in answers]

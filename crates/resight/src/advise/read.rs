@@ -2,6 +2,7 @@
 
 use crate::core::target::KnownPoint;
 use crate::core::{Point, Pose};
+use crate::input::table::{Table, TableRow};
 use crate::{Error, FileError};
 use std::path::Path;
 
@@ -20,9 +21,7 @@ pub struct MeasuredPoint {
 const MOST: usize = 100_000;
 
 /// The positions of the columns.
-struct Columns<'a> {
-    path: &'a Path,
-    names: Vec<&'a str>,
+struct Columns {
     space: [usize; 3],
     id: Option<usize>,
     sigma: Option<usize>,
@@ -35,57 +34,43 @@ struct Columns<'a> {
 /// What is wrong with the file, and in which line.
 pub fn read_points(path: impl AsRef<Path>) -> Result<Vec<MeasuredPoint>, Error> {
     let path = path.as_ref();
-    let file = crate::input::open_table(path)?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
-    let unreadable = |reason: csv::Error| FileError::new(path, reason.to_string());
-    let header = reader.headers().map_err(unreadable)?.clone();
-    let columns = Columns::of(path, &header)?;
+    let table = Table::open(path, "x_m,y_m,z_m")?;
+    let columns = Columns::of(&table)?;
     let mut found = Vec::new();
-    for record in reader.records() {
+    table.each(|row| {
         if MOST <= found.len() {
-            return Err(FileError::new(path, format!("more than {MOST} rows")).into());
+            return Err(FileError::new(path, format!("more than {MOST} rows")));
         }
-        found.push(columns.point(&record.map_err(unreadable)?, found.len() + 1)?);
-    }
-    if found.is_empty() {
-        return Err(FileError::new(path, "no rows below the header").into());
-    }
+        found.push(columns.point(&row, found.len() + 1)?);
+        Ok(())
+    })?;
     Ok(found)
 }
 
-impl<'a> Columns<'a> {
-    fn of(path: &'a Path, header: &'a csv::StringRecord) -> Result<Self, FileError> {
-        let names: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
-        let find = |wanted: &str| names.iter().position(|name| *name == wanted);
-        let need = |wanted: &str| {
-            let lacking = || format!("no column `{wanted}`; the columns are {}", names.join(","));
-            find(wanted).ok_or_else(|| FileError::at_line(path, 1, lacking()))
-        };
-        let space = [need("x_m")?, need("y_m")?, need("z_m")?];
-        let (id, sigma, image) = (find("id"), find("sigma_m"), find("u_px").zip(find("v_px")));
-        Ok(Columns { path, names, space, id, sigma, image })
+impl Columns {
+    fn of(table: &Table) -> Result<Self, FileError> {
+        let space = [table.need("x_m", None)?, table.need("y_m", None)?, table.need("z_m", None)?];
+        let (id, sigma) = (table.find("id"), table.find("sigma_m"));
+        Ok(Columns { space, id, sigma, image: table.find("u_px").zip(table.find("v_px")) })
     }
 
-    fn point(&self, record: &csv::StringRecord, n: usize) -> Result<MeasuredPoint, FileError> {
-        let line = record.position().map_or(0, |p| p.line() as usize);
-        let wrong = |reason: String| FileError::at_line(self.path, line, reason);
-        let number = |i: usize| -> Result<f64, FileError> {
-            let text = record.get(i).unwrap_or("");
-            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            value.ok_or_else(|| wrong(format!("column `{}` is `{text}`; a number is needed", self.names[i])))
+    fn point(&self, row: &TableRow<'_>, n: usize) -> Result<MeasuredPoint, FileError> {
+        let number = |column: usize| match row.number(column)? {
+            x if x.is_finite() => Ok(x),
+            x => Err(row.complaint(column, &format!("is {x}; a finite number is needed"))),
         };
-        let filled = |i: usize| record.get(i).is_some_and(|text| !text.is_empty());
-        let sigma_m = self.sigma.filter(|i| filled(*i)).map(number).transpose()?.unwrap_or(0.0);
+        let is_filled = |column: &usize| row.text(*column).is_some();
+        let sigma_m = self.sigma.filter(is_filled).map(number).transpose()?.unwrap_or(0.0);
         if sigma_m < 0.0 {
-            return Err(wrong(format!("sigma_m is {sigma_m}; it must be 0 or more")));
+            return Err(row.complaint_of(&format!("sigma_m is {sigma_m}; it must be 0 or more")));
         }
         let [x, y, z] = self.space;
         let position = Point::new(number(x)?, number(y)?, number(z)?);
-        let pixel = match self.image.filter(|(u, v)| filled(*u) && filled(*v)) {
+        let pixel = match self.image.filter(|(u, v)| is_filled(u) && is_filled(v)) {
             Some((u, v)) => Some([number(u)?, number(v)?]),
             None => None,
         };
-        let name = self.id.filter(|i| filled(*i)).and_then(|i| record.get(i));
+        let name = self.id.and_then(|column| row.text(column));
         let name = name.map_or_else(|| n.to_string(), str::to_string);
         Ok(MeasuredPoint { name, known: KnownPoint { position, sigma_m }, pixel })
     }

@@ -9,6 +9,7 @@ mod tables;
 use super::Status;
 use crate::FileError;
 use crate::core::Point;
+use crate::report::words::counted;
 use crate::scene::geometry;
 use cameras::RigCamera;
 use read::{Answer, Placed, RejectedRow, Source};
@@ -98,7 +99,7 @@ fn of_answer(
                 .push("The answer holds no lenses: give the rig file too to see the fields of view.".into());
         }
         n if n < placed.len() => {
-            remarks.push(format!("{} cameras have no lens in the files given.", placed.len() - n));
+            remarks.push(format!("The files given have no lens of {}.", counted(placed.len() - n, "camera")));
         }
         _ => {}
     }

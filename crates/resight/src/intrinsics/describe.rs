@@ -14,16 +14,19 @@ use crate::core::multiview::intrinsics_check::SkippedFrame;
 use crate::formats::NamedCamera;
 use crate::report::face::is_from_behind;
 use crate::report::verdict::Verdict;
+use crate::report::words::{counted, found_nowhere};
 use crate::rig::Collected;
 
 /// Returns the answer for a camera that observed no target.
 pub(crate) fn not_found(camera: &CameraViews, n_images: usize) -> CameraIntrinsics {
     let seen = Collected::explanation(&camera.left_out, &camera.name);
-    let seen = seen.map_or_else(
-        || "check the target file and that the whole target is in focus".to_owned(),
-        |seen| format!("in the first one, {seen}"),
-    );
-    let message = format!("no target was found in any of {n_images} images; {seen}");
+    let message = match seen {
+        Some(seen) => found_nowhere(n_images, &seen),
+        None => format!(
+            "no target was found in {}; check the target file and that the whole target is in focus",
+            counted(n_images, "image")
+        ),
+    };
     unsolved(camera, Status::NotFound, message, Vec::new(), &[])
 }
 

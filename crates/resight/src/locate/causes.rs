@@ -1,5 +1,5 @@
-//! Finds the likely cause where points contradict each other: exchanged columns, an axis upwards, exchanged labels, intrinsics of another
-//! resolution, another focal length.
+//! Finds the likely cause where points contradict each other: exchanged columns, an axis reversed, labels off by a row or exchanged, intrinsics of
+//! another resolution, another focal length.
 //!
 //! This is tried only where the answer cannot be relied on. Each cause is corrected and the view solved again, and it is named only where noise
 //! explains the remaining residual.
@@ -15,7 +15,8 @@ use serde::Serialize;
 /// A likely fault of the points of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PointsCause {
-    /// `uv_exchanged`, `v_upwards`, `xy_exchanged`, `axis_reversed`, `labels_exchanged`, `other_resolution` or `other_focal_length`.
+    /// `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `labels_shifted`, `labels_exchanged`, `other_resolution` or
+    /// `other_focal_length`.
     cause: &'static str,
     /// χ² per degree of freedom once the fault is corrected.
     chi2_per_degree_of_freedom: f64,
@@ -40,7 +41,7 @@ const FOCAL_STEPS: f64 = 12.0;
 /// Steps of the refinement, which leave a millionth of the range.
 const SECTIONS: usize = 29;
 /// Largest number of causes named in the sentence.
-const MOST_NAMED: usize = 3;
+const MOST_NAMED: usize = 4;
 
 /// Returns the causes that explain a contradiction, the best first; none where the points agree, or where the priors contradict them.
 pub(super) fn causes(
@@ -57,6 +58,9 @@ pub(super) fn causes(
     };
     let contradiction = Contradiction { seen, camera, config, pose };
     let mut causes = contradiction.columns();
+    if causes.is_empty() {
+        causes = contradiction.shifted();
+    }
     if causes.is_empty() {
         causes = contradiction.labels(label);
     }
@@ -151,8 +155,9 @@ impl Contradiction<'_> {
 
     fn columns(&self) -> Vec<PointsCause> {
         let last_row = self.camera.size.map(|size| f64::from(size.height_px) - 1.0);
+        let last_column = self.camera.size.map(|size| f64::from(size.width_px) - 1.0);
         type Changed<'f> = &'f dyn Fn(&Correspondence) -> Option<(Point, Pixel)>;
-        let tried: [(&'static str, &str, Changed); 4] = [
+        let tried: [(&'static str, &str, Changed); 5] = [
             (
                 "uv_exchanged",
                 "with u and v exchanged (u_px counts columns from the left, v_px rows from the top)",
@@ -163,7 +168,12 @@ impl Contradiction<'_> {
                 "with v counted from the bottom of the image (v_px counts rows from the top: height − 1 − v)",
                 &|c| Some((c.x_in_target, Pixel::new(c.pixel.x, last_row? - c.pixel.y))),
             ),
-            ("xy_exchanged", "with x and y exchanged (northing and easting?)", &|c| {
+            (
+                "u_leftwards",
+                "with u counted from the right, as in a mirrored image (u_px counts columns from the left: width − 1 − u)",
+                &|c| Some((c.x_in_target, Pixel::new(last_column? - c.pixel.x, c.pixel.y))),
+            ),
+            ("xy_exchanged", "with two axes exchanged (northing and easting? y and z?)", &|c| {
                 Some((Point::new(c.x_in_target.y, c.x_in_target.x, c.x_in_target.z), c.pixel))
             }),
             (
@@ -177,6 +187,25 @@ impl Contradiction<'_> {
             Some(PointsCause { cause, chi2_per_degree_of_freedom, message: message.to_string() })
         };
         tried.into_iter().filter_map(cause).collect()
+    }
+
+    /// Tries the pixels of the next or the last row, as where cells of a spreadsheet slipped; the row at the end has none, and is left out.
+    fn shifted(&self) -> Vec<PointsCause> {
+        let n = self.seen.len();
+        if MOST_POINTS < n {
+            return Vec::new();
+        }
+        let cause = |(which, of_point, of_pixel): (&str, usize, usize)| {
+            let pairs = self.seen.iter().skip(of_point).zip(self.seen.iter().skip(of_pixel));
+            let slipped: Vec<Correspondence> = pairs
+                .map(|(point, pixel)| Correspondence { x_in_target: point.x_in_target, ..*pixel })
+                .collect();
+            let e = locate(&slipped, self.camera, self.config).ok()?;
+            let chi2_per_degree_of_freedom = self.is_explained(e.chi2, e.degrees_of_freedom)?;
+            let message = format!("with each pixel moved to the row {which} it");
+            Some(PointsCause { cause: "labels_shifted", chi2_per_degree_of_freedom, message })
+        };
+        [("above", 0, 1), ("below", 1, 0)].into_iter().filter_map(cause).collect()
     }
 
     /// Tries to exchange the pixels of two points.
@@ -298,6 +327,8 @@ mod tests {
         assert!(message.starts_with("the points agree with u and v exchanged"), "{message}");
         let (found, message) = causes(&changed(|x, p| (x, Pixel::new(p.x, 959.0 - p.y))));
         assert_eq!(found, ["v_upwards"], "{message}");
+        let (found, message) = causes(&changed(|x, p| (x, Pixel::new(1279.0 - p.x, p.y))));
+        assert_eq!(found, ["u_leftwards"], "{message}");
         // Exchanged axes and a reversed one differ by a rotation, which no image determines: both are named.
         for points in
             [changed(|x, p| (Point::new(x.y, x.x, x.z), p)), changed(|x, p| (Point::new(x.x, x.y, -x.z), p))]
@@ -306,6 +337,22 @@ mod tests {
             found.sort_unstable();
             assert_eq!(found, ["axis_reversed", "xy_exchanged"], "{message}");
             assert!(message.contains("which fits as well"), "{message}");
+        }
+    }
+
+    /// All pixels a row too low, the first row's being that of the last point, or of no point at all.
+    #[test]
+    fn pixels_that_slipped_by_a_row_are_named() {
+        let shifted = |by: usize| {
+            let of = points();
+            (0..of.len()).map(|i| (of[i].0, of[(i + by) % of.len()].1)).collect::<Vec<_>>()
+        };
+        let mut without = shifted(9);
+        without[0].1 = Pixel::new(30.0, 900.0);
+        for (points, way) in [(shifted(9), "above"), (without, "above"), (shifted(1), "below")] {
+            let (found, message) = causes(&points);
+            assert_eq!(found, ["labels_shifted"], "{message}");
+            assert!(message.contains(&format!("with each pixel moved to the row {way} it")), "{message}");
         }
     }
 

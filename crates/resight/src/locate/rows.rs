@@ -2,6 +2,7 @@
 
 use super::{NamedPoint, PointsOptions, locate_points};
 use crate::answer::PoseAnswer;
+use crate::formats::plausible::{of_pixels, of_uncertain_points};
 use resight_core::locate::consistency::Consistency;
 use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point, Pose};
 
@@ -113,9 +114,17 @@ impl SeenRows {
         residuals
     }
 
+    /// Returns what is hardly in metres and pixels, in sentences.
+    fn implausible(&self, camera: &Camera) -> Vec<String> {
+        let seen = || self.points.iter().map(|point| &point.seen);
+        let of_points = of_uncertain_points(seen().map(|c| (c.x_in_target, c.sigma_m)));
+        of_points.into_iter().chain(of_pixels(seen().map(|c| c.pixel), camera.size)).collect()
+    }
+
     /// Solves for the pose from the observed points; row numbers in the answer are those of the input.
     pub fn locate(&self, view: &str, camera: &Camera, options: &PointsOptions) -> PoseAnswer {
         let mut answer = locate_points(view, &self.points, camera, options);
+        answer.verdict = answer.verdict.with_sizes(&self.implausible(camera));
         let n_missing = self.names.len() - self.rows.len();
         if n_missing == 0 {
             return answer;
@@ -141,6 +150,7 @@ impl SeenRows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::answer::Status;
     use resight_core::{CameraMatrix, Lens, Vector6, camera::Pinhole};
 
     const NAN: f64 = f64::NAN;
@@ -163,6 +173,21 @@ mod tests {
     fn seen(points_m: &[[f64; 3]], pixels: &[[f64; 2]]) -> Result<SeenRows, RowFault> {
         let (ones, zeros) = (vec![0.5; points_m.len()], vec![0.0; points_m.len()]);
         PointRows { points_m, pixels, sigma_px: &ones, sigma_m: &zeros, names: None }.seen(&camera())
+    }
+
+    #[test]
+    fn positions_in_millimetres_are_implausible() {
+        let (points, pixels) = points();
+        let status = |factor: f64| {
+            let scaled: Vec<[f64; 3]> =
+                points.iter().map(|x| x.map(|x| (factor * x).round() / 10.0)).collect();
+            let answer = seen(&scaled, &pixels).unwrap().locate("view", &camera(), &PointsOptions::default());
+            (answer.status(), answer.verdict.message)
+        };
+        let (implausible, message) = status(1e4);
+        assert_eq!(implausible, Status::Implausible);
+        assert!(message.contains("are they in millimetres (0.3 m"), "{message}");
+        assert_eq!(status(1e3).0, Status::Ok);
     }
 
     /// Points that were not observed change only the count, even if they have no position.

@@ -210,13 +210,15 @@ fn sentences(scene: &NamedScene, adjusted: &Adjusted) -> (Vec<String>, Vec<Strin
                 let line = adjusted.on_line.as_ref().map(|line| words::on_line(scene, line));
                 verdict.extend(line.map(|line| format!("degenerate: {line}")));
             }
-            NetworkWarning::Exchanged => verdict.extend(adjusted.exchanged.as_ref().map(|exchange| {
-                let [a, b] = [exchange.a, exchange.b].map(|p| scene.points[p].as_str());
-                let photo = &scene.photos[exchange.photo].name;
-                format!(
-                    "inconsistent: {a} and {b} in {photo} look exchanged: with each at the other's pixel everything agrees; exchange the two labels and measure again; the numbers below are with the labels exchanged"
-                )
-            })),
+            NetworkWarning::Exchanged => {
+                let which: Vec<String> =
+                    adjusted.exchanged.iter().map(|exchange| words::exchange(scene, exchange)).collect();
+                verdict.push(format!(
+                    "inconsistent: {}; with that corrected everything agrees: correct it and measure again; the numbers below are with {} corrected",
+                    which.join(", or "),
+                    if which.len() == 1 { "it" } else { "the first" }
+                ));
+            }
             NetworkWarning::Suspects => verdict.push(suspects(scene, adjusted)),
             NetworkWarning::Contradiction => verdict.push(format!(
                 "inconsistent: χ² {:.1} for {} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong",

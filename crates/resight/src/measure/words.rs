@@ -4,7 +4,8 @@ use super::scene::{NamedScene, QueryKind};
 use crate::core::Error;
 use crate::core::budget::{self, Budget};
 use crate::core::multiview::network::{
-    Constraint, ErrorSource, Frame, Item, Measured, NetworkReliability, OnLine, QueryReliability, Suspect,
+    Constraint, ErrorSource, Exchange, Frame, Item, Measured, NetworkReliability, OnLine, QueryReliability,
+    Suspect,
 };
 use crate::report::words::{all_share_words, shares};
 use nalgebra::Matrix1;
@@ -37,6 +38,27 @@ pub fn constraint(scene: &NamedScene, constraint: &Constraint) -> String {
     }
 }
 
+/// Describes what looks exchanged: `B and C in east look exchanged`.
+pub fn exchange(scene: &NamedScene, exchange: &Exchange) -> String {
+    let photo = |photo: usize| &scene.photos[photo].name;
+    match *exchange {
+        Exchange::Labels { photo: i, a, b } => {
+            format!("{} and {} in {} look exchanged", scene.points[a], scene.points[b], photo(i))
+        }
+        Exchange::Columns { photo: i } => format!(
+            "u and v of all points in {} look exchanged (u_px counts columns from the left, v_px rows from the top)",
+            photo(i)
+        ),
+        Exchange::TopAndBottom { photo: i } => format!(
+            "v of all points in {} looks counted from the bottom (v_px counts rows from the top: height − 1 − v)",
+            photo(i)
+        ),
+        Exchange::ControlPoints => {
+            "x and y of the control points look exchanged (northing and easting?)".to_owned()
+        }
+    }
+}
+
 /// Describes a suspect: `the image_point of P in north is off by about 12.3 px (9.1 σ)`.
 pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
     let named = &scene.constraints[suspect.constraint];
@@ -61,7 +83,8 @@ pub fn suspect(scene: &NamedScene, suspect: &Suspect) -> String {
         Constraint::Pose { .. } => format!("{:.1} of its standard deviations", suspect.off),
         _ => format!("{:.3} m", suspect.off.abs()),
     };
-    format!("{} is off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
+    let is = if matches!(named, Constraint::Place { .. }) { "are" } else { "is" };
+    format!("{} {is} off by about {off} ({:.1} σ)", constraint(scene, named), suspect.sigmas)
 }
 
 /// Names the source of an error: `the image point of P in north`, `the focal length of north, south`.

@@ -263,6 +263,14 @@ pub fn counted(n: usize, what: &str) -> String {
     }
 }
 
+/// Writes what no image shows: where nothing was found, and what the first image shows instead.
+pub(crate) fn found_nowhere(n_images: usize, seen: &str) -> String {
+    match n_images {
+        1 => format!("no target was found in the image: {seen}"),
+        n => format!("no target was found in any of {n} images; in the first one, {seen}"),
+    }
+}
+
 /// Writes a probability as a percentage, such as `27 %`; 0 and 100 only where they are exact.
 pub fn percent(probability: f64) -> String {
     match 100.0 * probability {

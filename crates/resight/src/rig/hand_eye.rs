@@ -12,6 +12,7 @@ use crate::core::{Camera, Correspondence, Error as MathError, Point, Pose, Vecto
 use crate::error::Error;
 use crate::formats::plausible;
 use crate::report::rig::rig_verdict_sentence;
+use crate::report::words::counted;
 use nalgebra::{DMatrix, DVector};
 
 /// The observations of a camera or rig during the robot's motions.
@@ -83,6 +84,9 @@ fn from_points(
     config: &HandEyeConfig,
     (mut sizes, mut remarks): (Vec<String>, Vec<String>),
 ) -> Result<HandEyeAnswer, Error> {
+    if let Some(nothing) = observed.nothing_found() {
+        return Ok(HandEyeAnswer::Unsolved(nothing));
+    }
     let rig = observed.gathered.rig.clone();
     sizes.extend(rig.size_remarks());
     remarks.extend(observed.remarks.iter().cloned());
@@ -300,7 +304,7 @@ fn answer(solution: Result<HandEye, MathError>, named: Named) -> HandEyeAnswer {
             let aside = match &left_out[..] {
                 [] => String::new(),
                 [(view, why), ..] => {
-                    format!("; {} views took no part, e.g. {view}: {why}", left_out.len())
+                    format!("; {} took no part, e.g. {view}: {why}", counted(left_out.len(), "view"))
                 }
             };
             HandEyeAnswer::Unsolved(Unsolved::new(status, format!("{reason}{aside}")))

@@ -16,6 +16,7 @@ use crate::core::multiview::rig::{
 use crate::core::target::Feature;
 use crate::core::{Error as MathError, Target};
 use crate::error::Error;
+use crate::report::words::found_nowhere;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -38,8 +39,8 @@ use std::path::{Path, PathBuf};
 /// # }
 /// ```
 ///
-/// An answer without a rig has a status: `NotConnected` where no chain of shared views connects the cameras, `Error` where they do not determine
-/// it.
+/// An answer without a rig has a status: `NotFound` where no image shows a target, `NotConnected` where no chain of shared views connects the
+/// cameras, `Error` where they do not determine it.
 ///
 /// # Errors
 /// A file that cannot be read, a target that cannot be detected, a request that is incomplete or names something unknown. An image that cannot
@@ -150,8 +151,20 @@ impl ObservedRig {
         })
     }
 
-    /// Checks that shared views connect the cameras, then solves.
+    /// Returns the answer where no camera observed a target, with what the first frame shows instead.
+    pub(super) fn nothing_found(&self) -> Option<Unsolved> {
+        let Gathered { rig, .. } = &self.gathered;
+        let seen = || rig.cameras.iter().find_map(|c| Collected::explanation(&self.left_out, &c.name));
+        let seen = if rig.observations.is_empty() { seen()? } else { return None };
+        let n_images = self.left_out.iter().filter(|one| one.what == "frame").count();
+        Some(Unsolved::new(Status::NotFound, found_nowhere(n_images, &seen)))
+    }
+
+    /// Checks that a target was observed and that shared views connect the cameras, then solves.
     pub fn solve(self) -> RigAnswer {
+        if let Some(nothing) = self.nothing_found() {
+            return RigAnswer::Unsolved(nothing);
+        }
         let shared = shared_views(&self.gathered.rig.problem());
         if 1 < shared.groups.len() {
             return RigAnswer::Unsolved(not_connected(

@@ -11,6 +11,7 @@ use super::names::natural;
 use crate::FileError;
 use crate::core::multiview::pose_graph::{PairNoise, RelativePose};
 use crate::core::{Matrix6, Pose};
+use crate::input::table::{Table, TableRow};
 use nalgebra::{Matrix3, Vector3, Vector6};
 use serde::Deserialize;
 use std::path::Path;
@@ -82,95 +83,68 @@ struct Columns {
 }
 
 fn table(path: &Path, text: &str) -> Result<Vec<Row>, FileError> {
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|e| complaint(path, &e))?.clone();
-    let columns = columns(&header).map_err(|reason| FileError::at_line(path, 1, reason))?;
+    let table = Table::of_bytes(path, text.as_bytes(), "a,b,qw,qx,qy,qz,x_m,y_m,z_m")?;
+    let columns = Columns::of(&table)?;
     let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|e| complaint(path, &e))?;
-        let line = record.position().map_or(0, |p| p.line() as usize);
-        rows.push(row(&record, &header, &columns).map_err(|reason| FileError::at_line(path, line, reason))?);
-    }
+    table.each(|row| {
+        rows.push(columns.row(&row)?);
+        Ok::<(), FileError>(())
+    })?;
     Ok(rows)
-}
-
-fn complaint(path: &Path, error: &csv::Error) -> FileError {
-    let line = error.position().map(|p| p.line() as usize);
-    let reason = match error.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            format!("{len} cells where the header has {expected_len}")
-        }
-        _ => error.to_string(),
-    };
-    FileError { path: path.to_path_buf(), line, reason }
 }
 
 /// The names of the numbers of a pose, in this library's order.
 const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "x_m", "y_m", "z_m"];
 
-fn columns(header: &csv::StringRecord) -> Result<Columns, String> {
-    let find = |name: &str| header.iter().position(|column| column == name);
-    let need = |name: &str| {
-        find(name).ok_or_else(|| {
-            let seen: Vec<&str> = header.iter().collect();
-            let order = if name.starts_with('q') {
-                "; which number of the quaternion is the scalar must be stated by name"
-            } else {
-                ""
-            };
-            format!("no column `{name}`; the columns are {}{order}", seen.join(","))
-        })
-    };
-    let mut pose = [0; 7];
-    for (place, name) in pose.iter_mut().zip(POSE) {
-        *place = need(name)?;
-    }
-    let sigmas = match (find("sigma_deg"), find("sigma_mm")) {
-        (Some(turn), Some(shift)) => Some([turn, shift]),
-        (None, None) => None,
-        _ => return Err("sigma_deg and sigma_mm belong together; one is missing".into()),
-    };
-    let rmse = find("rmse");
-    if sigmas.is_some() && rmse.is_some() {
-        return Err("both sigmas and rmse; keep the sigmas, or the rmse".into());
-    }
-    Ok(Columns { names: [need("a")?, need("b")?], pose, sigmas, rmse })
-}
-
-fn row(record: &csv::StringRecord, header: &csv::StringRecord, columns: &Columns) -> Result<Row, String> {
-    let number = |column: usize| -> Result<f64, String> {
-        let (text, name) = (record.get(column).unwrap_or(""), header.get(column).unwrap_or(""));
-        let shown: String = text.chars().take(40).collect();
-        text.parse::<f64>()
-            .ok()
-            .filter(|x| x.is_finite())
-            .ok_or_else(|| format!("column `{name}` is `{shown}`, which is not a finite number"))
-    };
-    let name = |column: usize| match record.get(column) {
-        Some(text) if !text.is_empty() => Ok(text.to_string()),
-        _ => {
-            Err(format!("column `{}` is empty; a camera's name is needed", header.get(column).unwrap_or("")))
+impl Columns {
+    fn of(table: &Table) -> Result<Self, FileError> {
+        let need = |name: &str| {
+            let order = "which number of the quaternion is the scalar must be stated by name";
+            table.need(name, name.starts_with('q').then_some(order))
+        };
+        let mut pose = [0; 7];
+        for (place, name) in pose.iter_mut().zip(POSE) {
+            *place = need(name)?;
         }
-    };
-    let mut v = [0.0; 7];
-    for (x, column) in v.iter_mut().zip(columns.pose) {
-        *x = number(column)?;
+        let sigmas = match (table.find("sigma_deg"), table.find("sigma_mm")) {
+            (Some(turn), Some(shift)) => Some([turn, shift]),
+            (None, None) => None,
+            _ => return Err(table.complaint("sigma_deg and sigma_mm belong together; one is missing")),
+        };
+        let rmse = table.find("rmse");
+        if sigmas.is_some() && rmse.is_some() {
+            return Err(table.complaint("both sigmas and rmse; keep the sigmas, or the rmse"));
+        }
+        Ok(Columns { names: [need("a")?, need("b")?], pose, sigmas, rmse })
     }
-    let b_from_a = pose_from_numbers(&v)?;
-    let noise = match (columns.sigmas, columns.rmse) {
-        (Some([turn, shift]), _) => PairNoise::Covariance(isotropic(
-            positive("sigma_deg", number(turn)?)?.to_radians(),
-            1e-3 * positive("sigma_mm", number(shift)?)?,
-        )),
-        (None, Some(rmse)) => PairNoise::Error(positive("rmse", number(rmse)?)?),
-        (None, None) => PairNoise::Error(1.0),
-    };
-    Ok(Row { a: name(columns.names[0])?, b: name(columns.names[1])?, b_from_a, noise })
-}
 
-fn positive(name: &str, x: f64) -> Result<f64, String> {
-    if 0.0 < x { Ok(x) } else { Err(format!("column `{name}` is {x}; it must be positive")) }
+    fn row(&self, row: &TableRow<'_>) -> Result<Row, FileError> {
+        let number = |column: usize| match row.number(column)? {
+            x if x.is_finite() => Ok(x),
+            x => Err(row.complaint(column, &format!("is {x}, which is not a finite number"))),
+        };
+        let positive = |column: usize| match number(column)? {
+            x if 0.0 < x => Ok(x),
+            x => Err(row.complaint(column, &format!("is {x}; it must be positive"))),
+        };
+        let name = |column: usize| {
+            let empty = || row.complaint(column, "is empty; a camera's name is needed");
+            row.text(column).map(str::to_owned).ok_or_else(empty)
+        };
+        let mut v = [0.0; 7];
+        for (x, column) in v.iter_mut().zip(self.pose) {
+            *x = number(column)?;
+        }
+        let b_from_a = pose_from_numbers(&v).map_err(|reason| row.complaint_of(&reason))?;
+        let noise = match (self.sigmas, self.rmse) {
+            (Some([turn, shift]), _) => {
+                PairNoise::Covariance(isotropic(positive(turn)?.to_radians(), 1e-3 * positive(shift)?))
+            }
+            (None, Some(rmse)) => PairNoise::Error(positive(rmse)?),
+            (None, None) => PairNoise::Error(1.0),
+        };
+        Ok(Row { a: name(self.names[0])?, b: name(self.names[1])?, b_from_a, noise })
+    }
 }
 
 /// Converts `[qw, qx, qy, qz, x_m, y_m, z_m]` to a pose.
@@ -268,7 +242,9 @@ mod tests {
         let head = "a,b,qw,qx,qy,qz,x_m,y_m,z_m";
         for (text, said) in [
             ("a,b,q0,q1,q2,q3,x_m,y_m,z_m\n".to_string(), "by name"),
-            (format!("{head}\n"), "no pair"),
+            (format!("{head}\n"), "no rows"),
+            (format!("{}\n1;2;1,5;0;0;0;1;2;3\n", head.replace(',', ";")), "length 1.500000"),
+            (head.replace("x_m,y_m,z_m", "x_mm,y_mm,z_mm") + "\n1,2,1,0,0,0,1,2,3\n", "divide by 1000"),
             (format!("{head}\n1,2,1,0,0,0,1,2,nan\n"), "pairs.csv:2: column `z_m`"),
             (format!("{head}\n1,2,1,1,0,0,1,2,3\n"), "length 1.414"),
             (format!("{head}\n1,,1,0,0,0,1,2,3\n"), "column `b` is empty"),

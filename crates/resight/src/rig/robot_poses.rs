@@ -9,6 +9,7 @@ use crate::core::multiview::rig_pose::RigView;
 use crate::core::{Matrix6, Pose};
 use crate::error::{Error, FileError};
 use crate::formats::pose_list::{ListedPose, PoseList, PoseListOptions, read_pose_list};
+use crate::report::words::counted;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -268,8 +269,9 @@ pub(super) fn joined(robot: Vec<RobotPose>, observed: Vec<ViewPoses>) -> Result<
             Ok((robot.into_iter().zip(observed).map(view).collect(), Vec::new()))
         }
         (0, n) if 0 < n => Err(Error::request(format!(
-            "motions: {n} poses without names of views are given, and the camera has {} views with a target; equal numbers go together by place, else name the view of each pose (column `view`)",
-            observed.len()
+            "motions: {} without names of views and a camera with {} of a target are given; equal numbers go together by place, else name the view of each pose (column `view`)",
+            counted(n, "pose"),
+            counted(observed.len(), "view")
         ))),
         (named, n) if named < n => Err(Error::request(format!(
             "motions: {named} of {n} poses name their view; name the view of each, or of none"

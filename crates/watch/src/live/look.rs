@@ -7,6 +7,7 @@ mod view;
 mod pair;
 mod promises;
 mod staying;
+mod unseen;
 
 use super::state::{CameraRecord, unix_s};
 use super::{LiveCamera, LiveConfig, Observation, Promise, StageTimes, State};
@@ -184,6 +185,15 @@ impl CameraWatcher {
     /// Returns the state for each target at a time, even when no frame has arrived.
     pub fn states(&self, t_s: f64) -> Vec<State> {
         let targets = self.pairs.iter().map(|pair| pair.state(t_s)).collect();
+        match &self.landmarks {
+            Some(landmarks) => landmarks.states(t_s, targets),
+            None => targets,
+        }
+    }
+
+    /// Returns the state for each target after the last frame.
+    pub(super) fn states_at_the_end(&mut self, t_s: f64) -> Vec<State> {
+        let targets = self.pairs.iter_mut().map(|pair| pair.state_at_the_end(t_s)).collect();
         match &self.landmarks {
             Some(landmarks) => landmarks.states(t_s, targets),
             None => targets,

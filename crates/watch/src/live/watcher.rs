@@ -152,7 +152,7 @@ impl<'a> Watcher<'a> {
         }
         if let Some((t_s, _)) = self.last {
             self.compared(t_s, true);
-            self.teller.at_the_end(t_s, self.look.states(t_s));
+            self.teller.at_the_end(t_s, self.look.states_at_the_end(t_s));
         }
         if self.is_new {
             self.memory.keep(&self.look, self.last, true);
@@ -215,11 +215,19 @@ impl Teller {
         !is_new || self.tell(Event::StateChanged { camera: self.camera, target, t_s, state })
     }
 
-    /// Reports drifts and deviations again at the end, where their estimates are better.
+    /// Reports drifts and deviations again at the end, where their estimates are better, and stale states, where their reasons are.
     fn at_the_end(&self, t_s: f64, states: Vec<State>) {
         let camera = self.camera;
         for (target, state) in states.into_iter().enumerate() {
-            if matches!(state, State::Drifted(_) | State::Checking(CheckingReason::Away(_))) {
+            let is_news = match (&state, self.states.get(target)) {
+                (State::Stale { reason, .. }, Some(Some(State::Stale { reason: before, .. }))) => {
+                    reason != before
+                }
+                (State::Stale { .. }, before) => matches!(before, Some(Some(State::Learning { .. }))),
+                (State::Drifted(_) | State::Checking(CheckingReason::Away(_)), _) => true,
+                _ => false,
+            };
+            if is_news {
                 self.tell(Event::StateChanged { camera, target, t_s, state });
             }
         }

@@ -16,7 +16,7 @@ use resight::core::temporal::monitor::attribute::MovedNode;
 use resight::core::temporal::monitor::{Deviation, Drift, Unrest, Unsettled};
 use resight::image::orientation_remark;
 use resight::report::turned::{self, parts};
-use resight::report::words::moment;
+use resight::report::words::{counted, moment};
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -204,7 +204,7 @@ impl EventText {
                 }
             }
             Event::Dropped { camera, frames } => {
-                format!("{}  {frames} frames dropped", self.names.camera(*camera))
+                format!("{}  {} dropped", self.names.camera(*camera), counted(*frames as usize, "frame"))
             }
             Event::LeftOut { camera, frames, reason } => {
                 format!("{}  {}", self.names.camera(*camera), left_out_words(*frames, reason))
@@ -350,8 +350,7 @@ impl EventText {
 }
 
 fn left_out_words(frames: u64, reason: &str) -> String {
-    let frames = if frames == 1 { "1 frame".to_string() } else { format!("{frames} frames") };
-    format!("{frames} left out: {reason}")
+    format!("{} left out: {reason}", counted(frames as usize, "frame"))
 }
 
 fn clock_words(step_s: f64) -> String {

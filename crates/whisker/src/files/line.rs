@@ -50,6 +50,12 @@ fn count(text: &str, separator: u8) -> usize {
     text.bytes().filter(|b| *b == separator).count()
 }
 
+/// A number with a decimal comma as one with a point; other cells as they are.
+fn with_point(cell: String) -> String {
+    let point = cell.replacen(',', ".", 1);
+    if point.parse::<f64>().is_ok() { point } else { cell }
+}
+
 /// Whether a line says nothing: blank, or a comment.
 pub fn is_silent(text: &str) -> bool {
     let text = text.trim();
@@ -98,6 +104,7 @@ pub fn read(layout: &Layout, line: u64, text: &str) -> Result<Cells, TextError> 
         Layout::Csv { separator, header } => {
             let row = cells(line, text, *separator)?;
             match row.len() == header.len() {
+                true if *separator != b',' => Ok(Cells::Row(row.into_iter().map(with_point).collect())),
                 true => Ok(Cells::Row(row)),
                 false => Err(TextError::at(
                     line,
@@ -154,5 +161,22 @@ pub fn text<'a>(cells: &'a Cells, column: usize, name: &str) -> Option<&'a str> 
     match cells {
         Cells::Row(row) => row.get(column).map(String::as_str).filter(|text| !text.is_empty()),
         Cells::Object(object) => object.get(name).and_then(Value::as_str),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_between_semicolons_may_have_decimal_commas() {
+        let of = |header: &str, row: &str| {
+            let layout = Layout::of_first_line(1, header)?;
+            let cells = read(&layout, 2, row)?;
+            Ok::<_, TextError>((number(&cells, 2, 1, "fx")?, text(&cells, 0, "sweep").map(str::to_owned)))
+        };
+        assert_eq!(of("sweep;fx", "a,b;-0,5"), Ok((Some(-0.5), Some("a,b".to_owned()))));
+        assert_eq!(of("sweep\tfx", "a\t1,5e-3"), Ok((Some(1.5e-3), Some("a".to_owned()))));
+        assert!(of("sweep;fx", "a;1.234,5").is_err() && of("sweep,fx", "a,0,5").is_err());
     }
 }

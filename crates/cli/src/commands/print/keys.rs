@@ -72,6 +72,25 @@ pub struct TargetKeys {
     pub dot_diameter_m: Option<f64>,
 }
 
+/// The keys that each kind needs, with an example of each.
+const NEEDED: [(&str, &[(&str, &str)]); 6] = [
+    ("tag", &[("id", "7"), ("size_m", "0.1")]),
+    ("aprilgrid", &[("rows", "6"), ("columns", "6"), ("tag_size_m", "0.024"), ("tag_spacing_ratio", "0.3")]),
+    ("chessboard", &[("rows", "6"), ("columns", "9"), ("square_m", "0.025")]),
+    (
+        "charuco",
+        &[
+            ("rows", "8"),
+            ("columns", "5"),
+            ("square_m", "0.03"),
+            ("marker_m", "0.022"),
+            ("dictionary", "DICT_5X5_100"),
+        ],
+    ),
+    ("circle_grid", &[("rows", "11"), ("columns", "4"), ("spacing_m", "0.02"), ("asymmetric", "true")]),
+    ("line_plus_one", &[("line_m", "0,0.1,0.15"), ("off_m", "0,0.1")]),
+];
+
 /// Checked here, passed on as the text of a list.
 fn numbers(text: &str) -> Result<String, String> {
     let is_number = |x: &str| x.trim().parse::<f64>().is_ok_and(|x| x.is_finite());
@@ -113,7 +132,22 @@ impl TargetKeys {
 
     /// The flag of the first key that was given.
     pub fn first_given(&self) -> Option<String> {
-        self.given().first().map(|(key, _)| format!("--{}", key.replace('_', "-")))
+        self.given().first().map(|(key, _)| flag(key))
+    }
+
+    /// Refuses a kind of which keys are missing, all of them at once.
+    fn must_be_whole(&self, kind: &str) -> Result<()> {
+        let given = self.given();
+        let needed = NEEDED.iter().find(|(known, _)| *known == kind).map_or(&[][..], |(_, keys)| keys);
+        let is_missing = |(key, _): &&(&str, &str)| given.iter().all(|(known, _)| known != key);
+        let missing: Vec<&(&str, &str)> = needed.iter().filter(is_missing).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let flags: Vec<String> = missing.iter().map(|(key, _)| flag(key)).collect();
+        let example: Vec<String> =
+            missing.iter().map(|(key, value)| format!("{} {value}", flag(key))).collect();
+        bail!("--kind {kind} needs {}, e.g. {}", flags.join(", "), example.join(" "))
     }
 
     /// The target that the keys make, read as if they stood in a file.
@@ -123,11 +157,14 @@ impl TargetKeys {
                 "a target is needed: --target FILE, or --kind with the keys of a target, e.g. --kind tag --id 7 --size-m 0.1"
             );
         }
-        if let (Some("tag"), Some((first, last))) = (self.kind.as_deref(), self.range()?) {
+        let (kind, range) = (self.kind.as_deref().unwrap_or_default(), self.range()?);
+        self.must_be_whole(kind)?;
+        if let ("tag", Some((first, last))) = (kind, range) {
             return self.sheet(first, last);
         }
         let mut text = String::new();
-        for (key, value) in self.given() {
+        // A range is no number of a file.
+        for (key, value) in self.given().into_iter().filter(|(key, _)| *key != "id" || range.is_none()) {
             let _ = writeln!(text, "{key} = {value}");
         }
         let file = Path::new("the target's flags");
@@ -153,17 +190,18 @@ impl TargetKeys {
     fn sheet(&self, first: u32, last: u32) -> Result<Target> {
         let known = ["kind", "family", "id", "size_m", "columns", "tag_spacing_ratio"];
         if let Some((key, _)) = self.given().into_iter().find(|(key, _)| !known.contains(key)) {
-            bail!(
-                "--{} does not go with a sheet of tags; it has {}",
-                key.replace('_', "-"),
-                known.join(", ")
-            );
+            bail!("{} does not go with a sheet of tags; it has {}", flag(key), known.map(flag).join(", "));
         }
         let size_m =
             self.size_m.context("a sheet of tags needs --size-m, the outer edge of the black square")?;
         let family = self.family.as_deref().unwrap_or("tag36h11");
         Ok(sheet_of_tags(family, (first, last), size_m, self.columns, self.tag_spacing_ratio)?)
     }
+}
+
+/// The flag of a key.
+fn flag(key: &str) -> String {
+    format!("--{}", key.replace('_', "-"))
 }
 
 /// A string as TOML has it.

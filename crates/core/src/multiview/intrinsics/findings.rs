@@ -201,6 +201,10 @@ impl Finding {
     pub fn message(&self, name_of: impl Fn(usize) -> String) -> String {
         let degrees = f64::to_degrees;
         match self {
+            Finding::FewViews { n_views, n_distinct, needed } if n_views == n_distinct => format!(
+                "{n_views} {} given, {needed} are needed and 10 are good; move and tilt the target between images",
+                if *n_views == 1 { "view is" } else { "views are" }
+            ),
             Finding::FewViews { n_views, n_distinct, needed } => format!(
                 "{n_distinct} of {n_views} views differ from each other, {needed} are needed and 10 are good; move and tilt the target between images"
             ),

@@ -67,7 +67,7 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     Ok(best)
 }
 
-/// Returns the network with two labels exchanged, if that explains everything.
+/// Returns the network with labels, columns or axes exchanged, if that explains everything.
 fn exchanged(
     network: &NetworkProblem,
     whole: &Result<Adjusted, Error>,

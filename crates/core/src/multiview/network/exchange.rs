@@ -1,18 +1,40 @@
-//! Two exchanged labels of one photograph: tried where a network contradicts itself, and named where the exchange makes everything agree.
+//! What was exchanged, where a network contradicts itself: two labels of a photograph, its columns and rows, its top and bottom, or the axes of the
+//! control points. An exchange is named where it makes everything agree.
 
 use super::{Adjusted, Constraint, NetworkProblem};
+use crate::{Pixel, Point};
+use nalgebra::Vector3;
 
-/// Two points of a photograph whose labels are exchanged.
+/// Numbers of a network that are exchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Exchange {
-    /// Index of the photograph.
-    pub photo: usize,
-    /// Index of one point.
-    pub a: usize,
-    /// Index of the other point.
-    pub b: usize,
+pub enum Exchange {
+    /// The labels of two points of a photograph.
+    Labels {
+        /// Index of the photograph.
+        photo: usize,
+        /// Index of one point.
+        a: usize,
+        /// Index of the other point.
+        b: usize,
+    },
+    /// u and v of all image points of a photograph.
+    Columns {
+        /// Index of the photograph.
+        photo: usize,
+    },
+    /// Top and bottom of a photograph: v of its image points is counted upwards.
+    TopAndBottom {
+        /// Index of the photograph.
+        photo: usize,
+    },
+    /// x and y of all control points.
+    ControlPoints,
 }
 
+/// The number of photographs whose image points are exchanged as a whole.
+const MOST_PHOTOS: usize = 12;
+/// More exchanges that make everything agree say nothing.
+const MOST_TIED: usize = 2;
 /// The number of pairs of labels that are tried: each is a whole adjustment.
 const MOST_PAIRS: usize = 30;
 /// Two exchanges whose χ² differ by less than this cannot be distinguished.
@@ -26,14 +48,77 @@ struct Pair {
     n_suspected: usize,
 }
 
-/// Returns the network with those two labels exchanged that make everything agree; none where no exchange or several of them do. `suspected` are
-/// constraints that may be wrong; `is_explained` says that one of them alone explains the contradiction, so that only exchanges with it are
-/// tried. `agreed` solves a network and returns it where its constraints agree.
+/// Returns the network with that exchange that makes everything agree; none where no exchange or several of them do. `suspected` are constraints
+/// that may be wrong; `is_explained` says that one of them alone explains the contradiction, so that only exchanges of its label are tried.
+/// `agreed` solves a network and returns it where its constraints agree.
 pub(super) fn exchanged(
     network: &NetworkProblem,
     suspected: &[usize],
     is_explained: bool,
     agreed: impl Fn(&NetworkProblem) -> Option<Adjusted>,
+) -> Option<Adjusted> {
+    let of_labels = labels(network, suspected, is_explained, &agreed);
+    of_labels.or_else(|| if is_explained { None } else { wholes(network, agreed) })
+}
+
+/// Returns the network with a whole photograph, or the axes of all control points, exchanged. Of two photographs, each may be the one that is upside
+/// down: both are named.
+fn wholes(
+    network: &NetworkProblem,
+    agreed: impl Fn(&NetworkProblem) -> Option<Adjusted>,
+) -> Option<Adjusted> {
+    let photos = 0..network.camera_of_photo.len().min(MOST_PHOTOS);
+    let of_photo = |photo| [Exchange::Columns { photo }, Exchange::TopAndBottom { photo }];
+    let tried = photos.flat_map(of_photo).chain([Exchange::ControlPoints]);
+    let attempt = |exchange: Exchange| {
+        let constraints: Option<Vec<Constraint>> =
+            network.constraints.iter().map(|constraint| exchange.applied(network, constraint)).collect();
+        let constraints = constraints.filter(|changed| changed[..] != *network.constraints)?;
+        Some((exchange, agreed(&NetworkProblem { constraints: &constraints, ..*network })?))
+    };
+    let mut found: Vec<(Exchange, Adjusted)> = tried.filter_map(attempt).collect();
+    found.sort_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2));
+    let least = found.first()?.1.chi2;
+    found.retain(|(_, with)| with.chi2 < least + TIED_CHI2);
+    let exchanged: Vec<Exchange> = found.iter().map(|(exchange, _)| *exchange).collect();
+    let first = found.into_iter().next().filter(|_| exchanged.len() <= MOST_TIED)?;
+    Some(Adjusted { exchanged, is_inconsistent: true, ..first.1 })
+}
+
+impl Exchange {
+    /// Returns a constraint with the exchange; none where the size of the photograph is needed and unknown.
+    fn applied(self, network: &NetworkProblem, constraint: &Constraint) -> Option<Constraint> {
+        let mut changed = *constraint;
+        match (&mut changed, self) {
+            (
+                Constraint::ImagePoint { photo, pixel, covariance_px2, .. },
+                Exchange::Columns { photo: whole },
+            ) if *photo == whole => {
+                *pixel = Pixel::new(pixel.y, pixel.x);
+                *covariance_px2 = covariance_px2.with_axes_exchanged();
+            }
+            (Constraint::ImagePoint { photo, pixel, .. }, Exchange::TopAndBottom { photo: whole })
+                if *photo == whole =>
+            {
+                let camera = network.cameras.get(*network.camera_of_photo.get(whole)?)?.camera;
+                pixel.y = f64::from(camera.size?.height_px) - 1.0 - pixel.y;
+            }
+            (Constraint::Place { x_in_world, sigma_m, .. }, Exchange::ControlPoints) => {
+                *x_in_world = Point::new(x_in_world.y, x_in_world.x, x_in_world.z);
+                *sigma_m = Vector3::new(sigma_m.y, sigma_m.x, sigma_m.z);
+            }
+            _ => {}
+        }
+        Some(changed)
+    }
+}
+
+/// Returns the network with those two labels exchanged that make everything agree.
+fn labels(
+    network: &NetworkProblem,
+    suspected: &[usize],
+    is_explained: bool,
+    agreed: &impl Fn(&NetworkProblem) -> Option<Adjusted>,
 ) -> Option<Adjusted> {
     let mut pairs = pairs(network, suspected);
     pairs.retain(|pair| !is_explained || 0 < pair.n_suspected);
@@ -45,7 +130,7 @@ pub(super) fn exchanged(
         exchange(&mut constraints, pair.first.0, pair.second.0);
         let found = agreed(&NetworkProblem { constraints: &constraints, ..*network })?;
         let (a, b) = (pair.first.2.min(pair.second.2), pair.first.2.max(pair.second.2));
-        let exchanged = Some(Exchange { photo: pair.first.1, a, b });
+        let exchanged = vec![Exchange::Labels { photo: pair.first.1, a, b }];
         Some(Adjusted { exchanged, is_inconsistent: true, ..found })
     };
     let mut tiers = pairs.chunk_by(|a, b| a.n_control_points == b.n_control_points);

@@ -116,7 +116,7 @@ fn conclude(
         layout,
         constraints: network.constraints.to_vec(),
         left_out: Vec::new(),
-        exchanged: None,
+        exchanged: Vec::new(),
         on_line: None,
         has_lost_control_points: false,
         covariance: covariance.scaled(scale),

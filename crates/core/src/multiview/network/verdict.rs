@@ -33,7 +33,7 @@ impl NetworkStatus {
 pub enum NetworkWarning {
     /// All control points are on one line.
     OnLine,
-    /// Two labels look exchanged.
+    /// Labels, columns or axes look exchanged.
     Exchanged,
     /// Constraints contradict the others.
     Suspects,
@@ -75,11 +75,11 @@ impl Adjusted {
     pub fn warnings(&self) -> Vec<NetworkWarning> {
         let mut warnings = Vec::new();
         warnings.extend(self.on_line.map(|_| NetworkWarning::OnLine));
-        warnings.extend(match (&self.exchanged, self.suspects.is_empty(), self.is_inconsistent) {
-            (Some(_), ..) => Some(NetworkWarning::Exchanged),
-            (None, false, _) => Some(NetworkWarning::Suspects),
-            (None, true, true) => Some(NetworkWarning::Contradiction),
-            (None, true, false) => None,
+        warnings.extend(match (self.exchanged.is_empty(), self.suspects.is_empty(), self.is_inconsistent) {
+            (false, ..) => Some(NetworkWarning::Exchanged),
+            (true, false, _) => Some(NetworkWarning::Suspects),
+            (true, true, true) => Some(NetworkWarning::Contradiction),
+            (true, true, false) => None,
         });
         warnings.extend((1.0 < self.noise_scale).then(|| NetworkWarning::Residuals(self.noise_scale.sqrt())));
         let second = self.alternative_delta_chi2.filter(|delta| *delta < ALTERNATIVE_GATE_CHI2);

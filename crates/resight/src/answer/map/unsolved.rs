@@ -78,9 +78,9 @@ pub(crate) fn failed(
             ..Unsolved::new(
                 Status::NotConnected,
                 format!(
-                    "none of {} shows two tags, so that nothing relates the {} tags seen; take views that show two or more at a time, each overlapping with the next",
+                    "none of {} shows two tags, so that nothing relates the {} seen; take views that show two or more at a time, each overlapping with the next",
                     counted(*n_views, "view"),
-                    seen.len()
+                    counted(seen.len(), "tag")
                 ),
             )
         },

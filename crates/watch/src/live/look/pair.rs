@@ -4,6 +4,7 @@ use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::promises::Promises;
 use super::staying::{Staying, View};
+use super::unseen::Unseen;
 use super::view::{candidates, reading, residuals};
 use super::{CameraWatcherError, FrameResult, micros, nothing};
 use crate::live::state::{PairRecord, ReadingRecord, StageRecord, changed, settings};
@@ -43,6 +44,7 @@ pub(super) struct Pair {
     /// Contradictions between points of the last views.
     disagreement: Disagreement,
     staying: Staying,
+    unseen: Unseen,
     promises: Promises,
     config: LiveConfig,
     /// The target's name, and the settings with which a saved state must agree.
@@ -120,6 +122,7 @@ impl Pair {
             config: config.clone(),
             name: watched.name.clone(),
             disagreement: Disagreement::default(),
+            unseen: Unseen::default(),
             promises: Promises::default(),
             staying: Staying::of(&watched.target),
             settings: settings(camera, watched, config),
@@ -275,6 +278,22 @@ impl Pair {
         }
     }
 
+    /// Returns the state after the last frame: a target that was never found is stale, with what the first image shows instead.
+    pub fn state_at_the_end(&mut self, t_s: f64) -> State {
+        let state = self.state(t_s);
+        if !matches!(state, State::Learning { readings: 0, .. } | State::Stale { .. }) {
+            return state;
+        }
+        self.unseen.explain(&self.target);
+        if let (Some(text), Some((_, reason))) = (self.unseen.explanation(), &mut self.last) {
+            *reason = Some(text.to_owned());
+        }
+        match state {
+            State::Stale { for_s, .. } => self.stale(t_s, for_s),
+            _ => self.stale(t_s, self.began.map_or(0.0, |(began_s, _)| t_s - began_s)),
+        }
+    }
+
     /// Returns the stale state at `t_s`, with its reason, after `for_s` without a usable reading.
     fn stale(&self, t_s: f64, for_s: f64) -> State {
         let reason = match &self.last {
@@ -394,7 +413,22 @@ impl Pair {
                 Cow::Owned(found.map_err(|e| e.to_string())?)
             }
         };
-        if found.is_empty() { Err(nothing(&self.target)) } else { Ok(found) }
+        if found.is_empty() {
+            return Err(self.missed(t_s, sight));
+        }
+        self.unseen.find();
+        Ok(found)
+    }
+
+    /// Returns the reason why a frame without the target gives no reading.
+    fn missed(&mut self, t_s: f64, sight: &FrameContent<'_>) -> String {
+        if let FrameContent::Image(image, _) = sight {
+            self.unseen.miss(image);
+        }
+        if self.began.is_some_and(|(began_s, _)| self.config.monitor.stale_after_s < t_s - began_s) {
+            self.unseen.explain(&self.target);
+        }
+        self.unseen.explanation().map_or_else(|| nothing(&self.target), str::to_owned)
     }
 
     /// Returns the result of learning that this reading completes.
