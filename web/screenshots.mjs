@@ -1,4 +1,5 @@
-// The pictures of the photograph tab in docs/serve.md. Use: RESIGHT_PROGRAM=… npm run screenshots
+// The pictures of the tabs in docs/serve.md, but for those of watched cameras (tests/screenshots-live.ts) and of a capture (tests/capture.test.ts
+// with SCREENSHOTS). Use: RESIGHT_PROGRAM=… npm run screenshots
 import { PHONE, WIDE, browser, open, serve } from "./dist-tests/server.js";
 
 const FOLDER = "../docs/images";
@@ -18,6 +19,16 @@ async function photograph(page, shoot, hasBirdseye) {
   await shoot("birdseye");
 }
 
+/** The example of a tab of results, in front of what it looks like when it is opened. */
+async function results(chromium, server, tab, isReady) {
+  const page = await open(chromium, server, tab, { ...WIDE, colorScheme: "light" });
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator(isReady).waitFor();
+  await page.waitForTimeout(500);
+  await page.screenshot({ path: `${FOLDER}/serve-${tab}.png` });
+  await page.context().close();
+}
+
 const [chromium, server] = await Promise.all([browser(), serve()]);
 try {
   for (const [size, options] of Object.entries(SIZES)) {
@@ -27,6 +38,8 @@ try {
       await page.context().close();
     }
   }
+  await results(chromium, server, "rig", "[data-summary]");
+  await results(chromium, server, "whisker", "[data-object]");
 } finally {
   await chromium.close();
   await server.stop();
