@@ -399,6 +399,30 @@ test("a lens that is not known is ticked when it is estimated, and lent to anoth
   await page.context().close();
 });
 
+/** The horizon and two upright lines, clicked, say how long the lens is: 700 px, tilted by 14°. */
+test("a horizon and two upright lines give the lens", async () => {
+  const page = await open(chromium, server);
+  await page.locator("input[type=file][accept='image/png,image/jpeg']").first().setInputFiles(file("testdata/demo/left.png"));
+  const lens = page.locator("[data-step=lens]");
+  const [f, u, v, tilt] = [700, 399.5, 299.5, (14 * Math.PI) / 180];
+  const horizon = v - f * Math.tan(tilt);
+  const nadir = v + f / Math.tan(tilt);
+  const upright = (foot: number): [number, number][] => [[foot, 540], [u + ((foot - u) * (nadir - 180)) / (nadir - 540), 180]];
+  await lens.getByRole("button", { name: "Horizon" }).click();
+  await lens.getByText("where open sea or a flat plain meets the sky").waitFor();
+  for (const at of [[20, horizon], [780, horizon]] as [number, number][]) await click(page, at);
+  await lens.getByRole("button", { name: "Horizon · 1" }).waitFor();
+  await lens.getByRole("button", { name: "Upright" }).click();
+  for (const at of [...upright(110), ...upright(690)]) await click(page, at);
+  await lens.getByRole("button", { name: "Upright · 2" }).waitFor();
+  await lens.getByRole("button", { name: "Use these 3 lines" }).click();
+  await page.locator("[data-step=lens][data-done=true]", { hasText: "by lines" }).waitFor();
+  const degrees = Number(/(\d+\.\d)° across/.exec((await lens.textContent())!)![1]);
+  assert(Math.abs(degrees - (2 * Math.atan(400 / f) * 180) / Math.PI) < 6, `${degrees}`);
+  assert.deepEqual(faultsOf(page), []);
+  await page.context().close();
+});
+
 /** "Print or PDF" prints the report, all of it, and the page is as it was after it. */
 test("the report is printed whole", async () => {
   const page = await open(chromium, server);

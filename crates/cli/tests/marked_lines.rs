@@ -46,6 +46,34 @@ fn a_road_gives_focal_length_tilt_roll_and_height() {
     assert_within(&nominal[0], "tilt_rad", "tilt_sigma_rad", 14f64.to_radians());
 }
 
+/// Two posts and the horizon of a camera of 900 px, tilted by 14° and rolled by −1.5°, 6 m up; the second post is 4 m high. The page of the book has them.
+const HORIZON: &str = "id,direction,u_px,v_px,u2_px,v2_px,length_m,sigma_px
+sea,horizon,110.1,122.4,1201.6,150.8,,2
+left post,up,304.6,420.4,289.3,178.3,,1
+right post,up,983.4,411.3,1005.4,237.9,4,1
+";
+
+#[test]
+fn a_horizon_and_two_posts_are_enough() {
+    let found = solved("horizon.csv", HORIZON, &OF_ROAD);
+    assert!(found["status"] == "ok" && found["heading_rad"].is_null(), "{found}");
+    assert_within(&found, "focal_px", "focal_sigma_px", 900.0);
+    assert_within(&found, "tilt_rad", "tilt_sigma_rad", 14f64.to_radians());
+    assert_within(&found, "roll_rad", "roll_sigma_rad", -1.5f64.to_radians());
+    assert_within(&found, "height_m", "height_sigma_m", 6.0);
+    let rows = |text: &str, keep: fn(&str) -> bool| -> String {
+        text.lines().filter(|line| keep(line)).map(|line| format!("{line}\n")).collect()
+    };
+    let alone = solved("alone.csv", &rows(HORIZON, |line| !line.contains("post")), &OF_ROAD);
+    assert!(
+        alone["status"] == "degenerate" && alone["message"].to_string().contains("two upright lines"),
+        "{alone}"
+    );
+    let long = HORIZON.replace("150.8,,2", "150.8,7,2");
+    let long = solved("long.csv", &long, &OF_ROAD);
+    assert!(long["status"] == "error" && long["message"].to_string().contains("horizon"), "{long}");
+}
+
 /// Rows and columns of a photographed chessboard as lines of a scene: the lens is calibrated at 536 px.
 #[test]
 fn a_photographed_board_gives_the_calibrated_focal_length() {
@@ -114,7 +142,7 @@ fn what_is_wrong_is_named() {
     let found = solved("feet.csv", &with_feet.collect::<String>(), &OF_ROAD);
     assert_eq!(found["status"], "inconsistent", "{found}");
     for (text, needed) in [
-        (road.replace("sign,up", "sign,down"), "across, along or up"),
+        (road.replace("sign,up", "sign,down"), "across, along, up or horizon"),
         (road.replace(",480.9,", ",nan,"), "right kerb"),
         (road.replace("u2_px", "u3_px"), "u2_px"),
         ("direction,u_px,v_px,u2_px,v2_px\n".to_string(), "no"),

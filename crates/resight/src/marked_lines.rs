@@ -59,8 +59,8 @@ pub fn is_marked_lines(path: impl AsRef<Path>) -> Result<bool, FileError> {
 
 const WANTED: &str = "direction,u_px,v_px,u2_px,v2_px";
 
-/// Reads the views of a file: columns `direction` (`across`, `along` or `up`), `u_px, v_px, u2_px, v2_px` (two points of the line's image), and
-/// optionally `length_m`, `length_sigma_m` (else 1 %), `sigma_px` of the image points (else the argument, else 1 px), `view`, `id`.
+/// Reads the views of a file: columns `direction` (`across`, `along`, `up` or `horizon`), `u_px, v_px, u2_px, v2_px` (two points of the line's
+/// image), and optionally `length_m`, `length_sigma_m` (else 1 %), `sigma_px` of the image points (else the argument, else 1 px), `view`, `id`.
 ///
 /// # Errors
 /// What is wrong with the file, and in which line.
@@ -84,9 +84,12 @@ pub fn read_marked_lines(
             Some("across") => Axis::Across,
             Some("along") => Axis::Along,
             Some("up") => Axis::Up,
+            Some("horizon") => Axis::Horizon,
             other => {
                 let other = other.map_or_else(|| "empty".to_string(), |text| format!("`{text}`"));
-                return Err(cells.complaint(direction, &format!("is {other}; it is across, along or up")));
+                return Err(
+                    cells.complaint(direction, &format!("is {other}; it is across, along, up or horizon"))
+                );
             }
         };
         let [u, v, u2, v2] =
@@ -166,7 +169,7 @@ pub fn scene_view_of(view: &MarkedView, lens: &SceneLens) -> SceneViewAnswer {
             let message = match reason {
                 crate::core::Error::TooFewPoints { seen, needed } => {
                     format!(
-                        "{seen} marked lines; {needed} are needed, of two directions at least, so that a wrong one can be seen"
+                        "{seen} marked lines (a horizon counts as two); {needed} are needed, of two directions at least, so that a wrong one can be seen"
                     )
                 }
                 crate::core::Error::NotPositive { index, seen } => format!(

@@ -173,7 +173,7 @@ pub enum GivenLens {
     },
     /// Lines that are parallel in the scene: where they meet says how long the lens is.
     Lines {
-        /// Three at least, of two directions at least.
+        /// Five at least, of two directions at least; a horizon counts as two, and with it two upright ones are enough.
         lines: Vec<GivenLine>,
     },
     /// That of another photograph of the session, which the same camera took without zooming.
@@ -195,7 +195,7 @@ pub struct GivenLine {
     pub ends: [[f64; 2]; 2],
 }
 
-/// Directions of the scene, each square to the others.
+/// Directions of the scene, each square to the others, and the horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LineDirection {
@@ -205,6 +205,8 @@ pub enum LineDirection {
     Across,
     /// Upright.
     Up,
+    /// Not a line of the scene: the horizon.
+    Horizon,
 }
 
 /// What the points are.

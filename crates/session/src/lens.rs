@@ -19,6 +19,9 @@ use std::path::Path;
 
 /// Largest number of lines used.
 const MOST_LINES: usize = 100;
+/// By how much a visible horizon is off the true one, in parts of the width of the photograph: 0.1° of a lens of 60°, which is what the horizon at
+/// sea lies too low by from a height of ten metres.
+const HORIZON_SIGMA: f64 = 0.1 / 60.0;
 /// Relative standard deviation that a stated field of view has for the nominal lens.
 const FIELD_OF_VIEW_SIGMA: f64 = 0.05;
 
@@ -126,9 +129,14 @@ fn of_lines(lines: &[GivenLine], size: ImageSize) -> Result<KnownLens, String> {
             LineDirection::Along => Axis::Along,
             LineDirection::Across => Axis::Across,
             LineDirection::Up => Axis::Up,
+            LineDirection::Horizon => Axis::Horizon,
+        };
+        let sigma_px = match axis {
+            Axis::Horizon => SIGMA_PX.hypot(HORIZON_SIGMA * f64::from(size.width_px)),
+            _ => SIGMA_PX,
         };
         let ends_px = line.ends.map(|[u, v]| Pixel::new(u, v));
-        let line = MarkedLine { ends_px, sigma_px: SIGMA_PX, axis, length: None };
+        let line = MarkedLine { ends_px, sigma_px, axis, length: None };
         NamedMarkedLine { name: format!("Line {}", i + 1), line }
     };
     let view = MarkedView { name: String::new(), lines: lines.iter().enumerate().map(marked).collect() };

@@ -210,10 +210,5 @@ pub fn measured(scene: &Scene) -> Result<Answers, String> {
 
 /// Measures a scene after an earlier one: only what differs is measured again.
 pub fn measured_after(scene: &Scene, before: Option<(&Scene, &Answers)>) -> Result<Answers, String> {
-    let answer = resight::measure::measure_after(scene, before).map_err(|reason| reason.to_string())?;
-    match (answer.solved, answer.network) {
-        (Some(solved), _) => Ok(solved),
-        (None, resight::answer::measure::NetworkAnswer::Refused(refused)) => Err(refused.message),
-        (None, _) => Err(crate::texts::NO_POSE_YET.to_owned()),
-    }
+    resight::measure::measure_after(scene, before).map_err(|reason| reason.to_string())
 }

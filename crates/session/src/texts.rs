@@ -19,7 +19,7 @@ pub const OPEN_LENS: &str = "estimated as soon as the marks determine it";
 pub const COMMON_CAMERA: &str = "the focal length is that of the maker's main camera; a photograph that was zoomed or cropped has another";
 pub const BY_LINES: &str =
     "the focal length is that at which the marked lines are parallel; distortion is taken as none";
-pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, two upright and two along a wall or a road; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
+pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, three upright and two along a wall or a road, or the horizon and two upright ones; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
 pub const BY_PHOTOGRAPH: &str = "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
 
 pub fn lens_of(photograph: &str) -> String {

@@ -391,6 +391,15 @@ fn a_lens_that_nobody_knows_is_found_otherwise() {
     assert!((hfov_deg - 60.0).abs() < 2.0, "{hfov_deg}");
     let view = session.apply(0, Command::SetLens { lens: GivenLens::Lines { lines: lines[..2].to_vec() } });
     assert!(view.error.is_some_and(|error| error.step == "lens" && error.text.contains("lines")));
+    // The horizon is above the photograph here; it and two upright lines are enough, and alone it says what to add.
+    let level = 1499.5 - true_f * 35f64.to_radians().tan();
+    let horizon = line(LineDirection::Horizon, [0.0, level], [3999.0, level]);
+    let three = vec![horizon, lines[3], lines[4]];
+    let view = session.apply(0, Command::SetLens { lens: GivenLens::Lines { lines: three } });
+    let hfov_deg = view.lens.as_ref().and_then(|lens| lens.hfov_deg).expect("a field of view");
+    assert!(view.status() == Some("ok") && (hfov_deg - 60.0).abs() < 2.0, "{hfov_deg} {:?}", view.error);
+    let view = session.apply(0, Command::SetLens { lens: GivenLens::Lines { lines: vec![horizon] } });
+    assert!(view.error.is_some_and(|error| error.text.contains("mark two upright lines")));
     for camera in resight_session::COMMON_CAMERAS {
         let lens = GivenLens::Common { name: camera.name.to_owned() };
         assert!(session.apply(0, Command::SetLens { lens }).error.is_none(), "{}", camera.name);

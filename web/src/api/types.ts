@@ -744,7 +744,7 @@ export type GivenLens = {
   name: string;
 } | {
   by: "lines";
-  /** Three at least, of two directions at least. */
+  /** Five at least, of two directions at least; a horizon counts as two, and with it two upright ones are enough. */
   lines: GivenLine[];
 } | {
   by: "photograph";
@@ -900,8 +900,8 @@ export type LensView = {
   words: string;
 };
 
-/** Directions of the scene, each square to the others. */
-export type LineDirection = "along" | "across" | "up";
+/** Directions of the scene, each square to the others, and the horizon. */
+export type LineDirection = "along" | "across" | "up" | "horizon";
 
 /** The message of the WebSocket that comes four times a second. */
 export type LiveMessage = {

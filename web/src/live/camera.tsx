@@ -3,7 +3,7 @@ import { computed, useSignal, type ReadonlySignal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import type { CameraView, ReferenceView } from "../api/types";
 import { Confirm } from "../parts/dialog";
-import { Figure } from "../parts/figure";
+import { Figure, PlusMinus } from "../parts/figure";
 import type { Picture } from "../parts/picture";
 import { Sheet } from "../parts/sheet";
 import { Note } from "../parts/status";
@@ -160,7 +160,7 @@ function Triple({ title, help, all, names }: { title: string; help: string; all:
   return (
     <div class="triple">
       <Figure title={title} help={help} words={named[0]!} />
-      {named.slice(1).map((words, i) => <p key={i} class="value">{words}</p>)}
+      {named.slice(1).map((words, i) => <p key={i} class="value"><PlusMinus words={words} /></p>)}
     </div>
   );
 }

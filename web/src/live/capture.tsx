@@ -10,6 +10,7 @@ import { Note, Status } from "../parts/status";
 import { colours } from "../parts/theme";
 import { ViewportState, toScreen } from "../parts/transform";
 import { Viewport } from "../parts/viewport";
+import { fixed } from "../results/format";
 import { captureTexts as texts } from "../texts/capture";
 import { common, sentence } from "../texts/common";
 import type { CaptureStore } from "./capture-store";
@@ -158,7 +159,7 @@ function Finish({ store, view }: { store: CaptureStore; view: CaptureView }) {
 
 const percent = (share: number) => `${(100 * share).toFixed(0)} %`;
 const px = (value: number | null) => (value == null ? "–" : `${value.toFixed(2)} px`);
-const within = ({ value, sigma }: IntrinsicParameterObject, digits: number) => `${value.toFixed(digits)} ± ${sigma.toFixed(digits)}`;
+const within = ({ value, sigma }: IntrinsicParameterObject, digits: number) => `${fixed(value, digits)} ± ${fixed(sigma, digits)}`;
 
 /** Coefficients with as many digits as their ± warrants. */
 function parameter(one: IntrinsicParameterObject): string {

@@ -1,4 +1,6 @@
 // Numbers as people read them: with their unit, and as many digits as their ± warrants.
+import { fixed } from "../results/format";
+
 const DEGREES = 180 / Math.PI;
 
 function decimals(sigma: number, most: number): number {
@@ -9,13 +11,13 @@ function decimals(sigma: number, most: number): number {
 /** `6.213 ± 0.004 m` */
 export function metres(value: number, sigma: number): string {
   const digits = decimals(sigma, 5);
-  return `${value.toFixed(digits)} ± ${sigma.toFixed(digits)} m`;
+  return `${fixed(value, digits)} ± ${fixed(sigma, digits)} m`;
 }
 
 /** `23.41 ± 0.03°` */
 export function degrees(rad: number, sigmaRad: number): string {
   const digits = decimals(sigmaRad * DEGREES, 4);
-  return `${(rad * DEGREES).toFixed(digits)} ± ${(sigmaRad * DEGREES).toFixed(digits)}°`;
+  return `${fixed(rad * DEGREES, digits)} ± ${fixed(sigmaRad * DEGREES, digits)}°`;
 }
 
 const rounded = (x: number) => x.toFixed(decimals(x, 4));

@@ -16,11 +16,10 @@ export interface FigureProps {
 export function Figure({ title, words, help, link, name }: FigureProps) {
   const open = useSignal(false);
   const id = useId();
-  const [value, more] = split(words);
   return (
     <div class="figure" data-figure={name}>
       <span class="title">{title}</span>
-      <span class="value">{value}{more && <span class="more"> ± {more}</span>}</span>
+      <span class="value"><PlusMinus words={words} /></span>
       {help ? (
         <button class="question" aria-label={helpOn(title)} aria-expanded={open.value} aria-controls={id} onClick={() => (open.value = !open.value)}>
           <span aria-hidden="true">?</span>
@@ -35,7 +34,8 @@ export function Figure({ title, words, help, link, name }: FigureProps) {
   );
 }
 
-function split(words: string): [string, string | undefined] {
-  const [value = "", more] = words.split(" ± ");
-  return [value, more];
+/** A number in bold, and its ± not. */
+export function PlusMinus({ words }: { words: string }) {
+  const [value, more] = words.split(" ± ");
+  return <>{value}{more && <span class="more"> ± {more}</span>}</>;
 }

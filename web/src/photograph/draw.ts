@@ -18,6 +18,8 @@ const GRID = "#7fd6ff";
 const GHOST = "#ffb03b";
 const MARK = "#ff6a5e";
 const MEASURE = "#ffe36b";
+/** Of the marked horizon. */
+const HORIZON = "#ffffff";
 const RIM = "rgb(0 0 0 / 55%)";
 const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" };
 /** Lines of a pixel are drawn several times as fast as wider ones. */
@@ -259,7 +261,7 @@ function advice(context: Context, at: Point) {
 function marked(context: Context, t: Transform) {
   if (!lensLines.value.length || (tool.value !== "marks" && !lineOf(tool.value))) return;
   for (const { direction, ends } of lensLines.value) {
-    const colour = AXES[{ up: "z", along: "y", across: "x" }[direction]]!;
+    const colour = direction === "horizon" ? HORIZON : AXES[{ up: "z", along: "y", across: "x" }[direction]]!;
     lines(context, t, [ends as Curve], colour, 2);
     ends.forEach((end) => ring(context, toScreen(t, end as Point), 5, colour));
   }

@@ -27,8 +27,8 @@ use std::path::PathBuf;
 /// Instead of x_m,y_m,z_m the columns may be lat_deg,lon_deg,height_m (WGS 84), or easting_m,northing_m,height_m with a column zone (33N) or --crs:
 /// the answer then states the camera's latitude, longitude, height and heading, docs/georeference.md.
 ///
-/// A file with the columns direction,u_px,v_px,u2_px,v2_px (direction: across, along or up) holds lines marked in a photograph, and optionally
-/// length_m: with --estimate-focal the answer is focal length, tilt, roll and, where a length is known, height; with a camera the same without
+/// A file with the columns direction,u_px,v_px,u2_px,v2_px (direction: across, along, up or horizon) holds lines marked in a photograph, and
+/// optionally length_m: with --estimate-focal the answer is focal length, tilt, roll and, where a length is known, height; with a camera the same without
 /// the focal length.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: resight solve points.csv --camera camera.toml --sigma-px 0.3")]

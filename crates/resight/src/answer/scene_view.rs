@@ -39,7 +39,8 @@ pub struct SceneViewAnswer {
     pub roll_rad: Option<f64>,
     /// Its standard deviation.
     pub roll_sigma_rad: Option<f64>,
-    /// Heading of the optical axis, from the scene's y (along) towards its x (across).
+    /// Heading of the optical axis, from the scene's y (along) towards its x (across); null where no line runs along or across: y is then the way
+    /// that the camera looks.
     pub heading_rad: Option<f64>,
     /// Its standard deviation.
     pub heading_sigma_rad: Option<f64>,
@@ -112,7 +113,7 @@ impl SceneViewAnswer {
         let ((focal_px, focal_sigma_px), (height_m, height_sigma_m)) =
             (or_none(found.focal_px), or_none(found.height_m));
         let ((tilt_rad, tilt_sigma_rad), (roll_rad, roll_sigma_rad), (heading_rad, heading_sigma_rad)) =
-            (two(found.tilt_rad), two(found.roll_rad), two(found.heading_rad));
+            (two(found.tilt_rad), two(found.roll_rad), or_none(found.heading_rad));
         let field = |(focal_px, width_px): (f64, u32)| 2.0 * (0.5 * f64::from(width_px)).atan2(focal_px);
         SceneViewAnswer {
             focal_px,

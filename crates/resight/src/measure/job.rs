@@ -10,21 +10,21 @@ use crate::answer::MeasureAnswer;
 /// # Errors
 /// A scene that is invalid in itself: no length, an impossible camera or constraint.
 pub fn measure(scene: &NamedScene) -> Result<MeasureAnswer, crate::Error> {
-    measure_after(scene, None)
-}
-
-/// Answers every query after an earlier scene was measured: answers that do not depend on the differences between the scenes are reused. The
-/// result is that of [`measure`].
-///
-/// # Errors
-/// The errors of [`measure`].
-pub fn measure_after(
-    scene: &NamedScene,
-    before: Option<(&NamedScene, &Answers)>,
-) -> Result<MeasureAnswer, crate::Error> {
-    match solve(scene, before) {
+    match solve(scene, None) {
         Ok(answers) => Ok(MeasureAnswer::solved(scene, answers)),
         Err(Refusal { status: Some(status), reason }) => Ok(MeasureAnswer::refused(scene, status, &reason)),
         Err(Refusal { status: None, reason }) => Err(crate::Error::request(reason)),
     }
+}
+
+/// Returns the solution of [`measure`] after an earlier scene was measured: answers that do not depend on the differences between the scenes are
+/// reused. Points and photographs, whose budgets cost a fifth of the whole, are not reported.
+///
+/// # Errors
+/// The errors of [`measure`], and a scene that cannot be solved.
+pub fn measure_after(
+    scene: &NamedScene,
+    before: Option<(&NamedScene, &Answers)>,
+) -> Result<Answers, crate::Error> {
+    solve(scene, before).map_err(|refusal| crate::Error::request(refusal.reason))
 }

@@ -70,7 +70,7 @@ function Others({ set }: { set: (lens: GivenLens) => Promise<void> }) {
   );
 }
 
-const DIRECTIONS: LineDirection[] = ["up", "along", "across"];
+const DIRECTIONS: LineDirection[] = ["up", "along", "across", "horizon"];
 
 function Lines({ set }: { set: (lens: GivenLens) => Promise<void> }) {
   const count = (direction: LineDirection) => lensLines.value.filter((line) => line.direction === direction).length;

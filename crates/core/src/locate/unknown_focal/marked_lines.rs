@@ -27,6 +27,15 @@ pub enum Axis {
     Along,
     /// z.
     Up,
+    /// None of them: the line is the horizon, the image of the level directions, eqs. (6), (7). The ground lies below it.
+    Horizon,
+}
+
+impl Axis {
+    /// How many equations a line of it gives.
+    pub fn equations(self) -> usize {
+        if self == Axis::Horizon { 2 } else { 1 }
+    }
 }
 
 /// A straight line of the scene, marked by two pixels on it.
@@ -38,7 +47,7 @@ pub struct MarkedLine {
     pub sigma_px: f64,
     /// Its direction.
     pub axis: Axis,
-    /// Where it is known: both ends of a line across or along lie on the ground, a line up stands on it.
+    /// Where it is known: both ends of a line across or along lie on the ground, a line up stands on it. A horizon has none.
     pub length: Option<Length>,
 }
 
@@ -86,8 +95,9 @@ pub struct SceneView {
     pub tilt_rad: Estimate,
     /// By how much the camera is rotated about its axis, clockwise as seen from behind it, rad.
     pub roll_rad: Estimate,
-    /// The optical axis's heading from `along` towards `across`, rad.
-    pub heading_rad: Estimate,
+    /// The optical axis's heading from `along` towards `across`, rad; `None` where no line runs along or across: along is then the way that the
+    /// camera looks.
+    pub heading_rad: Option<Estimate>,
     /// Height over the ground, m, where a length is known.
     pub height_m: Option<Estimate>,
     /// Sum of squared residuals, in standard deviations.
@@ -113,13 +123,16 @@ const SMALL: f64 = 1e-6;
 const SMALL_PX: f64 = 1e-3;
 /// What a direction counts for that one line alone gives to a start, rad.
 const ROUGH_RAD: f64 = 0.05;
+/// Scale of the equation that makes a heading zero by definition, rad. The answer does not depend on it.
+const HELD_RAD: f64 = 1e-3;
 
 /// Rotation, focal length where it is not known, and height where a length is.
 ///
 /// # Errors
-/// `TooFewPoints` for fewer lines than unknowns and one (five, four with a known camera); `DegenerateView` where lines of one direction only,
-/// or lines that nearly pass through one point, leave the rotation open, or a length reaches above the horizon; `UndeterminedFocal`;
-/// `ImpossibleFocal`; `NotPositive`, `NotFinite`, `Coincident` and `OutsideField` for marks and lengths that cannot be.
+/// `TooFewPoints` for fewer equations than unknowns and one (five, four with a known camera, one less where no line runs along or across; a
+/// horizon gives two); `DegenerateView` where lines of one direction only, a horizon alone, or lines that nearly pass through one point, leave the
+/// rotation open, or a length reaches above the horizon; `UndeterminedFocal`; `ImpossibleFocal`; `NotPositive`, `NotFinite`, `Coincident`,
+/// `OutsideField` and `InvalidSetting` for marks and lengths that cannot be.
 pub fn scene_view(lines: &[MarkedLine], lens: LineCamera) -> Result<SceneView, Error> {
     check(lines, lens)?;
     let problem = Problem { lines, lens };
@@ -132,13 +145,14 @@ pub fn scene_view(lines: &[MarkedLine], lens: LineCamera) -> Result<SceneView, E
 }
 
 fn check(lines: &[MarkedLine], lens: LineCamera) -> Result<(), Error> {
-    let needed = if matches!(lens, LineCamera::Unknown(_)) { 5 } else { 4 };
     if MOST_LINES < lines.len() {
         let needed = "ten thousand lines at most";
         return Err(Error::InvalidSetting { setting: "number of lines", seen: lines.len() as f64, needed });
     }
-    if lines.len() < needed {
-        return Err(Error::TooFewPoints { seen: lines.len(), needed });
+    if let Some(length) = lines.iter().filter(|line| line.axis == Axis::Horizon).find_map(|line| line.length)
+    {
+        let needed = "a horizon has none, so leave it empty, or give it to a line of the scene";
+        return Err(Error::InvalidSetting { setting: "length of a horizon", seen: length.metres, needed });
     }
     for (index, line) in lines.iter().enumerate() {
         if line.ends_px.iter().any(|end| !(end.x.abs() < 1e9 && end.y.abs() < 1e9)) {
@@ -154,12 +168,35 @@ fn check(lines: &[MarkedLine], lens: LineCamera) -> Result<(), Error> {
             return Err(Error::Coincident { first: index, second: index, where_: "in the image" });
         }
     }
-    let first = lines.first().map(|line| line.axis);
-    if lines.iter().all(|line| Some(line.axis) == first) {
-        let reason = "all lines run in one direction, which leaves the rotation about it open; mark lines of a second one";
+    let is_unknown = matches!(lens, LineCamera::Unknown(_));
+    if let Some(first) = lines.first()
+        && lines.iter().all(|line| line.axis == first.axis)
+    {
+        let reason = match (first.axis, is_unknown) {
+            (Axis::Horizon, true) => {
+                "the horizon alone leaves the focal length open; mark two upright lines too, or lines along and across"
+            }
+            (Axis::Horizon, false) => {
+                "with the horizon alone a wrong mark is not seen; mark an upright line too, or lines along or across"
+            }
+            _ => {
+                "all lines run in one direction, which leaves the rotation about it open; mark lines of a second one"
+            }
+        };
         return Err(Error::DegenerateView { reason, metric: 1.0, needed: 2.0 });
     }
+    let seen = lines.iter().map(|line| line.axis.equations()).sum();
+    let needed = 4 + usize::from(is_unknown) - usize::from(leaves_heading(lines));
+    if seen < needed {
+        return Err(Error::TooFewPoints { seen, needed });
+    }
     Ok(())
+}
+
+/// Whether a horizon and upright lines are all, so that nothing but the camera says which way along is.
+fn leaves_heading(lines: &[MarkedLine]) -> bool {
+    let is_level = |line: &MarkedLine| matches!(line.axis, Axis::Across | Axis::Along);
+    lines.iter().any(|line| line.axis == Axis::Horizon) && !lines.iter().any(is_level)
 }
 
 /// The unknowns.
@@ -232,28 +269,45 @@ impl Problem<'_> {
         }
     }
 
-    /// A rotation by the vanishing points, or where a direction has one line only, by its plane.
+    /// A rotation by the horizon and the vanishing points, or where a direction has one line only, by its plane.
     fn start(&self, camera: Camera, lens: Option<LensState>) -> Result<State, Error> {
-        let mut seen: [Vec<ImageLine>; 3] = Default::default();
+        let (mut seen, mut horizon): ([Vec<ImageLine>; 3], Option<ImageLine>) = Default::default();
         for line in self.lines {
-            seen[line.axis as usize].push(ImageLine::new(&camera, line.ends_px, line.sigma_px)?);
+            let image = ImageLine::new(&camera, line.ends_px, line.sigma_px)?;
+            match line.axis {
+                Axis::Horizon => horizon = Some(image),
+                axis => seen[axis as usize].push(image),
+            }
         }
-        let points = [0, 1, 2].map(|axis| vanishing_point(&seen[axis]).ok());
-        let spread = |axis: &usize| points[*axis].map_or(f64::INFINITY, |p| p.covariance.trace());
+        let mut points = [0, 1, 2].map(|axis| {
+            vanishing_point(&seen[axis]).ok().map(|point| (point.direction, point.covariance.trace()))
+        });
+        if let Some(horizon) = horizon {
+            points[Axis::Up as usize] = Some((horizon.normal(), 0.0));
+        }
+        let spread = |axis: &usize| points[*axis].map_or(f64::INFINITY, |(_, spread)| spread);
         let first = (0..3).min_by(|a, b| spread(a).total_cmp(&spread(b))).unwrap_or(0);
-        let Some(main) = points[first] else {
+        let Some((main, _)) = points[first] else {
             let reason = "no two lines of one direction lie apart; mark a second one of a direction, far from the first";
             return Err(Error::DegenerateView { reason, metric: 1.0, needed: 2.0 });
         };
+        if leaves_heading(self.lines) {
+            let across =
+                Unit::try_new(Vector3::z().cross(&main), 1e-9).ok_or_else(|| open_rotation(f64::INFINITY))?;
+            let cam_from_scene = oriented(&Matrix3::from_columns(&[*across, main.cross(&across), *main]));
+            return Ok(State { cam_from_scene, lens, camera, log_height: None });
+        }
         let mut pairs: ArrayVec<DirectionPair, 3> = ArrayVec::new();
         for axis in 0..3 {
             let in_scene = Unit::new_unchecked(Vector3::from_fn(|i, _| f64::from(i == axis)));
             match (points[axis], seen[axis].first()) {
-                (Some(point), _) => {
-                    pairs.push(DirectionPair { sigma_rad: ROUGH_RAD, ..point.pair(in_scene) })
-                }
+                (Some((direction, _)), _) => pairs.push(DirectionPair {
+                    in_first: in_scene,
+                    in_second: direction,
+                    sigma_rad: ROUGH_RAD,
+                }),
                 (None, Some(line)) => {
-                    let in_second = Unit::try_new(line.normal().cross(&main.direction), 1e-9);
+                    let in_second = Unit::try_new(line.normal().cross(&main), 1e-9);
                     pairs.extend(in_second.map(|in_second| DirectionPair {
                         in_first: in_scene,
                         in_second,
@@ -313,14 +367,28 @@ impl Problem<'_> {
         self.lines.iter().filter_map(|line| Some((line, line.length?)))
     }
 
-    /// Of every line, of every length, of what is known of the lens.
+    /// Which line each of the first rows is of.
+    fn line_of_row(&self) -> Vec<usize> {
+        let rows = |(i, line): (usize, &MarkedLine)| core::iter::repeat_n(i, line.axis.equations());
+        self.lines.iter().enumerate().flat_map(rows).collect()
+    }
+
+    /// Of every line, of every length, of what is known of the lens, and of a heading that is zero by definition.
     fn residuals(&self, state: &State, held: &Held) -> Option<Vec<f64>> {
         let mut all = Vec::with_capacity(self.lines.len() + held.log_length_sigmas.len() + LENS);
         for line in self.lines {
             let seen = ImageLine::new(&state.camera, line.ends_px, line.sigma_px).ok()?;
-            let direction = state.cam_from_scene.column(line.axis as usize).into_owned();
             // The loop wants observed − predicted.
-            all.push(-seen.direction_residual(&direction).0);
+            match line.axis {
+                Axis::Horizon => {
+                    let up = state.cam_from_scene.column(Axis::Up as usize).into_owned();
+                    all.extend(seen.residuals(&up).map(|r| -r));
+                }
+                axis => {
+                    let direction = state.cam_from_scene.column(axis as usize).into_owned();
+                    all.push(-seen.direction_residual(&direction).0);
+                }
+            }
         }
         if let Some(log_height) = state.log_height {
             for ((line, length), sigma) in self.known_lengths().zip(&held.log_length_sigmas) {
@@ -330,6 +398,9 @@ impl Problem<'_> {
         }
         if let (Some(lens), LineCamera::Unknown(prior)) = (&state.lens, self.lens) {
             all.extend(prior.residuals(lens, held.bend_sigma).map(|(_, residual, _)| residual));
+        }
+        if leaves_heading(self.lines) {
+            all.push(-state.cam_from_scene[(2, 0)] / HELD_RAD);
         }
         all.iter().all(|r| r.is_finite()).then_some(all)
     }
@@ -406,15 +477,19 @@ impl Problem<'_> {
                 let (foot, across) = (on_ground(&foot)?, top.xy());
                 1.0 + top.z * foot.dot(&across) / across.norm_squared()
             }
+            Axis::Horizon => return None,
         };
         (0.0 < length && length.is_finite()).then(|| length.ln())
     }
 
     fn answer(&self, found: &Found, lengths: usize) -> Result<SceneView, Error> {
         let Found { state, chi2, .. } = found;
-        let n_rows = self.lines.len() + lengths;
-        // What is known of the lens brings as many rows as unknowns, the focal length apart.
-        let n = 3 + usize::from(state.lens.is_some()) + usize::from(state.log_height.is_some());
+        let n_rows = self.line_of_row().len() + lengths;
+        let leaves_heading = leaves_heading(self.lines);
+        // What is known of the lens brings as many rows as unknowns, the focal length apart; so does a heading that is zero by definition.
+        let n = 3 - usize::from(leaves_heading)
+            + usize::from(state.lens.is_some())
+            + usize::from(state.log_height.is_some());
         let degrees_of_freedom = n_rows.saturating_sub(n);
         let budget = self.budget(found, noise_scale(*chi2, degrees_of_freedom))?;
         let mut covariance = DMatrix::zeros(found.covariance.nrows(), found.covariance.ncols());
@@ -442,7 +517,7 @@ impl Problem<'_> {
         let last = covariance.nrows() - 1;
         let log_sigma = if height_m.is_some() { covariance[(last, last)].sqrt() } else { 0.0 };
         let translation = -up * height_m.unwrap_or(1.0);
-        // Eq. (6): the translation goes with the rotation, and along itself with the height.
+        // Eq. (9): the translation goes with the rotation, and along itself with the height.
         let mut by_unknown = OMatrix::<f64, U6, Dyn>::zeros(covariance.nrows());
         by_unknown.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
         if height_m.is_some() {
@@ -462,7 +537,7 @@ impl Problem<'_> {
             focal_px,
             tilt_rad: angle(tilt.0, tilt.1),
             roll_rad: angle(roll.0, roll.1),
-            heading_rad: angle(heading.0, heading.1),
+            heading_rad: (!leaves_heading).then(|| angle(heading.0, heading.1)),
             height_m: height_m.map(|value| Estimate { value, sigma: value * log_sigma }),
             chi2: *chi2,
             degrees_of_freedom,
@@ -492,23 +567,27 @@ impl Problem<'_> {
             let by = found.derivatives.row(row);
             pulls.add(source, &(by.transpose() * by * share));
         };
-        (0..self.lines.len()).for_each(|row| add(ErrorSource::Pixels, row, 1.0));
+        let mut next = self.line_of_row().len();
+        (0..next).for_each(|row| add(ErrorSource::Pixels, row, 1.0));
         let with_height = self.known_lengths().filter(|_| found.state.log_height.is_some());
-        let mut next = self.lines.len();
         for ((_, length), sigma) in with_height.zip(&held.log_length_sigmas) {
             let of_length = (length.sigma_m / length.metres / sigma).powi(2).min(1.0);
             add(ErrorSource::Distances, next, of_length);
             add(ErrorSource::Pixels, next, 1.0 - of_length);
             next += 1;
         }
-        (next..found.derivatives.nrows()).for_each(|row| add(ErrorSource::Lens, row, 1.0));
+        // A heading that is zero by definition has no error.
+        let n_with_error = found.derivatives.nrows() - usize::from(leaves_heading(self.lines));
+        (next..n_with_error).for_each(|row| add(ErrorSource::Lens, row, 1.0));
         let mut budget = pulls.transformed(&found.covariance);
-        budget.add(ErrorSource::Residuals, &(&found.covariance * (noise_scale - 1.0)));
+        let mut of_rows = DMatrix::zeros(found.covariance.nrows(), found.covariance.ncols());
+        budget.parts().iter().for_each(|part| of_rows += &part.covariance);
+        budget.add(ErrorSource::Residuals, &(of_rows * (noise_scale - 1.0)));
         budget.add(ErrorSource::Lens, &self.of_intrinsics(found));
         Ok(budget)
     }
 
-    /// What uncertain intrinsics of a known camera add, eq. (7).
+    /// What uncertain intrinsics of a known camera add, eq. (10).
     fn of_intrinsics(&self, found: &Found) -> DMatrix<f64> {
         let n = found.covariance.nrows();
         let LineCamera::Known(camera, Some(covariance)) = self.lens else { return DMatrix::zeros(n, n) };
@@ -539,7 +618,7 @@ impl Problem<'_> {
 
     /// By its residual over the standard deviation that the residual has, its own share in the answer taken off.
     fn worst(&self, found: &Found, n_rows: usize) -> (usize, f64) {
-        let mut of_row: Vec<usize> = (0..self.lines.len()).collect();
+        let mut of_row = self.line_of_row();
         of_row.extend((0..self.lines.len()).filter(|i| self.lines[*i].length.is_some()));
         let studentised = |row: usize| {
             let by = found.derivatives.row(row);
