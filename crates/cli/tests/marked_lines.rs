@@ -61,10 +61,9 @@ fn a_horizon_and_two_posts_are_enough() {
     assert_within(&found, "tilt_rad", "tilt_sigma_rad", 14f64.to_radians());
     assert_within(&found, "roll_rad", "roll_sigma_rad", -1.5f64.to_radians());
     assert_within(&found, "height_m", "height_sigma_m", 6.0);
-    let rows = |text: &str, keep: fn(&str) -> bool| -> String {
-        text.lines().filter(|line| keep(line)).map(|line| format!("{line}\n")).collect()
-    };
-    let alone = solved("alone.csv", &rows(HORIZON, |line| !line.contains("post")), &OF_ROAD);
+    let alone: String =
+        HORIZON.lines().filter(|line| !line.contains("post")).map(|line| format!("{line}\n")).collect();
+    let alone = solved("alone.csv", &alone, &OF_ROAD);
     assert!(
         alone["status"] == "degenerate" && alone["message"].to_string().contains("two upright lines"),
         "{alone}"

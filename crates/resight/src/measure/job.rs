@@ -18,7 +18,7 @@ pub fn measure(scene: &NamedScene) -> Result<MeasureAnswer, crate::Error> {
 }
 
 /// Returns the solution of [`measure`] after an earlier scene was measured: answers that do not depend on the differences between the scenes are
-/// reused. Points and photographs, whose budgets cost a fifth of the whole, are not reported.
+/// reused. Points and photographs, whose budgets cost a sixth of the whole, are not reported.
 ///
 /// # Errors
 /// The errors of [`measure`], and a scene that cannot be solved.
