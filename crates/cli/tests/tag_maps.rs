@@ -134,7 +134,10 @@ fn slips_of_unit_are_remarked_on() {
     std::fs::write(path("road.csv"), written(1e3)).unwrap();
     let road = resight(&["solve", &path("road.csv"), "--camera", &data("camera.toml"), "--json"]);
     let remark = json_lines(&road)[0]["remarks"][0].as_str().unwrap().to_string();
-    assert!(remark.contains("millimetres") && remark.contains("(6 m)"), "{remark}");
+    assert!(
+        remark.contains("millimetres") && remark.contains("millimetres (6 m: divide by 1000)"),
+        "{remark}"
+    );
     assert!(road.stderr.contains(&remark), "{}", road.stderr);
     std::fs::write(path("metres.csv"), written(1.0)).unwrap();
     let metres = resight(&["solve", &path("metres.csv"), "--camera", &data("camera.toml"), "--json"]);

@@ -96,7 +96,7 @@ pub(super) fn not_a_camera(document: &Document) -> Fault {
             Fault::new(format!("bare numbers, of which nothing says what they are; {WRITE_KEYS}"))
         }
         None if are_coefficients(document) => Fault::new(format!(
-            "coefficients of a lens without its focal length and image size; {WRITE_KEYS}"
+            "not a camera file: coefficients of a lens without its focal length and image size; {WRITE_KEYS}"
         )),
         None => Fault::new(match nearest(document) {
             Some(near) => format!(
