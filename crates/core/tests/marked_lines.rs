@@ -290,10 +290,15 @@ fn a_horizon_and_two_posts_give_the_focal_length() {
     assert_near("f", &of_road.focal_px.expect("a focal length"), F_PX, 0.01);
     assert_eq!((of_road.degrees_of_freedom, of_road.heading_rad), (1, None));
     assert!(of_road.height_m.is_none());
+    // For the height five posts are needed; of a known camera one is enough.
     lines[1].length = Some(Length { metres: 5.0, sigma_m: 0.01 });
-    // One post is enough for a known camera.
+    let refused = scene_view(&lines, LineCamera::Unknown(&prior())).expect_err("too few posts");
+    assert!(matches!(refused, Error::DegenerateView { metric: 2.0, needed: 5.0, .. }), "{refused:?}");
+    let others = [post(2.0, 20.0, 6.0), post(-8.0, 25.0, 6.0), post(5.0, 18.0, 5.0)];
+    let mut five = lines.clone();
+    five.extend(marked(&mut rng, &ideal(), &pose, &others, 0.0));
     for (lines, lens) in
-        [(&lines[..], LineCamera::Unknown(&prior())), (&lines[1..], LineCamera::Known(&ideal(), None))]
+        [(&five[..], LineCamera::Unknown(&prior())), (&lines[1..], LineCamera::Known(&ideal(), None))]
     {
         let found = scene_view(lines, lens).expect("an answer");
         assert_near("tilt", &found.tilt_rad, 14f64.to_radians(), 1e-5);

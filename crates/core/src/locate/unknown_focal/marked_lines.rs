@@ -123,6 +123,8 @@ const SMALL: f64 = 1e-6;
 const SMALL_PX: f64 = 1e-3;
 /// What a direction counts for that one line alone gives to a start, rad.
 const ROUGH_RAD: f64 = 0.05;
+/// Fewest upright lines that give a height with the horizon and an unknown lens: with two or three the mean square of its error is four variances.
+const LEAST_UP: usize = 5;
 /// Scale of the equation that makes a heading zero by definition, rad. The answer does not depend on it.
 const HELD_RAD: f64 = 1e-3;
 
@@ -184,6 +186,15 @@ fn check(lines: &[MarkedLine], lens: LineCamera) -> Result<(), Error> {
             }
         };
         return Err(Error::DegenerateView { reason, metric: 1.0, needed: 2.0 });
+    }
+    let n_up = lines.iter().filter(|line| line.axis == Axis::Up).count();
+    if is_unknown
+        && leaves_heading(lines)
+        && n_up < LEAST_UP
+        && lines.iter().any(|line| line.length.is_some())
+    {
+        let reason = "beside the horizon too few upright lines leave the distortion so open that a height is twice as wrong as it seems; mark five, give the camera, or leave the length out";
+        return Err(Error::DegenerateView { reason, metric: n_up as f64, needed: LEAST_UP as f64 });
     }
     let seen = lines.iter().map(|line| line.axis.equations()).sum();
     let needed = 4 + usize::from(is_unknown) - usize::from(leaves_heading(lines));
