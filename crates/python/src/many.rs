@@ -15,6 +15,7 @@ use resight::core::locate::choose::Ambiguity;
 use resight::core::locate::consistency::Consistency;
 use resight::core::locate::{Config, PoseEstimate, locate};
 use resight::core::{Camera as Lens, Correspondence, Error as MathError, Matrix6, Pixel, Point};
+use resight::formats::plausible::of_points;
 use resight::locate::is_missing;
 use resight::report::words::sigmas;
 use std::ops::Range;
@@ -35,11 +36,26 @@ struct View {
     pose: Result<PoseFigures, String>,
 }
 
+/// What is known of a view before it is solved.
+struct Asked {
+    n_points: usize,
+    /// Whether its points may be in metres.
+    is_plausible: bool,
+}
+
 impl View {
-    fn new(answer: &Result<PoseEstimate, MathError>, n_points: usize) -> Self {
+    fn new(answer: &Result<PoseEstimate, MathError>, Asked { n_points, is_plausible }: Asked) -> Self {
         let pose = answer.as_ref().map(PoseFigures::without_minima).map_err(ToString::to_string);
-        View { status: status(answer), n_points, pose }
+        let status = match status(answer) {
+            "ok" if !is_plausible => "implausible",
+            status => status,
+        };
+        View { status, n_points, pose }
     }
+}
+
+fn is_plausible(points: &[[f64; 3]]) -> bool {
+    of_points(bytemuck::cast_slice(points)).is_none()
 }
 
 /// What `pickle` keeps of `Poses`: status, number of points and error of each view; matrices, covariances, probabilities, χ² and residuals.
@@ -206,7 +222,7 @@ impl Poses {
 }
 
 /// What `status` says.
-const STATUS: [&str; 4] = ["ok", "ambiguous", "inconsistent", "degenerate"];
+const STATUS: [&str; 5] = ["ok", "implausible", "ambiguous", "inconsistent", "degenerate"];
 
 /// The one rule of `report::verdict`, without its words.
 fn status(answer: &Result<PoseEstimate, MathError>) -> &'static str {
@@ -277,7 +293,7 @@ fn in_blocks(
     py: Python<'_>,
     n: usize,
     of: impl Fn(Range<usize>) -> Answers + Sync,
-    n_points: impl Fn(usize) -> usize,
+    asked: impl Fn(usize) -> Asked,
     progress: &Heard,
 ) -> PyResult<Poses> {
     let (mut views, mut first, mut size) = (Vec::new(), 0, BLOCK.start);
@@ -285,7 +301,7 @@ fn in_blocks(
         let last = n.min(first + size);
         let begun = Instant::now();
         let answers = here(py, || of(first..last))?;
-        views.extend((first..).zip(&answers).map(|(i, answer)| View::new(answer, n_points(i))));
+        views.extend((first..).zip(&answers).map(|(i, answer)| View::new(answer, asked(i))));
         size = if begun.elapsed() < BLOCK_TAKES { BLOCK.end.min(2 * size) } else { 1.max(size / 2) };
         first = last;
         py.check_signals()?;
@@ -306,19 +322,22 @@ fn each_alone<'a>(
     (lens, sigma_px): Seen,
     progress: &Heard,
 ) -> PyResult<Poses> {
-    let n_points = |i| n_seen(view(i).1);
+    let asked = |i| {
+        let (points, pixels) = view(i);
+        Asked { n_points: n_seen(pixels), is_plausible: is_plausible(points) }
+    };
     if longest < MANY_POINTS {
         let of = |i| {
             let (points, pixels) = view(i);
             alone(points, pixels, (lens, sigma_px))
         };
-        return in_blocks(py, n, |views| views.map(of).collect(), n_points, progress);
+        return in_blocks(py, n, |views| views.map(of).collect(), asked, progress);
     }
     let mut views = Vec::with_capacity(n);
     for i in 0..n {
         let (points, pixels, lens) = (view(i).0.to_vec(), view(i).1.to_vec(), lens.clone());
         let answer = run(py, None, move |_| alone(&points, &pixels, (&lens, sigma_px)))?;
-        views.push(View::new(&answer, n_points(i)));
+        views.push(View::new(&answer, asked(i)));
         progress.done(i + 1, n)?;
     }
     Ok(Poses { views })
@@ -368,7 +387,13 @@ fn together(
                 }
                 answers
             };
-            in_blocks(py, n, on_lanes, |i| n_seen(view(i).1), progress)
+            let shared = is_shared.then(|| is_plausible(points));
+            let asked = |i| {
+                let (points, pixels) = view(i);
+                let is_plausible = shared.unwrap_or_else(|| is_plausible(points));
+                Asked { n_points: n_seen(pixels), is_plausible }
+            };
+            in_blocks(py, n, on_lanes, asked, progress)
         }
         _ => each_alone(py, n, k, view, with, progress),
     }

@@ -209,6 +209,23 @@ def test_the_translation_has_the_scatter_that_its_repr_says(camera):
     assert np.all(np.abs(stated / scatter - 1) < 0.1)  # Four standard errors of 4,000 views are 4.5 %; the rest is that poses are not linear.
 
 
+def test_points_that_are_hardly_metres_are_implausible_in_every_door(camera):
+    """A yard in millimetres: the poses fit, and are a thousand times too far away."""
+    for k in (3, 4, 5):
+        yard = np.array([[0, 0, 0], [3500, 0, 0], [3500, 5000, 0], [0, 5000, 200], [1500, 2500, 700]])[:k]
+        pixels = camera.project(resight.Pose.from_vectors([0.3, 0.4, 0.1], [-1500, -2000, 9000]) @ yard)
+        views = np.repeat(pixels[None], 2, axis=0)
+        alone = resight.solve(yard, pixels, camera, sigma_px=0.3).status
+        for metres, status in ((False, alone), (True, resight.solve(yard / 1e3, pixels, camera, sigma_px=0.3).status)):
+            points = yard / 1e3 if metres else yard
+            poses = resight.solve_many(points, views, camera, sigma_px=0.3)
+            each = resight.solve_many(np.repeat(points[None], 2, axis=0), views, camera, sigma_px=0.3)
+            rows = resight.solve_many(np.tile(points, (2, 1)), views.reshape(-1, 2), camera, offsets=[0, k, 2 * k], sigma_px=0.3)
+            assert poses.status == each.status == rows.status == [status] * 2, (k, metres)
+            assert pickle.loads(pickle.dumps(poses)).status == poses.status
+        assert k == 3 or alone == "implausible"
+
+
 def test_poses_are_equal_unpacked_and_hashed(truth):
     again = pickle.loads(pickle.dumps(truth))
     rotation, translation = truth

@@ -434,8 +434,9 @@ def solve_many(
     """Poses of many views by one camera, three and four points on the vector kernel.
 
     `pixels` (n, k, 2), `points_m` (k, 3) for all views or (n, k, 3). With `offsets` (n + 1 of them) `points_m` (m, 3) and `pixels` (m, 2) are
-    the views one after another. Points whose pixel is NaN or masked were not seen. C-contiguous float64 arrays are read where they are; the answers take 0.5 kB a view, so tens of millions are
-    given in parts. Raises `Error` for a camera whose intrinsics are uncertain: the kernel takes them as exact.
+    the views one after another. Points whose pixel is NaN or masked were not seen. Where the points are hardly in metres the status is
+    `implausible`. C-contiguous float64 arrays are read where they are; the answers take 0.5 kB a view, so tens of millions are given in parts.
+    Raises `Error` for a camera whose intrinsics are uncertain: the kernel takes them as exact.
     """
 
 def solve_table(
