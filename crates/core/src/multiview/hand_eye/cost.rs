@@ -56,30 +56,9 @@ pub(super) fn fit(
     config: &HandEyeConfig,
     level: Level,
 ) -> Result<Fit, Error> {
-    reweighted(start, known, used, config, level, MAX_ROUNDS)
-}
-
-/// Finds the minimum for the poses of the views used, with the weights that hold at the start.
-pub(super) fn fit_once(
-    start: &Poses,
-    known: &[Known],
-    used: &[(usize, usize)],
-    config: &HandEyeConfig,
-) -> Result<Fit, Error> {
-    reweighted(start, known, used, config, Level::Poses, 1)
-}
-
-fn reweighted(
-    start: &Poses,
-    known: &[Known],
-    used: &[(usize, usize)],
-    config: &HandEyeConfig,
-    level: Level,
-    max_rounds: usize,
-) -> Result<Fit, Error> {
     let mut poses = *start;
     let mut before = f64::INFINITY;
-    for round in 1..=max_rounds {
+    for round in 1..=MAX_ROUNDS {
         let weights = weights(known, used, &poses)?;
         let evaluate = |poses: &Poses| equations(poses, known, used, &weights, config, level);
         let moved = |poses: &Poses, step: &DVector<f64>| {
@@ -92,7 +71,7 @@ fn reweighted(
         let solution = solution.ok_or(Error::NotConverged { steps: round })?;
         poses = solution.state;
         let chi2 = solution.equations.chi2;
-        if (before - chi2).abs() < SETTLED_CHI2 * (1.0 + chi2) || round == max_rounds {
+        if (before - chi2).abs() < SETTLED_CHI2 * (1.0 + chi2) || round == MAX_ROUNDS {
             let information = solution.equations.information;
             let covariance = information.cholesky().ok_or(Error::NotConverged { steps: round })?.inverse();
             return Ok(Fit {
@@ -104,7 +83,7 @@ fn reweighted(
         }
         before = chi2;
     }
-    Err(Error::NotConverged { steps: max_rounds })
+    Err(Error::NotConverged { steps: MAX_ROUNDS })
 }
 
 fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, level: Level) -> usize {
