@@ -258,8 +258,7 @@ fn known(
     second: &[SecondPose],
 ) -> Result<World, Error> {
     let both = config.known.iter().enumerate().filter_map(|(k, one)| Some((k, chosen[one.target]?)));
-    let (mut doubtful, mut both): (Vec<(usize, usize)>, Vec<(usize, usize)>) =
-        both.partition(|(_, place)| second[*place].is_some());
+    let (mut doubtful, mut both): (Vec<_>, Vec<_>) = both.partition(|(_, place)| second[*place].is_some());
     if both.is_empty() {
         both = core::mem::take(&mut doubtful);
     }
