@@ -278,6 +278,21 @@ fn a_tag_of_another_size_is_named() {
 }
 
 #[test]
+fn a_wrong_size_among_three_tags_is_measured() {
+    for (seed, ratio) in [(0, 1.2), (2, 1.3), (3, 0.7)] {
+        let mut rng = Rng::new(1010 + seed);
+        let mut walk = Walk::room(&mut rng, 40, 240, 0.3);
+        walk.world_from_tag = walk.world_from_tag[5..8].to_vec();
+        walk.size_m = vec![SIZE_M, SIZE_M, ratio * SIZE_M];
+        let solution = walk.solve(&walk.observed(&mut rng), &MapConfig::default()).expect("a map");
+        let [TargetFault::Size { ratio: found, sigma }] = faults(&solution, 2) else {
+            panic!("{ratio}: {:?}", solution.targets.iter().map(|t| &t.faults).collect::<Vec<_>>())
+        };
+        assert!((found - ratio).abs() < 4.0 * sigma, "{found} ± {sigma}, true {ratio}");
+    }
+}
+
+#[test]
 fn parts_without_a_common_view_are_named() {
     let mut rng = Rng::new(5);
     let walk = Walk::room(&mut rng, 40, 120, 0.3);

@@ -114,7 +114,7 @@ fn resize(
     let mut is_explained = false;
     let doubted: Vec<(usize, Option<usize>, Vec<usize>)> =
         (0..problem.n_targets).filter_map(|target| doubted(problem, adjusted, target)).collect();
-    if doubted.len() * MOST_SIZES <= problem.n_targets {
+    if doubted.len() <= usize::max(1, problem.n_targets / MOST_SIZES) {
         for (target, own, observations) in doubted {
             // With a wrong size it pulls the cameras of its views to where that fits.
             let others = adjusted.places.iter().filter(|place| place.target != target).cloned().collect();
