@@ -248,8 +248,8 @@ fn errors_are_as_large_as_stated() {
     }
 }
 
-/// The same with a horizon, which gives two equations: beside lines of three directions, and with posts alone, where the heading is zero by
-/// definition and the pose has three degrees of freedom. Of an unknown lens that takes five posts: with three the distortion is so open that
+/// Errors of views with a horizon, which gives two equations: beside lines of three directions, and with posts alone, where the heading is zero by
+/// definition and the pose has three degrees of freedom. For an unknown lens it needs five posts: with three the distortion is so open that
 /// squared errors of the height are four times those stated.
 #[test]
 fn errors_with_a_horizon_are_as_large_as_stated() {

@@ -25,6 +25,9 @@ const ROUND_EXTENT_M: f64 = 150.0;
 const LARGEST_EXTENT_M: f64 = 1e5;
 /// Fewer coordinates other than zero may be round by chance.
 const LEAST_COORDINATES: usize = 6;
+/// Over more than this fewer are enough where they are multiples of 10: a rectangle in millimetres has two sides and zeros.
+const COARSE_EXTENT_M: f64 = 1000.0;
+const LEAST_COARSE: usize = 3;
 /// Coordinates in metres that are round to 0.1 m have this standard deviation at least: 0.1 m / √12.
 const ROUND_SIGMA_M: f64 = 0.028;
 /// Numbers that are parts of a whole, to rounding.
@@ -179,7 +182,10 @@ pub fn of_points(points: &[Point]) -> Option<String> {
         return None; // Without a look at single coordinates, for the millions of rows of a batch.
     }
     let coordinates = || points.iter().flat_map(|p| [p.x, p.y, p.z]).filter(|x| *x != 0.0);
-    let is_round = LEAST_COORDINATES <= coordinates().count() && coordinates().all(is_round);
+    let n = coordinates().count();
+    let is_coarse =
+        COARSE_EXTENT_M < extent_m && LEAST_COARSE <= n && coordinates().all(|x| is_round(x / 100.0));
+    let is_round = is_coarse || (LEAST_COORDINATES <= n && coordinates().all(is_round));
     let is_suspect = is_round || (LARGEST_EXTENT_M < extent_m && extent_m < 1e12);
     is_suspect.then(|| {
         let why = if is_round { ", every coordinate a round number" } else { "" };
@@ -428,6 +434,11 @@ mod tests {
             points(&road)
         );
         assert!(points(&road.map(|x| x.map(|x| x / 1000.0))).is_none());
+        // Two sides of a rectangle; a yard and a runway of round metres are that.
+        let rectangle = |x: f64, y: f64| [[0.0; 3], [x, 0.0, 0.0], [x, y, 0.0], [0.0, y, 0.0]];
+        assert!(points(&rectangle(3500.0, 6000.0)).is_some() && points(&rectangle(3.5, 6.0)).is_none());
+        assert!(points(&rectangle(3500.0, 6000.0)[..3]).is_some());
+        assert!(points(&rectangle(200.0, 100.0)).is_none() && points(&rectangle(3000.0, 45.0)).is_none());
         // A surveyor's national grid, to the centimetre.
         let network = [
             [4_512_345.17, 5_401_233.82, 412.31],
