@@ -255,6 +255,60 @@ fn four_webcams_from_listed_corners_and_from_videos() {
     check_webcams("videos", &seen, &published(&set), [(0.20, 6.0), (0.20, 4.0), (0.60, 5.0)]);
 }
 
+/// The listed corners with the stamps of their frames; those of camera 2 are `late_s` later. Views of some of the 48 indices.
+fn stamped(folder: &Path, set: &Path, late_s: f64, takes: impl Fn(u32) -> bool) -> String {
+    let first: u32 = 416;
+    let stamp = |row: Row| ((row["sync_index"].clone(), row["cam_id"].clone()), number(&row, "frame_time"));
+    let stamps: HashMap<(String, String), f64> =
+        table(&set.join("timestamps.csv")).into_iter().map(stamp).collect();
+    let mut text = "camera,view,id,x_m,y_m,z_m,u_px,v_px,t_s\n".to_string();
+    for row in table(&set.join("detections.csv")) {
+        if takes(row["sync_index"].parse::<u32>().unwrap() - first) {
+            let [x, y, z, u, v] = ["X_m", "Y_m", "Z_m", "u_px", "v_px"].map(|column| number(&row, column));
+            let t_s = stamps[&(row["sync_index"].clone(), row["cam"].clone())]
+                + if row["cam"] == "2" { late_s } else { 0.0 };
+            text += &format!(
+                "{},{},{},{x},{y},{z},{u},{v},{t_s}\n",
+                row["cam"], row["sync_index"], row["corner_id"]
+            );
+        }
+    }
+    write(folder, "stamped.csv", &text)
+}
+
+/// Webcams that nothing triggers: stamps of one camera that are 20 ms late are found to 1 ms. Offsets of the two halves of the recording differ by
+/// what their standard deviations say.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn late_stamps_are_found() {
+    let set = recorded("caliscope_4cam_charuco");
+    let folder = folder("rig_real_times");
+    let offsets = |late_s: f64, takes: fn(u32) -> bool| -> Vec<Option<(f64, f64)>> {
+        let points = stamped(&folder, &set, late_s, takes);
+        let camera = set.join("camera_array.toml").display().to_string();
+        let answer = solved(&["--camera".into(), camera, "--detections".into(), points]);
+        println!("{} {}", answer["times"], answer["message"]);
+        let offset = |camera: usize| {
+            let offset = &answer["cameras"][camera.to_string()]["time_offset"];
+            Some((offset["value_s"].as_f64()?, offset["sigma_s"].as_f64()?))
+        };
+        (0..4).map(offset).collect()
+    };
+    let (as_recorded, late) = (offsets(0.0, |_| true), offsets(0.02, |_| true));
+    println!("{as_recorded:.4?} {late:.4?}");
+    for camera in 1..4 {
+        let expected_s = if camera == 2 { -0.02 } else { 0.0 };
+        let moved_s = late[camera].unwrap().0 - as_recorded[camera].unwrap().0;
+        assert!((moved_s - expected_s).abs() < 1e-3, "{camera}: {moved_s}");
+    }
+    let (first, second) = (offsets(0.0, |i| i < 24), offsets(0.0, |i| 24 <= i));
+    println!("{first:.4?} {second:.4?}");
+    let both = first.iter().zip(&second).skip(1).filter_map(|(a, b)| Some(((*a)?, (*b)?)));
+    let squares: Vec<f64> =
+        both.map(|((a, s), (b, t))| (a - b).powi(2) / (s * s + t * t)).collect();
+    assert!(!squares.is_empty() && squares.iter().all(|square| *square < 9.0), "{squares:?}");
+}
+
 /// `camera,frame,t_s` from the set's list, frames counted per camera in recording order.
 fn times(folder: &Path, set: &Path) -> String {
     let mut rows = table(&set.join("timestamps.csv"));
