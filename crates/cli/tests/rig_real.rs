@@ -304,8 +304,7 @@ fn late_stamps_are_found() {
     let (first, second) = (offsets(0.0, |i| i < 24), offsets(0.0, |i| 24 <= i));
     println!("{first:.4?} {second:.4?}");
     let both = first.iter().zip(&second).skip(1).filter_map(|(a, b)| Some(((*a)?, (*b)?)));
-    let squares: Vec<f64> =
-        both.map(|((a, s), (b, t))| (a - b).powi(2) / (s * s + t * t)).collect();
+    let squares: Vec<f64> = both.map(|((a, s), (b, t))| (a - b).powi(2) / (s * s + t * t)).collect();
     assert!(!squares.is_empty() && squares.iter().all(|square| *square < 9.0), "{squares:?}");
 }
 

@@ -1,7 +1,9 @@
 //! Rigs whose cameras expose at different times while the target moves: the offsets are found, and the poses hold them.
 
+use crate::common::recordings::{self, webcams};
 use crate::common::rooms::{self, Room, pinhole};
 use crate::common::{Rng, views};
+use crate::recorded::recorded;
 use nalgebra::{Vector2, Vector3, Vector6};
 use resight_core::budget::ErrorSource;
 use resight_core::multiview::rig::{
@@ -23,7 +25,8 @@ impl Hand {
     }
 
     fn world_from_board(&self, t_s: f64) -> Pose {
-        let wave = |k: usize, hertz: f64| (std::f64::consts::TAU * hertz * self.moves * t_s + self.phases[k]).sin();
+        let wave =
+            |k: usize, hertz: f64| (std::f64::consts::TAU * hertz * self.moves * t_s + self.phases[k]).sin();
         let turn = Vector3::new(wave(0, 0.31), wave(1, 0.37), 1.5 * wave(2, 0.23)) * 0.45;
         let shift = Vector3::new(wave(3, 0.5), 0.8 * wave(4, 0.41), 0.8 * wave(5, 0.29)) * 0.2;
         Pose::exp(&Vector6::new(turn.x, turn.y, turn.z, 0.0, 0.0, 0.0)).translated(shift)
@@ -84,7 +87,9 @@ impl Recording {
                 let stamp_s = 1000.0 + view as f64 * INTERVAL_S + clocks.jitter_s * rng.normal();
                 let exposed_s = stamp_s + clocks.offsets_s[camera] - 1000.0;
                 let lens = &room.cameras[camera];
-                let at = |t_s: f64, x: &Point| lens.project(&(world[camera] * hand.world_from_board(t_s) * *x)).unwrap();
+                let at = |t_s: f64, x: &Point| {
+                    lens.project(&(world[camera] * hand.world_from_board(t_s) * *x)).unwrap()
+                };
                 let seen = |x: &Point| {
                     let v_px = at(exposed_s, x).y;
                     // A rolling shutter: a row's time is that of where the point is then, to first order in the time it takes.
@@ -146,7 +151,8 @@ fn offsets_are_found_and_poses_are_honest() {
                 let (found_s, sigma_s) = offsets.offset_s[camera].expect("it sees the motion");
                 // The mean of stamps that scatter is not the offset itself.
                 largest_s = largest_s.max((found_s - OFFSETS_S[camera]).abs() - 3.0 * scatter_s);
-                of_offsets += (found_s - OFFSETS_S[camera]).powi(2) / (sigma_s.powi(2) + scatter_s.powi(2)) / 24.0;
+                of_offsets +=
+                    (found_s - OFFSETS_S[camera]).powi(2) / (sigma_s.powi(2) + scatter_s.powi(2)) / 24.0;
             }
             let solution = recording.solved(&offsets);
             assert!(!solution.verdict.is_inconsistent, "{name} {seed}: {:?}", solution.verdict);
@@ -154,13 +160,20 @@ fn offsets_are_found_and_poses_are_honest() {
             let held = recording.room.solve(&recording.observations, &RigConfig::default()).unwrap();
             for camera in 1..3 {
                 of_poses += recording.room.error(&solution, camera).1 / (2 * TRIALS) as f64;
-                at_once += recording.room.error(&held, camera).0.norm() / recording.room.error(&solution, camera).0.norm() / 24.0;
+                at_once += recording.room.error(&held, camera).0.norm()
+                    / recording.room.error(&solution, camera).0.norm()
+                    / 24.0;
             }
         }
-        println!("{name}: largest {:.3} ms, offsets {of_offsets:.2}, poses {of_poses:.2}, at once {at_once:.1} times", 1e3 * largest_s);
+        println!(
+            "{name}: largest {:.3} ms, offsets {of_offsets:.2}, poses {of_poses:.2}, at once {at_once:.1} times",
+            1e3 * largest_s
+        );
         assert!(largest_s < 1e-3, "{name}: {largest_s}");
         assert!((0.5..1.8).contains(&of_offsets), "{name}: {of_offsets}");
-        assert!((4.5..7.5).contains(&of_poses), "{name}: {of_poses}");
+        // What stamps scatter without the exposures moves the path of every view, and the scatter between views is in the covariance.
+        let least = if name == "arrival" { 1.5 } else { 4.5 };
+        assert!((least..7.5).contains(&of_poses), "{name}: {of_poses}");
         assert!(1.5 < at_once, "{name}: {at_once}");
     }
 }
@@ -195,7 +208,8 @@ fn without_motion_there_is_no_offset() {
     let mut rng = Rng::new(8400);
     let hand = Hand { moves: 0.0, ..Hand::new(&mut rng) };
     let at_rest = Recording::new(&mut rng, &hand, &CONSTANT);
-    let moving = Recording::new(&mut rng, &Hand::new(&mut rng), &CONSTANT);
+    let hand = Hand::new(&mut rng);
+    let moving = Recording::new(&mut rng, &hand, &CONSTANT);
     let seldom = Recording { stamps_s: moving.stamps_s.iter().map(|t_s| 20.0 * t_s).collect(), ..moving };
     assert_eq!(seldom.offsets(false).unwrap(), None);
     // Noise moves the estimated poses of a board at rest: the offset is as uncertain as this says.
@@ -236,13 +250,69 @@ fn the_line_time_is_found() {
     assert!(largest_s < 1e-3, "{largest_s}");
 }
 
+/// Four webcams that nothing triggers, their lenses as published: stamps of one camera that are 20 ms late are found to 1 ms, and offsets of
+/// blocks of time agree within their standard deviations, and poses of blocks agree better than with all frames taken at once.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn webcams_have_time_offsets() {
+    let root = recorded("");
+    let webcams = webcams(&root, 0.5);
+    let config = RigConfig { lens_errors: true, ..RigConfig::default() };
+    let (_, as_recorded) = webcams.solve_in_time(&config).unwrap();
+    let mut late = webcams.clone();
+    late.stamps_s.iter_mut().filter(|((_, camera), _)| *camera == 2).for_each(|(_, t_s)| *t_s += 0.02);
+    let (_, later) = late.solve_in_time(&config).unwrap();
+    println!(
+        "{:.4?} {} {:.0}; late {:.4?}",
+        as_recorded.offset_s, as_recorded.stamps_count, as_recorded.gain_chi2, later.offset_s
+    );
+    for camera in 1..4 {
+        let expected_s = if camera == 2 { -0.02 } else { 0.0 };
+        let moved_s = later.offset_s[camera].unwrap().0 - as_recorded.offset_s[camera].unwrap().0;
+        assert!((moved_s - expected_s).abs() < 1e-3, "{camera}: {moved_s}");
+    }
+    let (mut in_time, mut at_once) = (Vec::new(), Vec::new());
+    for n_parts in [2, 3, 4] {
+        let part = |k: usize| webcams.part(|view| view * n_parts / webcams.n_views == k);
+        // A block of time may lack a camera: it gives no rig.
+        let solved = |part: recordings::Recording| {
+            Some((part.solve(&config).ok()?, part.solve_in_time(&config).ok()?))
+        };
+        let blocks: Vec<_> = (0..n_parts).map(part).filter_map(solved).collect();
+        for (i, (held_a, (timed_a, offsets_a))) in blocks.iter().enumerate() {
+            for (held_b, (timed_b, offsets_b)) in &blocks[..i] {
+                for camera in 1..4 {
+                    at_once.push(apart(held_a, held_b, camera));
+                    in_time.push(apart(timed_a, timed_b, camera));
+                    let both = (offsets_a.offset_s[camera].unwrap(), offsets_b.offset_s[camera].unwrap());
+                    let ((x, s), (y, t)) = both;
+                    let square = (x - y).powi(2) / (s * s + t * t);
+                    assert!(square < 9.0, "{n_parts} blocks, camera {camera}: {x} ± {s}, {y} ± {t}");
+                }
+            }
+        }
+    }
+    println!("blocks of time: in time {in_time:.1?}, at once {at_once:.1?}");
+    let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+    assert!(!in_time.is_empty() && mean(&in_time) < mean(&at_once));
+}
+
+/// Squared difference of a camera's poses in units of their covariances.
+fn apart(a: &RigSolution, b: &RigSolution, camera: usize) -> f64 {
+    let (a, b) = (&a.cameras[camera], &b.cameras[camera]);
+    rooms::nees(&(a.cam_from_rig * b.cam_from_rig.inverse()).log(), &(a.covariance + b.covariance))
+}
+
 #[test]
 fn times_that_cannot_be_are_refused() {
     let mut rng = Rng::new(8600);
     let hand = Hand::new(&mut rng);
     let recording = Recording::new(&mut rng, &hand, &CONSTANT);
     let short = Recording { stamps_s: vec![0.0; 3], ..recording };
-    assert!(matches!(short.offsets(false), Err(Error::InvalidSetting { setting: "stamps_s", seen: 3.0, .. })));
+    assert!(matches!(
+        short.offsets(false),
+        Err(Error::InvalidSetting { setting: "stamps_s", seen: 3.0, .. })
+    ));
     let endless = Recording { stamps_s: vec![f64::NAN; short.observations.len()], ..short };
     assert!(matches!(endless.offsets(false), Err(Error::InvalidSetting { setting: "stamps_s", .. })));
 }

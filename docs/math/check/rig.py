@@ -245,23 +245,32 @@ sigma_z = (left_more + mp.eye(4)) ** -1
 close(sigma_z * (left_more * left_more + left_more) * sigma_z, mp.eye(4) - sigma_z)
 
 
-# (33): the parabola meets both neighbours; (34): Q is the derivative of a pixel by the time of its exposure.
-h, k = mp.mpf("-0.13"), mp.mpf("0.17")
-a, b = matrix(6, 1, mp.mpf("0.1")), matrix(6, 1, mp.mpf("0.1"))
-q = (b / k - a / h) / (k - h)
-v = a / h - q * h
-for at, there in [(h, a), (k, b)]:
-    close(v * at + q * at**2, there)
+# (33): the polynomial meets all neighbours; (34): Q is the derivative of a pixel by the time of its exposure.
+nodes = [mp.mpf(text) for text in ("-0.21", "-0.1", "0.12", "0.19")]
+values = [matrix(6, 1, mp.mpf("0.1")) for _ in nodes]
+powers = mp.matrix(4, 4)
+for i, node in enumerate(nodes):
+    for n in range(4):
+        powers[i, n] = node ** (n + 1)
+coefficients = powers**-1 * mp.matrix([list(value) for value in values])
+
+
+def path(after):
+    return mp.matrix([sum(coefficients[n, i] * after ** (n + 1) for n in range(4)) for i in range(6)])
+
+
+for node, value in zip(nodes, values):
+    close(path(node), value)
 cam_from_target, x, start = pose(), matrix(3, 1, mp.mpf("0.1")), mp.mpf("1e-9")
 cam_from_target[2, 3] += 2
 
 
 def exposed(after):
-    return project(apply(cam_from_target * exp(v * after + q * after**2), x))
+    return project(apply(cam_from_target * exp(path(after)), x))
 
 
-twist = v + 2 * q * start
-moved = apply(exp(v * start + q * start**2), x)
+twist = mp.matrix([sum((n + 1) * coefficients[n, i] * start**n for n in range(4)) for i in range(6)])
+moved = apply(exp(path(start)), x)
 in_cam = apply(cam_from_target, moved)
 projection = mp.matrix([[1 / in_cam[2], 0, -in_cam[0] / in_cam[2] ** 2], [0, 1 / in_cam[2], -in_cam[1] / in_cam[2] ** 2]])
 by_time = projection * cam_from_target[:3, :3] * (hat(twist[:3]) * moved + twist[3:])

@@ -4,7 +4,7 @@
 //! under given times, so that the Gauss–Newton step of the times alone is that of times and poses together, as in section 15:
 //!
 //! ```text
-//!   P(T + Δ) = P(T) Exp(v Δ + q Δ²)     Δ = t + τ + κ (row − centre) − T                                   eqs. (32), (33)
+//!   P(T + Δ) = P(T) Exp(ζ(Δ))     Δ = t + τ + κ (row − centre) − T                                         eqs. (32), (33)
 //!   S = QᵀWQ − KᵀH⁻¹K,   S δ = QᵀWr,   K = JᵀWQ                                                             eq. (34)
 //!   Σ_τ = ν S⁻¹ or Σ c cᵀ over views, whichever is larger                                                   eq. (35)
 //!   Q  derivative of the pixels by τ and κ   ·   t  stamp of a frame   ·   T  time of its view   ·   τ, κ  offset of a camera, line time
@@ -75,14 +75,12 @@ const EQUAL_S: f64 = 1e-7;
 /// Smallest gain of χ², in units of the noise, by counting stamps only in the mean: 2 ln 10⁴, because stamps are usually right.
 const NEEDED_GAIN: f64 = 18.4;
 
-/// The motion of a target about its pose at the time of its view, in its own frame.
+/// Number of neighbours that a path goes through.
+const NEIGHBOURS: usize = 4;
+
+/// The motion of a target about its pose at the time of its view, in its own frame: the coefficients of Δ, Δ², … in ζ, rad and m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Motion {
-    /// v, rad/s and m/s.
-    velocity: Vector6,
-    /// q, half the acceleration.
-    half_acceleration: Vector6,
-}
+struct Motion([Vector6; NEIGHBOURS]);
 
 /// Estimates the offsets of the cameras' clocks from a target that moves, and moves the points of the observations accordingly: to be used
 /// in place of those given, with `RigConfig::time_offsets`.
@@ -100,7 +98,9 @@ pub fn time_offsets(
     check(problem, config, times)?;
     let simultaneous = State::new(problem, config, problem.observations.to_vec(), None)?;
     let moving = Clock::new(problem, times, true);
-    let Some(as_stamped) = estimated(problem, config, times, &moving, &simultaneous)? else { return Ok(None) };
+    let Some(as_stamped) = estimated(problem, config, times, &moving, &simultaneous)? else {
+        return Ok(None);
+    };
     if !moving.scatters {
         return Ok(Some(as_stamped.offsets));
     }
@@ -301,11 +301,10 @@ impl Motions {
         let mut of_observations = vec![None; problem.observations.len()];
         for (i, link) in layout.graph.links.iter().enumerate() {
             let pivot = &layout.pivot_in_target[link.target];
-            let target_from_body = adjusted.places.body_from_target[link.target].pose(pivot).inverse().adjoint();
-            of_observations[layout.given_at[i]] = of_bodies[link.body].map(|motion: Motion| Motion {
-                velocity: target_from_body * motion.velocity,
-                half_acceleration: target_from_body * motion.half_acceleration,
-            });
+            let target_from_body =
+                adjusted.places.body_from_target[link.target].pose(pivot).inverse().adjoint();
+            of_observations[layout.given_at[i]] =
+                of_bodies[link.body].map(|motion: Motion| Motion(motion.0.map(|by| target_from_body * by)));
         }
         Motions(of_observations)
     }
@@ -332,7 +331,7 @@ impl Motions {
     fn twists(&self, problem: &RigProblem, clock: &Clock, found: &Times) -> Vec<Option<Vector6>> {
         let twist = |(i, motion): (usize, &Option<Motion>)| {
             let after_s = clock.stamp_s[i] + found.offset_s[problem.observations[i].camera];
-            motion.map(|motion| motion.velocity + motion.half_acceleration * (2.0 * after_s))
+            motion.map(|motion| motion.velocity(after_s))
         };
         self.0.iter().enumerate().map(twist).collect()
     }
@@ -340,32 +339,40 @@ impl Motions {
 
 impl Motion {
     fn after(&self, seconds: f64) -> Pose {
-        Pose::exp(&(self.velocity * seconds + self.half_acceleration * (seconds * seconds)))
+        let sum = self.0.iter().rev().fold(Vector6::zeros(), |sum, by| (sum + by) * seconds);
+        Pose::exp(&sum)
+    }
+
+    fn velocity(&self, seconds: f64) -> Vector6 {
+        let by = self.0.iter().enumerate().rev();
+        by.fold(Vector6::zeros(), |sum, (k, by)| sum * seconds + by * (k as f64 + 1.0))
     }
 }
 
-/// Returns the motion at one place of a path: a parabola through it and its neighbours, or the two next ones at an end.
+/// Returns the motion at one place of a path: the polynomial through it and its neighbours, as many before as after but at an end.
 fn motion(path: &[(f64, usize, Pose)], at: usize) -> Option<Motion> {
+    let is_near = |pair: &[(f64, usize, Pose)]| {
+        let gap_s = pair[1].0 - pair[0].0;
+        EQUAL_S < gap_s && gap_s <= LONGEST_GAP_S
+    };
+    let n_before = path[..=at].windows(2).rev().take(NEIGHBOURS).take_while(|pair| is_near(pair)).count();
+    let n_after = path[at..].windows(2).take(NEIGHBOURS).take_while(|pair| is_near(pair)).count();
+    let before = n_before.min(NEIGHBOURS - n_after.min(NEIGHBOURS / 2));
+    let after = n_after.min(NEIGHBOURS - before);
     let here = &path[at];
-    let relative = |other: usize| {
-        let (t_s, _, pose) = path.get(other)?;
-        let after_s = t_s - here.0;
-        let is_near = EQUAL_S < after_s.abs() && after_s.abs() <= LONGEST_GAP_S;
-        is_near.then(|| (after_s, (here.2.inverse() * *pose).log()))
+    let others: Vec<&(f64, usize, Pose)> =
+        path[at - before..=at + after].iter().filter(|other| other.1 != here.1).collect();
+    let scale_s = others.iter().map(|other| (other.0 - here.0).abs()).reduce(f64::max)?;
+    let n = others.len();
+    let powers = DMatrix::from_fn(n, n, |i, k| ((others[i].0 - here.0) / scale_s).powi(k as i32 + 1));
+    let relative: Vec<Vector6> = others.iter().map(|other| (here.2.inverse() * other.2).log()).collect();
+    let values = DMatrix::from_fn(n, 6, |i, k| relative[i][k]);
+    let solved = powers.lu().solve(&values)?;
+    let coefficient = |k: usize| match k < n {
+        true => solved.row(k).transpose().fixed_rows::<6>(0) / scale_s.powi(k as i32 + 1),
+        false => Vector6::zeros(),
     };
-    let (before, after) = (at.checked_sub(1).and_then(relative), relative(at + 1));
-    let [first, second] = match (before, after) {
-        (Some(before), Some(after)) => [Some(before), Some(after)],
-        (Some(before), None) => [Some(before), at.checked_sub(2).and_then(relative)],
-        (None, Some(after)) => [Some(after), relative(at + 2)],
-        (None, None) => return None,
-    };
-    let (h, a) = first?;
-    let Some((k, b)) = second else {
-        return Some(Motion { velocity: a / h, half_acceleration: Vector6::zeros() });
-    };
-    let half_acceleration = (b / k - a / h) / (k - h);
-    Some(Motion { velocity: a / h - half_acceleration * h, half_acceleration })
+    Some(Motion(core::array::from_fn(coefficient)))
 }
 
 /// Returns the row of the optical axis, px: the stamp of a frame is the time of that row.
@@ -438,7 +445,8 @@ impl Step {
         let adjusted = &state.adjusted;
         let motions = Motions::new(problem, &layout, adjusted, clock);
         let twists = motions.twists(problem, clock, found);
-        let eliminated = adjusted.equations.eliminated(0.0).ok_or(Error::NotConverged { steps: adjusted.steps })?;
+        let eliminated =
+            adjusted.equations.eliminated(0.0).ok_or(Error::NotConverged { steps: adjusted.steps })?;
         let (compared_with, columns) = match columns(problem, config, times, &twists) {
             Some(columns) => columns,
             None => return Ok(None),
@@ -478,7 +486,8 @@ fn columns(
         all.any(|(seen, twist)| seen.camera == camera && twist.is_some())
     };
     let cameras: Vec<usize> = (0..problem.cameras.len()).filter(|camera| sees(*camera)).collect();
-    let compared_with = if cameras.contains(&config.reference) { config.reference } else { *cameras.first()? };
+    let compared_with =
+        if cameras.contains(&config.reference) { config.reference } else { *cameras.first()? };
     let mut n = 0;
     let mut next = || {
         n += 1;
@@ -494,7 +503,8 @@ fn columns(
 fn noise(adjusted: &Adjusted) -> f64 {
     let points = adjusted.residuals.iter().zip(&adjusted.parts.is_used);
     let used = points.flat_map(|(r, used)| r.points.iter().zip(used).filter(|(_, used)| **used));
-    let (chi2, n) = used.fold((0.0, 0_usize), |(sum, n), (p, _)| (sum + p.as_ref().map_or(0.0, |p| p.1), n + 1));
+    let (chi2, n) =
+        used.fold((0.0, 0_usize), |(sum, n), (p, _)| (sum + p.as_ref().map_or(0.0, |p| p.1), n + 1));
     let n_bodies = adjusted.graph.is_active.iter().filter(|active| **active).count();
     let freedom = (2 * n).saturating_sub(6 * (n_bodies + adjusted.graph.n_blocks)).max(1);
     f64::max(1.0, chi2 / freedom as f64)
@@ -538,7 +548,8 @@ impl Sums {
         let of_views = each.chunk_by(|a, b| layout.observations[a.0].view == layout.observations[b.0].view);
         let of_views: Vec<OfView> = of_views.map(|own| of_view(own, n, adjusted, &following)).collect();
         let zero = || (DMatrix::zeros(n, n), DVector::zeros(n));
-        let ((mut own, mut pull), lost) = (zero(), DMatrix::from_fn(n, n, |i, j| common[i].dot(&following[j][0])));
+        let ((mut own, mut pull), lost) =
+            (zero(), DMatrix::from_fn(n, n, |i, j| common[i].dot(&following[j][0])));
         for (_, sums) in &each {
             own += &sums.own;
             pull += &sums.pull;
@@ -591,15 +602,22 @@ impl Sums {
             let rest = &view.pull - &view.information * step;
             Some(inverse * leverage.lu().solve(&rest)?)
         };
-        let by_views = self.of_views.iter().filter_map(change).fold(DVector::zeros(n), |sum, change| {
-            sum + change.component_mul(&change)
-        });
+        let by_views = self
+            .of_views
+            .iter()
+            .filter_map(change)
+            .fold(DVector::zeros(n), |sum, change| sum + change.component_mul(&change));
         let wider = |k: usize| f64::max(1.0, (by_views[k] / by_points[(k, k)]).sqrt());
         DMatrix::from_fn(n, n, |i, j| by_points[(i, j)] * wider(i) * wider(j))
     }
 }
 
-fn of_view(each: &[(usize, OfObservation)], n: usize, adjusted: &Adjusted, following: &[[Common; 1]]) -> OfView {
+fn of_view(
+    each: &[(usize, OfObservation)],
+    n: usize,
+    adjusted: &Adjusted,
+    following: &[[Common; 1]],
+) -> OfView {
     let mut sum = OfView { information: DMatrix::zeros(n, n), pull: DVector::zeros(n) };
     for (i, sums) in each {
         let link = &adjusted.graph.links[*i];

@@ -190,7 +190,8 @@ fn sums(
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let mut common: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
     let (mut own, mut pull) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    for (i, link) in graph.links.iter().enumerate().filter(|(_, link)| takes(link) && graph.is_active[link.body])
+    for (i, link) in
+        graph.links.iter().enumerate().filter(|(_, link)| takes(link) && graph.is_active[link.body])
     {
         let of_link = sums_of(i, n, layout, adjusted, &columns);
         own += of_link.own;

@@ -136,14 +136,19 @@ pub fn time_sentence(run: &RigRun) -> Option<String> {
         format!("{} {offset_ms:+.*} ± {} ms", name(camera), decimals(sigma_ms), figures(sigma_ms))
     };
     let others: Vec<String> = known().filter(|(camera, _)| *camera != compared_with).map(offset).collect();
-    let stamps = if times.stamps_count { "" } else { "; stamps scatter more than exposures, and count in the mean" };
+    let stamps =
+        if times.stamps_count { "" } else { "; stamps scatter more than exposures, and count in the mean" };
     let row = times.line_time_s.map(|(line_s, sigma_s)| {
         let (line_us, sigma_us) = (1e6 * line_s, 1e6 * sigma_s);
         format!("; from row to row {line_us:.*} ± {} µs", decimals(sigma_us), figures(sigma_us))
     });
     let others = match others.is_empty() {
         true => String::new(),
-        false => format!("Exposed later than their stamps say, beside {}: {}{stamps}", name(compared_with), others.join(", ")),
+        false => format!(
+            "Exposed later than their stamps say, beside {}: {}{stamps}",
+            name(compared_with),
+            others.join(", ")
+        ),
     };
     Some(format!("{others}{}; points of the moving target are moved by this.", row.unwrap_or_default()))
 }
