@@ -255,6 +255,40 @@ fn four_webcams_from_listed_corners_and_from_videos() {
     check_webcams("videos", &seen, &published(&set), [(0.20, 6.0), (0.20, 4.0), (0.60, 5.0)]);
 }
 
+/// The listed corners with the stamps of their frames; those of camera 2 are `late_s` later.
+fn stamped(folder: &Path, set: &Path, late_s: f64) -> String {
+    let stamp = |row: Row| ((row["sync_index"].clone(), row["cam_id"].clone()), number(&row, "frame_time"));
+    let stamps: HashMap<(String, String), f64> =
+        table(&set.join("timestamps.csv")).into_iter().map(stamp).collect();
+    let mut text = "camera,view,id,x_m,y_m,z_m,u_px,v_px,t_s\n".to_string();
+    for row in table(&set.join("detections.csv")) {
+        let [x, y, z, u, v] = ["X_m", "Y_m", "Z_m", "u_px", "v_px"].map(|column| number(&row, column));
+        let (view, camera, id) = (&row["sync_index"], &row["cam"], &row["corner_id"]);
+        let t_s = stamps[&(view.clone(), camera.clone())] + if camera == "2" { late_s } else { 0.0 };
+        text += &format!("{camera},{view},{id},{x},{y},{z},{u},{v},{t_s}\n");
+    }
+    write(folder, "stamped.csv", &text)
+}
+
+/// Stamps that are 20 ms late are found in the answer, with the part that times have in the budget.
+#[test]
+#[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
+fn late_stamps_are_found() {
+    let set = recorded("caliscope_4cam_charuco");
+    let folder = folder("rig_real_times");
+    let offset_s = |late_s: f64| -> f64 {
+        let points = stamped(&folder, &set, late_s);
+        let camera = set.join("camera_array.toml").display().to_string();
+        let answer = solved(&["--camera".into(), camera, "--detections".into(), points]);
+        let of_camera = &answer["cameras"]["2"];
+        println!("{} {}", answer["times"], of_camera["time_offset"]);
+        let parts = of_camera["budget"].as_array().unwrap();
+        assert!(parts.iter().any(|part| part["part"] == "time_offsets"), "{parts:?}");
+        of_camera["time_offset"]["value_s"].as_f64().unwrap()
+    };
+    assert!((offset_s(0.02) - offset_s(0.0) + 0.02).abs() < 1e-3);
+}
+
 /// `camera,frame,t_s` from the set's list, frames counted per camera in recording order.
 fn times(folder: &Path, set: &Path) -> String {
     let mut rows = table(&set.join("timestamps.csv"));

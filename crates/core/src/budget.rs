@@ -35,6 +35,8 @@ pub enum ErrorSource {
     Distances,
     /// The robot's poses.
     Robot,
+    /// When each camera of a rig saw a moving target.
+    TimeOffsets,
     /// What is stated about the answer besides the observations.
     Priors,
     /// By how much observations disagree beyond the stated errors, or hide it because those beyond a threshold are left out.
@@ -42,7 +44,7 @@ pub enum ErrorSource {
 }
 
 /// How many sources there are.
-const N_SOURCES: usize = 12;
+const N_SOURCES: usize = 13;
 
 impl ErrorSource {
     /// All sources, in the order in which a budget lists them.
@@ -57,6 +59,7 @@ impl ErrorSource {
         ErrorSource::ControlPoints,
         ErrorSource::Distances,
         ErrorSource::Robot,
+        ErrorSource::TimeOffsets,
         ErrorSource::Priors,
         ErrorSource::Residuals,
     ];
@@ -74,6 +77,7 @@ impl ErrorSource {
             ErrorSource::ControlPoints => "control_points",
             ErrorSource::Distances => "distances",
             ErrorSource::Robot => "robot",
+            ErrorSource::TimeOffsets => "time_offsets",
             ErrorSource::Priors => "priors",
             ErrorSource::Residuals => "residuals",
         }

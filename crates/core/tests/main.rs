@@ -81,6 +81,7 @@ mod rig_robust;
 mod rig_shared_errors;
 mod rig_solve;
 mod rig_statistics;
+mod rig_times;
 mod rig_verdict;
 mod road;
 mod robust_accuracy;

@@ -97,6 +97,7 @@ pub struct Solving {
     sync_tolerance_s: Option<f64>,
     joint_covariance: bool,
     adjust_lenses: bool,
+    rolling_shutter: bool,
 }
 
 impl Solving {
@@ -110,6 +111,7 @@ impl Solving {
             sync_tolerance_s: self.sync_tolerance_s,
             joint_covariance: self.joint_covariance,
             adjust_lenses: self.adjust_lenses,
+            rolling_shutter: self.rolling_shutter,
             ..request
         }
     }

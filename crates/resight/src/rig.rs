@@ -33,7 +33,7 @@ pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
 pub use request::{CameraDistance, RigRequest, not_among};
 pub use robot_poses::{RobotFile, RobotPose, ViewPoses, read_robot_file, read_view_poses};
 
-use crate::core::multiview::rig::{Observation, RigProblem, RigSolution};
+use crate::core::multiview::rig::{Observation, RigProblem, RigSolution, TimeOffsets};
 use crate::core::{Camera, Target};
 use crate::formats::{NamedCamera, Placement, plausible};
 
@@ -119,6 +119,8 @@ pub struct RigRun {
     pub solution: RigSolution,
     /// For each camera what became of its lens, where all were adjusted with the rig; empty where the files were taken as they are.
     pub lenses: Vec<LensChange>,
+    /// When the cameras exposed, by their time stamps and a target that moved; none where stamps or motion are missing.
+    pub times: Option<TimeOffsets>,
     /// The files read.
     pub inputs: Vec<InputFile>,
     /// The exact command line, if the job was run from one.

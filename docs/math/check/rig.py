@@ -1,4 +1,4 @@
-"""Checks docs/math/rig.md: eqs. (2)-(13), at random points to 40 digits. Needs mpmath."""
+"""Checks docs/math/rig.md: eqs. (2)-(13), (33), (34), at random points to 40 digits. Needs mpmath."""
 
 import random
 
@@ -243,5 +243,37 @@ close(-following * sigma_z, nu * both[:k, k:])
 # (31): z has variance 1 before, and is estimated from pixels with the information G; a moved z then has the variance I - sigma_z.
 sigma_z = (left_more + mp.eye(4)) ** -1
 close(sigma_z * (left_more * left_more + left_more) * sigma_z, mp.eye(4) - sigma_z)
+
+
+# (33): the polynomial meets all neighbours; (34): Q is the derivative of a pixel by the time of its exposure.
+nodes = [mp.mpf(text) for text in ("-0.21", "-0.1", "0.12", "0.19")]
+values = [matrix(6, 1, mp.mpf("0.1")) for _ in nodes]
+powers = mp.matrix(4, 4)
+for i, node in enumerate(nodes):
+    for n in range(4):
+        powers[i, n] = node ** (n + 1)
+coefficients = powers**-1 * mp.matrix([list(value) for value in values])
+
+
+def path(after):
+    return mp.matrix([sum(coefficients[n, i] * after ** (n + 1) for n in range(4)) for i in range(6)])
+
+
+for node, value in zip(nodes, values):
+    close(path(node), value)
+cam_from_target, x, start = pose(), matrix(3, 1, mp.mpf("0.1")), mp.mpf("1e-9")
+cam_from_target[2, 3] += 2
+
+
+def exposed(after):
+    return project(apply(cam_from_target * exp(path(after)), x))
+
+
+twist = mp.matrix([sum((n + 1) * coefficients[n, i] * start**n for n in range(4)) for i in range(6)])
+moved = apply(exp(path(start)), x)
+in_cam = apply(cam_from_target, moved)
+projection = mp.matrix([[1 / in_cam[2], 0, -in_cam[0] / in_cam[2] ** 2], [0, 1 / in_cam[2], -in_cam[1] / in_cam[2] ** 2]])
+by_time = projection * cam_from_target[:3, :3] * (hat(twist[:3]) * moved + twist[3:])
+close((exposed(start + STEP) - exposed(start - STEP)) / (2 * STEP), by_time, "1e-8")  # exact at the view's time, to first order after it
 
 print("rig.md: all equations hold")

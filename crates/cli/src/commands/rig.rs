@@ -48,6 +48,11 @@ pub struct Rig {
     /// lens model, and the lens of a camera without a file is estimated from its own images first. The answer states how far each lens moved, and -o writes lenses and poses with their covariances.
     #[arg(long, hide_short_help = true, help_heading = "Solving")]
     adjust_lenses: bool,
+    /// Estimates the time from one row of a rolling shutter to the next.
+    ///
+    /// All cameras share it. It needs time stamps and a target that moves, as the time offsets of the cameras do, which are estimated anyway.
+    #[arg(long, hide_short_help = true, help_heading = "Solving")]
+    rolling_shutter: bool,
     /// Adds the joint covariance of all cameras to the JSON.
     ///
     /// `compare` uses it. The file of -o always holds it.
@@ -158,6 +163,7 @@ pub fn run(args: &Rig) -> Result<Outcome> {
         world: args.world.clone(),
         joint_covariance: args.joint_covariance,
         adjust_lenses: args.adjust_lenses,
+        rolling_shutter: args.rolling_shutter,
         ..request(&args.observed, &args.solving)?
     };
     let observed = observed(&args.observed, &request)?;

@@ -23,6 +23,7 @@ mod budget;
 mod answer;
 mod exchanged;
 mod free_lenses;
+mod timing;
 
 use crate::budget::Budget;
 use crate::locate::loss::Loss;
@@ -31,6 +32,7 @@ use nalgebra::DMatrix;
 
 pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
+pub use timing::{FrameStamps, TimeOffsets, time_offsets};
 pub use verdict::{Cause, Losses, RigVerdict, RigWarning};
 pub(in crate::multiview) use views::Groups;
 pub use views::shared_views;
@@ -90,6 +92,8 @@ pub struct RigConfig<'a> {
     /// Tags that are displaced on their target, in all views alike; groups are independent. They widen every covariance, because more views do
     /// not reduce it.
     pub displaced_tags: &'a [UncertainTags],
+    /// Estimated times of exposure, by which the points of the observations were moved: their uncertainty widens every covariance.
+    pub time_offsets: Option<&'a TimeOffsets>,
 }
 
 /// Tags whose poses on their target are uncertain together.
@@ -119,6 +123,7 @@ impl Default for RigConfig<'_> {
             intrinsics: &[],
             scale_sigma: 0.0,
             displaced_tags: &[],
+            time_offsets: None,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Real recordings of rigs: lenses as their files say, and the corners that came with them. Needs the folder named by RESIGHT_DATA.
 
 use resight_core::camera::BrownConrady;
-use resight_core::multiview::rig::{Observation, RigConfig, RigProblem, RigSolution, solve_rig};
+use resight_core::multiview::rig::{
+    FrameStamps, Observation, RigConfig, RigProblem, RigSolution, TimeOffsets, solve_rig, time_offsets,
+};
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,6 +16,8 @@ pub struct Recording {
     pub n_views: usize,
     pub seen: BTreeMap<(usize, usize), Vec<(Point, Pixel)>>,
     pub sigma_px: f64,
+    /// When frames were taken, s, by view and camera, where this is known.
+    pub stamps_s: BTreeMap<(usize, usize), f64>,
 }
 
 /// All numbers of a text.
@@ -66,7 +70,7 @@ fn recording(
     views.dedup();
     let view_of = |v: u32| views.binary_search(&v).expect("a view");
     let seen = by_name.into_iter().map(|((view, camera), seen)| ((view_of(view), camera), seen)).collect();
-    Recording { name, cameras, n_views: views.len(), seen, sigma_px }
+    Recording { name, cameras, n_views: views.len(), seen, sigma_px, stamps_s: BTreeMap::new() }
 }
 
 /// Two cameras before a chessboard.
@@ -89,8 +93,20 @@ pub fn webcams(root: &Path, sigma_px: f64) -> Recording {
         camera(&list(text, "matrix ="), &list(text, "distortions ="))
     });
     let index = |name: &str| name.parse().expect("a camera");
-    recording("webcams", &folder.join("detections.csv"), cameras.collect(), index, [0, 1, 3], sigma_px)
+    let mut webcams =
+        recording("webcams", &folder.join("detections.csv"), cameras.collect(), index, [0, 1, 3], sigma_px);
+    let times = std::fs::read_to_string(folder.join("timestamps.csv")).expect("the stamps");
+    let stamp = |row: &str| {
+        let [view, camera, t_s] = row.split(',').collect::<Vec<_>>()[..] else { panic!("{row}") };
+        let view: usize = view.parse().expect("a view");
+        ((view - FIRST_VIEW, index(camera)), t_s.parse().expect("a time"))
+    };
+    webcams.stamps_s = times.lines().skip(1).map(stamp).collect();
+    webcams
 }
+
+/// The webcams' frames are counted from here.
+const FIRST_VIEW: usize = 416;
 
 impl Recording {
     pub fn observations(&self) -> Vec<Observation> {
@@ -105,13 +121,25 @@ impl Recording {
     /// # Errors
     /// Those of `solve_rig`.
     pub fn solve(&self, config: &RigConfig) -> Result<RigSolution, Error> {
-        let problem = RigProblem {
-            cameras: &self.cameras,
-            body_of_target: &[0],
-            n_views: self.n_views,
-            observations: &self.observations(),
-        };
-        solve_rig(&problem, config)
+        solve_rig(&self.problem(&self.observations()), config)
+    }
+
+    fn problem<'a>(&'a self, observations: &'a [Observation]) -> RigProblem<'a> {
+        RigProblem { cameras: &self.cameras, body_of_target: &[0], n_views: self.n_views, observations }
+    }
+
+    /// The solution with the time offsets that the stamps and the motion of the board show, and these.
+    ///
+    /// # Errors
+    /// Those of `time_offsets` and `solve_rig`.
+    pub fn solve_in_time(&self, config: &RigConfig) -> Result<(RigSolution, TimeOffsets), Error> {
+        let observations = self.observations();
+        let stamps_s: Vec<f64> =
+            observations.iter().map(|seen| self.stamps_s[&(seen.view, seen.camera)]).collect();
+        let stamps = FrameStamps { stamps_s: &stamps_s, line_time: false };
+        let offsets = time_offsets(&self.problem(&observations), config, &stamps)?.ok_or(Error::EmptyRig)?;
+        let config = RigConfig { time_offsets: Some(&offsets), ..*config };
+        Ok((solve_rig(&self.problem(&offsets.observations), &config)?, offsets))
     }
 
     /// Some of the views.

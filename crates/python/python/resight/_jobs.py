@@ -36,7 +36,7 @@ def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, re
                     known_distances_m: Sequence[tuple[str, str, float, float]] = (),
                     timestamps: Any = None, sync_tolerance_s: float | None = None,
                     joint_covariance: bool = False, adjust_lenses: bool = False,
-                    corner_half_px: int | None = None, progress: Any = None) -> Answer:
+                    rolling_shutter: bool = False, corner_half_px: int | None = None, progress: Any = None) -> Answer:
     """The extrinsics of several cameras from images of targets that they see together.
 
     `cameras`: names to cameras or files, or one file of several cameras. `targets`: one target or file, a list of them, or names to them.
@@ -44,10 +44,11 @@ def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, re
     the lists are one view), or names of views to arrays. Files of one name are one view, as are `left01` and `right01`; or with `timestamps` (a CSV file of camera, frame, t_s) those within `sync_tolerance_s` of each other.
     `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
     `adjust_lenses`: the lenses are adjusted with the rig; the covariance of a camera is what is known of its lens.
+    `rolling_shutter`: the time from row to row is estimated with the cameras' time offsets; both need time stamps and a target that moves.
     `progress(done, total)` is called after each image, True is a bar by tqdm; Ctrl-C ends the work.
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s,
-                       adjust_lenses)
+                       adjust_lenses, rolling_shutter)
     named, taken = (_named("cameras", cameras), _named("targets", targets)), _taken(images)
     times = None if timestamps is None else os.fspath(timestamps)
     return Answer(*_native.rig_from_images(*named, taken, solving, times, corner_half_px, progress))
@@ -58,14 +59,14 @@ def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sig
                         fixed_together: Sequence[Sequence[str]] = (),
                         known_distances_m: Sequence[tuple[str, str, float, float]] = (),
                         sync_tolerance_s: float | None = None, joint_covariance: bool = False,
-                        adjust_lenses: bool = False) -> Answer:
+                        adjust_lenses: bool = False, rolling_shutter: bool = False) -> Answer:
     """The same from points that were detected already.
 
     `detections`: CSV files, or a table (a dictionary of columns, pandas, Polars, Arrow) with the columns camera, view, id, u_px, v_px and
     optionally target, body, corner, x_m, y_m, z_m (where no target knows the id), sigma_px, sigma_m and t_s, which `sync_tolerance_s` needs.
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s,
-                       adjust_lenses)
+                       adjust_lenses, rolling_shutter)
     named = _named("cameras", cameras), _named("targets", targets)
     return Answer(*_native.rig_from_detections(*named, _detected(detections), sigma_px, solving))
 
@@ -260,7 +261,8 @@ def _target(value: Any) -> _native.Target:
 
 def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
              known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool,
-             sync_tolerance_s: float | None, adjust_lenses: bool = False) -> dict[str, Any]:
+             sync_tolerance_s: float | None, adjust_lenses: bool = False,
+             rolling_shutter: bool = False) -> dict[str, Any]:
     """Collects the options that all functions for rigs have."""
     return {
         "reference": reference,
@@ -270,6 +272,7 @@ def _solving(reference: str | None, world: str | None, fixed_together: Sequence[
         "sync_tolerance_s": sync_tolerance_s,
         "joint_covariance": joint_covariance,
         "adjust_lenses": adjust_lenses,
+        "rolling_shutter": rolling_shutter,
     }
 
 

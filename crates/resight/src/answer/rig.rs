@@ -128,6 +128,9 @@ pub(super) struct RigObject {
     view_scale: f64,
     /// The largest standard deviation of a place with intrinsics as uncertain as views agree that they are off.
     lens_sigma_m: Option<f64>,
+    /// When the cameras exposed, where frames have time stamps and a target moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times: Option<TimesObject>,
     n_views: usize,
     n_seen: usize,
     n_used: usize,
@@ -177,6 +180,9 @@ struct CameraObject {
     /// Where the lenses were adjusted with the rig.
     #[serde(skip_serializing_if = "Option::is_none")]
     lens: Option<LensObject>,
+    /// By how much it exposes later than its stamps say, beside the camera with an offset of 0; absent where no motion shows it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_offset: Option<TimeObject>,
     #[serde(skip_serializing_if = "Option::is_none")]
     world_from_cam: Option<UncertainObject>,
 }
@@ -198,6 +204,31 @@ struct LensObject {
     /// Distance and angle of the camera from its pose with the camera files as they are.
     moved_camera_m: Option<f64>,
     moved_camera_rad: Option<f64>,
+}
+
+/// A time, s, with its standard deviation.
+#[derive(Serialize, JsonSchema)]
+struct TimeObject {
+    value_s: f64,
+    sigma_s: f64,
+}
+
+impl TimeObject {
+    fn of((value_s, sigma_s): (f64, f64)) -> Self {
+        TimeObject { value_s, sigma_s }
+    }
+}
+
+/// What time stamps and a moving target say.
+#[derive(Serialize, JsonSchema)]
+struct TimesObject {
+    /// `each` stamp is taken at its word, or only the `mean` of a camera's, because they scatter more than the exposures.
+    stamps: &'static str,
+    /// By how much χ² is lower than with all frames of a view taken at once, in units of the noise.
+    gain_chi2: f64,
+    /// From one row of a rolling shutter to the next, where asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    line_time: Option<TimeObject>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -280,6 +311,11 @@ fn object(solved: &SolvedRig) -> RigObject {
         noise_scale: s.noise_scale,
         view_scale: s.view_scale,
         lens_sigma_m: s.lens_sigma_m,
+        times: solved.run.times.as_ref().map(|times| TimesObject {
+            stamps: if times.stamps_count { "each" } else { "mean" },
+            gain_chi2: times.gain_chi2,
+            line_time: times.line_time_s.map(TimeObject::of),
+        }),
         n_views: solved.run.rig.views.len(),
         n_seen: s.n_seen,
         n_used: s.n_used,
@@ -345,6 +381,7 @@ fn cameras(solved: &SolvedRig) -> BTreeMap<String, CameraObject> {
             n_rejected: c.n_seen - c.n_used,
             rms_px: c.rms_px,
             lens: solved.run.lenses.get(i).map(|change| lens(solved, i, change)),
+            time_offset: solved.run.times.as_ref().and_then(|times| times.offset_s[i]).map(TimeObject::of),
             world_from_cam: solved.in_world.as_ref().map(|w| UncertainObject::of(&w.world_from_cam[i])),
         };
         (camera_name(solved, i), object)

@@ -20,7 +20,9 @@ use crate::report::verdict::Status;
 use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
-pub use sentences::{lens_sentences, rejection_sentence, scale_sentences, weakest_link_sentence};
+pub use sentences::{
+    lens_sentences, rejection_sentence, scale_sentences, time_sentence, weakest_link_sentence,
+};
 pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict, rig_verdict_sentence};
 
 const STYLE: &str = include_str!("rig/page.css");

@@ -98,6 +98,7 @@ fn source_words(source: ErrorSource) -> &'static str {
         ErrorSource::ControlPoints => "control points",
         ErrorSource::Distances => "distances",
         ErrorSource::Robot => "robot",
+        ErrorSource::TimeOffsets => "times of exposure",
         ErrorSource::Priors => "priors",
         other => other.name(),
     }

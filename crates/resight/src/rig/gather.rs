@@ -17,6 +17,8 @@ pub struct NamedObservation {
     pub view: String,
     /// Index into the given targets.
     pub target: usize,
+    /// When its frame was taken, s.
+    pub t_s: Option<f64>,
     /// Its points by name, in any order.
     pub points: Vec<(String, Correspondence)>,
 }
@@ -28,6 +30,8 @@ pub struct Gathered {
     pub rig: NamedRig,
     /// For each observation: the view in which it was taken (that of a target at rest is not the rig's view of it).
     pub taken_in: Vec<String>,
+    /// For each observation: when it was taken, s.
+    pub stamps_s: Vec<Option<f64>>,
     /// For each observation: the names of its points.
     pub points: Vec<Vec<String>>,
     /// The view that holds all observations of the target at rest.
@@ -40,6 +44,7 @@ struct Found {
     camera: usize,
     target: usize,
     taken_in: String,
+    t_s: Option<f64>,
     points: Vec<(String, Correspondence)>,
 }
 
@@ -71,6 +76,7 @@ pub fn gather(
         camera: camera_numbers[observation.camera],
         target: target_numbers[observation.target],
         taken_in: observation.view,
+        t_s: observation.t_s,
         points: observation.points,
     };
     let found = in_order(seen.into_iter().map(number).collect());
@@ -84,6 +90,7 @@ pub fn gather(
             observations: Vec::with_capacity(found.len()),
         },
         taken_in: Vec::with_capacity(found.len()),
+        stamps_s: Vec::with_capacity(found.len()),
         points: Vec::with_capacity(found.len()),
         world_view,
     };
@@ -93,11 +100,12 @@ pub fn gather(
 
 impl Gathered {
     fn push(&mut self, found: Found) {
-        let Found { view, camera, target, taken_in, points } = found;
+        let Found { view, camera, target, taken_in, t_s, points } = found;
         let (names, seen) = points.into_iter().unzip();
         self.rig.observations.push(Observation { camera, view, target, seen });
         self.points.push(names);
         self.taken_in.push(taken_in);
+        self.stamps_s.push(t_s);
     }
 }
 
@@ -190,7 +198,7 @@ mod tests {
 
     fn observation(camera: usize, view: &str, target: usize, points: &[(&str, f64)]) -> NamedObservation {
         let points = points.iter().map(|(name, u)| point(name, *u)).collect();
-        NamedObservation { camera, view: view.into(), target, points }
+        NamedObservation { camera, view: view.into(), target, t_s: None, points }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::request::RigRequest;
 use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::multiview::rig::{
-    KnownDistance, RigConfig, SharedViews, UncertainTags, shared_views, solve_rig,
+    FrameStamps, KnownDistance, RigConfig, SharedViews, UncertainTags, shared_views, solve_rig, time_offsets,
 };
 use crate::core::target::Feature;
 use crate::core::{Error as MathError, Target};
@@ -93,6 +93,7 @@ pub struct ObservedRig {
     command: Option<String>,
     joint_covariance: bool,
     adjust_lenses: bool,
+    rolling_shutter: bool,
     /// Whether frames taken at the same time are matched by name, rather than by time.
     is_named: bool,
 }
@@ -147,6 +148,7 @@ impl ObservedRig {
             command: request.command.clone(),
             joint_covariance: request.joint_covariance,
             adjust_lenses: request.adjust_lenses,
+            rolling_shutter: request.rolling_shutter,
             is_named: request.sync_tolerance_s.is_none(),
         })
     }
@@ -181,7 +183,7 @@ impl ObservedRig {
     }
 
     fn solved(self) -> Result<SolvedRig, Unsolved> {
-        let Gathered { mut rig, taken_in, points, world_view } = self.gathered;
+        let Gathered { mut rig, taken_in, stamps_s, points, world_view } = self.gathered;
         let intrinsics: Vec<_> =
             rig.cameras.iter().map(|camera| camera.intrinsics_covariance.clone()).collect();
         let tags = uncertain_tags(&rig.targets);
@@ -199,6 +201,16 @@ impl ObservedRig {
         };
         let failed =
             |reason: MathError, rig: &NamedRig| Unsolved::new(Status::Error, in_names(&reason, rig, &points));
+        let stamps_s: Option<Vec<f64>> = stamps_s.into_iter().collect();
+        let times = stamps_s.map(|stamps_s| {
+            let stamps = FrameStamps { stamps_s: &stamps_s, line_time: self.rolling_shutter };
+            time_offsets(&rig.problem(), &config, &stamps)
+        });
+        let times = times.transpose().map_err(|reason| failed(reason, &rig))?.flatten();
+        if let Some(times) = &times {
+            rig.observations.clone_from(&times.observations);
+        }
+        let config = RigConfig { time_offsets: times.as_ref(), ..config };
         let (solution, lenses) = match self.adjust_lenses {
             true => lenses::solve(&mut rig, &config),
             false => solve_rig(&rig.problem(), &config).map(|solution| (solution, Vec::new())),
@@ -211,7 +223,7 @@ impl ObservedRig {
         let world_target = rig.observations.iter().find(|s| Some(s.view) == world_view);
         let world_target = world_target.map(|s| rig.targets[s.target].name.clone());
         Ok(SolvedRig {
-            run: RigRun { rig, solution, lenses, inputs: self.inputs, command: self.command },
+            run: RigRun { rig, solution, lenses, times, inputs: self.inputs, command: self.command },
             taken_in,
             points,
             in_world,

@@ -130,9 +130,9 @@ type Seen<'a> = (&'a str, usize, &'a str);
 /// Splits frames by target, as input of the sorting.
 pub(super) fn observations(frames: Vec<Frame>) -> Vec<NamedObservation> {
     let of_frame = |frame: Frame| {
-        let Frame { camera, name, targets, .. } = frame;
+        let Frame { camera, name, t_s, targets } = frame;
         let of_target =
-            move |(target, points)| NamedObservation { camera, view: name.clone(), target, points };
+            move |(target, points)| NamedObservation { camera, view: name.clone(), target, t_s, points };
         targets.into_iter().map(of_target)
     };
     frames.into_iter().flat_map(of_frame).collect()

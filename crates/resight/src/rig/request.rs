@@ -30,6 +30,8 @@ pub struct RigRequest {
     /// Whether the lenses are adjusted together with the rig. The covariance of a camera file is what is known of its lens; a file without one
     /// gives initial values and the lens model.
     pub adjust_lenses: bool,
+    /// Whether the time from one row of a rolling shutter to the next, which all cameras share, is estimated with their time offsets.
+    pub rolling_shutter: bool,
     /// Whether the answer's JSON holds the covariance of all cameras together, which grows with the square of their number.
     pub joint_covariance: bool,
     /// Files from which the cameras and targets were read: the answer lists them with their digests.

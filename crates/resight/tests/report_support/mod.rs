@@ -174,7 +174,7 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
     let inputs = vec![InputFile { path: "detections.csv".into(), sha256: "3f".repeat(32) }];
     let command =
         "resight rig --camera rig.toml --target board.toml --detections detections.csv -o out.toml".into();
-    RigRun { rig, solution, lenses: vec![], inputs, command: Some(command) }
+    RigRun { rig, solution, lenses: vec![], times: None, inputs, command: Some(command) }
 }
 
 fn result_of(observation: &Observation, rig_from_target: &Pose, n_cameras: usize) -> ObservationResult {

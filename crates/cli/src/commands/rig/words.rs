@@ -6,7 +6,7 @@ use resight::core::multiview::rig::shared_views as shared;
 use resight::formats::cells;
 use resight::report::rig::{
     lens_sentences, rejection_sentence, rig_camera_sentence, rig_verdict, rig_verdict_sentence,
-    scale_sentences, weakest_link_sentence,
+    scale_sentences, time_sentence, weakest_link_sentence,
 };
 use resight::report::verdict::{Verdict, figures};
 use resight::report::words::{
@@ -71,6 +71,9 @@ pub fn describe(solved: &SolvedRig) -> String {
     }
     for sentence in lens_sentences(&solved.run) {
         line(&mut out, "lens", &sentence);
+    }
+    if let Some(sentence) = time_sentence(&solved.run) {
+        line(&mut out, "times", &sentence);
     }
     contradicted(solved, &mut out);
     out.push('\n');

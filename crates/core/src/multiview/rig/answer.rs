@@ -70,8 +70,10 @@ pub(super) fn answer(
         &adjusted,
         &eliminated,
     );
+    let of_times = UncertainParameters::of_times(config.time_offsets, layout, &adjusted, &eliminated);
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
+        of_times.add_to_body(covariance, body);
         uncertain.add_to_body(covariance, body);
         of_targets.add_to_body(covariance, body);
         if config.lens_errors {
@@ -93,9 +95,13 @@ pub(super) fn answer(
     let mut by_targets = DMatrix::zeros(inverse.nrows(), inverse.ncols());
     of_targets.add_to_shared(&mut by_targets);
     budgets.add(ErrorSource::Target, &by_targets);
+    let mut by_times = DMatrix::zeros(inverse.nrows(), inverse.ncols());
+    of_times.add_to_shared(&mut by_times);
+    budgets.add(ErrorSource::TimeOffsets, &by_times);
     let (mut of_shared, within) = (held.covariance, held.within);
     uncertain.add_to_shared(&mut of_shared);
     of_shared += by_targets;
+    of_shared += by_times;
     let mut with_lenses = of_shared.clone();
     doubts.add_to_shared(&mut with_lenses);
     let lens_sigma_m =

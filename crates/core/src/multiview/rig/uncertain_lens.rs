@@ -7,12 +7,13 @@
 use super::adjust::Adjusted;
 use super::layout::Layout;
 use super::scale::by_size;
+use super::timing::{TimeOffsets, by_times};
 use super::{TargetScale, UncertainTags};
 use crate::covariance::is_covariance;
 use crate::least_squares::rig::{Common, Eliminated, RigLink};
 use crate::locate::common::check_intrinsics_covariance;
 use crate::locate::refine::whitening;
-use crate::{Camera, Error, Matrix6, Point, Vector6};
+use crate::{Camera, Correspondence, Error, Matrix6, Point, Vector6};
 use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, Matrix6xX, Vector2, Vector3};
 
 /// What the adjusted lenses add to the answer.
@@ -98,6 +99,21 @@ impl UncertainParameters {
         self
     }
 
+    /// Returns the times of exposure of a target that moves.
+    pub(super) fn of_times(
+        offsets: Option<&TimeOffsets>,
+        layout: &Layout,
+        adjusted: &Adjusted,
+        eliminated: &Eliminated,
+    ) -> Self {
+        let uncertain = |offsets: &TimeOffsets| {
+            let common = by_times(offsets, layout, adjusted);
+            let following = common.iter().map(|c| adjusted.equations.following(eliminated, c, true));
+            Uncertain { covariance: offsets.covariance.clone(), following: following.collect() }
+        };
+        UncertainParameters { each: offsets.map(uncertain).into_iter().collect() }
+    }
+
     /// Adds the share to the covariance of the shared blocks.
     pub(super) fn add_to_shared(&self, covariance: &mut DMatrix<f64>) {
         for lens in &self.each {
@@ -155,11 +171,12 @@ fn by_tag((target, corners): (usize, &[Point; 4]), layout: &Layout, adjusted: &A
 const SAME_CORNER: f64 = 1e-9;
 
 /// A point that takes part, and its projection.
-struct PointAt {
-    x_in_target: Point,
-    x_in_cam: Point,
-    cam_from_target: Matrix3<f64>,
-    jacobian: Matrix2x3<f64>,
+pub(super) struct PointAt<'a> {
+    pub(super) seen: &'a Correspondence,
+    pub(super) x_in_target: Point,
+    pub(super) x_in_cam: Point,
+    pub(super) cam_from_target: Matrix3<f64>,
+    pub(super) jacobian: Matrix2x3<f64>,
 }
 
 /// Sums over the points of some links, `columns` the derivatives of a pixel by each of `n` parameters; points without any are left out.
@@ -173,42 +190,70 @@ fn sums(
     let (places, graph) = (&adjusted.places, &adjusted.graph);
     let mut common: Vec<Common> = (0..n).map(|_| Common::new(graph)).collect();
     let (mut own, mut pull) = (DMatrix::zeros(n, n), DVector::zeros(n));
-    for (i, link) in graph.links.iter().enumerate() {
-        if !takes(link) || !graph.is_active[link.body] {
-            continue;
-        }
-        let lens = layout.camera(i);
-        let place = places.of_link(link, graph);
-        let pivot = &layout.pivot_in_target[link.target];
-        let mut by_motion = vec![Vector6::zeros(); n];
-        let points = layout.observations[i].seen.iter().zip(&adjusted.residuals[i].points);
-        let points = points.zip(&adjusted.parts.is_used[i]).filter(|(_, used)| **used);
-        for ((c, residual), _) in points {
-            let arm = place.rotation * (c.x_in_target - pivot);
-            let x_in_cam = arm + place.pivot_in_cam;
-            let Some((_, jacobian)) = lens.project_with_jacobian(&x_in_cam) else { continue };
-            let (x_in_target, cam_from_target) = (c.x_in_target, place.rotation);
-            let at = PointAt { x_in_target, x_in_cam, cam_from_target, jacobian };
-            let Some(columns) = columns(&at) else { continue };
-            let (a, b, d) = whitening(c, &jacobian);
-            let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
-            for (j, p) in [(ju * a + jv * b, [a, b]), (jv * d, [0.0, d])] {
-                let turn = arm.cross(&j);
-                let by = Vector6::new(turn.x, turn.y, turn.z, j.x, j.y, j.z);
-                let row = DVector::from_fn(n, |k, _| p[0] * columns[k].x + p[1] * columns[k].y);
-                for (sum, value) in by_motion.iter_mut().zip(row.iter()) {
-                    *sum += by * *value;
-                }
-                let off = residual.as_ref().map_or(0.0, |(e, _)| p[0] * e.x + p[1] * e.y);
-                pull.axpy(off, &row, 1.0);
-                own.ger(1.0, &row, &row, 1.0);
-            }
-        }
-        for (common, by) in common.iter_mut().zip(&by_motion) {
+    for (i, link) in
+        graph.links.iter().enumerate().filter(|(_, link)| takes(link) && graph.is_active[link.body])
+    {
+        let of_link = sums_of(i, n, layout, adjusted, &columns);
+        own += of_link.own;
+        pull += of_link.pull;
+        for (common, by) in common.iter_mut().zip(&of_link.by_motion) {
             common.add(places, graph, link, by);
         }
     }
     ByParameters { common, own, pull }
+}
+
+/// Sums over the points of one observation.
+pub(super) struct OfObservation {
+    /// JᵀWP by the motion of its pose about the target's pivot, one entry for each parameter.
+    pub(super) by_motion: Vec<Vector6>,
+    /// PᵀWP.
+    pub(super) own: DMatrix<f64>,
+    /// PᵀWr.
+    pub(super) pull: DVector<f64>,
+}
+
+/// Sums over the points of one observation that take part.
+pub(super) fn sums_of(
+    observation: usize,
+    n: usize,
+    layout: &Layout,
+    adjusted: &Adjusted,
+    columns: impl Fn(&PointAt) -> Option<Vec<Vector2<f64>>>,
+) -> OfObservation {
+    let link = &adjusted.graph.links[observation];
+    let lens = layout.camera(observation);
+    let place = adjusted.places.of_link(link, &adjusted.graph);
+    let pivot = &layout.pivot_in_target[link.target];
+    let mut sums = OfObservation {
+        by_motion: vec![Vector6::zeros(); n],
+        own: DMatrix::zeros(n, n),
+        pull: DVector::zeros(n),
+    };
+    let points = layout.observations[observation].seen.iter().zip(&adjusted.residuals[observation].points);
+    let points = points.zip(&adjusted.parts.is_used[observation]).filter(|(_, used)| **used);
+    for ((seen, residual), _) in points {
+        let arm = place.rotation * (seen.x_in_target - pivot);
+        let x_in_cam = arm + place.pivot_in_cam;
+        let Some((_, jacobian)) = lens.project_with_jacobian(&x_in_cam) else { continue };
+        let (x_in_target, cam_from_target) = (seen.x_in_target, place.rotation);
+        let at = PointAt { seen, x_in_target, x_in_cam, cam_from_target, jacobian };
+        let Some(columns) = columns(&at) else { continue };
+        let (a, b, d) = whitening(seen, &jacobian);
+        let (ju, jv) = (jacobian.row(0).transpose(), jacobian.row(1).transpose());
+        for (j, p) in [(ju * a + jv * b, [a, b]), (jv * d, [0.0, d])] {
+            let turn = arm.cross(&j);
+            let by = Vector6::new(turn.x, turn.y, turn.z, j.x, j.y, j.z);
+            let row = DVector::from_fn(n, |k, _| p[0] * columns[k].x + p[1] * columns[k].y);
+            for (sum, value) in sums.by_motion.iter_mut().zip(row.iter()) {
+                *sum += by * *value;
+            }
+            let off = residual.as_ref().map_or(0.0, |(e, _)| p[0] * e.x + p[1] * e.y);
+            sums.pull.axpy(off, &row, 1.0);
+            sums.own.ger(1.0, &row, &row, 1.0);
+        }
+    }
+    sums
 }
 
 /// Refuses a matrix that is no covariance of a camera's intrinsics.

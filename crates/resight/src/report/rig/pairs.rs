@@ -134,7 +134,7 @@ mod tests {
             steps: 0,
             verdict: RigVerdict::default(),
         };
-        RigRun { rig, solution, lenses: vec![], inputs: vec![], command: None }
+        RigRun { rig, solution, lenses: vec![], times: None, inputs: vec![], command: None }
     }
 
     fn camera(motion: [f64; 6], covariance: Matrix6) -> CameraInRig {

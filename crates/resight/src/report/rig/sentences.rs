@@ -125,9 +125,45 @@ pub fn lens_sentences(run: &RigRun) -> Vec<String> {
     run.lenses.iter().zip(&run.rig.cameras).map(sentence).collect()
 }
 
+/// States when the cameras exposed, as a moving target shows it; `None` where nothing shows it.
+pub fn time_sentence(run: &RigRun) -> Option<String> {
+    let times = run.times.as_ref()?;
+    let name = |camera: usize| run.rig.cameras[camera].name.as_str();
+    let known = || times.offset_s.iter().enumerate().filter_map(|(camera, known)| Some((camera, (*known)?)));
+    let (compared_with, _) = known().find(|(_, (_, sigma_s))| *sigma_s == 0.0)?;
+    let offset = |(camera, (offset_s, sigma_s)): (usize, (f64, f64))| {
+        let (offset_ms, sigma_ms) = (1e3 * offset_s, 1e3 * sigma_s);
+        format!("{} {offset_ms:+.*} ± {} ms", name(camera), decimals(sigma_ms), figures(sigma_ms))
+    };
+    let others: Vec<String> = known().filter(|(camera, _)| *camera != compared_with).map(offset).collect();
+    let stamps =
+        if times.stamps_count { "" } else { "; stamps scatter more than exposures, and count in the mean" };
+    let row = times.line_time_s.map(|(line_s, sigma_s)| {
+        let (line_us, sigma_us) = (1e6 * line_s, 1e6 * sigma_s);
+        format!("; from row to row {line_us:.*} ± {} µs", decimals(sigma_us), figures(sigma_us))
+    });
+    let others = match others.is_empty() {
+        true => String::new(),
+        false => format!(
+            "Exposed later than their stamps say, beside {}: {}{stamps}",
+            name(compared_with),
+            others.join(", ")
+        ),
+    };
+    Some(format!("{others}{}; points of the moving target are moved by this.", row.unwrap_or_default()))
+}
+
+/// Returns the number of decimals that a number with this standard deviation has.
+fn decimals(sigma: f64) -> usize {
+    (1.0 - sigma.log10().floor()).clamp(0.0, 6.0) as usize
+}
+
 pub(super) fn section(run: &RigRun) -> String {
-    let sentences =
-        weakest_link_sentence(run).into_iter().chain(scale_sentences(run)).chain(lens_sentences(run));
+    let sentences = weakest_link_sentence(run)
+        .into_iter()
+        .chain(scale_sentences(run))
+        .chain(lens_sentences(run))
+        .chain(time_sentence(run));
     sentences.map(|s| format!("<p>{}</p>\n", escaped(&s))).collect()
 }
 
