@@ -13,7 +13,7 @@
 use super::adjust::{Adjusted, adjust};
 use super::answer::keeps_minimum;
 use super::layout::Layout;
-use super::sighted::poses_of_observations;
+use super::sighted::{LocatedViews, poses_of_observations};
 use super::start::start;
 use super::uncertain_lens::{OfObservation, sums_of};
 use super::{Observation, RigConfig, RigProblem};
@@ -96,8 +96,14 @@ pub fn time_offsets(
     times: &FrameStamps,
 ) -> Result<Option<TimeOffsets>, Error> {
     check(problem, config, times)?;
-    let simultaneous = State::new(problem, config, problem.observations.to_vec(), None)?;
+    let layout = Layout::new(problem, config)?;
     let moving = Clock::new(problem, times, true);
+    if !moving.has_neighbours(problem) {
+        return Ok(None);
+    }
+    let located_views = poses_of_observations(&layout);
+    let at_once = (problem.observations.to_vec(), start(&layout, &located_views)?);
+    let simultaneous = State::new(problem, config, at_once, &located_views)?;
     let Some(as_stamped) = estimated(problem, config, times, &moving, &simultaneous)? else {
         return Ok(None);
     };
@@ -142,10 +148,12 @@ struct Clock {
 impl Clock {
     /// `stamps_count`: one by one, otherwise only their mean for each camera.
     fn new(problem: &RigProblem, times: &FrameStamps, stamps_count: bool) -> Self {
-        let all = || problem.observations.iter().zip(times.stamps_s);
+        // Stamps may count from 1970: what is left of their digits is kept.
+        let first_s = times.stamps_s.iter().copied().fold(f64::INFINITY, f64::min);
+        let all = || problem.observations.iter().zip(times.stamps_s.iter().map(move |t_s| t_s - first_s));
         let of_views = |value: &dyn Fn(&Observation, f64) -> f64| {
             let mut means = vec![Mean::default(); problem.n_views];
-            all().for_each(|(seen, t_s)| means[seen.view].add(value(seen, *t_s)));
+            all().for_each(|(seen, t_s)| means[seen.view].add(value(seen, t_s)));
             means.iter().map(Mean::value).collect::<Vec<f64>>()
         };
         let rough = of_views(&|_, t_s| t_s);
@@ -172,6 +180,22 @@ impl Clock {
     }
 }
 
+impl Clock {
+    /// Returns whether any body is seen in two views near enough to each other for a path.
+    fn has_neighbours(&self, problem: &RigProblem) -> bool {
+        let place = |seen: &Observation| (problem.body_of_target[seen.target], self.view_s[seen.view]);
+        let mut places: Vec<(usize, f64)> = problem.observations.iter().map(place).collect();
+        places.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        places.windows(2).any(|pair| pair[0].0 == pair[1].0 && are_near(pair[0].1, pair[1].1))
+    }
+}
+
+/// Returns whether two times are those of neighbours in a path.
+fn are_near(earlier_s: f64, later_s: f64) -> bool {
+    let gap_s = later_s - earlier_s;
+    EQUAL_S < gap_s && gap_s <= LONGEST_GAP_S
+}
+
 #[derive(Clone, Default)]
 struct Mean {
     sum: f64,
@@ -191,27 +215,24 @@ impl Mean {
 
 /// The rig under the times of a moment.
 #[derive(Clone)]
-struct State {
+struct State<'a> {
     observations: Vec<Observation>,
+    /// Poses of the observations as given: what the points move by does not lead to other ones.
+    located_views: &'a LocatedViews,
     adjusted: Adjusted,
 }
 
-impl State {
+impl<'a> State<'a> {
     fn new(
         problem: &RigProblem,
         config: &RigConfig,
-        observations: Vec<Observation>,
-        from: Option<&RigPoses>,
+        (observations, places): (Vec<Observation>, RigPoses),
+        located_views: &'a LocatedViews,
     ) -> Result<Self, Error> {
         let now = RigProblem { observations: &observations, ..*problem };
         let layout = Layout::new(&now, config)?;
-        let located_views = poses_of_observations(&layout);
-        let places = match from {
-            Some(places) => places.clone(),
-            None => start(&layout, &located_views)?,
-        };
-        let adjusted = adjust(&layout, &located_views, places, config)?;
-        Ok(State { observations, adjusted })
+        let adjusted = adjust(&layout, located_views, places, config)?;
+        Ok(State { observations, located_views, adjusted })
     }
 
     /// Returns χ² of all points, each with at most `most`.
@@ -248,7 +269,8 @@ fn estimated(
         let Some(step) = Step::new(problem, config, times, clock, (&state, &found))? else { return Ok(None) };
         let largest_s = step.add_to(&mut found);
         let observations = step.motions.exposed(problem, clock, &found);
-        state = State::new(problem, config, observations, Some(&state.adjusted.places))?;
+        let moved = (observations, state.adjusted.places);
+        state = State::new(problem, config, moved, state.located_views)?;
         if largest_s < SETTLED_S {
             break;
         }
@@ -351,10 +373,7 @@ impl Motion {
 
 /// Returns the motion at one place of a path: the polynomial through it and its neighbours, as many before as after but at an end.
 fn motion(path: &[(f64, usize, Pose)], at: usize) -> Option<Motion> {
-    let is_near = |pair: &[(f64, usize, Pose)]| {
-        let gap_s = pair[1].0 - pair[0].0;
-        EQUAL_S < gap_s && gap_s <= LONGEST_GAP_S
-    };
+    let is_near = |pair: &[(f64, usize, Pose)]| are_near(pair[0].0, pair[1].0);
     let n_before = path[..=at].windows(2).rev().take(NEIGHBOURS).take_while(|pair| is_near(pair)).count();
     let n_after = path[at..].windows(2).take(NEIGHBOURS).take_while(|pair| is_near(pair)).count();
     let before = n_before.min(NEIGHBOURS - n_after.min(NEIGHBOURS / 2));
