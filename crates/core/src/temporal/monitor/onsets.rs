@@ -337,7 +337,9 @@ impl Onsets {
     /// not, and until more is read it is a step.
     fn after_gap(&self, best: usize) -> Option<usize> {
         let now_s = self.last_s()?;
-        let (before_s, since_s) = (self.onsets[best.checked_sub(1)?].t_s, now_s - self.onsets[best].t_s);
+        // Before the oldest onset nothing is known: it is as if there were one at the same time.
+        let before_s = self.onsets[best.saturating_sub(1)].t_s;
+        let since_s = now_s - self.onsets[best].t_s;
         let gap_s = |i: &usize| self.onsets[*i].t_s - self.onsets[i - 1].t_s;
         let last = best + 1..self.onsets.len();
         let longest = last.max_by(|a, b| gap_s(a).total_cmp(&gap_s(b)))?;
