@@ -195,7 +195,7 @@ def pin(dataset: Dataset, cameras: Mapping[str, resight.Camera], folder: str | P
         for finding in _watched(dataset, chosen, n_frames, new, learning, learn=max(LEARN, total // 2)):
             if finding.verdict != "ok":
                 who = finding.target if finding.camera is None else short(finding.camera)
-                raise resight.Error(f"nothing is pinned, for {who} is {finding.verdict} in these episodes: {finding.message}", "request")
+                raise resight.Error(f"nothing is pinned; in these episodes {who}: {finding.verdict}, {finding.message}", "request")
         shutil.copytree(new, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("frames", "watched.toml"))
         (folder / SESSION).write_text(_toml({}, tables))
     return [table.removeprefix("camera.") for table in tables if table.startswith("camera.")]
@@ -246,23 +246,21 @@ def _watched(dataset: Dataset, episodes: Sequence[Episode], n_frames: int, folde
 def _findings(episode: int, keys: Mapping[str, str], heard: Sequence[dict[str, Any]]) -> list[Finding]:
     """Returns a finding for each camera, and for each target that moved."""
     named = next((event for event in heard if event["event"] == "verdict" and "camera" not in event), {})
-    targets = [name for name in named.get("moved", []) if name not in keys]
+    is_open = bool(named.get("alternatives"))
+    targets = [] if is_open else [name for name in named.get("moved", []) if name not in keys]
     findings = [Finding(episode, None, name, "moved", named["message"], named) for name in targets]
     for name, key in keys.items():
         own = [event for event in heard if event.get("camera") == name]
         states = [event for event in own if event["event"] == "state"]
         learning = [event for event in own if event["event"] == "moved_while_learning"]
-        # A camera that moved and came back within an episode has moved; where a target moved instead, its last state counts.
-        alarms = [] if targets else [event for event in states if event["state"] == "drifted"]
+        # A camera that moved and came back within an episode has moved; where something else moved, or may have, its last state counts.
+        alarms = [] if targets or is_open else [event for event in states if event["state"] == "drifted"]
         event = (learning or alarms or states)[-1]
-        if event["event"] == "moved_while_learning":
-            findings.append(Finding(episode, key, None, "moved", event["message"], event))
-            continue
-        verdict = VERDICTS.get(event["state"], "undecided")
+        verdict = "moved" if learning else VERDICTS.get(event["state"], "undecided")
         compared = [] if targets else [other for other in own if other["event"] == "compared"]
         event = compared[-1] if verdict == "ok" and compared else event
-        message = event["reason"] if verdict == "not seen" and "reason" in event else re.sub(r"^(moved|checking:) ", "", event["message"])
-        findings.append(Finding(episode, key, None, verdict, message, event))
+        reason = {"not seen": event.get("reason"), "undecided": named.get("message")}.get(verdict)
+        findings.append(Finding(episode, key, None, verdict, reason or re.sub(r"^(moved|checking:) ", "", event["message"]), event))
     return findings
 
 

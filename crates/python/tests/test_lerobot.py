@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -194,16 +196,42 @@ def test_what_is_printed(stored, capsys):
     assert status == 0 and all(" ok " in line for line in lines[:4])
 
 
-def test_the_references_are_a_session_of_watch(stored):
-    session = (stored / "pins" / lerobot_cameras.SESSION).read_text()
-    assert "[camera.front]" in session and 'reference = "front.ref.toml"' in session
-    monitor = resight.Monitor.read(stored / "pins/front.ref.toml", t_s=0)
-    camera, target = resight.read_camera(stored / "pins/front.camera.toml"), resight.read_target(stored / "pins/tag.target.toml")
-    dataset = lerobot_cameras.open_dataset(stored)
-    dataset.write_frames(dataset.episodes[4], FRONT, 10, stored / "now")
-    answers = resight.locate_images(sorted((stored / "now").iterdir()), camera, target)
-    message = [monitor.push(t_s, answer) for t_s, answer in enumerate(answers)][-1].message
-    assert "rotated right" in message and "to put it back: left" in message
+def block(language, n=0):
+    """The n-th block of a language on the page."""
+    page = (ROOT / "docs/lerobot.md").read_text()
+    return re.findall(rf"```{language}\n(.*?)```", page, flags=re.DOTALL)[n]
+
+
+def test_the_page_shows_what_its_commands_print(stored, tools, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "so101_pick").symlink_to(stored)
+    for name, file in (("front.yml", "lens.toml"), ("side.yml", "lens.toml"), ("tag.toml", "tag.toml")):
+        shutil.copy(tools / file, name)
+    pinned, checked = (shlex.split(line)[2:] for line in block("bash").splitlines())
+    assert run(capsys, *pinned) == (0, ["pinned front, side in pins"], "")
+    status, lines, _ = run(capsys, *checked)
+    shown, words = block("text").splitlines(), [re.sub(r"[\d.]+", "#", line) for line in lines]
+    assert status == 1 and all(re.sub(r"[\d.]+", "#", line) in words for line in shown), lines
+
+
+def test_the_way_back_takes_three_lines(stored, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(stored)
+    dataset, program = lerobot_cameras.open_dataset(stored), block("py")
+    assert len(program.splitlines()) == 3
+    for episode, words in ((1, "steady"), (4, "to put it back: left")):
+        dataset.write_frames(dataset.episodes[episode], FRONT, 10, tmp_path / str(episode))
+        exec(compile(program, "docs/lerobot.md", "exec"), {"resight": resight, "images": sorted((tmp_path / str(episode)).iterdir())})  # noqa: S102, our own page.
+        assert words in capsys.readouterr().out
+
+
+def test_the_references_are_a_session_of_watch(stored, tmp_path):
+    dataset, sources = lerobot_cameras.open_dataset(stored), []
+    for name in ("front", "side"):
+        dataset.write_frames(dataset.episodes[4], dataset.key(name), 10, tmp_path / name)
+        sources += ["--source", f"{name}={tmp_path / name}/*.png"]
+    command = [sys.executable, "-m", "resight", "watch", lerobot_cameras.SESSION, *sources, "--period-s", "0.4", "--once"]
+    ended = subprocess.run(command, cwd=stored / "pins", capture_output=True, text=True, check=False)
+    assert ended.returncode == 3 and "to put it back: left" in ended.stdout and "side: steady" in ended.stdout, ended
 
 
 def test_a_camera_that_sees_no_target_is_not_seen(stored, images, tmp_path, capsys):
@@ -220,6 +248,14 @@ def test_a_target_that_moved_is_named_in_place_of_the_cameras(stored, tmp_path, 
     root = write_dataset(tmp_path / "moved", moved, "v2.1", "image")
     status, lines, _ = run(capsys, root, "--reference", stored / "pins", "--episodes", "0", "--frames", "10")
     assert status == 1 and lines[0].split()[:5] == ["episode", "0", "target", "tag", "moved"] and " ok " in lines[1] and " ok " in lines[2], lines
+
+
+def test_motions_that_several_causes_explain_are_undecided(stored, images, tmp_path, capsys):
+    """Both cameras see what the front one saw: either of them and the tag, or both of them, have moved."""
+    alike = dict.fromkeys((FRONT, SIDE), images["tag"][FRONT])
+    root = write_dataset(tmp_path / "alike", alike, "v2.1", "image")
+    status, lines, _ = run(capsys, root, "--reference", stored / "pins", "--episodes", "4", "--frames", "10")
+    assert status == 1 and all("undecided" in line and "one of " in line and "target tag" in line for line in lines[:2]), lines
 
 
 def test_a_camera_that_moves_is_not_pinned(images, tools, tmp_path, capsys):
