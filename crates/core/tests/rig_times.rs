@@ -146,13 +146,10 @@ fn offsets_are_found_and_poses_are_honest() {
             if clocks.jitter_s != 0.0 || clocks.arrival_s != 0.0 {
                 assert_eq!(offsets.stamps_count, clocks.arrival_s == 0.0, "{name} {seed}");
             }
-            let scatter_s = clocks.arrival_s * (2.0 / VIEWS as f64).sqrt();
             for camera in 1..3 {
                 let (found_s, sigma_s) = offsets.offset_s[camera].expect("it sees the motion");
-                // The mean of stamps that scatter is not the offset itself.
-                largest_s = largest_s.max((found_s - OFFSETS_S[camera]).abs() - 3.0 * scatter_s);
-                of_offsets +=
-                    (found_s - OFFSETS_S[camera]).powi(2) / (sigma_s.powi(2) + scatter_s.powi(2)) / 24.0;
+                largest_s = largest_s.max((found_s - OFFSETS_S[camera]).abs());
+                of_offsets += ((found_s - OFFSETS_S[camera]) / sigma_s).powi(2) / 24.0;
             }
             let solution = recording.solved(&offsets);
             assert!(!solution.verdict.is_inconsistent, "{name} {seed}: {:?}", solution.verdict);
@@ -169,7 +166,9 @@ fn offsets_are_found_and_poses_are_honest() {
             "{name}: largest {:.3} ms, offsets {of_offsets:.2}, poses {of_poses:.2}, at once {at_once:.1} times",
             1e3 * largest_s
         );
-        assert!(largest_s < 1e-3, "{name}: {largest_s}");
+        // Beside stamps that scatter by 8 ms an offset is known to 1.6 ms only.
+        let most_s = if name == "arrival" { 5e-3 } else { 1e-3 };
+        assert!(largest_s < most_s, "{name}: {largest_s}");
         assert!((0.5..1.8).contains(&of_offsets), "{name}: {of_offsets}");
         // What stamps scatter without the exposures moves the path of every view, and the scatter between views is in the covariance.
         let least = if name == "arrival" { 1.5 } else { 4.5 };

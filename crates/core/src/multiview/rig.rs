@@ -18,12 +18,12 @@ mod lens_score;
 mod lens_doubt;
 mod neighbours;
 mod uncertain_lens;
+mod timing;
 mod verdict;
 mod budget;
 mod answer;
 mod exchanged;
 mod free_lenses;
-mod timing;
 
 use crate::budget::Budget;
 use crate::locate::loss::Loss;

@@ -50,6 +50,11 @@ struct Adjustment<'a> {
     steps: usize,
 }
 
+/// Returns whether the solution is the minimum of a sum of squares; otherwise wrong points would bias the score of a lens.
+pub(super) fn keeps_minimum(loss: Loss) -> bool {
+    matches!(loss, Loss::Squared | Loss::Truncated { .. })
+}
+
 /// # Errors
 /// `NotConverged`; `CamerasUnconnected` when only contradicting observations joined the cameras.
 pub(super) fn adjust(

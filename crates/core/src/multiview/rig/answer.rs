@@ -1,6 +1,6 @@
 //! From the minimum to the solution: covariances, counts, the weakest link.
 
-use super::adjust::Adjusted;
+use super::adjust::{Adjusted, keeps_minimum};
 use super::budget::Budgets;
 use super::classify::rms_px;
 use super::layout::Layout;
@@ -9,6 +9,7 @@ use super::lens_score::{Shared, scores};
 use super::neighbours::Neighbours;
 use super::scale::scales;
 use super::sighted::LocatedViews;
+use super::timing::by_times;
 use super::uncertain_lens::{Free, UncertainParameters};
 use super::verdict::Evidence;
 use super::views::{Groups, shared_views};
@@ -70,7 +71,9 @@ pub(super) fn answer(
         &adjusted,
         &eliminated,
     );
-    let of_times = UncertainParameters::of_times(config.time_offsets, layout, &adjusted, &eliminated);
+    let of_times =
+        config.time_offsets.map(|offsets| (&offsets.covariance, by_times(offsets, layout, &adjusted)));
+    let of_times = UncertainParameters::of_common(of_times, &adjusted, &eliminated);
     for (body, covariance) in of_bodies.iter_mut().enumerate() {
         *covariance *= held.within;
         of_times.add_to_body(covariance, body);
@@ -153,11 +156,6 @@ pub(super) fn answer(
     let covariances = solution.cameras.iter().map(|camera| &camera.covariance);
     let is_finite = (solution.rms_px + solution.chi2 + solution.noise_scale).is_finite();
     if is_finite && covariances.into_iter().all(is_covariance) { Ok(solution) } else { Err(OVERFLOW) }
-}
-
-/// Returns whether the solution is the minimum of a sum of squares; otherwise wrong points would bias the score of a lens.
-pub(super) fn keeps_minimum(loss: Loss) -> bool {
-    matches!(loss, Loss::Squared | Loss::Truncated { .. })
 }
 
 /// Returns the largest standard deviation of a camera's position along an axis of the rig.

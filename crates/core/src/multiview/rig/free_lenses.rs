@@ -9,8 +9,8 @@
 //!   P  derivative of the pixels by the parameters θ   ·   a, b  what is known of z: b − aᵀz has variance 1   ·   ν  variance of the noise
 //! ```
 
-use super::adjust::{Adjusted, adjust};
-use super::answer::{answer, keeps_minimum};
+use super::adjust::{Adjusted, adjust, keeps_minimum};
+use super::answer::answer;
 use super::exchanged::seen_through;
 use super::layout::Layout;
 use super::sighted::{LocatedViews, poses_of_observations};

@@ -10,8 +10,7 @@
 //!   Q  derivative of the pixels by τ and κ   ·   t  stamp of a frame   ·   T  time of its view   ·   τ, κ  offset of a camera, line time
 //! ```
 
-use super::adjust::{Adjusted, adjust};
-use super::answer::keeps_minimum;
+use super::adjust::{Adjusted, adjust, keeps_minimum};
 use super::layout::Layout;
 use super::sighted::{LocatedViews, poses_of_observations};
 use super::start::start;
@@ -72,6 +71,8 @@ const SETTLED_S: f64 = 1e-6;
 const NOTHING_LEFT: f64 = 1e-9;
 /// Stamps within a view that differ by less are equal, s.
 const EQUAL_S: f64 = 1e-7;
+/// Largest number of times that the means of cameras and views are taken in turn.
+const MAX_ALTERNATIONS: usize = 1000;
 /// Smallest gain of χ², in units of the noise, by counting stamps only in the mean: 2 ln 10⁴, because stamps are usually right.
 const NEEDED_GAIN: f64 = 18.4;
 
@@ -140,44 +141,62 @@ struct Clock {
     view_s: Vec<f64>,
     /// t − T of each observation.
     stamp_s: Vec<f64>,
+    /// Variance of the mean stamp of each camera, where only that counts.
+    mean_variance_s2: Vec<f64>,
     stamps_count: bool,
     /// Whether stamps scatter from view to view.
     scatters: bool,
 }
 
 impl Clock {
-    /// `stamps_count`: one by one, otherwise only their mean for each camera.
+    /// `stamps_count`: one by one, otherwise only their mean for each camera, which is that beside the views' times, whoever saw a view.
     fn new(problem: &RigProblem, times: &FrameStamps, stamps_count: bool) -> Self {
         // Stamps may count from 1970: what is left of their digits is kept.
         let first_s = times.stamps_s.iter().copied().fold(f64::INFINITY, f64::min);
         let all = || problem.observations.iter().zip(times.stamps_s.iter().map(move |t_s| t_s - first_s));
-        let of_views = |value: &dyn Fn(&Observation, f64) -> f64| {
-            let mut means = vec![Mean::default(); problem.n_views];
-            all().for_each(|(seen, t_s)| means[seen.view].add(value(seen, t_s)));
-            means.iter().map(Mean::value).collect::<Vec<f64>>()
+        let of_views = |of_cameras: &[f64]| {
+            means(problem.n_views, all().map(|(s, t_s)| (s.view, t_s - of_cameras[s.camera])))
         };
-        let rough = of_views(&|_, t_s| t_s);
-        let mut of_cameras = vec![Mean::default(); problem.cameras.len()];
-        all().for_each(|(seen, t_s)| of_cameras[seen.camera].add(t_s - rough[seen.view]));
-        let of_camera = |seen: &Observation| of_cameras[seen.camera].value();
-        let without = of_views(&|seen, t_s| t_s - of_camera(seen));
-        let scatter = all().map(|(seen, t_s)| (t_s - without[seen.view] - of_camera(seen)).abs());
-        let scatters = EQUAL_S < scatter.fold(0.0, f64::max);
-        match stamps_count {
-            true => Clock {
-                stamp_s: all().map(|(seen, t_s)| t_s - rough[seen.view]).collect(),
-                view_s: rough,
-                stamps_count,
-                scatters,
-            },
-            false => Clock {
-                stamp_s: all().map(|(seen, _)| of_camera(seen)).collect(),
-                view_s: without,
-                stamps_count,
-                scatters,
-            },
+        let of_cameras = |of_views: &[f64]| {
+            means(problem.cameras.len(), all().map(|(s, t_s)| (s.camera, t_s - of_views[s.view])))
+        };
+        let rough = of_views(&vec![0.0; problem.cameras.len()]);
+        let (mut cameras, mut views) = (of_cameras(&rough), rough.clone());
+        for _ in 0..MAX_ALTERNATIONS {
+            views = of_views(&cameras);
+            let next = of_cameras(&views);
+            let change = next.iter().zip(&cameras).map(|(now, before)| (now - before).abs());
+            let is_settled = change.fold(0.0, f64::max) < SETTLED_S;
+            cameras = next;
+            if is_settled {
+                break;
+            }
         }
+        let rest = || all().map(|(s, t_s)| (s.camera, t_s - views[s.view] - cameras[s.camera]));
+        let scatters = EQUAL_S < rest().map(|(_, rest_s)| rest_s.abs()).fold(0.0, f64::max);
+        if stamps_count {
+            let stamp_s = all().map(|(s, t_s)| t_s - rough[s.view]).collect();
+            let mean_variance_s2 = vec![0.0; cameras.len()];
+            return Clock { stamp_s, view_s: rough, mean_variance_s2, stamps_count, scatters };
+        }
+        let mut n = vec![0.0; cameras.len()];
+        all().for_each(|(s, _)| n[s.camera] += 1.0);
+        let squares = means(cameras.len(), rest().map(|(camera, rest_s)| (camera, rest_s * rest_s)));
+        let mean_variance_s2 =
+            squares.iter().zip(&n).map(|(square, n)| square / f64::max(n - 1.0, 1.0)).collect();
+        let stamp_s = all().map(|(s, _)| cameras[s.camera]).collect();
+        Clock { stamp_s, view_s: views, mean_variance_s2, stamps_count, scatters }
     }
+}
+
+/// Returns the mean of the values of each index; 0 where there are none.
+fn means(n: usize, values: impl Iterator<Item = (usize, f64)>) -> Vec<f64> {
+    let mut sums = vec![(0.0, 0.0); n];
+    for (index, value) in values {
+        sums[index].0 += value;
+        sums[index].1 += 1.0;
+    }
+    sums.into_iter().map(|(sum, n)| sum / f64::max(n, 1.0)).collect()
 }
 
 impl Clock {
@@ -194,23 +213,6 @@ impl Clock {
 fn are_near(earlier_s: f64, later_s: f64) -> bool {
     let gap_s = later_s - earlier_s;
     EQUAL_S < gap_s && gap_s <= LONGEST_GAP_S
-}
-
-#[derive(Clone, Default)]
-struct Mean {
-    sum: f64,
-    n: f64,
-}
-
-impl Mean {
-    fn add(&mut self, value: f64) {
-        self.sum += value;
-        self.n += 1.0;
-    }
-
-    fn value(&self) -> f64 {
-        self.sum / f64::max(self.n, 1.0)
-    }
 }
 
 /// The rig under the times of a moment.
@@ -282,14 +284,17 @@ fn estimated(
     };
     let (chi2, noise) = (state.chi2(most), last.noise);
     let gain_chi2 = (simultaneous.chi2(most) - chi2) / noise;
-    let column = |k: Option<usize>, value: f64| k.map(|k| (value, last.covariance[(k, k)].sqrt()));
+    let variance = |k: usize| last.covariance[(k, k)];
+    // The pose hangs on the time of exposure; that beside the stamps is as uncertain as their means besides.
+    let of_means =
+        |camera: usize| clock.mean_variance_s2[camera] + clock.mean_variance_s2[last.compared_with];
     let of_camera = |(camera, value): (usize, &f64)| match camera == last.compared_with {
         true => Some((0.0, 0.0)),
-        false => column(last.columns.of_camera[camera], *value),
+        false => last.columns.of_camera[camera].map(|k| (*value, (variance(k) + of_means(camera)).sqrt())),
     };
     let offsets = TimeOffsets {
         offset_s: found.offset_s.iter().enumerate().map(of_camera).collect(),
-        line_time_s: column(last.columns.of_line_time, found.line_time_s),
+        line_time_s: last.columns.of_line_time.map(|k| (found.line_time_s, variance(k).sqrt())),
         stamps_count: clock.stamps_count,
         gain_chi2,
         twists: last.motions.twists(problem, clock, &found),
@@ -642,7 +647,7 @@ fn of_view(
         let link = &adjusted.graph.links[*i];
         let moved: Vec<Vector6> = following
             .iter()
-            .map(|f| adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, f).0.into())
+            .map(|f| adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, f).0)
             .collect();
         let (information, gradient) = adjusted.equations.of_observation(*i);
         let entry = |a: usize, b: usize| {

@@ -7,7 +7,6 @@
 use super::adjust::Adjusted;
 use super::layout::Layout;
 use super::scale::by_size;
-use super::timing::{TimeOffsets, by_times};
 use super::{TargetScale, UncertainTags};
 use crate::covariance::is_covariance;
 use crate::least_squares::rig::{Common, Eliminated, RigLink};
@@ -99,19 +98,17 @@ impl UncertainParameters {
         self
     }
 
-    /// Returns the times of exposure of a target that moves.
-    pub(super) fn of_times(
-        offsets: Option<&TimeOffsets>,
-        layout: &Layout,
+    /// Returns parameters with this covariance and K for each, where there are any.
+    pub(super) fn of_common(
+        known: Option<(&DMatrix<f64>, Vec<Common>)>,
         adjusted: &Adjusted,
         eliminated: &Eliminated,
     ) -> Self {
-        let uncertain = |offsets: &TimeOffsets| {
-            let common = by_times(offsets, layout, adjusted);
+        let uncertain = |(covariance, common): (&DMatrix<f64>, Vec<Common>)| {
             let following = common.iter().map(|c| adjusted.equations.following(eliminated, c, true));
-            Uncertain { covariance: offsets.covariance.clone(), following: following.collect() }
+            Uncertain { covariance: covariance.clone(), following: following.collect() }
         };
-        UncertainParameters { each: offsets.map(uncertain).into_iter().collect() }
+        UncertainParameters { each: known.map(uncertain).into_iter().collect() }
     }
 
     /// Adds the share to the covariance of the shared blocks.
