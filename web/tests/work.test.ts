@@ -43,6 +43,83 @@ for (const [name, options] of [["390", PHONE], ["768", { viewport: { width: 768,
   });
 }
 
+/** The choice between two poses lies beside the answer on a phone: over the photograph it would hide marks, and take the presses that mean them. */
+for (const width of [360, 390]) {
+  test(`two poses leave the marks free on a screen of ${width} px`, async () => {
+    const page = await open(chromium, server, "photograph", { ...PHONE, viewport: { width, height: width === 360 ? 740 : 844 } });
+    await demo(page);
+    const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+    const command = (one: object) => page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command: one } });
+    // The camera stands in the critical plane of these four, and their distances are rough.
+    const places = { A: [0, 0], B: [2, 0], C: [3, 0], D: [1, 3] } as const;
+    for (const [name, [x, y]] of Object.entries(places)) {
+      const [u_px, v_px] = pixel(x, y);
+      await command({ kind: "put_point", name, u_px: u_px + (name === "D" ? 0.2 : 0), v_px });
+    }
+    for (const [a, b] of [["A", "B"], ["B", "C"], ["D", "A"], ["D", "C"]] as const) {
+      await command({ kind: "set_distance", a, b, distance_m: Math.hypot(places[a][0] - places[b][0], places[a][1] - places[b][1]) });
+    }
+    await page.locator("[data-step=answer] [data-status=ambiguous]").waitFor();
+    const bar = page.locator(".choice-bar");
+    assert.equal(await bar.count(), 1);
+    const { at } = await shown(page);
+    for (const [name, [x, y]] of Object.entries(places)) {
+      const hit = await page.evaluate(([u, v]) => document.elementFromPoint(u!, v!)?.tagName, at(pixel(x, y)));
+      assert.equal(hit, "CANVAS", name);
+    }
+    // Distances are whole.
+    const edges = await page.locator(".chip").evaluateAll((chips) => chips.map((chip) => chip.getBoundingClientRect()).map(({ left, right }) => [left, right] as const));
+    for (const [left, right] of edges) assert(0 <= left && right <= width, `${left} to ${right}`);
+    // The choice is seen without scrolling, and works.
+    const [box, sheet] = [(await bar.boundingBox())!, (await page.locator(".sheet").boundingBox())!];
+    assert(sheet.y <= box.y && box.y + box.height <= page.viewportSize()!.height, JSON.stringify([box, sheet]));
+    await bar.getByRole("button", { name: "ghost" }).tap();
+    await page.getByText("You chose between two poses").waitFor();
+    assert.deepEqual(faultsOf(page), []);
+    await page.context().close();
+  });
+}
+
+/** Beside the bird's-eye view a photograph is narrow though its screen is wide: chips lie where the page takes them to lie. */
+test("chips are whole beside the bird's-eye view", async () => {
+  const page = await open(chromium, server);
+  await fourClicks(page);
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+  for (let i = 0; i < 30; i++) {
+    const [x, y] = [0.2 + 0.7 * (i % 6), 0.2 + 0.5 * Math.floor(i / 6)];
+    const command = { kind: "add_measurement", name: `length ${i}`, what: "length", points: [pixel(x, y), pixel(x + 0.4, y + 0.2)] };
+    await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command } });
+  }
+  await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 30);
+  await page.getByRole("button", { name: "Bird's-eye view", exact: true }).click();
+  await page.locator(".birdseye .viewport").waitFor();
+  await page.waitForTimeout(400);
+  const { width, chips } = await page.evaluate(() => {
+    const from = document.querySelector(".views > .viewport")!.getBoundingClientRect();
+    return { width: from.width, chips: [...document.querySelectorAll(".chip")].map((chip) => chip.getBoundingClientRect()).map(({ left, right }) => [left - from.left, right - from.left] as const) };
+  });
+  assert(width < 520, `${width}`);
+  for (const [left, right] of chips) assert(0 <= left && right <= width, `${left} to ${right} of ${width}`);
+  await page.context().close();
+});
+
+/** What begins like a formula is pasted as a text. */
+test("a name that looks like a formula is copied as a text", async () => {
+  const page = await open(chromium, server, "photograph", { ...WIDE, permissions: ["clipboard-read", "clipboard-write"] });
+  await page.getByRole("button", { name: "Try the example" }).click();
+  await page.locator("[data-step=answer] [data-status=ok]").waitFor();
+  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
+  const points = [[378.5, 138.1], [310, 306]];
+  await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command: { kind: "add_measurement", name: '=1+"1"', what: "length", points } } });
+  await page.locator("[data-measurement]").nth(1).locator("strong").waitFor();
+  await page.locator("[data-step=measure]").getByRole("button", { name: "Copy the table" }).click();
+  await page.getByText("Copied.").waitFor();
+  const copied = await page.evaluate(() => navigator.clipboard.readText());
+  const [, plain, formula] = copied.split("\n");
+  assert(plain!.startsWith("four squares\tLength\t") && formula!.startsWith(`"'=1+""1"""\tLength\t`), copied);
+  await page.context().close();
+});
+
 /** Four marks so near each other that chips would lie over all of them. */
 test("marks that lie closely are placed by taps", async () => {
   const page = await open(chromium, server, "photograph", PHONE);
@@ -61,7 +138,7 @@ const zoomed = (width: number, height: number, percent: number): BrowserContextO
   deviceScaleFactor: percent / 100,
 });
 
-for (const [width, height] of [[390, 844], [768, 1024], [1280, 800], [2560, 1440]] as const) {
+for (const [width, height] of [[390, 844], [768, 1024], [820, 1180], [1280, 800], [2560, 1440]] as const) {
   // Below 320 px nothing is promised: that is 1280 px at 400 %.
   for (const percent of [100, 200, 300, 400].filter((percent) => percent === 100 || 320 <= (100 * width) / percent)) {
     test(`the photograph keeps its place at ${width} × ${height}, ${percent} %`, async () => {

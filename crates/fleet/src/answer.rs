@@ -214,6 +214,11 @@ struct MotionObject {
     kind: &'static str,
     since_s: f64,
     since_sigma_s: f64,
+    /// When a ramp ended; null where it continues, and of other motions.
+    until_s: Option<f64>,
+    until_sigma_s: Option<f64>,
+    /// Whether it may be larger: a single period holds an unknown share of it.
+    is_at_least: bool,
     chi2: f64,
     degrees_of_freedom: u32,
     rotation_deg: [f64; 3],
@@ -229,6 +234,9 @@ impl From<&Motion> for MotionObject {
             kind: m.kind,
             since_s: m.since_s,
             since_sigma_s: m.since_sigma_s,
+            until_s: m.until_s.map(|until| until[0]),
+            until_sigma_s: m.until_s.map(|until| until[1]),
+            is_at_least: m.is_at_least,
             chi2: m.chi2,
             degrees_of_freedom: 6,
             rotation_deg: m.rotation_deg,

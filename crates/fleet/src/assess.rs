@@ -10,6 +10,9 @@ mod readings;
 mod series;
 mod partition;
 mod evidence;
+mod amid;
+mod ramps;
+mod share;
 mod events;
 mod drift;
 mod verdict;
@@ -123,14 +126,28 @@ pub fn assess(
     known: Option<&Cameras>,
     config: &AssessConfig,
 ) -> Result<Assessment, FleetError> {
+    assess_news(state, known, config, &|_| config.known_until_s)
+}
+
+/// As `assess`, with the time until which the motions of each camera are known.
+fn assess_news(
+    state: FleetState,
+    known: Option<&Cameras>,
+    config: &AssessConfig,
+    known_until_s: &(dyn Fn(&str) -> Option<f64> + Sync),
+) -> Result<Assessment, FleetError> {
     let period_s = positive(state.period_s())?;
     let mut cameras: BTreeMap<String, CameraState> = state.into_cameras().into_iter().collect();
     for name in known.iter().flat_map(|cameras| cameras.names()) {
         cameras.entry(name.clone()).or_default();
     }
     let fleet = FleetSpan::of(cameras.values().filter_map(|camera| camera.span_s), period_s);
-    Ok(judged(&cameras, known, &fleet, config))
+    let config_of = |name: &str| AssessConfig { known_until_s: known_until_s(name), ..*config };
+    Ok(judged(&cameras, known, &fleet, &config_of))
 }
+
+/// Standard deviations by which a motion that is confirmed may be earlier than it seemed.
+const PENDING_SIGMAS: f64 = 3.0;
 
 /// Judges a fleet by the rows of a state and of the one before it: what is new since that one ended.
 ///
@@ -161,7 +178,14 @@ pub fn assess_since(
         let reason = format!("the periods are {period_s} s and {other_s} s; states of one length are needed");
         FleetError::Setting(reason)
     })?;
-    let mut fleet = assess(whole, known, &AssessConfig { known_until_s: Some(since_s), ..*config })?;
+    // What a single period said then is not known: it may be confirmed now.
+    let unconfirmed = |v: &CameraVerdict| {
+        let event = v.events.iter().find(|event| event.kind == "pending")?;
+        Some((v.camera.clone(), event.since_s - PENDING_SIGMAS * event.since_sigma_s))
+    };
+    let unconfirmed: BTreeMap<String, f64> = earlier.cameras.iter().filter_map(unconfirmed).collect();
+    let known_until_s = |name: &str| Some(unconfirmed.get(name).map_or(since_s, |t_s| since_s.min(*t_s)));
+    let mut fleet = assess_news(whole, known, config, &known_until_s)?;
     let earlier: BTreeMap<&str, Found> =
         earlier.cameras.iter().map(|v| (v.camera.as_str(), v.found)).collect();
     let changed = |v: &CameraVerdict| {
@@ -186,7 +210,7 @@ pub fn assess_part(
     config: &AssessConfig,
 ) -> Result<Assessment, FleetError> {
     let fleet = FleetSpan::new(span_s, positive(state.period_s())?);
-    Ok(judged(&state.into_cameras().into_iter().collect(), known, &fleet, config))
+    Ok(judged(&state.into_cameras().into_iter().collect(), known, &fleet, &|_| *config))
 }
 
 fn positive(period_s: f64) -> Result<f64, FleetError> {
@@ -201,12 +225,13 @@ fn judged(
     cameras: &BTreeMap<String, CameraState>,
     known: Option<&Cameras>,
     fleet: &FleetSpan,
-    config: &AssessConfig,
+    config_of: &(dyn Fn(&str) -> AssessConfig + Sync),
 ) -> Assessment {
     let all: Vec<(&String, &CameraState)> = cameras.iter().collect();
     let is_known = |name: &str| known.is_none_or(|cameras| cameras.number(name).is_some());
-    let of =
-        |(name, state): &(&String, &CameraState)| verdict::of(name, state, is_known(name), fleet, config);
+    let of = |(name, state): &(&String, &CameraState)| {
+        verdict::of(name, state, is_known(name), fleet, &config_of(name))
+    };
     let mut verdicts: Vec<CameraVerdict> = on_all_cores(|| all.par_iter().map(of).collect());
     verdicts.sort_by(|a, b| {
         let evidence = |v: &CameraVerdict| v.motion().map_or(0.0, |motion| motion.chi2);

@@ -55,7 +55,7 @@ impl Cameras {
     /// named after its camera.
     ///
     /// # Errors
-    /// What is wrong with a file, and in which line; a name that appears twice; no camera at all.
+    /// What is wrong with a file, and in which line; a name that appears twice, but for tables, whose second row is rejected; no camera at all.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FleetError> {
         let path = path.as_ref();
         let (cameras, rejected, remarks) = match path {

@@ -31,7 +31,11 @@ const SECTIONS: [(Found, &str, &str); 6] = [
         "Moving to and fro",
         "Larger than the errors of a period, but no step and no ramp beyond doubt: mostly diurnal variation. State with --diurnal-deg how much of it is expected.",
     ),
-    (Found::TooFew, "Too few poses", ""),
+    (
+        Found::TooFew,
+        "Too few poses",
+        "Too few for a verdict, or a single period that says that the camera moved.",
+    ),
     (Found::Unknown, "Not in the table of cameras", ""),
 ];
 
@@ -130,13 +134,21 @@ fn of(fleet: &Assessment, found: Found) -> Vec<&CameraVerdict> {
 fn summary(page: &mut Page, fleet: &Assessment) {
     let n = |found: Found| of(fleet, found).len();
     let moved = n(Found::Moved);
-    let sentence = match moved {
+    let unconfirmed = of(fleet, Found::TooFew).iter().filter(|v| !v.events.is_empty()).count();
+    let mut sentence = match moved {
         0 => "No camera moved.".to_string(),
         1 => "One camera moved.".to_string(),
         n => format!("{n} cameras moved."),
     };
+    if 0 < unconfirmed {
+        sentence += &format!(" A single period says so of {unconfirmed} more.");
+    }
     let is_well = moved + n(Found::WrongMap) + n(Found::Dead) + n(Found::Clock) == 0;
-    let status = if is_well { Status::Ok } else { Status::Inconsistent };
+    let status = match (is_well, unconfirmed) {
+        (true, 0) => Status::Ok,
+        (true, _) => Status::Undecided,
+        (false, _) => Status::Inconsistent,
+    };
     let figures = [
         ("cameras", fleet.cameras.len().to_string()),
         ("moved", moved.to_string()),
@@ -179,11 +191,12 @@ fn moved(page: &mut Page, fleet: &Assessment, cameras: Option<&Cameras>) {
     );
 }
 
-/// Writes the histories of all cameras that moved or wander.
+/// Writes the histories of all cameras that moved, wander or seem to have moved.
 fn histories(page: &mut Page, fleet: &Assessment) {
-    let drawn: String = [Found::Moved, Found::Wandering]
+    let drawn: String = [Found::Moved, Found::Wandering, Found::TooFew]
         .into_iter()
         .flat_map(|found| of(fleet, found))
+        .filter(|v| v.found != Found::TooFew || !v.events.is_empty())
         .map(history::svg)
         .collect();
     if drawn.is_empty() {
@@ -197,23 +210,25 @@ fn histories(page: &mut Page, fleet: &Assessment) {
 fn cells(camera: &str, site: &str, motion: &Motion) -> Vec<String> {
     let rotation =
         motion.rotation_alone_deg.unwrap_or(motion.rotation_deg).map(|x| format!("{x:+.4}°")).join(" ");
+    let how = match (motion.kind, motion.until_s) {
+        ("step", _) => "suddenly".to_string(),
+        ("ramp", None) => "slowly".to_string(),
+        ("ramp", Some([until_s, _])) => format!("slowly until {}", utc(until_s)),
+        ("pending", _) => "in its last period".to_string(),
+        _ => "for one period".to_string(),
+    };
+    let least = if motion.is_at_least { " at least" } else { "" };
     let shift = match motion.rotation_alone_deg {
         Some(_) => "none needed".to_string(),
-        None => format!("{} mm", with_sigma(motion.shift_m.map(|x| 1e3 * x))),
-    };
-    let how = match motion.kind {
-        "step" => "suddenly",
-        "ramp" => "slowly",
-        "pending" => "in its last period",
-        _ => "for one period",
+        None => format!("{} mm{least}", with_sigma(motion.shift_m.map(|x| 1e3 * x))),
     };
     vec![
         camera.to_string(),
         site.to_string(),
-        how.to_string(),
+        how,
         utc(motion.since_s),
         duration(motion.since_sigma_s),
-        format!("{}°", with_sigma(motion.angle_deg)),
+        format!("{}°{least}", with_sigma(motion.angle_deg)),
         rotation,
         shift,
         format!("{:.0}", motion.chi2),

@@ -2,8 +2,9 @@
 
 use crate::support::day;
 use rayon::prelude::*;
+use resight::Status;
 use resight::core::Vector6;
-use resight_fleet::assess::{AssessConfig, CameraVerdict, Found, assess};
+use resight_fleet::assess::{AssessConfig, CameraVerdict, Found, Motion, assess, assess_since};
 use resight_fleet::batch::SolvedRows;
 use resight_fleet::simulate::SimulatedFleet;
 use resight_fleet::solve::{Numbers, ViewColumns};
@@ -14,12 +15,27 @@ const HOUR_S: f64 = 3600.0;
 
 /// Each camera's verdict, whose motion in its own frame is a function of its number and the time, seconds from the first image.
 fn verdicts(fleet: &SimulatedFleet, motion: impl Fn(usize, f64) -> Vector6 + Sync) -> Vec<CameraVerdict> {
+    let solver = solver(fleet);
+    let state = state(fleet, &solver, (0.0, f64::INFINITY), motion);
+    let mut judged =
+        assess(state, Some(&solver.cameras), &AssessConfig::default()).expect("verdicts").cameras;
+    judged.sort_by(|a, b| a.camera.cmp(&b.camera));
+    judged
+}
+
+/// The state of a stretch of the record, hours from the first image.
+fn state(
+    fleet: &SimulatedFleet,
+    solver: &Solver,
+    (from_h, to_h): (f64, f64),
+    motion: impl Fn(usize, f64) -> Vector6 + Sync,
+) -> FleetState {
     let day = &fleet.simulation;
-    let solver = Solver { cameras: Arc::new(fleet.known().expect("cameras")), sigma_px: day.sigma_px };
     let state = FleetState::new(900.0);
+    let is_within = |tick: &usize| (from_h..to_h).contains(&(*tick as f64 * day.every_s / HOUR_S));
     fleet.cameras.par_iter().enumerate().for_each(|(number, camera)| {
         let of = |tick: usize| camera.row_moved(day, tick, &motion(number, tick as f64 * day.every_s));
-        let rows: Vec<_> = (0..day.ticks()).filter_map(of).collect();
+        let rows: Vec<_> = (0..day.ticks()).filter(is_within).filter_map(of).collect();
         let pixels: Vec<f64> = rows.iter().flat_map(|(_, p)| p.iter().flat_map(|p| [p.x, p.y])).collect();
         let numbers = vec![number as u32; rows.len()];
         let pixels = Numbers::Rows { values: &pixels, width: 8 };
@@ -32,10 +48,11 @@ fn verdicts(fleet: &SimulatedFleet, motion: impl Fn(usize, f64) -> Vector6 + Syn
             answers: solver.solve(&views),
         });
     });
-    let mut judged =
-        assess(state, Some(&solver.cameras), &AssessConfig::default()).expect("verdicts").cameras;
-    judged.sort_by(|a, b| a.camera.cmp(&b.camera));
-    judged
+    state
+}
+
+fn solver(fleet: &SimulatedFleet) -> Solver {
+    Solver { cameras: Arc::new(fleet.known().expect("cameras")), sigma_px: fleet.simulation.sigma_px }
 }
 
 /// Cameras that stay but for what a test does to them.
@@ -53,7 +70,7 @@ fn rotation(axis: usize, degrees: f64) -> Vector6 {
 
 /// The events of a camera that moved, as kinds, hours from the first image, and angles with their standard deviations, degrees.
 fn events(verdict: &CameraVerdict, begin_s: f64) -> Vec<(&str, f64, [f64; 2])> {
-    let of = |e: &resight_fleet::assess::Motion| (e.kind, (e.since_s - begin_s) / HOUR_S, e.angle_deg);
+    let of = |e: &Motion| (e.kind, (e.since_s - begin_s) / HOUR_S, e.angle_deg);
     verdict.events.iter().map(of).collect()
 }
 
@@ -131,7 +148,7 @@ fn cases_two_steps_and_one_near_the_end() {
     }
 }
 
-/// A drift through the day is a ramp, not a staircase.
+/// A drift through the day is a ramp, not a staircase, and as large as it is by the end.
 #[test]
 fn cases_a_slow_drift_is_a_ramp() {
     let fleet = still(12, 24.0, 60.0, 8);
@@ -139,7 +156,156 @@ fn cases_a_slow_drift_is_a_ramp() {
     for verdict in &all {
         let kinds: Vec<&str> = verdict.events.iter().map(|e| e.kind).collect();
         assert!(verdict.found == Found::Moved && kinds == ["ramp"], "{kinds:?} {}", verdict.message);
+        assert!(is_near(&verdict.events[0], 0.45), "{}", verdict.message);
     }
+}
+
+/// Whether an angle is this one within four standard deviations, which are small.
+fn is_near(motion: &Motion, degrees: f64) -> bool {
+    let [angle, sigma] = motion.angle_deg;
+    (angle - degrees).abs() < 4.0 * sigma && sigma < 0.1 * degrees + 0.01
+}
+
+/// The angles' mean square error in their standard deviations.
+fn mean_square(angles: &[([f64; 2], f64)]) -> f64 {
+    let square = |([angle, sigma], truth): &([f64; 2], f64)| ((angle - truth) / sigma).powi(2);
+    angles.iter().map(square).sum::<f64>() / angles.len() as f64
+}
+
+/// Slow motions that continue, and that end after hours or one: the size is rate times duration, and both ends are known.
+#[test]
+fn cases_ramps_are_as_large_as_rate_times_duration() {
+    let mut angles = Vec::new();
+    for (rate, from_h, to_h) in [(0.02, 0.0, 24.0), (0.05, 12.0, 24.0), (0.1, 6.0, 12.0), (0.5, 6.0, 7.0)] {
+        let fleet = still(12, 24.0, 90.0, 12);
+        let moved = |t_s: f64| rate * (t_s / HOUR_S - from_h).clamp(0.0, to_h - from_h);
+        for verdict in &verdicts(&fleet, |n, t_s| rotation(n % 2, moved(t_s))) {
+            let kinds: Vec<&str> = verdict.events.iter().map(|e| e.kind).collect();
+            assert!(verdict.found == Found::Moved && kinds == ["ramp"], "{rate}: {}", verdict.message);
+            let ramp = &verdict.events[0];
+            // The first full period begins after 200 s, the last image is taken 90 s before the end.
+            let truth = rate * (to_h.min(24.0 - 90.0 / HOUR_S) - from_h.max(200.0 / HOUR_S));
+            assert!(is_near(ramp, truth), "{rate}°/h: {}", verdict.message);
+            let off_h = |at_s: f64, h: f64| ((at_s - fleet.simulation.begin_s) / HOUR_S - h).abs();
+            assert!(off_h(ramp.since_s, from_h) < 0.6, "{rate}°/h: {}", verdict.message);
+            let is_until = ramp.until_s.map_or(to_h == 24.0, |until| off_h(until[0], to_h) < 0.6);
+            assert!(is_until, "{rate}°/h: {}", verdict.message);
+            angles.push((ramp.angle_deg, truth));
+        }
+    }
+    let square = mean_square(&angles);
+    println!("mean square of the sizes of ramps: {square:.2}");
+    assert!((0.3..2.0).contains(&square), "{square}");
+}
+
+/// A step amid a slow motion: both, each with its size.
+#[test]
+fn cases_a_step_amid_a_ramp_is_both() {
+    let fleet = still(12, 24.0, 90.0, 13);
+    let all = verdicts(&fleet, |n, t_s| {
+        let step = if 15.0 * HOUR_S <= t_s { 1.0 } else { 0.0 };
+        rotation(n % 2, 0.02 * t_s / HOUR_S + step)
+    });
+    for verdict in &all {
+        let kinds: Vec<&str> = verdict.events.iter().map(|e| e.kind).collect();
+        assert!(verdict.found == Found::Moved && kinds == ["ramp", "step"], "{}", verdict.message);
+        let is_right = is_near(&verdict.events[0], 0.48) && is_near(&verdict.events[1], 1.0);
+        assert!(is_right, "{}", verdict.message);
+        let (now, covariance) = verdict.now.expect("where it is at the end");
+        let axis = now.fixed_rows::<3>(0).iamax();
+        let sigma = covariance[(axis, axis)].sqrt();
+        assert!((now[axis] - 1.48_f64.to_radians()).abs() < 4.0 * sigma, "{}", verdict.message);
+    }
+}
+
+/// 12° for the last minutes, 3° within a period, 12° for a period: a period that holds both poses does not make the motion smaller, and a motion
+/// that no second period confirms is undecided, not ok.
+#[test]
+fn cases_a_period_with_both_poses_tells_how_far() {
+    for (degrees, from_h, to_h, kind) in [
+        (12.0, 23.85, 24.0, "pending"),
+        (12.0, 23.75, 24.0, "pending"),
+        // A period begins 43,400 s after the first image.
+        (3.0, 12.1, 12.25, "excursion"),
+        (12.0, 43_400.0 / 3600.0, 44_300.0 / 3600.0, "excursion"),
+    ] {
+        let fleet = still(12, 24.0, 90.0, 14);
+        let is_away = |t_s: f64| (from_h * HOUR_S..to_h * HOUR_S).contains(&t_s);
+        let mut angles = Vec::new();
+        let away = |n: usize, t_s| if is_away(t_s) { rotation(n % 3, degrees) } else { Vector6::zeros() };
+        for verdict in &verdicts(&fleet, away) {
+            assert_eq!(verdict.found.status(), Status::Undecided, "{}", verdict.message);
+            assert!(verdict.events.len() == 1 && verdict.events[0].kind == kind, "{}", verdict.message);
+            // About the axis that is measured worst the scatter of the rows says it to a ninth.
+            let [angle, sigma] = verdict.events[0].angle_deg;
+            let is_right = (angle - degrees).abs() < 4.0 * sigma && sigma < 0.15 * degrees;
+            assert!(is_right, "{degrees}° from {from_h}: {}", verdict.message);
+            let off_h = (verdict.events[0].since_s - fleet.simulation.begin_s) / HOUR_S - from_h;
+            assert!(off_h.abs() < 0.15, "{}", verdict.message);
+            angles.push((verdict.events[0].angle_deg, degrees));
+        }
+        let square = mean_square(&angles);
+        println!("mean square of {degrees}° from {from_h} h: {square:.2}");
+        assert!(square < 4.0, "{square}");
+    }
+}
+
+/// A step amid an undeclared diurnal variation: its standard deviation contains what that does, and there is no shift beside it.
+#[test]
+fn cases_a_step_amid_a_diurnal_variation() {
+    let mut angles = Vec::new();
+    for (amplitude, seed) in [(0.03, 15), (0.01, 16)] {
+        let fleet = still(12, 24.0, 90.0, seed);
+        let all = verdicts(&fleet, |n, t_s| {
+            let swing = amplitude * (std::f64::consts::TAU * t_s / (24.0 * HOUR_S)).sin();
+            rotation(n % 2, swing + if 14.0 * HOUR_S <= t_s { 0.5 } else { 0.0 })
+        });
+        for verdict in &all {
+            let kinds: Vec<&str> = verdict.events.iter().map(|e| e.kind).collect();
+            assert!(kinds == ["step"] && is_near(&verdict.events[0], 0.5), "{}", verdict.message);
+            let step = &verdict.events[0];
+            let is_shifted = step.rotation_alone_deg.is_none() && 4.0 * step.shift_m[1] < step.shift_m[0];
+            assert!(!is_shifted, "{}", verdict.message);
+            angles.push((step.angle_deg, 0.5));
+        }
+    }
+    let square = mean_square(&angles);
+    println!("mean square of steps amid diurnal variation: {square:.2}");
+    assert!(square < 2.0, "{square}");
+}
+
+/// Yesterday's motions are no news: a camera that moved yesterday, and perhaps in the last minutes of today, has not moved today, and a mast that
+/// moved yesterday is not listed. What a single period said yesterday and others confirm today is news.
+#[test]
+fn cases_what_is_known_is_no_news() {
+    let fleet = still(4, 48.0, 90.0, 18);
+    let motion = |n: usize, t_s: f64| {
+        let after = |h: f64, degrees: f64| if h * HOUR_S <= t_s { degrees } else { 0.0 };
+        let degrees = match n {
+            0 => after(10.0, 1.0) + after(47.85, 3.0),
+            1 => after(10.0, 1.0) + after(34.0, 0.4),
+            2 => after(10.0, 1.0),
+            _ => after(23.6, 1.0),
+        };
+        rotation(1, degrees)
+    };
+    let solver = solver(&fleet);
+    let day = |from_h: f64| state(&fleet, &solver, (from_h, from_h + 24.0), motion);
+    let config = AssessConfig::default();
+    let yesterday = assess(day(0.0), Some(&solver.cameras), &config).expect("verdicts");
+    assert!(yesterday.together.len() == 1 && yesterday.together[0].cameras.len() == 3);
+    let today = assess_since(day(24.0), day(0.0), Some(&solver.cameras), &config).expect("verdicts");
+    let of = |n: usize| today.cameras.iter().find(|v| v.camera == fleet.cameras[n].name).expect("a verdict");
+    let found: Vec<Found> = (0..4).map(|n| of(n).found).collect();
+    let expected = [Found::TooFew, Found::Moved, Found::Steady, Found::Moved];
+    assert_eq!(found, expected, "{} {}", of(0).message, of(3).message);
+    // Where it is at the end, though half of the last period saw it before.
+    let now = of(0).now.expect("where it is at the end");
+    let (degrees, sigma) = (now.0[1].to_degrees(), now.1[(1, 1)].sqrt().to_degrees());
+    assert!((degrees - 4.0).abs() < 4.0 * sigma && sigma < 0.3, "{}", of(0).message);
+    // The motion of today, though that of yesterday has more evidence.
+    assert!(is_near(of(1).motion().expect("a motion"), 0.4), "{}", of(1).message);
+    assert!(today.together.is_empty(), "{:?}", today.together);
 }
 
 /// Cameras that stay, amid white noise and diurnal variation, are never called moved.

@@ -27,6 +27,14 @@ fn a_bad_row_of_cameras_is_named_with_its_line_and_left_out() {
     let reasons: Vec<String> = cameras.rejected.iter().map(|(_, reason)| reason.clone()).collect();
     assert!(reasons[0].contains("cameras.csv:4: column `fx_px` is `oops`"), "{reasons:?}");
     assert!(reasons[1].contains("cameras.csv:5: 2 cells"), "{reasons:?}");
+    // A second row of a name is bad, the first is used.
+    let lines = [HEAD, &row("a", "900"), &row("b", "800"), &row("a", "700")];
+    std::fs::write(&file, lines.join("\n")).expect("written");
+    let cameras = Cameras::read(&file).expect("two cameras");
+    assert_eq!(cameras.names(), ["a", "b"]);
+    assert!(matches!(&cameras.cameras()[0].lens, Lens::Pinhole(lens) if lens.matrix.fx_px == 900.0));
+    let reason = "cameras.csv:4: column `camera` is `a` as in line 2";
+    assert!(cameras.rejected.len() == 1 && cameras.rejected[0].1.contains(reason), "{:?}", cameras.rejected);
     std::fs::write(&file, [HEAD, &row("b", "oops")].join("\n")).expect("written");
     assert!(Cameras::read(&file).is_err_and(|reason| reason.to_string().contains("cameras.csv:2: ")));
 }

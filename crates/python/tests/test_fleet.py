@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import threading
@@ -137,6 +138,18 @@ def test_the_report_is_that_of_the_program(fleet, tmp_path):
     assert [answer.to_json() for answer in answers] == lines
     page = (tmp_path / "fleet.html").read_text()
     assert page == (tmp_path / "program.html").read_text() and "cam-1" in page
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node runs the script of the page")
+def test_durations_of_the_report_are_sorted_by_their_length(fleet, tmp_path):
+    folder, _ = fleet
+    resight.fleet_report(folder / "poses.parquet", cameras=folder / "cameras.csv", output=tmp_path / "fleet.html")
+    script = (tmp_path / "fleet.html").read_text().partition("<script>")[2].partition("</script>")[0]
+    compare = script[script.index("const seconds"):script.index("for (const head of")]
+    cells = ["2.1 h", "53 s", "1.5 days", "4 min", "none needed", "119 s", "6.1 ± 1.4 mm", "2026-05-28 20:26:40 UTC"]
+    ended = subprocess.run(["node", "-e", f"{compare}; console.log(JSON.stringify({json.dumps(cells)}.sort(compare)))"], capture_output=True, text=True, check=True)
+    expected = ["6.1 ± 1.4 mm", "53 s", "119 s", "4 min", "2.1 h", "1.5 days", "2026-05-28 20:26:40 UTC", "none needed"]
+    assert json.loads(ended.stdout) == expected
 
 
 def test_cameras_travel_whole(fleet, tmp_path):

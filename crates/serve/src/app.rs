@@ -12,8 +12,14 @@ use tokio::sync::Semaphore;
 const DECODING: usize = 2;
 /// Results that were dropped in, solved at once.
 const SOLVING: usize = 1;
-/// Other long work at once: searches for targets, reports, images from above. What takes milliseconds has threads besides.
+/// Other long work at once: searches for targets, reports, images from above, histories.
 const WORKING: usize = 2;
+/// Sessions that are changed at once, by commands other than searches: a pose may take long to solve.
+const CHANGING: usize = 3;
+/// Sessions that are measured at once.
+const MEASURING: usize = 2;
+/// All turns together. What takes milliseconds has threads besides.
+pub const PERMITS: usize = DECODING + SOLVING + WORKING + CHANGING + MEASURING;
 
 /// The state that all routes share.
 #[derive(Clone)]
@@ -30,6 +36,8 @@ pub struct App {
     pub solving: Arc<Semaphore>,
     /// Turns of other long work.
     pub working: Arc<Semaphore>,
+    /// Turns of changing a session.
+    pub changing: Arc<Semaphore>,
     /// The memory that all requests together may use.
     pub memory: Memory,
 }
@@ -40,12 +48,13 @@ impl App {
         let turns = |n| Arc::new(Semaphore::new(n));
         let memory = Memory::default();
         App {
-            sessions: Arc::new(Sessions::new(memory.clone())),
+            sessions: Arc::new(Sessions::new(memory.clone(), turns(MEASURING))),
             watched: Arc::new(live.map_or_else(OnceLock::new, OnceLock::from)),
             captured,
             decoding: turns(DECODING),
             solving: turns(SOLVING),
             working: turns(WORKING),
+            changing: turns(CHANGING),
             memory,
         }
     }

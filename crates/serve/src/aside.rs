@@ -1,12 +1,36 @@
 //! Work beside the threads that answer.
 
 use crate::error::Problem;
+use std::sync::Arc;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
+
+/// A turn at some kind of work, of which only so much is done at the same time.
+pub type Permit = OwnedSemaphorePermit;
+
+/// Waits for a turn.
+///
+/// # Errors
+/// The program ends.
+pub async fn turn(turns: &Arc<Semaphore>) -> Result<Permit, Problem> {
+    Arc::clone(turns).acquire_owned().await.map_err(|_| Problem::failed())
+}
 
 /// Runs on a thread of its own, where a failure loses one request.
 ///
+/// `held` is what the work needs besides the thread: its turn, and the memory that it takes. Both are returned when the work has ended, which may
+/// be long after nobody waits for it any more: a request that was cancelled, that took too long, or whose client left does not stop a thread.
+/// So there are never more threads at work, and no more memory in use, than turns and memory allow. `()` is for what takes milliseconds.
+///
 /// # Errors
 /// A thread that failed.
-pub async fn aside<T: Send + 'static>(job: impl FnOnce() -> T + Send + 'static) -> Result<T, Problem> {
-    spawn_blocking(job).await.map_err(|_| Problem::failed())
+pub async fn aside<T: Send + 'static>(
+    held: impl Send + 'static,
+    job: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let work = move || {
+        let _held = held;
+        job()
+    };
+    spawn_blocking(work).await.map_err(|_| Problem::failed())
 }

@@ -53,7 +53,7 @@ async fn described() -> Result<Response, Problem> {
     static TEXT: OnceLock<String> = OnceLock::new();
     let text = match TEXT.get() {
         Some(text) => text,
-        None => aside(|| TEXT.get_or_init(|| description().to_string())).await?,
+        None => aside((), || TEXT.get_or_init(|| description().to_string())).await?,
     };
     Ok(([(header::CONTENT_TYPE, JSON)], text.as_str()).into_response())
 }

@@ -3,8 +3,8 @@
 //! Names of files serve messages; nothing is read from a disk.
 
 use crate::app::App;
-use crate::aside::aside;
-use crate::body::receive;
+use crate::aside::{aside, turn};
+use crate::body::{VALUE_BYTES, check_values, n_values, receive};
 use crate::error::Problem;
 use axum::extract::{Request, State};
 use axum::routing::post;
@@ -18,6 +18,8 @@ use serde::Deserialize;
 const BYTES: usize = 32 << 20;
 /// Files of a request.
 const MOST_FILES: usize = 16;
+/// Values in all of them: as many as 32 MB have with ten digits each.
+const MOST_VALUES: usize = 3 << 20;
 
 /// The example of a rig: four simulated cameras around a board; `examples/rig` describes it.
 const RIG: [(&str, &str); 2] = [
@@ -55,34 +57,40 @@ pub fn routes() -> Router<App> {
 }
 
 async fn rig(State(app): State<App>, request: Request) -> Result<Json<RigView>, Problem> {
-    let given = given(&app, request).await?;
-    let _turn = app.solving.acquire().await.map_err(|_| Problem::failed())?;
-    let shown = aside(move || rig_view(&given.texts(&RIG)).map_err(|fault| sentence(&fault)));
-    Ok(Json(shown.await?.map_err(Problem::input)?))
+    let show = |given: &GivenFiles| rig_view(&given.texts(&RIG)).map_err(|fault| sentence(&fault));
+    Ok(Json(solved(&app, request, show).await?))
 }
 
 async fn whisker(State(app): State<App>, request: Request) -> Result<Json<Replay>, Problem> {
-    let given = given(&app, request).await?;
-    // One request at a time: twenty thousand readings take seconds.
-    let _turn = app.solving.acquire().await.map_err(|_| Problem::failed())?;
-    let played = aside(move || replay(&given.texts(&WHISKER)).map_err(|fault| sentence(&fault)));
-    Ok(Json(played.await?.map_err(Problem::input)?))
+    let play = |given: &GivenFiles| replay(&given.texts(&WHISKER)).map_err(|fault| sentence(&fault));
+    Ok(Json(solved(&app, request, play).await?))
+}
+
+/// Reads and solves what a request gives. One request at a time: twenty thousand readings take seconds.
+async fn solved<T: Send + 'static>(
+    app: &App,
+    request: Request,
+    solve: impl FnOnce(&GivenFiles) -> Result<T, String> + Send + 'static,
+) -> Result<T, Problem> {
+    let body = receive(app, request, BYTES).await?;
+    let turn = turn(&app.solving).await?;
+    let needed = "Give {\"files\": [{\"name\": …, \"text\": …}]} or {\"example\": true}";
+    let (given, texts) = body.json::<GivenFiles>(app, needed).await?;
+    if MOST_FILES < given.files.len() {
+        let n = given.files.len();
+        return Err(Problem::input(format!("{n} files; at most {MOST_FILES} are taken.")));
+    }
+    let count = move || (given.files.iter().map(|file| n_values(&file.text)).sum::<usize>(), given);
+    let (n, given) = aside((), count).await?;
+    check_values(n, MOST_VALUES)?;
+    let reading = app.take(VALUE_BYTES * n)?;
+    aside((turn, texts, reading), move || solve(&given)).await?.map_err(Problem::input)
 }
 
 /// A reason as a sentence.
 fn sentence(reason: &dyn std::fmt::Display) -> String {
     let reason = reason.to_string();
     format!("{}.", reason.trim_start_matches(": ").trim_end_matches('.'))
-}
-
-async fn given(app: &App, request: Request) -> Result<GivenFiles, Problem> {
-    let body = receive(app, request, BYTES).await?;
-    let needed = "Give {\"files\": [{\"name\": …, \"text\": …}]} or {\"example\": true}";
-    let given: GivenFiles = body.json(needed)?;
-    match given.files.len() {
-        n if MOST_FILES < n => Err(Problem::input(format!("{n} files; at most {MOST_FILES} are taken."))),
-        _ => Ok(given),
-    }
 }
 
 impl GivenFiles {

@@ -1,6 +1,6 @@
 //! The server: its address, its routes, and how it ends.
 
-use crate::app::App;
+use crate::app::{self, App};
 use crate::capture::{self, Capturing};
 use crate::error::Problem;
 use crate::live::{self, Live};
@@ -20,6 +20,7 @@ use std::time::Duration;
 const THREADS: usize = 2;
 /// Threads that compute: more than there are turns of long work, so that what takes milliseconds finds one.
 const WORKERS: usize = 12;
+const _: () = assert!(app::PERMITS + 2 <= WORKERS);
 
 const FLAGS: Flags = Flags { address: "--listen", token_file: "--token-file", host: "--allowed-host" };
 

@@ -1,9 +1,10 @@
 //! The sessions that pages have open, by their ids.
 //!
 //! A session is never locked during a computation: readers take its current state, and a change is applied to a copy (photographs and answers
-//! are shared), which replaces it at the end. Changes of one session are applied one after the other, in the order of the requests.
+//! are shared), which replaces it at the end. Changes of one session are applied one after the other, in the order of the requests. A change that
+//! is cancelled leaves the session free at once; its thread works on, on its copy, and keeps what it holds (see [`aside`]).
 
-use crate::aside::aside;
+use crate::aside::{aside, turn};
 use crate::error::Problem;
 use crate::memory::{Memory, Taken, full};
 use axum::http::StatusCode;
@@ -30,6 +31,8 @@ pub struct Shared {
     memory: Memory,
     turn: Semaphore,
     cancelled: Notify,
+    /// Turns of measuring, which all sessions share.
+    measuring: Arc<Semaphore>,
     is_measuring: AtomicBool,
     /// Somebody waits for the measurements: they take no rest.
     awaited: Notify,
@@ -38,7 +41,7 @@ pub struct Shared {
 }
 
 impl Shared {
-    fn new(session: Session, memory: Memory) -> Option<Arc<Self>> {
+    fn new(session: Session, memory: Memory, measuring: Arc<Semaphore>) -> Option<Arc<Self>> {
         let taken = memory.take(session.weight_bytes())?;
         Some(Arc::new(Shared {
             now: Mutex::new(Arc::new(session)),
@@ -46,6 +49,7 @@ impl Shared {
             memory,
             turn: Semaphore::new(1),
             cancelled: Notify::new(),
+            measuring,
             is_measuring: AtomicBool::new(false),
             awaited: Notify::new(),
             news: watch::Sender::new(true),
@@ -67,27 +71,43 @@ impl Shared {
         self.cancelled.notify_waiters();
     }
 
-    /// Changes the session, on a thread of its own, and returns the result.
+    /// Waits for `work`, which does not change the session by itself, until somebody gives it up.
+    ///
+    /// # Errors
+    /// Those of the work, or a cancellation.
+    pub async fn unless_cancelled<T>(
+        &self,
+        work: impl Future<Output = Result<T, Problem>>,
+    ) -> Result<T, Problem> {
+        tokio::select! {
+            done = work => done,
+            () = self.cancelled.notified() => {
+                Err(Problem::new(StatusCode::CONFLICT, "cancelled", "This was cancelled; nothing has changed."))
+            }
+        }
+    }
+
+    /// Changes the session, on a thread of its own, and returns the result. `turns` are those of the work, of which one is waited for when the session
+    /// is free: a session with much to do leaves turns to others. `take` takes its memory.
     ///
     /// # Errors
     /// A thread that failed, no memory left, or a cancellation: then nothing has changed.
-    pub async fn change<T: Send + 'static>(
+    pub async fn change<T: Send + 'static, H: Send + 'static>(
         self: &Arc<Self>,
         sessions: &Sessions,
+        turns: &Arc<Semaphore>,
+        take: impl FnOnce() -> Result<H, Problem>,
         change: impl FnOnce(&mut Session) -> T + Send + 'static,
     ) -> Result<T, Problem> {
         let _turn = self.turn.acquire().await.map_err(|_| Problem::failed())?;
+        let turn = self.unless_cancelled(turn(turns)).await?;
+        let held = take()?;
         let mut after = (*self.now()).clone();
-        let changed = aside(move || {
+        let changed = aside((turn, held), move || {
             let done = change(&mut after);
             (after, done)
         });
-        let (after, done) = tokio::select! {
-            changed = changed => changed?,
-            () = self.cancelled.notified() => {
-                return Err(Problem::new(StatusCode::CONFLICT, "cancelled", "This was cancelled; nothing has changed."));
-            }
-        };
+        let (after, done) = self.unless_cancelled(changed).await?;
         self.keep(sessions, after)?;
         Ok(done)
     }
@@ -121,8 +141,9 @@ impl Shared {
         let shared = Arc::clone(self);
         tokio::spawn(async move {
             while let Some(task) = shared.now().measuring() {
+                let Ok(turn) = turn(&shared.measuring).await else { break };
                 let began = Instant::now();
-                let Ok(measured) = aside(move || task.run()).await else { break };
+                let Ok(measured) = aside(turn, move || task.run()).await else { break };
                 let rest = REST.max(REST_TIMES * began.elapsed());
                 shared.take(measured).await;
                 if shared.now().is_dragging() {
@@ -182,6 +203,7 @@ impl Shared {
 pub struct Sessions {
     kept: Mutex<Kept>,
     memory: Memory,
+    measuring: Arc<Semaphore>,
 }
 
 /// Sessions by id, each with the count of uses at its last one.
@@ -193,8 +215,8 @@ struct Kept {
 
 impl Sessions {
     /// Starts without sessions.
-    pub fn new(memory: Memory) -> Self {
-        Sessions { kept: Mutex::default(), memory }
+    pub fn new(memory: Memory, measuring: Arc<Semaphore>) -> Self {
+        Sessions { kept: Mutex::default(), memory, measuring }
     }
 
     /// Keeps a session and names it; those that were not used for longest go for it.
@@ -203,7 +225,7 @@ impl Sessions {
     /// No memory left.
     pub fn add(&self, session: Session) -> Result<(String, Arc<Shared>), Problem> {
         let shared = loop {
-            match Shared::new(session.clone(), self.memory.clone()) {
+            match Shared::new(session.clone(), self.memory.clone(), Arc::clone(&self.measuring)) {
                 Some(shared) => break shared,
                 None if self.let_oldest_go(None) => {}
                 None => return Err(full()),

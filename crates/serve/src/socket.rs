@@ -6,17 +6,17 @@
 use crate::app::App;
 use crate::aside::aside;
 use crate::error::Problem;
+use crate::memory::Taken;
 use crate::photograph::{Numbered, NumberedView, applied};
 use crate::sessions::Shared;
 use axum::Router;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
 use axum::extract::{Query, State};
 use axum::response::Response;
 use axum::routing::any;
 use resight_session::View;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde_json::Value;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
@@ -72,7 +72,19 @@ impl Page {
                     last_said = Instant::now();
                     match said {
                         Some(Ok(Message::Text(text))) => self.answer(text.as_str()).await,
-                        Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                        Some(Ok(Message::Binary(_))) => {
+                            let message = "A command is a text, not binary.";
+                            return left(socket, close_code::UNSUPPORTED, refused(0, "input", message)).await;
+                        }
+                        // What is too large is an error of the connection, as is what breaks it; the answer then goes nowhere.
+                        Some(Err(_)) => {
+                            let message = format!(
+                                "A command by WebSocket has at most {} kB; post a longer one to /api/session/command.",
+                                SOCKET_BYTES >> 10
+                            );
+                            return left(socket, close_code::SIZE, refused(0, "size", &message)).await;
+                        }
+                        Some(Ok(Message::Close(_))) | None => return,
                         Some(Ok(_)) => continue,
                     }
                 }
@@ -111,7 +123,7 @@ impl Page {
         self.app.sessions.get(&self.id);
         self.photo = photo;
         let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view));
-        match applied(&self.app, &self.session, photo, command, then).await {
+        match applied(&self.app, &self.session, photo, command, Taken::default(), then).await {
             Ok((shown, text)) => {
                 self.shown = Some(shown);
                 text
@@ -129,7 +141,7 @@ impl Page {
         }
         self.shown = Some(state);
         let photo = self.photo;
-        let text = aside(move || written(0, now.view(photo))).await;
+        let text = aside((), move || written(0, now.view(photo))).await;
         Some(text.unwrap_or_else(|problem| refused(0, problem.kind(), problem.message())))
     }
 }
@@ -139,11 +151,46 @@ fn written(seq: u64, view: View) -> String {
         .unwrap_or_else(|_| refused(seq, "failed", "This could not be done; nothing else was lost."))
 }
 
-/// The number of a command that is none, where it has one.
+/// Says why a connection ends, and ends it.
+async fn left(mut socket: WebSocket, code: u16, why: String) {
+    let end = Message::Close(Some(CloseFrame { code, reason: "".into() }));
+    for message in [Message::Text(why.into()), end] {
+        match timeout(PATIENCE, socket.send(message)).await {
+            Ok(Ok(())) => {}
+            _ => return,
+        }
+    }
+}
+
+/// The number of a command that is none, where it has one: also of JSON that breaks off. The first `"seq"` with a number behind it counts.
 fn seq_of(text: &str) -> u64 {
-    serde_json::from_str::<Value>(text).ok().and_then(|message| message["seq"].as_u64()).unwrap_or(0)
+    let number = |behind: &str| {
+        let digits = behind.trim_start().strip_prefix(':')?.trim_start();
+        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        digits[..end].parse().ok()
+    };
+    text.split("\"seq\"").skip(1).find_map(number).unwrap_or(0)
 }
 
 fn refused(seq: u64, kind: &str, message: &str) -> String {
     serde_json::json!({ "seq": seq, "error": { "kind": kind, "message": message } }).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::seq_of;
+
+    #[test]
+    fn a_broken_command_keeps_its_number() {
+        for (text, seq) in [
+            (r#"{"seq":7,"command":{"kind":"nothing"}}"#, 7),
+            (r#"{"photo":0, "seq" : 12, "command":{"kind":"#, 12),
+            (r#"{"name":"\"seq\":3","seq":4"#, 4),
+            (r#"{"seq":"5"}"#, 0),
+            (r#"{"seq":99999999999999999999}"#, 0),
+            ("nothing", 0),
+        ] {
+            assert_eq!(seq_of(text), seq, "{text}");
+        }
+    }
 }

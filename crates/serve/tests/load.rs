@@ -101,6 +101,98 @@ fn a_search_can_be_cancelled() {
     assert_eq!(post(place, "/api/session/cancel?session=none", &json!({})).status, 404);
 }
 
+/// Searches that are given up one after the other: no more of them work on than have turns, their memory counts, and other sessions are answered.
+#[cfg(target_os = "linux")]
+#[test]
+fn cancelled_searches_take_no_more_than_their_turns() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    let id = session(place);
+    assert_eq!(put(place, &id, "a.png", "image/png", &blocks(4000, 3000)).status, 200);
+    let other = post(place, "/api/session", &json!({ "example": true })).json();
+    let other = other["session"].as_str().expect("an id");
+    let path = format!("/api/session/command?session={id}");
+    let search = json!({ "command": { "kind": "find_target", "target": { "by": "family", "family": "any", "size_m": 0.1 } } });
+    let (before, mut grown, mut n_cancelled) = (resident_bytes(), 0, 0);
+    for _ in 0..13 {
+        let searching = std::thread::spawn({
+            let (path, search) = (path.clone(), search.clone());
+            move || post(place, &path, &search)
+        });
+        std::thread::sleep(Duration::from_millis(300));
+        assert_eq!(post(place, &format!("/api/session/cancel?session={id}"), &json!({})).status, 200);
+        n_cancelled += usize::from(searching.join().expect("an answer").status == 409);
+        grown = grown.max(resident_bytes().saturating_sub(before));
+    }
+    let began = Instant::now();
+    assert_eq!(get(place, &format!("/api/session/view?session={other}")).status, 200);
+    let view_after = began.elapsed();
+    println!("{n_cancelled} searches cancelled: {} MB more, then a view in {view_after:?}", grown >> 20);
+    assert!(view_after < Duration::from_secs(3), "{view_after:?}");
+    // Two searches of 12 megapixels, and what the allocator keeps.
+    assert!(grown < 250 << 20, "{} MB", grown >> 20);
+}
+
+/// What a request for JSON may be, and what it may make of it: lists of lists take sixty times their text, and are refused before they are parsed.
+#[cfg(target_os = "linux")]
+#[test]
+fn large_json_is_refused_before_it_is_parsed() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    let opened = post(place, "/api/session", &json!({ "example": true })).json();
+    let path = format!("/api/session/command?session={}", opened["session"].as_str().expect("an id"));
+    let list =
+        |item: &str, bytes: usize| format!("[{}0]", format!("{item},").repeat(bytes / (item.len() + 1)));
+    let points = format!(
+        "{{\"command\":{{\"kind\":\"add_measurement\",\"name\":\"x\",\"what\":\"polyline\",\"points\":{}}}}}",
+        list("[0,0]", 7 << 20)
+    );
+    let lens = json!({ "command": { "kind": "set_lens", "lens": { "by": "file", "name": "x.json", "text": list("0", 7 << 20) } } }).to_string();
+    let beside = lens.replacen("{\"by\"", &format!("{{\"more\":{},\"by\"", list("[0]", 2 << 20)), 1);
+    let beside = beside.replace(&list("0", 7 << 20), "0");
+    let files = json!({ "files": [{ "name": "x.json", "text": list("0", 30 << 20) }] }).to_string();
+    let before = resident_bytes();
+    let asked: [(&str, &String, usize); 5] = [
+        (&path, &points, 12),
+        (&path, &lens, 12),
+        (&path, &beside, 12),
+        ("/api/whisker", &files, 2),
+        ("/api/rig", &files, 2),
+    ];
+    for (path, body, n) in asked {
+        let posted: Vec<_> = (0..n)
+            .map(|_| {
+                let (path, body) = (format!("POST {path}"), body.clone());
+                std::thread::spawn(move || {
+                    let answer = ask(place, &path, &[("Content-Type", "application/json")], body.as_bytes());
+                    (answer.status, String::from_utf8_lossy(&answer.body).into_owned())
+                })
+            })
+            .collect();
+        let mut grown = 0;
+        let (n_asked, [most, all]) = answered(place, || {
+            grown = grown.max(resident_bytes().saturating_sub(before));
+            posted.iter().any(|thread| !thread.is_finished())
+        });
+        println!(
+            "{n} of {} MB to {path}: {} MB more, /healthz {n_asked} times within {most:?} and {all:?}",
+            body.len() >> 20,
+            grown >> 20
+        );
+        // Bodies twice, for this test is one program with the server.
+        assert!(grown < 3 * n * body.len() + (100 << 20), "{} MB", grown >> 20);
+        assert!(all < Duration::from_secs(2), "{all:?}");
+        for thread in posted {
+            let (status, said) = thread.join().expect("an answer");
+            assert!(status == 413 && said.contains("\"size\""), "{status}: {said}");
+        }
+    }
+    // A command with its file beside a megabyte of anything is taken.
+    let fits = json!({ "command": { "kind": "set_lens", "lens": { "by": "file", "name": "left.toml",
+        "text": format!("{}# {}\n", include_str!("../../../testdata/demo/left.toml"), "x".repeat(6 << 20)) } } });
+    assert_eq!(post(place, &path, &fits).status, 200);
+}
+
 /// Bodies that do not come, as many as there are places for and more: others are answered at once, with bodies of their own.
 #[test]
 fn slow_bodies_keep_nobody_out() {
@@ -325,9 +417,12 @@ fn long_commands_are_posted() {
     feed.say(&lens(10_000));
     assert_eq!(text(&mut feed)["seq"], 3);
     feed.say(&lens(200_000));
-    // Measurements may still come; the answer does not.
+    // Measurements may still come; the answer does not, but why.
     while let Some(Told::Text(news)) = feed.next(Duration::from_secs(5)) {
         assert_eq!(news["seq"], 0);
+        if let Some(kind) = news["error"]["kind"].as_str() {
+            assert_eq!(kind, "size");
+        }
     }
     assert_eq!(post(place, &format!("/api/session/command?session={id}"), &lens(200_000)).status, 200);
 }

@@ -2,8 +2,9 @@
 
 use crate::command::{Command, GivenLens, MeasuredKind, Template};
 use crate::limits::{
-    FILES_BYTES, MOST_COORDINATE_M, MOST_DISTANCES, MOST_MEASURED_POINTS, MOST_MEASURED_TOGETHER,
-    MOST_MEASUREMENTS, MOST_NAME, MOST_PHOTOS, MOST_POINTS,
+    FILES_BYTES, LEAST_SIGMA_PX, MOST_COORDINATE_M, MOST_DISTANCES, MOST_MEASURED_POINTS,
+    MOST_MEASURED_TOGETHER, MOST_MEASUREMENTS, MOST_NAME, MOST_PHOTOS, MOST_POINTS, MOST_SIGMA_M,
+    MOST_SIGMA_PX,
 };
 use crate::refusal::{Refusal, Step};
 use crate::state::{Distance, ImagePoint, Measurement, PhotoState, Position, State};
@@ -44,7 +45,7 @@ pub fn edit(state: &mut State, photo: usize, command: Command) -> Edited {
                 .ok_or_else(|| points(format!("There is no distance {a}–{b}.")))
         }
         Command::SetSigma { sigma_px } => {
-            positive("sigma_px", sigma_px, "px")?;
+            check_sigma_px("sigma_px", sigma_px)?;
             state.sigma_px = sigma_px;
             Ok(())
         }
@@ -109,6 +110,14 @@ fn positive(what: &str, seen: f64, unit: &str) -> Edited {
     }
 }
 
+fn check_sigma_px(what: &str, seen: f64) -> Edited {
+    positive(what, seen, "px")?;
+    match (LEAST_SIGMA_PX..=MOST_SIGMA_PX).contains(&seen) {
+        true => Ok(()),
+        false => Err(points(texts::not_between(what, seen, [LEAST_SIGMA_PX, MOST_SIGMA_PX], "px"))),
+    }
+}
+
 fn inside(size: ImageSize, u_px: f64, v_px: f64, step: Step) -> Edited {
     let is_in = |x: f64, n: u32| -0.5 <= x && x <= f64::from(n) - 0.5;
     match is_in(u_px, size.width_px) && is_in(v_px, size.height_px) {
@@ -159,7 +168,7 @@ fn room(what: &str, n: usize, most: usize) -> Edited {
 fn check_point(size: ImageSize, point: &ImagePoint) -> Edited {
     inside(size, point.u_px, point.v_px, Step::Points)?;
     named(&point.name)?;
-    point.sigma_px.map_or(Ok(()), |sigma_px| positive("The point's standard deviation", sigma_px, "px"))
+    point.sigma_px.map_or(Ok(()), |sigma_px| check_sigma_px("The point's standard deviation", sigma_px))
 }
 
 fn remove_point(state: &mut State, photo: usize, name: &str) -> Edited {
@@ -209,9 +218,9 @@ fn check_position(name: &str, Position { x_m, y_m, z_m, sigma_m }: &Position) ->
     if ![x_m, y_m, z_m].into_iter().all(|x| x.abs() <= MOST_COORDINATE_M) {
         return Err(points(format!("({x_m}, {y_m}, {z_m}) m: coordinates up to 10 000 km are needed.")));
     }
-    match 0.0 <= *sigma_m && sigma_m.is_finite() {
+    match 0.0 <= *sigma_m && *sigma_m <= MOST_SIGMA_M {
         true => Ok(()),
-        false => Err(points(format!("sigma_m is {sigma_m} m; 0 or more is needed."))),
+        false => Err(points(format!("sigma_m is {sigma_m} m; 0 or more is needed, up to 10 000 km."))),
     }
 }
 
@@ -238,7 +247,11 @@ fn check_distance(Distance { a, b, distance_m, sigma_m }: &Distance) -> Edited {
     if MOST_COORDINATE_M < *distance_m {
         return Err(points(format!("The distance {a}–{b} is {distance_m} m; 10 000 km is the most.")));
     }
-    positive("Its standard deviation", *sigma_m, "m")
+    positive("Its standard deviation", *sigma_m, "m")?;
+    match *sigma_m <= MOST_SIGMA_M {
+        true => Ok(()),
+        false => Err(points(format!("Its standard deviation is {sigma_m} m; 10 000 km is the most."))),
+    }
 }
 
 fn add_measurement(
@@ -302,7 +315,7 @@ pub fn check_photographs(n: usize, files_bytes: usize) -> Edited {
 pub fn check(state: &State) -> Edited {
     let files_bytes = state.photos.iter().map(|p| p.photograph.bytes.len()).sum();
     check_photographs(state.photos.len(), files_bytes)?;
-    positive("sigma_px", state.sigma_px, "px")?;
+    check_sigma_px("sigma_px", state.sigma_px)?;
     for photo in &state.photos {
         room("points", photo.points.len(), MOST_POINTS + 1)?;
         let size = photo.photograph.size();

@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::DMatrix;
 use resight::formats::{self, Format, NamedCamera, Placement};
+use resight::measure::birdseye::{Labels, spots_beside};
 use resight::measure::table::cell;
 use std::fmt::Write;
 
@@ -24,6 +25,9 @@ pub struct Export {
 
 /// The exports in addition to the formats of `resight convert`.
 const EXPORTS: [&str; 5] = ["json", "homography", "svg", "report", "csv"];
+
+/// Mean width of a letter of a sans-serif font, in parts of the font's size; wide ones have 0.6.
+const LETTER_WIDTH: f64 = 0.6;
 
 /// Every word that [`Session::export`] takes.
 pub fn exports() -> Vec<&'static str> {
@@ -114,22 +118,25 @@ impl Session {
         let size = 10.0 * line;
         for p in &view.points {
             let (u, v) = (p.u_px, p.v_px);
-            let _ = writeln!(
-                svg,
-                "<circle cx=\"{u}\" cy=\"{v}\" r=\"{size:.1}\" stroke=\"#ff5a50\"/><text x=\"{}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ff5a50\">{}</text>",
-                u + 1.5 * size,
-                2.0 * size,
-                escaped(&p.name)
-            );
+            let _ = writeln!(svg, "<circle cx=\"{u}\" cy=\"{v}\" r=\"{size:.1}\" stroke=\"#ff5a50\"/>");
         }
-        for m in view.measurements.iter().filter(|m| m.photo == photo && m.error.is_none()) {
-            let [u, v] = m.points[m.points.len() / 2];
-            let _ = writeln!(
-                svg,
-                "<text x=\"{u}\" y=\"{v}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"#ffe15a\">{}</text>",
-                2.0 * size,
-                escaped(&m.words)
-            );
+        let marks = view.points.iter().map(|p| (p.name.as_str(), [p.u_px, p.v_px], "#ff5a50"));
+        let measured = view.measurements.iter().filter(|m| m.photo == photo && m.error.is_none());
+        let values = measured.map(|m| (m.words.as_str(), m.points[m.points.len() / 2], "#ffe15a"));
+        // What has no room is in the table of the report.
+        let mut labels = Labels::new([f64::from(w), f64::from(h)]);
+        view.points.iter().for_each(|p| labels.keep_free_around([p.u_px, p.v_px], size));
+        for (text, at, colour) in marks.chain(values) {
+            let (width, capital) = (LETTER_WIDTH * 2.0 * size * text.chars().count() as f64, 1.4 * size);
+            let spots = spots_beside(at, size, width, capital);
+            if let Some([u, v]) = labels.first_free(spots, width, capital) {
+                let _ = writeln!(
+                    svg,
+                    "<text x=\"{u:.1}\" y=\"{v:.1}\" font-size=\"{:.1}\" font-family=\"sans-serif\" fill=\"{colour}\">{}</text>",
+                    2.0 * size,
+                    escaped(text)
+                );
+            }
         }
         svg + "</svg>\n"
     }

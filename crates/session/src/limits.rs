@@ -22,3 +22,9 @@ pub const MOST_MEASURED_TOGETHER: usize = 4000;
 pub const MOST_NAME: usize = 60;
 /// A coordinate, metres from the origin.
 pub const MOST_COORDINATE_M: f64 = 1e7;
+/// A standard deviation of a position or a distance, metres: as large as what it belongs to can be.
+pub const MOST_SIGMA_M: f64 = MOST_COORDINATE_M;
+/// A standard deviation of an image point, px: of the best detectors on drawn images, and of points that say nothing.
+pub const LEAST_SIGMA_PX: f64 = 1e-6;
+/// See [`LEAST_SIGMA_PX`].
+pub const MOST_SIGMA_PX: f64 = 1e6;

@@ -65,7 +65,8 @@ pub fn scene(
     Some(builder.scene)
 }
 
-fn empty(sigma_px: f64, up: f64) -> Scene {
+/// A scene of nothing but the ground.
+pub fn empty(sigma_px: f64, up: f64) -> Scene {
     Scene {
         cameras: Vec::new(),
         photos: Vec::new(),

@@ -7,7 +7,7 @@ use crate::command::{Command, MeasuredKind};
 use crate::figures::{Figure, figures};
 use crate::history::History;
 use crate::lines::{Overlay, overlay};
-use crate::measuring::{Measured, Measuring};
+use crate::measuring::{Measured, Measuring, Numbered};
 use crate::network::{self, Scene};
 use crate::parts::{distances_view, lens_view, measurement_view, names_elsewhere, photo_view, points_view};
 use crate::photograph::Photograph;
@@ -37,7 +37,9 @@ pub struct Session {
     /// The last measurements.
     measured: Option<Arc<Measured>>,
     /// The present scene, where it differs from that one.
-    unmeasured: Option<Arc<Scene>>,
+    unmeasured: Option<Numbered>,
+    /// Number of the last scene.
+    n_scenes: u64,
     version: u64,
     /// Counts the changes of measurements and of their values.
     n_measured: u64,
@@ -214,8 +216,15 @@ impl Session {
         if scene.is_none() && self.measured.take().is_some() {
             self.n_measured += 1;
         }
-        let is_known = |scene: &Scene| self.measured.as_ref().is_some_and(|m| m.scene == *scene);
-        self.unmeasured = scene.filter(|scene| !is_known(scene)).map(Arc::new);
+        let is_known = |scene: &Scene| self.measured.as_ref().is_some_and(|m| *m.scene.scene == *scene);
+        self.unmeasured = match scene.filter(|scene| !is_known(scene)) {
+            Some(scene) => {
+                let same = self.unmeasured.take().filter(|known| *known.scene == scene);
+                self.n_scenes += u64::from(same.is_none());
+                same.or_else(|| Some(Numbered { number: self.n_scenes, scene: Arc::new(scene) }))
+            }
+            None => None,
+        };
     }
 
     fn scene(&self) -> Option<Scene> {
@@ -228,16 +237,13 @@ impl Session {
 
     /// Returns what is to be measured again; `None` where the whole view is up to date.
     pub fn measuring(&self) -> Option<Measuring> {
-        let scene = Arc::clone(self.unmeasured.as_ref()?);
-        Some(Measuring { scene, before: self.measured.clone() })
+        Some(Measuring { scene: self.unmeasured.clone()?, before: self.measured.clone() })
     }
 
     /// Takes what was measured: of now, or of a state before, until that of now is there.
     pub fn take(&mut self, measured: Measured) {
-        let is_current = self.unmeasured.as_ref().is_none_or(|scene| **scene == measured.scene);
-        if self.unmeasured.is_none() {
-            return;
-        }
+        let Some(awaited) = &self.unmeasured else { return };
+        let is_current = awaited.number == measured.scene.number;
         self.measured = Some(Arc::new(measured));
         self.n_measured += 1;
         if is_current {
@@ -328,7 +334,7 @@ impl Session {
         if let Some(Attempt::Refused(answer)) = self.solving.attempt(photo) {
             let is_unknown = matches!(shown.lens, Some(crate::GivenLens::Unknown));
             let (step, text) = match is_unknown {
-                true => (Step::Lens, format!("{} {}", answer.verdict.message, texts::UNKNOWN_NEXT)),
+                true => (Step::Lens, texts::unknown_next(&answer.verdict.message)),
                 false => (Step::Points, answer.verdict.message.clone()),
             };
             now.refusal.get_or_insert(StepText { step: step.name(), text });
@@ -378,5 +384,22 @@ fn dragged_end(command: &Command) -> Option<String> {
         Command::PutPoint { name, .. } => Some(format!("point {name}")),
         Command::MoveMeasurement { name, index, .. } => Some(format!("measurement {name} {index}")),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A value that is no number differs from itself; what was measured of its scene is taken all the same, and nothing is measured for ever.
+    #[test]
+    fn a_scene_without_numbers_is_measured_once() {
+        let scene = Scene { sigma_px: f64::NAN, ..network::empty(1.0, 1.0) };
+        assert!(scene != scene.clone());
+        let numbered = Numbered { number: 1, scene: Arc::new(scene) };
+        let mut session = Session { unmeasured: Some(numbered), n_scenes: 1, ..Session::default() };
+        let task = session.measuring().expect("something to measure");
+        session.take(Measured { scene: task.scene, found: Err("nothing to measure".to_owned()) });
+        assert!(session.measuring().is_none() && !session.view(0).is_measuring);
     }
 }

@@ -19,8 +19,13 @@ pub const OPEN_LENS: &str = "estimated as soon as the marks determine it";
 pub const COMMON_CAMERA: &str = "the focal length is that of the maker's main camera; a photograph that was zoomed or cropped has another";
 pub const BY_LINES: &str =
     "the focal length is that at which the marked lines are parallel; distortion is taken as none";
-pub const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, three upright and two along a wall or a road, or the horizon and two upright ones; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
+const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, three upright and two along a wall or a road, or the horizon and two upright ones; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
 pub const BY_PHOTOGRAPH: &str = "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
+
+/// Why the marks do not determine the lens, and what does.
+pub fn unknown_next(reason: &str) -> String {
+    format!("{}. {UNKNOWN_NEXT}", reason.trim_end().trim_end_matches('.'))
+}
 
 pub fn lens_of(photograph: &str) -> String {
     format!("lens of {photograph}")
@@ -118,6 +123,10 @@ pub fn not_inside(u_px: f64, v_px: f64, size: ImageSize) -> String {
 
 pub fn not_positive(what: &str, seen: f64, unit: &str) -> String {
     format!("{what} is {seen} {unit}; a positive number is needed.")
+}
+
+pub fn not_between(what: &str, seen: f64, [least, most]: [f64; 2], unit: &str) -> String {
+    format!("{what} is {seen} {unit}; {least} to {most} {unit} are possible.")
 }
 
 pub fn too_many(what: &str, most: usize) -> String {

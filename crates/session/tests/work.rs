@@ -274,6 +274,76 @@ fn too_much_is_refused_however_it_comes() {
     }
 }
 
+/// Thirty lengths close together: labels of the drawing that find no room are left out, and none lies over another.
+#[test]
+fn labels_of_a_drawing_do_not_lie_over_each_other() {
+    let mut session = posed(photograph("a.jpg", 4000, 3000));
+    lengths(&mut session, 30);
+    let task = session.measuring().expect("something to measure");
+    session.take(task.run());
+    let svg = session.export(0, "svg", 0.0).expect("a drawing").text;
+    let number = |line: &str, key: &str| -> f64 {
+        let (_, behind) = line.split_once(&format!(" {key}=\"")).expect(key);
+        behind.split('"').next().and_then(|text| text.parse().ok()).expect("a number")
+    };
+    let mut areas: Vec<[f64; 4]> = Vec::new();
+    for line in svg.lines().filter(|line| line.starts_with("<text")) {
+        let text = line.split(['<', '>']).nth(2).expect("a text");
+        let (x, y, size) = (number(line, "x"), number(line, "y"), number(line, "font-size"));
+        areas.push([x, y - 0.8 * size, x + 0.5 * size * text.chars().count() as f64, y + 0.2 * size]);
+    }
+    assert!(svg.contains(">A</text>") && 5 < areas.len() && areas.len() < 34, "{}", areas.len());
+    for (i, a) in areas.iter().enumerate() {
+        for b in &areas[i + 1..] {
+            assert!(!(a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]), "{a:?} {b:?}");
+        }
+    }
+}
+
+/// A standard deviation beyond what it belongs to is refused, by command and in a saved session, and the session stays measured.
+#[test]
+fn standard_deviations_are_bounded() {
+    let mut session = posed(photograph("a.jpg", 800, 600));
+    let length = [-1.0, 1.0].map(|x| seen(800.0, 600.0, x, 6.0)).to_vec();
+    add(&mut session, "m", MeasuredKind::Length, length);
+    let distance = |sigma_m| Command::SetDistance {
+        a: "A".into(),
+        b: "B".into(),
+        distance_m: 4.0,
+        sigma_m: Some(sigma_m),
+    };
+    let position = |sigma_m| Command::SetPosition { name: "A".into(), x_m: 0.0, y_m: 0.0, z_m: 0.0, sigma_m };
+    let point = |sigma_px| Command::PutPoint {
+        name: "A".into(),
+        u_px: 1.0,
+        v_px: 1.0,
+        drag: false,
+        sigma_px: Some(sigma_px),
+    };
+    for (command, said) in [
+        (distance(1e300), "10 000 km"),
+        (position(1e300), "10 000 km"),
+        (Command::SetSigma { sigma_px: 1e300 }, "0.000001 to 1000000 px"),
+        (Command::SetSigma { sigma_px: 1e-300 }, "0.000001 to 1000000 px"),
+        (point(1e300), "0.000001 to 1000000 px"),
+        (point(1e-300), "0.000001 to 1000000 px"),
+    ] {
+        let view = session.apply(0, command.clone());
+        let error = view.error.unwrap_or_else(|| panic!("{command:?} was taken"));
+        assert!(error.text.contains(said), "{}", error.text);
+        assert!(!view.is_measuring && view.measurements[0].value.is_some());
+    }
+    let saved = session.save().expect("a file");
+    assert!(saved.contains("sigma_px = 1.0") && Session::load(&saved).is_ok());
+    for large in ["sigma_px = 1e300", "sigma_px = 1e-300"] {
+        assert!(Session::load(&saved.replace("sigma_px = 1.0", large)).is_err(), "{large}");
+    }
+    for command in [distance(1e7), position(1e7), Command::SetSigma { sigma_px: 1e6 }] {
+        let view = session.apply(0, command);
+        assert!(view.error.is_none() && !view.is_measuring);
+    }
+}
+
 /// The same file again is no step; another one of its name is shown in its place, under a hash of its own.
 #[test]
 fn photographs_are_known_by_what_they_hold() {

@@ -1,4 +1,4 @@
-"""Proves equations (1)-(18) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale, evidence for steps, clocks.
+"""Proves equations (1)-(20) of fleet.md: exact sums, chordal means, bottom-k choices, the robust scale, evidence for steps, clocks, ramps, shares.
 
 Run: python3 docs/math/check/fleet.py
 """
@@ -198,6 +198,70 @@ def check_size():
     stated = np.array([-1, 1]) @ inverse @ np.array([-1, 1])
     found = (means[1] - means[0] - 7.0).var()
     assert abs(found / stated - 1) < 0.05, (found, stated)
+    # With the weights of another coordinate each variance is that of its own errors.
+    other = np.eye(n) + 16 * np.exp(-np.abs(t[:, None] - t[None]) / 30)
+    h = np.linalg.inv(x.T @ np.linalg.solve(other, x)) @ x.T @ np.linalg.inv(other)
+    found, stated = np.array([-1, 1]) @ h @ z, np.array([-1, 1]) @ h @ v @ h.T @ np.array([-1, 1])
+    assert abs(found.mean() - 7) < 0.1 and abs(found.var() / stated - 1) < 0.05, (found.var(), stated)
+    # A swing over a day that a coordinate's noise hides: means of 48 readings contain it, the shared weights with s^2 cos do not.
+    n, k = 96, 56
+    t, side = np.arange(n, dtype=float), (np.arange(n) >= k).astype(float)
+    swing = np.sin(2 * np.pi * t / 96)
+    x = np.column_stack([1 - side, side])
+    delta = t[:, None] - t[None]
+    v = 0.01 * np.eye(n) + 0.5 * np.exp(-np.abs(delta) / 200) + np.cos(2 * np.pi * delta / 96)
+    h = np.linalg.inv(x.T @ np.linalg.solve(v, x)) @ x.T @ np.linalg.inv(v)
+    by_means, by_weights = side @ swing / side.sum() - (1 - side) @ swing / (1 - side).sum(), (h @ swing) @ np.array([-1, 1])
+    assert 1 < abs(by_means) and abs(by_weights) < 0.05, (by_means, by_weights)
+
+
+def check_ramp():
+    """(19): the size of a ramp whose ends are fitted has the stated variance."""
+    n, c, sigma = 96, 20.0, 0.4
+    t, errors, stated = np.arange(n, dtype=float), [], []
+
+    def columns(a, b):
+        x = np.clip((t - a) / (b - a), 0, 1)
+        within = (a < t) & (t < b)
+        slopes = np.column_stack([within * (t - b), within * (a - t)]) / (b - a) ** 2
+        return np.column_stack([np.ones(n), x]), slopes
+
+    for _ in range(2000):
+        z = c * np.clip((t - 24.2) / 23.9, 0, 1) + sigma * rng.normal(size=n)
+        ends = np.array([24.0, 48.0])
+        for _ in range(10):
+            x, d = columns(*ends)
+            h = np.linalg.pinv(x)
+            size = (h @ z)[1]
+            left = d - x @ (h @ d)
+            f = size**2 * left.T @ left
+            ends = ends + np.linalg.solve(f, size * left.T @ (z - x @ (h @ z)))
+        x, d = columns(*ends)
+        h = np.linalg.pinv(x)
+        size, by_ends = (h @ z)[1], (h @ z)[1] * (h @ d)[1]
+        errors.append(size - c)
+        stated.append(sigma**2 * h[1] @ h[1] + sigma**2 * by_ends @ np.linalg.solve(f, by_ends))
+    assert abs(np.var(errors) / np.mean(stated) - 1) < 0.1 and abs(np.mean(errors)) < 0.02, (np.var(errors), np.mean(stated))
+
+
+def check_share():
+    """(20): the share and the whole angle follow from the mean and the resultant length, exactly; with noise by the stated variance."""
+    for s in (0.1, 0.5, 0.9, 1.0):
+        for theta in (0.01, 0.2, 1.0):
+            mean = s * np.exp(1j * theta) + 1 - s
+            r, m = abs(mean), np.angle(mean)
+            share = (1 + r * r - 2 * r * np.cos(m)) / (2 * (1 - r * np.cos(m)))
+            assert abs(share - s) < 1e-9 and abs(np.angle(r * np.exp(1j * m) - 1 + s) - theta) < 1e-9
+            # Half-angle quaternions: the lesser eigenvalue of their mean product is (1 - R)/2.
+            q = [np.array([np.cos(a / 2), np.sin(a / 2)]) for a in (0, theta)]
+            least = np.linalg.eigvalsh((1 - s) * np.outer(q[0], q[0]) + s * np.outer(q[1], q[1]))[0]
+            assert abs(least - (1 - r) / 2) < 1e-12
+    n, s, theta, sigma = 10, 0.6, 12.0, 0.15
+    rows = (np.arange(n) < s * n) * theta + sigma * rng.normal(size=(20000, n))
+    m, v = rows.mean(axis=1), rows.var(axis=1, ddof=1) * (n - 1) / n - sigma**2
+    whole, true_v = m + v / m, s * (1 - s) * theta**2
+    by_scatter, by_mean = np.sqrt((2 * sigma**4 + 4 * sigma**2 * true_v) / n) / m.mean(), true_v / m.mean() ** 2 * sigma / np.sqrt(n)
+    assert abs(whole.mean() - theta) < 0.01 and 0.7 < whole.std() / np.hypot(by_scatter, by_mean) < 1.4, (whole.mean(), whole.std())
 
 
 def check_clock():
@@ -214,6 +278,6 @@ def check_clock():
 
 
 for check in (check_sums, check_chordal_mean, check_choice, check_scale, check_instant, check_prior,
-              check_filter, check_evidence, check_penalty, check_size, check_clock):
+              check_filter, check_evidence, check_penalty, check_size, check_clock, check_ramp, check_share):
     check()
     print(f"{check.__name__}: {check.__doc__}")

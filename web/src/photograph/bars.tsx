@@ -1,5 +1,7 @@
-// What lies below the photograph: the choice between two poses, a snap to accept, and the tools.
+// What lies below the photograph: the choice between two poses, a snap to accept, and the tools. On small screens the choice would cover marks:
+// there it is in the panel.
 import type { SnapTo } from "../api/types";
+import { isLow, isSmall } from "../parts/screen";
 import { Toolbar } from "../parts/toolbar";
 import { Pick } from "../parts/files";
 import { photographTexts as texts } from "../texts/photograph";
@@ -9,8 +11,9 @@ import { removeSelected } from "./stage";
 
 const SNAPS: SnapTo[] = ["dot", "corner", "crossing"];
 
-export function ChoiceBar() {
+export function ChoiceBar({ where }: { where: "stage" | "panel" }) {
   const now = view.value;
+  if ((where === "panel") !== (isSmall.value || isLow.value)) return null;
   if (!now?.overlay?.ghost || now.is_old) return null;
   const isChosen = 0 < now.chosen_pose;
   // Where the better of two does not fit, neither does.

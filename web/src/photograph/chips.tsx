@@ -2,18 +2,19 @@
 import { computed, untracked, useSignalEffect } from "@preact/signals";
 import { useRef } from "preact/hooks";
 import type { DistanceView } from "../api/types";
+import { isSmall } from "../parts/screen";
 import { type Point, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
-import { type Box, boxes, overlap } from "./labels";
+import { type Box, boxes, overlap, widthOf } from "./labels";
 import { apply, failed, marks, measured, nextMark, tool, view, viewport } from "./store";
 import { Field } from "./field";
 import { number, pairs, type Pair } from "./pairs";
 
-const WIDTH = 124;
-const NARROW = 88;
 const HEIGHT = 34;
-/** Narrower viewports have shorter chips, px. */
-const PHONE_PX = 520;
+/** What the field of a chip takes, and the room around it and its words; on small screens there is less of it, px. */
+const FIELD = 62;
+const AROUND = 24;
+const AROUND_SMALL = 8;
 /** How far chips stay from a mark, px. */
 const APART = 14;
 /** A chip farther from its distance than this has a line to it, px. */
@@ -22,6 +23,8 @@ const LED_PX = 50;
 interface Placed extends Pair {
   x: number;
   y: number;
+  /** One of its ends has no place without it. */
+  isMissing: boolean;
   /** The middle of its distance, where it lies away from it. */
   leads: Point | null;
 }
@@ -39,17 +42,20 @@ export const placed = computed((): Placed[] => {
   const taken = boxes();
   const points = measured.value.flatMap((m) => (m.points.length <= 24 ? m.points.map((point) => toScreen(t, point)) : []));
   const result: Placed[] = [];
+  const hasPlace = (name: string) => now.points.some((point) => point.name === name && point.position_m);
   const wanted = pairs(now.template, now.points, now.distances);
   // What is still to be typed has its place first.
   for (const pair of [...wanted.filter(({ typed }) => !typed), ...wanted.filter(({ typed }) => typed)]) {
     const [a, b] = [at.get(pair.a), at.get(pair.b)];
     if (!a || !b) continue;
     const middle: Point = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
-    const found = free(a, b, centre, all, taken, points, size);
+    const isMissing = !pair.typed && !(hasPlace(pair.a) && hasPlace(pair.b));
+    const width = widthOfChip(pair, isMissing);
+    const found = free(a, b, width, centre, all, taken, points, size);
     if (found.isBlocked && pair.typed) continue;
     const [x, y] = found.spot;
-    taken.push(boxAt(found.spot, size.width));
-    result.push({ ...pair, x, y, leads: Math.hypot(x - middle[0], y - middle[1]) < LED_PX ? null : middle });
+    taken.push(boxAt(found.spot, width));
+    result.push({ ...pair, x, y, isMissing, leads: Math.hypot(x - middle[0], y - middle[1]) < LED_PX ? null : middle });
   }
   return result;
 });
@@ -58,22 +64,27 @@ function mean(values: number[]): number {
   return values.reduce((sum, value) => sum + value, 0) / Math.max(1, values.length);
 }
 
-const widthIn = (viewportWidth: number) => (viewportWidth < PHONE_PX ? NARROW : WIDTH);
+/** On small screens only a chip that asks has the names of its ends. */
+const hasNames = (isMissing: boolean) => isMissing || !isSmall.value;
 
-function boxAt([x, y]: Point, viewportWidth: number): Box {
-  const width = widthIn(viewportWidth);
+/** As wide as the style makes it. */
+function widthOfChip({ a, b }: Pair, isMissing: boolean): number {
+  const names = hasNames(isMissing) ? widthOf(texts.marks.short(a, b)) : 0;
+  return names + FIELD + widthOf("m") + (isSmall.value ? AROUND_SMALL : AROUND);
+}
+
+function boxAt([x, y]: Point, width: number): Box {
   return { x: x - width / 2, y: y - HEIGHT / 2, width, height: HEIGHT };
 }
 
 /** The best spot, and whether something is hidden even there. */
-function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Box[], points: Point[], size: { width: number; height: number }) {
+function free(a: Point, b: Point, wide: number, centre: Point, marks: Point[], taken: Box[], points: Point[], size: { width: number; height: number }) {
   const middle: Point = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const long = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
   const along: Point = [(b[0] - a[0]) / long, (b[1] - a[1]) / long];
   let normal: Point = [-along[1], along[0]];
   const outwards = (middle[0] - centre[0]) * normal[0] + (middle[1] - centre[1]) * normal[1];
   if (outwards < 0) normal = [-normal[0], -normal[1]];
-  const wide = widthIn(size.width);
   let best: { cost: number; spot: Point; isBlocked: boolean } | null = null;
   for (const step of [0, 1, -1, 2, -2, 3, -3, 4, -4]) {
     for (const aside of [0, 0.2, -0.2]) {
@@ -82,7 +93,7 @@ function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Box[], p
         Math.max(HEIGHT / 2 + 4, Math.min(size.height - HEIGHT / 2 - 4, middle[1] + step * 36 * normal[1] + aside * long * along[1])),
       ];
       const covers = (at: Point, apart: number) => Math.abs(at[0] - spot[0]) < wide / 2 + apart && Math.abs(at[1] - spot[1]) < HEIGHT / 2 + apart;
-      const hidden = marks.filter((at) => covers(at, APART)).length + 3 * taken.filter((box) => overlap(box, boxAt(spot, size.width))).length;
+      const hidden = marks.filter((at) => covers(at, APART)).length + 3 * taken.filter((box) => overlap(box, boxAt(spot, wide))).length;
       const cost = hidden + 0.3 * points.filter((at) => covers(at, 6)).length + 0.05 * Math.abs(step) + 0.1 * Math.abs(aside);
       if (!best || cost < best.cost) best = { cost, spot, isBlocked: 0 < hidden };
       if (cost === 0) return best;
@@ -94,10 +105,7 @@ function free(a: Point, b: Point, centre: Point, marks: Point[], taken: Box[], p
 export function Chips() {
   // Until all marks stand a press means the photograph below: no chip may take it.
   const passes = nextMark.value !== null;
-  // A distance is missing where one of its ends has no place without it.
-  const hasPlace = (name: string) => view.value?.points.some((point) => point.name === name && point.position_m) ?? false;
-  const isMissing = ({ a, b, typed }: Pair) => !typed && !(hasPlace(a) && hasPlace(b));
-  return <>{placed.value.map((pair) => <Chip key={`${pair.a} ${pair.b}`} {...pair} passes={passes} isMissing={isMissing(pair)} />)}</>;
+  return <>{placed.value.map((pair) => <Chip key={`${pair.a} ${pair.b}`} {...pair} passes={passes} />)}</>;
 }
 
 /** Where a chip lies now. */
@@ -118,7 +126,7 @@ function Chip({ a, b, typed, passes, isMissing }: Pair & { passes: boolean; isMi
   });
   return (
     <label class="chip" data-missing={isMissing} data-passes={passes} ref={label} style={{ transform: untracked(() => transformOf(a, b)) }}>
-      <span aria-hidden="true" class="name">{texts.marks.short(a, b)}</span>
+      {hasNames(isMissing) && <span aria-hidden="true">{texts.marks.short(a, b)}</span>}
       <DistanceInput a={a} b={b} typed={typed} isBrief />
       <span aria-hidden="true">m</span>
     </label>

@@ -64,12 +64,13 @@ export function Photograph() {
             {showsBirdseye.value && <Birdseye />}
             <div class="bars">
               <SnapBar />
-              <ChoiceBar />
+              <ChoiceBar where="stage" />
             </div>
           </div>
           <Tools />
         </div>
         <Sheet label={texts.panel} summary={<Summary />}>
+          <ChoiceBar where="panel" />
           {busy.value && <p class="busy" role="status">{busy.value}</p>}
           {changedElsewhere.value && <Note tone="grey" live>{texts.elsewhere}</Note>}
           {error.value?.step === "photograph" && <Note tone="bad" live>{error.value.text}</Note>}

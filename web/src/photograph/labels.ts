@@ -31,7 +31,8 @@ export interface Label {
 const widths = new Map<string, number>();
 let pen: OffscreenCanvasRenderingContext2D | null = null;
 
-function widthOf(text: string): number {
+/** Width of a text in the font of labels, px. */
+export function widthOf(text: string): number {
   const known = widths.get(text);
   if (known !== undefined) return known;
   pen ??= new OffscreenCanvas(1, 1).getContext("2d");

@@ -11,7 +11,8 @@ pub struct FleetSpan {
     pub(super) period_s: f64,
 }
 
-/// One in this many cameras may begin earlier, or end later, than the fleet.
+/// One in this many cameras may begin earlier, or end later, than the fleet; of fewer cameras those that are off by all of their times are left
+/// out.
 const ONE_IN: usize = 20;
 /// Periods by which a camera may be off the fleet before its clock is blamed.
 const OFF_PERIODS: f64 = 4.0;
@@ -36,9 +37,18 @@ impl FleetSpan {
         FleetSpan { span_s, period_s }
     }
 
-    /// Computes the period from the first and last time of each camera; clocks that are off by years are too few to matter.
+    /// Computes the period from the first and last time of each camera, without times that are no seconds and, of a few cameras, without those
+    /// whose clocks are off.
     pub fn of(cameras: impl Iterator<Item = (f64, f64)>, period_s: f64) -> Self {
-        let (mut first, mut last): (Vec<f64>, Vec<f64>) = cameras.unzip();
+        let all: Vec<(f64, f64)> = cameras.collect();
+        let in_seconds: Vec<(f64, f64)> = all
+            .iter()
+            .filter(|(first, last)| unit_of_time(*first).or(unit_of_time(*last)).is_none())
+            .copied()
+            .collect();
+        let spans = if in_seconds.is_empty() { all } else { in_seconds };
+        let spans = if spans.len() < ONE_IN { at_one_time(spans, OFF_PERIODS * period_s) } else { spans };
+        let (mut first, mut last): (Vec<f64>, Vec<f64>) = spans.into_iter().unzip();
         first.sort_by(f64::total_cmp);
         last.sort_by(f64::total_cmp);
         // The median represents a fleet whose cameras begin and end together.
@@ -115,6 +125,27 @@ impl FleetSpan {
     }
 }
 
+/// Without the cameras that both begin and end later, or earlier, than the middle one by more than `off_s`, and without those that reach beyond
+/// it by more than its length: such clocks are ahead or behind. A camera that outlives the others, or is new, stays.
+fn at_one_time(spans: Vec<(f64, f64)>, off_s: f64) -> Vec<(f64, f64)> {
+    let middle = |of: fn(&(f64, f64)) -> f64| {
+        let mut values: Vec<f64> = spans.iter().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let (Some(begin), Some(end)) = (middle(|span| span.0), middle(|span| span.1)) else { return spans };
+    let beyond_s = off_s.max(end - begin);
+    let is_ahead = |(first, last): &(f64, f64)| {
+        end + beyond_s < *last || (begin + off_s < *first && end + off_s < *last)
+    };
+    let is_behind = |(first, last): &(f64, f64)| {
+        *first < begin - beyond_s || (*first < begin - off_s && *last < end - off_s)
+    };
+    // Of two that differ neither is in the majority.
+    let is_off = |span: &(f64, f64)| 2 < spans.len() && (is_ahead(span) || is_behind(span));
+    spans.iter().filter(|span| !is_off(span)).copied().collect()
+}
+
 /// Rows that a camera takes in a period in which none is lost: more than those of three quarters of its periods.
 fn taken(counts: &[(i64, u64)]) -> Option<f64> {
     let mut rows: Vec<u64> = counts.iter().map(|(_, n)| *n).collect();
@@ -169,6 +200,34 @@ pub fn unit_of_time(time_s: f64) -> Option<String> {
 mod tests {
     use super::*;
     use resight::core::statistics::random::SplitMix64;
+
+    /// Whatever one clock says, a fleet of three and more has the period of the others; one that outlives the others is no wrong clock.
+    #[test]
+    fn one_clock_does_not_move_the_period_of_a_fleet() {
+        let (begin, end) = (1.78e9, 1.78e9 + 86_400.0);
+        let year_s = 3.15e7;
+        for n in 2..40 {
+            for wrong in [
+                (1e3 * begin, 1e3 * end),
+                (1e6 * begin, 1e6 * end),
+                (begin, 1e3 * end),
+                (begin + year_s, end + year_s),
+                (begin - year_s, end - year_s),
+                (begin, end + year_s),
+                (begin + 7200.0, end + 7200.0),
+                (begin - 7200.0, end - 7200.0),
+            ] {
+                let spans = (0..n).map(|i| (begin + i as f64, end + i as f64)).chain([wrong]);
+                let (first, last) = FleetSpan::of(spans, 900.0).span_s().expect("a period");
+                let is_near = (first - begin).abs() < 60.0 && (last - end).abs() < 60.0;
+                assert!(is_near, "{n} cameras and {wrong:?}: {first} to {last}");
+            }
+            let died = (0..n).map(|i| (begin, end - 3600.0 * (2 + i % 9) as f64)).chain([(begin, end)]);
+            assert!(19 <= n || FleetSpan::of(died, 900.0).span_s() == Some((begin, end)));
+        }
+        let in_milliseconds = [(1e3 * begin, 1e3 * end); 3].into_iter();
+        assert_eq!(FleetSpan::of(in_milliseconds, 900.0).span_s(), Some((1e3 * begin, 1e3 * end)));
+    }
 
     /// Random loss of rows never makes a clock; times that came twice do, also amid the loss.
     #[test]

@@ -3,7 +3,9 @@
 use super::AssessConfig;
 use super::events::{self, Motion, Moved};
 use super::evidence::{Course as Steps, FALSE_ALARM_PROBABILITY, Record};
-use super::readings::{mean, motion, readings};
+use super::partition::candidates;
+use super::ramps::{self, Slow};
+use super::readings::{mean, motion, readings, times};
 use crate::state::CameraState;
 use resight::core::temporal::monitor::learn::{LEAST_READINGS, LearnConfig, learn, unsettled};
 use resight::core::temporal::monitor::{Detectable, Monitor, MonitorConfig, Reading, Unrest, Unsettled};
@@ -47,7 +49,7 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
     let correlated = config.correlated(period_s);
     let single = unsettled(&readings, &correlated);
     let steps = |rate: f64| several(&readings, state, period_s, &correlated, single.as_ref(), rate);
-    if let Some(Moved { reference, events, now }) = steps(FALSE_ALARM_PROBABILITY) {
+    if let Some(Moved { reference, events, now, .. }) = steps(FALSE_ALARM_PROBABILITY) {
         return Course { reference: Some(reference), events, now, ..nothing };
     }
     match single {
@@ -61,14 +63,18 @@ pub(super) fn course(state: &CameraState, period_s: f64, config: &AssessConfig) 
         Some(found) => {
             let first = found.reading.clamp(1, readings.len() - 1);
             let before = mean(&readings[..first - usize::from(1 < first)]);
-            let reported = events::of_single(&found, &readings, state, period_s);
+            let moved = single_motion(&found, &readings, &correlated, state, period_s);
+            let (before, reported, now) = match moved {
+                Some(Moved { reference, events, now, .. }) => (Some(reference), events, now),
+                None => (before, vec![events::of_single(&found, &readings, state, period_s)], None),
+            };
             // A ramp whose ends do not differ is not reported as continuing.
-            match reported.chi2 < LEAST_CHI2 {
+            match reported.iter().all(|event| event.chi2 < LEAST_CHI2) {
                 true => Course {
                     unrest: Some(Wander::ToAndFro { by: found.drift.old_from_new, likely: Vec::new() }),
                     ..steady(&readings, &correlated, period_s, config)
                 },
-                false => Course { reference: before, events: vec![reported], ..nothing },
+                false => Course { reference: before, events: reported, now, ..nothing },
             }
         }
         None => steady(&readings, &correlated, period_s, config),
@@ -90,19 +96,93 @@ fn several(
     single: Option<&Unsettled>,
     false_alarms: f64,
 ) -> Option<Moved> {
-    let t_s: Vec<f64> = readings.iter().map(|reading| reading.t_s).collect();
+    let t_s = times(readings, state, period_s);
     let record = Record::new(readings, &t_s, config)?;
-    let steps = record.steps(false_alarms)?;
-    let of =
-        |steps: &[usize], ramp: Option<usize>| record.log_posterior(&Steps { steps: steps.to_vec(), ramp });
-    let found =
-        single.filter(|found| found.unrest == Unrest::Ramp).map(|found| found.reading.saturating_sub(1));
-    let ramps = [0].into_iter().chain(found.map(|from| from.min(readings.len() - 2)));
-    if ramps.map(|from| of(&[], Some(from))).any(|ramp| of(&steps, None) < ramp) {
-        return None;
+    let sets = record.steps(false_alarms)?;
+    let steps = Steps { steps: record.best(&sets), ramp: None };
+    let slow = ramps::best(&record, &sets, period_s).filter(|slow| record.log_posterior(&steps) < slow.1);
+    if let Some((Steps { steps: beside, ramp: Some(ramp) }, _)) = slow {
+        let is_ramp = single.is_some_and(|found| found.unrest == Unrest::Ramp) && beside.is_empty();
+        if is_ramp || record.is_certain_ramp(&beside, &ramp, false_alarms) {
+            let slow = ramps::fit(&record, &beside, &ramp, period_s)?;
+            return slowly(&record, &beside, slow, readings, state, period_s, config);
+        }
+        // Likelier than steps, but not beyond doubt: the test of a single motion decides.
+        if beside.is_empty() && t_s.last().is_some_and(|last_s| *last_s < ramp.to_s) {
+            return None;
+        }
     }
-    let groups = record.certain(events::groups(&record, &steps));
-    events::reported(&record, &groups, readings, state, period_s)
+    let groups = record.certain(events::groups(&record, &steps.steps), 1);
+    events::reported(&record, &groups, readings, state, period_s, None)
+}
+
+/// Readings about the step of the test of a single motion, which may be the first after it.
+const NEAR: usize = 2;
+
+/// The motion that the test of a single motion found, as a step or as a ramp, perhaps with steps beside it, whichever is likelier.
+fn single_motion(
+    found: &Unsettled,
+    readings: &[Reading],
+    config: &LearnConfig,
+    state: &CameraState,
+    period_s: f64,
+) -> Option<Moved> {
+    let t_s = times(readings, state, period_s);
+    let record = Record::new(readings, &t_s, config)?;
+    let near = found.reading.saturating_sub(NEAR).max(1)..(found.reading + NEAR + 1).min(readings.len());
+    let steps: Vec<Vec<usize>> = near.map(|first| vec![first]).collect();
+    let step = Steps { steps: record.best(&steps), ramp: None };
+    let sets: Vec<Vec<usize>> =
+        [step.steps.clone()].into_iter().chain(candidates(record.whitened(), record.weights())).collect();
+    let likelier = ramps::best(&record, &sets, period_s).filter(|slow| record.log_posterior(&step) < slow.1);
+    if let Some((Steps { steps: beside, ramp: Some(ramp) }, _)) = likelier
+        && record.is_certain_ramp(&beside, &ramp, FALSE_ALARM_PROBABILITY)
+    {
+        let slow = ramps::fit(&record, &beside, &ramp, period_s)?;
+        return slowly(&record, &beside, slow, readings, state, period_s, config);
+    }
+    if found.unrest == Unrest::Ramp {
+        let slow = ramps::fit(&record, &[], &ramps::likeliest(&record, &[], period_s)?, period_s)?;
+        return slowly(&record, &[], slow, readings, state, period_s, config);
+    }
+    let mut moved = events::reported(&record, &[step.steps], readings, state, period_s, None)?;
+    let event = moved.events.pop().filter(Motion::is_confirmed)?;
+    let Motion { since_s, since_sigma_s, .. } = events::of_single(found, readings, state, period_s);
+    Some(Moved { events: vec![Motion { since_s, since_sigma_s, ..event }], now: None, ..moved })
+}
+
+/// A slow motion, and the steps that are left without it.
+fn slowly(
+    record: &Record,
+    beside: &[usize],
+    slow: Slow,
+    readings: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+    config: &LearnConfig,
+) -> Option<Moved> {
+    let left = slow.removed(readings, record.t_s());
+    let rest = Record::new(&left, record.t_s(), config)?;
+    let groups = rest.certain(events::groups(&rest, beside), 0);
+    if groups.is_empty() {
+        let slow = match beside.is_empty() {
+            true => slow,
+            false => ramps::fit(record, &[], &slow.ramp, period_s)?,
+        };
+        let reference = mean(&slow.removed(readings, record.t_s()))?;
+        return Some(Moved {
+            reference,
+            events: vec![slow.event()],
+            now: None,
+            end: (slow.motion, slow.covariance),
+        });
+    }
+    let mut moved = events::reported(&rest, &groups, &left, state, period_s, Some(&slow))?;
+    moved.events.push(slow.event());
+    moved.events.sort_by(|a, b| a.since_s.total_cmp(&b.since_s));
+    let (y, covariance) = moved.end;
+    let end = (y + slow.motion, covariance + slow.covariance);
+    Some(Moved { now: Some(end), end, ..moved })
 }
 
 /// Returns the pose of the whole record, and the motion that would have been found.

@@ -1,10 +1,12 @@
 //! Motions in numbers: their time, and the change from the pose before to the pose after.
 
+use super::amid::Amid;
 use super::evidence::{Record, means};
+use super::ramps::Slow;
 use super::readings::{mean, motion};
-use super::series::{Correlated, Jump};
+use super::share::{self, Whole};
 use crate::state::CameraState;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, dvector};
 use resight::core::temporal::monitor::{Drift, MotionKind, Reading, Unrest, Unsettled};
 use resight::core::{Matrix6, Pose, Vector6};
 use serde::Serialize;
@@ -19,9 +21,13 @@ pub struct Motion {
     pub since_s: f64,
     /// The uncertainty of that time, seconds.
     pub since_sigma_s: f64,
+    /// When a ramp ended and the uncertainty of that time, seconds; `None` where it continues, and of other motions.
+    pub until_s: Option<[f64; 2]>,
+    /// Whether it may be larger: a single period holds an unknown share of it.
+    pub is_at_least: bool,
     /// χ² of the motion with six degrees of freedom.
     pub chi2: f64,
-    /// The current pose of the camera in its own old frame, about x right, y down, z forward, degrees.
+    /// The later pose of the camera in its own old frame; of a ramp rate times duration; about x right, y down, z forward, degrees.
     pub rotation_deg: [f64; 3],
     /// Their standard deviations.
     pub rotation_sigma_deg: [f64; 3],
@@ -43,7 +49,15 @@ impl Motion {
         matches!(self.kind, "step" | "ramp")
     }
 
-    fn new(
+    /// Whether it is later than what is known.
+    pub(super) fn is_new(&self, known_until_s: Option<f64>) -> bool {
+        let last_s = self.until_s.map_or(self.since_s, |[until_s, _]| until_s);
+        // A ramp that continues is new whenever it began.
+        let is_going_on = self.kind == "ramp" && self.until_s.is_none();
+        is_going_on || known_until_s.is_none_or(|known| known < last_s + 2.0 * self.since_sigma_s)
+    }
+
+    pub(super) fn new(
         kind: &'static str,
         (since_s, since_sigma_s): (f64, f64),
         y: Vector6,
@@ -71,6 +85,8 @@ impl Motion {
             kind,
             since_s,
             since_sigma_s,
+            until_s: None,
+            is_at_least: false,
             chi2,
             rotation_deg: [0, 1, 2].map(|i| y[i].to_degrees()),
             rotation_sigma_deg: [0, 1, 2].map(|i| sigma(i).to_degrees()),
@@ -112,6 +128,8 @@ pub(super) struct Moved {
     pub events: Vec<Motion>,
     /// The motion from the beginning to the end, where there is more than one.
     pub now: Option<(Vector6, Matrix6)>,
+    /// The same, however many there are.
+    pub end: (Vector6, Matrix6),
 }
 
 /// One event: it separates the readings before it from those after it.
@@ -127,7 +145,7 @@ impl Border {
     /// remain.
     fn sides(&self, begin: usize, end: usize) -> (Range<usize>, Range<usize>) {
         let is_plain = self.before_end == self.after_begin;
-        let spared = |n: usize| usize::from(is_plain && FEW < n);
+        let spared = |n: usize| usize::from(is_plain && 1 < n);
         let (before, after) = (self.before_end - begin, end - self.after_begin);
         (begin..self.before_end - spared(before), self.after_begin + spared(after)..end)
     }
@@ -162,19 +180,15 @@ pub(super) fn reported(
     readings: &[Reading],
     state: &CameraState,
     period_s: f64,
+    slow: Option<&Slow>,
 ) -> Option<Moved> {
     let all: Vec<usize> = groups.iter().flatten().copied().collect();
-    let errors: Vec<Correlated> = record.series[..6]
-        .iter()
-        .map(|series| {
-            let wide = 1e6 * series.values.iter().map(|v| v * v).fold(series.typical_variance(), f64::max);
-            let jumps: Vec<Jump> = all.iter().map(|at| Jump { at: *at, variance: wide }).collect();
-            series.likeliest(&jumps, f64::INFINITY).1
-        })
-        .collect();
+    let amid = Amid::of(&record.series, &all, slow.map(Slow::uncertain));
     let borders: Vec<Border> = groups.iter().map(|group| border(record, group, &all)).collect();
     let mut events = Vec::new();
     let mut total = Matrix6::zeros();
+    // What the mean of a last period that holds both poses lacks of the later one.
+    let mut lacking = (Vector6::zeros(), Matrix6::zeros());
     for (k, border) in borders.iter().enumerate() {
         let begin = if k == 0 { 0 } else { borders[k - 1].after_begin };
         let end = borders.get(k + 1).map_or(readings.len(), |next| next.before_end);
@@ -182,64 +196,117 @@ pub(super) fn reported(
             Some(at) => (begin..border.before_end, at..at + 1),
             None => border.sides(begin, end),
         };
-        let (y, covariance) = size(record, readings, old, new.clone(), &errors)?;
-        let is_last_reading = border.excursion.is_none() && new.len() == 1 && new.end == readings.len();
+        let (y, covariance) = size(record, readings, old, new, &amid)?;
+        let is_single_after = border.excursion.is_none() && end - border.after_begin == 1;
         let kind = match border.excursion {
             Some(_) => "excursion",
-            None if is_last_reading => "pending",
+            None if is_single_after && end == readings.len() => "pending",
             None => "step",
+        };
+        // A side that is a single period may be a mean of both poses itself.
+        let is_single_before = border.before_end - begin == 1 && 0 < begin;
+        let single = border
+            .excursion
+            .or(is_single_after.then_some(border.after_begin))
+            .or(is_single_before.then_some(begin));
+        let of_share = single.and_then(|at| {
+            share::whole(readings, at, &all, state, period_s, (&y, share::angle_sigma(&y, &covariance)))
+        });
+        let is_single_row = kind != "step" && of_share.as_ref().is_some_and(Whole::is_one_row);
+        if is_single_row {
+            continue;
+        }
+        let mut when = when(record, border, &all, readings, state, period_s);
+        if let (Some(whole), "pending", 0) = (&of_share, kind, border.after_begin - border.before_end) {
+            when = last_instant(whole, readings, state, period_s).unwrap_or(when);
+            lacking = (y * (whole.factor - 1.0), y * y.transpose() * whole.factor_sigma.powi(2));
+        }
+        let event = match of_share {
+            Some(whole) => by_share(kind, when, (y, covariance), &whole),
+            None => Motion::new(kind, when, y, covariance),
         };
         if border.excursion.is_none() {
             total += covariance;
         }
-        let when = when(record, border, &all, readings, state, period_s);
-        events.push(Motion::new(kind, when, y, covariance));
+        events.push(event);
+    }
+    if events.is_empty() {
+        return None;
     }
     let first = mean(&readings[borders.first()?.sides(0, readings.len()).0])?;
     let last = mean(&readings[borders.last()?.sides(0, readings.len()).1])?;
-    let now = (1 < events.len()).then(|| (motion(&first.0, &last.0), total + first.1 + last.1));
-    Some(Moved { reference: first, events, now })
+    let end = (motion(&first.0, &last.0) + lacking.0, total + first.1 + last.1 + lacking.1);
+    let now = (1 < events.len()).then_some(end);
+    Some(Moved { reference: first, events, now, end })
 }
 
-/// So few readings are all needed.
-const FEW: usize = 3;
+/// A motion of which a period holds a share, as large as the scatter of that period says. Its evidence is that of the mean.
+fn by_share(
+    kind: &'static str,
+    when: (f64, f64),
+    (y, covariance): (Vector6, Matrix6),
+    whole: &Whole,
+) -> Motion {
+    let seen = Motion::new(kind, when, y, covariance);
+    if whole.is_vague() {
+        let each = |sizes: [f64; 3], sigmas: [f64; 3]| [0, 1, 2].map(|i| sizes[i].hypot(sigmas[i]));
+        let vague = |[size, sigma]: [f64; 2]| [size, size.hypot(sigma)];
+        return Motion {
+            is_at_least: true,
+            rotation_sigma_deg: each(seen.rotation_deg, seen.rotation_sigma_deg),
+            translation_sigma_m: each(seen.translation_m, seen.translation_sigma_m),
+            angle_deg: vague(seen.angle_deg),
+            shift_m: vague(seen.shift_m),
+            ..seen
+        };
+    }
+    let uncertain = covariance * whole.factor.powi(2) + y * y.transpose() * whole.factor_sigma.powi(2);
+    let motion = Motion::new(kind, when, y * whole.factor, uncertain);
+    Motion { chi2: seen.chi2, ..motion }
+}
+
+/// When a motion fell of which the last period holds a share.
+fn last_instant(
+    whole: &Whole,
+    readings: &[Reading],
+    state: &CameraState,
+    period_s: f64,
+) -> Option<(f64, f64)> {
+    let begin_s = (readings.last()?.t_s / period_s).floor() * period_s;
+    // The last period may end with the record.
+    let length_s = (state.span_s?.1 - begin_s).clamp(0.0, period_s);
+    let (share, sigma) = whole.share();
+    let variance = sigma.powi(2) + 1.0 / (3.0 * whole.rows * whole.rows) + 1e-4;
+    (!whole.is_vague()).then(|| (begin_s + (1.0 - share) * length_s, length_s * variance.sqrt()))
+}
 /// Readings on either side that the size of a motion rests on, so that slow errors are those of its time.
 const NEAR: usize = 48;
 
-/// From the pose before to the pose after, by generalised least squares amid the error of each whitened coordinate, eq. (16).
+/// From the pose before to the pose after, by least squares amid the errors of the whitened coordinates, eq. (16).
 fn size(
     record: &Record,
     readings: &[Reading],
     old: Range<usize>,
     new: Range<usize>,
-    errors: &[Correlated],
+    amid: &Amid,
 ) -> Option<(Vector6, Matrix6)> {
     let old = old.start.max(old.end.saturating_sub(NEAR))..old.end;
     let new = new.start..new.end.min(new.start + NEAR);
     let is_new: Vec<bool> = old.clone().map(|_| false).chain(new.clone().map(|_| true)).collect();
     let used: Vec<usize> = old.clone().chain(new).collect();
-    let (mut means, mut variances) = ([Vector6::zeros(); 2], Vector6::zeros());
     // About the last reading before, so that motions on either side are small or that of the event.
     let about = readings[old.end.checked_sub(1)?].a_from_b;
     let whitened_from_motion = record.motion_from_whitened.try_inverse()?;
     let y: Vec<Vector6> =
         used.iter().map(|i| whitened_from_motion * motion(&about, &readings[*i].a_from_b)).collect();
+    let columns = DMatrix::from_fn(used.len(), 2, |i, k| f64::from(u8::from(is_new[i] == (k == 1))));
+    let squares = amid.fit(&used, &columns)?;
+    let (mut means, mut variances) = ([Vector6::zeros(); 2], Vector6::zeros());
     for axis in 0..6 {
-        let (series, error) = (&record.series[axis], &errors[axis]);
-        let covariance = DMatrix::from_fn(used.len(), used.len(), |i, j| {
-            let apart_s = (series.t_s[used[i]] - series.t_s[used[j]]).abs();
-            let own = if i == j { series.variances[used[i]] } else { 0.0 };
-            own + error.sigma.powi(2) * (-apart_s / error.time_s).exp()
-        });
-        let columns = DMatrix::from_fn(used.len(), 2, |i, k| f64::from(u8::from(is_new[i] == (k == 1))));
-        let factor = covariance.cholesky()?;
-        let weighed = factor.solve(&columns);
-        let information = columns.transpose() * &weighed;
-        let values = DVector::from_fn(used.len(), |i, _| y[i][axis]);
-        let inverse = information.try_inverse()?;
-        let solved = &inverse * (weighed.transpose() * values);
+        let values = DMatrix::from_fn(used.len(), 1, |i, _| y[i][axis]);
+        let solved = squares.coefficients(axis, &values)?;
         (means[0][axis], means[1][axis]) = (solved[0], solved[1]);
-        variances[axis] = inverse[(0, 0)] + inverse[(1, 1)] - 2.0 * inverse[(0, 1)];
+        variances[axis] = squares.variance(axis, &dvector![-1.0, 1.0])?;
     }
     let [before, after] = means.map(|m| Pose::exp(&-(record.motion_from_whitened * m)) * about);
     let root = record.motion_from_whitened;

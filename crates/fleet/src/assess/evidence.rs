@@ -2,7 +2,7 @@
 
 use super::partition::candidates;
 use super::readings::motion;
-use super::series::{Correlated, Jump, Series};
+use super::series::{Correlated, Jump, Ramp, Series};
 use resight::core::temporal::monitor::Reading;
 use resight::core::temporal::monitor::learn::LearnConfig;
 use resight::core::{Matrix6, Vector6};
@@ -15,6 +15,8 @@ const SIZES: [f64; 4] = [5.0, 50.0, 500.0, 5000.0];
 /// A camera's readings, seen along directions in which steps show.
 pub(super) struct Record<'a> {
     t_s: &'a [f64],
+    /// The begin of the first reading and the end of the last, seconds.
+    pub span_s: (f64, f64),
     /// Motions from the middle reading, whitened by the mean covariance.
     whitened: Vec<Vector6>,
     /// How much more a reading counts than the mean one.
@@ -30,8 +32,8 @@ pub(super) struct Record<'a> {
 pub(super) struct Course {
     /// First readings after steps, rising.
     pub steps: Vec<usize>,
-    /// The reading that a ramp begins with.
-    pub ramp: Option<usize>,
+    /// A slow motion besides.
+    pub ramp: Option<Ramp>,
 }
 
 impl<'a> Record<'a> {
@@ -65,6 +67,7 @@ impl<'a> Record<'a> {
         let size = |covariance: &Matrix6| covariance.trace() / typical.trace();
         Some(Record {
             t_s,
+            span_s: self::span_s(t_s),
             whitened: motions.iter().map(|y| whitened_from_motion * y).collect(),
             weights: readings.iter().map(|r| 1.0 / size(&r.covariance)).collect(),
             series: (0..12).map(series).collect(),
@@ -76,8 +79,20 @@ impl<'a> Record<'a> {
         self.t_s.len()
     }
 
-    /// Steps that explain the readings, where the evidence for them is beyond that of a probability of false alarms.
-    pub fn steps(&self, false_alarms: f64) -> Option<Vec<usize>> {
+    pub fn t_s(&self) -> &[f64] {
+        self.t_s
+    }
+
+    pub fn whitened(&self) -> &[Vector6] {
+        &self.whitened
+    }
+
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// Sets of steps that explain the readings, where the evidence for one of them is beyond that of a probability of false alarms.
+    pub fn steps(&self, false_alarms: f64) -> Option<Vec<Vec<usize>>> {
         let limit = -false_alarms.ln();
         let found = candidates(&self.whitened, &self.weights);
         let nothing: Vec<f64> = match found.is_empty() {
@@ -92,7 +107,7 @@ impl<'a> Record<'a> {
         }
         let nothing: Vec<f64> = self.series.iter().map(|s| s.likeliest(&[], f64::INFINITY).0).collect();
         let is_certain = promising.iter().any(|steps| limit <= self.log_evidence(steps, &nothing));
-        is_certain.then(|| self.best(promising))
+        is_certain.then_some(promising)
     }
 
     /// ln of the mean over the directions of e, eqs. (10), (12): what a set of steps says against `nothing`, ln p of no step along each direction.
@@ -106,10 +121,10 @@ impl<'a> Record<'a> {
     }
 
     /// The likeliest of some sets of steps, all whitened coordinates together.
-    fn best(&self, sets: Vec<Vec<usize>>) -> Vec<usize> {
+    pub fn best(&self, sets: &[Vec<usize>]) -> Vec<usize> {
         let score = |steps: &Vec<usize>| self.log_posterior(&Course { steps: steps.clone(), ramp: None });
-        let scored = sets.into_iter().map(|steps| (score(&steps), steps));
-        scored.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, steps)| steps).unwrap_or_default()
+        let scored = sets.iter().map(|steps| (score(steps), steps));
+        scored.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, steps)| steps.clone()).unwrap_or_default()
     }
 
     /// ln of prior times likelihood of a course, all whitened coordinates together, eq. (14).
@@ -118,18 +133,35 @@ impl<'a> Record<'a> {
             let jumps = self.jumps(series, &course.steps);
             match course.ramp {
                 None => log_mean_likelihood(series, &jumps),
-                Some(from) => log_mean_likelihood_of_ramp(series, &jumps, from),
+                Some(ramp) => log_mean_likelihood_of_ramp(series, &jumps, &ramp),
             }
         };
-        let ramp = if course.ramp.is_some() { -(2.0 * self.len() as f64).ln() } else { 0.0 };
+        let ramp = if course.ramp.is_some() { self.log_prior_of_ramp() } else { 0.0 };
         log_prior(course.steps.len(), self.len()) + ramp + self.series[..6].iter().map(of).sum::<f64>()
     }
 
-    /// The steps without those that the others explain: each that stays has evidence of its own, eq. (15). `events` group the steps.
-    pub fn certain(&self, events: Vec<Vec<usize>>) -> Vec<Vec<usize>> {
+    /// ln of the prior probability of a ramp: half, all its first and last readings alike.
+    fn log_prior_of_ramp(&self) -> f64 {
+        -((self.len() * (self.len() - 1)) as f64).ln()
+    }
+
+    /// Whether a ramp has evidence of its own given steps of any size, as each of these has in eq. (15).
+    pub fn is_certain_ramp(&self, steps: &[usize], ramp: &Ramp, false_alarms: f64) -> bool {
+        let e = |series: &Series| {
+            let wide = wide(series);
+            let jumps: Vec<Jump> = steps.iter().map(|at| Jump { at: *at, variance: wide }).collect();
+            let some = self.log_prior_of_ramp() + log_mean_likelihood_of_ramp(series, &jumps, ramp);
+            some - series.likeliest(&jumps, some).0
+        };
+        -false_alarms.ln() <= log_mean(&self.series.iter().map(e).collect::<Vec<_>>())
+    }
+
+    /// The steps without those that the others explain: each that stays has evidence of its own, eq. (15), but the last `kept`. `events` group
+    /// the steps.
+    pub fn certain(&self, events: Vec<Vec<usize>>, kept: usize) -> Vec<Vec<usize>> {
         let limit = -FALSE_ALARM_PROBABILITY.ln();
         let mut events = events;
-        while 1 < events.len() {
+        while kept < events.len() {
             let evidence: Vec<f64> = (0..events.len()).map(|k| self.log_evidence_of(&events, k)).collect();
             let weakest = (0..events.len()).min_by(|a, b| evidence[*a].total_cmp(&evidence[*b])).unwrap_or(0);
             if limit <= evidence[weakest] {
@@ -148,8 +180,7 @@ impl<'a> Record<'a> {
         let prior = log_prior(events[k].len(), self.len());
         let e = |series: &Series| {
             // The others are of any size.
-            let wide =
-                1e6 * series.typical_variance().max(series.values.iter().map(|v| v * v).fold(0.0, f64::max));
+            let wide = wide(series);
             let others: Vec<Jump> = without.iter().map(|at| Jump { at: *at, variance: wide }).collect();
             let own = self.jumps(series, &with);
             let all: Vec<Jump> = own
@@ -202,6 +233,21 @@ impl<'a> Record<'a> {
     }
 }
 
+/// Readings are means of equal periods, but the first and the last, which are about as long as it is from their middle to the next border.
+fn span_s(t_s: &[f64]) -> (f64, f64) {
+    let n = t_s.len();
+    let mut apart_s: Vec<f64> = t_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    apart_s.sort_by(f64::total_cmp);
+    let period_s = apart_s.get(apart_s.len() / 2).copied().unwrap_or(0.0);
+    let half_s = |apart_s: f64| (apart_s - 0.5 * period_s).clamp(0.0, 0.5 * period_s);
+    (t_s[0] - half_s(t_s[1] - t_s[0]), t_s[n - 1] + half_s(t_s[n - 1] - t_s[n - 2]))
+}
+
+/// The variance of a step of any size.
+fn wide(series: &Series) -> f64 {
+    1e6 * series.values.iter().map(|v| v * v).fold(series.typical_variance(), f64::max)
+}
+
 /// The mean of each stretch between steps.
 pub(super) fn means(values: &[f64], steps: &[usize]) -> Vec<f64> {
     let borders: Vec<usize> = std::iter::once(0).chain(steps.iter().copied()).chain([values.len()]).collect();
@@ -220,10 +266,10 @@ fn log_mean_likelihood(series: &Series, jumps: &[Jump]) -> f64 {
     log_mean(&series.errors().iter().map(of).collect::<Vec<_>>())
 }
 
-fn log_mean_likelihood_of_ramp(series: &Series, jumps: &[Jump], from: usize) -> f64 {
+fn log_mean_likelihood_of_ramp(series: &Series, jumps: &[Jump], ramp: &Ramp) -> f64 {
     let sigma = series.typical_variance().sqrt();
     let of = |error: Correlated| {
-        SIZES.map(|size| series.log_likelihood_of_ramp(&error, jumps, from, (size * sigma).powi(2)))
+        SIZES.map(|size| series.log_likelihood_of_ramp(&error, jumps, ramp, (size * sigma).powi(2)))
     };
     log_mean(&series.errors().into_iter().flat_map(of).collect::<Vec<_>>())
 }

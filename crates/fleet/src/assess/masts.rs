@@ -34,7 +34,7 @@ impl Together {
 /// Standard deviations by which two motions at one time may be apart.
 const APART: f64 = 3.0;
 
-/// Sites at which several cameras, and half of those tested at least, moved at one time.
+/// Sites at which several cameras, and half of those tested at least, moved at one time, as is not known.
 pub(super) fn together(verdicts: &[CameraVerdict], cameras: &Cameras) -> Vec<Together> {
     let mut sites: BTreeMap<String, Vec<&CameraVerdict>> = BTreeMap::new();
     let is_tested = |v: &&CameraVerdict| matches!(v.found, Found::Moved | Found::Steady | Found::Wandering);
@@ -58,8 +58,8 @@ fn name_of(cameras: &Cameras, camera: &str) -> Option<String> {
 fn at_one_time(site: &str, verdicts: &[&CameraVerdict]) -> Vec<Together> {
     let mut events: Vec<(f64, f64, &str)> = Vec::new();
     for verdict in verdicts {
-        let confirmed = verdict.events.iter().filter(|event| event.is_confirmed());
-        events.extend(confirmed.map(|event| (event.since_s, event.since_sigma_s, verdict.camera.as_str())));
+        let new = verdict.new_motions();
+        events.extend(new.map(|event| (event.since_s, event.since_sigma_s, verdict.camera.as_str())));
     }
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let is_near = |a: &(f64, f64, &str), b: &(f64, f64, &str)| b.0 - a.0 <= APART * a.1.hypot(b.1);

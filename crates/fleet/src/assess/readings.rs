@@ -29,6 +29,16 @@ pub(super) fn readings(state: &CameraState, period_s: f64, least_rows: u64) -> V
     readings
 }
 
+/// The middle of what each reading is a mean over, seconds: the first and the last period of a record are not full.
+pub(super) fn times(readings: &[Reading], state: &CameraState, period_s: f64) -> Vec<f64> {
+    let (begin_s, end_s) = state.span_s.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let middle = |t_s: f64| {
+        let from_s = (t_s / period_s).floor() * period_s;
+        0.5 * (from_s.max(begin_s) + (from_s + period_s).min(end_s))
+    };
+    readings.iter().map(|reading| middle(reading.t_s)).collect()
+}
+
 /// By how much neighbours differ more than their covariances say, robustly: a step is one difference of many.
 fn scale(readings: &[Reading]) -> f64 {
     let chi2 = |pair: &[Reading]| {

@@ -23,6 +23,38 @@ pub(super) struct Jump {
     pub variance: f64,
 }
 
+/// A slow motion, of size one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ramp {
+    /// When it begins and ends, seconds.
+    pub from_s: f64,
+    pub to_s: f64,
+    /// A reading is a mean over so long.
+    pub period_s: f64,
+}
+
+impl Ramp {
+    /// How much of it is done in the mean of a reading: zero before it, one after it.
+    pub fn at(&self, t_s: f64) -> f64 {
+        let length_s = (self.to_s - self.from_s).max(f64::MIN_POSITIVE);
+        let until = |t_s: f64| match t_s - self.from_s {
+            elapsed_s if elapsed_s < length_s => elapsed_s.max(0.0).powi(2) / (2.0 * length_s),
+            elapsed_s => elapsed_s - 0.5 * length_s,
+        };
+        (until(t_s + 0.5 * self.period_s) - until(t_s - 0.5 * self.period_s)) / self.period_s
+    }
+
+    /// By how much that changes with its begin and its end.
+    pub fn slopes(&self, t_s: f64) -> [f64; 2] {
+        let length_s = (self.to_s - self.from_s).max(f64::MIN_POSITIVE);
+        let within = |t_s: f64| t_s.clamp(self.from_s, self.to_s);
+        let (p, q) = (within(t_s - 0.5 * self.period_s), within(t_s + 0.5 * self.period_s));
+        let about =
+            |end: f64| ((q - end).powi(2) - (p - end).powi(2)) / (2.0 * length_s.powi(2) * self.period_s);
+        [about(self.to_s), -about(self.from_s)]
+    }
+}
+
 /// Values along one direction, in order of time.
 #[derive(Debug, Clone)]
 pub(super) struct Series<'a> {
@@ -44,7 +76,7 @@ const FIRST_STEP: f64 = 0.8;
 const LAST_STEP: f64 = 0.1;
 /// Evaluations of that search, at most.
 const EVALUATIONS: usize = 120;
-const DAY_S: f64 = 86_400.0;
+pub(super) const DAY_S: f64 = 86_400.0;
 
 impl Series<'_> {
     pub fn span_s(&self) -> f64 {
@@ -77,25 +109,24 @@ impl Series<'_> {
         self.walk(error, jumps, None).0
     }
 
-    /// The same amid a ramp from a reading on, whose size over the record has this variance.
+    /// The same amid a ramp whose size has this variance.
     pub fn log_likelihood_of_ramp(
         &self,
         error: &Correlated,
         jumps: &[Jump],
-        from: usize,
+        ramp: &Ramp,
         variance: f64,
     ) -> f64 {
-        let (log_p, score, information) = self.walk(error, jumps, Some(from));
+        let (log_p, score, information) = self.walk(error, jumps, Some(ramp));
         let shrinkage = 1.0 / (1.0 + variance * information);
         log_p + 0.5 * (variance * score.powi(2) * shrinkage + shrinkage.ln())
     }
 
     /// ln p(v), and the score and information of a ramp of size one.
-    fn walk(&self, error: &Correlated, jumps: &[Jump], ramp: Option<usize>) -> (f64, f64, f64) {
+    fn walk(&self, error: &Correlated, jumps: &[Jump], ramp: Option<&Ramp>) -> (f64, f64, f64) {
         let mut filter = Filter::new(self, error);
         let (mut sum, mut score, mut information) = (0.0, 0.0, 0.0);
         let mut jumps = jumps.iter().peekable();
-        let span_s = self.span_s().max(f64::MIN_POSITIVE);
         for i in 0..self.values.len() {
             if 0 < i {
                 filter.predict(self.t_s[i] - self.t_s[i - 1]);
@@ -103,7 +134,7 @@ impl Series<'_> {
             while let Some(jump) = jumps.next_if(|jump| jump.at == i) {
                 filter.p[0][0] += jump.variance;
             }
-            let x = ramp.map_or(0.0, |from| ((self.t_s[i] - self.t_s[from]) / span_s).max(0.0));
+            let x = ramp.map_or(0.0, |ramp| ramp.at(self.t_s[i]));
             let (nu, nu_x, variance) = filter.update(self.values[i], x, self.variances[i]);
             if 0 < i {
                 sum -= 0.5 * (nu * nu / variance + variance.ln());

@@ -27,7 +27,7 @@ pub enum Found {
     Clock,
     /// It moves to and fro by more than the errors of a period, as by diurnal variation.
     Wandering,
-    /// It has too few poses for a verdict.
+    /// It has too few poses for a verdict, or a single period says that it moved.
     TooFew,
     /// It is in the rows, but not in the table of cameras.
     Unknown,
@@ -82,15 +82,22 @@ pub struct CameraVerdict {
     pub counts: [u64; 6],
     /// First and last time of a row, seconds.
     pub span_s: Option<(f64, f64)>,
+    /// Motions before this time, seconds, are known.
+    pub known_until_s: Option<f64>,
     /// Small motions from the first period's pose, by the middle of each period, seconds; for pictures.
     pub history: Vec<(f64, [f64; 6])>,
 }
 
 impl CameraVerdict {
-    /// The motion with the most evidence.
+    /// The motion with the most evidence, of those that are not known.
     pub fn motion(&self) -> Option<&Motion> {
-        let confirmed = self.events.iter().filter(|event| self.found == Found::Moved && event.is_confirmed());
-        confirmed.max_by(|a, b| a.chi2.total_cmp(&b.chi2))
+        let moved = self.new_motions().filter(|_| self.found == Found::Moved);
+        moved.max_by(|a, b| a.chi2.total_cmp(&b.chi2))
+    }
+
+    /// The confirmed motions that are not known.
+    pub(super) fn new_motions(&self) -> impl Iterator<Item = &Motion> {
+        self.events.iter().filter(|event| event.is_confirmed() && event.is_new(self.known_until_s))
     }
 }
 
@@ -111,6 +118,7 @@ pub(super) fn of(
         detectable: None,
         counts: state.counts,
         span_s: state.span_s,
+        known_until_s: config.known_until_s,
         history: history(state, fleet.period_s, config),
     };
     if !is_known {
@@ -154,16 +162,17 @@ fn dead(state: &CameraState, fleet: &FleetSpan, config: &AssessConfig) -> Option
 }
 
 fn judged(plain: CameraVerdict, course: Course, config: &AssessConfig) -> CameraVerdict {
-    let confirmed = || course.events.iter().filter(|event| event.is_confirmed());
-    let is_new = |event: &Motion| {
-        config.known_until_s.is_none_or(|known| known < event.since_s + 2.0 * event.since_sigma_s)
-    };
-    let is_known = confirmed().next().is_some() && course.events.iter().all(|event| !is_new(event));
-    let is_moved = confirmed().next().is_some() && !is_known;
+    let mut new = course.events.iter().filter(|event| event.is_new(config.known_until_s)).peekable();
+    let is_unconfirmed = new.peek().is_some();
+    let is_moved = new.any(Motion::is_confirmed);
     let (found, message) = match (&course.unrest, &course.reference) {
-        _ if is_known => (Found::Steady, format!("stayed since; before that: {}", moved(&course))),
         _ if is_moved => (Found::Moved, moved(&course)),
-        _ if !course.events.is_empty() => (Found::Wandering, moved(&course)),
+        _ if is_unconfirmed => {
+            (Found::TooFew, format!("{}; two periods are needed to confirm a motion", moved(&course)))
+        }
+        _ if !course.events.is_empty() => {
+            (Found::Steady, format!("stayed since; before that: {}", moved(&course)))
+        }
         (Some(wander), _) => (Found::Wandering, wandering(wander)),
         (None, Some(_)) => (Found::Steady, steady(course.detectable.as_ref())),
         (None, None) => (Found::TooFew, too_few(course.readings, &plain.counts, config)),
@@ -203,20 +212,25 @@ fn moved(course: &Course) -> String {
 fn event(motion: &Motion) -> String {
     let how = match motion.kind {
         "step" => "moved suddenly at",
+        "ramp" if motion.until_s.is_some() => "moved slowly from",
         "ramp" => "moves slowly since",
         "pending" => "only its last period says that it moved, at",
         _ => "away for a single period, at",
     };
+    let by = if motion.is_at_least { "at least " } else { "" };
     let far = match &motion.rotation_alone_deg {
-        Some(_) => format!("rotated by {}° about its centre", with_sigma(motion.angle_deg)),
+        Some(_) => format!("rotated by {by}{}° about its centre", with_sigma(motion.angle_deg)),
         None => format!(
-            "rotated by {}°, shifted by {} mm",
+            "rotated by {by}{}°, shifted by {by}{} mm",
             with_sigma(motion.angle_deg),
             with_sigma(motion.shift_m.map(|x| 1e3 * x))
         ),
     };
     let (when, within) = (utc(motion.since_s), duration(motion.since_sigma_s));
-    format!("{how} {when} (± {within}): {far}; χ² = {:.0} with 6 degrees of freedom", motion.chi2)
+    let until = motion.until_s.map_or(String::new(), |[until_s, sigma_s]| {
+        format!(" to {} (± {})", utc(until_s), duration(sigma_s))
+    });
+    format!("{how} {when} (± {within}){until}: {far}; χ² = {:.0} with 6 degrees of freedom", motion.chi2)
 }
 
 fn wandering(wander: &Wander) -> String {

@@ -7,6 +7,7 @@ use resight::FileError;
 use resight::core::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use resight::core::{Camera, Lens, Point};
 use resight::input::table::{Table, TableRow, how_file_is_read};
+use std::collections::HashMap;
 use std::path::Path;
 
 const MATRIX: [&str; 4] = ["fx_px", "fy_px", "cx_px", "cy_px"];
@@ -32,10 +33,11 @@ pub(super) fn read(path: &Path) -> Result<Read, FleetError> {
     let table = Table::open(path, "camera,fx_px,fy_px,cx_px,cy_px")?;
     let columns = columns(&table)?;
     let (mut cameras, mut rejected) = (Vec::new(), Vec::new());
+    let mut lines: HashMap<String, u64> = HashMap::new();
     let other = ["x0_mm", "x0_cm"].into_iter().filter(|name| table.find(name).is_some());
     let remarks = other.filter_map(of_other_unit).chain(how_file_is_read(path)).collect();
     table.each_or_torn(|row| {
-        match row.and_then(|row| camera(&columns, &row)) {
+        match row.and_then(|row| camera(&columns, &row, &mut lines)) {
             Ok(camera) => cameras.push(camera),
             Err(reason) => rejected.push(reason),
         }
@@ -66,7 +68,12 @@ fn columns(table: &Table) -> Result<Columns, FleetError> {
     })
 }
 
-fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FileError> {
+/// `lines` are those of the names so far.
+fn camera(
+    columns: &Columns,
+    row: &TableRow<'_>,
+    lines: &mut HashMap<String, u64>,
+) -> Result<FleetCamera, FileError> {
     let name = row
         .text(columns.camera)
         .ok_or_else(|| row.complaint(columns.camera, "is empty; a name is needed"))?;
@@ -79,12 +86,20 @@ fn camera(columns: &Columns, row: &TableRow<'_>) -> Result<FleetCamera, FileErro
         false => BrownConrady::new(matrix, &coefficients).map(Lens::from),
     };
     let lens = lens.map_err(|reason| row.complaint_of(&reason.to_string()))?;
-    Ok(FleetCamera {
+    let camera = FleetCamera {
         name: name.to_string(),
         camera: Camera { lens, size: size(columns, row)? },
         points: points(columns, row)?,
         site: site(columns, row)?,
-    })
+    };
+    if let Some(line) = lines.get(name) {
+        let what = format!(
+            "is `{name}` as in line {line}, whose camera is used; give each camera a name of its own"
+        );
+        return Err(row.complaint(columns.camera, &what));
+    }
+    lines.insert(camera.name.clone(), row.line);
+    Ok(camera)
 }
 
 fn numbers<const N: usize>(row: &TableRow<'_>, columns: &[usize; N]) -> Result<[f64; N], FileError> {

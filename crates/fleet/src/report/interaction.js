@@ -14,10 +14,16 @@
   };
   search.addEventListener("input", filter);
   const value = (row, column) => row.cells[column].textContent.trim();
+  // Durations are in the largest unit of which there is one.
+  const seconds = { s: 1, min: 60, h: 3600, days: 86400 };
+  const size = (text) => {
+    const [, number, unit] = /^([+-]?[\d.]+)(?: (s|min|h|days)$)?/.exec(text.endsWith("UTC") ? "" : text) ?? [];
+    return parseFloat(number) * (seconds[unit] ?? 1);
+  };
   const compare = (a, b) => {
-    const [x, y] = [parseFloat(a), parseFloat(b)];
-    const numeric = /^[+-]?[\d.]+(?!.*UTC)/;
-    return numeric.test(a) && numeric.test(b) ? x - y : a.localeCompare(b);
+    const [x, y] = [size(a), size(b)];
+    if (Number.isNaN(x) && Number.isNaN(y)) return a.localeCompare(b);
+    return Number.isNaN(x) ? 1 : Number.isNaN(y) ? -1 : x - y;
   };
   for (const head of document.querySelectorAll("th")) {
     head.tabIndex = 0;

@@ -1,6 +1,6 @@
 //! Sums of poses over a period, as whole numbers.
 
-use nalgebra::{Matrix4, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Matrix4, Matrix4x3, SymmetricEigen, Vector3, Vector4};
 use resight::core::Pose;
 
 /// Units a metre: rounding is 2⁻²⁷ m, 7 nm, and 2²⁴ positions of 8 km fit.
@@ -106,6 +106,28 @@ impl Sums {
     /// The mean pose: the mean position, and the rotation nearest to all (docs/math/fleet.md eq. (4)). None of no row, or of more than the
     /// sums hold.
     pub fn mean(&self) -> Option<Pose> {
+        let q = mean_of(&self.mean_products()?);
+        let position = Vector3::from(self.position.map(|sum| sum as f64 / (PER_METRE * f64::from(self.n))));
+        let rotation = Pose::from_quaternion_wxyz(q.into(), Vector3::zeros()).rotation;
+        Some(Pose { rotation, translation: -(rotation * position) })
+    }
+
+    /// The mean of sin²(θ/2) u uᵀ over the rotations by θ about u from the mean, in the camera frame. None where there is no mean.
+    pub fn scatter(&self) -> Option<Matrix3<f64>> {
+        let products = self.mean_products()?;
+        let q = mean_of(&products);
+        let (w, v) = (q[0], Vector3::new(q[1], q[2], q[3]));
+        let along = |k: usize| {
+            let unit = Vector3::ith(k, 1.0);
+            let rotated = unit * w + unit.cross(&v);
+            Vector4::new(-unit.dot(&v), rotated.x, rotated.y, rotated.z)
+        };
+        let basis = Matrix4x3::from_columns(&[along(0), along(1), along(2)]);
+        Some(basis.transpose() * products * basis)
+    }
+
+    /// The mean of q qᵀ.
+    fn mean_products(&self) -> Option<Matrix4<f64>> {
         if self.n == 0 || MOST_ROWS < self.n() {
             return None;
         }
@@ -119,12 +141,14 @@ impl Sums {
                 k += 1;
             }
         }
-        let eigen = SymmetricEigen::new(products);
-        let q = eigen.eigenvectors.column(eigen.eigenvalues.imax());
-        let position = Vector3::from(self.position.map(|sum| sum as f64 / (PER_METRE * n)));
-        let rotation = Pose::from_quaternion_wxyz([q[0], q[1], q[2], q[3]], Vector3::zeros()).rotation;
-        Some(Pose { rotation, translation: -(rotation * position) })
+        Some(products)
     }
+}
+
+/// The quaternion with the largest qᵀ Σ q.
+fn mean_of(products: &Matrix4<f64>) -> Vector4<f64> {
+    let eigen = SymmetricEigen::new(*products);
+    eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned()
 }
 
 /// To the nearest whole number, ties to the even one, of what is below 2⁵¹: near 1.5 · 2⁵² doubles are whole numbers and their bits count them.
@@ -137,6 +161,23 @@ fn whole(x: f64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Rotations by 12° about an axis of the camera in 3 of 5 rows scatter by s(1 − s) sin²(6°) about that axis, and by nothing about the others.
+    #[test]
+    fn scatter_is_that_of_the_rotations_of_a_period() {
+        let base = Pose::exp(&resight::core::Vector6::new(0.4, -1.0, 0.7, 0.0, 0.0, 0.0));
+        let mut sums = Sums::default();
+        for row in 0..5 {
+            let angle = if row < 3 { 12.0_f64.to_radians() } else { 0.0 };
+            let pose = Pose::exp(&resight::core::Vector6::new(0.0, angle, 0.0, 0.0, 0.0, 0.0)) * base;
+            assert!(sums.add(pose.quaternion_wxyz(), [1.0, 2.0, 3.0]));
+        }
+        let scatter = sums.scatter().expect("a mean");
+        // The larger eigenvalue of the two half-angle vectors, exactly: (1 − R)/2 with R the mean resultant length.
+        let resultant = (1.0 - 4.0 * 0.6 * 0.4 * 6.0_f64.to_radians().sin().powi(2)).sqrt();
+        assert!((scatter[(1, 1)] - 0.5 * (1.0 - resultant)).abs() < 1e-10, "{scatter}");
+        assert!((0..9).filter(|i| *i != 4).all(|i| scatter[i].abs() < 1e-10), "{scatter}");
+    }
 
     #[test]
     fn numbers_are_rounded_as_they_should_be() {

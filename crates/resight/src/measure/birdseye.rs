@@ -36,6 +36,8 @@ const HATCH_PX: usize = 26;
 /// Height of capitals: 8 px where the image is a third as large, as beside the photograph on a page.
 const TEXT_PX: f64 = 24.0;
 const LINE_PX: f64 = 40.0;
+/// Radius of a point, px.
+const POINT_PX: f64 = 10.0;
 /// Length of the arrow to the north, px.
 const ARROW_PX: f64 = 90.0;
 /// Least horizontal part of a unit line of sight whose heading is defined: that of a camera that points 12° from vertically down.
@@ -99,9 +101,13 @@ pub fn birdseye(
         Canvas::from_photograph(&rectified(&ground, &source, width, height), 1, caption_px, BACKGROUND);
     canvas.open_rows = height;
     let worth = Field::new(&ground, &source, width, height);
-    limits(&mut canvas, &worth, scene);
-    grid(&mut canvas, &ground, scene, width, height);
-    points(&mut canvas, &ground, scene, answers);
+    let mut labels = Labels::new([f64::from(width), f64::from(height)]);
+    if north.is_some() {
+        labels.keep_free([f64::from(width) - 2.0 * ARROW_PX, 0.0], [f64::from(width), 2.0 * ARROW_PX]);
+    }
+    limits(&mut canvas, &worth, scene, &mut labels);
+    grid(&mut canvas, &ground, scene, &mut labels, [width, height]);
+    points(&mut canvas, &ground, scene, answers, &mut labels);
     if let Some(north) = &north {
         arrow(&mut canvas, north);
     }
@@ -276,8 +282,72 @@ fn segment(a: (usize, usize), b: (usize, usize)) -> Path {
     [a, b].iter().map(|(x, y)| Vector2::new(*x as f64, *y as f64)).collect()
 }
 
+/// Labels of a drawing, of which none lies over another: one that finds no free spot is left out.
+pub struct Labels {
+    size: [f64; 2],
+    /// Boxes that are written already: corners with the least and the largest coordinates.
+    taken: Vec<[[f64; 2]; 2]>,
+}
+
+impl Labels {
+    /// No labels yet, in a drawing of this width and height.
+    pub fn new(size: [f64; 2]) -> Self {
+        Labels { size, taken: Vec::new() }
+    }
+
+    /// Keeps a box free of labels.
+    pub fn keep_free(&mut self, least: [f64; 2], most: [f64; 2]) {
+        self.taken.push([least, most]);
+    }
+
+    /// Keeps a point free that is drawn with a radius.
+    pub fn keep_free_around(&mut self, [x, y]: [f64; 2], radius: f64) {
+        let half = 0.8 * radius; // So that its own label has room beside it.
+        self.keep_free([x - half, y - half], [x + half, y + half]);
+    }
+
+    /// Takes the first spot where a text of this width and height of capitals is inside the drawing and over no other label. Spots are where its
+    /// baseline begins.
+    pub fn first_free(
+        &mut self,
+        spots: impl IntoIterator<Item = [f64; 2]>,
+        width: f64,
+        capital: f64,
+    ) -> Option<[f64; 2]> {
+        // A little room at both sides: two texts side by side are not one.
+        let space = 0.2 * capital;
+        let area =
+            |[x, y]: [f64; 2]| [[x - space, y - 1.2 * capital], [x + width + space, y + 0.3 * capital]];
+        let is_inside =
+            |[least, most]: [[f64; 2]; 2]| (0..2).all(|i| 0.0 <= least[i] && most[i] <= self.size[i]);
+        let meets =
+            |a: &[[f64; 2]; 2], b: &[[f64; 2]; 2]| (0..2).all(|i| a[0][i] < b[1][i] && b[0][i] < a[1][i]);
+        let is_free = |spot: &[f64; 2]| {
+            let own = area(*spot);
+            is_inside(own) && !self.taken.iter().any(|other| meets(&own, other))
+        };
+        let found = spots.into_iter().find(is_free)?;
+        self.taken.push(area(found));
+        Some(found)
+    }
+}
+
+/// Spots beside a point that is drawn with a radius: right, left, above and below.
+pub fn spots_beside([x, y]: [f64; 2], radius: f64, width: f64, capital: f64) -> [[f64; 2]; 6] {
+    let (right, left) = (x + 1.4 * radius, x - 1.4 * radius - width);
+    let (above, below) = (y - 0.8 * radius, y + 0.8 * radius + capital);
+    [
+        [right, above],
+        [left, above],
+        [right, below],
+        [left, below],
+        [x - 0.5 * width, y - 1.4 * radius - 0.4 * capital],
+        [x - 0.5 * width, y + 1.4 * radius + 1.2 * capital],
+    ]
+}
+
 /// Draws hatching and outlines of both limits, each outline with its value.
-fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
+fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene, labels: &mut Labels) {
     let pixel = |w: &Worth| w.pixel_m;
     let error = |w: &Worth| w.error_m;
     let thin = |color| Pen { color, width: 1.0, opacity: 0.5 };
@@ -301,12 +371,16 @@ fn limits(canvas: &mut Canvas, field: &Field, scene: &NamedScene) {
         canvas.stroke_with_rim(&lines, thick(color));
         if let Some(at) = lines.get(lines.len() / part).and_then(|line| line.first()) {
             let (w, h) = (f64::from(canvas.width), f64::from(canvas.open_rows));
-            let beside = 0.5 * font::width(&text, TEXT_PX) + 4.0;
+            let beside = 0.5 * font::width(&text, TEXT_PX) + 0.25 * TEXT_PX;
             let at = Vector2::new(
                 at.x.clamp(beside, (w - beside).max(beside)),
                 at.y.clamp(2.0 * TEXT_PX, (h - 8.0).max(2.0 * TEXT_PX)),
             );
-            write(canvas, &text, at - Vector2::new(0.0, 8.0), color, Anchor::Middle);
+            let width = font::width(&text, TEXT_PX);
+            let corner = [at.x - 0.5 * width, at.y - 8.0];
+            if let Some([x, y]) = labels.first_free([corner], width, TEXT_PX) {
+                write(canvas, &text, Vector2::new(x, y), color, Anchor::Start);
+            }
         }
     }
 }
@@ -328,7 +402,13 @@ impl Ground {
 }
 
 /// Draws grid lines with a round step, labelled in the scene's coordinates along the plane, as many of them as have room for their labels.
-fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, height: u32) {
+fn grid(
+    canvas: &mut Canvas,
+    ground: &Ground,
+    scene: &NamedScene,
+    labels: &mut Labels,
+    [width, height]: [u32; 2],
+) {
     let step = ground.grid_m();
     let decimals = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
     let shift = ground.axes.tr_mul(&(ground.origin + scene.origin_m));
@@ -350,28 +430,71 @@ fn grid(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, width: u32, he
                 _ => ([Vector2::new(0.0, at.y), Vector2::new(w, at.y)], Vector2::new(5.0, at.y - 6.0)),
             };
             canvas.stroke(&[ends.to_vec()], pen);
-            if i % every == 0 {
+            let width = font::width(&label(i), TEXT_PX);
+            if i % every == 0 && labels.first_free([[corner.x, corner.y]], width, TEXT_PX).is_some() {
                 write(canvas, &label(i), corner, GRID, Anchor::Start);
             }
         }
     }
 }
 
-fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &Answers) {
-    for constraint in &scene.constraints {
-        let Constraint::OnPlane { plane: 0, point, .. } = constraint else { continue };
-        let Some(x) = answers.adjusted.point(*point) else { continue };
-        let at = ground.px(&ground.axes.tr_mul(&(x - ground.origin)));
-        let color = if scene.is_control_point[*point] { MARK } else { POINT };
+fn points(canvas: &mut Canvas, ground: &Ground, scene: &NamedScene, answers: &Answers, labels: &mut Labels) {
+    let on_it = scene.constraints.iter().filter_map(|constraint| match constraint {
+        Constraint::OnPlane { plane: 0, point, .. } => Some((*point, answers.adjusted.point(*point)?)),
+        _ => None,
+    });
+    let shown: Vec<ShownPoint> = on_it
+        .map(|(point, x)| ShownPoint {
+            name: &scene.points[point],
+            is_mark: scene.is_control_point[point],
+            at: ground.px(&ground.axes.tr_mul(&(x - ground.origin))),
+        })
+        .collect();
+    for ShownPoint { is_mark, at, .. } in &shown {
         let circle: Path = (0..=24)
             .map(|i| {
                 let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 24.0).sin_cos();
-                at + Vector2::new(cos, sin) * 10.0
+                at + Vector2::new(cos, sin) * POINT_PX
             })
             .collect();
+        let color = if *is_mark { MARK } else { POINT };
         canvas.stroke_with_rim(&[circle], Pen { color, width: 3.0, opacity: 1.0 });
-        write(canvas, &scene.points[*point], at + Vector2::new(14.0, -8.0), color, Anchor::Start);
     }
+    for (name, is_mark, at) in names(&shown, labels) {
+        write(canvas, name, at, if is_mark { MARK } else { POINT }, Anchor::Start);
+    }
+}
+
+/// A point of the plane as it is drawn.
+struct ShownPoint<'a> {
+    name: &'a str,
+    is_mark: bool,
+    at: Vector2<f64>,
+}
+
+/// Returns the names that have room, with their places, marks first. The points of a measurement, which are called `NAME · 1`, `NAME · 2` …, have
+/// its name once.
+fn names<'a>(shown: &[ShownPoint<'a>], labels: &mut Labels) -> Vec<(&'a str, bool, Vector2<f64>)> {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    let mut written: Vec<(&str, bool, Vector2<f64>)> = Vec::new();
+    for ShownPoint { at, .. } in shown.iter().filter(|point| point.is_mark) {
+        labels.keep_free_around([at.x, at.y], POINT_PX);
+    }
+    for marks in [true, false] {
+        for ShownPoint { name, at, .. } in shown.iter().filter(|point| point.is_mark == marks) {
+            let whole = name.rsplit_once(" · ").filter(|(_, number)| !marks && is_number(number));
+            let name = whole.map_or(*name, |(measurement, _)| measurement);
+            if whole.is_some() && written.iter().any(|(other, is_mark, _)| *other == name && !is_mark) {
+                continue;
+            }
+            let width = font::width(name, TEXT_PX);
+            let spots = spots_beside([at.x, at.y], POINT_PX, width, TEXT_PX);
+            if let Some([x, y]) = labels.first_free(spots, width, TEXT_PX) {
+                written.push((name, marks, Vector2::new(x, y)));
+            }
+        }
+    }
+    written
 }
 
 /// Returns north on the ground as a unit vector (right, ahead): the line of sight rotated back by the heading. `None` for a camera that points
@@ -451,6 +574,33 @@ mod tests {
         assert_eq!(lines.join(" "), text);
         // A word that is too long stands alone.
         assert_eq!(wrapped("a incomprehensible b", 60.0).len(), 3);
+    }
+
+    /// Thirty lengths side by side: each name once, no name over another, and the marks have theirs.
+    #[test]
+    fn names_do_not_lie_over_each_other() {
+        let all: Vec<String> =
+            (0..30).flat_map(|i| [1, 2].map(|end| format!("length {i} · {end}"))).collect();
+        let at = |i: usize| Vector2::new(300.0 + 60.0 * (i % 12) as f64, 300.0 + 35.0 * (i / 12) as f64);
+        let mut shown: Vec<ShownPoint> =
+            all.iter().enumerate().map(|(i, name)| ShownPoint { name, is_mark: false, at: at(i) }).collect();
+        let corners = [("A", 320.0, 310.0), ("B · 7", 1290.0, 20.0)];
+        shown.extend(corners.map(|(name, x, y)| ShownPoint { name, is_mark: true, at: Vector2::new(x, y) }));
+        let size = [1300.0, 900.0];
+        let written = names(&shown, &mut Labels::new(size));
+        assert!(written[0].0 == "A" && written[1].0 == "B · 7" && 6 < written.len(), "{}", written.len());
+        let area = |(name, _, at): &(&str, bool, Vector2<f64>)| {
+            [at.x, at.y - TEXT_PX, at.x + font::width(name, TEXT_PX), at.y + TEXT_PX / 3.0]
+        };
+        for (i, one) in written.iter().enumerate() {
+            let a = area(one);
+            assert!(0.0 <= a[0] && 0.0 <= a[1] && a[2] <= size[0] && a[3] <= size[1], "{}", one.0);
+            for other in &written[i + 1..] {
+                let b = area(other);
+                let meets = a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+                assert!(one.0 != other.0 && !meets, "{} {}", one.0, other.0);
+            }
+        }
     }
 
     #[test]

@@ -69,7 +69,7 @@ async fn show(mut socket: WebSocket, capture: Arc<Capturing>) {
             }
             Ok(()) = images.changed(), if is_ready => {
                 let newest = images.borrow_and_update().clone();
-                let encoded = aside(move || newest.and_then(|image| image.message())).await.ok().flatten();
+                let encoded = aside((), move || newest.and_then(|image| image.message())).await.ok().flatten();
                 is_ready = encoded.is_none();
                 encoded.map(Message::Binary)
             }

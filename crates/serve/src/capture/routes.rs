@@ -50,7 +50,8 @@ async fn view(State(app): State<App>) -> Json<Option<CaptureView>> {
 /// Takes the last kept view back.
 async fn take_back(State(app): State<App>, request: Request) -> Result<Json<CaptureView>, Problem> {
     let capture = Arc::clone(capturing(&app)?);
-    let NamedView { view } = receive(&app, request, NAMING_BYTES).await?.json("Name a view")?;
+    let body = receive(&app, request, NAMING_BYTES).await?;
+    let (NamedView { view }, _) = body.json(&app, "Name a view").await?;
     let has = |now: &CaptureView| now.state.views.last().is_some_and(|last| last.view == view);
     let now = capture.now();
     if now.is_over {

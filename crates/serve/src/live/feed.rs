@@ -151,7 +151,7 @@ async fn show(mut socket: WebSocket, live: Arc<Live>) {
             },
             _ = tick.tick() => {
                 let live = Arc::clone(&live);
-                aside(move || live.view_text()).await.ok().map(Message::Text)
+                aside((), move || live.view_text()).await.ok().map(Message::Text)
             }
             changed = news.changed(), if is_ready => match changed {
                 Ok(()) => picture(&mut looker, &mut is_ready),

@@ -4,7 +4,7 @@ use super::Live;
 use super::answers::{LiveView, LogLine, ReferenceView, StripView};
 use super::asked::Asked;
 use crate::app::App;
-use crate::aside::aside;
+use crate::aside::{aside, turn};
 use crate::body::{receive, sending};
 use crate::error::Problem;
 use crate::guard::must_be_json;
@@ -80,7 +80,7 @@ pub(super) fn number(live: &Live, camera: &str) -> Result<usize, Problem> {
 /// The camera that a request names.
 async fn named(app: &App, request: Request) -> Result<(usize, Named), Problem> {
     let live = live(app)?;
-    let asked: Named = receive(app, request, NAMING_BYTES).await?.json("Name a camera")?;
+    let (asked, _) = receive(app, request, NAMING_BYTES).await?.json::<Named>(app, "Name a camera").await?;
     Ok((number(live, &asked.camera)?, asked))
 }
 
@@ -90,7 +90,7 @@ async fn ask<T: Send + 'static>(
     of: impl FnOnce(&Live) -> T + Send + 'static,
 ) -> Result<T, Problem> {
     let live = Arc::clone(live(app)?);
-    aside(move || of(&live)).await
+    aside((), move || of(&live)).await
 }
 
 async fn view(State(app): State<App>) -> Result<Json<LiveView>, Problem> {
@@ -105,7 +105,7 @@ async fn cameras(State(app): State<App>) -> Json<Vec<String>> {
 /// Watches two cameras that the program draws.
 async fn example(State(app): State<App>, headers: HeaderMap) -> Result<Json<LiveView>, Problem> {
     must_be_json(&headers)?;
-    let _turn = app.working.acquire().await.map_err(|_| Problem::failed())?;
+    let turn = turn(&app.working).await?;
     let taken = || {
         let message = "Cameras are watched already; start the program without them for the example.";
         Problem::new(StatusCode::CONFLICT, "watching", message)
@@ -113,7 +113,7 @@ async fn example(State(app): State<App>, headers: HeaderMap) -> Result<Json<Live
     if app.live().is_some() {
         return Err(taken());
     }
-    let made = aside(super::example::start).await?.map_err(|_| Problem::failed())?;
+    let made = aside(turn, super::example::start).await?.map_err(|_| Problem::failed())?;
     if app.watch(made) { view(State(app.clone())).await } else { Err(taken()) }
 }
 
@@ -172,7 +172,7 @@ async fn frame(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Res
     };
     let next = live.pictures.frame(number(live, &asked.camera)?).ok_or_else(none)?;
     let Ok(Ok(image)) = timeout(FRAME_PATIENCE, next).await else { return Err(none()) };
-    let png = aside(move || image.png()).await?.map_err(|_| Problem::failed())?;
+    let png = aside((), move || image.png()).await?.map_err(|_| Problem::failed())?;
     let body = sending(&app, png, Taken::default())?;
     Ok(([(header::CONTENT_TYPE, "image/png")], body).into_response())
 }
@@ -199,7 +199,9 @@ async fn strip(State(app): State<App>, Query(asked): Query<Asked>) -> Result<Jso
     let (last_s, references) = ask(&app, move |live| live.compared(camera)).await?;
     let last_s = asked.to_s.or(last_s).ok_or_else(none)?;
     let stretch = asked.stretch(last_s - DAY_S, last_s);
-    let read = aside(move || History::open(&path)?.strip(&asked.camera, &stretch, &references));
+    let read = aside(turn(&app.working).await?, move || {
+        History::open(&path)?.strip(&asked.camera, &stretch, &references)
+    });
     Ok(Json(StripView::new(&stretch, read.await?.map_err(unreadable)?, true)))
 }
 
@@ -213,7 +215,7 @@ async fn history(
     let none = "This session writes no history; give it the key `history`.";
     let path = live.history.clone().ok_or_else(|| Problem::missing(none))?;
     let selection = Selection { cameras: vec![asked.camera], from_s: asked.from_s, to_s: asked.to_s };
-    let read = aside(move || {
+    let read = aside(turn(&app.working).await?, move || {
         let mut all = Vec::new();
         History::open(&path)?.events(&selection, &[], |event| {
             let detail = serde_json::from_str(&event.row.detail).unwrap_or_default();

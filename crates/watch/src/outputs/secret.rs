@@ -37,22 +37,58 @@ pub fn must_be_private(_flag: &str, _path: &Path) -> Result<()> {
 }
 
 /// Names of a secret in an address, in lower case; `accesstoken`, `user_password` and `api-key` end in one of them.
-const NAMES: [&str; 9] =
-    ["password", "passwd", "passphrase", "pwd", "pass", "token", "secret", "key", "signature"];
+const NAMES: [&str; 15] = [
+    "password",
+    "passwd",
+    "passphrase",
+    "pwd",
+    "pw",
+    "psw",
+    "pass",
+    "pas",
+    "token",
+    "secret",
+    "key",
+    "signature",
+    "auth",
+    "credential",
+    "credentials",
+];
 
 /// Returns the start of the value of the first secret that an address names as `password=…`, `token=…` and the like: behind `?`, or in its path,
-/// as in the addresses of many cameras (`…/user=admin_password=…_channel=1`).
+/// as in the addresses of many cameras (`…/user=admin_password=…_channel=1`). Letters of the name, and the `=`, may be written as `%70`, `%3D`.
 pub fn named_in(address: &str) -> Option<usize> {
     let begin = address.split_once("://").map_or(0, |(scheme, _)| scheme.len() + 3);
-    let equals = address.match_indices('=').map(|(at, _)| at).filter(|at| begin <= *at);
-    equals.into_iter().find_map(|at| {
-        let before = &address[begin..at];
-        let name =
-            before.rsplit(['/', '?', '&', ';', ',', '_', '-', '.', '=', '#']).next().unwrap_or_default();
-        let name = name.to_ascii_lowercase();
-        let has_value = address[at + 1..].chars().next().is_some_and(|c| !"/?&;".contains(c));
-        (has_value && NAMES.iter().any(|one| name.ends_with(one))).then_some(at + 1)
+    let is_equals = |at: &usize| matches!(decoded_at(address.as_bytes(), *at), (b'=', _));
+    (begin..address.len()).filter(is_equals).find_map(|at| {
+        let (_, length) = decoded_at(address.as_bytes(), at);
+        let before = decoded(&address.as_bytes()[begin..at]);
+        let separators = ['/', '?', '&', ';', ',', '_', '-', '.', '=', '#', '%'];
+        let name = before.rsplit(separators).next().unwrap_or_default().to_ascii_lowercase();
+        let has_value = address[at + length..].chars().next().is_some_and(|c| !"/?&;".contains(c));
+        (has_value && NAMES.iter().any(|one| name.ends_with(one))).then_some(at + length)
     })
+}
+
+/// Returns the byte that a text has at a place, and its length there: 3 where it is written as `%3D`.
+fn decoded_at(text: &[u8], at: usize) -> (u8, usize) {
+    let digit = |byte: &u8| char::from(*byte).to_digit(16);
+    if let [b'%', high, low, ..] = &text[at..]
+        && let (Some(high), Some(low)) = (digit(high), digit(low))
+    {
+        return ((16 * high + low) as u8, 3);
+    }
+    (text[at], 1)
+}
+
+fn decoded(text: &[u8]) -> String {
+    let (mut bytes, mut at) = (Vec::new(), 0);
+    while at < text.len() {
+        let (byte, length) = decoded_at(text, at);
+        bytes.push(byte);
+        at += length;
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 /// Returns whether an address contains a secret that no list of processes may show: `user:password@` before the host (a password may contain a
@@ -111,6 +147,13 @@ mod tests {
             "http://cam/video;accessToken=7",
             "https://chat/hook?api-key=7",
             "https://chat/hook?sig=1&X-Signature=7",
+            "rtsp://cam/x?pw=7",
+            "rtsp://cam/x?psw=7",
+            "rtsp://cam/x?user_pas=7",
+            "rtsp://cam/x?auth=YWRtaW46Nw",
+            "rtsp://cam/x?credentials=7",
+            "rtsp://cam/x?%70assw%6Frd=7",
+            "rtsp://cam/x?a=1%26password%3D7",
             "rtsp://me:7@cam/x",
             "rtsp://me:a/b@cam/x",
         ] {
@@ -122,6 +165,8 @@ mod tests {
             "http://cam/video?tokens=3&channel=1",
             "https://ntfy.sh/my-cameras?tpl=1&t={{.camera}}",
             "night/password=7/*.png",
+            "http://cam/video?author=me&channel=north",
+            "http://cam/100%/video?spaß%=1",
             "film.mp4",
         ] {
             assert!(!is_in(address), "{address}");

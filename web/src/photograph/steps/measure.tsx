@@ -54,7 +54,7 @@ function Table() {
     );
   };
   const copy = async () => {
-    const lines = rows.map((m) => [m.name, texts.kinds[m.what], m.value ?? "", m.low ?? "", m.high ?? "", m.unit].join("\t"));
+    const lines = rows.map((m) => [cell(m.name), texts.kinds[m.what], m.value ?? "", m.low ?? "", m.high ?? "", m.unit].join("\t"));
     try {
       await navigator.clipboard.writeText([[t.name, t.kind, t.value, "low 95 %", "high 95 %", "unit"].join("\t"), ...lines].join("\n"));
       copied.value = true;
@@ -79,6 +79,12 @@ function Table() {
       </div>
     </>
   );
+}
+
+/** A text as a cell: spreadsheets take what begins with one of these for a formula. As in the CSV file, an apostrophe marks it as text. */
+function cell(text: string): string {
+  const isFormula = /^[=+\-−@\t\r\n]/.test(text);
+  return isFormula || /[,;"\n\r\t]/.test(text) ? `"${isFormula ? "'" : ""}${text.replaceAll('"', '""')}"` : text;
 }
 
 function sorted(all: MeasurementView[], order: { by: Column; down: boolean } | null): MeasurementView[] {

@@ -1,6 +1,5 @@
 //! Tests whether the points of a target contradict each other about a motion. Half of them, hidden, in a shadow or behind a drop of water, are
-//! displaced
-//! while the others are unchanged: that is a fault of the observation, not a motion of the camera.
+//! displaced while the others are unchanged: that is a fault of the observation, not a motion of the camera.
 //!
 //! A single view of a few points cannot show it, because a pose of six numbers absorbs nearly every displacement of four corners. Relative to
 //! the expected pose it is visible: hardly any motion leaves half of the points unchanged. During a fault its views are judged together, because
@@ -8,8 +7,9 @@
 //!
 //! ```text
 //!   r = J δ + n          residuals of the points at the expected pose; δ its error, covariance D
-//!   nothing  min_δ Σ |r − Jδ|²/σ² + δᵀD⁻¹δ          motion  min_δ Σ |r − Jδ|²/σ² and 6 numbers, or nothing with one axis of δ free and that
-//!   number          fault  nothing, without the points that are off, and two numbers for each of them
+//!   nothing  min_δ Σ |r − Jδ|²/σ² + δᵀD⁻¹δ
+//!   motion   min_δ Σ |r − Jδ|²/σ² and 6 numbers; or nothing with one axis of δ free, and that number
+//!   fault    nothing, without the points that are off, and two numbers for each of them
 //! ```
 //! docs/watch.md, "States".
 
