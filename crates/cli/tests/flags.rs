@@ -170,6 +170,10 @@ fn every_flag_that_is_named_is_accepted() {
         let key = (command.to_string(), flag.to_string());
         *accepted.entry(key).or_insert_with(|| is_accepted(command, flag))
     };
+    let mut scripts = Vec::new();
+    below(&root().join("crates/python/examples"), "py", &mut scripts);
+    let scripts: String = scripts.iter().map(|path| std::fs::read_to_string(path).unwrap()).collect();
+    let is_of_script = |flag: &str| scripts.contains(&format!("add_argument(\"--{flag}\""));
     assert!(runs("watch", "correlated-deg") && !runs("watch", "bias-deg") && !runs("locate", "bias-deg"));
     for (file, text) in texts() {
         for flag in named(&text) {
@@ -178,7 +182,7 @@ fn every_flag_that_is_named_is_accepted() {
             let owner = known.iter().find(|(_, flags)| flags.contains(flag) || flags.iter().any(begins));
             let is_one = match owner {
                 Some((command, _)) => flag.ends_with('-') || runs(command, flag),
-                None => OF_OTHERS.contains(&flag),
+                None => OF_OTHERS.contains(&flag) || is_of_script(flag),
             };
             if !is_one {
                 wrong.push(format!("{file}: --{flag}"));
