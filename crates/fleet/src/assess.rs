@@ -7,6 +7,7 @@
 
 mod clock;
 mod readings;
+mod motion;
 mod series;
 mod partition;
 mod evidence;
@@ -19,8 +20,8 @@ mod verdict;
 mod masts;
 
 pub use clock::{FleetSpan, unit_of_time};
-pub use events::Motion;
 pub use masts::Together;
+pub use motion::Motion;
 pub use verdict::{CameraVerdict, Found};
 
 use crate::FleetError;

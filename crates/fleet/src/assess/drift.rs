@@ -1,8 +1,9 @@
 //! Determines the motions that the readings of a camera show.
 
 use super::AssessConfig;
-use super::events::{self, Motion, Moved};
+use super::events::{self, Moved};
 use super::evidence::{Course as Steps, FALSE_ALARM_PROBABILITY, Record};
+use super::motion::Motion;
 use super::partition::candidates;
 use super::ramps::{self, Slow};
 use super::readings::{mean, motion, readings, times};

@@ -2,8 +2,8 @@
 //! docs/math/fleet.md eq. (19).
 
 use super::amid::{Amid, LeastSquares};
-use super::events::Motion;
 use super::evidence::{Course, Record};
+use super::motion::Motion;
 use super::partition::candidates;
 use super::series::{Ramp, Series};
 use nalgebra::{DMatrix, DVector};

@@ -86,5 +86,5 @@ pub(super) fn whole(
 
 /// The angle of a motion's standard deviation along itself.
 pub(super) fn angle_sigma(y: &Vector6, covariance: &resight::core::Matrix6) -> f64 {
-    super::events::length(&y.fixed_rows::<3>(0).into(), &covariance.fixed_view::<3, 3>(0, 0).into())[1]
+    super::motion::length(&y.fixed_rows::<3>(0).into(), &covariance.fixed_view::<3, 3>(0, 0).into())[1]
 }

@@ -3,7 +3,7 @@
 use super::AssessConfig;
 use super::clock::FleetSpan;
 use super::drift::{Course, Wander, course};
-use super::events::{Motion, length};
+use super::motion::{Motion, length};
 use super::readings::{motion, readings};
 use crate::state::CameraState;
 use crate::words::{duration, utc, with_sigma};
