@@ -129,7 +129,7 @@ fn cancelled_searches_take_no_more_than_their_turns() {
     let view_after = began.elapsed();
     println!("{n_cancelled} searches cancelled: {} MB more, then a view in {view_after:?}", grown >> 20);
     assert!(view_after < Duration::from_secs(3), "{view_after:?}");
-    // Two searches of 12 megapixels, what the allocator keeps, and other tests of this process; twelve searches would take three times as much.
+    // Two searches of 12 megapixels, what the allocator keeps, and other tests of this process; without turns it is about twice as much.
     assert!(grown < 400 << 20, "{} MB", grown >> 20);
 }
 
