@@ -80,8 +80,8 @@ for (const width of [360, 390]) {
   });
 }
 
-/** Beside the bird's-eye view a photograph is narrow though its screen is wide: chips lie where the page takes them to lie. */
-test("chips are whole beside the bird's-eye view", async () => {
+/** A page with a pose and thirty lengths. */
+async function withThirtyLengths() {
   const page = await open(chromium, server);
   await fourClicks(page);
   const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
@@ -91,6 +91,12 @@ test("chips are whole beside the bird's-eye view", async () => {
     await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command } });
   }
   await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 30);
+  return page;
+}
+
+/** Beside the bird's-eye view a photograph is narrow though its screen is wide: chips lie where the page takes them to lie. */
+test("chips are whole beside the bird's-eye view", async () => {
+  const page = await withThirtyLengths();
   await page.getByRole("button", { name: "Bird's-eye view", exact: true }).click();
   await page.locator(".birdseye .viewport").waitFor();
   await page.waitForTimeout(400);
@@ -230,15 +236,7 @@ test("a replaced photograph is shown", async () => {
 
 /** Labels of many measurements hide neither each other nor the marks. */
 test("labels do not hide each other", async () => {
-  const page = await open(chromium, server);
-  await fourClicks(page);
-  const session = await page.evaluate(() => JSON.parse(sessionStorage.getItem("resight session")!).session as string);
-  for (let i = 0; i < 30; i++) {
-    const [x, y] = [0.2 + 0.7 * (i % 6), 0.2 + 0.5 * Math.floor(i / 6)];
-    const command = { kind: "add_measurement", name: `length ${i}`, what: "length", points: [pixel(x, y), pixel(x + 0.4, y + 0.2)] };
-    await page.request.post(`${server.address}/api/session/command?session=${session}`, { data: { command } });
-  }
-  await page.waitForFunction(() => document.querySelectorAll("[data-measurement] strong").length === 30);
+  const page = await withThirtyLengths();
   const boxes = await page.evaluate(() => (window as unknown as { resightLabels: () => { x: number; y: number; width: number; height: number }[] }).resightLabels());
   assert(8 <= boxes.length, `${boxes.length} labels`);
   for (const [i, a] of boxes.entries()) {

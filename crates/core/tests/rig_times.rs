@@ -249,7 +249,7 @@ fn the_line_time_is_found() {
     assert!(largest_s < 1e-3, "{largest_s}");
 }
 
-/// Four webcams that nothing triggers, their lenses as published: stamps of one camera that are 20 ms late are found to 1 ms, and offsets of
+/// Four webcams that nothing triggers, their lenses as published: stamps of any camera that are 20 ms late are found to 1 ms, and offsets of
 /// blocks of time agree within their standard deviations, and poses of blocks agree better than with all frames taken at once.
 #[test]
 #[cfg_attr(not(recordings), ignore = "needs recordings: RESIGHT_DATA=FOLDER ./test.sh")]
@@ -258,17 +258,17 @@ fn webcams_have_time_offsets() {
     let webcams = webcams(&root, 0.5);
     let config = RigConfig { lens_errors: true, ..RigConfig::default() };
     let (_, as_recorded) = webcams.solve_in_time(&config).unwrap();
-    let mut late = webcams.clone();
-    late.stamps_s.iter_mut().filter(|((_, camera), _)| *camera == 2).for_each(|(_, t_s)| *t_s += 0.02);
-    let (_, later) = late.solve_in_time(&config).unwrap();
-    println!(
-        "{:.4?} {} {:.0}; late {:.4?}",
-        as_recorded.offset_s, as_recorded.stamps_count, as_recorded.gain_chi2, later.offset_s
-    );
-    for camera in 1..4 {
-        let expected_s = if camera == 2 { -0.02 } else { 0.0 };
-        let moved_s = later.offset_s[camera].unwrap().0 - as_recorded.offset_s[camera].unwrap().0;
-        assert!((moved_s - expected_s).abs() < 1e-3, "{camera}: {moved_s}");
+    println!("{:.4?} {:.0}", as_recorded.offset_s, as_recorded.gain_chi2);
+    for late_camera in 1..4 {
+        let mut late = webcams.clone();
+        let of_camera = late.stamps_s.iter_mut().filter(|((_, camera), _)| *camera == late_camera);
+        of_camera.for_each(|(_, t_s)| *t_s += 0.02);
+        let (_, later) = late.solve_in_time(&config).unwrap();
+        for camera in 1..4 {
+            let expected_s = if camera == late_camera { -0.02 } else { 0.0 };
+            let moved_s = later.offset_s[camera].unwrap().0 - as_recorded.offset_s[camera].unwrap().0;
+            assert!((moved_s - expected_s).abs() < 1e-3, "{late_camera} late, {camera}: {moved_s}");
+        }
     }
     let (mut in_time, mut at_once) = (Vec::new(), Vec::new());
     for n_parts in [2, 3, 4] {
