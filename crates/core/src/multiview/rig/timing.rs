@@ -141,6 +141,8 @@ struct Clock {
     view_s: Vec<f64>,
     /// t − T of each observation.
     stamp_s: Vec<f64>,
+    /// Mean of t − T for each camera: whoever's stamps are late, the search begins with all cameras exposing at once.
+    mean_s: Vec<f64>,
     /// Variance of the mean stamp of each camera, where only that counts.
     mean_variance_s2: Vec<f64>,
     stamps_count: bool,
@@ -160,8 +162,8 @@ impl Clock {
         let of_cameras = |of_views: &[f64]| {
             means(problem.cameras.len(), all().map(|(s, t_s)| (s.camera, t_s - of_views[s.view])))
         };
-        let rough = of_views(&vec![0.0; problem.cameras.len()]);
-        let (mut cameras, mut views) = (of_cameras(&rough), rough.clone());
+        let mut views = of_views(&vec![0.0; problem.cameras.len()]);
+        let mut cameras = of_cameras(&views);
         for _ in 0..MAX_ALTERNATIONS {
             views = of_views(&cameras);
             let next = of_cameras(&views);
@@ -175,9 +177,9 @@ impl Clock {
         let rest = || all().map(|(s, t_s)| (s.camera, t_s - views[s.view] - cameras[s.camera]));
         let scatters = EQUAL_S < rest().map(|(_, rest_s)| rest_s.abs()).fold(0.0, f64::max);
         if stamps_count {
-            let stamp_s = all().map(|(s, t_s)| t_s - rough[s.view]).collect();
+            let stamp_s = all().map(|(s, t_s)| t_s - views[s.view]).collect();
             let mean_variance_s2 = vec![0.0; cameras.len()];
-            return Clock { stamp_s, view_s: rough, mean_variance_s2, stamps_count, scatters };
+            return Clock { stamp_s, view_s: views, mean_s: cameras, mean_variance_s2, stamps_count, scatters };
         }
         let mut n = vec![0.0; cameras.len()];
         all().for_each(|(s, _)| n[s.camera] += 1.0);
@@ -185,7 +187,7 @@ impl Clock {
         let mean_variance_s2 =
             squares.iter().zip(&n).map(|(square, n)| square / f64::max(n - 1.0, 1.0)).collect();
         let stamp_s = all().map(|(s, _)| cameras[s.camera]).collect();
-        Clock { stamp_s, view_s: views, mean_variance_s2, stamps_count, scatters }
+        Clock { stamp_s, view_s: views, mean_s: cameras, mean_variance_s2, stamps_count, scatters }
     }
 }
 
@@ -265,7 +267,7 @@ fn estimated(
     clock: &Clock,
     simultaneous: &State,
 ) -> Result<Option<Estimate>, Error> {
-    let mut found = Times { offset_s: vec![0.0; problem.cameras.len()], line_time_s: 0.0 };
+    let mut found = Times { offset_s: clock.mean_s.iter().map(|mean_s| -mean_s).collect(), line_time_s: 0.0 };
     let mut state = simultaneous.clone();
     for _ in 0..MAX_ROUNDS {
         let Some(step) = Step::new(problem, config, times, clock, (&state, &found))? else { return Ok(None) };
@@ -290,7 +292,9 @@ fn estimated(
         |camera: usize| clock.mean_variance_s2[camera] + clock.mean_variance_s2[last.compared_with];
     let of_camera = |(camera, value): (usize, &f64)| match camera == last.compared_with {
         true => Some((0.0, 0.0)),
-        false => last.columns.of_camera[camera].map(|k| (*value, (variance(k) + of_means(camera)).sqrt())),
+        false => last.columns.of_camera[camera].map(|k| {
+            (*value - found.offset_s[last.compared_with], (variance(k) + of_means(camera)).sqrt())
+        }),
     };
     let offsets = TimeOffsets {
         offset_s: found.offset_s.iter().enumerate().map(of_camera).collect(),
