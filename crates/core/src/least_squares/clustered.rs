@@ -16,8 +16,6 @@ const BLOCK: usize = 6;
 /// The information of one cluster about the blocks of unknowns that it is connected to, with every other unknown eliminated.
 #[derive(Debug, Clone)]
 pub(crate) struct Cluster {
-    /// Its number, given by the caller; ascending.
-    pub(crate) number: usize,
     /// Indices of the blocks, ascending.
     pub(crate) blocks: Vec<usize>,
     /// Symmetric, six rows per block.

@@ -23,8 +23,7 @@ impl RigEquations {
         for links in graph.links.chunk_by(|a, b| view_of_body[a.body] == view_of_body[b.body]) {
             let range = first..first + links.len();
             first = range.end;
-            let number = view_of_body[links[0].body];
-            clusters.extend(self.cluster(eliminated, places, graph, (number, range), &left));
+            clusters.extend(self.cluster(eliminated, places, graph, range, &left));
         }
         clusters
     }
@@ -34,7 +33,7 @@ impl RigEquations {
         eliminated: &Eliminated,
         places: &RigPoses,
         graph: &RigGraph,
-        (number, links): (usize, core::ops::Range<usize>),
+        links: core::ops::Range<usize>,
         left: &DVector<f64>,
     ) -> Option<Cluster> {
         let active = || links.clone().filter(|i| graph.is_active[graph.links[*i].body]);
@@ -46,8 +45,7 @@ impl RigEquations {
         blocks.sort_unstable();
         blocks.dedup();
         let n = 6 * blocks.len();
-        let mut cluster =
-            Cluster { number, blocks, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
+        let mut cluster = Cluster { blocks, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
         let mut bodies: Vec<usize> = Vec::new();
         for i in active() {
             let touched = touched(&cluster.blocks, places, graph, i);

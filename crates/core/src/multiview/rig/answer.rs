@@ -5,7 +5,7 @@ use super::budget::Budgets;
 use super::classify::rms_px;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
-use super::lens_score::{Shared, scores};
+use super::lens_score::scores;
 use super::neighbours::Neighbours;
 use super::scale::scales;
 use super::sighted::LocatedViews;
@@ -59,7 +59,7 @@ pub(super) fn answer(
     let held = clustered(&inverse, &clusters, widened);
     let lenses = scores(layout, &adjusted, &eliminated, config.lens_errors);
     let doubts = match keeps_minimum(config.loss) {
-        true => LensDoubts::new(&lenses, measured, &Shared { inverse: &inverse, clusters: &clusters }),
+        true => LensDoubts::new(&lenses, measured),
         false => LensDoubts::none(),
     };
     let mut of_bodies = adjusted.equations.body_covariances(&eliminated, &(&held.covariance / held.within));

@@ -4,14 +4,16 @@
 //! estimated offset, and poses follow them: a focal length 3 % off moves a camera by 3 % of its distance from the board, hardly visible in
 //! residuals.
 
-use super::lens_score::{LensScore, LensStep, Shared};
+use super::lens_score::{LensScore, LensStep};
 use crate::Matrix6;
 use crate::least_squares::rig::Common;
 use crate::statistics::variance_ratio::as_normal;
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 
-/// One in ten thousand for each camera, as in the other tests: the covariance may grow a thousandfold. Standard normal quantile.
+/// One in ten thousand, as in the other tests. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
+/// Errors that points share within a view are expected to be no larger than the noise: this counts as so many views that say so.
+const EXPECTED_DEGREES: f64 = 8.0;
 
 /// The uncertainty of one camera's parameters, and the derivatives of the poses by them.
 struct LensUncertainty<'a> {
@@ -30,9 +32,9 @@ impl<'a> LensDoubts<'a> {
         LensDoubts { doubts: Vec::new() }
     }
 
-    pub(super) fn new(lenses: &'a [Option<LensScore>], variance: f64, shared: &Shared) -> Self {
+    pub(super) fn new(lenses: &'a [Option<LensScore>], variance: f64) -> Self {
         let known = || lenses.iter().flatten();
-        if !known().any(|lens| QUANTILE < contradiction(lens, variance, shared)) {
+        if !known().any(|lens| QUANTILE < contradiction(lens, variance)) {
             return Self::none();
         }
         let doubt = |lens: &'a LensScore| {
@@ -71,34 +73,28 @@ fn squared<const N: usize>(step: &LensStep<N>) -> SMatrix<f64, N, N> {
     step.x * step.x.transpose() + step.by_views.unwrap_or(step.by_points)
 }
 
-/// Returns the contradiction between views and lens as a standard normal number: the lesser of those by points and by views.
-fn contradiction(lens: &LensScore, variance: f64, shared: &Shared) -> f64 {
-    match (lens.four(variance), lens.three(variance)) {
-        (Some(four), _) => by_both(lens, four, variance, shared),
-        (None, Some(three)) => by_both(lens, three, variance, shared),
-        (None, None) => 0.0,
-    }
+/// Returns the contradiction between observations and lens as a standard normal number: the largest of focal length alone and of all that is
+/// shown.
+fn contradiction(lens: &LensScore, variance: f64) -> f64 {
+    let focal = lens.step::<1>(variance).map(|step| unlikely(&step));
+    let all = lens.step::<4>(variance).map(|step| unlikely(&step));
+    let all = all.or_else(|| lens.step::<3>(variance).map(|step| unlikely(&step)));
+    focal.into_iter().chain(all).fold(0.0, f64::max)
 }
 
-fn by_both<const N: usize>(lens: &LensScore, mut step: LensStep<N>, variance: f64, shared: &Shared) -> f64 {
-    let rough = unlikely(&step);
-    // Taking off the whole leverage of a view costs as much as an elimination and can only lower the result.
-    if rough <= QUANTILE || shared.clusters.is_empty() {
-        return rough;
-    }
-    step.by_views = Some(lens.whole_scatter(&step, variance, shared));
-    rough.min(unlikely(&step))
-}
-
+/// Returns how unlikely a step is by chance, as a standard normal number: docs/math/rig.md eqs. (19), (20). Few views tell how far they scatter
+/// along the step, many how far in each direction.
 fn unlikely<const N: usize>(step: &LensStep<N>) -> f64 {
     let p = N as f64;
-    let chi2 = |covariance: &SMatrix<f64, N, N>| Some(step.x.dot(&(covariance.try_inverse()? * step.x)));
-    let left = step.n_views.saturating_sub(N) as f64;
-    let by_views = step.by_views.as_ref().and_then(chi2).filter(|c| 0.0 <= *c);
-    match (chi2(&step.by_points), by_views) {
-        (Some(points), Some(views)) => {
-            as_normal(points / p, p, f64::INFINITY).min(as_normal(views / p, p, left))
-        }
-        _ => 0.0,
-    }
+    let Some(by_points) = step.by_points.try_inverse() else { return 0.0 };
+    let along = by_points * step.x;
+    let chi2 = step.x.dot(&along);
+    let degrees_of_views = step.n_views.saturating_sub(N) as f64;
+    let scatter = along.dot(&(step.of_views * along)) / chi2;
+    let degrees = EXPECTED_DEGREES + degrees_of_views;
+    let excess = f64::max(1.0, (EXPECTED_DEGREES + degrees_of_views * scatter) / degrees);
+    let along_step = as_normal(chi2 / excess / p, p, degrees);
+    let chi2_of_views = step.by_views.and_then(|c| Some(step.x.dot(&(c.try_inverse()? * step.x))));
+    let by_views = chi2_of_views.filter(|c| 0.0 <= *c).map_or(0.0, |c| as_normal(c / p, p, degrees_of_views));
+    along_step.max(by_views.min(as_normal(chi2 / p, p, f64::INFINITY)))
 }

@@ -8,16 +8,13 @@
 use super::adjust::Adjusted;
 use super::layout::Layout;
 use super::lens::LensOffset;
-use crate::least_squares::clustered::{Cluster, restricted};
 use crate::least_squares::rig::{Common, Eliminated};
 use crate::locate::refine::whitening;
 use crate::{Camera, Correspondence, Point, Vector6};
-use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector, Vector2, Vector4};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 /// A parameter that nothing shows keeps only this share of its information, by rounding.
 const NOTHING_LEFT: f64 = 1e-10;
-/// A view's leverage above this is not distinguished from one.
-const RIDGE: f64 = 1e-6;
 
 /// JᵀWP, PᵀWP and PᵀWr of a camera's four columns P, in one observation.
 struct Sums {
@@ -31,11 +28,8 @@ struct Sums {
 
 /// The information of one view on a camera's parameters after elimination of the poses, docs/math/rig.md eq. (17).
 struct OfView {
-    view: usize,
     left: Matrix4<f64>,
     pull: Vector4<f64>,
-    /// Cross terms of the parameters with cameras and targets.
-    common: Vec<(usize, SMatrix<f64, 6, 4>)>,
 }
 
 /// The information of a camera's residuals on its four parameters, every pose free.
@@ -85,7 +79,7 @@ fn score(
     let lost = Matrix4::from_fn(|i, j| commons[i].dot(&following[j]));
     let of_views =
         observations.chunk_by(|a, b| layout.observations[a.0].view == layout.observations[b.0].view);
-    let of_views = of_views.map(|own| of_view(own, layout, adjusted, &following)).collect();
+    let of_views = of_views.map(|own| of_view(own, adjusted, &following)).collect();
     if !with_bodies {
         following.iter_mut().for_each(|f| f.bodies = Vec::new());
     }
@@ -115,36 +109,24 @@ fn observations(camera: usize, layout: &Layout, adjusted: &Adjusted) -> Option<V
     Some(own.map(|(i, _)| of_link(i)).filter(|(_, sums)| 0.0 < sums.n).collect())
 }
 
-fn of_view(
-    observations: &[(usize, Sums)],
-    layout: &Layout,
-    adjusted: &Adjusted,
-    following: &[Common; 4],
-) -> OfView {
-    let view = observations.first().map_or(0, |(i, _)| layout.observations[*i].view);
-    let mut sum = OfView { view, left: Matrix4::zeros(), pull: Vector4::zeros(), common: Vec::new() };
+fn of_view(observations: &[(usize, Sums)], adjusted: &Adjusted, following: &[Common; 4]) -> OfView {
+    let mut sum = OfView { left: Matrix4::zeros(), pull: Vector4::zeros() };
     for (i, sums) in observations {
         let link = &adjusted.graph.links[*i];
-        let (moved, by_shared) = adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, following);
+        let (moved, _) = adjusted.equations.moved(&adjusted.places, &adjusted.graph, link, following);
         let (information, gradient) = adjusted.equations.of_observation(*i);
         let rest = sums.by_motion - information * moved;
         sum.left += sums.own - moved.tr_mul(&sums.by_motion) - rest.tr_mul(&moved);
         sum.pull += sums.pull - moved.tr_mul(gradient);
-        sum.common.extend(by_shared.into_iter().flatten().map(|(block, by)| (block, by.tr_mul(&rest))));
     }
     sum
-}
-
-/// The information of every view on cameras and targets, and their inverse information: a view's leverage on them reduces a camera's
-/// parameters'.
-pub(super) struct Shared<'a> {
-    pub(super) inverse: &'a DMatrix<f64>,
-    pub(super) clusters: &'a [Cluster],
 }
 
 /// A step of some of the parameters, with all poses free.
 pub(super) struct LensStep<const N: usize> {
     pub(super) x: SVector<f64, N>,
+    /// Σ of the squared changes of the step without one view.
+    pub(super) of_views: SMatrix<f64, N, N>,
     /// Covariance from single points, and from the scatter of views; none where there are too few views.
     pub(super) by_points: SMatrix<f64, N, N>,
     pub(super) by_views: Option<SMatrix<f64, N, N>>,
@@ -192,21 +174,22 @@ impl LensScore {
     }
 
     /// Returns the step of the first N parameters, docs/math/rig.md eqs. (16), (18); none where the equations leave one undetermined.
-    fn step<const N: usize>(&self, variance: f64) -> Option<LensStep<N>> {
+    pub(super) fn step<const N: usize>(&self, variance: f64) -> Option<LensStep<N>> {
         let left: SMatrix<f64, N, N> = self.left.fixed_view::<N, N>(0, 0).into();
         let pull: SVector<f64, N> = self.pull.fixed_rows::<N>(0).into();
         let inverse = inverse_of_known(&left, &self.own)?;
         let (x, by_points) = (inverse * pull, inverse * variance);
         let chi2 = x.dot(&pull);
         let n_views = self.of_views.len();
-        let by_views = (2 * N <= n_views).then(|| self.scatter(&x, &inverse));
-        let numbers = x.iter().chain(by_points.iter()).chain(by_views.iter().flatten());
+        let of_views = self.scatter(&x, &inverse);
+        let by_views = (2 * N <= n_views).then_some(of_views);
+        let numbers = x.iter().chain(by_points.iter()).chain(of_views.iter());
         let is_right = numbers.into_iter().all(|v| v.is_finite()) && 0.0 <= chi2;
-        is_right.then_some(LensStep { x, by_points, by_views, n_views, chi2 })
+        is_right.then_some(LensStep { x, by_points, of_views, by_views, n_views, chi2 })
     }
 
-    /// Returns Σ of the squared changes of the step without one view: the view's residual gradient, corrected for its leverage on the
-    /// parameters. The leverage of views on cameras is not corrected, so that the result is slightly too small.
+    /// Returns Σ of the squared changes of the step without one view, docs/math/rig.md eq. (18): the view's residual gradient, corrected for its
+    /// leverage on the parameters. The leverage of views on cameras is not corrected, so that the result is slightly too small.
     fn scatter<const N: usize>(
         &self,
         x: &SVector<f64, N>,
@@ -219,61 +202,11 @@ impl LensScore {
             sum + change * change.transpose()
         })
     }
-
-    /// Returns the same scatter corrected for all of the view's leverage, docs/math/rig.md eq. (18).
-    pub(super) fn whole_scatter<const N: usize>(
-        &self,
-        step: &LensStep<N>,
-        variance: f64,
-        shared: &Shared,
-    ) -> SMatrix<f64, N, N> {
-        let inverse = step.by_points / variance;
-        let change = |own: &OfView| {
-            let at = shared.clusters.binary_search_by_key(&own.view, |cluster| cluster.number).ok()?;
-            let change = own.without(&shared.clusters[at], shared.inverse, &inverse, &step.x)?;
-            Some(inverse * change)
-        };
-        self.of_views.iter().filter_map(change).fold(SMatrix::zeros(), |sum, c| sum + c * c.transpose())
-    }
 }
 
 impl OfView {
     fn left_of<const N: usize>(&self) -> SMatrix<f64, N, N> {
         self.left.fixed_view::<N, N>(0, 0).into()
-    }
-
-    /// Returns the parameters' part of (1 − B)⁻¹ s, B and s of cameras, targets and parameters together as in docs/math/clustered.md eq. (3).
-    fn without<const N: usize>(
-        &self,
-        cluster: &Cluster,
-        inverse: &DMatrix<f64>,
-        inverse_of_lens: &SMatrix<f64, N, N>,
-        x: &SVector<f64, N>,
-    ) -> Option<SVector<f64, N>> {
-        let n = cluster.score.len();
-        let mut common = DMatrix::zeros(n, N);
-        for (block, by) in &self.common {
-            let i = cluster.blocks.binary_search(block).ok()?;
-            let mut rows = common.view_mut((6 * i, 0), (6, N));
-            rows += by.columns(0, N);
-        }
-        let by_lens = DMatrix::from_fn(N, N, |i, j| inverse_of_lens[(i, j)]);
-        let left = self.left_of::<N>();
-        let mut leverage = DMatrix::identity(n + N, n + N) * (1.0 + RIDGE);
-        let inverse = restricted(inverse, &cluster.blocks);
-        let mut view = leverage.view_mut((0, 0), (n, n));
-        view -= &cluster.information * &inverse;
-        let mut view = leverage.view_mut((0, n), (n, N));
-        view -= &common * &by_lens;
-        let mut view = leverage.view_mut((n, 0), (N, n));
-        view -= common.transpose() * &inverse;
-        let mut view = leverage.view_mut((n, n), (N, N));
-        view -= left * inverse_of_lens;
-        let mut score = DVector::zeros(n + N);
-        score.rows_mut(0, n).copy_from(&(&cluster.score - &common * x));
-        score.rows_mut(n, N).copy_from(&(self.pull.fixed_rows::<N>(0) - left * x));
-        let solved = leverage.lu().solve(&score)?;
-        Some(solved.fixed_rows::<N>(n).into())
     }
 }
 

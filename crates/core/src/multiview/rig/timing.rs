@@ -179,7 +179,14 @@ impl Clock {
         if stamps_count {
             let stamp_s = all().map(|(s, t_s)| t_s - views[s.view]).collect();
             let mean_variance_s2 = vec![0.0; cameras.len()];
-            return Clock { stamp_s, view_s: views, mean_s: cameras, mean_variance_s2, stamps_count, scatters };
+            return Clock {
+                stamp_s,
+                view_s: views,
+                mean_s: cameras,
+                mean_variance_s2,
+                stamps_count,
+                scatters,
+            };
         }
         let mut n = vec![0.0; cameras.len()];
         all().for_each(|(s, _)| n[s.camera] += 1.0);
@@ -292,9 +299,8 @@ fn estimated(
         |camera: usize| clock.mean_variance_s2[camera] + clock.mean_variance_s2[last.compared_with];
     let of_camera = |(camera, value): (usize, &f64)| match camera == last.compared_with {
         true => Some((0.0, 0.0)),
-        false => last.columns.of_camera[camera].map(|k| {
-            (*value - found.offset_s[last.compared_with], (variance(k) + of_means(camera)).sqrt())
-        }),
+        false => last.columns.of_camera[camera]
+            .map(|k| (*value - found.offset_s[last.compared_with], (variance(k) + of_means(camera)).sqrt())),
     };
     let offsets = TimeOffsets {
         offset_s: found.offset_s.iter().enumerate().map(of_camera).collect(),

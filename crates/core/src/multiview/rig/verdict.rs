@@ -195,13 +195,15 @@ pub(super) struct Evidence<'a> {
 const OWN_FAULT: f64 = 0.4;
 /// Relative differences of targets' sizes below this are printing errors.
 const SIZE_OFF: f64 = 0.005;
-/// Where residuals prove the sigmas too small, variances larger than this by the scatter of views are no longer noise: errors four times as
-/// large as stated. On recordings with right files the largest value is 5.9 where sigmas are those of fair corners (31 with sigmas of 0.16 px,
-/// which show that the webcams were not synchronised), and 24 to 42 with the images of one webcam under the names of the next view.
-const APART: f64 = 16.0;
+/// Variances larger than this by the scatter of views, in units of the noise, are no longer noise: errors three times as large. On recordings with
+/// right files the largest value is 5.9 where sigmas are those of fair corners (31 with sigmas of 0.16 px, which show that the webcams were not
+/// synchronised), and 13 to 42 with the images of one webcam under the names of the next view.
+const APART: f64 = 9.0;
 /// The errors must also be as large as this over the focal length: right files 0.0018 at most, views under the names of the next one 0.0022 to
 /// 0.0053.
 const APART_FOCAL: f64 = 0.002;
+/// Residuals of corners and lenses that are as good as calibrations leave them are smaller than this over the focal length.
+const NOISY_FOCAL: f64 = 0.002;
 
 impl Evidence<'_> {
     pub(super) fn verdict(&self) -> RigVerdict {
@@ -238,20 +240,24 @@ impl Evidence<'_> {
         }
     }
 
-    /// Returns whether the noise is too large. Under a loss that keeps wrong points, the variance of the good points replaces χ².
+    /// Returns whether the residuals are far above their sigmas and too large for any corners. Smaller ones show only that the sigmas were stated
+    /// too small: the covariance has grown by as much. Under a loss that keeps wrong points, the variance of the good points replaces χ².
     fn is_noisy(&self) -> bool {
         let degrees_of_freedom = self.degrees_of_freedom;
+        if self.noise_scale * self.mean_variance_over_focal() < NOISY_FOCAL * NOISY_FOCAL {
+            return false;
+        }
         match self.config.loss {
             Loss::Squared | Loss::Truncated { .. } => is_inconsistent(self.chi2, degrees_of_freedom),
             _ => is_inconsistent(self.noise_scale * degrees_of_freedom as f64, degrees_of_freedom),
         }
     }
 
-    /// Returns whether views contradict each other by far more than points that are noisier than stated explain.
+    /// Returns whether views contradict each other by far more than the noise explains, as stated or as measured where that is less.
     fn views_are_apart(&self) -> bool {
         let apart = self.noise_scale * self.view_scale;
-        1.0 < self.noise_scale
-            && APART <= apart
+        1.0 < self.view_scale
+            && APART * self.measured_noise.min(1.0) <= apart
             && APART_FOCAL * APART_FOCAL <= apart * self.mean_variance_over_focal()
     }
 
