@@ -48,11 +48,25 @@ impl LensOffset {
 
     /// Returns the name of the largest offset.
     pub fn worst(&self) -> &'static str {
-        let [focal, centre, distortion] = self.excess();
-        match () {
-            () if distortion <= focal && centre <= focal => "focal length",
-            () if distortion <= centre => "principal point",
-            () => "distortion",
-        }
+        named(self.excess())
+    }
+
+    /// Returns the name of the offset that is largest beside its uncertainty.
+    pub fn clearest(&self) -> &'static str {
+        let [right, down] = [0, 1].map(|i| self.centre[i].abs() / self.sigma_centre[i]);
+        named([
+            self.focal.abs() / self.sigma_focal,
+            right.max(down),
+            self.distortion.abs() / self.sigma_distortion,
+        ])
+    }
+}
+
+/// Names the largest of the values for focal length, principal point and distortion.
+fn named([focal, centre, distortion]: [f64; 3]) -> &'static str {
+    match () {
+        () if distortion <= focal && centre <= focal => "focal length",
+        () if distortion <= centre => "principal point",
+        () => "distortion",
     }
 }

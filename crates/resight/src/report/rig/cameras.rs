@@ -1,6 +1,7 @@
 //! The table of cameras: position, rotation, uncertainties, points used.
 
 use super::pieces::{color_class, fixed, row, tabular};
+use super::sentences::lens_doubt;
 use crate::core::Pose;
 use crate::core::budget::{Budget, ErrorSource};
 use crate::core::multiview::rig::CameraInRig;
@@ -82,7 +83,7 @@ fn turned(cam_from_rig: &Pose, sigmas_rad: [f64; 3]) -> String {
 }
 
 /// Describes a warning for which every ± was widened; the others are elsewhere on the page.
-fn widened(warning: &RigWarning) -> Option<String> {
+fn widened(run: &RigRun, warning: &RigWarning) -> Option<String> {
     match warning {
         RigWarning::Residuals(times) => Some(format!(
             "The residuals are {} times what the stated standard deviations of the points say: every ± here was widened by as much.",
@@ -96,10 +97,7 @@ fn widened(warning: &RigWarning) -> Option<String> {
             " Views contradict each other by {} times what their points explain (cameras that are not synchronised, a bent board): every ± holds that.",
             fixed(*times, 2)
         )),
-        RigWarning::Lenses(sigma_m) => Some(format!(
-            " Views agree that intrinsics are off, and every ± holds that: places are known to ± {}.",
-            words::length(*sigma_m)
-        )),
+        RigWarning::Lenses(sigma_m) => Some(format!(" Moreover, {}.", escaped(&lens_doubt(run, *sigma_m)))),
         RigWarning::Camera(..) | RigWarning::Target(..) | RigWarning::Views => None,
         RigWarning::Size(_) | RigWarning::LeftOut(_) => None,
     }
@@ -112,7 +110,7 @@ pub(super) fn legend(run: &RigRun) -> String {
         true => "",
         false => "The residuals are as large as the stated standard deviations of the points say.",
     };
-    let widened: String = warnings.iter().filter_map(widened).collect();
+    let widened: String = warnings.iter().filter_map(|warning| widened(run, warning)).collect();
     let noise = format!("{agree}{widened}");
     format!(
         "<p class=\"note\">Places are those of the cameras' centres along the axes of the rig; cam_from_rig = R_z(roll) · R_x(pitch) · R_y(yaw). {noise}</p>"

@@ -1,7 +1,7 @@
 //! The weakest link of a rig, and the test of its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::multiview::rig::{RejectedObservation, RigWarning, TargetScale};
+use crate::core::multiview::rig::{LensOffset, RejectedObservation, RigWarning, TargetScale};
 use crate::formats::NamedCamera;
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
@@ -54,7 +54,7 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
 }
 
 /// Describes a warning for which every ± was widened; the others have sentences of their own.
-fn widened(warning: &RigWarning) -> Option<String> {
+fn widened(run: &RigRun, warning: &RigWarning) -> Option<String> {
     match warning {
         RigWarning::Residuals(times) => Some(format!(
             "; residuals are {} times what the sigmas say, and every ± is widened by as much",
@@ -68,19 +68,50 @@ fn widened(warning: &RigWarning) -> Option<String> {
             "; views contradict each other by {} times what their points explain, and every ± holds that",
             figures(*times)
         )),
-        RigWarning::Lenses(sigma_m) => Some(format!(
-            "; views agree that intrinsics are off, and every ± holds that: places are known to ± {}",
-            words::length(*sigma_m)
-        )),
+        RigWarning::Lenses(sigma_m) => Some(format!("; {}", lens_doubt(run, *sigma_m))),
         RigWarning::Camera(..) | RigWarning::Target(..) | RigWarning::Views => None,
         RigWarning::Size(_) | RigWarning::LeftOut(_) => None,
+    }
+}
+
+/// Describes what views show of the intrinsics where it is in every ±: whose are off most, and by what.
+pub(super) fn lens_doubt(run: &RigRun, sigma_m: f64) -> String {
+    let offsets = run.solution.verdict.lens_offsets.iter().enumerate();
+    let most = offsets
+        .filter_map(|(camera, offset)| Some((camera, (*offset)?)))
+        .max_by(|a, b| a.1.explained_chi2.total_cmp(&b.1.explained_chi2));
+    let whose = most.map_or(String::new(), |(camera, offset)| {
+        format!(", those of {} most ({})", run.rig.cameras[camera].name, off(&offset, offset.clearest()))
+    });
+    format!(
+        "views agree that intrinsics are off{whose}, and every ± holds that: places are known to ± {}",
+        words::length(sigma_m)
+    )
+}
+
+/// Describes the error of a parameter by the correction to be added to it.
+pub(super) fn off(offset: &LensOffset, parameter: &'static str) -> String {
+    let percent = |x: f64, sigma: f64| format!("by about {:+.1} % ± {:.1} %", 100.0 * x, 100.0 * sigma);
+    match parameter {
+        "focal length" => format!("the focal length is off {}", percent(offset.focal, offset.sigma_focal)),
+        "principal point" => {
+            let [right, down] = offset.centre.map(|x| 100.0 * x);
+            format!(
+                "the principal point is off by about {right:+.1} % and {down:+.1} % of the focal length, right and down"
+            )
+        }
+        what => format!(
+            "the {what} moves its points {} of the focal length",
+            percent(offset.distortion, offset.sigma_distortion)
+        ),
     }
 }
 
 /// Returns one line: the numbers of cameras, views and points, and the residual.
 pub(super) fn figures_of(run: &RigRun) -> String {
     let s = &run.solution;
-    let warnings: String = s.warnings(run.rig.views.len()).iter().filter_map(widened).collect();
+    let warnings: String =
+        s.warnings(run.rig.views.len()).iter().filter_map(|warning| widened(run, warning)).collect();
     format!(
         "{}, {}, {} of {} points used, rms {} px{warnings}",
         words::counted(s.cameras.len(), "camera"),

@@ -1,6 +1,6 @@
 //! The verdict on a rig in words: the first line of the program's output, its files and the page.
 
-use super::sentences::figures_of;
+use super::sentences::{figures_of, off};
 use crate::core::multiview::rig::{Cause, LensOffset, Losses};
 use crate::report::verdict::{Status, Verdict, figures};
 use crate::rig::RigRun;
@@ -45,7 +45,7 @@ pub fn rig_camera_sentence(run: &RigRun, camera: usize) -> Option<String> {
     Some(match losses.cause? {
         Cause::Intrinsics => {
             let offset = solution.verdict.lens_offsets[camera].filter(LensOffset::is_off);
-            let what = offset.map_or(String::new(), |offset| format!(" ({})", off(&offset)));
+            let what = offset.map_or(String::new(), |offset| format!(" ({})", off(&offset, offset.worst())));
             format!(
                 "{}; its intrinsics{what} are the likely cause: focal length, principal point, distortion or image size",
                 lost(name, losses)
@@ -80,24 +80,6 @@ fn lost(name: &str, losses: &Losses) -> String {
     match 100.0 * losses.share_lost() {
         percent if percent < 1.0 => format!("{name} does not agree with the other cameras"),
         percent => format!("{percent:.0} % of {name}'s points do not fit"),
-    }
-}
-
-/// Names the parameter with the largest error, and the correction to be added to it.
-fn off(offset: &LensOffset) -> String {
-    let percent = |x: f64, sigma: f64| format!("by about {:+.1} % ± {:.1} %", 100.0 * x, 100.0 * sigma);
-    match offset.worst() {
-        "focal length" => format!("the focal length is off {}", percent(offset.focal, offset.sigma_focal)),
-        "principal point" => {
-            let [right, down] = offset.centre.map(|x| 100.0 * x);
-            format!(
-                "the principal point is off by about {right:+.1} % and {down:+.1} % of the focal length, right and down"
-            )
-        }
-        what => format!(
-            "the {what} moves its points {} of the focal length",
-            percent(offset.distortion, offset.sigma_distortion)
-        ),
     }
 }
 
