@@ -2,7 +2,7 @@
 //!
 //! A session is never locked during a computation: readers take its current state, and a change is applied to a copy (photographs and answers
 //! are shared), which replaces it at the end. Changes of one session are applied one after the other, in the order of the requests. A change that
-//! is cancelled leaves the session free at once; its thread works on, on its copy, and keeps what it holds (see [`aside`]).
+//! is cancelled leaves the session free at once; its thread works on its copy, and keeps what it holds, until it notices (see [`aside`]).
 
 use crate::aside::{aside, turn};
 use crate::error::Problem;
