@@ -141,7 +141,7 @@ fn cancelled_searches_end_and_leave_their_turns() {
     // As many as there are turns.
     let ids = [session(place), session(place)];
     for id in &ids {
-        assert_eq!(put(place, id, "a.png", "image/png", &blocks(4000, 3000)).status, 200);
+        assert_eq!(put(place, id, "a.png", "image/png", &blocks(2000, 1500)).status, 200);
     }
     let other = post(place, "/api/session", &json!({ "example": true })).json();
     let saved = format!("/api/session/save?session={}", other["session"].as_str().expect("an id"));
