@@ -80,6 +80,35 @@ for (const width of [360, 390]) {
   });
 }
 
+/** What a mark would snap to is answered in the sheet on a phone, however far that is pulled up or scrolled, and not over the photograph. */
+test("a snap is answered in the sheet of a phone", async () => {
+  const page = await open(chromium, server, "photograph", PHONE);
+  await demo(page);
+  await page.getByLabel("Snap to").selectOption("corner");
+  const bar = page.locator(".choice-bar.snap");
+  const [sheet, handle] = [page.locator(".sheet"), page.locator(".sheet > .handle")];
+  for (const [i, pull] of ["middle", "high", "low"].entries()) {
+    const [x, y] = Object.values(PLACES)[i]!;
+    const [u, v] = pixel(x, y);
+    await tap(page, [u + 2, v + 1.5]);
+    await bar.waitFor();
+    while ((await sheet.getAttribute("data-pull")) !== pull) await handle.press("Enter");
+    await sheet.evaluate((element) => (element.scrollTop = element.scrollHeight / 2));
+    const [asked, canvas] = [(await bar.boundingBox())!, (await page.locator(".views > .viewport").boundingBox())!];
+    assert(canvas.y + canvas.height <= asked.y + 12 && asked.y + asked.height <= 844.5, `${pull}: ${JSON.stringify([asked, canvas])}`);
+    for (const button of await bar.getByRole("button").all()) {
+      const { x, y, width, height } = (await button.boundingBox())!;
+      const isSeen = await button.evaluate((element, at) => element.contains(document.elementFromPoint(at[0]!, at[1]!)), [x + width / 2, y + height / 2]);
+      assert(isSeen && 32 <= height, `${pull}: ${await button.textContent()}`);
+    }
+    await bar.getByRole("button", { name: "Enter" }).tap();
+    await bar.waitFor({ state: "detached" });
+    while ((await sheet.getAttribute("data-pull")) !== "middle") await handle.press("Enter");
+  }
+  assert.deepEqual(faultsOf(page), []);
+  await page.context().close();
+});
+
 /** A page with a pose and thirty lengths. */
 async function withThirtyLengths() {
   const page = await open(chromium, server);

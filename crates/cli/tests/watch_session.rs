@@ -66,6 +66,45 @@ fn a_session_file_means_the_same_as_its_flags() {
     assert_eq!(other.0, 0, "{}", other.1);
 }
 
+/// A name may have dots, quoted in the file or not: the camera is the same as by its flags, and so is the file that is printed.
+#[test]
+fn names_with_dots_are_names() {
+    let [camera, target] = [gate("gate.toml"), gate("tag.toml")];
+    let by_flags = watch(&[
+        "--camera",
+        &format!("cam.north={camera}"),
+        "--target",
+        &format!("door.1={target}"),
+        "--source",
+        "cam.north=-",
+        "--once",
+        "--json",
+    ]);
+    assert!(by_flags.1.contains("\"cam.north\""), "{} {}", by_flags.1, by_flags.2);
+    let text = |north: &str, door: &str, source: &str| {
+        format!(
+            "once = true\njson = true\n[camera.{north}]\nfile = {camera:?}\n{source}\n[target.{door}]\nfile = {target:?}\n"
+        )
+    };
+    let quoted = text("\"cam.north\"", "\"door.1\"", "source = \"-\"");
+    let plain = text("cam.north", "door.1", "source = \"-\"");
+    let by_key = text("cam.north", "door.1", "[source]\ncam.north = \"-\"");
+    for (name, text) in [("quoted", quoted), ("plain", plain), ("by_key", by_key)] {
+        let file = session(&format!("session_dots_{name}"), &text).display().to_string();
+        assert_eq!(watch(&[&file]), by_flags, "{name}");
+        let printed = watch(&[&file, "--print-session"]);
+        assert_eq!(printed.0, 0, "{name}: {}", printed.2);
+        assert!(printed.1.contains("[camera.\"cam.north\"]"), "{name}: {}", printed.1);
+        let again = session(&format!("session_dots_{name}_again"), &printed.1).display().to_string();
+        assert_eq!(watch(&[&again]), by_flags, "{name}, printed");
+    }
+    // A file of landmarks for such a camera.
+    let text = "[camera.cam.north]\nsource = \"-\"\nhfov_deg = 60\nlandmarks = \"no/such.png\"\n";
+    let file = session("session_dots_landmarks", text).display().to_string();
+    let (code, _, stderr) = watch(&[&file]);
+    assert!(code == 2 && stderr.contains("no/such.png"), "{stderr}");
+}
+
 /// Every key that is listed is one that can be given.
 #[test]
 fn every_key_is_listed_and_is_a_flag() {

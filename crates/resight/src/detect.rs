@@ -27,6 +27,7 @@ mod region;
 mod saddles;
 pub mod sigma;
 mod smooth;
+pub mod stop;
 mod tag_print;
 pub mod tags;
 mod template;
@@ -324,7 +325,7 @@ impl Detector {
     fn find(&mut self, image: &GrayImage, camera: Option<&Camera>) -> Result<Vec<Detection>, DetectError> {
         check_buffer(image)?;
         self.copies.clear();
-        if is_blank(image) {
+        if is_blank(image) || stop::is_stopped() {
             return Ok(Vec::new());
         }
         let mut found = match &mut self.finder {

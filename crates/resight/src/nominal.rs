@@ -16,7 +16,7 @@ use crate::core::locate::unknown_focal::LensPrior;
 use crate::core::{Camera, Lens};
 use crate::error::Error;
 use crate::formats::NamedCamera;
-use crate::image::exif::ExifLens;
+use crate::image::exif::{ExifLens, FILM_DIAGONAL_MM, FocalSource};
 use nalgebra::DMatrix;
 
 /// One standard deviation of log fy/fx, of the principal point in widths of the image, and of the relative displacement of the corner by
@@ -55,8 +55,6 @@ pub enum NominalLens {
 const MOST_DEG: f64 = 130.0;
 /// A narrower field of view is that of a telescope, or was given in radians.
 const LEAST_DEG: f64 = 2.0;
-/// Diagonal of film of 36 × 24 mm.
-const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
 
 impl NominalLens {
     /// Returns the camera for images of this size, with the covariance of its intrinsics.
@@ -148,7 +146,11 @@ impl NominalLens {
             }
             NominalLens::Exif(lens) => {
                 let camera = lens.camera.as_ref().map_or_else(String::new, |camera| format!(" of {camera}"));
-                format!("the photograph's EXIF{camera}: {} mm as of 35 mm film", lens.focal_35mm)
+                let source = match lens.source {
+                    FocalSource::Stated => "",
+                    FocalSource::Sensor => "focal length and size of the sensor, ",
+                };
+                format!("the photograph's EXIF{camera}: {source}{} mm as of 35 mm film", lens.focal_35mm)
             }
         };
         format!(
@@ -193,6 +195,10 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize { width_px: 1280, height_px: 720 };
 
+    fn of_film(focal_35mm: u16) -> ExifLens {
+        ExifLens { focal_35mm, source: FocalSource::Stated, camera: None }
+    }
+
     fn focal_px(lens: &NominalLens) -> f64 {
         lens.camera(SIZE).expect("a camera").camera.matrix().expect("a matrix").fx_px
     }
@@ -202,7 +208,7 @@ mod tests {
         let by_angle = focal_px(&NominalLens::HorizontalFieldOfView(2.0 * 0.5_f64.atan().to_degrees()));
         let by_length = focal_px(&NominalLens::FocalLength { focal_mm: 5.0, sensor_width_mm: 5.0 });
         // 1280 × 720 has a diagonal of 1468.6 px: 38 mm on film of 43.27 mm.
-        let by_exif = focal_px(&NominalLens::Exif(ExifLens { focal_35mm: 38, camera: None }));
+        let by_exif = focal_px(&NominalLens::Exif(of_film(38)));
         assert!((by_angle - 1280.0).abs() < 1e-9 && by_length == 1280.0, "{by_angle} {by_length}");
         assert!((by_exif / 1289.8 - 1.0).abs() < 1e-4, "{by_exif}");
     }
@@ -216,7 +222,7 @@ mod tests {
             (NominalLens::HorizontalFieldOfView(f64::NAN), "NaN°"),
             (NominalLens::FocalLength { focal_mm: 0.004, sensor_width_mm: 0.006 * 1000.0 }, "0.004 mm"),
             (NominalLens::FocalLength { focal_mm: 4.0, sensor_width_mm: -6.0 }, "-6 mm"),
-            (NominalLens::Exif(ExifLens { focal_35mm: 4, camera: None }), "4 mm (35 mm film)"),
+            (NominalLens::Exif(of_film(4)), "4 mm (35 mm film)"),
         ] {
             let refused = lens.camera(SIZE).expect_err("refused").to_string();
             assert!(refused.contains(seen) && refused.contains("2° to 130°"), "{refused}");

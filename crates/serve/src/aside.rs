@@ -1,7 +1,9 @@
 //! Work beside the threads that answer.
 
 use crate::error::Problem;
+use resight::detect::stop;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
 
@@ -18,9 +20,10 @@ pub async fn turn(turns: &Arc<Semaphore>) -> Result<Permit, Problem> {
 
 /// Runs on a thread of its own, where a failure loses one request.
 ///
-/// `held` is what the work needs besides the thread: its turn, and the memory that it takes. Both are returned when the work has ended, which may
-/// be long after nobody waits for it any more: a request that was cancelled, that took too long, or whose client left does not stop a thread.
-/// So there are never more threads at work, and no more memory in use, than turns and memory allow. `()` is for what takes milliseconds.
+/// Where nobody waits for it any more (a request that was cancelled, that took too long, or whose client left) a search for a target ends soon,
+/// and other work when it is done. `held` is what the work needs besides the thread: its turn, and the memory that it takes. Both are returned
+/// when the work has ended, so that there are never more threads at work, and no more memory in use, than turns and memory allow. `()` is for
+/// what takes milliseconds.
 ///
 /// # Errors
 /// A thread that failed.
@@ -28,9 +31,25 @@ pub async fn aside<T: Send + 'static>(
     held: impl Send + 'static,
     job: impl FnOnce() -> T + Send + 'static,
 ) -> Result<T, Problem> {
+    let waiting = Waiting::default();
+    let is_left = Arc::clone(&waiting.is_left);
     let work = move || {
         let _held = held;
-        job()
+        stop::unless(move || is_left.load(Ordering::Relaxed), job)
     };
-    spawn_blocking(work).await.map_err(|_| Problem::failed())
+    let done = spawn_blocking(work).await;
+    drop(waiting);
+    done.ok().flatten().ok_or_else(Problem::failed)
+}
+
+/// Somebody who waits for work, until this is dropped.
+#[derive(Default)]
+struct Waiting {
+    is_left: Arc<AtomicBool>,
+}
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.is_left.store(true, Ordering::Relaxed);
+    }
 }

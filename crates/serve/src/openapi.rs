@@ -213,8 +213,15 @@ fn results(s: &mut Schemas) -> Vec<Operation> {
 fn sockets(s: &mut Schemas) -> Vec<Operation> {
     vec![
         Operation::get("/ws/session", "WebSocket: commands in, views out.")
-            .query(s.query::<socket::Named>(&["session"]))
-            .upgrades(s.given::<Numbered>(), vec![s.answer::<NumberedView>(), s.answer::<ErrorObject>()]),
+            .query(s.query::<socket::Named>(&["session", "changes"]))
+            .upgrades(
+                s.given::<Numbered>(),
+                vec![
+                    s.answer::<NumberedView>(),
+                    s.answer::<socket::NumberedChanges>(),
+                    s.answer::<ErrorObject>(),
+                ],
+            ),
         Operation::get(
             "/ws/live",
             "WebSocket: states four times a second, events as they come, a picture after each acknowledgement.",

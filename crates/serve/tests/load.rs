@@ -133,6 +133,43 @@ fn cancelled_searches_take_no_more_than_their_turns() {
     assert!(grown < 400 << 20, "{} MB", grown >> 20);
 }
 
+/// Searches that nobody waits for end: others have their turns long before the searches would be done.
+#[test]
+fn cancelled_searches_end_and_leave_their_turns() {
+    let _alone = MEASURED.lock();
+    let place = server(None);
+    // As many as there are turns.
+    let ids = [session(place), session(place)];
+    for id in &ids {
+        assert_eq!(put(place, id, "a.png", "image/png", &blocks(2000, 1500)).status, 200);
+    }
+    let other = post(place, "/api/session", &json!({ "example": true })).json();
+    let saved = format!("/api/session/save?session={}", other["session"].as_str().expect("an id"));
+    let search = json!({ "command": { "kind": "find_target", "target": { "by": "family", "family": "any", "size_m": 0.1 } } });
+    let searching = || {
+        let start = |id: &String| {
+            let (path, search) = (format!("/api/session/command?session={id}"), search.clone());
+            std::thread::spawn(move || post(place, &path, &search).status)
+        };
+        ids.each_ref().map(start)
+    };
+    let began = Instant::now();
+    let whole = searching().map(|search| search.join().expect("an answer"));
+    let whole_took = began.elapsed();
+    let cancelled = searching();
+    std::thread::sleep(whole_took / 8);
+    for id in &ids {
+        assert_eq!(post(place, &format!("/api/session/cancel?session={id}"), &json!({})).status, 200);
+    }
+    let cancelled = cancelled.map(|search| search.join().expect("an answer"));
+    let began = Instant::now();
+    assert_eq!(get(place, &saved).status, 200);
+    let waited = began.elapsed();
+    println!("two searches take {whole_took:?}; when they are cancelled, another request waits {waited:?}");
+    assert_eq!((whole, cancelled), ([200; 2], [409; 2]));
+    assert!(waited < whole_took / 3, "{waited:?} of {whole_took:?}");
+}
+
 /// What a request for JSON may be, and what it may make of it: lists of lists take sixty times their text, and are refused before they are parsed.
 #[cfg(target_os = "linux")]
 #[test]
@@ -498,6 +535,46 @@ fn two_pages_follow_each_other() {
         assert_eq!((news["seq"].as_u64(), &news["view"]["is_measuring"]), (Some(0), &json!(false)));
         assert!(news["view"]["measurements"][0]["value"] != opened["view"]["measurements"][0]["value"]);
     }
+}
+
+/// A page that asks for changes is sent what differs: put together, its messages are the views that another page has.
+#[test]
+fn changes_put_together_are_the_view() {
+    let place = server(None);
+    let opened = post(place, "/api/session", &json!({ "example": true })).json();
+    let path = format!("/ws/session?session={}", opened["session"].as_str().expect("an id"));
+    let (mut whole, mut parts) = (Feed::of(place, &path), Feed::of(place, &format!("{path}&changes=true")));
+    let mut view = json!({});
+    let mut sizes = Vec::new();
+    for i in 0..4 {
+        let (u_px, drag) = (278.0 + 0.5 * f64::from(i), i < 3);
+        let put = json!({ "kind": "put_point", "name": "A", "u_px": u_px, "v_px": 72, "drag": drag });
+        parts.say(&json!({ "seq": i + 1, "command": put }));
+        // News of measurements come in between.
+        loop {
+            let message = text(&mut parts);
+            let changes = message["changes"].as_object().expect("changes");
+            changes.iter().for_each(|(name, value)| view[name] = value.clone());
+            if message["seq"] == json!(i + 1) {
+                sizes.push(message.to_string().len());
+                break;
+            }
+        }
+        assert_eq!(view["points"][0]["u_px"], json!(u_px));
+    }
+    while view["is_measuring"] == json!(true) {
+        let message = text(&mut parts);
+        let changes = message["changes"].as_object().expect("changes");
+        changes.iter().for_each(|(name, value)| view[name] = value.clone());
+    }
+    let mut other = Value::Null;
+    while other["version"] != view["version"] || other["is_measuring"] == json!(true) {
+        other = text(&mut whole)["view"].clone();
+    }
+    // Advice is what is asked for when nothing is dragged any more, and both have it.
+    assert_eq!(other, view);
+    println!("messages of {sizes:?} bytes");
+    assert!(sizes[1] < sizes[0]);
 }
 
 /// What is refused says which command it was.

@@ -56,8 +56,8 @@ impl Session {
                     Err(refuse("This lens is bent; a homography holds for a straight one only.".to_owned()))
                 }
             },
-            "svg" => Ok(file("photograph.svg", "image/svg+xml", self.svg(photo, &solved))),
-            "report" => Ok(file("report.html", "text/html", self.report(photo, &solved, now_s))),
+            "svg" => Ok(file("photograph.svg", "image/svg+xml", self.svg(photo, Some(&solved)))),
+            "report" => Ok(file("report.html", "text/html", self.report(photo, now_s))),
             "csv" => Ok(file("measurements.csv", "text/csv", self.csv(photo))),
             word => {
                 let format = Format::to_write(word).ok_or_else(|| refuse(unknown(word)))?;
@@ -90,9 +90,8 @@ impl Session {
         text
     }
 
-    /// The photograph with everything drawn over it.
-    pub(crate) fn svg(&self, photo: usize, solved: &crate::pose::Solved) -> String {
-        let drawn = overlay(&self.state, solved);
+    /// The photograph with everything drawn over it; grid and axes where it has a pose.
+    pub(crate) fn svg(&self, photo: usize, solved: Option<&crate::pose::Solved>) -> String {
         let Some(photograph) = self.photograph(photo).cloned() else { return String::new() };
         let (w, h) = (photograph.image.width_px, photograph.image.height_px);
         let line = f64::from(w) / 800.0;
@@ -105,12 +104,12 @@ impl Session {
             let points: Vec<String> = curve.iter().map(|[u, v]| format!("{u},{v}")).collect();
             let _ = writeln!(svg, "<polyline stroke=\"{colour}\" points=\"{}\"/>", points.join(" "));
         };
-        drawn.grid.iter().for_each(|curve| draw(curve, "#78c8eb"));
-        drawn
-            .axes
-            .iter()
-            .zip(["#ff4646", "#46dc5a", "#5a96ff"])
-            .for_each(|(axis, colour)| draw(&axis.points, colour));
+        if let Some(solved) = solved {
+            let drawn = overlay(&self.state, solved);
+            drawn.grid.iter().for_each(|curve| draw(curve, "#78c8eb"));
+            let axes = drawn.axes.iter().zip(["#ff4646", "#46dc5a", "#5a96ff"]);
+            axes.for_each(|(axis, colour)| draw(&axis.points, colour));
+        }
         let view = self.view(photo);
         for m in view.measurements.iter().filter(|m| m.photo == photo) {
             draw(&m.points, "#ffe15a");

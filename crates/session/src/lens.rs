@@ -11,7 +11,7 @@ use resight::core::locate::unknown_focal::LensPrior;
 use resight::core::locate::unknown_focal::marked_lines::{Axis, MarkedLine};
 use resight::core::{Camera, Pixel};
 use resight::formats::{self, NamedCamera};
-use resight::image::exif::ExifLens;
+use resight::image::exif::{ExifLens, FocalSource};
 use resight::locate::IntrinsicsCovariance;
 use resight::marked_lines::{MarkedView, NamedMarkedLine, SceneLens, scene_view_of};
 use resight::nominal::{NominalLens, lens_of_unknown_focal};
@@ -104,12 +104,13 @@ pub fn known(given: &GivenLens, photograph: &Photograph) -> Result<KnownLens, St
         GivenLens::FieldOfView { hfov_deg } => nominal(NominalLens::HorizontalFieldOfView(*hfov_deg)),
         GivenLens::Exif => match &photograph.exif {
             Some(exif) => nominal(NominalLens::Exif(exif.clone())),
-            None => Err(texts::NO_EXIF.to_owned()),
+            None => Err(texts::no_exif_lens(photograph.camera.as_ref())),
         },
         GivenLens::Common { name } => {
             let known = COMMON_CAMERAS.iter().find(|camera| camera.name == name);
             let camera = known.ok_or_else(|| texts::no_common_camera(name))?;
-            let stated = ExifLens { focal_35mm: camera.focal_35mm, camera: Some(name.clone()) };
+            let (focal_35mm, source) = (camera.focal_35mm, FocalSource::Stated);
+            let stated = ExifLens { focal_35mm, source, camera: Some(name.clone()) };
             let named = NominalLens::Exif(stated).camera(size).map_err(|reason| reason.to_string())?;
             Ok(of_named(named, name, Some(texts::COMMON_CAMERA.to_owned())))
         }

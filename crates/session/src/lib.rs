@@ -22,8 +22,8 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-mod texts;
 mod cameras;
+mod texts;
 mod command;
 mod limits;
 mod state;

@@ -1,7 +1,9 @@
 //! The parts of a view.
 
+use crate::cameras::{CommonCamera, of_model};
 use crate::lens::{self, KnownLens};
 use crate::measuring::Measured;
+use crate::photograph::Photograph;
 use crate::places::Places;
 use crate::pose::Solved;
 use crate::solving::StatedLens;
@@ -28,8 +30,19 @@ pub fn photo_view(p: &PhotoState, lends_lens: bool) -> PhotoView {
         width_px: size.width_px,
         height_px: size.height_px,
         has_exif_lens: p.photograph.exif.is_some(),
+        common_camera: common_camera(&p.photograph).map(|camera| camera.name),
+        exif_advice: match p.photograph.exif {
+            Some(_) => None,
+            None => Some(texts::no_exif_lens(p.photograph.camera.as_ref())),
+        },
         lends_lens,
     }
+}
+
+/// Returns the camera of the list that a photograph's EXIF names, where no lens follows from that.
+fn common_camera(photograph: &Photograph) -> Option<&'static CommonCamera> {
+    let camera = photograph.camera.as_ref().filter(|_| photograph.exif.is_none())?;
+    of_model(camera.model.as_deref()?)
 }
 
 /// Returns the view of its lens; `solved` is the pose that is drawn, and `is_old` where that is of an earlier state.

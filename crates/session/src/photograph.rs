@@ -4,7 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use resight::GrayImage;
 use resight::core::camera::ImageSize;
-use resight::image::exif::{self, ExifLens, Heading};
+use resight::image::exif::{self, ExifCamera, ExifLens, Heading};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sha2::{Digest, Sha256};
 
@@ -21,6 +21,8 @@ pub struct Photograph {
     pub image: GrayImage,
     /// The lens with which it was taken, where it is stated.
     pub exif: Option<ExifLens>,
+    /// The camera, where it is stated.
+    pub camera: Option<ExifCamera>,
     /// The direction of the camera, where it is stated.
     pub heading: Option<Heading>,
     /// The time when it was taken, seconds since 1970 by the camera's clock, where it is stated.
@@ -51,23 +53,18 @@ impl Photograph {
     pub fn decode(name: &str, bytes: Vec<u8>) -> Result<Self, String> {
         let image = GrayImage::decode(&bytes)?;
         let (exif, heading, taken_s) = (exif::lens(&bytes), exif::heading(&bytes), exif::taken_s(&bytes));
+        let camera = exif::camera(&bytes);
         let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
-        Ok(Photograph { name: plain_name(name), sha256, bytes, image, exif, heading, taken_s })
+        Ok(Photograph { name: plain_name(name), sha256, bytes, image, exif, camera, heading, taken_s })
     }
 
     /// Returns a copy without file and pixels.
     pub(crate) fn bare(&self) -> Self {
         let (name, sha256) = (self.name.clone(), self.sha256.clone());
-        let (exif, heading, taken_s) = (self.exif.clone(), self.heading, self.taken_s);
-        Photograph {
-            name,
-            sha256,
-            bytes: Vec::new(),
-            image: GrayImage::filled(0, 0, 0),
-            exif,
-            heading,
-            taken_s,
-        }
+        let (exif, camera) = (self.exif.clone(), self.camera.clone());
+        let (heading, taken_s) = (self.heading, self.taken_s);
+        let (bytes, image) = (Vec::new(), GrayImage::filled(0, 0, 0));
+        Photograph { name, sha256, bytes, image, exif, camera, heading, taken_s }
     }
 
     /// Memory that it takes.

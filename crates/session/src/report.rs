@@ -1,7 +1,6 @@
 //! The report: a page for printing, with everything on which an answer depends.
 
 use crate::export::escaped;
-use crate::pose::Solved;
 use crate::session::Session;
 use crate::view::View;
 use crate::{GivenLens, texts};
@@ -10,8 +9,8 @@ use std::fmt::Write;
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;overflow-wrap:anywhere}\
 svg{display:block;width:100%;height:auto;max-height:16cm}table{border-collapse:collapse}\
 th,td{padding:.2rem 1rem .2rem 0;vertical-align:top;text-align:left;border-bottom:1px solid #ccc;overflow-wrap:normal}\
-td.long{overflow-wrap:anywhere}\
-@page{size:A4;margin:15mm}@media print{body{margin:0;max-width:none;padding:0}svg,tr{break-inside:avoid}h2{break-after:avoid}}";
+td.long{overflow-wrap:anywhere}h1~h1{margin-top:3rem}\
+@page{size:A4;margin:15mm}@media print{body{margin:0;max-width:none;padding:0}svg,tr{break-inside:avoid}h1,h2{break-after:avoid}h1~h1{break-before:page;margin-top:0}}";
 
 /// A word with more letters may be broken, for it could be wider than the paper.
 const LONG_WORD: usize = 24;
@@ -39,50 +38,94 @@ fn metres(x: f64) -> String {
 }
 
 impl Session {
-    /// A page to print: the answer, and everything that it rests on.
-    pub(crate) fn report(&self, photo: usize, solved: &Solved, now_s: f64) -> String {
+    /// A page to print: the answer, and everything that it rests on: this photograph, then what belongs to the session, then its other photographs.
+    pub(crate) fn report(&self, photo: usize, now_s: f64) -> String {
         let view = self.view(photo);
-        let status = view.status().unwrap_or("old");
         let name = self.photograph(photo).map_or_else(String::new, |p| escaped(&p.name));
         let mut page = format!(
-            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{name}</title><style>{STYLE}</style><h1>{name}</h1><p><strong>{status}</strong>: {}</p>{}",
-            escaped(&solved.answer.verdict.message),
-            self.svg(photo, solved)
+            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{name}</title><style>{STYLE}</style>{}",
+            self.evidence(photo, &view)
         );
-        page += &table("Photograph and lens", &["", ""], self.sources(photo, solved, &view, now_s));
-        page += &table(
-            "Pose",
-            &["", "value ± half of the 95 % interval", ""],
-            view.figures.iter().map(|f| vec![f.title.into(), f.words.clone(), f.help.into()]).collect(),
+        page += &self.shared(&view, now_s);
+        for other in (0..self.n_photographs()).filter(|other| *other != photo) {
+            page += &self.evidence(other, &self.view(other));
+        }
+        let _ = writeln!(page, "<p>{}</p></html>", escaped(texts::REPORT));
+        page
+    }
+
+    /// What one photograph shows: its pose, or why it has none, and what that rests on.
+    fn evidence(&self, photo: usize, view: &View) -> String {
+        let solved = self.solved(photo);
+        let status = view.status().unwrap_or("no pose");
+        let why = view.refusal.as_ref().or_else(|| view.missing.first());
+        let message = match &solved {
+            Some(solved) => solved.answer.verdict.message.as_str(),
+            None => why.map_or("", |why| why.text.as_str()),
+        };
+        let mut part = format!(
+            "<h1>{}</h1><p><strong>{status}</strong>: {}</p>{}",
+            self.photograph(photo).map_or_else(String::new, |p| escaped(&p.name)),
+            escaped(message),
+            self.svg(photo, solved.as_deref())
         );
-        page += &table("Marks", &["name", "column, row", "± 1σ", "position", "residual"], marks(&view));
+        part += &table("Photograph and lens", &["", ""], self.sources(photo, view));
+        if let Some(solved) = &solved {
+            let figure = |f: &crate::figures::Figure| vec![f.title.into(), f.words.clone(), f.help.into()];
+            let rms = solved.answer.estimate.map(|estimate| {
+                let words = format!("{:.3} px", estimate.rms_px);
+                vec!["root mean square of the residuals".into(), words, String::new()]
+            });
+            part += &table(
+                "Pose",
+                &["", "value ± half of the 95 % interval", ""],
+                view.figures.iter().map(figure).chain(rms).collect(),
+            );
+        }
+        part += &table("Marks", &["name", "column, row", "± 1σ", "position", "residual"], marks(view));
+        part
+    }
+
+    /// What belongs to all photographs.
+    fn shared(&self, view: &View, now_s: f64) -> String {
         let distance = |d: &crate::view::DistanceView| {
             let computed = d.computed_m.map_or_else(String::new, metres);
             vec![format!("{}–{}", d.a, d.b), metres(d.distance_m), metres(d.sigma_m), computed]
         };
-        page += &table(
+        let mut part = table(
             "Distances typed",
             &["between", "typed", "± 1σ", "by all marks together"],
             view.distances.iter().map(distance).collect(),
         );
+        let has_several = 1 < view.photos.len();
         let measured = |m: &crate::view::MeasurementView| {
             let words = m.error.clone().unwrap_or_else(|| m.words.clone());
             let interval = m
                 .low
                 .zip(m.high)
                 .map_or_else(String::new, |(low, high)| format!("{low:.4} to {high:.4} {}", m.unit));
-            vec![m.name.clone(), m.what.name().into(), words, interval, m.status.unwrap_or_default().into()]
+            let photograph = view.photos.get(m.photo).filter(|_| has_several).map(|p| p.name.clone());
+            let row =
+                [m.name.clone(), m.what.name().into(), words, interval, m.status.unwrap_or_default().into()];
+            row.into_iter().chain(photograph).collect()
         };
-        page += &table(
+        let columns =
+            ["name", "what", "value ± half of the 95 % interval", "95 % interval", "status", "photograph"];
+        part += &table(
             "Measurements",
-            &["name", "what", "value ± half of the 95 % interval", "95 % interval", "status"],
+            &columns[..columns.len() - usize::from(!has_several)],
             view.measurements.iter().map(measured).collect(),
         );
-        let _ = writeln!(page, "<p>{}</p></html>", escaped(texts::REPORT));
-        page
+        let rows = [
+            ("standard deviation of a mark placed by hand", format!("{} px", view.sigma_px)),
+            ("report made", date(now_s)),
+            ("by", format!("Resight {}", env!("CARGO_PKG_VERSION"))),
+        ];
+        part += &table("Report", &["", ""], rows.map(|(title, value)| vec![title.to_owned(), value]).into());
+        part
     }
 
-    fn sources(&self, photo: usize, solved: &Solved, view: &View, now_s: f64) -> Vec<Vec<String>> {
+    fn sources(&self, photo: usize, view: &View) -> Vec<Vec<String>> {
         let mut rows = Vec::new();
         let mut row = |title: &str, value: String| rows.push(vec![title.to_owned(), value]);
         if let Some(photograph) = self.photograph(photo) {
@@ -96,8 +139,8 @@ impl Session {
             if let Some(taken_s) = photograph.taken_s {
                 row("taken, by the camera's clock", date(taken_s));
             }
-            if let Some(camera) = photograph.exif.as_ref().and_then(|exif| exif.camera.clone()) {
-                row("camera, by its EXIF", camera);
+            if let Some(camera) = &photograph.camera {
+                row("camera, by its EXIF", camera.name.clone());
             }
         }
         if let Some(lens) = &view.lens {
@@ -120,12 +163,6 @@ impl Session {
             lens.model.iter().for_each(|model| row("model of the lens", model.clone()));
             lens.remark.iter().for_each(|remark| row("to be known of it", remark.clone()));
         }
-        row("standard deviation of a mark placed by hand", format!("{} px", view.sigma_px));
-        if let Some(estimate) = solved.answer.estimate {
-            row("root mean square of the residuals", format!("{:.3} px", estimate.rms_px));
-        }
-        row("report made", date(now_s));
-        row("by", format!("Resight {}", env!("CARGO_PKG_VERSION")));
         rows
     }
 }

@@ -1,12 +1,13 @@
 //! Every sentence of the session, in one place.
 
+use crate::cameras::of_model;
 use crate::state::Distance;
 use resight::core::camera::ImageSize;
+use resight::image::exif::ExifCamera;
 use resight::layout::Contradiction;
 
 pub const NO_PHOTOGRAPH: &str = "Drop a photograph here, as PNG or JPEG.";
 pub const NO_LENS: &str = "State the lens: a camera file, EXIF, its field of view, or \"I don't know\".";
-pub const NO_EXIF: &str = "The photograph's EXIF states no focal length; give the field of view, a camera file, or \"I don't know\".";
 pub const NO_MEASUREMENT: &str = "Click two points of the ground to measure a length.";
 pub const NO_POSE_YET: &str = "It is measured as soon as the camera has a pose: finish the points first.";
 pub const NOTHING_TO_UNDO: &str = "There is nothing to undo.";
@@ -21,6 +22,26 @@ pub const BY_LINES: &str =
     "the focal length is that at which the marked lines are parallel; distortion is taken as none";
 const UNKNOWN_NEXT: &str = "The marks alone do not say how long the lens is. On this page, in this order: choose its camera from the list; or mark lines that are parallel in the scene, three upright and two along a wall or a road, or the horizon and two upright ones; or add a second photograph by the same camera, not zoomed, that shows the marks at more of a slant, let its focal length be estimated there, and take the lens of that photograph here; or give the field of view; or add a mark well off the plane of the others.";
 pub const BY_PHOTOGRAPH: &str = "the focal length is that of another photograph; it holds where the same camera took both, without zooming or cropping";
+
+/// What to do with a photograph whose EXIF does not say how long its lens is as of 35 mm film.
+pub fn no_exif_lens(camera: Option<&ExifCamera>) -> String {
+    let Some(camera) = camera else {
+        return format!(
+            "The photograph has no EXIF about its camera, which messengers and editors remove. Drop the original file, {OTHER_LENS}"
+        );
+    };
+    let focal = camera.focal_mm.map_or_else(String::new, |mm| format!(" and {mm} mm"));
+    let named = format!("The photograph's EXIF names {}{focal}, but not the size of its sensor", camera.name);
+    match camera.model.as_deref().and_then(of_model) {
+        Some(known) => format!(
+            "{named}. The list has it: \"{}\", for photographs of the main camera, neither zoomed nor cropped; for others {OTHER_LENS}",
+            known.name
+        ),
+        None => format!("{named}. Give the horizontal field of view of its data sheet, {OTHER_LENS}"),
+    }
+}
+
+const OTHER_LENS: &str = "choose a similar camera from the list, mark lines that are parallel in the scene, or choose \"I don't know\".";
 
 /// Why the marks do not determine the lens, and what does.
 pub fn unknown_next(reason: &str) -> String {

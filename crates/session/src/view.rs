@@ -86,8 +86,12 @@ pub struct PhotoView {
     pub width_px: u32,
     /// Rows.
     pub height_px: u32,
-    /// Whether its EXIF states a focal length.
+    /// Whether a focal length follows from its EXIF.
     pub has_exif_lens: bool,
+    /// The camera of the list that its EXIF names, where that does not state the focal length.
+    pub common_camera: Option<&'static str>,
+    /// What to do where its EXIF does not state the focal length.
+    pub exif_advice: Option<String>,
     /// Whether it has a lens of its own, stated or estimated, that another photograph may take.
     pub lends_lens: bool,
 }

@@ -134,6 +134,48 @@ fn looking(jpeg: &[u8], deg: u8) -> Vec<u8> {
     [&jpeg[..2], &[0xff, 0xe1, 0, exif.len() as u8 + 2], &exif, &jpeg[2..]].concat()
 }
 
+/// A JPEG whose EXIF names a model and its focal length in millimetres, and no more of its lens.
+fn by_model(jpeg: &[u8], model: &str, focal_mm: u8) -> Vec<u8> {
+    let list = |entries: &[[u8; 12]]| [&[0, entries.len() as u8][..], &entries.concat(), &[0; 4]].concat();
+    // The header ends at 8, the first list at 38, the second at 56; the fraction and the model follow.
+    let length = model.len() as u8 + 1;
+    let first = list(&[
+        [0x01, 0x10, 0, 2, 0, 0, 0, length, 0, 0, 0, 64],
+        [0x87, 0x69, 0, 4, 0, 0, 0, 1, 0, 0, 0, 38],
+    ]);
+    let second = list(&[[0x92, 0x0a, 0, 5, 0, 0, 0, 1, 0, 0, 0, 56]]);
+    let fraction = [0, 0, 0, focal_mm, 0, 0, 0, 1];
+    let tiff = [b"MM\0*\0\0\0\x08", &first[..], &second, &fraction, model.as_bytes(), b"\0"].concat();
+    let exif = [b"Exif\0\0", &tiff[..]].concat();
+    [&jpeg[..2], &[0xff, 0xe1, 0, exif.len() as u8 + 2], &exif, &jpeg[2..]].concat()
+}
+
+/// A photograph whose EXIF does not say how long its lens is as of film is offered the camera of the list that it names, and says what to do else.
+#[test]
+fn a_photograph_without_a_stated_lens_says_what_to_do_next() {
+    let jpeg = file("examples/photo/left03.jpg");
+    for (bytes, offered, said) in [
+        (by_model(&jpeg, "RP_imx219", 3), Some("Raspberry Pi Camera Module 2"), "The list has it"),
+        (by_model(&jpeg, "EOS 5D", 50), None, "names EOS 5D and 50 mm, but not the size of its sensor"),
+        (jpeg.clone(), None, "Drop the original file"),
+    ] {
+        let mut session = Session::new();
+        let photograph = Photograph::decode("left03.jpg", bytes).expect("a photograph");
+        let view = session.add_photograph(photograph).expect("room");
+        let photo = view.photo.expect("a photograph");
+        assert!(!photo.has_exif_lens && photo.common_camera == offered, "{:?}", photo.common_camera);
+        let advice = photo.exif_advice.expect("advice");
+        assert!(advice.contains(said) && advice.contains("mark lines"), "{advice}");
+        let refused = session.apply(0, Command::SetLens { lens: GivenLens::Exif }).error.expect("an error");
+        assert_eq!(refused.text, advice);
+        if let Some(name) = offered {
+            let lens = GivenLens::Common { name: name.to_owned() };
+            let view = session.apply(0, Command::SetLens { lens });
+            assert!(view.error.is_none() && view.lens.expect("a lens").hfov_deg.is_some());
+        }
+    }
+}
+
 /// Where a photograph says which way it looks, its bird's-eye view shows north.
 #[test]
 fn north_is_drawn_where_it_is_known() {

@@ -403,6 +403,45 @@ fn a_report_names_its_evidence_and_tables_run_nothing() {
     assert_eq!(csv.lines().filter(|line| line.starts_with("drain,position,")).count(), 3, "{csv}");
 }
 
+/// A report has every photograph of the session, those without a pose too, and says in which of them something is measured.
+#[test]
+fn a_report_holds_every_photograph_of_the_session() {
+    let mut session = posed(photograph("first.jpg", 800, 600));
+    for (name, width_px) in [("second.jpg", 801), ("third.jpg", 802)] {
+        session.add_photograph(photograph(name, width_px, 600)).expect("room");
+    }
+    session.apply(1, Command::SetLens { lens: GivenLens::FieldOfView { hfov_deg: 60.0 } });
+    for (name, x, y) in [("A", -2.0, 5.0), ("B", 2.0, 5.0), ("C", 2.0, 9.0), ("D", -2.0, 9.0)] {
+        let [u_px, v_px] = seen(801.0, 600.0, x, y);
+        session.apply(1, Command::PutPoint { name: name.into(), u_px, v_px, drag: false, sigma_px: None });
+    }
+    let at = |x, y| seen(801.0, 600.0, x, y);
+    let points = vec![at(-1.0, 6.0), at(1.0, 6.0)];
+    let add = Command::AddMeasurement { name: "kerb".into(), what: MeasuredKind::Length, points };
+    assert!(session.apply(1, add).measurements[0].value.is_some());
+    for shown in [0, 1] {
+        let report = session.export(shown, "report", 1_773_500_966.0).expect("a report").text;
+        let at = |part: &str| report.find(part).unwrap_or_else(|| panic!("{part}"));
+        let names = ["first.jpg", "second.jpg", "third.jpg"];
+        assert_eq!(report.matches("<h1>").count(), 3);
+        assert!(
+            names
+                .iter()
+                .all(|name| at(&format!("<h1>{}</h1>", names[shown])) <= at(&format!("<h1>{name}</h1>")))
+        );
+        for photo in 0..3 {
+            assert!(report.contains(&session.photograph(photo).expect("a photograph").sha256));
+        }
+        // A picture of each, a pose of two, and once what belongs to all.
+        assert_eq!([report.matches("<svg").count(), report.matches("<image").count()], [3, 3]);
+        assert_eq!([report.matches("<h2>Pose").count(), report.matches("<h2>Marks").count()], [2, 2]);
+        for title in ["Distances typed", "Measurements", "Report"] {
+            assert_eq!(report.matches(&format!("<h2>{title}</h2>")).count(), 1, "{title}");
+        }
+        assert!(report.contains("<td>second.jpg</td></tr>") && report.contains("<strong>no pose</strong>: "));
+    }
+}
+
 /// What the page saves `resight measure` reads, and the page too: photographs of 0.1, 3, 12 and 48 megapixels.
 #[test]
 fn saved_sessions_are_read_at_the_sizes_of_real_photographs() {

@@ -107,11 +107,12 @@ pub fn split(argument: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// Returns whether a text is a name: `gate` or `gate/door`, but neither `./a` nor `/a/b/c` nor `rtsp://host/a?b`.
+/// Returns whether a text is a name: `gate`, `cam.north` or `gate/door`, but neither `./a` nor `/a/b/c` nor `rtsp://host/a?b`.
 fn is_name(text: &str) -> bool {
     let parts: Vec<&str> = text.split('/').collect();
-    parts.len() <= 2
-        && parts.iter().all(|part| !part.is_empty() && !part.contains(['.', '\\', '*', ':', '?']))
+    let is_part =
+        |part: &&str| !part.is_empty() && !part.starts_with('.') && !part.contains(['\\', '*', ':', '?']);
+    parts.len() <= 2 && parts.iter().all(is_part)
 }
 
 /// Returns the values of one flag, one entry for each name.
@@ -143,6 +144,26 @@ mod tests {
     fn distinct(cameras: &[&str], targets: &[&str]) -> Result<Names> {
         let owned = |all: &[&str]| all.iter().map(|text| text.to_string()).collect::<Vec<_>>();
         Names::new(&owned(cameras), &owned(targets)).distinct()
+    }
+
+    #[test]
+    fn split_takes_names_from_paths_and_addresses() {
+        for (argument, name) in [
+            ("gate=a.toml", Some("gate")),
+            ("cam.north=a.toml", Some("cam.north")),
+            ("cam.north/door.1=a.toml", Some("cam.north/door.1")),
+            ("cam.north=./a=b.png", Some("cam.north")),
+            ("./a=b.png", None),
+            ("../a=b.png", None),
+            (".a=b.png", None),
+            ("a/../b=c.png", None),
+            ("rtsp://host/a?b=c", None),
+            ("C:\\a=b.png", None),
+            ("*.v=2.png", None),
+            ("a.toml", None),
+        ] {
+            assert_eq!(split(argument).0, name, "{argument}");
+        }
     }
 
     #[test]

@@ -1057,6 +1057,14 @@ export type Numbered = {
   seq?: number;
 };
 
+/** Those fields of a view that differ from the view before on the connection; all of them in the first. */
+export type NumberedChanges = {
+  /** By name. */
+  changes: Record<string, unknown>;
+  /** Of the command. */
+  seq: number;
+};
+
 /** The view after a command. */
 export type NumberedView = {
   /** Of the command. */
@@ -1201,7 +1209,11 @@ export type ParameterObject = {
 
 /** A photograph. */
 export type PhotoView = {
-  /** Whether its EXIF states a focal length. */
+  /** The camera of the list that its EXIF names, where that does not state the focal length. */
+  common_camera: string | null;
+  /** What to do where its EXIF does not state the focal length. */
+  exif_advice: string | null;
+  /** Whether a focal length follows from its EXIF. */
   has_exif_lens: boolean;
   /** Rows. */
   height_px: number;

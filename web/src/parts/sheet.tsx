@@ -12,9 +12,11 @@ export interface SheetProps {
   pull?: Signal<Pull>;
   /** What is seen of it beside the handle, even where it is low. */
   summary?: preact.ComponentChildren;
+  /** What waits for an answer: it stays in view however far the sheet is scrolled, and where it is low. */
+  asks?: preact.ComponentChildren;
 }
 
-export function Sheet({ label, children, pull, summary }: SheetProps) {
+export function Sheet({ label, children, pull, summary, asks }: SheetProps) {
   const height = useMemo(() => pull ?? signal<Pull>("middle"), [pull]);
   const from = useRef<number | null>(null);
   const step = (by: number) => {
@@ -52,6 +54,7 @@ export function Sheet({ label, children, pull, summary }: SheetProps) {
         {summary}
       </button>
       <div class="body">{children}</div>
+      <div class="asks">{asks}</div>
     </aside>
   );
 }

@@ -1,5 +1,5 @@
-// What lies below the photograph: the choice between two poses, a snap to accept, and the tools. On small screens the choice would cover marks:
-// there it is in the panel.
+// What lies below the photograph: the choice between two poses, a snap to accept, and the tools. On small screens the first two would cover marks:
+// there they are in the panel.
 import type { SnapTo } from "../api/types";
 import { isLow, isSmall } from "../parts/screen";
 import { Toolbar } from "../parts/toolbar";
@@ -11,9 +11,12 @@ import { removeSelected } from "./stage";
 
 const SNAPS: SnapTo[] = ["dot", "corner", "crossing"];
 
-export function ChoiceBar({ where }: { where: "stage" | "panel" }) {
+type Where = "stage" | "panel";
+const isHere = (where: Where) => (where === "panel") === (isSmall.value || isLow.value);
+
+export function ChoiceBar({ where }: { where: Where }) {
   const now = view.value;
-  if ((where === "panel") !== (isSmall.value || isLow.value)) return null;
+  if (!isHere(where)) return null;
   if (!now?.overlay?.ghost || now.is_old) return null;
   const isChosen = 0 < now.chosen_pose;
   // Where the better of two does not fit, neither does.
@@ -29,9 +32,9 @@ export function ChoiceBar({ where }: { where: "stage" | "panel" }) {
   );
 }
 
-export function SnapBar() {
+export function SnapBar({ where }: { where: Where }) {
   const one = snapped.value;
-  if (!one) return null;
+  if (!one || !isHere(where)) return null;
   const words = one.found.words;
   return (
     <div class="choice-bar snap" role="status">

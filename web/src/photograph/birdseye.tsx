@@ -7,7 +7,7 @@ import { Viewport } from "../parts/viewport";
 import { Problem, transport } from "../transport";
 import { common } from "../texts/common";
 import { photographTexts as texts } from "../texts/photograph";
-import { moved, photo, session, showsBirdseye, view } from "./store";
+import { held, photo, session, showsBirdseye, view } from "./store";
 
 const state = new ViewportState();
 const image = signal<Picture | null>(null);
@@ -23,7 +23,7 @@ export function Birdseye() {
     const stop = effect(() => {
       const version = view.value?.birdseye?.version;
       const number = photo.value;
-      if (moved.value || version === undefined || version === shown) return;
+      if (held.value || version === undefined || version === shown) return;
       clearTimeout(timer);
       timer = window.setTimeout(async () => {
         shown = version;

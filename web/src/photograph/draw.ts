@@ -1,4 +1,5 @@
-// What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next.
+// What lies over the photograph: grid, axes, ghost, marks, measurements, what would happen next. What follows the pointer is drawn by itself
+// (`drawHand`): nothing else has to be drawn again for it.
 import { computed } from "@preact/signals";
 import { type Curve, trace } from "../parts/curve";
 import { Layer } from "../parts/layer";
@@ -6,7 +7,7 @@ import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
 import {
-  aim, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view, type Handle,
+  aim, held, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view, type Handle,
 } from "./store";
 import { placed } from "./chips";
 import { FONT, labels, type Label } from "./labels";
@@ -46,7 +47,7 @@ export function draw(context: CanvasRenderingContext2D, state: ViewportState) {
     }
   }
   context.globalAlpha = 1;
-  if (now.advice && tool.value === "marks" && !moved.value) advice(context, toScreen(t, [now.advice.u_px, now.advice.v_px]));
+  if (now.advice && tool.value === "marks" && !held.value) advice(context, toScreen(t, [now.advice.u_px, now.advice.v_px]));
   measurements(context, t);
   distances(context, t);
   allMarks(context, t);
@@ -54,7 +55,31 @@ export function draw(context: CanvasRenderingContext2D, state: ViewportState) {
   marked(context, t);
   underway(context, t);
   proposal(context, t);
-  loupe(context, t, state);
+}
+
+/** How far what is drawn at the pointer reaches from it, px. */
+export const HAND_PX = 200;
+
+/** Where the pointer does something: where the hand has a point, or where one would be placed. */
+export const pointed = computed((): Point | null => {
+  if (moved.value) return moved.value.at;
+  return nextMark.value || tool.value !== "marks" ? aim.value : null;
+});
+
+/** Draws what follows the pointer: the point in the hand or the mark that would be placed, and the loupe. */
+export function drawHand(context: CanvasRenderingContext2D, state: ViewportState, at: Point) {
+  const t = state.transform.value;
+  const hand = moved.value;
+  const screen = toScreen(t, at);
+  context.lineJoin = "round";
+  context.lineCap = "round";
+  if (hand?.handle.kind === "mark") mark(context, screen, hand.handle.name, true);
+  else if (hand) ring(context, screen, 8, "#ffffff");
+  else if (nextMark.value) {
+    cross(context, screen, 3, 10, MARK);
+    label(context, nextMark.value, screen, "#ffffff", 14, -10);
+  }
+  if (picture.value) drawLoupe(context, picture.value, t, at, screen, state.size.value, hand ? "#ffffff" : MARK);
 }
 
 function pathOf(t: Transform, curve: Curve): Path2D {
@@ -165,20 +190,27 @@ const MANY = 24;
 
 function allMarks(context: Context, t: Transform) {
   const many = MANY < marks.value.length;
-  for (const mark of marks.value) {
-    const at = toScreen(t, mark.at);
-    const isSelected = sameHandle(selected.value, { kind: "mark", name: mark.name });
-    if (many && !isSelected && !mark.is_suspect) {
-      ring(context, at, 3, MARK, 1.5);
+  for (const { name, at, is_suspect, residual_px } of marks.value) {
+    const handle: Handle = { kind: "mark", name };
+    // That in the hand is drawn where the hand has it.
+    if (sameHandle(held.value, handle)) continue;
+    const screen = toScreen(t, at);
+    const isSelected = sameHandle(selected.value, handle);
+    if (many && !isSelected && !is_suspect) {
+      ring(context, screen, 3, MARK, 1.5);
       continue;
     }
-    const colour = isSelected ? "#ffffff" : MARK;
-    ring(context, at, isSelected ? 11 : 9, colour, isSelected ? 2.5 : 2);
-    cross(context, at, 2, 7, colour);
-    if (mark.is_suspect) ring(context, at, 15, colours.value.bad, 2);
-    const off = mark.is_suspect && mark.residual_px != null ? ` ${mark.residual_px.toFixed(1)} px` : "";
-    label(context, mark.name + off, at, "#ffffff", 14, -10);
+    if (is_suspect) ring(context, screen, 15, colours.value.bad, 2);
+    const off = is_suspect && residual_px != null ? ` ${residual_px.toFixed(1)} px` : "";
+    mark(context, screen, name + off, isSelected);
   }
+}
+
+function mark(context: Context, at: Point, words: string, isSelected: boolean) {
+  const colour = isSelected ? "#ffffff" : MARK;
+  ring(context, at, isSelected ? 11 : 9, colour, isSelected ? 2.5 : 2);
+  cross(context, at, 2, 7, colour);
+  label(context, words, at, "#ffffff", 14, -10);
 }
 
 function distances(context: Context, t: Transform) {
@@ -202,7 +234,7 @@ function distances(context: Context, t: Transform) {
 const outlines = new Layer();
 const plates = new Layer();
 /** The measurement whose point is being moved: it is drawn by itself, over the others. */
-const heldName = computed(() => (moved.value?.handle.kind === "measurement" ? moved.value.handle.name : null));
+const heldName = computed(() => (held.value?.kind === "measurement" ? held.value.name : null));
 
 function measurements(context: CanvasRenderingContext2D, t: Transform) {
   const chosen = selected.value?.kind === "measurement" ? selected.value : null;
@@ -229,7 +261,7 @@ function outline(context: Context, t: Transform, m: (typeof measured.value)[numb
 
 /** What was measured, with its interval, over everything else; paler where it is of before, and newer values are on their way. */
 function values(context: CanvasRenderingContext2D) {
-  const isPale = view.value!.is_measuring && !moved.value;
+  const isPale = view.value!.is_measuring && !held.value;
   const others = labels.value.filter(({ name }) => name !== heldName.value);
   if (others.length) plates.draw(context, [isPale, ...others], (pen) => written(pen, others, isPale));
   written(context, labels.value.filter(({ name }) => name === heldName.value), isPale);
@@ -267,15 +299,12 @@ function marked(context: Context, t: Transform) {
   }
 }
 
-/** A measurement that is not complete, up to the pointer, and where the next mark would go. */
+/** A measurement that is not complete, up to the pointer. */
 function underway(context: Context, t: Transform) {
+  if (!pending.value.length) return;
   const at = aim.value;
-  if (pending.value.length) {
-    lines(context, t, [at ? [...pending.value, at] : pending.value], MEASURE, 2, [6, 4]);
-    pending.value.forEach((point) => ring(context, toScreen(t, point), 5, MEASURE));
-  }
-  if (at && !moved.value && nextMark.value) cross(context, toScreen(t, at), 3, 10, MARK);
-  if (at && !moved.value && nextMark.value) label(context, nextMark.value, toScreen(t, at), "#ffffff", 14, -10);
+  lines(context, t, [at ? [...pending.value, at] : pending.value], MEASURE, 2, [6, 4]);
+  pending.value.forEach((point) => ring(context, toScreen(t, point), 5, MEASURE));
 }
 
 function proposal(context: Context, t: Transform) {
@@ -286,13 +315,4 @@ function proposal(context: Context, t: Transform) {
   if (from) lines(context, t, [[from, to]], "#7dff9b", 2);
   ring(context, toScreen(t, to), 9, "#7dff9b", 2);
   cross(context, toScreen(t, to), 2, 14, "#7dff9b");
-}
-
-/** While a point is placed: around the hand, or around where a selected point is moved by keys. */
-function loupe(context: CanvasRenderingContext2D, t: Transform, state: ViewportState) {
-  const hand = moved.value;
-  const isPlacing = !hand && (nextMark.value || tool.value !== "marks");
-  const at = hand ? hand.at : isPlacing ? aim.value : null;
-  if (!at || !picture.value) return;
-  drawLoupe(context, picture.value, t, at, toScreen(t, at), state.size.value, hand ? "#ffffff" : MARK);
 }

@@ -63,13 +63,13 @@ export function Photograph() {
             <Stage />
             {showsBirdseye.value && <Birdseye />}
             <div class="bars">
-              <SnapBar />
+              <SnapBar where="stage" />
               <ChoiceBar where="stage" />
             </div>
           </div>
           <Tools />
         </div>
-        <Sheet label={texts.panel} summary={<Summary />}>
+        <Sheet label={texts.panel} summary={<Summary />} asks={<SnapBar where="panel" />}>
           <ChoiceBar where="panel" />
           {busy.value && <p class="busy" role="status">{busy.value}</p>}
           {changedElsewhere.value && <Note tone="grey" live>{texts.elsewhere}</Note>}

@@ -2,7 +2,7 @@
 // from a label that lies farther away. Where there is no room at this zoom a label is left out: the table has it, and zooming in makes room.
 import { computed } from "@preact/signals";
 import { type Point, toScreen } from "../parts/transform";
-import { marks, measured, moved, picture, sameHandle, selected, view, viewport } from "./store";
+import { held, marks, measured, picture, sameHandle, selected, view, viewport } from "./store";
 
 export const FONT = '600 14px system-ui, "DejaVu Sans", sans-serif';
 /** Height of a label, and how far it stays from what it must not hide, px. */
@@ -96,24 +96,23 @@ const boxOf = ([x, y]: Point, width: number): Box => ({ x: x - width / 2, y: y -
 /** Where labels were before something was taken into the hand: while it is held they stay there, and their words follow. */
 let before: Label[] = [];
 
-const heldKind = computed(() => moved.value?.handle.kind ?? null);
 const hasView = computed(() => view.value !== null);
 
 /** Labels as they are drawn. */
 export const labels = computed((): Label[] => {
   if (!picture.value || !hasView.value) return [];
-  if (heldKind.value === null || !before.length) return (before = placed([], () => true));
+  if (!held.value || !before.length) return (before = placed([], () => true));
   const texts = new Map(measured.value.map((m) => [m.name, textOf(m)] as const));
   // A label whose words stay is the very same: it is not drawn anew.
   const kept = (before = before.map((label) => {
     const text = texts.get(label.name) ?? label.text;
     return text === label.text ? label : { ...label, text };
   }));
-  if (heldKind.value === "mark") return kept;
+  const { kind, name: ofHeld } = held.value;
+  if (kind === "mark") return kept;
   // The one whose point moves finds a place among the others.
-  const { name: held } = moved.value!.handle;
-  const others = kept.filter(({ name }) => name !== held);
-  return [...others, ...placed(others, (name) => name === held)];
+  const others = kept.filter(({ name }) => name !== ofHeld);
+  return [...others, ...placed(others, (name) => name === ofHeld)];
 });
 
 const textOf = (m: { error?: string | null; words: string }) => (m.error ? "–" : m.words || "…");

@@ -1,6 +1,6 @@
 // Commands to the program, one at a time and in order. While a point is dragged only its newest place waits; what was overtaken is dropped.
 import { Problem, transport, type Stream } from "../transport";
-import type { Command, NumberedView, View } from "../api/types";
+import type { Command, View } from "../api/types";
 
 interface Waiting {
   photo: number;
@@ -19,6 +19,14 @@ function draggedBy({ photo, command }: Waiting): string | null {
   return null;
 }
 
+/** What the program says on the socket. */
+interface Message {
+  seq: number;
+  changes?: Partial<View>;
+  view?: View;
+  error?: { kind: string; message: string };
+}
+
 /** What a link tells besides the answers to commands. */
 export interface Listener {
   /** What is so now, where it is not the answer to a command: measured meanwhile, or changed by another page. */
@@ -34,11 +42,13 @@ export class Link {
   private waiting: Waiting[] = [];
   private flying: (Waiting & { seq: number; bySocket: boolean }) | null = null;
   private seq = 0;
+  /** The view that the messages of this connection make: each has what differs from the one before. */
+  private told: View | null = null;
 
   constructor(readonly session: string, private readonly listener: Listener) {
-    this.stream = transport.stream("/ws/session", { session }, {
+    this.stream = transport.stream("/ws/session", { session, changes: "true" }, {
       connected: (is) => this.connected(is),
-      text: (message) => this.answered(message as NumberedView & { error?: { kind: string; message: string } }),
+      text: (message) => this.answered(message as Message),
     });
   }
 
@@ -78,12 +88,15 @@ export class Link {
     else transport.command(this.session, photo, command, seq).then(({ view }) => this.finished(seq, view), (problem) => this.finished(seq, problem));
   }
 
-  private answered(message: NumberedView & { error?: { kind: string; message: string } }) {
-    if (message.error) {
+  private answered({ seq, error, changes, view }: Message) {
+    if (error) {
       // A program of before does not say which command it refuses: one is on its way at a time.
-      this.finished(message.seq || (this.flying?.seq ?? 0), new Problem(message.error.kind, message.error.message));
-    } else if (message.seq === 0) this.listener.news(message.view);
-    else this.finished(message.seq, message.view);
+      return this.finished(seq || (this.flying?.seq ?? 0), new Problem(error.kind, error.message));
+    }
+    // A program of before sends whole views.
+    this.told = view ?? ({ ...this.told, ...changes } as View);
+    if (seq === 0) this.listener.news(this.told);
+    else this.finished(seq, this.told);
   }
 
   private finished(seq: number, result: View | Problem) {
@@ -98,6 +111,7 @@ export class Link {
   /** Nobody knows whether a command on a torn connection was applied: the session says what is so. */
   private connected(is: boolean) {
     this.isConnected = is;
+    this.told = null;
     if (is || this.isClosed) return;
     const one = this.flying;
     const photo = one?.bySocket ? one.photo : 0;

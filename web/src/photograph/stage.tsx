@@ -1,9 +1,10 @@
 // The photograph with everything over it: clicks, drags and keys.
-import { useEffect } from "preact/hooks";
+import { useSignalEffect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { Viewport, type PointerHandler, type ViewportPointer } from "../parts/viewport";
 import { type Point, motionInPicture, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
-import { draw } from "./draw";
+import { HAND_PX, draw, drawHand, pointed } from "./draw";
 import { Chips } from "./chips";
 import {
   acceptSnap, addMeasured, addsMark, aim, apply, byKeys, hovered, inHand, marks, measured, move, nextMark, pending, picture, placeOf, proposeSnap,
@@ -197,6 +198,28 @@ function key(event: KeyboardEvent) {
   event.preventDefault();
 }
 
+/** What follows the pointer: a small canvas that goes with it, so that nothing else is drawn again for a move. */
+function Hand() {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  useSignalEffect(() => {
+    const element = canvas.current!;
+    const at = pointed.value;
+    element.hidden = !at;
+    if (!at) return;
+    const side = Math.round(2 * HAND_PX * devicePixelRatio);
+    if (element.width !== side) [element.width, element.height] = [side, side];
+    const [left, top] = toScreen(viewport.transform.value, at).map((x) => Math.round(x) - HAND_PX) as [number, number];
+    element.style.transform = `translate(${left}px, ${top}px)`;
+    const context = element.getContext("2d")!;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, side, side);
+    const ratio = side / (2 * HAND_PX);
+    context.setTransform(ratio, 0, 0, ratio, -ratio * left, -ratio * top);
+    drawHand(context, viewport, at);
+  });
+  return <canvas class="hand" ref={canvas} hidden style={{ width: `${2 * HAND_PX}px`, height: `${2 * HAND_PX}px` }} />;
+}
+
 export function Stage() {
   useEffect(() => {
     document.addEventListener("keyup", released);
@@ -205,6 +228,7 @@ export function Stage() {
   const shown = view.value?.photo;
   return (
     <Viewport state={viewport} picture={picture} draw={draw} handler={handler} onKeyDown={key} label={shown ? texts.stage(shown.name) : texts.noStage}>
+      <Hand />
       <Chips />
     </Viewport>
   );

@@ -27,8 +27,10 @@ export const error = signal<StepError | null>(null);
 export const busy = signal<string | null>(null);
 export const picture = signal<Picture | null>(null);
 export const selected = signal<Handle | null>(null);
-/** Where the dragged point is drawn: with the answer to where it is, or before it where that is late. */
+/** The point in the hand, and where the hand has it: it is drawn there at once, and everything else with the answer to it. */
 export const moved = signal<{ handle: Handle; at: Point } | null>(null);
+/** Which point that is: the same with every move. */
+export const held = computed(() => moved.value?.handle ?? null);
 export const tool = signal<Tool>("marks");
 /** Whether a click adds a further mark beyond those that the template needs. */
 export const addsMark = signal(false);
@@ -61,31 +63,18 @@ export interface Mark {
   is_suspect: boolean;
 }
 
-/** Marks as they are drawn: the dragged one where the hand has it, and the one just placed, before the answer is there. */
-export const marks = computed((): Mark[] => {
-  const hand = moved.value?.handle.kind === "mark" ? moved.value : null;
-  const all = (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_suspect }): Mark => ({
-    name,
-    at: hand?.handle.name === name ? hand.at : [u_px, v_px],
-    residual_px: residual_px ?? null,
-    is_suspect,
-  }));
-  const isNew = hand && !all.some((mark) => mark.name === hand.handle.name);
-  return isNew ? [...all, { name: hand.handle.name, at: hand.at, residual_px: null, is_suspect: false }] : all;
-});
+/** Marks as the program has them. */
+export const marks = computed((): Mark[] => (view.value?.points ?? []).map(({ name, u_px, v_px, residual_px, is_suspect }): Mark => ({
+  name,
+  at: [u_px, v_px],
+  residual_px: residual_px ?? null,
+  is_suspect,
+})));
 
 /** All measurements; what hangs on them is found anew when they change, not with every move of a mark. */
 export const measurements = computed(() => view.value?.measurements ?? []);
-/** The point of a measurement that is being moved. */
-const movedOfMeasurement = computed(() => (moved.value?.handle.kind === "measurement" ? { ...moved.value.handle, at: moved.value.at } : null));
-
-/** Measurements of the photograph, likewise. */
-export const measured = computed(() => measurements.value.filter((m) => m.photo === photo.value).map((m) => {
-  const hand = movedOfMeasurement.value;
-  const points = m.points.map((point, index): Point =>
-    hand && hand.name === m.name && hand.index === index ? hand.at : (point as [number, number]));
-  return points.every((point, index) => point === m.points[index]) ? m : { ...m, points };
-}));
+/** Those of the photograph. */
+export const measured = computed(() => measurements.value.filter((m) => m.photo === photo.value));
 
 /** Where a click or Enter would place something: the pointer, or the middle of the view. */
 export const aim = computed((): Point | null => {
@@ -101,6 +90,8 @@ export const nextMark = computed((): string | null => {
   const now = view.value;
   if (!now?.photo || tool.value !== "marks") return null;
   const names = marks.value.map((mark) => mark.name);
+  // One that was just placed has its name before the program knows it.
+  if (held.value?.kind === "mark" && !names.includes(held.value.name)) names.push(held.value.name);
   const elsewhere = now.names_elsewhere.find((name) => !names.includes(name));
   if (elsewhere) return elsewhere;
   if (!addsMark.value && NEEDED[now.template] <= names.length) return null;
@@ -164,7 +155,7 @@ function news(next: View) {
   if (next.version < seen || (0 < uploads && seen < next.version)) return;
   const isOthers = seen < next.version;
   // While something is under the hand, what it has drawn stays: measurements alone are taken over.
-  if (hand && view.value && !isOthers) {
+  if (moved.peek() && view.value && !isOthers) {
     const { is_measuring, n_measured } = next;
     view.value = { ...view.value, measurements: keptAlike(view.value, next), is_measuring, n_measured };
     return;
@@ -183,34 +174,22 @@ function failed(step: string, problem: unknown) {
   error.value = { step, text: problem instanceof Error ? problem.message : String(problem) };
 }
 
-/** Where the hand has a point; null where none is being moved. */
-let hand: { handle: Handle; at: Point } | null = null;
+/** Whether the point in the hand is still being moved, and not put down. */
 let isHeld = false;
-/** A point whose answer takes longer is drawn without it, ms. */
-const LATE_MS = 16;
-let late = 0;
-
-/** Draws the point where the hand has it. */
-function follow() {
-  clearTimeout(late);
-  late = 0;
-  moved.value = hand;
-}
 
 /** No point is being moved any more. */
 function letGo() {
-  hand = null;
-  follow();
+  moved.value = null;
 }
 
 /** The point that is being moved, and where it is now, drawn or not. */
 export function inHand() {
-  return hand;
+  return moved.peek();
 }
 
 /** While a point is dragged the panels follow so much later at most, ms: what lies over the photograph is drawn at once. */
 const PANELS_MS = 50;
-options.debounceRendering = (render) => void (hand && isHeld ? setTimeout(render, PANELS_MS) : queueMicrotask(render));
+options.debounceRendering = (render) => void (moved.peek() && isHeld ? setTimeout(render, PANELS_MS) : queueMicrotask(render));
 
 /** Applies a command; answers the view, or null where it was overtaken or failed. */
 export async function apply(command: Command, step = "marks"): Promise<View | null> {
@@ -218,9 +197,8 @@ export async function apply(command: Command, step = "marks"): Promise<View | nu
   try {
     const next = await link.send(photo.value, command);
     if (next) {
-      if (link.isIdle && !isHeld) hand = null;
       batch(() => {
-        follow();
+        if (link!.isIdle && !isHeld) letGo();
         took(next);
       });
     }
@@ -239,8 +217,7 @@ export function move(handle: Handle, at: Point, drag: boolean): Promise<View | n
   const inside = (x: number, n: number) => Math.max(-0.5, Math.min(n - 0.5, x));
   const [u_px, v_px] = [inside(at[0], shown.width_px), inside(at[1], shown.height_px)];
   isHeld = drag;
-  hand = { handle, at: [u_px, v_px] };
-  late ||= window.setTimeout(follow, LATE_MS);
+  moved.value = { handle, at: [u_px, v_px] };
   snapped.value = null;
   return apply(handle.kind === "mark"
     ? { kind: "put_point", name: handle.name, u_px, v_px, drag }
@@ -249,6 +226,7 @@ export function move(handle: Handle, at: Point, drag: boolean): Promise<View | n
 
 /** Where a handle is. */
 export function placeOf(handle: Handle): Point | null {
+  const hand = moved.value;
   if (hand && sameHandle(hand.handle, handle)) return hand.at;
   if (handle.kind === "mark") return marks.value.find((mark) => mark.name === handle.name)?.at ?? null;
   return measured.value.find((m) => m.name === handle.name)?.points[handle.index] ?? null;
@@ -462,7 +440,7 @@ function keepSession(next: View) {
   if (!id || !next.photo || version === keptVersion) return;
   clearTimeout(keepTimer);
   keepTimer = window.setTimeout(async () => {
-    if (hand || session.value !== id) return;
+    if (moved.peek() || session.value !== id) return;
     try {
       const text = await (await transport.file("/api/session/save", { session: id, photographs: "false" })).blob.text();
       for (const [number, { sha256 }] of next.photos.entries()) {

@@ -79,6 +79,7 @@ export const photographTexts = {
     file: "Camera file …",
     fileHelp: "A calibration in any format: OpenCV, Kalibr, ROS, COLMAP and others. It gives the smallest ±.",
     exif: "What the photograph says (EXIF)",
+    exifCamera: (name: string) => `As the photograph says (EXIF): ${name}`,
     exifHelp: "The lens that the photograph names, without distortion. Every ± is wider: about 5 % of the focal length is uncertain.",
     fov: "Field of view",
     fovHelp: "From the left to the right edge, as the data sheet has it, without distortion. Every ± is wider.",

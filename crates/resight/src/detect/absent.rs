@@ -14,6 +14,7 @@ mod tags;
 
 use super::Detector;
 use super::dots::DotFinder;
+use super::stop;
 use crate::GrayImage;
 use resight_core::Target;
 use resight_core::target::LinePlusOne;
@@ -85,7 +86,7 @@ fn last_id(first: u32, count: u32) -> u32 {
 
 /// Describes what an image shows instead of a target, with a remedy; `None` where nothing similar is found.
 pub fn instead_of(target: &Target, image: &GrayImage) -> Option<String> {
-    if super::is_blank(image) {
+    if super::is_blank(image) || stop::is_stopped() {
         return None;
     }
     let of_kind = match target.design() {

@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 use super::family::Family;
+use super::stop;
 use crate::GrayImage;
 use apriltag_sys as c;
 use resight_core::Pixel;
@@ -106,6 +107,9 @@ impl QuadDecoder {
         let longest = image.width_px.max(image.height_px) as f32;
         let fits = MIN_EDGE_PX as f32 * decimate <= smallest && longest <= MAX_EDGE_PX * decimate;
         if !fits || !(1.0..=64.0).contains(&decimate) || MAX_PIXELS < pixels || image.data.len() != pixels {
+            return Vec::new();
+        }
+        if stop::is_stopped() {
             return Vec::new();
         }
         #[cfg(test)]

@@ -12,7 +12,7 @@ use super::light;
 use super::noise::Quietened;
 use super::tags::{FINE, FINEST, TagFinder};
 use super::tiles::{self, CameraWatcher};
-use super::{DetectError, sigma};
+use super::{DetectError, sigma, stop};
 use crate::GrayImage;
 use resight_core::Pixel;
 use std::collections::BTreeSet;
@@ -98,7 +98,7 @@ impl EveryTagFinder {
 
     /// Finds the families in an image, the one with most tags first. A square decoded in two families is assigned to the family with more tags.
     pub fn find(&mut self, image: &GrayImage) -> Vec<FamilyTags> {
-        if super::is_blank(image) {
+        if super::is_blank(image) || stop::is_stopped() {
             return Vec::new();
         }
         let quiet = Quietened::new(image);

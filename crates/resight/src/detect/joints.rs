@@ -1,7 +1,7 @@
 //! Saddle points of an image: where two black squares meet corner to corner.
 
 use super::corner::refine_corner;
-use super::sigma;
+use super::{sigma, stop};
 use crate::GrayImage;
 use crate::parallel::on_all_cores;
 use calib_targets_chessboard::{ChessCorner, detect_corner_frame};
@@ -86,7 +86,7 @@ fn corners_of(image: &GrayImageView, config: &DetectorConfig) -> Vec<ChessCorner
 
 /// Returns the corners that the library finds, in a large image strip by strip.
 pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCorner> {
-    let Some(whole) = view(image) else { return Vec::new() };
+    let Some(whole) = view(image).filter(|_| !stop::is_stopped()) else { return Vec::new() };
     #[cfg(test)]
     super::work::count(image.data.len());
     if image.data.len() <= WHOLE_PIXELS {
@@ -97,6 +97,9 @@ pub(super) fn corners(image: &GrayImage, config: &DetectorConfig) -> Vec<ChessCo
     for first in (0..whole.height).step_by(rows) {
         let end = (first + rows).min(whole.height);
         let (from, to) = (first.saturating_sub(OVERLAP_ROWS), (end + OVERLAP_ROWS).min(whole.height));
+        if stop::is_stopped() {
+            break;
+        }
         let data = &image.data[from * whole.width..to * whole.width];
         let strip = GrayImageView { width: whole.width, height: to - from, data };
         for mut corner in corners_of(&strip, config) {

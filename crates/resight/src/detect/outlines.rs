@@ -6,7 +6,7 @@
 //! foliage are components too, and few of them have four such sides.
 
 use super::region::Region;
-use super::{light, tiles};
+use super::{light, stop, tiles};
 use crate::GrayImage;
 use resight_core::Pixel;
 
@@ -137,6 +137,9 @@ const PASS: usize = 6;
 /// Returns the closed outlines with four sides in an image with grey levels around 127, as [`light::stretched`](super::light::stretched) makes
 /// them, for a tag with `border_cells` cells along each side of its border.
 pub(super) fn quads(image: &GrayImage, ink: Ink, border_cells: i32) -> Vec<Quad> {
+    if stop::is_stopped() {
+        return Vec::new();
+    }
     #[cfg(test)]
     super::work::count(image.data.len() / PASS);
     let width = image.width_px.max(1) as usize;

@@ -6,6 +6,7 @@
 //! published one, for many pixels of a row at once.
 
 use super::joints::Joint;
+use super::stop;
 use crate::GrayImage;
 use resight_core::Pixel;
 
@@ -47,7 +48,8 @@ const PASS: usize = 8;
 /// Finds the saddle points of an image, the strongest first, where grey levels differ by at least `least_gray`.
 pub(super) fn saddles(image: &GrayImage, least_gray: u8) -> Vec<Joint> {
     let (width, height) = (image.width_px as usize, image.height_px as usize);
-    if width < 2 * ROWS || height < 2 * ROWS || image.data.len() != width * height {
+    let is_large = 2 * ROWS <= width && 2 * ROWS <= height;
+    if !is_large || image.data.len() != width * height || stop::is_stopped() {
         return Vec::new();
     }
     #[cfg(test)]

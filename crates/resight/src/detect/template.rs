@@ -10,6 +10,7 @@ mod coverage;
 pub(super) mod scatter;
 
 use super::homography::{Homography, PlanePoint};
+use super::stop;
 use crate::GrayImage;
 use nalgebra::{Matrix4, Vector4};
 use resight_core::Pixel;
@@ -236,7 +237,7 @@ fn search<Ink: Fn(PlanePoint) -> f32, Out>(
     let middle = Pixel::new(start.x.round(), start.y.round());
     let half = window.half_px as f64;
     let inside = |c: f64, n: u32| half <= c && c + half < n as f64;
-    if !inside(middle.x, image.width_px) || !inside(middle.y, image.height_px) {
+    if !inside(middle.x, image.width_px) || !inside(middle.y, image.height_px) || stop::is_stopped() {
         return None;
     }
     #[cfg(test)]

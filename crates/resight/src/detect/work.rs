@@ -11,6 +11,11 @@ pub(super) fn count(pixels: usize) {
     PIXELS.set(PIXELS.get() + pixels as u64);
 }
 
+/// Returns the number of pixels counted so far.
+fn so_far() -> u64 {
+    PIXELS.get()
+}
+
 /// Returns the number of pixels that a job visits.
 pub(super) fn of(job: impl FnOnce()) -> u64 {
     PIXELS.set(0);
@@ -21,12 +26,14 @@ pub(super) fn of(job: impl FnOnce()) -> u64 {
 mod tests {
     use super::*;
     use crate::GrayImage;
-    use crate::detect::{Detector, absent};
+    use crate::detect::every_tag::EveryTagFinder;
+    use crate::detect::{Detector, absent, stop};
     use crate::render::clutter;
     use crate::render::{Finish, Placed, Scene, Style, render};
     use resight_core::camera::{ImageSize, Pinhole};
     use resight_core::target::{AprilGrid, Charuco, Chessboard, CircleGrid, Tag};
     use resight_core::{Camera, CameraMatrix, Lens, Point, Pose, Target};
+    use std::rc::Rc;
 
     const SIZE: [u32; 2] = [1280, 960];
 
@@ -123,6 +130,42 @@ mod tests {
             }
         }
         assert!(too_much.is_empty(), "{too_much:?}");
+    }
+
+    /// Whenever a search is ended, no further pixel is visited, and nothing is answered; a search that is not ended is as it was.
+    #[test]
+    fn ended_searches_visit_no_further_pixel() {
+        let image = image(None, true);
+        let all = targets().into_iter().map(Some).chain([None]);
+        for target in all {
+            let name = target.as_ref().map_or("every tag", |target| target.kind());
+            let search = || match &target {
+                Some(target) => drop(absent::not_found(target, &image)),
+                None => drop(EveryTagFinder::new("any").unwrap().find(&image)),
+            };
+            let (asked, visited) = (Rc::new(Cell::new(0)), Rc::new(Cell::new(0)));
+            // Ends at the question of this number; returns the pixels that are visited later, and whether there is an answer.
+            let ended_at = |last: usize| {
+                asked.set(0);
+                let (asked, at_end) = (Rc::clone(&asked), Rc::clone(&visited));
+                let is_unwanted = move || {
+                    asked.set(asked.get() + 1);
+                    at_end.set(so_far());
+                    last <= asked.get()
+                };
+                let mut is_answered = false;
+                let all = of(|| is_answered = stop::unless(is_unwanted, search).is_some());
+                (all - visited.get(), is_answered)
+            };
+            let whole = of(search);
+            assert!(ended_at(usize::MAX).1, "{name}");
+            assert_eq!(of(search), whole, "{name}");
+            let n_asked = asked.get();
+            assert!(3 < n_asked, "{name}: asked {n_asked} times");
+            for last in [1, 2, 3, n_asked / 2, n_asked - 1] {
+                assert_eq!(ended_at(last), (0, false), "{name}: ended at {last} of {n_asked}");
+            }
+        }
     }
 
     /// This holds for a covered lens or a black film, even where the image is as large as a file may be.

@@ -4,7 +4,13 @@
 const ORIENTATION: u16 = 0x0112;
 const MAKE: u16 = 0x010f;
 const MODEL: u16 = 0x0110;
+const FOCAL_LENGTH: u16 = 0x920a;
 const FOCAL_LENGTH_IN_35_MM_FILM: u16 = 0xa405;
+const PIXEL_X_DIMENSION: u16 = 0xa002;
+const PIXEL_Y_DIMENSION: u16 = 0xa003;
+const FOCAL_PLANE_X_RESOLUTION: u16 = 0xa20e;
+const FOCAL_PLANE_Y_RESOLUTION: u16 = 0xa20f;
+const FOCAL_PLANE_RESOLUTION_UNIT: u16 = 0xa210;
 const EXIF_IFD: u16 = 0x8769;
 const GPS_IFD: u16 = 0x8825;
 const GPS_IMG_DIRECTION_REF: u16 = 0x0010;
@@ -27,23 +33,93 @@ pub fn taken_s(picture: &[u8]) -> Option<f64> {
 /// The lens with which a photograph was taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExifLens {
-    /// `FocalLengthIn35mmFilm`: the focal length, in millimetres, with which a 36 × 24 mm film would have the same diagonal field of view.
+    /// The focal length, in millimetres, with which a 36 × 24 mm film would have the same diagonal field of view.
     pub focal_35mm: u16,
+    /// Where it is from.
+    pub source: FocalSource,
     /// Make and model of the camera, where stated.
     pub camera: Option<String>,
 }
 
-/// Returns the lens of a PNG or JPEG; `None` where it is not stated.
+/// Where a focal length as of 35 mm film is from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FocalSource {
+    /// It is stated: `FocalLengthIn35mmFilm`, or a data sheet.
+    Stated,
+    /// It is computed, from `FocalLength` and the size of the sensor by `FocalPlaneXResolution`.
+    Sensor,
+}
+
+/// What a photograph's EXIF states of its camera, whether or not its lens follows from it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExifCamera {
+    /// Make and model, those that are stated.
+    pub name: String,
+    /// The model.
+    pub model: Option<String>,
+    /// `FocalLength`, in millimetres.
+    pub focal_mm: Option<f64>,
+}
+
+/// Returns what a PNG or JPEG states of its camera; `None` where it names neither make nor model.
+pub fn camera(picture: &[u8]) -> Option<ExifCamera> {
+    camera_of(exif(picture)?)
+}
+
+fn camera_of(exif: &[u8]) -> Option<ExifCamera> {
+    let (tiff, first) = first_list(exif)?;
+    let details = lists(exif).map(|(_, _, details)| details);
+    let focal_mm = details.and_then(|details| tiff.rational(details, FOCAL_LENGTH));
+    let (make, model) = (tiff.text(first, MAKE), tiff.text(first, MODEL));
+    let words: Vec<String> = make.into_iter().chain(model.clone()).collect();
+    (!words.is_empty()).then(|| ExifCamera { name: words.join(" "), model, focal_mm })
+}
+
+/// Diagonal of film of 36 × 24 mm.
+pub(crate) const FILM_DIAGONAL_MM: f64 = 43.266_615_305_567_87;
+
+/// Returns the lens of a PNG or JPEG; `None` where it is neither stated nor follows from what is.
 pub fn lens(picture: &[u8]) -> Option<ExifLens> {
     lens_of(exif(picture)?)
 }
 
 fn lens_of(exif: &[u8]) -> Option<ExifLens> {
-    let (tiff, first, details) = lists(exif)?;
-    let focal_35mm = tiff.u16(tiff.entry(details, FOCAL_LENGTH_IN_35_MM_FILM, SHORT)? + 8)?;
-    let words: Vec<String> = [MAKE, MODEL].into_iter().filter_map(|tag| tiff.text(first, tag)).collect();
-    let camera = (!words.is_empty()).then(|| words.join(" "));
-    (0 < focal_35mm).then_some(ExifLens { focal_35mm, camera })
+    let (tiff, _, details) = lists(exif)?;
+    let entry = tiff.entry(details, FOCAL_LENGTH_IN_35_MM_FILM, SHORT);
+    let stated = entry.and_then(|entry| tiff.u16(entry + 8)).filter(|focal_35mm| 0 < *focal_35mm);
+    let (focal_35mm, source) = match stated {
+        Some(focal_35mm) => (focal_35mm, FocalSource::Stated),
+        None => (by_sensor(&tiff, details)?, FocalSource::Sensor),
+    };
+    Some(ExifLens { focal_35mm, source, camera: camera_of(exif).map(|camera| camera.name) })
+}
+
+/// Smallest and largest diagonal of a sensor, mm: those of phones have 4 and more, those of medium format 55.
+const SENSOR_DIAGONAL_MM: [f64; 2] = [3.0, 70.0];
+/// By how much the pixels of a sensor may differ from squares, in parts: some cameras state a resolution of another axis or unit.
+const NOT_SQUARE: f64 = 0.03;
+
+/// Computes the focal length as of 35 mm film from that of the lens and the size of the sensor; `None` where no sensor can be so.
+fn by_sensor(tiff: &Tiff, details: u32) -> Option<u16> {
+    let unit_mm = match tiff.whole(details, FOCAL_PLANE_RESOLUTION_UNIT) {
+        Some(3) => 10.0,
+        Some(4) => 1.0,
+        Some(5) => 1e-3,
+        _ => 25.4,
+    };
+    let axes = [(PIXEL_X_DIMENSION, FOCAL_PLANE_X_RESOLUTION), (PIXEL_Y_DIMENSION, FOCAL_PLANE_Y_RESOLUTION)];
+    let size_mm = axes.map(|(pixels, resolution)| {
+        Some(f64::from(tiff.whole(details, pixels)?) / tiff.rational(details, resolution)? * unit_mm)
+    });
+    let [Some(width_mm), Some(height_mm)] = size_mm else { return None };
+    let per_mm = axes.map(|(_, resolution)| tiff.rational(details, resolution));
+    let [Some(across), Some(down)] = per_mm else { return None };
+    let diagonal_mm = width_mm.hypot(height_mm);
+    let focal_35mm = (tiff.rational(details, FOCAL_LENGTH)? * FILM_DIAGONAL_MM / diagonal_mm).round();
+    let is_sensor = (SENSOR_DIAGONAL_MM[0]..=SENSOR_DIAGONAL_MM[1]).contains(&diagonal_mm);
+    let is_square = (across / down - 1.0).abs() <= NOT_SQUARE;
+    let is_lens = (1.0..f64::from(u16::MAX)).contains(&focal_35mm);
+    (is_sensor && is_square && is_lens).then_some(focal_35mm as u16)
 }
 
 /// The direction of a camera according to its compass: some ten degrees off if hand-held, more beside iron.
@@ -63,8 +139,7 @@ pub fn heading(picture: &[u8]) -> Option<Heading> {
 fn heading_of(exif: &[u8]) -> Option<Heading> {
     let (tiff, first) = first_list(exif)?;
     let gps = tiff.u32(tiff.entry(first, GPS_IFD, LONG)? + 8)?;
-    let at = tiff.u32(tiff.entry(gps, GPS_IMG_DIRECTION, RATIONAL)? + 8)?;
-    let deg = f64::from(tiff.u32(at)?) / f64::from(tiff.u32(at.checked_add(4)?)?);
+    let deg = tiff.rational(gps, GPS_IMG_DIRECTION)?;
     let is_magnetic = tiff.text(gps, GPS_IMG_DIRECTION_REF).is_some_and(|reference| reference == "M");
     (0.0..=360.0).contains(&deg).then_some(Heading { deg, is_magnetic })
 }
@@ -149,6 +224,21 @@ impl<'a> Tiff<'a> {
     fn entry(&self, list: u32, tag: u16, kind: u16) -> Option<u32> {
         let places = (0..self.u16(list)?).map(|i| list.checked_add(2 + 12 * u32::from(i)));
         places.flatten().find(|at| self.u16(*at) == Some(tag) && self.u16(at.saturating_add(2)) == Some(kind))
+    }
+
+    /// Reads a whole number of either size.
+    fn whole(&self, list: u32, tag: u16) -> Option<u32> {
+        match self.entry(list, tag, SHORT) {
+            Some(entry) => self.u16(entry + 8).map(u32::from),
+            None => self.u32(self.entry(list, tag, LONG)? + 8),
+        }
+    }
+
+    /// Reads a fraction; `None` where it is no number.
+    fn rational(&self, list: u32, tag: u16) -> Option<f64> {
+        let at = self.u32(self.entry(list, tag, RATIONAL)? + 8)?;
+        let value = f64::from(self.u32(at)?) / f64::from(self.u32(at.checked_add(4)?)?);
+        value.is_finite().then_some(value)
     }
 
     /// Reads a text; up to four bytes are in the entry itself.
@@ -266,11 +356,61 @@ mod tests {
             let focal = [n(26, 2), n(0, 2)].concat();
             let second = [n(1, 2), entry(0xa405, 3, 1, focal), n(0, 4)].concat();
             let block = [begin, n(8, 4), first.concat(), second, b"Acme\0".to_vec()].concat();
-            let lens = ExifLens { focal_35mm: 26, camera: Some("Acme X9".into()) };
+            let (focal_35mm, source) = (26, FocalSource::Stated);
+            let lens = ExifLens { focal_35mm, source, camera: Some("Acme X9".into()) };
             assert_eq!(lens_of(&block), Some(lens), "{is_little}");
             assert_eq!((lens_of(&block[..60]), of_exif(&block)), (None, None));
         }
         assert_eq!(lens_of(&block(true)), None);
+    }
+
+    /// An APS-C camera as Canon writes it, without the focal length as of film: 18 mm on 22.3 × 14.9 mm are 29 mm.
+    #[test]
+    fn the_lens_follows_from_its_sensor() {
+        let block = |is_little: bool, unit: u32, focal: [u32; 2], resolution: [u32; 2]| {
+            let n = |value, size| number(value, size, is_little);
+            let entry =
+                |tag, kind, count, value: Vec<u8>| [n(tag, 2), n(kind, 2), n(count, 4), value].concat();
+            let short = |value| [n(value, 2), n(0, 2)].concat();
+            let begin = if is_little { b"II*\0".to_vec() } else { b"MM\0*".to_vec() };
+            // The first list ends at 8 + 2 + 24 + 4 = 38, the second at 38 + 2 + 72 + 4 = 116; the fractions follow.
+            let first =
+                [n(2, 2), entry(0x0110, 2, 4, b"R7\0\0".to_vec()), entry(0x8769, 4, 1, n(38, 4)), n(0, 4)];
+            let second = [
+                n(6, 2),
+                entry(0x920a, 5, 1, n(116, 4)),
+                entry(0xa002, 3, 1, short(3888)),
+                entry(0xa003, 4, 1, n(2592, 4)),
+                entry(0xa20e, 5, 1, n(124, 4)),
+                entry(0xa20f, 5, 1, n(132, 4)),
+                entry(0xa210, 3, 1, short(unit)),
+                n(0, 4),
+            ];
+            let fraction = |[over, under]: [u32; 2]| [n(over, 4), n(under, 4)].concat();
+            let down = fraction([resolution[0], resolution[1]]);
+            let fractions = [fraction(focal), fraction([3_888_000, 877]), down].concat();
+            [begin, n(8, 4), first.concat(), second.concat(), fractions].concat()
+        };
+        for is_little in [true, false] {
+            // 3888 px at 3888 000 / 877 a inch are 22.3 mm.
+            let whole = block(is_little, 2, [18, 1], [2_592_000, 582]);
+            let (focal_35mm, source) = (29, FocalSource::Sensor);
+            assert_eq!(lens_of(&whole), Some(ExifLens { focal_35mm, source, camera: Some("R7".into()) }));
+            let camera = ExifCamera { name: "R7".into(), model: Some("R7".into()), focal_mm: Some(18.0) };
+            assert_eq!(camera_of(&whole), Some(camera));
+            assert!((0..whole.len()).all(|length| lens_of(&whole[..length]).is_none()));
+            // A sensor of 9 mm and one of 0.9 mm, pixels that are no squares, no focal length, one that is not a number.
+            assert!(lens_of(&block(is_little, 3, [18, 1], [2_592_000, 582])).is_some());
+            for (unit, focal, resolution) in [
+                (4, [18, 1], [2_592_000, 582]),
+                (2, [18, 1], [5_184_000, 582]),
+                (2, [0, 1], [2_592_000, 582]),
+                (2, [0, 0], [2_592_000, 582]),
+                (2, [18, 1], [0, 0]),
+            ] {
+                assert_eq!(lens_of(&block(is_little, unit, focal, resolution)), None, "{unit} {focal:?}");
+            }
+        }
     }
 
     /// A phone that points 247.5° clockwise from north.

@@ -100,6 +100,19 @@ function Lines({ set }: { set: (lens: GivenLens) => Promise<void> }) {
   );
 }
 
+/** The lens that the photograph states, the camera of the list that it names, or what to do without either. */
+function Exif({ set }: { set: (lens: GivenLens) => Promise<void> }) {
+  const { has_exif_lens, common_camera, exif_advice } = view.value!.photo!;
+  return (
+    <div class="choice">
+      {common_camera
+        ? <button onClick={() => set({ by: "common", name: common_camera })}>{t.exifCamera(common_camera)}</button>
+        : <button disabled={!has_exif_lens} onClick={() => set({ by: "exif" })}>{t.exif}</button>}
+      <p class="small quiet">{exif_advice ?? t.exifHelp}</p>
+    </div>
+  );
+}
+
 function Choices({ set }: { set: (lens: GivenLens) => Promise<void> }) {
   const degrees = useSignal("");
   const hfov_deg = number(degrees.value);
@@ -109,10 +122,7 @@ function Choices({ set }: { set: (lens: GivenLens) => Promise<void> }) {
         <Pick class="main" accept=".yaml,.yml,.toml,.json,.xml,.txt,.ini,.cameramodel" onFiles={async ([file]) => file && set({ by: "file", name: file.name, text: await file.text() })}>{t.file}</Pick>
         <p class="small quiet">{t.fileHelp}</p>
       </div>
-      <div class="choice">
-        <button disabled={!view.value?.photo?.has_exif_lens} onClick={() => set({ by: "exif" })}>{t.exif}</button>
-        <p class="small quiet">{t.exifHelp}</p>
-      </div>
+      <Exif set={set} />
       <form
         class="choice"
         onSubmit={(event) => {

@@ -80,30 +80,47 @@ fn flags(table: &Table, watch: &Command) -> Result<BTreeMap<String, Words>> {
     for (key, value) in table {
         match (key.as_str(), value) {
             ("camera" | "target", Value::Table(named)) => {
-                for (name, section) in named {
-                    let Value::Table(section) = section else {
-                        bail!("[{key}.{name}] is no table: write [{key}.{name}] and below it file = \"…\"");
-                    };
-                    for (inner, value) in section {
-                        let flag = if inner == "file" { key } else { inner };
-                        if inner != "file"
-                            && !(key == "camera" && OF_CAMERA.contains(&dashed(inner).as_str()))
-                        {
-                            bail!("[{key}.{name}] {inner}: {}", not_among(inner, &section_keys(key)));
-                        }
-                        add(flag, Some(name), value)?;
+                for (name, inner, value) in leaves(named) {
+                    if name.is_empty() {
+                        bail!("[{key}.{inner}] is no table: write [{key}.{inner}] and below it file = \"…\"");
                     }
+                    let flag = if inner == "file" { key.as_str() } else { inner };
+                    let is_known = key == "camera" && OF_CAMERA.contains(&dashed(inner).as_str());
+                    if inner != "file" && !is_known {
+                        bail!("[{key}.{name}] {inner}: {}", not_among(inner, &section_keys(key)));
+                    }
+                    add(flag, Some(&name), value)?;
                 }
             }
             (_, Value::Table(named)) => {
-                for (name, value) in named {
-                    add(key, Some(name), value)?;
+                for (name, inner, value) in leaves(named) {
+                    add(key, Some(&joined(&name, inner)), value)?;
                 }
             }
             _ => add(key, None, value)?,
         }
     }
     Ok(flags)
+}
+
+/// The values of a table that are no tables, each with the name of its table and its key. Tables in tables are one name with dots, which TOML makes
+/// several keys where it is not quoted: `[camera.cam.north]` is the camera `cam.north`.
+fn leaves(table: &Table) -> Vec<(String, &str, &Value)> {
+    let mut found = Vec::new();
+    for (key, value) in table {
+        match value {
+            Value::Table(inner) => {
+                let within = leaves(inner).into_iter();
+                found.extend(within.map(|(name, leaf, value)| (joined(key, &name), leaf, value)));
+            }
+            value => found.push((String::new(), key.as_str(), value)),
+        }
+    }
+    found
+}
+
+fn joined(first: &str, second: &str) -> String {
+    [first, second].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(".")
 }
 
 fn section_keys(section: &str) -> Vec<String> {

@@ -3,6 +3,7 @@
 use super::components::{Component, Labeller};
 use super::{Dot, DotConfig, DotError, Polarity, centroid, threshold};
 use crate::GrayImage;
+use crate::detect::stop;
 
 /// Finds dots; keeps its buffers between images.
 pub struct DotFinder {
@@ -43,6 +44,9 @@ impl DotFinder {
         if image.data.len() != width * height {
             let seen = image.data.len();
             return Err(DotError::BufferSize { width_px: image.width_px, height_px: image.height_px, seen });
+        }
+        if stop::is_stopped() {
+            return Ok(Vec::new());
         }
         #[cfg(test)]
         crate::detect::work::count(image.data.len());
