@@ -287,6 +287,22 @@ fn no_fault_is_called_right_and_each_is_named() {
     }
 }
 
+/// With the wrong mounting and a lens without its distortion at once the mounting is named.
+#[test]
+fn a_wrong_mounting_is_named_beside_a_wrong_lens() {
+    let mut rng = Rng::new(961);
+    for (mounting, other) in [(MOUNTS[0], MOUNTS[1]), (MOUNTS[1], MOUNTS[0])] {
+        let robot = Robot::AtHand(1e-3, 5e-4);
+        let session = Session::new(&mut rng, mounting, 16, robot, &distorted(), 0.1, 0.0);
+        let found = solved(&session.reported, &session.believed(&camera(), 1.0), &camera(), other);
+        let is_named = match &found {
+            Ok(found) => found.causes.contains(&HandEyeCause::InvertedGripper),
+            Err(reason) => reason.to_string().contains("the mounting is the other one"),
+        };
+        assert!(is_named, "{mounting:?}: {:?}", found.map(|found| found.causes));
+    }
+}
+
 /// The same points with another stated noise.
 fn stated(session: &Session, sigma_px: f64) -> Vec<Vec<Correspondence>> {
     let one = |c: &Correspondence| Correspondence { sigma_px, ..*c };

@@ -28,6 +28,8 @@ const WITHIN_CHI2: f64 = 16.81;
 const SHARED_SIGMA: f64 = 0.05;
 /// Odds of each kind of shared error before the views are seen.
 const SHARED_ODDS: f64 = 0.1;
+/// Less probable errors add nothing to the covariance.
+const LEAST_PROBABILITY: f64 = 0.01;
 /// By so much the log-likelihood of the gripper's motions must fall where they contradict another lens.
 const CONTRADICTED_LOSS: f64 = 3.0;
 
@@ -77,11 +79,14 @@ pub(super) struct ByLens {
     pub gain: Option<f64>,
 }
 
-/// Returns whether a motion of X is beyond its covariance.
+/// Returns whether a motion of X or that of Z is beyond its covariance.
 fn is_beyond(shift: &SVector<f64, 12>, covariance: &DMatrix<f64>) -> bool {
-    let shift = shift.fixed_rows::<6>(0).into_owned();
-    let covariance: Matrix6 = covariance.fixed_view::<6, 6>(0, 0).into_owned();
-    covariance.cholesky().is_none_or(|c| WITHIN_CHI2 < shift.dot(&c.solve(&shift)))
+    let is_beyond = |at: usize| {
+        let shift = shift.fixed_rows::<6>(at).into_owned();
+        let covariance: Matrix6 = covariance.fixed_view::<6, 6>(at, at).into_owned();
+        covariance.cholesky().is_none_or(|c| WITHIN_CHI2 < shift.dot(&c.solve(&shift)))
+    };
+    is_beyond(0) || is_beyond(6)
 }
 
 /// Decides about an answer of which `covariance`, 12×12, is that without shared errors.
@@ -110,7 +115,8 @@ pub(super) fn judged(
     let shared = shared(effects, settled, residuals, config);
     let mut causes: Vec<HandEyeCause> =
         of_lens.and_then(|(lens, by)| blamed(lens, by.as_ref(), covariance)).into_iter().collect();
-    if causes.is_empty() && !seen.is_empty() {
+    // A wrong lens may come with a wrong mounting, which contradicts the gripper's motions far more than the lens does.
+    if !seen.is_empty() {
         causes.extend(alternatives(views, settled, config));
     }
     if causes.is_empty() && seen.is_empty() {
@@ -152,7 +158,8 @@ fn shared(
     let most = effects.iter().map(log_odds).fold(0.0, f64::max);
     let part = |effect: &Effect| (log_odds(effect) - most).exp();
     let sum = (-most).exp() + effects.iter().map(part).sum::<f64>();
-    effects.into_iter().map(|effect| (part(&effect) / sum, effect)).collect()
+    let all = effects.into_iter().map(|effect| (part(&effect) / sum, effect));
+    all.filter(|(probability, _)| LEAST_PROBABILITY < *probability).collect()
 }
 
 /// Least probability of an explanation that is named beside the most probable one.
