@@ -166,7 +166,8 @@ pub struct HandEye {
     pub views: Vec<HandEyeViewResult>,
     /// Number of views that took part.
     pub n_used: usize,
-    /// Sum of squared residuals over their variances: of pixels if the views have points, else of poses.
+    /// Sum of squared residuals over their variances: of pixels if the views have points, with the variance that they show where it contradicts the stated
+    /// one, else of poses.
     pub chi2: f64,
     /// Number of observations beyond the 12 unknowns.
     pub degrees_of_freedom: usize,
@@ -180,9 +181,9 @@ pub struct HandEye {
     pub gripper_noise: Option<GripperNoise>,
     /// The target's size from the gripper's motions; `None` where they do not determine it.
     pub target_size: Option<TargetSize>,
-    /// The same where its error is proven, but small: the covariance holds it.
+    /// The same where an error of it is more probable than none, and the answer consistent: the covariance holds it.
     pub small_size: Option<TargetSize>,
-    /// How another lens than the stated one fits the gripper's motions better, where that moves the camera by little, as a part of the focal length:
+    /// What of the lens is more probably wrong than right by the gripper's motions, and by which part of the focal length, where the answer is consistent:
     /// the covariance holds it.
     pub other_lens: Option<(LensError, f64)>,
     /// By how far the camera's position on its carrier moves if the intrinsics are those that the pixels fit better; `None` where they fit. The
@@ -336,7 +337,7 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
     results
 }
 
-/// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of a small error of size,
+/// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of errors that all views may share,
 /// widened where the poses disagree more than stated.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64) -> DMatrix<f64> {
     let added = verdict.shared.iter().map(|(probability, effect)| Verdict::added(*probability, effect));
