@@ -32,7 +32,7 @@ use cost::{Fit, Level, fit};
 use nalgebra::{DMatrix, SVector, Vector3};
 use settle::{Settled, settled};
 use shared::SharedError;
-use verdict::{ByLens, Residuals, Verdict, judged, other_lens, pixels};
+use verdict::{ByLens, CONFIRMED_GAIN, CONFIRMED_NOISE, Residuals, Verdict, judged, other_lens, pixels};
 
 pub use causes::{HandEyeCause, HandEyeWarning};
 pub use shared::LensError;
@@ -265,10 +265,15 @@ fn by_lens(
     let by_camera = (moved.cam_from_carrier * given.cam_from_carrier.inverse()).log();
     let by_target = (moved.holder_from_target * given.holder_from_target.inverse()).log();
     let shift = SVector::<f64, 12>::from_iterator(by_camera.iter().chain(&by_target).copied());
-    let are_same = other.used().len() == settled.used().len();
     let gain = || Some(other.log_likelihood(config)? - settled.log_likelihood(config)?);
-    let gain = if are_same { gain() } else { None };
-    shift.iter().all(|x| x.is_finite()).then_some(ByLens { shift, gain })
+    // Of other views ℓ is not comparable, but the noise is.
+    let noise = |settled: &Settled| settled.sigmas().map_or(f64::INFINITY, |[turn, shift]| turn * shift);
+    let is_confirmed = if other.used().len() == settled.used().len() {
+        gain().is_some_and(|gain| CONFIRMED_GAIN < gain)
+    } else {
+        noise(&other) < CONFIRMED_NOISE * noise(settled)
+    };
+    shift.iter().all(|x| x.is_finite()).then_some(ByLens { shift, is_confirmed })
 }
 
 impl HandEye {

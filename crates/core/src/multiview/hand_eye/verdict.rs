@@ -30,8 +30,10 @@ const SHARED_SIGMA: f64 = 0.05;
 const SHARED_ODDS: f64 = 0.1;
 /// Less probable errors add nothing to the covariance.
 const LEAST_PROBABILITY: f64 = 0.01;
-/// By so much the log-likelihood of the gripper's motions must fall where they contradict another lens.
-const CONTRADICTED_LOSS: f64 = 3.0;
+/// By so much the log-likelihood of the gripper's motions must rise where they confirm another lens.
+pub(super) const CONFIRMED_GAIN: f64 = 3.0;
+/// … and to this part the product of its two standard deviations must fall where other views agree.
+pub(super) const CONFIRMED_NOISE: f64 = 0.5;
 
 /// The causes, the most likely first, and the target's size as measured by the gripper.
 pub(super) struct Verdict {
@@ -75,8 +77,8 @@ pub(super) struct OtherLens {
 pub(super) struct ByLens {
     /// By how much X and Z move.
     pub shift: SVector<f64, 12>,
-    /// By how much ℓ of the poses rises, where both are of the same views.
-    pub gain: Option<f64>,
+    /// Whether the gripper's motions confirm it: ℓ of the poses rises, or their noise falls.
+    pub is_confirmed: bool,
 }
 
 /// Returns whether a motion of X or that of Z is beyond its covariance.
@@ -132,11 +134,9 @@ pub(super) fn judged(
     Verdict { causes, size, shared }
 }
 
-/// Returns the cause that the pixels give, unless it moves the camera by no more than its covariance, or the gripper's motions contradict it.
+/// Returns the cause that the pixels give, unless it moves the camera by no more than its covariance, or the gripper's motions do not confirm it.
 fn blamed(lens: OtherLens, by_lens: Option<&ByLens>, covariance: &DMatrix<f64>) -> Option<HandEyeCause> {
-    let matters = by_lens.is_none_or(|by| {
-        is_beyond(&by.shift, covariance) && by.gain.is_none_or(|gain| -CONTRADICTED_LOSS < gain)
-    });
+    let matters = by_lens.is_none_or(|by| is_beyond(&by.shift, covariance) && by.is_confirmed);
     lens.cause.filter(|_| matters)
 }
 
