@@ -220,6 +220,9 @@ impl Monitor {
             let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
             self.outliers += dropped;
             self.decide(&passed);
+            if self.drift.is_none() {
+                self.test.note_change();
+            }
         }
         self.watch(reading.t_s)
     }

@@ -136,7 +136,6 @@ impl Measured {
             self.own[axis] -= 0.5 * (nu * nu / s + s.ln());
             read_grown(&mut self.grown, nu * nu / s, s.ln(), 1.0);
             bank.update(value[axis], variance[axis]);
-            self.has_changed |= bank.has_changed();
         }
         self.bound_heavy();
     }
@@ -245,6 +244,11 @@ impl Measured {
     /// The time that was watched, seconds.
     pub fn watched_s(&self) -> f64 {
         self.readings * self.between_s
+    }
+
+    /// Takes note of whether errors have changed, of a camera that is where it was: amid a motion nothing is known of that.
+    pub fn note_change(&mut self) {
+        self.has_changed |= self.banks.iter().any(AxisBank::has_changed);
     }
 
     /// Whether errors became such as the readings before them had refuted.
