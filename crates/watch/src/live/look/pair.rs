@@ -453,7 +453,7 @@ impl Pair {
 
     /// Returns the result of learning that this reading completes.
     fn decide(&mut self, reading: &Reading) -> Option<Learned> {
-        let readings = match &mut self.stage {
+        let learning = match &mut self.stage {
             Stage::Starting(_) => return None,
             Stage::Following { last_s, is_seen } => {
                 (*last_s, *is_seen) = (Some(reading.t_s), true);
