@@ -64,6 +64,7 @@ mod monitor_noise_rig;
 mod monitor_onset;
 mod monitor_place;
 mod monitor_restart;
+mod monitor_unpromised;
 mod no_std;
 mod pose_graph;
 mod printed_scale;

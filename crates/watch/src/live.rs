@@ -35,8 +35,8 @@ use resight_core::locate::PoseEstimate;
 use resight_core::temporal::monitor::attribute::MovedNode;
 use resight_core::temporal::monitor::learn::LearnConfig;
 use resight_core::temporal::monitor::{
-    Detectable, Deviation, Drift, MeasuredNoise, MonitorConfig, Reading, Recurrence, Reference, Unsettled,
-    Watch,
+    Detectable, Deviation, Drift, MeasuredNoise, MonitorConfig, Reading, Recurrence, Reference, Unpromised,
+    Unsettled, Watch,
 };
 use resight_core::temporal::track::{Motion, TrackConfig, Tracked};
 use resight_core::{Camera, Correspondence, Matrix6, Pixel, Target};
@@ -264,6 +264,10 @@ pub struct Promise {
     pub detectable: Detectable,
     /// Where small motions came back by themselves: which motions are held until they have lasted.
     pub held: Option<Recurrence>,
+    /// Errors for which no rate of false alarms is promised.
+    pub unpromised: Vec<Unpromised>,
+    /// The number of key frames that the readings of the reference saw, where they are too few to know the errors of a still scene in a video.
+    pub unseen_key_frames: Option<u64>,
     /// The readings from which this and the reference were learned; empty for a promise that changed later.
     pub learned_from: Vec<Reading>,
 }

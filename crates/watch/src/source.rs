@@ -70,6 +70,11 @@ pub trait Source: Send {
         None
     }
 
+    /// Returns the number of key frames of the video up to the frame given last; `None` where frames do not depend on each other.
+    fn key_frames(&self) -> Option<u64> {
+        None
+    }
+
     /// Takes back a processed image, whose memory may hold a later one. Requesting megabytes from the system for each frame costs time and
     /// fragments the memory.
     fn reuse(&mut self, _spent: GrayImage) {}
@@ -132,6 +137,10 @@ impl Source for Begun {
 
     fn orientation(&self) -> Option<&'static str> {
         self.rest.orientation()
+    }
+
+    fn key_frames(&self) -> Option<u64> {
+        self.rest.key_frames()
     }
 
     fn reuse(&mut self, spent: GrayImage) {

@@ -22,6 +22,7 @@ mod live_clock;
 mod live_end;
 mod live_load;
 mod live_size;
+mod live_video;
 mod real_watch;
 mod recordings;
 mod recordings_faults;

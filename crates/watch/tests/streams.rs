@@ -3,7 +3,7 @@
 
 use resight::GrayImage;
 use resight_watch::source::stream::{Stream, StreamConfig};
-use resight_watch::source::video::Video;
+use resight_watch::source::video::{Film, Video};
 use resight_watch::source::{Content, Next, Source};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
@@ -39,6 +39,28 @@ fn film(name: &str, size: &str, frames: u32, how: &[&str]) -> PathBuf {
         .status();
     assert!(status.expect("ffmpeg").success(), "{name}");
     path
+}
+
+/// One in ten frames of H.264 is a key frame, every one of motion JPEG.
+#[test]
+fn key_frames_are_counted() {
+    if !has_ffmpeg() {
+        return;
+    }
+    for (name, how, counts) in
+        [("key_frames.mp4", &H264[..], [1, 1, 2, 3]), ("key_frames.avi", &["-c:v", "mjpeg"], [1, 10, 11, 25])]
+    {
+        let mut source = Film::open(film(name, "160x120", 25, how)).expect("a film");
+        let mut counted = Vec::new();
+        loop {
+            match source.next(PATIENCE) {
+                Next::Frame(_) => counted.push(source.key_frames().expect("a video")),
+                Next::Nothing => {}
+                _ => break,
+            }
+        }
+        assert_eq!([0, 9, 10, 24].map(|frame| counted[frame]), counts, "{name}");
+    }
 }
 
 /// Packets of a transport stream, those of one frame together.

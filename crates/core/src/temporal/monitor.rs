@@ -38,7 +38,7 @@ pub mod rig;
 pub use drift::{Again, Alone, Drift, Rate, along, rotation_alone};
 pub use place::{PointErrors, covariance_by_image};
 pub use priors::MotionKind;
-pub use promise::{CorrelatedError, Detectable, MeasuredNoise, Recurrence};
+pub use promise::{CorrelatedError, Detectable, MeasuredNoise, Recurrence, Unpromised};
 pub use test::DriftNoise;
 pub use unsettled::{FALSE_ALARM_PROBABILITY, Unrest, Unsettled};
 pub use whereabouts::{Deviation, Size};
@@ -170,7 +170,7 @@ pub struct Monitor {
 }
 
 /// Of `snapshot`: raised when a field, or the meaning of one, changes.
-const SNAPSHOT_VERSION: u32 = 7;
+const SNAPSHOT_VERSION: u32 = 8;
 
 impl Monitor {
     /// Starts at `t_s`, seconds, of the same clock as the readings.
@@ -220,6 +220,9 @@ impl Monitor {
             let (passed, dropped) = self.gate.push(&self.test, reading.t_s, &whitened);
             self.outliers += dropped;
             self.decide(&passed);
+            if self.drift.is_none() {
+                self.test.note_change();
+            }
         }
         self.watch(reading.t_s)
     }
@@ -399,7 +402,22 @@ impl Monitor {
         })
     }
 
-    /// The same; errors that are excluded, or presumed to be none, count only where they `are_counted`.
+    /// The errors for which no rate of false alarms is promised: what the readings have not shown yet, and disturbances that they show. Empty where
+    /// noise is not measured.
+    pub fn unpromised(&self) -> Vec<Unpromised> {
+        let Some(measured) = self.test.measured() else { return Vec::new() };
+        let (watched_s, share) = (measured.watched_s(), self.contradictions.share());
+        let count = self.transients.count(self.last_s);
+        let all = [
+            (watched_s < axis::DAY_S, Unpromised::UnseenHours { watched_s }),
+            (0 < count, Unpromised::Returning { count }),
+            (promise::MANY < share, Unpromised::Contradictions { share }),
+            (measured.has_changed(), Unpromised::ChangedErrors),
+        ];
+        all.into_iter().filter_map(|(is_so, what)| is_so.then_some(what)).collect()
+    }
+
+    /// The same as `detectable`; errors that are excluded, or presumed to be none, count only where they `are_counted`.
     fn promise(&self, within_s: f64, are_counted: bool) -> Option<Detectable> {
         let (threshold, period_s) =
             (self.log_threshold() + onsets::log_cost(), self.config.decision_period_s);

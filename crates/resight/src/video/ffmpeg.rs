@@ -79,6 +79,8 @@ pub struct Shot {
     pub tick_s: Option<f64>,
     /// The time when its last byte came out of the decoder.
     pub arrived: Instant,
+    /// Whether it is a key frame: decoded without any other. The errors of a still scene change with each.
+    pub is_key: bool,
     /// The frame.
     pub image: GrayImage,
 }
@@ -295,6 +297,14 @@ fn listen(
     }
 }
 
+/// What ffmpeg says of a frame.
+#[derive(Debug, Clone, Copy)]
+struct Said {
+    ticks: Option<i64>,
+    size_px: [u32; 2],
+    is_key: bool,
+}
+
 /// The pipe of frames.
 struct ImageFiles {
     pipe: BufReader<ChildStdout>,
@@ -360,12 +370,12 @@ impl ImageFiles {
         let said = self.said_of_next(reported);
         self.next_number += 1;
         // ffmpeg scales every later frame to the size of the first.
-        if let Some((_, to_px)) = said
+        if let Some(Said { size_px: to_px, .. }) = said
             && to_px != size_px
         {
             return Ok(Decoded::Resized { from_px: size_px, to_px });
         }
-        let ticks = said.and_then(|(ticks, _)| ticks);
+        let (ticks, is_key) = said.map_or((None, false), |said| (said.ticks, said.is_key));
         let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
         let torn = match said {
             Some(_) => self.torn.take(time_s, self.time_base_s.unwrap_or_default()),
@@ -375,11 +385,11 @@ impl ImageFiles {
             return Ok(Decoded::Damaged(words));
         }
         let image = GrayImage { width_px: size_px[0], height_px: size_px[1], data };
-        Ok(Decoded::Frame(Shot { time_s, tick_s: self.time_base_s, arrived, image }))
+        Ok(Decoded::Frame(Shot { time_s, tick_s: self.time_base_s, arrived, is_key, image }))
     }
 
-    /// Returns stamp and size of the next frame; `None` where its line was not understood, because lines of several threads were mixed.
-    fn said_of_next(&mut self, reported: &Receiver<Reported>) -> Option<(Option<i64>, [u32; 2])> {
+    /// Returns what is said of the next frame; `None` where its line was not understood, because lines of several threads were mixed.
+    fn said_of_next(&mut self, reported: &Receiver<Reported>) -> Option<Said> {
         loop {
             let next = self.kept.take().or_else(|| reported.recv_timeout(LINE_PATIENCE).ok())?;
             match next {
@@ -393,10 +403,10 @@ impl ImageFiles {
                     // The receiver may have ended.
                     let _ = self.to_taker.send(Decoded::Damaged(words));
                 }
-                Reported::Frame { number, ticks, size_px } => {
+                Reported::Frame { number, ticks, size_px, is_key } => {
                     match (self.first_number.saturating_add(number)).cmp(&self.next_number) {
                         Ordering::Less => {}
-                        Ordering::Equal => return Some((ticks, size_px)),
+                        Ordering::Equal => return Some(Said { ticks, size_px, is_key }),
                         Ordering::Greater => {
                             self.kept = Some(next);
                             return None;

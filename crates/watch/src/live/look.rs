@@ -3,6 +3,7 @@
 mod disagreement;
 mod expect;
 mod landmarks;
+mod learning;
 mod view;
 mod pair;
 mod promises;
@@ -150,6 +151,11 @@ impl CameraWatcher {
             unsettled: None,
         };
         states.map(looked).collect()
+    }
+
+    /// Takes note of how many key frames the source of a video has given, the next frame included.
+    pub(super) fn count_key_frames(&mut self, of_source: Option<u64>) {
+        self.pairs.iter_mut().for_each(|pair| pair.count_key_frames(of_source));
     }
 
     /// The next frame, for each target in turn. `waited_us` is how long it lay in the queue.

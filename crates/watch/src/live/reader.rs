@@ -16,11 +16,19 @@ pub(super) const PATIENCE: Duration = Duration::from_millis(100);
 /// Longest pause before a lost source is tried again, in first pauses.
 const LONGEST_RETRY: f64 = 32.0;
 
+/// A frame in the queue.
+pub(super) struct Arrived {
+    pub at: Instant,
+    pub frame: Frame,
+    /// Number of key frames of a video up to it.
+    pub key_frames: Option<u64>,
+}
+
 /// Reads one source until it ends.
 pub(super) struct Reader<'a> {
     pub camera: usize,
     pub config: &'a LiveConfig,
-    pub queue: &'a Queue<(Instant, Frame)>,
+    pub queue: &'a Queue<Arrived>,
     pub event_sender: &'a SyncSender<Event>,
     pub stop: &'a AtomicBool,
     pub pace: &'a Pace,
@@ -43,14 +51,15 @@ struct Progress {
     reason: String,
     /// Whether an orientation of EXIF has been reported.
     is_oriented: bool,
+    key_frames: Option<u64>,
 }
 
 impl Reader<'_> {
     pub fn read(&self, mut source: Box<dyn Source>) {
         let mut progress = self.start(source.is_live());
         while !self.stop.load(Ordering::Relaxed) {
-            for (_, spent) in self.queue.take_back() {
-                if let Content::Image(picture) = spent.content {
+            for spent in self.queue.take_back() {
+                if let Content::Image(picture) = spent.frame.content {
                     source.reuse(picture);
                 }
             }
@@ -60,6 +69,7 @@ impl Reader<'_> {
             let is_read = match source.next(PATIENCE) {
                 Next::Frame(frame) => {
                     self.orient(source.orientation(), &mut progress);
+                    progress.key_frames = source.key_frames();
                     self.take(frame, source.is_live(), &mut progress)
                 }
                 Next::Nothing => {
@@ -97,6 +107,7 @@ impl Reader<'_> {
             left_out: Sparingly::default(),
             reason: String::new(),
             is_oriented: false,
+            key_frames: None,
         }
     }
 
@@ -148,16 +159,17 @@ impl Reader<'_> {
 
     /// Puts a frame into the queue. Returns false when frames are no longer processed.
     fn pass(&self, mut frame: Frame, at_own_pace: bool, is_live: bool, progress: &mut Progress) -> bool {
-        let arrived = Instant::now();
-        self.stamp(&mut frame, arrived, at_own_pace, progress);
+        let at = Instant::now();
+        self.stamp(&mut frame, at, at_own_pace, progress);
         if let Content::Unreadable(reason) = &frame.content {
             progress.left_out.add(1);
             progress.reason.clone_from(reason);
         }
         self.left_out(progress, false);
+        let arrived = Arrived { at, frame, key_frames: progress.key_frames };
         match is_live {
-            true => self.queue.push_dropping((arrived, frame)),
-            false => self.queue.push_waiting((arrived, frame)),
+            true => self.queue.push_dropping(arrived),
+            false => self.queue.push_waiting(arrived),
         }
     }
 

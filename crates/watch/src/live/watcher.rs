@@ -3,12 +3,12 @@
 use super::look::{CameraWatcher, FrameResult};
 use super::memory::Memory;
 use super::queue::{Queue, Taken};
-use super::reader::PATIENCE;
+use super::reader::{Arrived, PATIENCE};
 use super::relearn::Relearn;
 use super::sparingly::Sparingly;
 use super::turns::Turns;
 use super::{CheckingReason, Event, State};
-use crate::source::{Content, Frame};
+use crate::source::Content;
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
 
@@ -16,7 +16,7 @@ use std::time::Instant;
 pub(super) struct Watcher<'a> {
     look: CameraWatcher,
     memory: Memory<'a>,
-    queue: &'a Queue<(Instant, Frame)>,
+    queue: &'a Queue<Arrived>,
     turns: &'a Turns,
     relearn: Relearn,
     teller: Teller,
@@ -34,7 +34,7 @@ impl<'a> Watcher<'a> {
     pub fn new(
         camera: usize,
         (look, memory): (CameraWatcher, Memory<'a>),
-        queue: &'a Queue<(Instant, Frame)>,
+        queue: &'a Queue<Arrived>,
         (turns, relearn): (&'a Turns, Relearn),
         event_sender: SyncSender<Event>,
     ) -> Self {
@@ -48,7 +48,7 @@ impl<'a> Watcher<'a> {
         let mut is_reported = self.resume();
         while is_reported {
             is_reported = match self.queue.take(PATIENCE) {
-                Taken::Item((arrived, frame)) => self.frame(arrived, frame),
+                Taken::Item(arrived) => self.frame(arrived),
                 Taken::Nothing => self.silence(),
                 Taken::Closed => return self.end(),
             };
@@ -80,18 +80,18 @@ impl<'a> Watcher<'a> {
         self.teller.states(last_s + ago_s, self.look.states(last_s + ago_s))
     }
 
-    fn frame(&mut self, arrived: Instant, mut frame: Frame) -> bool {
+    fn frame(&mut self, mut came: Arrived) -> bool {
+        let (arrived, frame) = (came.at, &mut came.frame);
         let turn = self.turns.take();
         let waited_us = arrived.elapsed().as_secs_f64() * 1e6;
         if self.relearn.take(self.teller.camera) {
             self.look.learn_anew();
         }
+        self.look.count_key_frames(came.key_frames);
         let now_s = self.now_s().filter(|_| self.memory.resumed.is_some());
         let (t_s, looked) = match now_s {
             // A frame processed long ago does not show the present state.
-            Some(now_s) if self.look.is_old(&frame) => {
-                (now_s, self.look.passed_over(&frame, waited_us, now_s))
-            }
+            Some(now_s) if self.look.is_old(frame) => (now_s, self.look.passed_over(frame, waited_us, now_s)),
             now_s => {
                 self.has_begun |= !matches!(frame.content, Content::Unreadable(_));
                 frame.capture_s = now_s.filter(|_| !self.has_begun).unwrap_or(frame.capture_s);
@@ -99,7 +99,7 @@ impl<'a> Watcher<'a> {
                     self.last = Some((frame.capture_s, arrived));
                 }
                 self.is_new |= self.has_begun;
-                (frame.capture_s, self.look.take(&frame, waited_us))
+                (frame.capture_s, self.look.take(frame, waited_us))
             }
         };
         let is_image = matches!(frame.content, Content::Image(_));
@@ -110,7 +110,7 @@ impl<'a> Watcher<'a> {
             self.unused = (self.unused.0 + 1, observation.reason.clone().unwrap_or_default());
         }
         drop(turn); // The receiver of the event may be slow.
-        self.queue.give_back((arrived, frame));
+        self.queue.give_back(came);
         self.teller.looked(t_s, looked)
             && self.compared(t_s, false)
             && self.promised(t_s)

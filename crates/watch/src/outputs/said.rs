@@ -8,7 +8,9 @@ mod promised;
 use super::super::names::Names;
 use super::measured::measured;
 use crate::live::{CheckingReason, Event, Observation, State};
-use object::{Alternatives, EventObject, FrameObject, MotionObject, NodeMotionObject, TimesObject};
+use object::{
+    Alternatives, EventObject, FrameObject, MotionObject, NodeMotionObject, TimesObject, UnpromisedObject,
+};
 use resight::answer::landmarks::RotationObject;
 use resight::answer::{TransformObject, pose};
 use resight::core::Vector6;
@@ -18,7 +20,7 @@ use resight::image::orientation_remark;
 use resight::report::turned::{self, parts};
 use resight::report::words::{counted, moment};
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Converts events to words and JSON.
 pub struct EventText {
@@ -32,6 +34,8 @@ pub struct Moved {
     alternatives: Vec<Vec<String>>,
     /// Cameras and targets that moved while their reference was learned.
     while_learning: BTreeSet<(usize, usize)>,
+    /// Errors for which no rate of false alarms is promised, of each camera and target.
+    unpromised: BTreeMap<(usize, usize), Vec<UnpromisedObject>>,
 }
 
 impl Moved {
@@ -40,6 +44,11 @@ impl Moved {
         if let Event::Attributed { moved, alternatives, .. } = event {
             let nodes = moved.iter().map(|(name, _)| name.clone()).collect();
             (self.nodes, self.alternatives) = (nodes, alternatives.clone());
+        }
+        if let Event::Promised { camera, target, promise, .. }
+        | Event::Learned { camera, target, promise: Some(promise), .. } = event
+        {
+            self.unpromised.insert((*camera, *target), promised::unpromised(promise));
         }
         if let Event::MovedWhileLearning { camera, target, unsettled, .. } = event
             && unsettled.unrest != Unrest::Wander
@@ -82,6 +91,9 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
         let has_moved = moved.while_learning.contains(&(camera, target));
         let away = state.as_ref().and_then(away);
         let now = away.map(|deviation| format!(", {}", compared::words(deviation))).unwrap_or_default();
+        let unpromised = moved.unpromised.get(&(camera, target));
+        let present = unpromised.and_then(|of| promised::present(of));
+        let present = present.map(|present| format!("; {present}")).unwrap_or_default();
         lines.push(match (json, has_moved) {
             (true, _) => line(&EventObject {
                 event: "verdict",
@@ -90,10 +102,13 @@ pub fn verdict_lines(names: &Names, json: bool, states: &[Option<State>], moved:
                 state: Some(word),
                 deviation: away.map(compared::object),
                 moved_while_learning: has_moved.then_some(true),
+                unpromised: unpromised.cloned(),
                 ..EventObject::default()
             }),
-            (false, true) => format!("{pair}: {word}{now}; it moved while its reference was learned"),
-            (false, false) => format!("{pair}: {word}{now}"),
+            (false, true) => {
+                format!("{pair}: {word}{now}; it moved while its reference was learned{present}")
+            }
+            (false, false) => format!("{pair}: {word}{now}{present}"),
         });
     }
     lines
@@ -171,7 +186,7 @@ impl EventText {
             }
             Event::Promised { camera, target, t_s, promise } => {
                 let (pair, promised) = (self.names.pair(*camera, *target), promised::words(promise));
-                format!("{pair}  {t_s:.3} s  the noise of its readings has changed{promised}")
+                format!("{pair}  {t_s:.3} s  what is promised has changed{promised}")
             }
             Event::Learned { camera, target, reference, promise } => {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
@@ -267,6 +282,7 @@ impl EventText {
                     t_s: Some(*t_s),
                     noise: Some(noise),
                     detectable: Some(detectable),
+                    unpromised: Some(promised::unpromised(promise)),
                     message: Some(self.words(event)),
                     ..none()
                 }
@@ -281,6 +297,7 @@ impl EventText {
                     cam_from_target,
                     noise,
                     detectable,
+                    unpromised: promise.as_ref().map(|p| promised::unpromised(p)),
                     ..none()
                 }
             }

@@ -43,6 +43,8 @@ pub struct Stream {
     connection: Option<Connection>,
     /// Number of frames so far, over all connections.
     number: u64,
+    /// Number of key frames of the connections before.
+    key_frames: u64,
     is_over: bool,
 }
 
@@ -52,6 +54,8 @@ struct Connection {
     /// Time of its last sign of life.
     alive: Instant,
     has_given: bool,
+    /// Number of its key frames so far.
+    key_frames: u64,
 }
 
 impl Stream {
@@ -68,7 +72,7 @@ impl Stream {
             return Err(FileError::new(&address.shown, reason));
         }
         address.tls_options().map_err(|reason| FileError::new(&address.shown, reason))?;
-        Ok(Stream { ffmpeg, address, config, connection: None, number: 0, is_over: false })
+        Ok(Stream { ffmpeg, address, config, connection: None, number: 0, key_frames: 0, is_over: false })
     }
 
     fn connect(&self) -> Result<Connection, FileError> {
@@ -79,6 +83,7 @@ impl Stream {
             clock: StreamClock::started(now),
             alive: now,
             has_given: false,
+            key_frames: 0,
         })
     }
 
@@ -97,6 +102,7 @@ impl Stream {
         let came = match connection.decoder.next(patience) {
             Decoded::Frame(shot) => {
                 connection.has_given = true;
+                connection.key_frames += u64::from(shot.is_key);
                 let stamp_s = shot.time_s.filter(|_| !shot.tick_s.is_some_and(is_count));
                 Some((connection.clock.capture_s(stamp_s, shot.arrived), Content::Image(shot.image)))
             }
@@ -170,7 +176,10 @@ impl Source for Stream {
             }
         };
         match self.look(&mut connection, patience) {
-            Err(gone) => self.lost(gone, connection.has_given),
+            Err(gone) => {
+                self.key_frames += connection.key_frames;
+                self.lost(gone, connection.has_given)
+            }
             Ok(came) => {
                 self.connection = Some(connection);
                 let Some((capture_s, content)) = came else { return Next::Nothing };
@@ -183,6 +192,10 @@ impl Source for Stream {
 
     fn is_live(&self) -> bool {
         true
+    }
+
+    fn key_frames(&self) -> Option<u64> {
+        Some(self.key_frames + self.connection.as_ref().map_or(0, |connection| connection.key_frames))
     }
 
     fn reuse(&mut self, spent: GrayImage) {

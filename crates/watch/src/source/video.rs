@@ -14,6 +14,8 @@ pub struct Film {
     video: Video,
     name: String,
     number: u64,
+    /// Number of key frames so far.
+    key_frames: u64,
     /// Time of the last frame, and its interval from the one before it.
     last_s: f64,
     period_s: f64,
@@ -25,7 +27,7 @@ impl Film {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = path.as_ref();
         let (video, name) = (Video::open(path)?, path.display().to_string());
-        Ok(Film { video, name, number: 0, last_s: 0.0, period_s: 0.0 })
+        Ok(Film { video, name, number: 0, key_frames: 0, last_s: 0.0, period_s: 0.0 })
     }
 
     /// Returns the capture time; a frame without a stamp continues the last interval.
@@ -46,7 +48,10 @@ impl Source for Film {
         let (capture_s, content) = match decoded {
             Decoded::Nothing => return Next::Nothing,
             Decoded::End(None) => return Next::End,
-            Decoded::Frame(shot) => (self.capture_s(shot.time_s), Content::Image(shot.image)),
+            Decoded::Frame(shot) => {
+                self.key_frames += u64::from(shot.is_key);
+                (self.capture_s(shot.time_s), Content::Image(shot.image))
+            }
             _ => (
                 self.last_s,
                 Content::Unreadable(format!("{}: {}", self.name, complaint.unwrap_or_default())),
@@ -59,6 +64,10 @@ impl Source for Film {
 
     fn is_live(&self) -> bool {
         false
+    }
+
+    fn key_frames(&self) -> Option<u64> {
+        Some(self.key_frames)
     }
 
     fn reuse(&mut self, spent: GrayImage) {

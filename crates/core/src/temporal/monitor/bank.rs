@@ -33,6 +33,8 @@ const AHEAD: f64 = 2.0;
 /// Correlated errors are presumed up to this share while there is no reading; ln of how improbable larger ones are.
 const PRESUMED: f64 = 1.2;
 const UNPRESUMED: f64 = -12.0;
+/// A model that was behind by this much was refuted: where it leads later, the errors are others.
+const REFUTED: f64 = 30.0;
 /// How many readings the stated scale counts for.
 const STATED_COUNTS: f64 = 10.0;
 /// A square of a standardised innovation counts up to this: nine in ten thousand are larger by chance, outliers and steps are.
@@ -58,6 +60,8 @@ pub(super) struct AxisBank {
     pub log_likelihood: [f64; MODELS],
     /// The same with squares cut off: the few readings of a step do not choose the model.
     record: [f64; MODELS],
+    /// The least that it was.
+    least: [f64; MODELS],
     /// The model whose filter is used.
     pub used: usize,
     readings: f64,
@@ -135,6 +139,7 @@ impl AxisBank {
             scale: [1.0; MODELS],
             log_likelihood: [0.0; MODELS],
             record: [0.0; MODELS],
+            least: [0.0; MODELS],
             used: WHITE,
             readings: 0.0,
         };
@@ -277,6 +282,17 @@ impl AxisBank {
         if self.record[self.used] < -AHEAD {
             self.used = self.record.iter().position(|of| *of == 0.0).unwrap_or(WHITE);
         }
+        self.least.iter_mut().zip(&self.record).for_each(|(least, now)| *least = least.min(*now));
+    }
+
+    /// Whether the model in use had been refuted.
+    pub fn has_changed(&self) -> bool {
+        self.least[self.used] <= -REFUTED
+    }
+
+    /// What was refuted is what is behind so far now.
+    pub fn forget_refuted(&mut self) {
+        self.least = self.record;
     }
 
     pub fn set_log_likelihoods(&mut self, all: &[f64]) {
@@ -288,6 +304,7 @@ impl AxisBank {
     pub fn forget_likelihoods(&mut self) {
         self.log_likelihood.fill(0.0);
         self.record.fill(0.0);
+        self.least.fill(0.0);
     }
 
     /// Before the first reading: errors much larger than a reading's own are not looked for until they show.
@@ -416,6 +433,7 @@ numbers!(AxisBank {
     scale,
     log_likelihood,
     record,
+    least,
     used,
     readings,
 });

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   q      chance that a reading contradicts, after one that did and after one that did not: learned from the readings so far
-//!   ln L   ln (¾/q) of a reading that contradicts, ln (¼/(1 − q)) of one that does not     (100)
+//!   ln L   ln (¼ + ¾/q) of a reading that contradicts, ln ¼ of one that does not           (100)
 //!   R      (R + 1) L; said at R = A of the promised rate                                   (101)
 //! ```
 //! Derivation: docs/math/monitor.md section 14.
@@ -10,15 +10,15 @@
 use super::log_sum::LogSum;
 use crate::temporal::snapshot::numbers;
 
-/// Of readings that are mostly wrong, the share that contradicts at least.
+/// Of readings that would agree, the share that contradicts where readings are mostly wrong.
 const MOSTLY: f64 = 0.75;
-/// The share again where all is well, and ln of the odds at which it is.
+/// The share of all of them that contradicts again where all is well, and ln of the odds at which it is.
 const SELDOM: f64 = 0.1;
 const WELL: f64 = 6.9;
 /// What is expected beforehand, and for how many readings that counts: after a reading that agrees and after one that contradicts.
 const EXPECTED: [(f64, f64); 2] = [(0.01, 50.0), (0.3, 10.0)];
-/// Faults come in runs; longer ones than this share makes are news.
-const LONGEST: f64 = 0.6;
+/// Faults come in runs, and of many points some are often off: up to this share it is no news.
+const LARGEST: f64 = 0.8;
 /// Readings over which the share is learned.
 const LEARNED_OVER: f64 = 1000.0;
 
@@ -52,17 +52,20 @@ impl Contradictions {
     }
 
     pub fn push(&mut self, contradicts: bool, log_threshold: f64) {
-        let ratio =
-            |of: f64, beside: f64| if contradicts { of / beside } else { (1.0 - of) / (1.0 - beside) };
         if self.is_reported {
-            self.log_well = (self.log_well + ratio(SELDOM, MOSTLY).ln()).max(0.0);
+            let well = if contradicts { SELDOM / MOSTLY } else { (1.0 - SELDOM) / (1.0 - MOSTLY) };
+            self.log_well = (self.log_well + well.ln()).max(0.0);
+            // Faults that come and go are told once; then they are noise that is known.
+            self.learn(contradicts);
             if WELL <= self.log_well {
                 *self = Contradictions { chance: self.chance, ..Contradictions::none() };
             }
             return;
         }
         let (chance, _) = self.chance[usize::from(0.0 < self.run)];
-        self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio(MOSTLY, chance).ln();
+        let others = 1.0 - MOSTLY;
+        let ratio = if contradicts { others + MOSTLY / chance } else { others };
+        self.log_r = LogSum::of([self.log_r, 0.0]).ln() + ratio.ln();
         if log_threshold <= self.log_r {
             (self.is_reported, self.log_well) = (true, 0.0);
             return;
@@ -84,7 +87,13 @@ impl Contradictions {
     fn count(&mut self, after: usize, contradicted: f64, of: f64) {
         let (chance, weight) = &mut self.chance[after];
         *weight = (*weight + of).min(LEARNED_OVER);
-        *chance = (*chance + (contradicted - of * *chance) / *weight).clamp(1e-3, LONGEST);
+        *chance = (*chance + (contradicted - of * *chance) / *weight).clamp(1e-3, LARGEST);
+    }
+
+    /// The share of the readings that contradict, in the long run.
+    pub fn share(&self) -> f64 {
+        let [(after_one_that_agrees, _), (after_one_that_contradicts, _)] = self.chance;
+        after_one_that_agrees / (1.0 - after_one_that_contradicts + after_one_that_agrees)
     }
 
     pub fn is_sound(&self) -> bool {

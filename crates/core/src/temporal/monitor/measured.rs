@@ -24,7 +24,8 @@ const MOST_APART: f64 = 10.0;
 const GROWN_AT: usize = AXES;
 const HEAVY_AT: usize = AXES + GROWN.len();
 const READINGS_AT: usize = HEAVY_AT + 1;
-const MODELS_AT: usize = READINGS_AT + 1;
+const CHANGED_AT: usize = READINGS_AT + 1;
+const MODELS_AT: usize = CHANGED_AT + 1;
 const STANDING: usize = MODELS_AT + AXES * MODELS;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +42,8 @@ pub(super) struct Measured {
     /// Readings so far, and the time between them, seconds.
     readings: f64,
     between_s: f64,
+    /// Whether errors became such as had been refuted.
+    has_changed: bool,
     /// What the readings of motions that are reported said of each model: counted when it comes back by itself.
     set_aside: Vec<f64>,
 }
@@ -55,6 +58,7 @@ impl Measured {
             heavy: 0.0,
             readings: 0.0,
             between_s: unit_s,
+            has_changed: false,
             set_aside: Vec::new(),
         }
     }
@@ -148,6 +152,7 @@ impl Measured {
         standing.extend(self.grown);
         standing.push(self.heavy);
         standing.push(self.readings);
+        standing.push(f64::from(u8::from(self.has_changed)));
         self.banks.iter().for_each(|bank| standing.extend(bank.log_likelihood));
         standing
     }
@@ -178,6 +183,7 @@ impl Measured {
         if then.len() != STANDING {
             return;
         }
+        self.has_changed = then[CHANGED_AT] != 0.0;
         self.set_aside.resize(AXES * MODELS, 0.0);
         for (axis, bank) in self.banks.iter_mut().enumerate() {
             let at = axis * MODELS;
@@ -189,6 +195,7 @@ impl Measured {
                 .zip(then)
                 .for_each(|((aside, now), then)| *aside += now - then);
             bank.set_log_likelihoods(then);
+            bank.forget_refuted();
         }
     }
 
@@ -234,6 +241,21 @@ impl Measured {
         self.between_s.max(1e-3)
     }
 
+    /// The time that was watched, seconds.
+    pub fn watched_s(&self) -> f64 {
+        self.readings * self.between_s
+    }
+
+    /// Takes note of whether errors have changed, of a camera that is where it was: amid a motion nothing is known of that.
+    pub fn note_change(&mut self) {
+        self.has_changed |= self.banks.iter().any(AxisBank::has_changed);
+    }
+
+    /// Whether errors became such as the readings before them had refuted.
+    pub fn has_changed(&self) -> bool {
+        self.has_changed
+    }
+
     /// Variances of the errors that last, where the readings show them.
     pub fn correlated_variances(&self) -> Vector6<f64> {
         Vector6::from_fn(|axis, _| self.banks[axis].correlated_variance(self.unit_s))
@@ -269,4 +291,4 @@ fn most_since(now: &[f64; MODELS], then: &[f64]) -> f64 {
     models::between(best, then).map(of_between).fold(of_grid, f64::max)
 }
 
-numbers!(Measured { banks, unit_s, own, grown, heavy, readings, between_s, set_aside });
+numbers!(Measured { banks, unit_s, own, grown, heavy, readings, between_s, has_changed, set_aside });

@@ -56,6 +56,31 @@ pub struct Recurrence {
     pub translation_m: [f64; 3],
 }
 
+/// Errors for which no rate of false alarms is promised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Unpromised {
+    /// Those of hours that were not watched yet, as of the first night.
+    UnseenHours {
+        /// Seconds that were watched, less than a day.
+        watched_s: f64,
+    },
+    /// Motions came back by themselves: disturbances that come and go look like these.
+    Returning {
+        /// How many did.
+        count: u64,
+    },
+    /// Readings contradict their noise, as in rain: those that do so too little to be left out are further off, too.
+    Contradictions {
+        /// The share that does.
+        share: f64,
+    },
+    /// Errors are as the readings before them had excluded.
+    ChangedErrors,
+}
+
+/// The share of contradictions from which on they are a disturbance.
+pub(super) const MANY: f64 = 0.15;
+
 /// Readings that are followed one by one; of more, several count as one.
 const FOLLOWED: usize = 128;
 /// The statistic of a mean motion is exceeded by half of them; nine in ten do with this much more, in standard deviations of it.

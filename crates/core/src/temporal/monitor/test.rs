@@ -160,6 +160,11 @@ impl DriftTest {
         self.measured = Some(measured);
     }
 
+    /// Takes note of whether errors have changed.
+    pub fn note_change(&mut self) {
+        self.measured.iter_mut().for_each(Measured::note_change);
+    }
+
     pub fn measured(&self) -> Option<&Measured> {
         self.measured.as_ref()
     }

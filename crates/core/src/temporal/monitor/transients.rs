@@ -66,6 +66,12 @@ impl Transients {
         like_it.filter(|known| size <= known.largest).map(|known| t_s + known.held_s).reduce(f64::max)
     }
 
+    /// How many there were of late.
+    pub fn count(&self, t_s: f64) -> u64 {
+        let of = |kind: &Recurring| if t_s <= kind.last_s + FORGOTTEN_S { kind.count } else { 0 };
+        of(&self.brief).max(of(&self.small))
+    }
+
     /// What is known of all of them.
     pub fn known(&self, t_s: f64) -> Option<Known> {
         let both = |a: Known, b: Known| Known {

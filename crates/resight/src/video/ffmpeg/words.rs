@@ -16,6 +16,8 @@ pub(super) enum Reported {
         ticks: Option<i64>,
         /// Columns and rows.
         size_px: [u32; 2],
+        /// Whether it is a key frame: decoded without any other.
+        is_key: bool,
     },
     /// The next frame of the decoder was made from damaged data.
     CorruptFrame(String),
@@ -100,7 +102,9 @@ fn frame(shown: &str) -> Option<Reported> {
     let number = word(" n:")?.parse().ok()?;
     let ticks = word(" pts:")?.parse().ok();
     let (width, height) = word(" s:")?.split_once('x')?;
-    Some(Reported::Frame { number, ticks, size_px: [width.parse().ok()?, height.parse().ok()?] })
+    // What another thread wrote into the line may have replaced it.
+    let is_key = word(" iskey:") == Some("1");
+    Some(Reported::Frame { number, ticks, size_px: [width.parse().ok()?, height.parse().ok()?], is_key })
 }
 
 #[cfg(test)]
@@ -117,13 +121,14 @@ mod tests {
         );
         let of_5_1 = "[Parsed_showinfo_0 @ 0x55] [info] n:   7 pts:   3570 pts_time:0.297  pos:  48 fmt:yuv420p sar:1/1 s:640x480 i:P iskey:1 type:I ";
         let of_9 = "[Parsed_showinfo_0 @ 0x7f] [info] n:  20 pts:   3570 pts_time:1.7     duration:     33 duration_time:0.033   fmt:yuv420p cl:left sar:1/1 s:640x480 i:P iskey:0 type:P ";
-        for (line, number) in [(of_5_1, 7), (of_9, 20)] {
-            let frame = Reported::Frame { number, ticks: Some(3570), size_px: [640, 480] };
+        for (line, number, is_key) in [(of_5_1, 7, true), (of_9, 20, false)] {
+            let frame = Reported::Frame { number, ticks: Some(3570), size_px: [640, 480], is_key };
             assert_eq!(reported(line), [frame], "{line}");
         }
         let without =
             "[Parsed_showinfo_0 @ 0x55] [info] n:   0 pts:  NOPTS pts_time:NOPTS fmt:gray sar:0/1 s:2x3 i:P";
-        assert_eq!(reported(without), [Reported::Frame { number: 0, ticks: None, size_px: [2, 3] }]);
+        let unstamped = Reported::Frame { number: 0, ticks: None, size_px: [2, 3], is_key: false };
+        assert_eq!(reported(without), [unstamped]);
         for other in ["[Parsed_showinfo_0 @ 0x55] [info]   side data - User Data", "[info] frame=  12", ""] {
             assert_eq!((reported(other), complaint(other)), (Vec::new(), None), "{other}");
         }
@@ -178,7 +183,7 @@ mod tests {
         let without = alone.replace("pts:171000", "pts:NOPTS");
         assert_eq!(reported(&without), [decoded(None)]);
         let begun = "[Parsed_showinfo_0 @ 0x7f] [info] n:  18 pts: 162000 pts_time:1.8 fmt:yuv420p s:320x240 i:P type:P ";
-        let shown = Reported::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240] };
+        let shown = Reported::Frame { number: 18, ticks: Some(162_000), size_px: [320, 240], is_key: false };
         assert_eq!(
             reported(&format!("{begun}{given}"))[..],
             [shown.clone(), decoded(Some(171_000.0 * (1.0 / 90000.0)))]

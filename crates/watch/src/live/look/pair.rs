@@ -2,6 +2,7 @@
 
 use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
+use super::learning::Learning;
 use super::promises::Promises;
 use super::staying::{Staying, View};
 use super::unseen::Unseen;
@@ -18,7 +19,7 @@ use resight_core::locate::consistency::{Consistency, is_inconsistent};
 use resight_core::locate::{Config, PoseEstimate};
 use resight_core::multiview::tag_map::locate_target;
 use resight_core::temporal::monitor::learn::{LEAST_READINGS, learn, unsettled};
-use resight_core::temporal::monitor::{Deviation, Monitor, Reading, Reference, Unrest, Unsettled, Watch};
+use resight_core::temporal::monitor::{Deviation, Monitor, Reading, Reference, Unsettled, Watch};
 use resight_core::temporal::track::{Motion, Tracker};
 use resight_core::{Camera, Correspondence, Target};
 use std::borrow::Cow;
@@ -37,6 +38,10 @@ pub(super) struct Pair {
     stage: Stage,
     /// Number of readings until the deviation from the initial reference is reported.
     compares_in: Option<u32>,
+    /// Number of key frames so far, and what the source counts of them; none where frames do not depend on each other.
+    key_frames: Option<(u64, u64)>,
+    /// How many there were after the first reading of the reference, where they are too few.
+    unseen_key_frames: Option<u64>,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
     /// Capture time of the last frame, and the reason why it gave no reading.
@@ -56,7 +61,7 @@ pub(super) struct Pair {
 enum Stage {
     /// The reference is known, but not the clock of the frames.
     Starting(Box<Reference>),
-    Learning(Vec<Reading>),
+    Learning(Learning),
     Watching(Box<Monitor>),
     /// The camera moves, or the target is hand-held: the pose is tracked, but drift of this pair alone is not monitored.
     Following {
@@ -102,7 +107,7 @@ impl Pair {
                 Monitor::new(reference, &config.monitor, 0.0)?; // Says now what is wrong with it.
                 Stage::Starting(Box::new(*reference))
             }
-            None => Stage::Learning(Vec::new()),
+            None => Stage::Learning(Learning::default()),
         };
         Ok(Pair {
             camera: camera.clone(),
@@ -117,6 +122,8 @@ impl Pair {
             tracker: Tracker::new(&config.track)?,
             stage,
             compares_in: None,
+            key_frames: None,
+            unseen_key_frames: None,
             began: None,
             last: None,
             config: config.clone(),
@@ -161,8 +168,8 @@ impl Pair {
     pub fn record(&self) -> PairRecord {
         let stage = match &self.stage {
             Stage::Starting(_) => StageRecord::Starting,
-            Stage::Learning(readings) => {
-                StageRecord::Learning(readings.iter().map(ReadingRecord::from).collect())
+            Stage::Learning(learning) => {
+                StageRecord::Learning(learning.all().map(ReadingRecord::from).collect())
             }
             Stage::Watching(monitor) => StageRecord::Watching(monitor.snapshot().into()),
             Stage::Following { last_s, .. } => StageRecord::Following(*last_s),
@@ -192,7 +199,7 @@ impl Pair {
     /// Discards the reference, if there is one, and learns a new one from the next reading on.
     pub fn learn_anew(&mut self) {
         if matches!(self.stage, Stage::Starting(_) | Stage::Learning(_) | Stage::Watching(_)) {
-            self.stage = Stage::Learning(Vec::new());
+            self.stage = Stage::Learning(Learning::default());
             self.compares_in = None;
             self.disagreement.end();
         }
@@ -212,7 +219,10 @@ impl Pair {
             StageRecord::Starting => return Ok(false),
             StageRecord::Learning(readings) => {
                 let readings = readings.iter().map(ReadingRecord::reading).collect::<Option<_>>();
-                Stage::Learning(readings.ok_or("a reading learned so far is damaged")?)
+                let readings: Vec<_> = readings.ok_or("a reading learned so far is damaged")?;
+                // The source counts from its start.
+                self.key_frames = readings.last().and_then(|(_, key_frames)| Some(((*key_frames)?, 0)));
+                Stage::Learning(Learning::of(readings))
             }
             StageRecord::Watching(monitor) => {
                 let mut monitor = Monitor::restore(&monitor.snapshot()).map_err(|e| e.to_string())?;
@@ -227,6 +237,14 @@ impl Pair {
         (self.tracker, self.stage) = (tracker, stage);
         self.compares_in = self.monitor().map(|_| COMPARED_AFTER);
         Ok(true)
+    }
+
+    /// Takes note of how many key frames the source has given, the next frame included.
+    pub fn count_key_frames(&mut self, of_source: Option<u64>) {
+        self.key_frames = of_source.map(|now| {
+            let (count, before) = self.key_frames.unwrap_or((0, 0));
+            (count + now.saturating_sub(before), now)
+        });
     }
 
     /// Processes the next frame, or the reason why it shows nothing.
@@ -257,15 +275,17 @@ impl Pair {
     fn promise(&self, learned_from: Vec<Reading>) -> Option<Promise> {
         let monitor = self.monitor()?;
         let (noise, detectable) = (monitor.measured_noise()?, monitor.detectable(PROMISED_WITHIN_S)?);
-        Some(Promise { noise, detectable, held: monitor.recurrence(), learned_from })
+        let (held, unpromised) = (monitor.recurrence(), monitor.unpromised());
+        let unseen_key_frames = self.unseen_key_frames;
+        Some(Promise { noise, detectable, held, unpromised, unseen_key_frames, learned_from })
     }
 
     /// Returns the state at a time, also when no frame has arrived.
     pub fn state(&self, t_s: f64) -> State {
         match &self.stage {
             Stage::Starting(_) => self.stale(t_s, self.began.map_or(0.0, |(began_s, _)| t_s - began_s)),
-            Stage::Learning(readings) if mostly_contradict(readings) => State::Inconsistent,
-            Stage::Learning(readings) => self.learning(readings, t_s),
+            Stage::Learning(learning) if learning.mostly_contradicts() => State::Inconsistent,
+            Stage::Learning(learning) => self.learning(learning, t_s),
             Stage::Watching(monitor) => match monitor.watch(t_s) {
                 Watch::Stale { for_s } => self.stale(t_s, for_s),
                 watch => watch.into(),
@@ -305,14 +325,14 @@ impl Pair {
     }
 
     /// Returns the state while learning, which is `stale` without readings.
-    fn learning(&self, readings: &[Reading], t_s: f64) -> State {
+    fn learning(&self, learning: &Learning, t_s: f64) -> State {
+        let readings = learning.readings();
         let seen_s =
             readings.last().map(|reading| reading.t_s).or(self.began.map(|began| began.0)).unwrap_or(t_s);
         if self.config.monitor.stale_after_s < t_s - seen_s {
             return self.stale(t_s, t_s - seen_s);
         }
-        let needed = next_test(readings.len(), self.config.learn_readings);
-        State::Learning { readings: readings.len(), needed }
+        State::Learning { readings: readings.len(), needed: learning.needed(self.config.learn_readings) }
     }
 
     /// Sets the clock by the first frame: what is not observed from then on is stale. A frame that cannot be read may have the time of another
@@ -433,7 +453,7 @@ impl Pair {
 
     /// Returns the result of learning that this reading completes.
     fn decide(&mut self, reading: &Reading) -> Option<Learned> {
-        let readings = match &mut self.stage {
+        let learning = match &mut self.stage {
             Stage::Starting(_) => return None,
             Stage::Following { last_s, is_seen } => {
                 (*last_s, *is_seen) = (Some(reading.t_s), true);
@@ -444,15 +464,16 @@ impl Pair {
                 self.compares_in = self.compares_in.map(|readings| readings.saturating_sub(1));
                 return None;
             }
-            Stage::Learning(readings) => readings,
+            Stage::Learning(learning) => learning,
         };
-        readings.push(*reading);
+        learning.push(reading, self.key_frames.map(|(count, _)| count));
         let needed = self.config.learn_readings.max(LEAST_READINGS);
-        if readings.len() < next_test(readings.len(), needed) {
+        if !learning.is_due(needed) {
             return None;
         }
+        let readings = learning.readings();
         if let Some(unsettled) = unsettled(readings, &self.config.correlated) {
-            forget(readings, &unsettled, needed);
+            learning.forget(&unsettled, needed);
             return Some(Learned::Motion(Box::new(unsettled)));
         }
         let reference = learn(readings, &self.config.correlated).ok().and_then(|reference| {
@@ -461,11 +482,12 @@ impl Pair {
             Some((reference, monitor))
         });
         let Some((reference, monitor)) = reference else {
-            // The readings do not agree yet: the older half is discarded, and learning continues.
-            readings.drain(..readings.len() / 2);
+            // The readings do not agree yet: learning continues with the newer half.
+            learning.forget_half();
             return None;
         };
-        let from = std::mem::take(readings);
+        self.unseen_key_frames = learning.unseen_key_frames();
+        let from = learning.take();
         self.stage = Stage::Watching(Box::new(monitor));
         Some(Learned::Reference(Box::new(reference), from))
     }
@@ -488,33 +510,8 @@ enum Learned {
     Motion(Box<Unsettled>),
 }
 
-/// Readings are tested at N, 2N, 4N and 8N: slow variations need a longer period, and tests at every reading would each add their own false
-/// alarms.
-const MOST_LOOKS: usize = 8;
-
-/// Returns the number of readings at which the next test is due.
-fn next_test(readings: usize, needed: usize) -> usize {
-    (0..4).map(|doublings| needed << doublings).find(|test| readings <= *test).unwrap_or(readings)
-}
-
 fn monitor_of(stage: &mut Stage) -> Option<&mut Monitor> {
     if let Stage::Watching(monitor) = stage { Some(monitor) } else { None }
-}
-
-/// Discards the readings before a sudden motion; half of them in a continuing motion; none in a slow variation until the period is long.
-fn forget(readings: &mut Vec<Reading>, unsettled: &Unsettled, needed: usize) {
-    let forgotten = match unsettled.unrest {
-        Unrest::Step => unsettled.reading,
-        Unrest::Wander if readings.len() < MOST_LOOKS * needed => 0,
-        Unrest::Ramp | Unrest::Wander => readings.len() / 2,
-    };
-    readings.drain(..forgotten);
-}
-
-/// Returns whether no reference can be learned because intrinsics or target are wrong.
-fn mostly_contradict(readings: &[Reading]) -> bool {
-    let contradict = readings.iter().filter(|reading| !reading.is_consistent).count();
-    LEAST_READINGS <= readings.len() && readings.len() < 2 * contradict
 }
 
 /// Returns the variance of the pixels over the stated one, where readings show a larger one.

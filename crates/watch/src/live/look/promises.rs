@@ -1,6 +1,8 @@
 //! The report of a changed promise: noise that has changed is reported once.
 
 use crate::live::Promise;
+use resight_core::temporal::monitor::Unpromised;
+use std::mem::{Discriminant, discriminant};
 
 /// Interval of the checks, and smallest interval between two reports, seconds of capture time.
 const LOOKED_EVERY_S: f64 = 60.0;
@@ -16,8 +18,30 @@ pub(super) struct Promises {
     /// The largest rotation that may remain undetected, radians; whether it was reported because it had grown.
     rotation_rad: Option<f64>,
     has_grown: bool,
-    /// Whether motions are held.
+    /// The errors for which no rate is promised, and whether motions are held.
+    terms: Terms,
+    /// All terms that were reported so far.
+    told: Terms,
+}
+
+/// For what no rate of false alarms is promised.
+#[derive(Debug, Default, Clone, PartialEq)]
+struct Terms {
+    unpromised: Vec<Discriminant<Unpromised>>,
     holds: bool,
+}
+
+impl Terms {
+    /// That hours were not watched yet is reported with the reference.
+    fn of(promise: &Promise) -> Self {
+        let is_news = |of: &&Unpromised| !matches!(of, Unpromised::UnseenHours { .. });
+        let unpromised = promise.unpromised.iter().filter(is_news).map(discriminant).collect();
+        Terms { unpromised, holds: promise.held.is_some() }
+    }
+
+    fn has_more_than(&self, other: &Terms) -> bool {
+        self.unpromised.iter().any(|kind| !other.unpromised.contains(kind)) || (self.holds && !other.holds)
+    }
 }
 
 impl Promises {
@@ -29,23 +53,26 @@ impl Promises {
         is_due
     }
 
-    /// Returns whether the promise differs from the last one: it is worse, or as good again as before it became worse, or it begins or
-    /// ceases to hold motions. An improvement with every reading is not reported.
+    /// Returns whether the promise differs from the last one: it is worse, or as good again as before it became worse, or it is for other
+    /// errors, or begins or ceases to hold motions. An improvement with every reading is not reported.
     pub fn is_news(&mut self, promise: &Promise, t_s: f64) -> bool {
         let now = promise.detectable.rotation_rad.into_iter().fold(0.0, f64::max);
         let before = *self.rotation_rad.get_or_insert(now);
         let is_worse = OTHER * before < now;
         let is_better = self.has_grown && OTHER * now < before;
-        let holds = promise.held.is_some();
-        if !(is_worse || is_better || holds != self.holds) {
+        let terms = Terms::of(promise);
+        if !(is_worse || is_better || terms != self.terms) {
             self.rotation_rad = Some(if self.has_grown { before } else { before.min(now) });
             return false;
         }
-        if self.said_s.is_some_and(|said_s| t_s < said_s + SAID_EVERY_S) {
+        let is_soon = self.said_s.is_some_and(|said_s| t_s < said_s + SAID_EVERY_S);
+        if is_soon && !terms.has_more_than(&self.told) {
             return false;
         }
-        (self.said_s, self.rotation_rad, self.has_grown, self.holds) =
-            (Some(t_s), Some(now), is_worse, holds);
+        (self.said_s, self.rotation_rad, self.has_grown) = (Some(t_s), Some(now), is_worse);
+        self.told.unpromised.extend(&terms.unpromised);
+        self.told.holds |= terms.holds;
+        self.terms = terms;
         true
     }
 }

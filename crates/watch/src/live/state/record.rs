@@ -67,6 +67,9 @@ pub(in crate::live) struct ReadingRecord {
     translation_m: [f64; 3],
     covariance: Vec<f64>,
     is_consistent: bool,
+    /// Number of key frames of a video up to it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    key_frames: Option<u64>,
 }
 
 impl From<Snapshot> for SnapshotRecord {
@@ -119,14 +122,15 @@ impl SnapshotRecord {
     }
 }
 
-impl From<&Reading> for ReadingRecord {
-    fn from(reading: &Reading) -> Self {
+impl From<(&Reading, Option<u64>)> for ReadingRecord {
+    fn from((reading, key_frames): (&Reading, Option<u64>)) -> Self {
         ReadingRecord {
             t_s: reading.t_s,
             rotation: reading.a_from_b.rotation.as_slice().to_vec(),
             translation_m: reading.a_from_b.translation.into(),
             covariance: reading.covariance.as_slice().to_vec(),
             is_consistent: reading.is_consistent,
+            key_frames,
         }
     }
 }
@@ -138,9 +142,9 @@ impl ReadingRecord {
     }
 
     /// Returns none where the record has a wrong count of numbers.
-    pub fn reading(&self) -> Option<Reading> {
+    pub fn reading(&self) -> Option<(Reading, Option<u64>)> {
         let of_size = self.rotation.len() == 9 && self.covariance.len() == 36;
-        of_size.then(|| Reading {
+        let reading = || Reading {
             t_s: self.t_s,
             a_from_b: Pose::new(
                 nalgebra::Matrix3::from_column_slice(&self.rotation),
@@ -148,7 +152,8 @@ impl ReadingRecord {
             ),
             covariance: Matrix6::from_column_slice(&self.covariance),
             is_consistent: self.is_consistent,
-        })
+        };
+        of_size.then(|| (reading(), self.key_frames))
     }
 }
 

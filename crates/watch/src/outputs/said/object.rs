@@ -60,6 +60,9 @@ pub struct EventObject {
     /// Of `learned`: the motion that is found nine times in ten.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detectable: Option<DetectableObject>,
+    /// Of `learned`, `promised` and `verdict`: errors for which no rate of false alarms is promised.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unpromised: Option<Vec<UnpromisedObject>>,
     /// Of `moved_while_learning`: `step`, `ramp`, `wander`; of `oriented`: how viewers show the images, by EXIF.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub how: Option<&'static str>,
@@ -265,6 +268,17 @@ pub struct HeldObject {
     pub rotation_rad: [f64; 3],
     /// Along each axis, the largest that is held.
     pub translation_m: [f64; 3],
+}
+
+/// Errors for which no rate of false alarms is promised.
+#[derive(Debug, Clone, Serialize, JsonSchema)]
+pub struct UnpromisedObject {
+    /// `unseen_hours`, `returning`, `contradictions`, `changed_errors`, `key_frames`.
+    pub kind: &'static str,
+    /// Whether the readings show them; else no reading has excluded them yet.
+    pub is_present: bool,
+    /// The reason.
+    pub message: String,
 }
 
 /// What may have moved instead.

@@ -1,7 +1,9 @@
-//! The learned noise, and the motion that is certain to be detected with it.
+//! The learned noise, the motion that is certain to be detected with it, and the errors for which no rate of false alarms is promised.
 
-use super::object::{CorrelatedObject, DetectableObject, HeldObject, NoiseObject};
+use super::object::{CorrelatedObject, DetectableObject, HeldObject, NoiseObject, UnpromisedObject};
 use crate::live::Promise;
+use resight::core::temporal::monitor::Unpromised;
+use resight::report::words::counted;
 
 /// Returns the words after "reference learned, ± …".
 pub(super) fn words(promise: &Promise) -> String {
@@ -30,13 +32,66 @@ pub(super) fn words(promise: &Promise) -> String {
         let (rotation, translation) =
             (largest(&held.rotation_rad).to_degrees(), 1e3 * largest(&held.translation_m));
         words += &format!(
-            "; motions came back by themselves {} times: one below {rotation:.3}° or {translation:.1} mm is reported when it has lasted for \
-             {}, and no rate of false alarms is promised for it",
-            held.count,
+            "; a motion below {rotation:.3}° or {translation:.1} mm is reported when it has lasted for {}",
             lasting(held.held_s)
         );
     }
-    words
+    words + &unpromised_words(promise)
+}
+
+/// Disturbances that no record of readings excludes.
+const ALWAYS: &str = "disturbances that come and go, such as rain, insects and flickering lamps";
+
+/// Returns the errors for which no rate of false alarms is promised, and which of them are there.
+fn unpromised_words(promise: &Promise) -> String {
+    let unseen = unpromised(promise).into_iter().filter(|of| !of.is_present).map(|of| of.message + ", and ");
+    let words = format!(
+        "; the rate of false alarms is promised for errors like those so far, but not for {}{ALWAYS}",
+        unseen.collect::<String>()
+    );
+    words + &present(&unpromised(promise)).map_or(String::new(), |present| format!("; {present}"))
+}
+
+/// Returns in words that disturbances are there for which no rate is promised; none where there are none.
+pub(super) fn present(unpromised: &[UnpromisedObject]) -> Option<String> {
+    let present: Vec<&str> =
+        unpromised.iter().filter(|of| of.is_present).map(|of| of.message.as_str()).collect();
+    let reasons = present.join(", ");
+    (!present.is_empty()).then(|| format!("no rate of false alarms is promised now: {reasons}"))
+}
+
+/// Returns the errors for which no rate of false alarms is promised, each with its reason.
+pub(super) fn unpromised(promise: &Promise) -> Vec<UnpromisedObject> {
+    let of = |kind, is_present, message| UnpromisedObject { kind, is_present, message };
+    let known = promise.unpromised.iter().map(|unpromised| match unpromised {
+        Unpromised::UnseenHours { watched_s } => {
+            let hours = format!("those of hours that were not watched yet ({} so far)", lasting(*watched_s));
+            of("unseen_hours", false, hours)
+        }
+        Unpromised::Returning { count } => {
+            let motions = match count {
+                1 => "a motion came back by itself".to_string(),
+                _ => format!("motions came back by themselves {count} times"),
+            };
+            of("returning", true, motions)
+        }
+        Unpromised::Contradictions { share } => {
+            let contradict = format!("{:.0} % of the readings contradict their noise", 100.0 * share);
+            of("contradictions", true, contradict)
+        }
+        Unpromised::ChangedErrors => {
+            let changed = "errors are correlated otherwise than the readings before had shown";
+            of("changed_errors", true, changed.to_string())
+        }
+    });
+    let key_frames = promise.unseen_key_frames.map(|seen| {
+        let after = counted(seen as usize, "key frame");
+        let message = format!(
+            "the reference was learned from a video with {after} after the first reading, and errors change at each"
+        );
+        of("key_frames", true, message)
+    });
+    known.chain(key_frames).collect()
 }
 
 /// Returns a length of time in the unit that people would say it in.
