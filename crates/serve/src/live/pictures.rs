@@ -332,6 +332,10 @@ impl Source for Tap {
         self.source.orientation()
     }
 
+    fn key_frames(&self) -> Option<u64> {
+        self.source.key_frames()
+    }
+
     fn reuse(&mut self, spent: GrayImage) {
         self.source.reuse(spent);
     }
