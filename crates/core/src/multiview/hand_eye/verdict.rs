@@ -30,8 +30,8 @@ const SHARED_SIGMA: f64 = 0.05;
 const SHARED_ODDS: f64 = 0.1;
 /// Less probable errors add nothing to the covariance.
 const LEAST_PROBABILITY: f64 = 0.01;
-/// By so much the log-likelihood of the gripper's motions must rise where they confirm another lens.
-pub(super) const CONFIRMED_GAIN: f64 = 3.0;
+/// Least gain of the log-likelihood of the gripper's motions by another lens, unless they contradict it: a coarse robot tells little.
+pub(super) const CONFIRMED_GAIN: f64 = -3.0;
 /// … and to this part the product of its two standard deviations must fall where other views agree.
 pub(super) const CONFIRMED_NOISE: f64 = 0.5;
 
@@ -77,7 +77,7 @@ pub(super) struct OtherLens {
 pub(super) struct ByLens {
     /// By how much X and Z move.
     pub shift: SVector<f64, 12>,
-    /// Whether the gripper's motions confirm it: ℓ of the poses rises, or their noise falls.
+    /// Whether the gripper's motions confirm it: ℓ of the poses does not fall, or their noise does.
     pub is_confirmed: bool,
 }
 
