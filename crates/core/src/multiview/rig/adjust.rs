@@ -80,28 +80,17 @@ pub(super) fn adjust(
     }
     adjustment.settle()
 }
-/// Variance of a variance by the median of the squares of pairs, times the degrees of freedom: 2 / (2 (ln 2)²).
-const VARIANCE_OF_MEDIAN: f64 = 4.16;
-const SIGMAS_OF_VARIANCE: f64 = 4.0;
-/// Residuals smaller than a tenth of the stated noise are as good as exact.
-const LEAST_VARIANCE: f64 = 0.01;
-
 impl<'a> Adjustment<'a> {
     fn move_to(&mut self, places: RigPoses) {
         self.places = places;
         self.residuals = residuals(self.layout, &self.places, &self.graph.is_active);
     }
 
-    /// Returns the variance of the inner half of the points, in units of the stated one: below 1 the largest that they leave likely, so that sigmas
-    /// stated too large hide no wrong point.
+    /// Returns the variance of the inner half of the points, in units of the stated one, at least 1.
     fn variance(&self) -> f64 {
         let n_active = self.graph.is_active.iter().filter(|a| **a).count();
         let unknown = 6 * (self.graph.n_blocks + n_active);
-        let rows = 2 * self.residuals.iter().map(|r| r.points.iter().flatten().count()).sum::<usize>();
-        let degrees_of_freedom = rows.saturating_sub(unknown).max(1) as f64;
-        let found = robust_variance(&self.residuals, unknown);
-        let likely = found * (1.0 + SIGMAS_OF_VARIANCE * (VARIANCE_OF_MEDIAN / degrees_of_freedom).sqrt());
-        found.max(likely.clamp(LEAST_VARIANCE, 1.0))
+        robust_variance(&self.residuals, unknown).max(1.0)
     }
 
     /// Minimises Cauchy's loss, at first as wide as the initial residuals, then narrowed to the variance of the points' inner half. Some points

@@ -14,6 +14,8 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 const QUANTILE: f64 = 3.719;
 /// Errors that points share within a view are expected to be no larger than the noise: this counts as so many views that say so.
 const EXPECTED_DEGREES: f64 = 8.0;
+/// Fewer views beyond the number of parameters do not show what they share.
+const LEAST_DEGREES: f64 = 4.0;
 
 /// The uncertainty of one camera's parameters, and the derivatives of the poses by them.
 struct LensUncertainty<'a> {
@@ -90,6 +92,9 @@ fn unlikely<const N: usize>(step: &LensStep<N>) -> f64 {
     let along = by_points * step.x;
     let chi2 = step.x.dot(&along);
     let degrees_of_views = step.n_views.saturating_sub(N) as f64;
+    if degrees_of_views < LEAST_DEGREES {
+        return 0.0;
+    }
     let scatter = along.dot(&(step.of_views * along)) / chi2;
     let degrees = EXPECTED_DEGREES + degrees_of_views;
     let excess = f64::max(1.0, (EXPECTED_DEGREES + degrees_of_views * scatter) / degrees);

@@ -195,13 +195,11 @@ pub(super) struct Evidence<'a> {
 const OWN_FAULT: f64 = 0.4;
 /// Relative differences of targets' sizes below this are printing errors.
 const SIZE_OFF: f64 = 0.005;
-/// Variances larger than this by the scatter of views, in units of the noise, are no longer noise: errors three times as large. On recordings with
-/// right files the largest value is 5.9 where sigmas are those of fair corners (31 with sigmas of 0.16 px, which show that the webcams were not
-/// synchronised), and 13 to 42 with the images of one webcam under the names of the next view.
-const APART: f64 = 9.0;
-/// The errors must also be as large as this over the focal length: right files 0.0018 at most, views under the names of the next one 0.0022 to
-/// 0.0053.
-const APART_FOCAL: f64 = 0.002;
+/// Variances by the scatter of views that are so many times the noise, if the errors are also so large over the focal length, are a contradiction:
+/// errors four times as large as the noise, or twice as large and clearly larger than those of fair corners. On recordings with right files the
+/// largest are 5.9 times and 0.0018 (31 times with sigmas of 0.16 px, which show that the webcams were not synchronised); with the images of one
+/// webcam under the names of the next view 14 to 42 times and 0.0022 to 0.0053.
+const APART: [(f64, f64); 2] = [(16.0, 0.002), (4.0, 0.003)];
 /// Residuals of corners and lenses that are as good as calibrations leave them are smaller than this over the focal length.
 const NOISY_FOCAL: f64 = 0.002;
 
@@ -256,9 +254,10 @@ impl Evidence<'_> {
     /// Returns whether views contradict each other by far more than the noise explains, as stated or as measured where that is less.
     fn views_are_apart(&self) -> bool {
         let apart = self.noise_scale * self.view_scale;
-        1.0 < self.view_scale
-            && APART * self.measured_noise.min(1.0) <= apart
-            && APART_FOCAL * APART_FOCAL <= apart * self.mean_variance_over_focal()
+        let (noise, squared) = (self.measured_noise.min(1.0), apart * self.mean_variance_over_focal());
+        let are_far =
+            |(times, of_focal): (f64, f64)| times * noise <= apart && of_focal * of_focal <= squared;
+        1.0 < self.view_scale && APART.into_iter().any(are_far)
     }
 
     /// Returns the mean stated variance of the points used, along one axis of the image, over the square of the focal length.
