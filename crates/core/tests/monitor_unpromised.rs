@@ -19,7 +19,7 @@ fn after(condition: Condition, hours: f64, seed: u64) -> (Monitor, Vec<&'static 
 
 fn words(monitor: &Monitor) -> Vec<&'static str> {
     let word = |of: Unpromised| match of {
-        Unpromised::UnseenHours { .. } => "hours",
+        Unpromised::UnwatchedHours { .. } => "hours",
         Unpromised::Returning { .. } => "returning",
         Unpromised::Contradictions { .. } => "contradictions",
         Unpromised::ChangedErrors => "changed",
@@ -76,7 +76,7 @@ fn a_motion_is_no_disturbance() {
             let degrees = (deg_per_h * (f64::from(i) - 1000.0) / 360.0).clamp(0.0, 0.3);
             monitor.push(&scene.next(&(Vector6::y() * degrees.to_radians())));
         }
-        assert!(monitor.drift().is_some());
+        assert!(monitor.drift().is_some(), "{deg_per_h}° an hour");
         assert_eq!(words(&monitor), ["hours"], "{deg_per_h}° an hour");
     }
 }

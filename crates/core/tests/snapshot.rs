@@ -149,7 +149,7 @@ fn numbers_of_something_else_are_refused() {
     let good = detector.snapshot();
     let with = |numbers: Vec<f64>| Snapshot { numbers, ..good.clone() };
     let later = Snapshot { version: 9, ..good.clone() };
-    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 7 }));
+    assert_eq!(Monitor::restore(&later), Err(Error::SnapshotVersion { seen: 9, needed: 8 }));
     for length in 0..good.numbers.len() {
         let torn = with(good.numbers[..length].to_vec());
         assert!(matches!(Monitor::restore(&torn), Err(Error::SnapshotNumbers { .. })), "{length}");

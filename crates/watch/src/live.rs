@@ -267,7 +267,7 @@ pub struct Promise {
     /// Errors for which no rate of false alarms is promised.
     pub unpromised: Vec<Unpromised>,
     /// The number of key frames that the readings of the reference saw, where they are too few to know the errors of a still scene in a video.
-    pub unseen_key_frames: Option<u64>,
+    pub missed_key_frames: Option<u64>,
     /// The readings from which this and the reference were learned; empty for a promise that changed later.
     pub learned_from: Vec<Reading>,
 }

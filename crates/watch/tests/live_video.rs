@@ -80,7 +80,7 @@ fn learning_spans_two_key_frames_of_a_video() {
     let (promise, words) = learned.expect("a reference");
     let span_s = promise.learned_from.last().expect("readings").t_s - promise.learned_from[0].t_s;
     assert!((15.9..16.2).contains(&span_s), "learned from {span_s} s");
-    assert_eq!((promise.unseen_key_frames, drifts), (None, 0));
+    assert_eq!((promise.missed_key_frames, drifts), (None, 0));
     assert!(!words.contains("key frame") && words.contains("not for those of hours"), "{words}");
 }
 
@@ -89,7 +89,7 @@ fn learning_spans_two_key_frames_of_a_video() {
 fn a_video_with_one_key_frame_is_learned_with_a_reservation() {
     let Some(film) = still("one_group.mp4", 1, 135, 1000) else { return };
     let (promise, words) = watch(&film).learned.expect("a reference");
-    assert_eq!((promise.unseen_key_frames, promise.learned_from.len()), (Some(0), 121));
+    assert_eq!((promise.missed_key_frames, promise.learned_from.len()), (Some(0), 121));
     assert!(
         words.contains("no rate of false alarms is promised now") && words.contains("0 key frames"),
         "{words}"

@@ -409,7 +409,7 @@ impl Monitor {
         let (watched_s, share) = (measured.watched_s(), self.contradictions.share());
         let count = self.transients.count(self.last_s);
         let all = [
-            (watched_s < axis::DAY_S, Unpromised::UnseenHours { watched_s }),
+            (watched_s < axis::DAY_S, Unpromised::UnwatchedHours { watched_s }),
             (0 < count, Unpromised::Returning { count }),
             (promise::MANY < share, Unpromised::Contradictions { share }),
             (measured.has_changed(), Unpromised::ChangedErrors),

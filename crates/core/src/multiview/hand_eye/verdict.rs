@@ -29,7 +29,7 @@ const SHARED_SIGMA: f64 = 0.05;
 /// Odds of each kind of shared error before the views are seen.
 const SHARED_ODDS: f64 = 0.1;
 /// Less probable errors add nothing to the covariance.
-const LEAST_PROBABILITY: f64 = 0.01;
+const LEAST_PROBABILITY: f64 = 0.05;
 /// Least gain of the log-likelihood of the gripper's motions by another lens, unless they contradict it: a coarse robot tells little.
 pub(super) const CONFIRMED_GAIN: f64 = -3.0;
 /// … and to this part the product of its two standard deviations must fall where other views agree.

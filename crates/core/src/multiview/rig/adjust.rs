@@ -80,6 +80,7 @@ pub(super) fn adjust(
     }
     adjustment.settle()
 }
+
 impl<'a> Adjustment<'a> {
     fn move_to(&mut self, places: RigPoses) {
         self.places = places;

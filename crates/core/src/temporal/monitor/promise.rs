@@ -60,7 +60,7 @@ pub struct Recurrence {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unpromised {
     /// Those of hours that were not watched yet, as of the first night.
-    UnseenHours {
+    UnwatchedHours {
         /// Seconds that were watched, less than a day.
         watched_s: f64,
     },

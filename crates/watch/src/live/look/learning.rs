@@ -54,7 +54,7 @@ impl Learning {
     /// Returns whether a test is due, of `needed` readings or a multiple; it is due once.
     pub fn is_due(&mut self, needed: usize) -> bool {
         self.is_waiting |= next_test(self.readings.len(), needed) <= self.readings.len();
-        let is_due = self.is_waiting && (self.unseen_key_frames().is_none() || self.is_long());
+        let is_due = self.is_waiting && (self.missed_key_frames().is_none() || self.is_long());
         self.is_waiting &= !is_due;
         is_due
     }
@@ -65,7 +65,7 @@ impl Learning {
     }
 
     /// Returns how many key frames there were after the first reading, where they are too few.
-    pub fn unseen_key_frames(&self) -> Option<u64> {
+    pub fn missed_key_frames(&self) -> Option<u64> {
         let (first, last) = (self.key_frames.first()?.as_ref()?, self.key_frames.last()?.as_ref()?);
         Some(last.saturating_sub(*first)).filter(|seen| *seen < KEY_FRAMES)
     }
@@ -141,6 +141,6 @@ mod tests {
         assert_eq!(due_after(0.01, |_| Some(1))[0], MOST_READINGS);
         let mut learning = Learning::default();
         (0..60).for_each(|i| learning.push(&reading(f64::from(i)), Some(1)));
-        assert_eq!(learning.unseen_key_frames(), Some(0));
+        assert_eq!(learning.missed_key_frames(), Some(0));
     }
 }

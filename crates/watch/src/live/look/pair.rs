@@ -41,7 +41,7 @@ pub(super) struct Pair {
     /// Number of key frames so far, and what the source counts of them; none where frames do not depend on each other.
     key_frames: Option<(u64, u64)>,
     /// How many there were after the first reading of the reference, where they are too few.
-    unseen_key_frames: Option<u64>,
+    missed_key_frames: Option<u64>,
     /// Capture time of the first frame, and whether it could be read.
     began: Option<(f64, bool)>,
     /// Capture time of the last frame, and the reason why it gave no reading.
@@ -123,7 +123,7 @@ impl Pair {
             stage,
             compares_in: None,
             key_frames: None,
-            unseen_key_frames: None,
+            missed_key_frames: None,
             began: None,
             last: None,
             config: config.clone(),
@@ -276,8 +276,8 @@ impl Pair {
         let monitor = self.monitor()?;
         let (noise, detectable) = (monitor.measured_noise()?, monitor.detectable(PROMISED_WITHIN_S)?);
         let (held, unpromised) = (monitor.recurrence(), monitor.unpromised());
-        let unseen_key_frames = self.unseen_key_frames;
-        Some(Promise { noise, detectable, held, unpromised, unseen_key_frames, learned_from })
+        let missed_key_frames = self.missed_key_frames;
+        Some(Promise { noise, detectable, held, unpromised, missed_key_frames, learned_from })
     }
 
     /// Returns the state at a time, also when no frame has arrived.
@@ -486,7 +486,7 @@ impl Pair {
             learning.forget_half();
             return None;
         };
-        self.unseen_key_frames = learning.unseen_key_frames();
+        self.missed_key_frames = learning.missed_key_frames();
         let from = learning.take();
         self.stage = Stage::Watching(Box::new(monitor));
         Some(Learned::Reference(Box::new(reference), from))

@@ -34,7 +34,7 @@ struct Terms {
 impl Terms {
     /// That hours were not watched yet is reported with the reference.
     fn of(promise: &Promise) -> Self {
-        let is_news = |of: &&Unpromised| !matches!(of, Unpromised::UnseenHours { .. });
+        let is_news = |of: &&Unpromised| !matches!(of, Unpromised::UnwatchedHours { .. });
         let unpromised = promise.unpromised.iter().filter(is_news).map(discriminant).collect();
         Terms { unpromised, holds: promise.held.is_some() }
     }

@@ -273,7 +273,7 @@ pub struct HeldObject {
 /// Errors for which no rate of false alarms is promised.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct UnpromisedObject {
-    /// `unseen_hours`, `returning`, `contradictions`, `changed_errors`, `key_frames`.
+    /// `unwatched_hours`, `returning`, `contradictions`, `changed_errors`, `key_frames`.
     pub kind: &'static str,
     /// Whether the readings show them; else no reading has excluded them yet.
     pub is_present: bool,

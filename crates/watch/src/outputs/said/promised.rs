@@ -64,9 +64,9 @@ pub(super) fn present(unpromised: &[UnpromisedObject]) -> Option<String> {
 pub(super) fn unpromised(promise: &Promise) -> Vec<UnpromisedObject> {
     let of = |kind, is_present, message| UnpromisedObject { kind, is_present, message };
     let known = promise.unpromised.iter().map(|unpromised| match unpromised {
-        Unpromised::UnseenHours { watched_s } => {
+        Unpromised::UnwatchedHours { watched_s } => {
             let hours = format!("those of hours that were not watched yet ({} so far)", lasting(*watched_s));
-            of("unseen_hours", false, hours)
+            of("unwatched_hours", false, hours)
         }
         Unpromised::Returning { count } => {
             let motions = match count {
@@ -84,7 +84,7 @@ pub(super) fn unpromised(promise: &Promise) -> Vec<UnpromisedObject> {
             of("changed_errors", true, changed.to_string())
         }
     });
-    let key_frames = promise.unseen_key_frames.map(|seen| {
+    let key_frames = promise.missed_key_frames.map(|seen| {
         let after = counted(seen as usize, "key frame");
         let message = format!(
             "the reference was learned from a video with {after} after the first reading, and errors change at each"
