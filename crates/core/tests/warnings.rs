@@ -97,7 +97,7 @@ fn of_hand_eye(warning: &HandEyeWarning) -> usize {
         HandEyeWarning::Residuals(_) => 1,
         HandEyeWarning::Size(_) => 2,
         HandEyeWarning::LeftOut(_) => 3,
-        HandEyeWarning::Lens(_) | HandEyeWarning::OtherLens(..) => 4,
+        HandEyeWarning::Lens(_) => 4,
     }
 }
 

@@ -208,11 +208,6 @@ fn widened(doubt: &HandEyeWarning) -> Option<String> {
             100.0 * size.sigma,
             if 1.0 < size.ratio { "larger" } else { "smaller" }
         )),
-        HandEyeWarning::OtherLens(error, part) => Some(format!(
-            "; {error} seems {:.2} % of the focal length {} than stated, and every ± holds that",
-            100.0 * part.abs(),
-            if 0.0 < *part { "larger" } else { "smaller" }
-        )),
         HandEyeWarning::Lens(shift_m) => Some(format!(
             "; the pixels do not quite fit the intrinsics, and every ± holds the {} by which that moves the camera",
             length(*shift_m)

@@ -3,7 +3,6 @@
 use super::HandEyeConfig;
 use super::cost::{Fit, Level, parts};
 use super::settle::Settled;
-use super::shared::SharedError;
 use super::verdict::Verdict;
 use super::views::centre;
 use crate::budget::{Budget, ErrorSource};
@@ -32,12 +31,9 @@ pub(super) fn budgets(
         // The parts are those of the minimum, its covariance has the weights of the round before.
         let mut budget = budget.adding_up_to(&block(&best.covariance))?;
         budget.add(ErrorSource::Robot, &block(&settled.widening));
-        for (probability, effect) in &verdict.shared {
-            let source = match effect.error {
-                SharedError::Size => ErrorSource::Target,
-                SharedError::Lens(_) => ErrorSource::Lens,
-            };
-            budget.add(source, &block(&Verdict::added(*probability, effect)));
+        if let Some(larger) = &verdict.small {
+            let shift = DMatrix::from_column_slice(12, 1, larger.shift.as_slice());
+            budget.add(ErrorSource::Target, &block(&(&shift * shift.transpose())));
         }
         let sum = budget.covariance();
         budget.add(ErrorSource::Residuals, &(sum * (noise_scale - 1.0)));

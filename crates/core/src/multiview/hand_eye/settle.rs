@@ -3,10 +3,9 @@
 use super::consensus::{Consensus, consensus, fit_with_noise};
 use super::cost::{Fit, besides};
 use super::noise::{self, EFFECTS, Reml, Variances};
-use super::shared::SharedError;
 use super::views::{Known, located};
 use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
-use crate::{Camera, Error, Vector6};
+use crate::Error;
 use nalgebra::{DMatrix, SVector};
 
 /// Least travel that measures a size, in standard deviations of the gripper's position.
@@ -25,19 +24,14 @@ pub(super) struct Settled<'a> {
     pub rotations_rad: [f64; 3],
 }
 
-/// An error that all views share, estimated as one more effect beside X and Z.
-#[derive(Debug, Clone)]
-pub(super) struct Effect {
-    pub error: SharedError,
-    /// Its amount, relative to the size or the focal length, and the standard deviation of it.
+/// A target larger than stated, as an effect beside X and Z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Larger {
+    /// The relative error of its size, and the standard deviation of it.
     pub part: f64,
     pub sigma: f64,
     /// Its effect on X and Z.
     pub shift: SVector<f64, 12>,
-    /// The motion of X and Z for a unit of the error.
-    pub by_part: SVector<f64, 12>,
-    /// ℓ with it.
-    pub log_likelihood: f64,
 }
 
 /// Finds the consensus and the noise.
@@ -61,7 +55,7 @@ pub(super) fn settled<'a>(
     let rotations_rad = motions::check(&kept, config)?;
     let mut settled =
         Settled { known, results, agreed, fit, variances, widening: DMatrix::zeros(12, 12), rotations_rad };
-    if let Some(found) = settled.reml(config, None) {
+    if let Some(found) = settled.reml(config, false) {
         settled.widening.copy_from(&found.widening.fixed_view::<12, 12>(0, 0));
     }
     Ok(settled)
@@ -72,49 +66,22 @@ impl Settled<'_> {
         self.agreed.used()
     }
 
-    /// Returns the only camera of all views used.
-    pub fn only_camera(&self) -> Option<&Camera> {
-        let mut camera: Option<&Camera> = None;
-        for (view, _) in self.used() {
-            let [only] = self.known[view].seen else { return None };
-            if camera.is_some_and(|camera| camera != only.camera) {
-                return None;
-            }
-            camera = Some(only.camera);
-        }
-        camera
-    }
-
-    fn reml(&self, config: &HandEyeConfig, shared: Option<&[Vector6]>) -> Option<Reml> {
-        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), shared);
+    fn reml(&self, config: &HandEyeConfig, with_size: bool) -> Option<Reml> {
+        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), with_size);
         let start = self.variances.unwrap_or_default();
         noise::reml(&rows, &besides(&self.fit.poses, &self.known, config), &start)
     }
 
-    /// Returns ℓ without any shared error.
-    pub fn log_likelihood(&self, config: &HandEyeConfig) -> Option<f64> {
-        Some(self.reml(config, None)?.log_likelihood)
-    }
-
-    /// Estimates an error that all views share as one more effect, together with the noise, eq. (25). `None` where the views do not determine it.
-    pub fn effect(&self, error: SharedError, config: &HandEyeConfig) -> Option<Effect> {
-        if matches!(error, SharedError::Lens(_)) {
-            self.only_camera()?;
-        }
-        let motion = |(view, candidate): &(usize, usize)| error.motion(&self.known[*view], *candidate);
-        let motions: Vec<Vector6> = self.used().iter().map(motion).collect::<Option<_>>()?;
-        let found = self.reml(config, Some(&motions))?;
+    /// Estimates the target's size as one more effect, together with the noise, eq. (25).
+    pub fn larger(&self, config: &HandEyeConfig) -> Option<Larger> {
+        let found = self.reml(config, true)?;
         let last = EFFECTS - 1;
-        let whole = found.phi + found.widening;
-        let variance = whole[(last, last)];
-        let by_part = whole.fixed_view::<12, 1>(0, last) / variance;
-        (0.0 < variance && variance < 1e6).then(|| Effect {
-            error,
+        let variance = found.phi[(last, last)] + found.widening[(last, last)];
+        let shift = found.effects.fixed_rows::<12>(0).into_owned();
+        (0.0 < variance && variance < 1e6).then_some(Larger {
             part: found.effects[last],
             sigma: variance.sqrt(),
-            shift: found.effects.fixed_rows::<12>(0).into_owned(),
-            by_part,
-            log_likelihood: found.log_likelihood,
+            shift,
         })
     }
 
