@@ -612,6 +612,8 @@ export type EventObject = {
   target?: string | null;
   /** How long it waited and was worked on. */
   times_us?: TimesObject;
+  /** Of `learned`, `promised` and `verdict`: errors for which no rate of false alarms is promised. */
+  unpromised?: UnpromisedObject[] | null;
 };
 
 /** One number of the answer. */
@@ -1703,6 +1705,16 @@ export type TransformObject = {
   matrix: [[number, number, number, number], [number, number, number, number], [number, number, number, number], [number, number, number, number]];
   rotation_wxyz: [number, number, number, number];
   translation_m: [number, number, number];
+};
+
+/** Errors for which no rate of false alarms is promised. */
+export type UnpromisedObject = {
+  /** Whether the readings show them; else no reading has excluded them yet. */
+  is_present: boolean;
+  /** `unwatched_hours`, `returning`, `contradictions`, `changed_errors`, `key_frames`. */
+  kind: string;
+  /** The reason. */
+  message: string;
 };
 
 /** What a page shows. Pixels are those of the file: (0, 0) is the centre of the top-left one. */
