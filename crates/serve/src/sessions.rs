@@ -20,10 +20,9 @@ use tokio::sync::{Notify, Semaphore, watch};
 const MOST: usize = 32;
 
 /// Between two measurements during a drag, at least: poses take precedence.
-const REST: Duration = Duration::from_millis(100);
-/// How many times as long as a measurement takes the rest after it is. A measurement keeps two processors busy, which the poses and the page need
-/// too: of the time of a drag it has a seventh.
-const REST_TIMES: u32 = 6;
+const REST: Duration = Duration::from_millis(40);
+/// How many times as long as a measurement takes the rest after it is: a third of a processor measures at most.
+const REST_TIMES: u32 = 2;
 
 /// A session that several requests may want at once.
 pub struct Shared {
@@ -136,14 +135,7 @@ impl Shared {
 
     /// Measures what is not measured yet, on a thread of its own, the newest state each time; at most one such thread works for a session.
     pub fn measure(self: &Arc<Self>) {
-        if self.now().measuring().is_none() {
-            return;
-        }
-        if self.is_measuring.swap(true, Ordering::AcqRel) {
-            // The end of a drag ends the rest.
-            if !self.now().is_dragging() {
-                self.awaited.notify_one();
-            }
+        if self.now().measuring().is_none() || self.is_measuring.swap(true, Ordering::AcqRel) {
             return;
         }
         let shared = Arc::clone(self);
