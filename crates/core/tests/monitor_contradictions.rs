@@ -74,8 +74,8 @@ fn outliers_among_many_corners_are_reported_once() {
         let states: Vec<bool> = (0..28_800)
             .map(|_| matches!(watched.push(rng.uniform(0.0, 1.0) < share), Watch::Inconsistent))
             .collect();
-        let said = states.windows(2).filter(|pair| !pair[0] && pair[1]).count();
-        assert!(said <= 1 && !states[1000..].contains(&true), "{corners} corners: {said} times");
+        let reports = states.windows(2).filter(|pair| !pair[0] && pair[1]).count();
+        assert!(reports <= 1 && !states[1000..].contains(&true), "{corners} corners: {reports} times");
         let lasting = watched.inconsistent(200, |_| true);
         assert!(100 <= lasting, "of {corners} corners one that lasts is reported after {}", 200 - lasting);
     }

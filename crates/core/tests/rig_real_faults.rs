@@ -144,14 +144,18 @@ fn an_answer_that_is_wrong_is_not_called_right() {
     let config = RigConfig { lens_errors: true, ..RigConfig::default() };
     let parts = [0.2, 0.5, 1.0, 2.0].map(|sigma_px| [chessboard(&root, sigma_px), webcams(&root, sigma_px)]);
     let (mut alarms, mut silent) = (Vec::new(), Vec::new());
-    let (mut n, mut n_right, mut coarse) = ([0; 3], 0, 0);
+    let (mut n, mut n_right, mut coarse, mut fine) = ([0; 3], 0, 0, 0);
     for (what, subset) in parts.iter().flatten().flat_map(subsets) {
         n_right += 1;
         let found = subset.solve(&config);
         let right = found.as_ref().expect("a rig").clone();
         println!("{}", line(&what, "none", &found, &right));
         if right.verdict.is_inconsistent {
-            alarms.push(line(&what, "none", &found, &right));
+            match subset.sigma_px < 0.5 {
+                // Sigmas stated too small leave out points of webcams that are not synchronised.
+                true => fine += 1,
+                false => alarms.push(line(&what, "none", &found, &right)),
+            }
         }
         for c in 0..subset.cameras.len() {
             for (fault, changed) in faults(&subset, c) {
@@ -163,18 +167,18 @@ fn an_answer_that_is_wrong_is_not_called_right() {
                 n[1] += usize::from(!s.verdict.is_inconsistent);
                 if !s.verdict.is_inconsistent && 3.0 < off(s, &right) {
                     n[2] += 1;
-                    // Sigmas at several times the noise leave wrong points in, which hide a focal length 3 % off in one pair.
-                    match subset.sigma_px <= 0.5 {
-                        true => silent.push(line),
-                        false => coarse += 1,
+                    // Sigmas at several times the noise leave wrong points in, which hide a focal length 3 % off in one pair of webcams.
+                    match 0.5 < subset.sigma_px && subset.cameras.len() == 2 && subset.name == "webcams" {
+                        true => coarse += 1,
+                        false => silent.push(line),
                     }
                 }
             }
         }
     }
     println!("of {} faults {} are ok, {} of them wrong", n[0], n[1], n[2]);
-    println!("of {n_right} rigs with the right files {} are not ok", alarms.len());
-    let are_few = 20 * alarms.len() <= n_right;
-    assert!(100 * coarse < n[0] / 2, "{coarse} with sigmas stated too large");
-    assert!(are_few && silent.is_empty(), "\n{}\n\n{}", alarms.join("\n"), silent.join("\n"));
+    println!("of {n_right} rigs with the right files {} are not ok", alarms.len() + fine);
+    assert!(coarse <= 6, "{coarse} with sigmas stated too large");
+    assert!(20 * fine <= n_right, "{fine} with sigmas stated too small");
+    assert!(alarms.is_empty() && silent.is_empty(), "\n{}\n\n{}", alarms.join("\n"), silent.join("\n"));
 }

@@ -19,9 +19,8 @@ use axum::routing::any;
 use resight_session::View;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
-use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::time::{Instant, timeout};
@@ -64,8 +63,8 @@ async fn open(
     let gone = || Problem::missing("There is no such session any more.");
     let session = app.sessions.get(&named.session).ok_or_else(gone)?;
     let upgrade = upgrade.max_message_size(SOCKET_BYTES).max_frame_size(SOCKET_BYTES).protocols(["resight"]);
-    let told = named.changes.then(Told::default);
-    let page = Page { app, session, id: named.session, photo: 0, shown: None, told };
+    let sent = named.changes.then(Sent::default);
+    let page = Page { app, session, id: named.session, photo: 0, shown: None, sent };
     Ok(upgrade.on_upgrade(move |socket| page.talk(socket)))
 }
 
@@ -79,7 +78,7 @@ struct Page {
     /// What it was sent last: the version of the session, and the number of its measurements.
     shown: Option<(u64, u64)>,
     /// What it was sent of a view, where it asked for changes.
-    told: Option<Told>,
+    sent: Option<Sent>,
 }
 
 impl Page {
@@ -142,11 +141,11 @@ impl Page {
         // It counts as used.
         self.app.sessions.get(&self.id);
         self.photo = photo;
-        let told = self.told_before();
-        let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view, told));
+        let sent = self.sent_before();
+        let then = move |view: View, n_measured| ((view.version, n_measured), written(seq, view, sent));
         match applied(&self.app, &self.session, photo, command, Taken::default(), then).await {
-            Ok((shown, (text, told))) => {
-                (self.shown, self.told) = (Some(shown), told);
+            Ok((shown, (text, sent))) => {
+                (self.shown, self.sent) = (Some(shown), sent);
                 text
             }
             Err(problem) => refused(seq, problem.kind(), problem.message()),
@@ -161,10 +160,10 @@ impl Page {
             return None;
         }
         self.shown = Some(state);
-        let (photo, told) = (self.photo, self.told_before());
-        Some(match aside((), move || written(0, now.view(photo), told)).await {
-            Ok((text, told)) => {
-                self.told = told;
+        let (photo, sent) = (self.photo, self.sent_before());
+        Some(match aside((), move || written(0, now.view(photo), sent)).await {
+            Ok((text, sent)) => {
+                self.sent = sent;
                 text
             }
             Err(problem) => refused(0, problem.kind(), problem.message()),
@@ -172,62 +171,37 @@ impl Page {
     }
 
     /// Takes what the page was sent; where no view follows, the next one has all its fields.
-    fn told_before(&mut self) -> Option<Told> {
-        self.told.as_mut().map(std::mem::take)
+    fn sent_before(&mut self) -> Option<Sent> {
+        self.sent.as_mut().map(std::mem::take)
     }
 }
 
-/// The hash of each field of the view that a page was sent last.
+/// The view that a page was sent last.
 #[derive(Default)]
-struct Told(BTreeMap<String, u64>);
+struct Sent(Map<String, Value>);
 
-impl Told {
-    /// Returns those of the fields that differ, and remembers them.
-    fn changes<'a>(&mut self, view: &'a str) -> Vec<&'a str> {
-        let mut is_new = |(name, field): &(&str, &str)| {
-            let mut hasher = DefaultHasher::new();
-            hasher.write(field.as_bytes());
-            let hash = hasher.finish();
-            self.0.insert((*name).to_owned(), hash) != Some(hash)
-        };
-        fields(view).into_iter().filter(|field| is_new(field)).map(|(_, field)| field).collect()
+impl Sent {
+    /// Returns the fields that differ from those that were sent, and keeps all of them as sent.
+    fn changes(&mut self, view: Map<String, Value>) -> Map<String, Value> {
+        let is_new = |(name, field): &(&String, &Value)| self.0.get(*name) != Some(*field);
+        let changes = view.iter().filter(is_new).map(|(name, field)| (name.clone(), field.clone()));
+        let changes = changes.collect();
+        self.0 = view;
+        changes
     }
 }
 
-/// Splits the text of an object, as it is written here, into its fields: the name of each, and the field with its name.
-fn fields(object: &str) -> Vec<(&str, &str)> {
-    let (mut found, mut depth, mut start, mut is_text, mut is_escaped) = (Vec::new(), 0, 1, false, false);
-    for (i, byte) in object.bytes().enumerate() {
-        match byte {
-            _ if is_escaped => is_escaped = false,
-            b'\\' if is_text => is_escaped = true,
-            b'"' => is_text = !is_text,
-            _ if is_text => {}
-            b'{' | b'[' => depth += 1,
-            b',' | b'}' if depth == 1 => {
-                let field = &object[start..i];
-                found.extend(field.split('"').nth(1).map(|name| (name, field)));
-                start = i + 1;
-                depth -= i32::from(byte == b'}');
-            }
-            b'}' | b']' => depth -= 1,
-            _ => {}
-        }
-    }
-    found
-}
-
-/// Writes a view, or what of it differs from what was told before, which is returned as it is now.
-fn written(seq: u64, view: View, told: Option<Told>) -> (String, Option<Told>) {
+/// Writes a view, or what of it differs from what was sent before, which is returned as it is now.
+fn written(seq: u64, view: View, sent: Option<Sent>) -> (String, Option<Sent>) {
     let failed = || refused(seq, "failed", "This could not be done; nothing else was lost.");
-    let Some(mut told) = told else {
+    let Some(mut sent) = sent else {
         return (serde_json::to_string(&NumberedView { seq, view }).unwrap_or_else(|_| failed()), None);
     };
-    let text = match serde_json::to_string(&view) {
-        Ok(view) => format!("{{\"seq\":{seq},\"changes\":{{{}}}}}", told.changes(&view).join(",")),
-        Err(_) => failed(),
+    let text = match serde_json::to_value(&view) {
+        Ok(Value::Object(view)) => json!({ "seq": seq, "changes": sent.changes(view) }).to_string(),
+        _ => failed(),
     };
-    (text, Some(told))
+    (text, Some(sent))
 }
 
 /// Says why a connection ends, and ends it.
@@ -252,30 +226,23 @@ fn seq_of(text: &str) -> u64 {
 }
 
 fn refused(seq: u64, kind: &str, message: &str) -> String {
-    serde_json::json!({ "seq": seq, "error": { "kind": kind, "message": message } }).to_string()
+    json!({ "seq": seq, "error": { "kind": kind, "message": message } }).to_string()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Told, fields, seq_of};
+    use super::{Sent, seq_of};
+    use serde_json::{Value, json};
 
     #[test]
-    fn fields_are_those_of_the_object() {
-        let object = r#"{"a":1,"b":{"x":[1,"},"],"y":null},"c":"\\\",{","d":[],"e":"é"}"#;
-        let names: Vec<&str> = fields(object).into_iter().map(|(name, _)| name).collect();
-        assert_eq!(names, ["a", "b", "c", "d", "e"]);
-        let again = fields(object).into_iter().map(|(_, field)| field).collect::<Vec<_>>().join(",");
-        assert_eq!(format!("{{{again}}}"), object);
-        assert!(fields("{}").is_empty() && fields("").is_empty());
-    }
-
-    #[test]
-    fn only_what_differs_is_told_again() {
-        let mut told = Told::default();
-        assert_eq!(told.changes(r#"{"a":1,"b":[2]}"#), [r#""a":1"#, r#""b":[2]"#]);
-        assert_eq!(told.changes(r#"{"a":1,"b":[3]}"#), [r#""b":[3]"#]);
-        assert!(told.changes(r#"{"a":1,"b":[3]}"#).is_empty());
-        assert_eq!(told.changes(r#"{"a":1,"b":[2]}"#), [r#""b":[2]"#]);
+    fn only_what_differs_is_sent_again() {
+        let mut sent = Sent::default();
+        let mut changes =
+            |view: Value| Value::Object(sent.changes(view.as_object().expect("an object").clone()));
+        assert_eq!(changes(json!({ "a": 1, "b": [2] })), json!({ "a": 1, "b": [2] }));
+        assert_eq!(changes(json!({ "a": 1, "b": [3] })), json!({ "b": [3] }));
+        assert_eq!(changes(json!({ "a": 1, "b": [3] })), json!({}));
+        assert_eq!(changes(json!({ "a": null, "b": [2] })), json!({ "a": null, "b": [2] }));
     }
 
     #[test]

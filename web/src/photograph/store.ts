@@ -29,7 +29,7 @@ export const picture = signal<Picture | null>(null);
 export const selected = signal<Handle | null>(null);
 /** The point in the hand, and where the hand has it: it is drawn there at once, and everything else with the answer to it. */
 export const moved = signal<{ handle: Handle; at: Point } | null>(null);
-/** Which point that is: the same with every move. */
+/** The handle of that point: unchanged while it moves. */
 export const held = computed(() => moved.value?.handle ?? null);
 export const tool = signal<Tool>("marks");
 /** Whether a click adds a further mark beyond those that the template needs. */

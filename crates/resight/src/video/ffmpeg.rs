@@ -297,9 +297,9 @@ fn listen(
     }
 }
 
-/// What ffmpeg says of a frame.
+/// What ffmpeg reports of a frame.
 #[derive(Debug, Clone, Copy)]
-struct Said {
+struct FrameReport {
     ticks: Option<i64>,
     size_px: [u32; 2],
     is_key: bool,
@@ -349,7 +349,7 @@ impl ImageFiles {
             };
             let is_over = matches!(decoded, Decoded::End(_));
             if is_over {
-                self.said_of_next(&reported); // What was said after the last frame.
+                self.report_of_next(&reported); // What was reported after the last frame.
             }
             // The receiver may have ended.
             if self.to_taker.send(decoded).is_err() || is_over {
@@ -367,17 +367,17 @@ impl ImageFiles {
         self.size_px = Some(size_px);
         let data = self.pixels(size_px)?;
         let arrived = Instant::now();
-        let said = self.said_of_next(reported);
+        let report = self.report_of_next(reported);
         self.next_number += 1;
         // ffmpeg scales every later frame to the size of the first.
-        if let Some(Said { size_px: to_px, .. }) = said
+        if let Some(FrameReport { size_px: to_px, .. }) = report
             && to_px != size_px
         {
             return Ok(Decoded::Resized { from_px: size_px, to_px });
         }
-        let (ticks, is_key) = said.map_or((None, false), |said| (said.ticks, said.is_key));
+        let (ticks, is_key) = report.map_or((None, false), |report| (report.ticks, report.is_key));
         let time_s = self.time_base_s.zip(ticks).map(|(base_s, ticks)| base_s * ticks as f64);
-        let torn = match said {
+        let torn = match report {
             Some(_) => self.torn.take(time_s, self.time_base_s.unwrap_or_default()),
             None => self.torn.take_any(),
         };
@@ -388,8 +388,8 @@ impl ImageFiles {
         Ok(Decoded::Frame(Shot { time_s, tick_s: self.time_base_s, arrived, is_key, image }))
     }
 
-    /// Returns what is said of the next frame; `None` where its line was not understood, because lines of several threads were mixed.
-    fn said_of_next(&mut self, reported: &Receiver<Reported>) -> Option<Said> {
+    /// Returns what is reported of the next frame; `None` where its line was not understood, because lines of several threads were mixed.
+    fn report_of_next(&mut self, reported: &Receiver<Reported>) -> Option<FrameReport> {
         loop {
             let next = self.kept.take().or_else(|| reported.recv_timeout(LINE_PATIENCE).ok())?;
             match next {
@@ -406,7 +406,7 @@ impl ImageFiles {
                 Reported::Frame { number, ticks, size_px, is_key } => {
                     match (self.first_number.saturating_add(number)).cmp(&self.next_number) {
                         Ordering::Less => {}
-                        Ordering::Equal => return Some(Said { ticks, size_px, is_key }),
+                        Ordering::Equal => return Some(FrameReport { ticks, size_px, is_key }),
                         Ordering::Greater => {
                             self.kept = Some(next);
                             return None;

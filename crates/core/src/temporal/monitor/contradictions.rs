@@ -55,7 +55,7 @@ impl Contradictions {
         if self.is_reported {
             let well = if contradicts { SELDOM / MOSTLY } else { (1.0 - SELDOM) / (1.0 - MOSTLY) };
             self.log_well = (self.log_well + well.ln()).max(0.0);
-            // Faults that come and go are told once; then they are noise that is known.
+            // Faults that come and go are reported once; then they are noise that is known.
             self.learn(contradicts);
             if WELL <= self.log_well {
                 *self = Contradictions { chance: self.chance, ..Contradictions::none() };
