@@ -23,6 +23,8 @@ pub enum ErrorSource {
     Bend,
     /// Errors that the points of one view share: a bent board, corners that are all displaced to one side, cameras that are not synchronised.
     SharedInView,
+    /// Errors that neighbouring views share, in time or in where the robot is.
+    SharedInBlock,
     /// Intrinsics, as uncertain as stated or as the views show.
     Lens,
     /// The choice of the lens model: others that fit about as well give another answer.
@@ -44,7 +46,7 @@ pub enum ErrorSource {
 }
 
 /// How many sources there are.
-const N_SOURCES: usize = 13;
+const N_SOURCES: usize = 14;
 
 impl ErrorSource {
     /// All sources, in the order in which a budget lists them.
@@ -53,6 +55,7 @@ impl ErrorSource {
         ErrorSource::CameraPoses,
         ErrorSource::Bend,
         ErrorSource::SharedInView,
+        ErrorSource::SharedInBlock,
         ErrorSource::Lens,
         ErrorSource::LensModel,
         ErrorSource::Target,
@@ -71,6 +74,7 @@ impl ErrorSource {
             ErrorSource::CameraPoses => "camera_poses",
             ErrorSource::Bend => "bend",
             ErrorSource::SharedInView => "shared_in_view",
+            ErrorSource::SharedInBlock => "shared_in_block",
             ErrorSource::Lens => "lens",
             ErrorSource::LensModel => "lens_model",
             ErrorSource::Target => "target",

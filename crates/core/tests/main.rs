@@ -37,6 +37,7 @@ mod generalised;
 mod hand_eye;
 mod hand_eye_noise;
 mod hand_eye_opencv;
+mod hand_eye_real;
 mod hostile;
 mod intrinsics;
 mod intrinsics_webcams;

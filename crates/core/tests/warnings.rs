@@ -97,7 +97,8 @@ fn of_hand_eye(warning: &HandEyeWarning) -> usize {
         HandEyeWarning::Residuals(_) => 1,
         HandEyeWarning::Size(_) => 2,
         HandEyeWarning::LeftOut(_) => 3,
-        HandEyeWarning::Lens(_) => 4,
+        HandEyeWarning::Lens(_) | HandEyeWarning::OtherLens(..) => 4,
+        HandEyeWarning::SharedInBlock(_) => 5,
     }
 }
 
@@ -131,8 +132,12 @@ fn what_is_said_against_a_hand_eye_calibration_is_in_its_numbers() {
         }
         kinds(&session.solved().warnings(), of_hand_eye, &mut seen);
     }
+    let robot = Robot::AtHand(1e-3, 1e-3);
+    let session = Session::new(&mut rng, Mounting::CameraOnGripper, 48, robot, &views::camera(), 0.1, 0.0);
+    let found = session.with_shared_errors(&mut rng, robot, 8).solved();
+    kinds(&found.warnings(), of_hand_eye, &mut seen);
     println!("{seen:?}");
-    for kind in [0, 2, 4] {
+    for kind in [0, 2, 4, 5] {
         assert!(seen.contains(&kind), "no scenario gives kind {kind}: {seen:?}");
     }
 }

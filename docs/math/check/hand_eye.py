@@ -1,4 +1,4 @@
-"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25), (27) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
+"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25), (27), (32), (33) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
 with the answers of OpenCV's calibrateHandEye and calibrateRobotWorldHandEye.
 
 OpenCV 5.0 has no Python binding of the two. python hand_eye.py --table prints the table with OpenCV 4; without it the committed problems
@@ -195,6 +195,36 @@ PROBLEMS, VIEWS = 60, 8
 SIGMA_SEEN, SIGMA_HAND = (2e-3, 1.5e-3), (5e-4, 5e-4)
 
 
+def neighbours():
+    """(32): the covariance of what a block wants, of X alone with Z free, and the mean of Q. (33): evidence and mean by quadrature."""
+    columns, sizes = 4, [5, 7, 6]
+    blocks = [(matrix(n, columns), definite(n) ** -1) for n in sizes]
+    phi = sum((d.T * w * d for d, w in blocks), mp.zeros(columns)) ** -1
+    informations = [d.T * w * d for d, w in blocks]
+    j = phi[:2, :2] ** -1 * phi[:2, :]
+    whole = phi**-1
+    assert mp.norm(j[:, 2:] + whole[:2, 2:] * whole[2:, 2:] ** -1) < 1e-26
+    assert mp.norm(j * whole * j.T - phi[:2, :2] ** -1) < 1e-24
+    trace = lambda a: sum(a[i, i] for i in range(a.rows))
+    at, degrees = 0, 0
+    for b, (d, w) in enumerate(blocks):
+        # g_b = D_b' W_b e, e = r - D Phi D'W r, of independent r.
+        factors = [(d.T * w if a == b else mp.zeros(columns, e.rows)) - informations[b] * phi * e.T * v for a, (e, v) in enumerate(blocks)]
+        covariance = sum((f * v**-1 * f.T for f, (_, v) in zip(factors, blocks)), mp.zeros(columns))
+        shorter = informations[b] - informations[b] * phi * informations[b]
+        assert mp.norm(covariance - shorter) < 1e-24
+        degrees += trace((j * informations[b] * j.T) ** -1 * j * shorter * j.T)
+    # So many blocks with two numbers each, less the two that were fitted.
+    assert 0 < degrees < 2 * len(sizes)
+    chi2, d = mp.mpf(40), mp.mpf(12)
+    gain = lambda q: mp.exp(chi2 / 2 * (1 - 1 / q)) * q ** (-d / 2)
+    by = lambda f: mp.quad(lambda x: f(mp.exp(x)) / mp.log(10), [0, mp.log(10)])
+    evidence = by(gain)
+    mean = by(lambda q: q * gain(q)) / evidence
+    # The values of the test in multiview/hand_eye/blocks.rs.
+    assert abs(evidence / mp.mpf("388.498851939") - 1) < 1e-9 and abs(mean / mp.mpf("3.853423850866") - 1) < 1e-9
+
+
 def numpy_exp(xi):
     m = np.eye(4)
     w, v = np.asarray(xi[:3], float), np.asarray(xi[3:], float)
@@ -300,5 +330,6 @@ else:
     equations()
     elimination()
     variances()
+    neighbours()
     check_table()
     print("hand_eye.md: all equations hold; the table is OpenCV's")

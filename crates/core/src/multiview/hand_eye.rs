@@ -14,8 +14,10 @@ mod views;
 mod motions;
 mod closed_form;
 mod noise;
+mod blocks;
 mod cost;
 mod consensus;
+mod shared;
 mod settle;
 mod causes;
 mod alternatives;
@@ -23,16 +25,19 @@ mod verdict;
 mod budget;
 
 use crate::budget::{Budget, ErrorSource};
-use crate::locate::consistency::noise_scale;
+use crate::locate::consistency::measured_scale;
 use crate::multiview::rig_pose::RigView;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose, Vector6};
 use budget::budgets;
+use core::cmp::Ordering;
 use cost::{Fit, Level, fit};
 use nalgebra::{DMatrix, SVector, Vector3};
 use settle::{Settled, settled};
-use verdict::{Residuals, Verdict, judged, pixels};
+use shared::SharedError;
+use verdict::{ByLens, CONFIRMED_GAIN, CONFIRMED_NOISE, Residuals, Verdict, judged, other_lens, pixels};
 
 pub use causes::{HandEyeCause, HandEyeWarning};
+pub use shared::LensError;
 pub use written::{AngleUnit, RotationConvention, RotationOrder, WrittenPose};
 
 /// The largest plausible noise of an orientation, rad (2 degrees).
@@ -163,7 +168,8 @@ pub struct HandEye {
     pub views: Vec<HandEyeViewResult>,
     /// Number of views that took part.
     pub n_used: usize,
-    /// Sum of squared residuals over their variances: of pixels if the views have points, else of poses.
+    /// Sum of squared residuals over their variances: of pixels if the views have points, with the variance that they show where it contradicts the stated
+    /// one, else of poses.
     pub chi2: f64,
     /// Number of observations beyond the 12 unknowns.
     pub degrees_of_freedom: usize,
@@ -173,12 +179,18 @@ pub struct HandEye {
     pub pose_degrees_of_freedom: usize,
     /// Factor by which every covariance was widened because the poses disagree more than their stated noise; 1 where they agree.
     pub noise_scale: f64,
+    /// Factors by which the covariances of `cam_from_carrier` and `holder_from_target` were widened because neighbouring views, in time or in the gripper's
+    /// pose, share errors; 1 where they do not show it.
+    pub block_scale: [f64; 2],
     /// The estimated noise of the gripper; `None` where every view states its own.
     pub gripper_noise: Option<GripperNoise>,
     /// The target's size from the gripper's motions; `None` where they do not determine it.
     pub target_size: Option<TargetSize>,
-    /// The same where its error is proven, but small: the covariance holds it.
+    /// The same where an error of it is more probable than none, and the answer consistent: the covariance holds it.
     pub small_size: Option<TargetSize>,
+    /// What of the lens is more probably wrong than right by the gripper's motions, and by which part of the focal length, where the answer is consistent:
+    /// the covariance holds it.
+    pub other_lens: Option<(LensError, f64)>,
     /// By how far the camera's position on its carrier moves if the intrinsics are those that the pixels fit better; `None` where they fit. The
     /// covariances hold it.
     pub lens_shift_m: Option<f64>,
@@ -199,12 +211,19 @@ pub struct HandEye {
 /// make views agree that otherwise do not.
 pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<HandEye, Error> {
     let settled = settled(views, config).map_err(|reason| explained(reason, views, config))?;
-    let own = pixels(&settled);
+    let (own, rays) = pixels(&settled);
     let (best, level) = finest(&settled, own, config);
-    let residuals = Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own };
-    let verdict = judged(views, &settled, &residuals, config);
+    let residuals =
+        Residuals { poses: (settled.fit.chi2, settled.fit.degrees_of_freedom), pixels: own, rays };
+    let lens = other_lens(&settled, own).map(|lens| {
+        let by_lens = by_lens(&settled, &best, views, &lens.camera, config);
+        (lens, by_lens)
+    });
+    let shift = lens.as_ref().and_then(|(_, by_lens)| Some(by_lens.as_ref()?.shift));
+    let unshared = settled.widened(&best.covariance + &settled.widening);
+    let verdict = judged(views, &settled, (&residuals, &unshared), lens, config);
     let mut found = answer(&settled, (&best, level), &verdict, config);
-    if let Some(shift) = verdict.lens.and_then(|lens| by_lens(&found, views, &lens, config)) {
+    if let Some(shift) = shift {
         found.add_lens(&shift);
     }
     Ok(found)
@@ -212,7 +231,7 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
 
 /// Returns the minimum on pixels; where they cannot be used, as for points outside a lens's field, that on poses.
 fn finest(settled: &Settled, pixels: (f64, usize), config: &HandEyeConfig) -> (Fit, Level) {
-    let level = Level::Points { pixel_scale: noise_scale(pixels.0, pixels.1) };
+    let level = Level::Points { pixel_scale: measured_scale(pixels.0, pixels.1) };
     match fit(&settled.fit.poses, &settled.known, &settled.used(), config, level) {
         Ok(fit) => (fit, level),
         Err(_) => (settled.fit.clone(), Level::Poses),
@@ -221,16 +240,18 @@ fn finest(settled: &Settled, pixels: (f64, usize), config: &HandEyeConfig) -> (F
 
 /// Returns by how much both poses move where every view was seen by another lens of its only camera: docs/math/budget.md eq. (19).
 fn by_lens(
-    found: &HandEye,
+    settled: &Settled,
+    best: &Fit,
     views: &[HandEyeView],
     lens: &Camera,
     config: &HandEyeConfig,
-) -> Option<SVector<f64, 12>> {
-    let rebased = |view: &HandEyeView| -> Option<Vec<Correspondence>> {
+) -> Option<ByLens> {
+    // A point outside of the field of the other lens takes no part.
+    let rebased = |view: &HandEyeView| -> Vec<Correspondence> {
         let seen = view.seen.iter().flat_map(|one| one.seen);
-        seen.map(|c| Some(Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c })).collect()
+        seen.filter_map(|c| Some(Correspondence { bearing: lens.bearing(&c.pixel).ok()?, ..*c })).collect()
     };
-    let seen: Vec<Vec<Correspondence>> = views.iter().map(rebased).collect::<Option<_>>()?;
+    let seen: Vec<Vec<Correspondence>> = views.iter().map(rebased).collect();
     let rig = |(view, seen)| -> Vec<RigView> {
         let view: &HandEyeView = view;
         let seen: &Vec<Correspondence> = seen;
@@ -242,13 +263,23 @@ fn by_lens(
         .zip(&rigs)
         .map(|(view, seen)| HandEyeView { candidates: Vec::new(), seen, ..view.clone() })
         .collect();
-    let settled = settled(&others, config).ok()?;
-    let (best, _) = finest(&settled, pixels(&settled), config);
-    let (poses, _) = views::centre(&settled.known).undone(&best.poses, &best.covariance);
-    let by_camera = (poses.cam_from_carrier * found.cam_from_carrier.inverse()).log();
-    let by_target = (poses.holder_from_target * found.holder_from_target.inverse()).log();
+    let other = settle::settled(&others, config).ok()?;
+    let (other_best, _) = finest(&other, pixels(&other).0, config);
+    let poses =
+        |settled: &Settled, best: &Fit| views::centre(&settled.known).undone(&best.poses, &best.covariance).0;
+    let (given, moved) = (poses(settled, best), poses(&other, &other_best));
+    let by_camera = (moved.cam_from_carrier * given.cam_from_carrier.inverse()).log();
+    let by_target = (moved.holder_from_target * given.holder_from_target.inverse()).log();
     let shift = SVector::<f64, 12>::from_iterator(by_camera.iter().chain(&by_target).copied());
-    shift.iter().all(|x| x.is_finite()).then_some(shift)
+    let gain = || Some(other.log_likelihood(config)? - settled.log_likelihood(config)?);
+    // Of other views ℓ is not comparable, but the noise is.
+    let noise = |settled: &Settled| settled.sigmas().map_or(f64::INFINITY, |[turn, shift]| turn * shift);
+    let is_confirmed = match other.used().len().cmp(&settled.used().len()) {
+        Ordering::Less => noise(&other) < CONFIRMED_NOISE * noise(settled),
+        Ordering::Equal => gain().is_some_and(|gain| CONFIRMED_GAIN < gain),
+        Ordering::Greater => true,
+    };
+    shift.iter().all(|x| x.is_finite()).then_some(ByLens { shift, is_confirmed })
 }
 
 impl HandEye {
@@ -317,14 +348,11 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
     results
 }
 
-/// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of a small error of size,
+/// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of errors that all views may share,
 /// widened where the poses disagree more than stated.
-fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict, noise_scale: f64) -> DMatrix<f64> {
-    let mut covariance = &best.covariance + &settled.widening;
-    if let Some(larger) = &verdict.small {
-        covariance += larger.shift * larger.shift.transpose();
-    }
-    covariance * noise_scale
+fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict) -> DMatrix<f64> {
+    let added = verdict.shared.iter().map(|(probability, effect)| Verdict::added(*probability, effect));
+    settled.widened(added.fold(&best.covariance + &settled.widening, |sum, one| sum + one))
 }
 
 fn answer(
@@ -334,15 +362,15 @@ fn answer(
     config: &HandEyeConfig,
 ) -> HandEye {
     let (pose_chi2, pose_degrees_of_freedom) = (settled.fit.chi2, settled.fit.degrees_of_freedom);
-    let noise_scale = noise_scale(pose_chi2, pose_degrees_of_freedom);
-    let covariance = covariance(settled, best, verdict, noise_scale);
+    let covariance = covariance(settled, best, verdict);
     let centre = views::centre(&settled.known);
     let (poses, covariance) = centre.undone(&best.poses, &covariance);
     let block = |at: usize| -> Matrix6 {
         crate::pose::symmetric(&covariance.fixed_view::<6, 6>(at, at).into_owned())
     };
     let views = described(settled, best);
-    let [carrier_budget, holder_budget] = budgets(settled, best, (verdict, noise_scale), config, level);
+    let [carrier_budget, holder_budget] = budgets(settled, best, verdict, config, level);
+    let (is_small, likely) = (verdict.causes.is_empty(), verdict.likely().map(|effect| effect.error));
     HandEye {
         mounting: config.mounting,
         cam_from_carrier: poses.cam_from_carrier,
@@ -357,10 +385,15 @@ fn answer(
         degrees_of_freedom: best.degrees_of_freedom,
         pose_chi2,
         pose_degrees_of_freedom,
-        noise_scale,
+        noise_scale: settled.noise_scale,
+        block_scale: settled.block_scale,
         gripper_noise: settled.sigmas().map(|[sigma_rad, sigma_m]| GripperNoise { sigma_rad, sigma_m }),
         target_size: verdict.size,
-        small_size: verdict.size.filter(|_| verdict.small.is_some()),
+        small_size: verdict.size.filter(|_| is_small && likely == Some(SharedError::Size)),
+        other_lens: verdict.likely().filter(|_| is_small).and_then(|effect| match effect.error {
+            SharedError::Lens(error) => Some((error, effect.part)),
+            SharedError::Size => None,
+        }),
         is_inconsistent: !verdict.causes.is_empty(),
         causes: verdict.causes.clone(),
         lens_shift_m: None,

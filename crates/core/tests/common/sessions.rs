@@ -73,6 +73,17 @@ impl Session {
         Session { world, camera: camera.clone(), reported, seen }
     }
 
+    /// The robot's poses with further errors, which so many successive views share.
+    pub fn with_shared_errors(mut self, rng: &mut Rng, robot: Robot, n_views: usize) -> Session {
+        for block in self.reported.chunks_mut(n_views) {
+            let error = robot.reported(rng, &Pose::identity());
+            for hand in block {
+                *hand = Pose::new(error.rotation * hand.rotation, error.translation + hand.translation);
+            }
+        }
+        self
+    }
+
     /// As seen with another camera in mind, and a target of another size.
     pub fn believed(&self, camera: &Camera, size: f64) -> Vec<Vec<Correspondence>> {
         let one = |c: &Correspondence| {

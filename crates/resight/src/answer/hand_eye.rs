@@ -179,6 +179,7 @@ impl SolvedHandEye {
             pose_chi2: found.pose_chi2,
             pose_degrees_of_freedom: found.pose_degrees_of_freedom,
             noise_scale: found.noise_scale,
+            block_scale: found.block_scale,
             robot_noise: found
                 .gripper_noise
                 .map(|noise| RobotNoiseObject { sigma_rad: noise.sigma_rad, sigma_m: noise.sigma_m }),
@@ -202,11 +203,20 @@ fn widened(doubt: &HandEyeWarning) -> Option<String> {
             "; residuals are {} times what the sigmas say, and every ± is widened by as much",
             figures(*times)
         )),
+        HandEyeWarning::SharedInBlock(times) => Some(format!(
+            "; neighbouring views share errors, and the ± is up to {} times as large for them",
+            figures(*times)
+        )),
         HandEyeWarning::Size(size) => Some(format!(
             "; the target seems {:.2} % ± {:.2} % {} than stated, and every ± holds that",
             100.0 * (size.ratio - 1.0).abs(),
             100.0 * size.sigma,
             if 1.0 < size.ratio { "larger" } else { "smaller" }
+        )),
+        HandEyeWarning::OtherLens(error, part) => Some(format!(
+            "; {error} seems {:.2} % of the focal length {} than stated, and every ± holds that",
+            100.0 * part.abs(),
+            if 0.0 < *part { "larger" } else { "smaller" }
         )),
         HandEyeWarning::Lens(shift_m) => Some(format!(
             "; the pixels do not quite fit the intrinsics, and every ± holds the {} by which that moves the camera",
@@ -247,6 +257,8 @@ pub(super) struct HandEyeObject {
     pose_chi2: f64,
     pose_degrees_of_freedom: usize,
     noise_scale: f64,
+    /// The factors of the covariances of both poses for errors that neighbouring views share.
+    block_scale: [f64; 2],
     /// The robot's noise where it was estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
     robot_noise: Option<RobotNoiseObject>,

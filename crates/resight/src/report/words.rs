@@ -90,6 +90,7 @@ fn source_words(source: ErrorSource) -> &'static str {
         ErrorSource::CameraPoses => "camera poses",
         ErrorSource::Bend => "bend of the likelihood",
         ErrorSource::SharedInView => "errors shared in a view",
+        ErrorSource::SharedInBlock => "errors shared by neighbouring views",
         ErrorSource::Residuals => "residuals beyond the stated noise",
         ErrorSource::Pixels => "pixels",
         ErrorSource::Lens => "lens",

@@ -4,7 +4,8 @@
 //! They are tried only where the answer is inconsistent: each alternative is solved completely, and named where it reduces the noise.
 
 use super::causes::{HandEyeCause, large_noise};
-use super::settle::{Larger, Settled, settled};
+use super::settle::{Effect, Settled, settled};
+use super::shared::SharedError;
 use super::views::{Known, located};
 use super::written::RotationConvention;
 use super::{Candidate, HandEyeConfig, HandEyeView, MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD};
@@ -107,7 +108,7 @@ fn best_convention(
 pub(super) fn resized(
     views: &[HandEyeView],
     found: &Settled,
-    larger: &Larger,
+    larger: &Effect,
     config: &HandEyeConfig,
 ) -> HandEyeCause {
     let plain = plain(views, &found.known);
@@ -185,7 +186,7 @@ fn size_from(
     for _ in 0..SIZE_ROUNDS {
         let views = scaled(plain, ratio);
         let found = settled(&views, config).ok()?;
-        let larger = found.larger(config)?;
+        let larger = found.effect(SharedError::Size, config)?;
         ratio *= 1.0 + larger.part;
         if !(0.0 < ratio && ratio.is_finite()) {
             return None;

@@ -3,6 +3,7 @@
 use super::HandEyeConfig;
 use super::cost::{Fit, Level, parts};
 use super::settle::Settled;
+use super::shared::SharedError;
 use super::verdict::Verdict;
 use super::views::centre;
 use crate::budget::{Budget, ErrorSource};
@@ -13,7 +14,7 @@ use nalgebra::DMatrix;
 pub(super) fn budgets(
     settled: &Settled,
     best: &Fit,
-    (verdict, noise_scale): (&Verdict, f64),
+    verdict: &Verdict,
     config: &HandEyeConfig,
     level: Level,
 ) -> [Budget; 2] {
@@ -31,12 +32,16 @@ pub(super) fn budgets(
         // The parts are those of the minimum, its covariance has the weights of the round before.
         let mut budget = budget.adding_up_to(&block(&best.covariance))?;
         budget.add(ErrorSource::Robot, &block(&settled.widening));
-        if let Some(larger) = &verdict.small {
-            let shift = DMatrix::from_column_slice(12, 1, larger.shift.as_slice());
-            budget.add(ErrorSource::Target, &block(&(&shift * shift.transpose())));
+        for (probability, effect) in &verdict.shared {
+            let source = match effect.error {
+                SharedError::Size => ErrorSource::Target,
+                SharedError::Lens(_) => ErrorSource::Lens,
+            };
+            budget.add(source, &block(&Verdict::added(*probability, effect)));
         }
-        let sum = budget.covariance();
-        budget.add(ErrorSource::Residuals, &(sum * (noise_scale - 1.0)));
+        let sum = budget.covariance() * settled.noise_scale;
+        budget.add(ErrorSource::Residuals, &(sum * (1.0 - 1.0 / settled.noise_scale)));
+        budget.add(ErrorSource::SharedInBlock, &(sum * (settled.block_scale[at / 6] - 1.0)));
         Some(budget)
     };
     [0, 6].map(|at| budget(at).unwrap_or_default())

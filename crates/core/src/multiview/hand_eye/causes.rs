@@ -1,6 +1,7 @@
 //! The causes of an inconsistent hand–eye answer, in words.
 
 use super::settle::Settled;
+use super::shared::LensError;
 use super::written::RotationConvention;
 use super::{HandEye, MAX_GRIPPER_SIGMA_BY_REACH, MAX_GRIPPER_SIGMA_RAD, TargetSize};
 use crate::budget::{Accounted, ErrorSource, Warning};
@@ -18,6 +19,19 @@ pub enum HandEyeCause {
         ratio: f64,
         /// Its standard deviation.
         sigma: f64,
+    },
+    /// The gripper's motions contradict the lens, which is another one by a part of its focal length: with it the views agree.
+    Lens {
+        /// What is different.
+        error: LensError,
+        /// By how much, as a part of the focal length.
+        part: f64,
+        /// Its standard deviation.
+        sigma: f64,
+        /// The probability of this explanation among those that were tried.
+        probability: f64,
+        /// By how far the camera moves with it, m.
+        shift_m: f64,
     },
     /// The pixels contradict the given intrinsics.
     Intrinsics {
@@ -71,8 +85,12 @@ pub enum HandEyeWarning {
     Cause(HandEyeCause),
     /// Residuals exceed the stated noise by this factor of standard deviations.
     Residuals(f64),
+    /// Neighbouring views share errors, which make standard deviations of X or Z larger by this factor.
+    SharedInBlock(f64),
     /// The target's size is off, by little.
     Size(TargetSize),
+    /// The gripper's motions fit another lens a little better: what is different, and by which part of the focal length.
+    OtherLens(LensError, f64),
     /// The pixels contradict the intrinsics; by how far the camera's position moves with better ones, m.
     Lens(f64),
     /// A view took no part.
@@ -84,6 +102,7 @@ impl Warning for HandEyeWarning {
         match self {
             HandEyeWarning::Cause(
                 HandEyeCause::Size { .. }
+                | HandEyeCause::Lens { .. }
                 | HandEyeCause::Intrinsics { .. }
                 | HandEyeCause::InvertedGripper
                 | HandEyeCause::QuaternionOrder
@@ -96,8 +115,9 @@ impl Warning for HandEyeWarning {
                 | HandEyeCause::ManyContradict { .. },
             ) => Accounted::Status,
             HandEyeWarning::Residuals(_) => Accounted::Parts(&[ErrorSource::Residuals]),
+            HandEyeWarning::SharedInBlock(_) => Accounted::Parts(&[ErrorSource::SharedInBlock]),
             HandEyeWarning::Size(_) => Accounted::Parts(&[ErrorSource::Target]),
-            HandEyeWarning::Lens(_) => Accounted::Parts(&[ErrorSource::Lens]),
+            HandEyeWarning::Lens(_) | HandEyeWarning::OtherLens(..) => Accounted::Parts(&[ErrorSource::Lens]),
             HandEyeWarning::LeftOut(_) => Accounted::Nothing,
         }
     }
@@ -109,7 +129,12 @@ impl HandEye {
         let mut warnings: Vec<HandEyeWarning> =
             self.causes.iter().cloned().map(HandEyeWarning::Cause).collect();
         warnings.extend((1.0 < self.noise_scale).then(|| HandEyeWarning::Residuals(self.noise_scale.sqrt())));
+        let shared = self.block_scale[0].max(self.block_scale[1]);
+        let in_block = (1.0 < shared).then(|| HandEyeWarning::SharedInBlock(shared.sqrt()));
+        warnings.extend(in_block);
         warnings.extend(self.small_size.map(HandEyeWarning::Size));
+        let other = self.other_lens.map(|(error, part)| HandEyeWarning::OtherLens(error, part));
+        warnings.extend(other);
         warnings.extend(self.lens_shift_m.map(HandEyeWarning::Lens));
         let left_out = self.views.iter().enumerate().filter(|(_, view)| view.rejected.is_some());
         warnings.extend(left_out.map(|(i, _)| HandEyeWarning::LeftOut(i)));
@@ -128,6 +153,15 @@ impl fmt::Display for HandEyeCause {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             HandEyeCause::Size { ratio, sigma } => size(f, *ratio, *sigma),
+            HandEyeCause::Lens { error, part, sigma, probability, shift_m } => write!(
+                f,
+                "by the gripper's motions {error} is {:.1} % ± {:.1} % of the focal length {} than stated (probability {:.0} %): this moves the camera by {:.1} mm",
+                100.0 * part.abs(),
+                100.0 * sigma,
+                if 0.0 < *part { "larger" } else { "smaller" },
+                100.0 * probability,
+                1e3 * shift_m
+            ),
             HandEyeCause::Intrinsics { groups, focal_ratio } => {
                 let names: Vec<&str> = groups.iter().map(|group| group.name()).collect();
                 write!(f, "the intrinsics do not fit the pixels: {}", names.join(" and "))?;

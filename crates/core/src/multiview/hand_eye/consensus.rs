@@ -201,7 +201,7 @@ pub(super) fn fit_with_noise(
     let candidate_of = |view: &Known| nearest(view, &best.poses).0;
     let mut theta = from_middle(known, &best.poses, candidate_of, known.len() / 2);
     for round in 1..=NOISE_ROUNDS {
-        let rows = rows(&best.poses, known, used, false);
+        let rows = rows(&best.poses, known, used, None);
         let found = reml(&rows, &besides(&best.poses, known, config), &theta);
         let now = found.ok_or(Error::NotConverged { steps: round })?.variances;
         let change = |k: usize| (now[k] - theta[k]).abs() <= SETTLED_NOISE * f64::max(now[k], theta[k]);

@@ -283,9 +283,10 @@ impl AtPixels {
     fn pulls(&self, pixel_scale: f64) -> [(ErrorSource, Matrix6); 3] {
         let left = self.share * self.information;
         let of_pixels = left * self.share.transpose();
+        let stated = f64::min(1.0, 1.0 / pixel_scale);
         [
-            (ErrorSource::Pixels, of_pixels / pixel_scale),
-            (ErrorSource::Residuals, of_pixels * (1.0 - 1.0 / pixel_scale)),
+            (ErrorSource::Pixels, of_pixels * stated),
+            (ErrorSource::Residuals, of_pixels * (1.0 - stated)),
             (ErrorSource::Robot, left * self.hand * left.transpose()),
         ]
     }

@@ -54,6 +54,8 @@ pub(super) struct Reml {
     pub phi: Normal,
     /// The contribution of the uncertain θ to Φ, eq. (24).
     pub widening: Normal,
+    /// ℓ.
+    pub log_likelihood: f64,
 }
 
 /// Number of scoring steps: each squares the error; a variance that tends to zero needs a few more.
@@ -64,12 +66,14 @@ const TOLERANCE: f64 = 1e-8;
 const MAX_HALVINGS: usize = 12;
 
 /// The likelihood at one θ.
-struct At {
+pub(super) struct At {
     log_likelihood: f64,
     /// W of every row.
-    weights: Vec<Matrix6>,
-    phi: Normal,
-    effects: Effects,
+    pub weights: Vec<Matrix6>,
+    /// Φ.
+    pub phi: Normal,
+    /// x̂.
+    pub effects: Effects,
 }
 
 /// Its derivatives.
@@ -85,16 +89,16 @@ struct Slope {
 /// Rotations about the base take part only where they increase the likelihood; elsewhere they would widen the answer.
 pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
     let without = maximum(rows, besides, &[start[0], 0.0, start[2]], &[0, 2])?;
-    let start = if 0.0 < start[1] { *start } else { without.reml.variances };
+    let start = if 0.0 < start[1] { *start } else { without.variances };
     let with = maximum(rows, besides, &start, &[0, 1, 2]);
-    let is_needed = |with: &Maximum| without.log_likelihood + NEEDED_GAIN < with.log_likelihood;
+    let is_needed = |with: &Reml| without.log_likelihood + NEEDED_GAIN < with.log_likelihood;
     let best = with.filter(is_needed).unwrap_or(without);
     let none = maximum(rows, besides, &[0.0; KINDS], &[])?;
     let gain = best.log_likelihood - none.log_likelihood;
     Some(match () {
-        () if gain <= NEEDED_GAIN_OF_ANY => none.reml,
-        () if gain <= NEEDED_GAIN_OF_WEIGHTS => exact_but_doubted(rows, besides, none.reml, &best.reml)?,
-        () => best.reml,
+        () if gain <= NEEDED_GAIN_OF_ANY => none,
+        () if gain <= NEEDED_GAIN_OF_WEIGHTS => exact_but_doubted(rows, besides, none, &best)?,
+        () => best,
     })
 }
 
@@ -112,17 +116,11 @@ fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Rem
     Some(Reml { widening: (widening + widening.transpose()) * 0.5, ..exact })
 }
 
-/// A maximum and its likelihood.
-struct Maximum {
-    reml: Reml,
-    log_likelihood: f64,
-}
-
 /// The gain in the log-likelihood that one more kind of noise must give: by chance this happens once in forty.
 const NEEDED_GAIN: f64 = 2.0;
 
 /// Maximises over some kinds, with the others fixed at the start.
-fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) -> Option<Maximum> {
+fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) -> Option<Reml> {
     let mut variances = *start;
     let mut at = evaluate(rows, besides, &variances)?;
     let mut slope = slope(rows, &at);
@@ -146,8 +144,7 @@ fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) 
             break;
         }
     }
-    let log_likelihood = at.log_likelihood;
-    Some(Maximum { reml: concluded(rows, &at, &slope, &variances, kinds), log_likelihood })
+    Some(concluded(rows, &at, &slope, &variances, kinds))
 }
 
 /// Returns the variances that may change: those above zero, and those for which the likelihood increases away from it.
@@ -209,11 +206,17 @@ fn concluded(rows: &[Row], at: &At, slope: &Slope, variances: &Variances, kinds:
     }
     let widening = at.phi * sum * at.phi;
     let widening = (widening + widening.transpose()) * 0.5;
-    Reml { variances: *variances, effects: at.effects, phi: at.phi, widening }
+    Reml {
+        variances: *variances,
+        effects: at.effects,
+        phi: at.phi,
+        widening,
+        log_likelihood: at.log_likelihood,
+    }
 }
 
 /// Evaluates eqs. (19), (20).
-fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At> {
+pub(super) fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -> Option<At> {
     let mut weights = Vec::with_capacity(rows.len());
     let (mut m, mut b, mut log_det, mut rr) = (besides.information, besides.gradient, 0.0, besides.chi2);
     for row in rows {
@@ -345,19 +348,24 @@ fn of_one(view: &Known, candidate: usize, poses: &Poses) -> [f64; 2] {
     [turn.norm_squared() / MEDIAN_CHI2 - share(0), shift.norm_squared() / MEDIAN_CHI2 - share(3)]
 }
 
-/// Returns rows of the views used, linear in small motions of X and Z; with `with_size`, the thirteenth effect is a larger target, eq. (25).
-pub(super) fn rows(poses: &Poses, known: &[Known], used: &[(usize, usize)], with_size: bool) -> Vec<Row> {
+/// Returns rows of the views used, linear in small motions of X and Z. `shared` holds by which motion the measured pose of each of them follows an error
+/// that all views share, the thirteenth effect, eq. (25).
+pub(super) fn rows(
+    poses: &Poses,
+    known: &[Known],
+    used: &[(usize, usize)],
+    shared: Option<&[Vector6]>,
+) -> Vec<Row> {
     let ad = poses.cam_from_carrier.adjoint();
-    let row = |&(view, candidate): &(usize, usize)| {
+    let row = |(at, &(view, candidate)): (usize, &(usize, usize))| {
         let (view, candidate) = (&known[view], &known[view].candidates[candidate]);
         let (r, jacobian) = residual(&candidate.cam_from_target, &poses.cam_from_target(view));
         let mut design = Design::zeros();
         design.fixed_view_mut::<6, 6>(0, 0).copy_from(&jacobian);
         let by_holder = (poses.cam_from_carrier * view.carrier_from_holder).adjoint();
         design.fixed_view_mut::<6, 6>(0, 6).copy_from(&(jacobian * by_holder));
-        if with_size {
-            let larger = -candidate.cam_from_target.translation;
-            design.fixed_view_mut::<3, 1>(3, EFFECTS - 1).copy_from(&larger);
+        if let Some(motion) = shared.and_then(|motions| motions.get(at)) {
+            design.fixed_view_mut::<6, 1>(0, EFFECTS - 1).copy_from(&-motion);
         }
         let carried = |part: &Matrix6| ad * part * ad.transpose();
         let stated = if view.parts.is_none() { view.covariance.as_ref().map(carried) } else { None };
@@ -368,5 +376,5 @@ pub(super) fn rows(poses: &Poses, known: &[Known], used: &[(usize, usize)], with
             parts: view.parts.as_ref().map(|parts| parts.map(|part| carried(&part))),
         }
     };
-    used.iter().map(row).collect()
+    used.iter().enumerate().map(row).collect()
 }

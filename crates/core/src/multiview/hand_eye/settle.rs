@@ -1,11 +1,14 @@
 //! Solves for X, Z and the gripper's noise from the views' poses: consensus, variance components, and doubtful effects.
 
+use super::blocks;
 use super::consensus::{Consensus, consensus, fit_with_noise};
 use super::cost::{Fit, besides};
 use super::noise::{self, EFFECTS, Reml, Variances};
+use super::shared::SharedError;
 use super::views::{Known, located};
 use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
-use crate::Error;
+use crate::locate::consistency::noise_scale;
+use crate::{Camera, Error, Pose, Vector6};
 use nalgebra::{DMatrix, SVector};
 
 /// Least travel that measures a size, in standard deviations of the gripper's position.
@@ -21,17 +24,25 @@ pub(super) struct Settled<'a> {
     pub variances: Option<Variances>,
     /// The contribution of the uncertain noise to the covariance, 12×12.
     pub widening: DMatrix<f64>,
+    /// The factor of all variances where the poses contradict the stated noise, and that of errors which neighbouring views share.
+    pub noise_scale: f64,
+    pub block_scale: [f64; 2],
     pub rotations_rad: [f64; 3],
 }
 
-/// A target larger than stated, as an effect beside X and Z.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Larger {
-    /// The relative error of its size, and the standard deviation of it.
+/// An error that all views share, estimated as one more effect beside X and Z.
+#[derive(Debug, Clone)]
+pub(super) struct Effect {
+    pub error: SharedError,
+    /// Its amount, relative to the size or the focal length, and the standard deviation of it.
     pub part: f64,
     pub sigma: f64,
     /// Its effect on X and Z.
     pub shift: SVector<f64, 12>,
+    /// The motion of X and Z for a unit of the error.
+    pub by_part: SVector<f64, 12>,
+    /// ℓ with it.
+    pub log_likelihood: f64,
 }
 
 /// Finds the consensus and the noise.
@@ -53,11 +64,23 @@ pub(super) fn settled<'a>(
     // A wrong gripper pose can look like a rotation about another axis, so the test is repeated without the rejected views.
     let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
     let rotations_rad = motions::check(&kept, config)?;
-    let mut settled =
-        Settled { known, results, agreed, fit, variances, widening: DMatrix::zeros(12, 12), rotations_rad };
-    if let Some(found) = settled.reml(config, false) {
+    let noise_scale = noise_scale(fit.chi2, fit.degrees_of_freedom);
+    let widening = DMatrix::zeros(12, 12);
+    let mut settled = Settled {
+        known,
+        results,
+        agreed,
+        fit,
+        variances,
+        widening,
+        noise_scale,
+        block_scale: [1.0; 2],
+        rotations_rad,
+    };
+    if let Some(found) = settled.reml(config, None) {
         settled.widening.copy_from(&found.widening.fixed_view::<12, 12>(0, 0));
     }
+    settled.block_scale = settled.blocks(config);
     Ok(settled)
 }
 
@@ -66,22 +89,69 @@ impl Settled<'_> {
         self.agreed.used()
     }
 
-    fn reml(&self, config: &HandEyeConfig, with_size: bool) -> Option<Reml> {
-        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), with_size);
+    /// Returns the only camera of all views used.
+    pub fn only_camera(&self) -> Option<&Camera> {
+        let mut camera: Option<&Camera> = None;
+        for (view, _) in self.used() {
+            let [only] = self.known[view].seen else { return None };
+            if camera.is_some_and(|camera| camera != only.camera) {
+                return None;
+            }
+            camera = Some(only.camera);
+        }
+        camera
+    }
+
+    fn reml(&self, config: &HandEyeConfig, shared: Option<&[Vector6]>) -> Option<Reml> {
+        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), shared);
         let start = self.variances.unwrap_or_default();
         noise::reml(&rows, &besides(&self.fit.poses, &self.known, config), &start)
     }
 
-    /// Estimates the target's size as one more effect, together with the noise, eq. (25).
-    pub fn larger(&self, config: &HandEyeConfig) -> Option<Larger> {
-        let found = self.reml(config, true)?;
+    /// Returns by which factors the covariances of X and Z of independent views are too small.
+    fn blocks(&self, config: &HandEyeConfig) -> [f64; 2] {
+        let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), None);
+        let besides = besides(&self.fit.poses, &self.known, config);
+        let at = noise::evaluate(&rows, &besides, &self.variances.unwrap_or_default());
+        let hands: Vec<Pose> = self.used().iter().map(|(view, _)| self.known[*view].hand_in_base()).collect();
+        at.map_or([1.0; 2], |at| blocks::factors(&rows, &at, &hands, self.noise_scale))
+    }
+
+    /// Returns the factor of the variance of an error that all views share.
+    pub fn scale(&self) -> f64 {
+        self.noise_scale * self.block_scale[0].max(self.block_scale[1])
+    }
+
+    /// Widens a covariance of X and Z, 12×12, where the poses contradict the stated noise, and for errors that neighbouring views share.
+    pub fn widened(&self, covariance: DMatrix<f64>) -> DMatrix<f64> {
+        let root = |i: usize| (self.noise_scale * self.block_scale[i / 6]).sqrt();
+        DMatrix::from_fn(12, 12, |i, j| covariance[(i, j)] * root(i) * root(j))
+    }
+
+    /// Returns ℓ without any shared error.
+    pub fn log_likelihood(&self, config: &HandEyeConfig) -> Option<f64> {
+        Some(self.reml(config, None)?.log_likelihood)
+    }
+
+    /// Estimates an error that all views share as one more effect, together with the noise, eq. (25). `None` where the views do not determine it.
+    pub fn effect(&self, error: SharedError, config: &HandEyeConfig) -> Option<Effect> {
+        if matches!(error, SharedError::Lens(_)) {
+            self.only_camera()?;
+        }
+        let motion = |(view, candidate): &(usize, usize)| error.motion(&self.known[*view], *candidate);
+        let motions: Vec<Vector6> = self.used().iter().map(motion).collect::<Option<_>>()?;
+        let found = self.reml(config, Some(&motions))?;
         let last = EFFECTS - 1;
-        let variance = found.phi[(last, last)] + found.widening[(last, last)];
-        let shift = found.effects.fixed_rows::<12>(0).into_owned();
-        (0.0 < variance && variance < 1e6).then_some(Larger {
+        let whole = found.phi + found.widening;
+        let variance = whole[(last, last)];
+        let by_part = whole.fixed_view::<12, 1>(0, last) / variance;
+        (0.0 < variance && variance < 1e6).then(|| Effect {
+            error,
             part: found.effects[last],
             sigma: variance.sqrt(),
-            shift,
+            shift: found.effects.fixed_rows::<12>(0).into_owned(),
+            by_part,
+            log_likelihood: found.log_likelihood,
         })
     }
 

@@ -2,43 +2,103 @@
 
 use super::alternatives::{alternatives, better_convention, resized};
 use super::causes::{HandEyeCause, large_noise};
-use super::settle::{Larger, Settled};
+use super::consensus::fit_with_noise;
+use super::cost::nearest;
+use super::settle::{Effect, Settled};
+use super::shared::SharedError;
 use super::{HandEyeConfig, HandEyeView, TargetSize};
 use crate::camera::BrownConrady;
-use crate::locate::consistency::{is_inconsistent, loses_too_many};
-use crate::multiview::intrinsics_check::{IntrinsicsCheck, check_intrinsics};
+use crate::locate::consistency::{is_inconsistent, loses_too_many, measured_scale};
+use crate::multiview::intrinsics_check::{Group, IntrinsicsCheck, check_intrinsics, focal_length};
 use crate::multiview::rig_pose::RigCost;
-use crate::{Camera, Correspondence, Lens};
+use crate::{Camera, Correspondence, Lens, Matrix6};
+use nalgebra::{DMatrix, SVector};
 
 /// Smaller errors of size do not make the answer wrong: their contribution enters the covariance.
-pub(crate) const MAX_SIZE_ERROR: f64 = 0.005;
+const MAX_SIZE_ERROR: f64 = 0.01;
+/// … and smaller errors of the focal length: right files of two robots of four seem 2 and 2.6 % off, by what else their poses share.
+const MAX_FOCAL_ERROR: f64 = 0.04;
 /// χ² with one degree of freedom, 4.5 standard deviations: a probability of 7e-6.
-const SIZE_CHI2: f64 = 20.25;
+const PROVEN_CHI2: f64 = 20.25;
 /// Corrections of intrinsics that move the rays by less (root mean square, relative to the focal length) do not make the answer wrong.
 const MAX_RAY_SHIFT: f64 = 1e-3;
 /// Probability of blaming correct intrinsics here: below that of the check itself, which only warns.
 const MAX_INTRINSICS_P: f64 = 1e-5;
+/// The 99 % quantile of χ² with six degrees of freedom: an explanation that moves the camera by less is within the stated covariance.
+const WITHIN_CHI2: f64 = 16.81;
+/// Standard deviation of an error of a size or of a lens where there is one.
+const SHARED_SIGMA: f64 = 0.05;
+/// Odds of each kind of shared error before the views are seen.
+const SHARED_ODDS: f64 = 0.1;
+/// Less probable errors add nothing to the covariance.
+const LEAST_PROBABILITY: f64 = 0.1;
+/// Least gain of the log-likelihood of the gripper's motions by another lens, unless they contradict it: a coarse robot tells little.
+pub(super) const CONFIRMED_GAIN: f64 = -3.0;
+/// … and to this part the product of its two standard deviations must fall where other views agree.
+pub(super) const CONFIRMED_NOISE: f64 = 0.5;
 
 /// The causes, the most likely first, and the target's size as measured by the gripper.
 pub(super) struct Verdict {
     pub causes: Vec<HandEyeCause>,
     pub size: Option<TargetSize>,
-    /// An error of size that is proven, but small.
-    pub small: Option<Larger>,
-    /// The camera that the pixels of all views fit better, where they contradict the given one.
-    pub lens: Option<Camera>,
+    /// Errors that all views may share, each with its probability: the covariance holds them.
+    pub shared: Vec<(f64, Effect)>,
 }
 
-/// χ² of the poses for the stated or estimated noise.
+impl Verdict {
+    /// Returns what a shared error adds to the covariance, 12×12: docs/math/hand_eye.md eq. (31).
+    pub fn added(probability: f64, effect: &Effect) -> DMatrix<f64> {
+        let shift = effect.shift * effect.shift.transpose();
+        let open = effect.by_part * effect.by_part.transpose() * (effect.sigma * effect.sigma);
+        DMatrix::from_fn(12, 12, |i, j| probability * (shift[(i, j)] + open[(i, j)]))
+    }
+
+    /// Returns the most probable shared error, where it is more probable than none.
+    pub fn likely(&self) -> Option<&Effect> {
+        let best = self.shared.iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        best.filter(|(probability, _)| 0.5 < *probability).map(|(_, effect)| effect)
+    }
+}
+
+/// χ² of the poses for the stated or estimated noise, and of the pixels of single views.
 pub(super) struct Residuals {
     pub poses: (f64, usize),
     pub pixels: (f64, usize),
+    /// Root mean square of the pixels' residuals, relative to the focal length.
+    pub rays: f64,
 }
 
+/// The camera that the pixels of all views fit better, where they contradict the given one.
+pub(super) struct OtherLens {
+    pub camera: Camera,
+    /// The cause, where pixels alone are judged.
+    pub cause: Option<HandEyeCause>,
+}
+
+/// What another lens does to the answer.
+pub(super) struct ByLens {
+    /// By how much X and Z move.
+    pub shift: SVector<f64, 12>,
+    /// Whether the gripper's motions confirm it: ℓ of the poses does not fall, or their noise does.
+    pub is_confirmed: bool,
+}
+
+/// Returns whether a motion of X or that of Z is beyond its covariance.
+fn is_beyond(shift: &SVector<f64, 12>, covariance: &DMatrix<f64>) -> bool {
+    let is_beyond = |at: usize| {
+        let shift = shift.fixed_rows::<6>(at).into_owned();
+        let covariance: Matrix6 = covariance.fixed_view::<6, 6>(at, at).into_owned();
+        covariance.cholesky().is_none_or(|c| WITHIN_CHI2 < shift.dot(&c.solve(&shift)))
+    };
+    is_beyond(0) || is_beyond(6)
+}
+
+/// Decides about an answer of which `covariance`, 12×12, is that without shared errors.
 pub(super) fn judged(
     views: &[HandEyeView],
     settled: &Settled,
-    residuals: &Residuals,
+    (residuals, covariance): (&Residuals, &DMatrix<f64>),
+    of_lens: Option<(OtherLens, Option<ByLens>)>,
     config: &HandEyeConfig,
 ) -> Verdict {
     let ratio = |(chi2, degrees_of_freedom): (f64, usize)| (chi2 / degrees_of_freedom.max(1) as f64).sqrt();
@@ -49,73 +109,147 @@ pub(super) fn judged(
         seen.push(HandEyeCause::StatedNoise { ratio: ratio(residuals.poses) });
     }
     let (n_rejected, n_views) = (settled.known.len() - settled.used().len(), settled.known.len());
-    if loses_too_many(n_rejected, n_views) {
+    if loses_too_many(n_rejected, n_views) && rejected_matter(settled, covariance, config) {
         seen.push(HandEyeCause::ManyContradict { n_rejected, n_views });
     }
-    let larger = settled.larger(config).map(|larger| widened(larger, settled, residuals));
-    let proven = larger.filter(|larger| settled.measures_size() && is_proven(larger, settled));
-    let wrong = proven.filter(|larger| MAX_SIZE_ERROR < larger.part.abs());
-    let (lens, of_lens) = intrinsics(settled, contradicts(residuals.pixels)).unzip();
-    let mut causes: Vec<HandEyeCause> = of_lens.flatten().into_iter().collect();
-    if causes.is_empty() && !seen.is_empty() {
+    let effect = |error: SharedError| Some(widened(settled.effect(error, config)?, settled));
+    let effects: Vec<Effect> = SharedError::ALL.into_iter().filter_map(effect).collect();
+    let larger = effects.iter().find(|effect| effect.error == SharedError::Size);
+    let size = larger.map(|larger| TargetSize { ratio: 1.0 + larger.part, sigma: larger.sigma });
+    let shared = shared(effects, settled, config);
+    let mut causes: Vec<HandEyeCause> =
+        of_lens.and_then(|(lens, by)| blamed(lens, by.as_ref(), covariance)).into_iter().collect();
+    // A wrong lens may come with a wrong mounting, which contradicts the gripper's motions far more than the lens does.
+    if !seen.is_empty() {
         causes.extend(alternatives(views, settled, config));
     }
     if causes.is_empty() && seen.is_empty() {
         causes.extend(better_convention(views, settled, config));
     }
-    if let (true, Some(larger)) = (causes.is_empty() && large_noise(settled).is_none(), wrong) {
-        causes.push(resized(views, settled, &larger, config));
+    if causes.is_empty() && large_noise(settled).is_none() {
+        causes.extend(wrong(views, settled, (&shared, covariance), config));
     }
     causes.append(&mut seen);
-    if contradicts(residuals.pixels) {
+    if contradicts(residuals.pixels) && MAX_RAY_SHIFT < residuals.rays {
         causes.push(HandEyeCause::Pixels { ratio: ratio(residuals.pixels) });
     }
-    let size = larger.map(|larger| TargetSize { ratio: 1.0 + larger.part, sigma: larger.sigma });
-    Verdict { causes, size, small: proven.filter(|_| wrong.is_none()), lens }
+    Verdict { causes, size, shared }
 }
 
-/// Widens the uncertainty of the size where the stated noise is too small.
-fn widened(larger: Larger, settled: &Settled, residuals: &Residuals) -> Larger {
-    let scale = match settled.variances {
-        Some(_) => 1.0,
-        None => crate::locate::consistency::noise_scale(residuals.poses.0, residuals.poses.1),
+/// More than this part of the views is not left out by chance, whatever they say.
+const MAX_REJECTED_PART: f64 = 0.25;
+
+/// Returns whether the views that were left out would move the answer beyond its covariance, where the gripper's noise explains them too.
+fn rejected_matter(settled: &Settled, covariance: &DMatrix<f64>, config: &HandEyeConfig) -> bool {
+    let mut known = settled.known.clone();
+    let n_rejected = known.len() - settled.used().len();
+    if MAX_REJECTED_PART * (known.len() as f64) < n_rejected as f64 {
+        return true;
+    }
+    let poses = &settled.fit.poses;
+    let all: Vec<(usize, usize)> =
+        known.iter().enumerate().map(|(at, view)| (at, nearest(view, poses).0)).collect();
+    let Ok((fit, _)) = fit_with_noise(poses, &mut known, &all, config) else { return true };
+    let by_camera = (fit.poses.cam_from_carrier * poses.cam_from_carrier.inverse()).log();
+    let by_target = (fit.poses.holder_from_target * poses.holder_from_target.inverse()).log();
+    let shift = SVector::from_iterator(by_camera.iter().chain(&by_target).copied());
+    is_beyond(&shift, covariance)
+}
+
+/// Returns the cause that the pixels give, unless it moves the camera by no more than its covariance, or the gripper's motions do not confirm it.
+fn blamed(lens: OtherLens, by_lens: Option<&ByLens>, covariance: &DMatrix<f64>) -> Option<HandEyeCause> {
+    let matters = by_lens.is_none_or(|by| is_beyond(&by.shift, covariance) && by.is_confirmed);
+    lens.cause.filter(|_| matters)
+}
+
+/// Returns the errors that all views may share with their probabilities, eq. (30).
+fn shared(mut effects: Vec<Effect>, settled: &Settled, config: &HandEyeConfig) -> Vec<(f64, Effect)> {
+    let Some(without) = settled.log_likelihood(config) else { return Vec::new() };
+    let scale = settled.scale();
+    let log_odds =
+        |effect: &Effect| (SHARED_ODDS / SHARED_SIGMA).ln() + (effect.log_likelihood - without) / scale;
+    effects.retain(|effect| {
+        let is_measured = effect.error != SharedError::Size || settled.measures_size();
+        is_measured && effect.sigma < SHARED_SIGMA && log_odds(effect).is_finite()
+    });
+    let most = effects.iter().map(log_odds).fold(0.0, f64::max);
+    let part = |effect: &Effect| (log_odds(effect) - most).exp();
+    let sum = (-most).exp() + effects.iter().map(part).sum::<f64>();
+    let all = effects.into_iter().map(|effect| (part(&effect) / sum, effect));
+    all.filter(|(probability, _)| LEAST_PROBABILITY < *probability).collect()
+}
+
+/// Returns the shared errors that explain the views and move the answer beyond its covariance, the most probable first; none unless the most probable is
+/// proven and large.
+fn wrong(
+    views: &[HandEyeView],
+    settled: &Settled,
+    (shared, covariance): (&[(f64, Effect)], &DMatrix<f64>),
+    config: &HandEyeConfig,
+) -> Vec<HandEyeCause> {
+    let mut fits: Vec<&(f64, Effect)> = shared.iter().collect();
+    fits.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let matters = |effect: &Effect| {
+        let most = if effect.error == SharedError::Size { MAX_SIZE_ERROR } else { MAX_FOCAL_ERROR };
+        is_proven(effect, settled) && most < effect.part.abs() && is_beyond(&effect.shift, covariance)
     };
-    Larger { sigma: larger.sigma * scale.sqrt(), ..larger }
+    if !fits.first().is_some_and(|(_, best)| matters(best)) {
+        return Vec::new();
+    }
+    let cause = |(probability, effect): &&(f64, Effect)| match effect.error {
+        SharedError::Size => resized(views, settled, effect, config),
+        SharedError::Lens(error) => HandEyeCause::Lens {
+            error,
+            part: effect.part,
+            sigma: effect.sigma,
+            probability: *probability,
+            shift_m: effect.shift.fixed_rows::<3>(3).norm(),
+        },
+    };
+    fits.iter().map(cause).collect()
+}
+
+/// Widens the uncertainty of an error as that of the answer.
+fn widened(effect: Effect, settled: &Settled) -> Effect {
+    Effect { sigma: effect.sigma * settled.scale().sqrt(), ..effect }
 }
 
 /// Returns whether the error exceeds chance; with few views the noise itself is uncertain, and t replaces the normal distribution, eq. (26).
-fn is_proven(larger: &Larger, settled: &Settled) -> bool {
+fn is_proven(effect: &Effect, settled: &Settled) -> bool {
     let redundancy = f64::max(1.0, 3.0 * settled.used().len() as f64 - 7.0);
-    let t = larger.part / larger.sigma;
-    SIZE_CHI2 < redundancy * (t * t / redundancy).ln_1p()
+    let t = effect.part / effect.sigma;
+    PROVEN_CHI2 < redundancy * (t * t / redundancy).ln_1p()
 }
 
-/// Returns χ² and redundancy of single views, each with a pose of its own.
-pub(super) fn pixels(settled: &Settled) -> (f64, usize) {
-    let of_view = |(view, candidate): &(usize, usize)| {
-        let view = &settled.known[*view];
-        let cost = RigCost::new(view.seen);
-        let chi2 = cost.residual_sums(&view.candidates[*candidate].cam_from_target).0;
-        let redundancy = (2 * cost.n_points()).saturating_sub(6);
-        (chi2.is_finite() && 0 < redundancy).then_some((chi2, redundancy))
-    };
-    let all = settled.used();
-    all.iter().filter_map(of_view).fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1))
+/// Returns χ² and redundancy of single views, each with a pose of its own, and the root mean square of their residuals relative to the focal length.
+pub(super) fn pixels(settled: &Settled) -> ((f64, usize), f64) {
+    let used = settled.used();
+    let all = used.iter().filter_map(|(view, candidate)| settled.known[*view].pixels(*candidate));
+    let sum = all.fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+    let (mut squares, mut n) = (0.0, 0usize);
+    for (view, candidate) in used {
+        let view = &settled.known[view];
+        let focal = view.seen.iter().map(|one| focal_length(&one.camera.parameters())).fold(0.0, f64::max);
+        let rms_px = RigCost::new(view.seen).residual_sums(&view.candidates[candidate].cam_from_target).1;
+        if 0.0 < focal && rms_px.is_finite() {
+            (squares, n) = (squares + (rms_px / focal).powi(2), n + 1);
+        }
+    }
+    (sum, (squares / n.max(1) as f64).sqrt())
 }
 
 /// Tests the intrinsics where one camera saw every view. Where the pixels contradict them, returns the camera that they fit better, and the cause if it
-/// matters.
-fn intrinsics(settled: &Settled, is_certain: bool) -> Option<(Camera, Option<HandEyeCause>)> {
-    let mut camera: Option<&Camera> = None;
-    let mut frames: Vec<&[Correspondence]> = Vec::new();
-    for (view, _) in settled.used() {
-        let [only] = settled.known[view].seen else { return None };
-        if camera.is_some_and(|camera| camera != only.camera) {
-            return None;
-        }
-        camera = Some(only.camera);
-        frames.push(only.seen);
-    }
+/// moves the rays.
+pub(super) fn other_lens(settled: &Settled, pixels: (f64, usize)) -> Option<OtherLens> {
+    let camera = Some(settled.only_camera()?);
+    // Noise that is stated too large would hide the lens.
+    let scale = f64::min(1.0, measured_scale(pixels.0, pixels.1)).sqrt();
+    let frame = |(view, _): &(usize, usize)| -> Vec<Correspondence> {
+        let seen = settled.known[*view].seen.iter().flat_map(|one| one.seen);
+        seen.map(|c| Correspondence { sigma_px: c.sigma_px * scale, ..*c }).collect()
+    };
+    let frames: Vec<Vec<Correspondence>> = settled.used().iter().map(frame).collect();
+    let is_certain = is_inconsistent(pixels.0, pixels.1);
     // A lens without distortion is tested for distortion too.
     let with_distortion = match &camera?.lens {
         Lens::Pinhole(pinhole) => BrownConrady::new(pinhole.matrix, &[0.0; 4]).ok(),
@@ -132,15 +266,16 @@ fn intrinsics(settled: &Settled, is_certain: bool) -> Option<(Camera, Option<Han
     let values: Vec<f64> =
         camera.parameters().iter().zip(offsets(camera, &check)).map(|((_, x), offset)| x + offset).collect();
     let better = camera.with_parameters(&values).ok()?;
-    let matters = check.p_value < MAX_INTRINSICS_P && MAX_RAY_SHIFT < ray_shift(settled, camera, &check);
+    let matters =
+        check.p_value < MAX_INTRINSICS_P && MAX_RAY_SHIFT < offset_of_rays(settled, camera, &check, &frames);
     if !matters && !is_certain {
-        return Some((better, None));
+        return Some(OtherLens { camera: better, cause: None });
     }
     let groups = check.blamed.iter().map(|blame| blame.group).collect();
     let blamed = check.blamed.iter().flat_map(|blame| &blame.parameters);
     let focal = blamed.filter(|doubt| ["f", "fx_px"].contains(&doubt.name));
     let focal_ratio = focal.map(|doubt| 1.0 + doubt.offset / doubt.given).next();
-    Some((better, Some(HandEyeCause::Intrinsics { groups, focal_ratio })))
+    Some(OtherLens { camera: better, cause: Some(HandEyeCause::Intrinsics { groups, focal_ratio }) })
 }
 
 /// Returns what to add to each parameter, zero where it is not blamed.
@@ -149,6 +284,23 @@ fn offsets(camera: &Camera, check: &IntrinsicsCheck) -> Vec<f64> {
     let offset =
         |name: &str| blamed.iter().find(|doubt| doubt.name == name).map_or(0.0, |doubt| doubt.offset);
     camera.parameters().iter().map(|(name, _)| offset(name)).collect()
+}
+
+/// Returns by how much the blamed offsets move the rays relative to the focal length: a focal length by all of its offset, since no pose makes up for it;
+/// others by what the residuals show of theirs.
+fn offset_of_rays(
+    settled: &Settled,
+    camera: &Camera,
+    check: &IntrinsicsCheck,
+    frames: &[Vec<Correspondence>],
+) -> f64 {
+    if check.blamed.iter().any(|blame| blame.group == Group::FocalLength) {
+        return ray_shift(settled, camera, check);
+    }
+    let (n, variance) =
+        frames.iter().flatten().fold((0.0, 0.0), |(n, sum), c| (n + 1.0, sum + c.sigma_px * c.sigma_px));
+    let chi2 = check.statistic * check.noise_scale * check.view_scale;
+    (chi2 * variance / n).sqrt() / n.sqrt() / focal_length(&camera.parameters())
 }
 
 /// Returns the root mean square motion of the pixels due to the blamed offsets, relative to the focal length.

@@ -5,8 +5,9 @@
 
 use super::{Candidate, HandEyeConfig, HandEyeView, HandEyeViewResult, Mounting, RejectedView};
 use crate::covariance::is_covariance;
+use crate::locate::consistency::measured_scale;
 use crate::multiview::relative::{check_pose, information_of};
-use crate::multiview::rig_pose::{RigAmbiguity, RigView, check_views, locate_rig};
+use crate::multiview::rig_pose::{RigAmbiguity, RigCost, RigView, check_views, locate_rig};
 use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 
@@ -26,11 +27,21 @@ pub(super) struct Known<'a> {
     /// For views without stated noise: the covariance of each kind of noise for unit variance.
     pub parts: Option<[Matrix6; KINDS]>,
     pub candidates: Vec<Candidate>,
+    /// Whether the candidates are given, and not those of the points.
+    is_given: bool,
     pub seen: &'a [RigView<'a>],
     centre: Centre,
 }
 
 impl Known<'_> {
+    /// Returns χ² and redundancy of the points, with the pose of a candidate; `None` without points or redundancy.
+    pub fn pixels(&self, candidate: usize) -> Option<(f64, usize)> {
+        let cost = RigCost::new(self.seen);
+        let redundancy = (2 * cost.n_points()).saturating_sub(6);
+        let chi2 = cost.residual_sums(&self.candidates[candidate].cam_from_target).0;
+        (chi2.is_finite() && 0 < redundancy).then_some((chi2, redundancy))
+    }
+
     /// Returns a carrier pose as `base_from_gripper` (shifted), the covariance of its left motion there, and `base_from_gripper` as reported.
     pub fn in_base(&self, carrier_from_holder: &Pose, covariance: &Matrix6) -> (Pose, Matrix6, Pose) {
         match self.centre.mounting {
@@ -51,12 +62,17 @@ impl Known<'_> {
         2.0 / 3.0 * (self.gripper_in_base() + self.centre.centre_in_base).norm_squared()
     }
 
+    /// Returns the gripper's pose in the shifted base.
+    pub fn hand_in_base(&self) -> Pose {
+        match self.centre.mounting {
+            Mounting::TargetOnGripper => self.carrier_from_holder,
+            Mounting::CameraOnGripper => self.carrier_from_holder.inverse(),
+        }
+    }
+
     /// Returns the gripper's origin in the shifted base.
     pub fn gripper_in_base(&self) -> Vector3<f64> {
-        match self.centre.mounting {
-            Mounting::TargetOnGripper => self.carrier_from_holder.translation,
-            Mounting::CameraOnGripper => self.carrier_from_holder.origin(),
-        }
+        self.hand_in_base().translation
     }
 }
 
@@ -166,6 +182,7 @@ pub(super) fn located<'a>(
                     None => Some(centre.parts(&view.base_from_gripper, spread_m)),
                 },
                 candidates,
+                is_given: !view.candidates.is_empty(),
                 seen: view.seen,
                 centre,
             }),
@@ -173,7 +190,23 @@ pub(super) fn located<'a>(
         }
         results.push(result);
     }
+    measure_pixels(&mut known);
     Ok((known, results))
+}
+
+/// Reduces the covariances of poses whose points prove their stated noise too large: it would hide the noise of the gripper and every other error.
+fn measure_pixels(known: &mut [Known]) {
+    let best = |view: &Known| {
+        let (chi2, redundancy) = view.pixels(0)?;
+        (!view.is_given).then_some((chi2, redundancy))
+    };
+    let (chi2, redundancy) =
+        known.iter().filter_map(best).fold((0.0, 0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+    let scale = f64::min(1.0, measured_scale(chi2, redundancy));
+    for candidate in known.iter_mut().filter(|view| !view.is_given).flat_map(|view| &mut view.candidates) {
+        candidate.covariance *= scale;
+        candidate.delta_chi2 /= scale;
+    }
 }
 
 /// Returns the given candidates, or those determined by the points.

@@ -1,0 +1,149 @@
+//! Errors that neighbouring views share, as of a robot whose accuracy depends on where it is: docs/math/hand_eye.md section 8.
+
+use super::noise::{At, Effects, Normal, Row};
+use crate::Pose;
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+
+/// Fewer views do not show what neighbours share.
+const SHOWING_VIEWS: usize = 12;
+/// Into so many blocks views are divided, each of at least four.
+const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
+const LEAST_VIEWS: usize = 4;
+/// Odds of such errors before the views are seen.
+const ODDS: f64 = 0.1;
+/// Less probable errors add nothing.
+const LEAST_PROBABILITY: f64 = 0.1;
+/// The largest factor by which they may enlarge the covariance.
+const MOST: f64 = 10.0;
+/// Steps of the integral over the factor.
+const STEPS: usize = 60;
+/// Directions in which a block has less than this part of the information are not its own.
+const LEAST_PART: f64 = 1e-9;
+
+/// Returns by which factors the covariances of X and of Z of independent views are too small, eqs. (32)–(34): 1 where blocks of views differ by no more
+/// than their noise, be they neighbours in time, in the orientation of the gripper or in its position. `noise_scale` is the factor of the variances that
+/// the views show already.
+pub(super) fn factors(rows: &[Row], at: &At, hands: &[Pose], noise_scale: f64) -> [f64; 2] {
+    if rows.len() < SHOWING_VIEWS {
+        return [1.0; 2];
+    }
+    let most = rows.len() / LEAST_VIEWS;
+    let counts: Vec<usize> = COUNTS.into_iter().filter(|count| *count <= most).collect();
+    let orders = [(0..rows.len()).collect(), along(&rotations(hands)), along(&positions(hands))];
+    let odds = ODDS / (counts.len() * orders.len()) as f64;
+    let phi = at.phi.fixed_view::<12, 12>(0, 0).into_owned();
+    let both = DMatrix::identity(12, 12);
+    let parts = [0, 6].map(|part| onto(&phi, part));
+    let [Some(x), Some(z)] = parts else { return [1.0; 2] };
+    let (mut sums, mut weight) = ([1.0; 2], 1.0);
+    for (order, count) in orders.iter().flat_map(|order| counts.iter().map(move |count| (order, *count))) {
+        let blocks = blocks(rows, at, order, count);
+        let inflation = |onto| {
+            let (chi2, degrees_of_freedom) = disagreement(&blocks, &phi, onto);
+            inflated(chi2 / noise_scale, degrees_of_freedom)
+        };
+        let (Some((evidence, _)), Some((_, of_x)), Some((_, of_z))) =
+            (inflation(&both), inflation(&x), inflation(&z))
+        else {
+            continue;
+        };
+        weight += odds * evidence;
+        sums = [sums[0] + odds * evidence * of_x, sums[1] + odds * evidence * of_z];
+    }
+    sums.map(|sum| match sum / weight {
+        _ if weight < 1.0 / (1.0 - LEAST_PROBABILITY) => 1.0,
+        scale if scale.is_finite() => scale,
+        _ => MOST,
+    })
+}
+
+/// Returns the rotations from the first hand to each.
+fn rotations(hands: &[Pose]) -> Vec<Vector3<f64>> {
+    let from_first = |hand: &Pose| (*hand * hands[0].inverse()).log().fixed_rows::<3>(0).into_owned();
+    hands.iter().map(from_first).collect()
+}
+
+fn positions(hands: &[Pose]) -> Vec<Vector3<f64>> {
+    hands.iter().map(|hand| hand.translation).collect()
+}
+
+/// Returns the order of places along the axis on which they are farthest apart.
+fn along(places: &[Vector3<f64>]) -> Vec<usize> {
+    let mean = places.iter().sum::<Vector3<f64>>() / places.len() as f64;
+    let spread: Matrix3<f64> = places.iter().map(|x| (x - mean) * (x - mean).transpose()).sum();
+    let eigen = spread.symmetric_eigen();
+    let axis = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by(|a, b| axis.dot(&places[*a]).total_cmp(&axis.dot(&places[*b])));
+    order
+}
+
+/// The information of the views of a block about X and Z, and their pull.
+type Block = (SMatrix<f64, 12, 12>, SVector<f64, 12>);
+
+fn blocks(rows: &[Row], at: &At, order: &[usize], n_blocks: usize) -> Vec<Block> {
+    let block = |block: usize| {
+        let range = block * order.len() / n_blocks..(block + 1) * order.len() / n_blocks;
+        let (mut information, mut pull) = (Normal::zeros(), Effects::zeros());
+        for (row, w) in order[range].iter().map(|i| (&rows[*i], &at.weights[*i])) {
+            let weighted = row.design.transpose() * w;
+            information += weighted * row.design;
+            pull += weighted * (row.residual - row.design * at.effects);
+        }
+        (information.fixed_view::<12, 12>(0, 0).into_owned(), pull.fixed_rows::<12>(0).into_owned())
+    };
+    (0..n_blocks).map(block).collect()
+}
+
+/// Returns what maps the pull on X and Z to that on X (`part` 0) or Z (6) with the other eliminated.
+fn onto(phi: &SMatrix<f64, 12, 12>, part: usize) -> Option<DMatrix<f64>> {
+    let own = phi.fixed_view::<6, 6>(part, part).into_owned().try_inverse()?;
+    let onto = own * phi.fixed_view::<6, 12>(part, 0);
+    Some(DMatrix::from_fn(6, 12, |i, j| onto[(i, j)]))
+}
+
+/// Returns χ² of what the blocks want, and its mean, eq. (32).
+fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64>) -> (f64, f64) {
+    // In units of the standard deviations: radians and metres differ.
+    let unit = |i: usize| (onto.row(i) * phi * onto.row(i).transpose())[0].sqrt().recip();
+    let onto = DMatrix::from_fn(onto.nrows(), 12, |i, j| onto[(i, j)] * unit(i));
+    let (mut chi2, mut mean) = (0.0, 0.0);
+    for (information, pull) in blocks {
+        let pull = &onto * pull;
+        let covariance = &onto * (information - information * phi * information) * onto.transpose();
+        let eigen = (&onto * information * onto.transpose()).symmetric_eigen();
+        let least = LEAST_PART * eigen.eigenvalues.max();
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if least < *value {
+                chi2 += vector.dot(&pull).powi(2) / value;
+                mean += vector.dot(&(&covariance * vector)) / value;
+            }
+        }
+    }
+    (chi2, mean)
+}
+
+/// Returns the evidence of a factor of variances between 1 and `MOST` against none, and its mean, eq. (33).
+fn inflated(chi2: f64, degrees_of_freedom: f64) -> Option<(f64, f64)> {
+    let step = MOST.ln() / STEPS as f64;
+    let (mut evidence, mut sum) = (0.0, 0.0);
+    for i in 0..STEPS {
+        let factor = ((i as f64 + 0.5) * step).exp();
+        let gain = 0.5 * chi2 * (1.0 - factor.recip()) - 0.5 * degrees_of_freedom * factor.ln();
+        evidence += gain.exp() / STEPS as f64;
+        sum += factor * gain.exp() / STEPS as f64;
+    }
+    (0.0 < evidence).then_some((evidence, sum / evidence))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values of the quadrature in docs/math/check/hand_eye.py.
+    #[test]
+    fn a_factor_has_the_evidence_and_the_mean_of_its_integral() {
+        let (evidence, mean) = inflated(40.0, 12.0).expect("a factor");
+        assert!((evidence / 388.498851939 - 1.0).abs() < 1e-4 && (mean / 3.853423850866 - 1.0).abs() < 1e-4);
+    }
+}
