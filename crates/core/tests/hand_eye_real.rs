@@ -34,18 +34,12 @@ fn sessions() -> Vec<(&'static str, Session)> {
     let root = recorded("hand_eye_real");
     let published = CameraMatrix { fx_px: 800.0, fy_px: 800.0, cx_px: 640.0, cy_px: 480.0 };
     let fitted = CameraMatrix {
-        fx_px: 613.322_435_235_580_77,
-        fy_px: 611.472_645_871_370_79,
-        cx_px: 317.107_889_294_721_02,
-        cy_px: 264.053_783_080_484_63,
+        fx_px: 613.322_435_236,
+        fy_px: 611.472_645_871,
+        cx_px: 317.107_889_295,
+        cy_px: 264.053_783_080,
     };
-    let of_jones = [
-        0.210_489_094_579_276_81,
-        -0.651_841_604_093_475_8,
-        0.002_126_050_349_099_446_4,
-        -0.004_886_249_022_453_566_4,
-        0.0,
-    ];
+    let of_jones = [0.210_489_094_6, -0.651_841_604_1, 0.002_126_050_349, -0.004_886_249_022, 0.0];
     let (of_board, of_tag) = (camera(published, &[0.0; 5]), camera(fitted, &of_jones));
     let (eye, base) = (Mounting::CameraOnGripper, Mounting::TargetOnGripper);
     [

@@ -113,7 +113,8 @@ impl Settled<'_> {
         let rows = noise::rows(&self.fit.poses, &self.known, &self.used(), None);
         let besides = besides(&self.fit.poses, &self.known, config);
         let at = noise::evaluate(&rows, &besides, &self.variances.unwrap_or_default());
-        let hands: Vec<Pose> = self.used().iter().map(|(view, _)| self.known[*view].hand_in_base()).collect();
+        let hands: Vec<Pose> =
+            self.used().iter().map(|(view, _)| self.known[*view].base_from_gripper()).collect();
         at.map_or([1.0; 2], |at| blocks::factors(&rows, &at, &hands, self.noise_scale))
     }
 

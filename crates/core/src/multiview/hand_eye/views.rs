@@ -63,7 +63,7 @@ impl Known<'_> {
     }
 
     /// Returns the gripper's pose in the shifted base.
-    pub fn hand_in_base(&self) -> Pose {
+    pub fn base_from_gripper(&self) -> Pose {
         match self.centre.mounting {
             Mounting::TargetOnGripper => self.carrier_from_holder,
             Mounting::CameraOnGripper => self.carrier_from_holder.inverse(),
@@ -72,7 +72,7 @@ impl Known<'_> {
 
     /// Returns the gripper's origin in the shifted base.
     pub fn gripper_in_base(&self) -> Vector3<f64> {
-        self.hand_in_base().translation
+        self.base_from_gripper().translation
     }
 }
 
