@@ -32,6 +32,8 @@ pub(crate) mod uncertainty;
 pub(crate) mod answer;
 mod budget;
 pub mod warnings;
+#[cfg(feature = "std")]
+pub mod suspects;
 pub mod observability;
 #[cfg(feature = "std")]
 pub mod unknown_focal;

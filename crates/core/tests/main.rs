@@ -96,6 +96,7 @@ mod snapshot;
 mod solver_properties;
 mod statistics;
 mod survey;
+mod suspects;
 mod survey_coverage;
 mod survey_reliability;
 mod survey_verdicts;

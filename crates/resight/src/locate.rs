@@ -23,6 +23,7 @@ use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use causes::PointsCause;
+pub(crate) use causes::outside_field;
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};

@@ -10,11 +10,11 @@ use crate::georeference::{CoordinateSystem, Features, Ground, LocalFrame, georef
 use crate::input::table::{Table, TableRow, how_read};
 use crate::locate::{
     LARGEST, NamedLine, NamedPoint, PointsOptions, is_contradicted_by_priors, locate_lines_and_points,
-    locate_points,
+    locate_points, outside_field,
 };
 use crate::report::words::below_one_level;
 use crate::{Error, FileError};
-use nalgebra::Unit;
+use nalgebra::{Unit, Vector3};
 use resight_core::line::{ImageLine, LineCorrespondence};
 use std::collections::HashMap;
 use std::path::Path;
@@ -157,13 +157,31 @@ impl TableLocator {
 
     fn solve(&self, view: &PointsView, camera: &Camera) -> Result<PoseAnswer, String> {
         let points = view.rows.iter().filter(|row| row.line_end.is_none()).map(|row| self.point(row, camera));
-        let points = points.collect::<Result<Vec<_>, String>>()?;
+        let points = points.collect::<Result<Vec<_>, String>>();
+        let points = points.map_err(|reason| self.with_causes(reason, view, camera))?;
         let ends = view.rows.iter().filter_map(|row| Some((row, row.line_end.as_ref()?)));
         let lines = ends.map(|(row, end)| self.line(row, end, camera)).collect::<Result<Vec<_>, String>>()?;
         Ok(match lines.as_slice() {
             [] => locate_points(&view.name, &points, camera, &self.options),
             lines => locate_lines_and_points(&view.name, &points, lines, camera, &self.options),
         })
+    }
+
+    /// Adds what is likely wrong to a reason why points cannot be used, where that is a pixel outside the field of the lens.
+    fn with_causes(&self, reason: String, view: &PointsView, camera: &Camera) -> String {
+        let outside = || view.rows.iter().find_map(|row| camera.bearing(&Pixel::from(row.image)).err());
+        let without_bearing = |row: &Row| {
+            let [sigma_px, sigma_m] = self.checked(row).ok()?;
+            let (x_in_target, pixel) = (Point::from(row.x_in_target), Pixel::from(row.image));
+            let bearing = Vector3::z_axis();
+            Some(Correspondence { x_in_target, pixel, bearing, sigma_px, covariance_px2: None, sigma_m })
+        };
+        let is_line = view.rows.iter().any(|row| row.line_end.is_some());
+        let seen: Option<Vec<Correspondence>> = view.rows.iter().map(without_bearing).collect();
+        let label = |i: usize| format!("point {}", view.rows[i].name);
+        let plain = seen.filter(|_| !is_line && self.options.estimate_focal.is_none());
+        let causes = plain.and_then(|seen| outside_field(&outside()?, &seen, camera, label));
+        causes.map_or_else(|| reason.clone(), |causes| format!("{causes}; {reason}"))
     }
 
     /// Applies the checks of points to both ends.
@@ -198,6 +216,14 @@ impl TableLocator {
     }
 
     fn correspondence(&self, row: &Row, camera: &Camera) -> Result<Correspondence, String> {
+        let [sigma, sigma_m] = self.checked(row)?;
+        Correspondence::new(camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
+            .map(|c| Correspondence { sigma_m, ..c })
+            .map_err(|reason| format!("line {}: {reason}", row.line))
+    }
+
+    /// Returns the standard deviations of a row, pixel and position, where its numbers can be used.
+    fn checked(&self, row: &Row) -> Result<[f64; 2], String> {
         let [u, v] = if self.camera.is_none() { ["xn", "yn"] } else { ["u_px", "v_px"] };
         let cells = [("x_m", row.x_in_target[0]), ("y_m", row.x_in_target[1]), ("z_m", row.x_in_target[2])];
         let cells = cells.into_iter().chain([(u, row.image[0]), (v, row.image[1])]);
@@ -227,9 +253,7 @@ impl TableLocator {
                 "method wang2004 is the printed procedure, which takes the points as exact; use auto";
             return Err(format!("line {}: column `sigma_m` is {sigma_m}, but {reason}", row.line));
         }
-        Correspondence::new(camera, Point::from(row.x_in_target), Pixel::from(row.image), sigma)
-            .map(|c| Correspondence { sigma_m, ..c })
-            .map_err(|reason| format!("line {}: {reason}", row.line))
+        Ok([sigma, sigma_m])
     }
 }
 

@@ -1302,14 +1302,16 @@ export type PointView = {
   v_px: number;
 };
 
-/** A likely fault of the points of a view. */
+/** A likely fault of the points of a view, or of the intrinsics. */
 export type PointsCause = {
-  /** `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `labels_shifted`, `labels_exchanged`, `other_resolution` or `other_focal_length`. */
+  /** `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `axis_unit`, `labels_shifted`, `labels_exchanged`, `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`. */
   cause: string;
   /** χ² per degree of freedom once the fault is corrected. */
   chi2_per_degree_of_freedom: number;
   /** The correction that makes the points agree. */
   message: string;
+  /** A second one, where only both together explain the points. */
+  second_cause?: string | null;
 };
 
 /** The JSON object; keys without a value are null. */

@@ -1,49 +1,32 @@
-//! Finds the likely cause where points contradict each other: exchanged columns, an axis reversed, labels off by a row or exchanged, intrinsics of
-//! another resolution, another focal length.
-//!
-//! This is tried only where the answer cannot be relied on. Each cause is corrected and the view solved again, and it is named only where noise
-//! explains the remaining residual.
+//! The usual faults of points and intrinsics in words: what makes points agree that contradict each other.
 
-use crate::minimum::golden_section;
-use resight_core::camera::ImageSize;
-use resight_core::locate::consistency::{Consistency, is_unlikely};
-use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point};
+use resight_core::camera::{CameraMatrix, ImageSize};
+use resight_core::locate::suspects::{Explanation, Fault, explanations};
+use resight_core::locate::{Config, PoseEstimate};
+use resight_core::solve::configuration::Configuration;
+use resight_core::{Camera, Correspondence, Error as MathError};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A likely fault of the points of a view.
+/// A likely fault of the points of a view, or of the intrinsics.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PointsCause {
-    /// `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `labels_shifted`, `labels_exchanged`, `other_resolution` or
-    /// `other_focal_length`.
+    /// `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `axis_unit`, `labels_shifted`, `labels_exchanged`,
+    /// `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`.
     cause: &'static str,
+    /// A second one, where only both together explain the points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    second_cause: Option<&'static str>,
     /// χ² per degree of freedom once the fault is corrected.
     chi2_per_degree_of_freedom: f64,
     /// The correction that makes the points agree.
     message: String,
 }
 
-/// Number of points of which pairs of labels are tried: the worst ones.
-const MOST_LABELS: usize = 12;
-/// With more points, two exchanged labels are found by `--robust`.
-const MOST_POINTS: usize = 200;
-/// χ² must fall to this share: a correction that fits slightly better by chance is not a cause.
-const MOST_PART: f64 = 0.1;
-/// Image sizes over those of the intrinsics, as fractions, that are tried.
-const RESOLUTIONS: [[u32; 2]; 10] =
-    [[1, 4], [1, 3], [1, 2], [2, 3], [3, 4], [4, 3], [3, 2], [2, 1], [3, 1], [4, 1]];
-/// With more points the focal length is not tried: it takes more than fifty solutions.
-const MOST_SCANNED: usize = 10_000;
-/// Largest factor of the focal length that is tried, and steps up to it.
-const FOCAL_RANGE: f64 = 3.0;
-const FOCAL_STEPS: f64 = 12.0;
-/// Steps of the refinement, which leave a millionth of the range.
-const SECTIONS: usize = 29;
 /// Largest number of causes named in the sentence.
 const MOST_NAMED: usize = 4;
 
-/// Returns the causes that explain a contradiction, the best first; none where the points agree, or where the priors contradict them.
+/// Returns the causes that explain a contradiction, the most probable first; none where the points agree, or where the priors contradict them.
 pub(super) fn causes(
     solved: Result<&PoseEstimate, &MathError>,
     seen: &[Correspondence],
@@ -51,193 +34,131 @@ pub(super) fn causes(
     config: &Config,
     label: impl Fn(usize) -> String,
 ) -> Vec<PointsCause> {
-    let pose = match solved {
-        Ok(e) if matches!(e.consistency, Consistency::Inconsistent { worst_prior: None, .. }) => Some(e),
-        Err(MathError::NoSolution { .. } | MathError::NotConverged { .. }) => None,
-        _ => return Vec::new(),
-    };
-    let contradiction = Contradiction { seen, camera, config, pose };
-    let mut causes = contradiction.columns();
-    if causes.is_empty() {
-        causes = contradiction.shifted();
-    }
-    if causes.is_empty() {
-        causes = contradiction.labels(label);
-    }
-    if causes.is_empty() {
-        causes.extend(contradiction.resolution().or_else(|| contradiction.focal_length()));
-    }
-    causes.sort_by(|a, b| a.chi2_per_degree_of_freedom.total_cmp(&b.chi2_per_degree_of_freedom));
-    causes
+    let geometry = solved.ok().and_then(|e| e.geometry);
+    let is_planar = geometry.is_some_and(|geometry| geometry.configuration == Configuration::Planar);
+    let words = Words { camera, label, is_planar };
+    explanations(solved, seen, camera, config).iter().filter_map(|found| words.cause(found)).collect()
 }
 
-/// A view whose points contradict each other.
-struct Contradiction<'a> {
-    seen: &'a [Correspondence],
+/// Returns the sentence about the causes where a pixel is outside the field of the lens, so that nothing was solved. Bearings are not used.
+pub(crate) fn outside_field(
+    reason: &MathError,
+    seen: &[Correspondence],
+    camera: &Camera,
+    label: impl Fn(usize) -> String,
+) -> Option<String> {
+    sentence(&causes(Err(reason), seen, camera, &Config::default(), label))
+}
+
+/// The names of points, and the numbers that were stated.
+struct Words<'a, L> {
     camera: &'a Camera,
-    config: &'a Config<'a>,
-    /// The pose that fits best; `None` where no pose was found.
-    pose: Option<&'a PoseEstimate>,
+    label: L,
+    is_planar: bool,
 }
 
-impl Contradiction<'_> {
-    /// Returns χ² per degree of freedom of changed points, where noise explains it.
-    fn explained(&self, changed: impl Fn(usize, &Correspondence) -> Option<(Point, Pixel)>) -> Option<f64> {
-        let change = |(i, c): (usize, &Correspondence)| {
-            let (x_in_target, pixel) = changed(i, c)?;
-            Some(Correspondence { x_in_target, pixel, bearing: self.camera.bearing(&pixel).ok()?, ..*c })
+impl<L: Fn(usize) -> String> Words<'_, L> {
+    fn cause(&self, found: &Explanation) -> Option<PointsCause> {
+        let (first, second) = (found.faults.first()?, found.faults.get(1));
+        let message = match second {
+            None => self.correction(first),
+            Some(second) => format!("{} and {}", self.correction(first), self.correction(second)),
         };
-        let changed: Option<Vec<Correspondence>> = self.seen.iter().enumerate().map(change).collect();
-        let e = locate(&changed?, self.camera, self.config).ok()?;
-        self.is_explained(e.chi2, e.degrees_of_freedom)
+        Some(PointsCause {
+            cause: name(first),
+            second_cause: second.map(name),
+            chi2_per_degree_of_freedom: found.chi2 / found.degrees_of_freedom as f64,
+            message,
+        })
     }
 
-    /// Returns χ² per degree of freedom, where it is noise and far below that of the points as stated.
-    fn is_explained(&self, chi2: f64, degrees_of_freedom: usize) -> Option<f64> {
-        let is_noise = 0 < degrees_of_freedom && !is_unlikely(chi2, degrees_of_freedom);
-        let is_much_better = self.pose.is_none_or(|found| chi2 < MOST_PART * found.chi2);
-        (is_noise && is_much_better).then_some(chi2 / degrees_of_freedom as f64)
-    }
-
-    /// Solves the same pixels with another camera.
-    fn seen_by(&self, camera: &Camera) -> Option<PoseEstimate> {
-        let seen: Option<Vec<Correspondence>> = self
-            .seen
-            .iter()
-            .map(|c| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c }))
-            .collect();
-        locate(&seen?, camera, self.config).ok()
-    }
-
-    /// Tries intrinsics that were stated for images of another size than those that the pixels are of.
-    fn resolution(&self) -> Option<PointsCause> {
-        let size = self.camera.size?;
-        let tried = RESOLUTIONS.iter().filter_map(|[times, over]| {
-            let scaled = |side: u32| side.is_multiple_of(*over).then(|| (side / over).checked_mul(*times))?;
-            let (width_px, height_px) = (scaled(size.width_px)?, scaled(size.height_px)?);
-            let found = self.seen_by(&self.camera.scaled_to(width_px, height_px).ok()?)?;
-            Some((self.is_explained(found.chi2, found.degrees_of_freedom)?, width_px, height_px))
-        });
-        let (chi2_per_degree_of_freedom, w, h) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let ImageSize { width_px, height_px } = size;
-        let message = format!(
-            "with pixels of images of {w} × {h} px, for which the intrinsics, stated for {width_px} × {height_px} px, are scaled"
-        );
-        Some(PointsCause { cause: "other_resolution", chi2_per_degree_of_freedom, message })
-    }
-
-    /// Tries other focal lengths, the rest of the lens as stated.
-    fn focal_length(&self) -> Option<PointsCause> {
-        let stated = self.camera.size.and(self.camera.matrix())?;
-        if MOST_SCANNED < self.seen.len() {
-            return None;
+    fn correction(&self, fault: &Fault) -> String {
+        match fault {
+            Fault::PixelsExchanged => {
+                "with u and v exchanged (u_px counts columns from the left, v_px rows from the top)".to_owned()
+            }
+            Fault::RowsUpwards => {
+                "with v counted from the bottom of the image (v_px counts rows from the top: height − 1 − v)".to_owned()
+            }
+            Fault::ColumnsLeftwards => {
+                "with u counted from the right, as in a mirrored image (u_px counts columns from the left: width − 1 − u)"
+                    .to_owned()
+            }
+            Fault::AxesExchanged => "with two axes exchanged (northing and easting? y and z?)".to_owned(),
+            Fault::AxisReversed => {
+                "with the sign of one axis changed (left-handed coordinates, as of Unity and Unreal?)".to_owned()
+            }
+            Fault::AxisUnit { axis, factor } => in_other_unit(*axis, *factor),
+            Fault::LabelsShifted { rows } => {
+                format!("with each pixel moved to the row {} it", if 0 < *rows { "above" } else { "below" })
+            }
+            Fault::LabelsExchanged { a, b } => {
+                format!("with the pixels of {} and {} exchanged", (self.label)(*a), (self.label)(*b))
+            }
+            of_lens => self.lens_correction(of_lens),
         }
-        let fit = |factor: f64| {
-            let mut values = self.camera.parameters().iter().map(|(_, value)| *value).collect::<Vec<_>>();
-            values[..2].iter_mut().for_each(|f| *f *= factor);
-            self.seen_by(&self.camera.with_parameters(&values).ok()?)
-        };
-        let chi2 = |log_factor: f64| fit(log_factor.exp()).map_or(f64::INFINITY, |found| found.chi2);
-        let step = FOCAL_RANGE.ln() / FOCAL_STEPS;
-        let steps = (-(FOCAL_STEPS as i32)..=FOCAL_STEPS as i32).map(|k| step * f64::from(k));
-        let nearest = steps.map(|at| (chi2(at), at)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let best = golden_section(nearest.1, step, SECTIONS, chi2).1.exp();
-        let found = fit(best)?;
-        let chi2_per_degree_of_freedom =
-            self.is_explained(found.chi2, found.degrees_of_freedom.saturating_sub(1))?;
-        let message = format!(
-            "with a focal length of {:.0} px instead of {:.0} px (another lens or zoom, or images of another size?)",
-            best * stated.fx_px,
-            stated.fx_px
-        );
-        Some(PointsCause { cause: "other_focal_length", chi2_per_degree_of_freedom, message })
     }
 
-    fn columns(&self) -> Vec<PointsCause> {
-        let last_row = self.camera.size.map(|size| f64::from(size.height_px) - 1.0);
-        let last_column = self.camera.size.map(|size| f64::from(size.width_px) - 1.0);
-        type Changed<'f> = &'f dyn Fn(&Correspondence) -> Option<(Point, Pixel)>;
-        let tried: [(&'static str, &str, Changed); 5] = [
-            (
-                "uv_exchanged",
-                "with u and v exchanged (u_px counts columns from the left, v_px rows from the top)",
-                &|c| Some((c.x_in_target, Pixel::new(c.pixel.y, c.pixel.x))),
+    fn lens_correction(&self, fault: &Fault) -> String {
+        match (fault, self.camera.size, self.camera.matrix()) {
+            (Fault::OtherResolution { size }, Some(ImageSize { width_px, height_px }), _) => {
+                let ImageSize { width_px: w, height_px: h } = size;
+                format!(
+                    "with pixels of images of {w} × {h} px, for which the intrinsics, stated for {width_px} × {height_px} px, are scaled"
+                )
+            }
+            (Fault::OtherFocalLength { focal_px }, _, Some(CameraMatrix { fx_px, .. })) => format!(
+                "with a focal length of {focal_px:.0} px instead of {fx_px:.0} px (another lens or zoom, or images of another size?)"
             ),
-            (
-                "v_upwards",
-                "with v counted from the bottom of the image (v_px counts rows from the top: height − 1 − v)",
-                &|c| Some((c.x_in_target, Pixel::new(c.pixel.x, last_row? - c.pixel.y))),
+            (Fault::OtherCrop { principal_point_px: at }, _, Some(CameraMatrix { cx_px, cy_px, .. })) => {
+                let (u, v) = (at.x, at.y);
+                let plane = match self.is_planar {
+                    true => "; points in one plane do not show which of the intrinsics are wrong",
+                    false => "",
+                };
+                format!(
+                    "with the principal point at ({u:.0}, {v:.0}) px instead of ({cx_px:.0}, {cy_px:.0}) px (intrinsics of another crop of the image?{plane})"
+                )
+            }
+            (Fault::CoefficientOrder, ..) => {
+                "with the coefficients in the order k1, k2, p1, p2 (they are stated as p1, p2, k1, k2)"
+                    .to_owned()
+            }
+            (Fault::UndistortedAlready, ..) => {
+                "without the distortion of the lens (pixels that were undistorted already?)".to_owned()
+            }
+            (Fault::Distorted { k1, k2 }, ..) => format!(
+                "with the distortion k1 = {k1:.3}, k2 = {k2:.3} (of a lens that is stated to have none)"
             ),
-            (
-                "u_leftwards",
-                "with u counted from the right, as in a mirrored image (u_px counts columns from the left: width − 1 − u)",
-                &|c| Some((c.x_in_target, Pixel::new(last_column? - c.pixel.x, c.pixel.y))),
-            ),
-            ("xy_exchanged", "with two axes exchanged (northing and easting? y and z?)", &|c| {
-                Some((Point::new(c.x_in_target.y, c.x_in_target.x, c.x_in_target.z), c.pixel))
-            }),
-            (
-                "axis_reversed",
-                "with the sign of one axis changed (left-handed coordinates, as of Unity and Unreal?)",
-                &|c| Some((Point::new(c.x_in_target.x, -c.x_in_target.y, c.x_in_target.z), c.pixel)),
-            ),
-        ];
-        let cause = |(cause, message, changed): (&'static str, &str, Changed)| {
-            let chi2_per_degree_of_freedom = self.explained(|_, c| changed(c))?;
-            Some(PointsCause { cause, chi2_per_degree_of_freedom, message: message.to_string() })
-        };
-        tried.into_iter().filter_map(cause).collect()
-    }
-
-    /// Tries the pixels of the next or the last row, as where cells of a spreadsheet slipped; the row at the end has none, and is left out.
-    fn shifted(&self) -> Vec<PointsCause> {
-        let n = self.seen.len();
-        if MOST_POINTS < n {
-            return Vec::new();
+            _ => "with other intrinsics".to_owned(),
         }
-        let cause = |(which, of_point, of_pixel): (&str, usize, usize)| {
-            let pairs = self.seen.iter().skip(of_point).zip(self.seen.iter().skip(of_pixel));
-            let slipped: Vec<Correspondence> = pairs
-                .map(|(point, pixel)| Correspondence { x_in_target: point.x_in_target, ..*pixel })
-                .collect();
-            let e = locate(&slipped, self.camera, self.config).ok()?;
-            let chi2_per_degree_of_freedom = self.is_explained(e.chi2, e.degrees_of_freedom)?;
-            let message = format!("with each pixel moved to the row {which} it");
-            Some(PointsCause { cause: "labels_shifted", chi2_per_degree_of_freedom, message })
-        };
-        [("above", 0, 1), ("below", 1, 0)].into_iter().filter_map(cause).collect()
     }
+}
 
-    /// Tries to exchange the pixels of two points.
-    fn labels(&self, label: impl Fn(usize) -> String) -> Vec<PointsCause> {
-        if MOST_POINTS < self.seen.len() {
-            return Vec::new();
-        }
-        let worst = self.worst();
-        let pairs = worst.iter().enumerate().flat_map(|(n, i)| worst[n + 1..].iter().map(move |k| (*i, *k)));
-        let cause = |(i, k): (usize, usize)| {
-            let pixel_of = |n: usize| match n {
-                _ if n == i => k,
-                _ if n == k => i,
-                _ => n,
-            };
-            let chi2_per_degree_of_freedom =
-                self.explained(|n, c| Some((c.x_in_target, self.seen[pixel_of(n)].pixel)))?;
-            let message = format!("with the pixels of {} and {} exchanged", label(i.min(k)), label(i.max(k)));
-            Some(PointsCause { cause: "labels_exchanged", chi2_per_degree_of_freedom, message })
-        };
-        pairs.filter_map(cause).collect()
+fn in_other_unit(axis: usize, factor: f64) -> String {
+    let axis = ["x", "y", "z"].get(axis).copied().unwrap_or("one axis");
+    match 1.0 < factor {
+        true => format!("with {axis} multiplied by 1000 (the other axes in millimetres?)"),
+        false => format!("with {axis} divided by 1000 ({axis} in millimetres?)"),
     }
+}
 
-    /// Returns the indices of the points with the largest residuals.
-    fn worst(&self) -> Vec<usize> {
-        let residual = |c: &Correspondence| {
-            let predicted = self.pose.and_then(|e| self.camera.project(&(e.cam_from_target * c.x_in_target)));
-            predicted.map_or(f64::INFINITY, |predicted| (c.pixel - predicted).norm() / c.sigma_px)
-        };
-        let mut worst: Vec<(usize, f64)> = self.seen.iter().map(residual).enumerate().collect();
-        worst.sort_by(|a, b| b.1.total_cmp(&a.1));
-        worst.into_iter().take(MOST_LABELS).map(|(i, _)| i).collect()
+fn name(fault: &Fault) -> &'static str {
+    match fault {
+        Fault::PixelsExchanged => "uv_exchanged",
+        Fault::RowsUpwards => "v_upwards",
+        Fault::ColumnsLeftwards => "u_leftwards",
+        Fault::AxesExchanged => "xy_exchanged",
+        Fault::AxisReversed => "axis_reversed",
+        Fault::AxisUnit { .. } => "axis_unit",
+        Fault::LabelsShifted { .. } => "labels_shifted",
+        Fault::LabelsExchanged { .. } => "labels_exchanged",
+        Fault::OtherResolution { .. } => "other_resolution",
+        Fault::CoefficientOrder => "coefficient_order",
+        Fault::UndistortedAlready => "undistorted_already",
+        Fault::OtherFocalLength { .. } => "other_focal_length",
+        Fault::OtherCrop { .. } => "other_crop",
+        Fault::Distorted { .. } => "distorted",
     }
 }
 
@@ -380,15 +301,30 @@ mod tests {
         assert!((focal_px - 900.0).abs() < 9.0, "{focal_px}");
     }
 
-    /// Correct points have no cause, nor have other faults: another principal point, a wrong point, a mirrored image with a wrong point.
+    /// The principal point of another crop, and v upwards with intrinsics of half the resolution, are named with their numbers.
+    #[test]
+    fn a_crop_and_two_faults_at_once_are_named() {
+        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 255.0, cy_px: 741.0 };
+        let crop = Camera::new(Pinhole { matrix }, camera(900.0).size).expect("a camera");
+        let crop = solved(&points(), &crop);
+        assert_eq!((crop.status(), crop.causes[0].cause), (Status::Inconsistent, "other_crop"));
+        assert!(crop.causes[0].message.contains("px instead of (255, 741) px"), "{}", crop.causes[0].message);
+        let half = camera(900.0).scaled_to(640, 480).expect("half");
+        let both = solved(&changed(|x, p| (x, Pixel::new(p.x, 959.0 - p.y))), &half);
+        let names = (both.causes[0].cause, both.causes[0].second_cause);
+        assert_eq!(names, ("v_upwards", Some("other_resolution")), "{}", both.verdict.message);
+        assert!(
+            both.verdict.message.contains(" and with pixels of images of 1280 × 960 px"),
+            "{}",
+            both.verdict.message
+        );
+    }
+
+    /// Correct points have no cause, nor have other faults: a wrong point, a mirrored image with a wrong point.
     #[test]
     fn other_faults_have_none_of_these_causes() {
         let answer = solved(&points(), &camera(900.0));
         assert_eq!((answer.status(), answer.causes.len()), (Status::Ok, 0));
-        let matrix = CameraMatrix { fx_px: 900.0, fy_px: 900.0, cx_px: 255.0, cy_px: 741.0 };
-        let lens = Camera::new(Pinhole { matrix }, camera(900.0).size).expect("a camera");
-        let lens = solved(&points(), &lens);
-        assert_eq!((lens.status(), lens.causes.len()), (Status::Inconsistent, 0), "{}", lens.verdict.message);
         let mut wrong = points();
         wrong[4].1.x += 60.0;
         assert_eq!(causes(&wrong).0.len(), 0);

@@ -1,0 +1,207 @@
+//! Pose and a few parameters of the lens together, from the points of a view: docs/math/suspects.md eq. (3).
+//!
+//!   ξ  motion about the points' centroid  ·  θ = [log f, c_u, c_v, k1, k2], those of them that are free
+
+use super::fault::{Free, Trial};
+use crate::least_squares::PivotedPose;
+use crate::least_squares::dense::{DenseEquations, minimize_dense_within};
+use crate::locate::choose::Hypothesis;
+use crate::locate::refine::{centroid, whitening};
+use crate::locate::{Config, locate};
+use crate::{Bearing, Camera, Correspondence, Point, Pose, Vector6};
+use core::array;
+use nalgebra::{DVector, Unit, Vector2, Vector3};
+
+/// A view solved with a lens.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) camera: Camera,
+    pub(super) cam_from_target: Pose,
+    pub(super) chi2: f64,
+    /// Less the parameters of the lens that were estimated.
+    pub(super) degrees_of_freedom: usize,
+}
+
+/// Factors of the focal length from which a free one begins; the descent reaches about half as far again.
+const FOCAL_STARTS: [f64; 3] = [1.0, 0.45, 2.2];
+/// A free focal length is within this factor of the stated one.
+const FOCAL_RANGE: f64 = 4.5;
+/// Evaluations of one descent.
+const MOST_STEPS: usize = 16;
+/// Two poses that a plane allows are starts.
+const MOST_POSES: usize = 2;
+/// … of which the second is not a start where its χ² is so many times larger.
+const MUCH_WORSE: f64 = 4.0;
+/// Row and column of a parameter of the lens: its derivatives, of which there are at most five.
+const MOST_PARAMETERS: usize = 5;
+const UNKNOWNS: usize = 6 + MOST_PARAMETERS;
+
+/// Solves with the free parameters of the trial's lens, from several starts; χ² is that of the points alone where some are free.
+pub(super) fn fit(seen: &[Correspondence], trial: &Trial, config: &Config) -> Option<Fit> {
+    if trial.free == Free::default() {
+        return located(seen, &trial.camera, trial, config);
+    }
+    let starts = if trial.free.focal { &FOCAL_STARTS[..] } else { &FOCAL_STARTS[..1] };
+    let fits = starts.iter().flat_map(|factor| descents(seen, trial, *factor));
+    fits.filter(|fit| is_plausible(fit, trial)).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
+}
+
+/// Returns whether an estimated focal length is that of another lens, and an estimated principal point that of a crop: no farther from the stated
+/// one than the image is wide and high.
+fn is_plausible(fit: &Fit, trial: &Trial) -> bool {
+    let (Some(stated), Some(found)) = (trial.camera.matrix(), fit.camera.matrix()) else { return false };
+    let sides_px = trial.camera.size.map_or([f64::INFINITY; 2], |s| [s.width_px, s.height_px].map(f64::from));
+    let off_px = [found.cx_px - stated.cx_px, found.cy_px - stated.cy_px];
+    (found.fx_px / stated.fx_px).ln().abs() < FOCAL_RANGE.ln()
+        && (0..2).all(|i| off_px[i].abs() <= sides_px[i])
+}
+
+/// Continues a fit with more points.
+pub(super) fn refined(seen: &[Correspondence], trial: &Trial, fit: Fit) -> Option<Fit> {
+    if trial.free == Free::default() {
+        return Some(fit);
+    }
+    Descent::new(seen, trial).run(&fit.cam_from_target, &fit.camera).filter(|fit| is_plausible(fit, trial))
+}
+
+/// Solves for the pose alone, with all that is known of it; the parameters of the lens that the trial estimated count.
+pub(super) fn located(
+    seen: &[Correspondence],
+    camera: &Camera,
+    trial: &Trial,
+    config: &Config,
+) -> Option<Fit> {
+    let through = |c: &Correspondence| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c });
+    let seen: Vec<Correspondence> = seen.iter().map(through).collect::<Option<_>>()?;
+    let n = camera.parameters().len();
+    let intrinsics_covariance = config.intrinsics_covariance.filter(|covariance| covariance.len() == n * n);
+    let e = locate(&seen, camera, &Config { intrinsics_covariance, shared_errors: false, ..*config }).ok()?;
+    let degrees_of_freedom = e.degrees_of_freedom.saturating_sub(trial.free.n_parameters());
+    Some(Fit { camera: camera.clone(), cam_from_target: e.cam_from_target, chi2: e.chi2, degrees_of_freedom })
+}
+
+fn descents(seen: &[Correspondence], trial: &Trial, factor: f64) -> Vec<Fit> {
+    let descent = Descent::new(seen, trial);
+    let Some(camera) = changed(&trial.camera, |values| values[..2].iter_mut().for_each(|f| *f *= factor))
+    else {
+        return Vec::new();
+    };
+    // Distortion that begins before the principal point is found leads astray.
+    let matrix = Descent { free: Free { n_coefficients: 0, ..trial.free }, ..descent };
+    let staged = |pose: &Pose| match matrix.free == Free::default() || matrix.free == trial.free {
+        true => descent.run(pose, &camera),
+        false => {
+            let first = matrix.run(pose, &camera)?;
+            descent.run(&first.cam_from_target, &first.camera)
+        }
+    };
+    poses(seen, &camera).iter().filter_map(staged).collect()
+}
+
+/// Returns poses from which to begin. The lens is not known yet, so that pixels outside its field begin without distortion.
+fn poses(seen: &[Correspondence], camera: &Camera) -> Vec<Pose> {
+    let straight = |c: &Correspondence| {
+        let k = camera.matrix()?;
+        let q = Vector3::new((c.pixel.x - k.cx_px) / k.fx_px, (c.pixel.y - k.cy_px) / k.fy_px, 1.0);
+        Some(Unit::new_normalize(q))
+    };
+    let with =
+        |c: &Correspondence, bearing: Option<Bearing>| Some(Correspondence { bearing: bearing?, ..*c });
+    let exact = seen.iter().map(|c| with(c, camera.bearing(&c.pixel).ok())).collect::<Option<Vec<_>>>();
+    let seen = exact.or_else(|| seen.iter().map(|c| with(c, straight(c))).collect());
+    let config = Config { shared_errors: false, ..Config::default() };
+    let Some(found) = seen.and_then(|seen| locate(&seen, camera, &config).ok()) else { return Vec::new() };
+    let is_near = |h: &Hypothesis| h.minimum.chi2 < MUCH_WORSE * found.chi2;
+    found.minima().take(MOST_POSES).filter(is_near).map(|h| h.minimum.cam_from_target).collect()
+}
+
+/// Returns the camera with other parameters.
+fn changed(camera: &Camera, change: impl FnOnce(&mut [f64])) -> Option<Camera> {
+    let mut values: Vec<f64> = camera.parameters().iter().map(|(_, value)| *value).collect();
+    change(&mut values);
+    camera.with_parameters(&values).ok()
+}
+
+/// What is minimised.
+#[derive(Clone, Copy)]
+struct Descent<'a> {
+    seen: &'a [Correspondence],
+    free: Free,
+    degrees_of_freedom: usize,
+    pivot: Point,
+}
+
+type LensState = (PivotedPose, Camera);
+
+impl<'a> Descent<'a> {
+    fn new(seen: &'a [Correspondence], trial: &Trial) -> Self {
+        let degrees_of_freedom = (2 * seen.len()).saturating_sub(6 + trial.free.n_parameters());
+        Descent { seen, free: trial.free, degrees_of_freedom, pivot: centroid(seen) }
+    }
+
+    fn run(&self, cam_from_target: &Pose, camera: &Camera) -> Option<Fit> {
+        // Weights of uncertain points remain those of the start; the pose alone is solved for again with its own.
+        let weight = |c: &Correspondence| {
+            let at = camera.project_with_jacobian(&(*cam_from_target * c.x_in_target));
+            at.map(|(_, jacobian)| whitening(c, &jacobian))
+        };
+        let weights: Vec<_> = self.seen.iter().map(weight).collect::<Option<_>>()?;
+        let start = (PivotedPose::new(cam_from_target, &self.pivot), camera.clone());
+        let evaluate = |state: &LensState| self.equations(state, &weights);
+        let found =
+            minimize_dense_within(MOST_STEPS, start, evaluate, |state, step| self.moved(state, step))?;
+        let (pose, camera) = found.state;
+        let (chi2, degrees_of_freedom) = (found.equations.chi2, self.degrees_of_freedom);
+        Some(Fit { camera, cam_from_target: pose.pose(&self.pivot), chi2, degrees_of_freedom })
+    }
+
+    fn equations(&self, (pose, camera): &LensState, weights: &[(f64, f64, f64)]) -> Option<DenseEquations> {
+        let mut equations = DenseEquations::new(6 + self.free.n_parameters());
+        for (c, (a, b, d)) in self.seen.iter().zip(weights) {
+            let y = pose.rotation * (c.x_in_target - self.pivot);
+            let x = y + pose.pivot_in_cam;
+            let (pixel, jacobian) = camera.project_with_jacobian(&x)?;
+            let by_lens = self.by_lens(camera, &x)?;
+            let e = c.pixel - pixel;
+            for (residual, wu, wv) in [(a * e.x + b * e.y, *a, *b), (d * e.y, 0.0, *d)] {
+                let j = (jacobian.row(0) * wu + jacobian.row(1) * wv).transpose();
+                let by_rotation = y.cross(&j);
+                let by: [(usize, f64); UNKNOWNS] = array::from_fn(|i| match i {
+                    0..3 => (i, by_rotation[i]),
+                    3..6 => (i, j[i - 3]),
+                    _ => (i, by_lens[i - 6].x * wu + by_lens[i - 6].y * wv),
+                });
+                equations.add(residual, &by[..6 + self.free.n_parameters()]);
+            }
+        }
+        equations.chi2.is_finite().then_some(equations)
+    }
+
+    /// Returns the derivatives by the free parameters; zeros behind them.
+    fn by_lens(&self, camera: &Camera, x: &Point) -> Option<[Vector2<f64>; MOST_PARAMETERS]> {
+        let by = camera.intrinsics_jacobian(x)?;
+        let k = camera.matrix()?;
+        let log_focal = by[0] * k.fx_px + by[1] * k.fy_px;
+        let focal = self.free.focal.then_some(log_focal);
+        let centre = self.free.centre.then_some([by[2], by[3]]);
+        let coefficients = by.get(4..4 + self.free.n_coefficients)?;
+        let mut all =
+            focal.into_iter().chain(centre.into_iter().flatten()).chain(coefficients.iter().copied());
+        Some(array::from_fn(|_| all.next().unwrap_or_default()))
+    }
+
+    fn moved(&self, (pose, camera): &LensState, step: &DVector<f64>) -> Option<LensState> {
+        let step = step.as_slice();
+        let pose = pose.moved(&Vector6::from_column_slice(step.get(..6)?));
+        let mut by = step.get(6..)?.iter();
+        let mut next = || by.next().copied().unwrap_or_default();
+        let camera = changed(camera, |values| {
+            let factor = if self.free.focal { next().exp() } else { 1.0 };
+            values[..2].iter_mut().for_each(|f| *f *= factor);
+            let n_centre = if self.free.centre { 2 } else { 0 };
+            values[2..2 + n_centre].iter_mut().for_each(|c| *c += next());
+            values[4..4 + self.free.n_coefficients].iter_mut().for_each(|k| *k += next());
+        })?;
+        Some((pose, camera))
+    }
+}
