@@ -375,6 +375,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
         "pose_chi2",
         "pose_degrees_of_freedom",
         "noise_scale",
+        "block_scale",
         "robot_noise",
         "target_size",
         "rotations_rad",

@@ -28,8 +28,8 @@ pub struct Explanation {
     pub degrees_of_freedom: usize,
 }
 
-/// Two faults, or a correction that estimates parameters, need so many degrees of freedom that remain: five redundant points.
-const HANDFUL: usize = 10;
+/// Two faults, or a correction that estimates parameters, need so many degrees of freedom that remain: four redundant points.
+const HANDFUL: usize = 8;
 /// An explanation must be so many times more probable than a fault that is not in the list: 2 ln 100.
 const NEEDED_GAIN: f64 = 9.2;
 /// An explanation that is a thousand times less probable than the best is not named: 2 ln 1000.
