@@ -299,7 +299,7 @@ fn offset_of_rays(
     }
     let (n, variance) =
         frames.iter().flatten().fold((0.0, 0.0), |(n, sum), c| (n + 1.0, sum + c.sigma_px * c.sigma_px));
-    let chi2 = check.statistic * check.noise_scale * check.view_scale;
+    let chi2 = check.statistic * check.noise_scale;
     (chi2 * variance / n).sqrt() / n.sqrt() / focal_length(&camera.parameters())
 }
 

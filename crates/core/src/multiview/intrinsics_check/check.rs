@@ -5,7 +5,6 @@
 //!
 //!   g  score of the intrinsics, poses eliminated   ·   S  its covariance, the reduced information   ·   T = gᵀ S⁻¹ g  ~  χ²ₖ
 //!
-//! Errors that points share within a frame, as of a bent board, show in how the frames scatter along the step that they want.
 //! A flat target is flat and true to size as prints are: its shape is eliminated with the poses, so that no bend is taken for a lens.
 
 use super::equations::{equations, every_parameter, pivots};
@@ -29,17 +28,13 @@ pub const FALSE_ALARM_RATE: f64 = 1e-3;
 const N_SHAPE: usize = 3;
 /// Standard deviation of the stretch of prints along one side: paper in damp air stretches by half of it.
 const STRETCH_SIGMA: f64 = 3e-3;
-/// Errors that points share within a view are expected to be no larger than the noise: this counts as so many views that say so, and fewer views beyond
-/// the number of parameters do not show what they share.
-const EXPECTED_DEGREES: f64 = 8.0;
-const LEAST_DEGREES: f64 = 3.0;
 /// Standard deviation of the bends of flat targets, relative to the half width: 1 mm in the middle of a sheet of A4.
 const BEND_SIGMA: f64 = 1e-2;
 
 /// The result of the test of the given intrinsics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IntrinsicsCheck {
-    /// The score statistic, divided by `noise_scale` and `view_scale`; χ² with `degrees_of_freedom` for right intrinsics.
+    /// The score statistic, divided by `noise_scale`; χ² with `degrees_of_freedom` for right intrinsics.
     pub statistic: f64,
     /// Number of parameters that the frames determine and that are therefore tested.
     pub degrees_of_freedom: usize,
@@ -54,9 +49,6 @@ pub struct IntrinsicsCheck {
     /// Variance of the residuals over the stated one, without the part that the intrinsics explain; 1 where the residuals do not prove it
     /// larger.
     pub noise_scale: f64,
-    /// … and of what the frames want of the intrinsics over what their points explain: errors that points share within a frame. 1 where the frames do not
-    /// show them.
-    pub view_scale: f64,
     /// Frames that took part.
     pub n_frames: usize,
     /// Frames that did not take part.
@@ -104,55 +96,43 @@ pub fn check_intrinsics<F: AsRef<[Correspondence]>>(
 ) -> Result<IntrinsicsCheck, Error> {
     let (views, skipped) = located(frames, camera);
     let too_few = Error::TooFewFrames { seen: views.len(), needed: 1 };
-    let shape = Shape::of(views.iter().flat_map(|view| &view.seen));
-    let [flat, shaped] = scores(&views, camera, shape.as_ref()).ok_or(too_few)?;
+    let [flat, shaped] = reduced(&views, camera).ok_or(too_few)?;
     let parameters = camera.parameters();
-    let (keep, undetermined) = determined(&flat.reduced, &scales(&views, camera), &parameters)?;
+    let (keep, undetermined) = determined(&flat.0, &scales(&views, camera), &parameters)?;
     let n_left = redundancy(&views).saturating_sub(keep.len());
-    let one = |view| scores(view, camera, shape.as_ref()).map(|[_, shaped]| shaped.joint);
-    let single: Vec<Reduced> = views.chunks(1).filter_map(one).collect();
-    let test = |scores: &Scores| {
-        let raw = statistic(&scores.reduced, &keep);
-        let noise_scale = noise_scale(scores.chi2 - raw, n_left);
-        let view_scale = view_scale(&single, scores, &keep, noise_scale);
-        Test { raw, noise_scale, view_scale, reduced: scores.reduced.clone(), parameters: &parameters }
+    let test = |(reduced, chi2): &'_ (Reduced, f64)| {
+        let raw = statistic(reduced, &keep);
+        Test {
+            raw,
+            noise_scale: noise_scale(chi2 - raw, n_left),
+            reduced: reduced.clone(),
+            parameters: &parameters,
+        }
     };
-    let explained = (flat.chi2 - shaped.chi2) / noise_scale(shaped.chi2, n_left);
+    let explained = (flat.1 - shaped.1) / noise_scale(shaped.1, n_left);
     let (flat, shaped) = (test(&flat), test(&shaped));
     let p_value = |test: &Test| test.p_value(test.raw, keep.len());
     // The intrinsics fit if they do so with the target as given, or with a bent one where it is bent beyond chance.
     let is_bent = is_unlikely(explained, N_SHAPE);
     let test = if is_bent && p_value(&flat) < p_value(&shaped) { shaped } else { flat };
-    let p_value = p_value(&test);
+    let (p_value, raw, noise_scale) = (p_value(&test), test.raw, test.noise_scale);
     let blamed = if p_value < FALSE_ALARM_RATE { test.blame(&keep) } else { Vec::new() };
     Ok(IntrinsicsCheck {
-        statistic: test.raw / test.scale(),
+        statistic: raw / noise_scale,
         degrees_of_freedom: keep.len(),
         p_value,
         blamed,
         tested: test.offsets(&keep),
         undetermined,
-        noise_scale: test.noise_scale,
-        view_scale: test.view_scale,
+        noise_scale,
         n_frames: views.len(),
         skipped,
     })
 }
 
-/// The score and the information of all intrinsics at the poses found.
-#[derive(Clone)]
-struct Scores {
-    /// With the shape of the target eliminated.
-    reduced: Reduced,
-    /// With the shape after the intrinsics, and what is known of it; the same for a target as given.
-    joint: Reduced,
-    known: Reduced,
-    /// χ², less what the shape explains.
-    chi2: f64,
-}
-
-/// Returns the scores for a target as given, and for one whose shape is to be found.
-fn scores(views: &[View], camera: &Camera, shape: Option<&Shape>) -> Option<[Scores; 2]> {
+/// Returns the score and the information of all intrinsics at the poses found, and χ² there: for a target as given, and with its shape eliminated,
+/// χ² less what that explains.
+fn reduced(views: &[View], camera: &Camera) -> Option<[(Reduced, f64); 2]> {
     if views.is_empty() {
         return None;
     }
@@ -160,25 +140,23 @@ fn scores(views: &[View], camera: &Camera, shape: Option<&Shape>) -> Option<[Sco
     let placed = views.iter().zip(&pivots);
     let places: Vec<PivotedPose> =
         placed.map(|(view, pivot)| PivotedPose::new(&view.minimum.cam_from_target, pivot)).collect();
-    let every = every_parameter(camera);
-    let mut equations = equations(views, &pivots, &places, camera, &every, shape)?;
+    let (every, shape) = (every_parameter(camera), Shape::of(views.iter().flat_map(|view| &view.seen)));
+    let mut equations = equations(views, &pivots, &places, camera, &every, shape.as_ref())?;
     let chi2 = equations.chi2;
-    let joint = equations.reduced()?;
+    let all = equations.reduced()?;
     let of_lens: Vec<usize> = (0..every.len()).collect();
-    let information = restricted(&joint.information, &of_lens);
-    let reduced = Reduced { information, gradient: picked(&joint.gradient, &of_lens) };
-    let flat = Scores { joint: reduced.clone(), known: reduced.clone(), reduced, chi2 };
+    let information = restricted(&all.information, &of_lens);
+    let flat = Reduced { information, gradient: picked(&all.gradient, &of_lens) };
     let Some(Shape { half_m: [x, y], .. }) = shape else {
-        return Some([flat.clone(), flat]);
+        return Some([(flat.clone(), chi2), (flat, chi2)]);
     };
     let variance = noise_scale(chi2, redundancy(views));
     for (i, sigma) in [STRETCH_SIGMA, BEND_SIGMA * x, BEND_SIGMA * y].into_iter().enumerate() {
         let by_shared = DVector::from_fn(equations.n_shared(), |k, _| f64::from(k == every.len() + i));
         equations.add_known(0.0, variance / (sigma * sigma), &by_shared);
     }
-    let known = equations.reduced()?;
-    let (reduced, explained) = known.first(every.len())?;
-    Some([flat, Scores { reduced, joint, known, chi2: chi2 - explained }])
+    let (shaped, explained) = equations.reduced()?.first(every.len())?;
+    Some([(flat, chi2), (shaped, chi2 - explained)])
 }
 
 /// Returns the parameters that the frames determine, and the names of the others: the least determined one is held until the rest is determined.
@@ -209,27 +187,6 @@ fn statistic(reduced: &Reduced, keep: &[usize]) -> f64 {
     solved.map_or(0.0, |solved| score.dot(&solved).max(0.0))
 }
 
-/// Returns by how much more than their points explain the frames scatter along the step that they want, docs/math/frames.md eq. (14).
-fn view_scale(single: &[Reduced], scores: &Scores, keep: &[usize], noise_scale: f64) -> f64 {
-    let degrees = single.len() as f64 - keep.len() as f64;
-    let (n_lens, n_all) = (scores.reduced.gradient.len(), scores.known.gradient.len());
-    let all: Vec<usize> = keep.iter().copied().chain(n_lens..n_all).collect();
-    let information = restricted(&scores.known.information, &all).cholesky();
-    let Some(cholesky) = information.filter(|_| LEAST_DEGREES <= degrees) else { return 1.0 };
-    let step = cholesky.solve(&picked(&scores.known.gradient, &all));
-    // The same of the intrinsics, with the shape eliminated.
-    let score = picked(&scores.reduced.gradient, keep);
-    let along = cholesky.solve(&score.clone().resize_vertically(all.len(), 0.0));
-    let one = |frame: &Reduced| {
-        let rest = picked(&frame.gradient, &all) - restricted(&frame.information, &all) * &step;
-        along.dot(&rest).powi(2)
-    };
-    let explained = noise_scale * score.dot(&along.rows(0, keep.len())) * degrees / single.len() as f64;
-    let scatter = single.iter().map(one).sum::<f64>() / explained;
-    let scale = (EXPECTED_DEGREES + degrees * scatter) / (EXPECTED_DEGREES + degrees);
-    if scale.is_finite() { scale.max(1.0) } else { 1.0 }
-}
-
 /// The inputs of every statistic of the test.
 struct Test<'a> {
     reduced: Reduced,
@@ -237,16 +194,11 @@ struct Test<'a> {
     /// T before it is divided by `noise_scale`.
     raw: f64,
     noise_scale: f64,
-    view_scale: f64,
 }
 
 impl Test<'_> {
-    fn scale(&self) -> f64 {
-        self.noise_scale * self.view_scale
-    }
-
     fn p_value(&self, raw: f64, degrees_of_freedom: usize) -> f64 {
-        tail(degrees_of_freedom, raw / self.scale())
+        tail(degrees_of_freedom, raw / self.noise_scale)
     }
 
     /// Adds the group that explains most until the rest explains no more than chance would, docs/math/frames.md eq. (11).
@@ -266,7 +218,7 @@ impl Test<'_> {
             // Akaike's penalty: a kind with many parameters explains more by chance.
             let gain = |one: Group| {
                 let more = with(&groups, one);
-                statistic(&self.reduced, &more) / self.scale() - 2.0 * more.len() as f64
+                statistic(&self.reduced, &more) / self.noise_scale - 2.0 * more.len() as f64
             };
             let candidates = Group::ALL.into_iter().filter(|one| explained.len() < with(&groups, *one).len());
             let best =
@@ -287,7 +239,7 @@ impl Test<'_> {
             return Vec::new();
         };
         let step: DVector<f64> = cholesky.solve(&picked(&self.reduced.gradient, keep));
-        let covariance = cholesky.inverse() * self.scale();
+        let covariance = cholesky.inverse() * self.noise_scale;
         let doubt = |(at, i): (usize, &usize)| {
             let (name, given) = self.parameters[*i];
             ParameterOffset { name, given, offset: step[at], sigma: covariance[(at, at)].sqrt() }
