@@ -214,7 +214,7 @@ fn widened(doubt: &HandEyeWarning) -> Option<String> {
             if 1.0 < size.ratio { "larger" } else { "smaller" }
         )),
         HandEyeWarning::OtherLens(error, part) => Some(format!(
-            "; {error} seems {:.2} % of the focal length {} than stated, and every ± holds that",
+            "; {error} seems {:.2} % {} than stated, and every ± holds that",
             100.0 * part.abs(),
             if 0.0 < *part { "larger" } else { "smaller" }
         )),

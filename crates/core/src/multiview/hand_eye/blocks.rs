@@ -1,4 +1,4 @@
-//! Errors that neighbouring views share, as of a robot whose accuracy depends on where it is: docs/math/hand_eye.md section 8.
+//! Errors that neighbouring views share, as of a robot whose accuracy depends on where it is: docs/math/hand_eye.md section 7.
 
 use super::noise::{At, Effects, Normal, Row};
 use crate::Pose;
@@ -39,7 +39,7 @@ pub(super) fn factors(rows: &[Row], at: &At, hands: &[Pose], noise_scale: f64) -
     for (order, count) in orders.iter().flat_map(|order| counts.iter().map(move |count| (order, *count))) {
         let blocks = blocks(rows, at, order, count);
         let inflation = |onto| {
-            let (chi2, degrees_of_freedom) = disagreement(&blocks, &phi, onto);
+            let (chi2, degrees_of_freedom) = disagreement(&blocks, &phi, onto)?;
             inflated(chi2 / noise_scale, degrees_of_freedom)
         };
         let (Some((evidence, _)), Some((_, of_x)), Some((_, of_z))) =
@@ -102,8 +102,8 @@ fn onto(phi: &SMatrix<f64, 12, 12>, part: usize) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_fn(6, 12, |i, j| onto[(i, j)]))
 }
 
-/// Returns χ² of what the blocks want, and its mean, eq. (32).
-fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64>) -> (f64, f64) {
+/// Returns χ² of what the blocks want, and its mean, eq. (32); `None` where a number is not finite.
+fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64>) -> Option<(f64, f64)> {
     // In units of the standard deviations: radians and metres differ.
     let unit = |i: usize| (onto.row(i) * phi * onto.row(i).transpose())[0].sqrt().recip();
     let onto = DMatrix::from_fn(onto.nrows(), 12, |i, j| onto[(i, j)] * unit(i));
@@ -111,7 +111,11 @@ fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64
     for (information, pull) in blocks {
         let pull = &onto * pull;
         let covariance = &onto * (information - information * phi * information) * onto.transpose();
-        let eigen = (&onto * information * onto.transpose()).symmetric_eigen();
+        let information = &onto * information * onto.transpose();
+        if !information.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let eigen = information.symmetric_eigen();
         let least = LEAST_PART * eigen.eigenvalues.max();
         for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
             if least < *value {
@@ -120,7 +124,7 @@ fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64
             }
         }
     }
-    (chi2, mean)
+    Some((chi2, mean))
 }
 
 /// Returns the evidence of a factor of variances between 1 and `MOST` against none, and its mean, eq. (33).

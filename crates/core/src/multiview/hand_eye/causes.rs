@@ -155,7 +155,7 @@ impl fmt::Display for HandEyeCause {
             HandEyeCause::Size { ratio, sigma } => size(f, *ratio, *sigma),
             HandEyeCause::Lens { error, part, sigma, probability, shift_m } => write!(
                 f,
-                "by the gripper's motions {error} is {:.1} % ± {:.1} % of the focal length {} than stated (probability {:.0} %): this moves the camera by {:.1} mm",
+                "by the gripper's motions {error} is {:.1} % ± {:.1} % {} than stated (probability {:.0} %): this moves the camera by {:.1} mm",
                 100.0 * part.abs(),
                 100.0 * sigma,
                 if 0.0 < *part { "larger" } else { "smaller" },
