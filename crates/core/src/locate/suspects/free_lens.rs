@@ -8,7 +8,7 @@ use crate::least_squares::dense::{DenseEquations, minimize_dense_within};
 use crate::locate::choose::Hypothesis;
 use crate::locate::refine::{centroid, whitening};
 use crate::locate::{Config, locate};
-use crate::{Bearing, Camera, Correspondence, Point, Pose, Vector6};
+use crate::{Camera, Correspondence, Point, Pose, Vector6};
 use core::array;
 use nalgebra::{DVector, Unit, Vector2, Vector3};
 
@@ -26,8 +26,11 @@ pub(super) struct Fit {
 const FOCAL_STARTS: [f64; 3] = [1.0, 0.45, 2.2];
 /// A free focal length is within this factor of the stated one.
 const FOCAL_RANGE: f64 = 4.5;
-/// Evaluations of one descent.
-const MOST_STEPS: usize = 16;
+/// Evaluations after which a descent is given up where χ² is still so many times its degrees of freedom, …
+const FIRST_STEPS: usize = 8;
+const HOPELESS: f64 = 1e3;
+/// … and evaluations that follow elsewhere.
+const MOST_STEPS: usize = 20;
 /// Two poses that a plane allows are starts.
 const MOST_POSES: usize = 2;
 /// … of which the second is not a start where its χ² is so many times larger.
@@ -98,17 +101,18 @@ fn descents(seen: &[Correspondence], trial: &Trial, factor: f64) -> Vec<Fit> {
     poses(seen, &camera).iter().filter_map(staged).collect()
 }
 
-/// Returns poses from which to begin. The lens is not known yet, so that pixels outside its field begin without distortion.
+/// Returns poses from which to begin. The lens is not known yet, so that a pixel outside its field begins without distortion.
 fn poses(seen: &[Correspondence], camera: &Camera) -> Vec<Pose> {
     let straight = |c: &Correspondence| {
         let k = camera.matrix()?;
         let q = Vector3::new((c.pixel.x - k.cx_px) / k.fx_px, (c.pixel.y - k.cy_px) / k.fy_px, 1.0);
         Some(Unit::new_normalize(q))
     };
-    let with =
-        |c: &Correspondence, bearing: Option<Bearing>| Some(Correspondence { bearing: bearing?, ..*c });
-    let exact = seen.iter().map(|c| with(c, camera.bearing(&c.pixel).ok())).collect::<Option<Vec<_>>>();
-    let seen = exact.or_else(|| seen.iter().map(|c| with(c, straight(c))).collect());
+    let through = |c: &Correspondence| {
+        let bearing = camera.bearing(&c.pixel).ok().or_else(|| straight(c))?;
+        Some(Correspondence { bearing, ..*c })
+    };
+    let seen: Option<Vec<Correspondence>> = seen.iter().map(through).collect();
     let config = Config { shared_errors: false, ..Config::default() };
     let Some(found) = seen.and_then(|seen| locate(&seen, camera, &config).ok()) else { return Vec::new() };
     let is_near = |h: &Hypothesis| h.minimum.chi2 < MUCH_WORSE * found.chi2;
@@ -147,11 +151,16 @@ impl<'a> Descent<'a> {
         };
         let weights: Vec<_> = self.seen.iter().map(weight).collect::<Option<_>>()?;
         let start = (PivotedPose::new(cam_from_target, &self.pivot), camera.clone());
-        let evaluate = |state: &LensState| self.equations(state, &weights);
-        let found =
-            minimize_dense_within(MOST_STEPS, start, evaluate, |state, step| self.moved(state, step))?;
-        let (pose, camera) = found.state;
-        let (chi2, degrees_of_freedom) = (found.equations.chi2, self.degrees_of_freedom);
+        let descend = |steps: usize, start: LensState| {
+            let evaluate = |state: &LensState| self.equations(state, &weights);
+            minimize_dense_within(steps, start, evaluate, |state, step| self.moved(state, step))
+        };
+        let degrees_of_freedom = self.degrees_of_freedom;
+        let mut found = descend(FIRST_STEPS, start)?;
+        if !found.is_minimum() && found.equations.chi2 < HOPELESS * degrees_of_freedom as f64 {
+            found = descend(MOST_STEPS, found.state)?;
+        }
+        let ((pose, camera), chi2) = (found.state, found.equations.chi2);
         Some(Fit { camera, cam_from_target: pose.pose(&self.pivot), chi2, degrees_of_freedom })
     }
 
