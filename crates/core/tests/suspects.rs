@@ -251,7 +251,8 @@ fn check(rows: &[Row], least_first: f64) {
     assert!(0.98 * contradicted <= first, "{first} of {contradicted}");
     for row in rows {
         assert_eq!(row.n_contradicted as u64, n_seeds());
-        assert!(least_first * row.n_contradicted as f64 <= row.n_first as f64, "{row:?}");
+        // Of a few inputs one more is missed by chance.
+        assert!(least_first * row.n_contradicted as f64 - 1.0 < row.n_first as f64, "{row:?}");
     }
 }
 
