@@ -268,9 +268,7 @@ fn by_lens(
     let poses =
         |settled: &Settled, best: &Fit| views::centre(&settled.known).undone(&best.poses, &best.covariance).0;
     let (given, moved) = (poses(settled, best), poses(&other, &other_best));
-    let by_camera = (moved.cam_from_carrier * given.cam_from_carrier.inverse()).log();
-    let by_target = (moved.holder_from_target * given.holder_from_target.inverse()).log();
-    let shift = SVector::<f64, 12>::from_iterator(by_camera.iter().chain(&by_target).copied());
+    let shift = moved.motion_from(&given);
     let gain = || Some(other.log_likelihood(config)? - settled.log_likelihood(config)?);
     // Of other views ℓ is not comparable, but the noise is.
     let noise = |settled: &Settled| settled.sigmas().map_or(f64::INFINITY, |[turn, shift]| turn * shift);
@@ -349,7 +347,7 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
 }
 
 /// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of errors that all views may share,
-/// widened where the poses disagree more than stated.
+/// widened where the poses disagree more than stated, and for what neighbouring views share.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict) -> DMatrix<f64> {
     let added = verdict.shared.iter().map(|(probability, effect)| Verdict::added(*probability, effect));
     settled.widened(added.fold(&best.covariance + &settled.widening, |sum, one| sum + one))

@@ -150,10 +150,7 @@ fn rejected_matter(settled: &Settled, covariance: &DMatrix<f64>, config: &HandEy
     let all: Vec<(usize, usize)> =
         known.iter().enumerate().map(|(at, view)| (at, nearest(view, poses).0)).collect();
     let Ok((fit, _)) = fit_with_noise(poses, &mut known, &all, config) else { return true };
-    let by_camera = (fit.poses.cam_from_carrier * poses.cam_from_carrier.inverse()).log();
-    let by_target = (fit.poses.holder_from_target * poses.holder_from_target.inverse()).log();
-    let shift = SVector::from_iterator(by_camera.iter().chain(&by_target).copied());
-    is_beyond(&shift, covariance)
+    is_beyond(&fit.poses.motion_from(poses), covariance)
 }
 
 /// Returns the cause that the pixels give, unless it moves the camera by no more than its covariance, or the gripper's motions do not confirm it.

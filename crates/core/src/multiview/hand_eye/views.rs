@@ -9,7 +9,7 @@ use crate::locate::consistency::measured_scale;
 use crate::multiview::relative::{check_pose, information_of};
 use crate::multiview::rig_pose::{RigAmbiguity, RigCost, RigView, check_views, locate_rig};
 use crate::{Error, Matrix6, Pose, Vector6};
-use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Kinds of noise: the gripper's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
 /// of an arm, and its position (m²), each the variance per axis.
@@ -84,6 +84,13 @@ pub(super) struct Poses {
 }
 
 impl Poses {
+    /// Returns the left motions of X and Z from other ones.
+    pub fn motion_from(&self, other: &Poses) -> SVector<f64, 12> {
+        let by_camera = (self.cam_from_carrier * other.cam_from_carrier.inverse()).log();
+        let by_target = (self.holder_from_target * other.holder_from_target.inverse()).log();
+        SVector::from_iterator(by_camera.iter().chain(&by_target).copied())
+    }
+
     /// Returns T = X H Z.
     pub fn cam_from_target(&self, view: &Known) -> Pose {
         self.cam_from_carrier * view.carrier_from_holder * self.holder_from_target
