@@ -171,7 +171,9 @@ fn a_restart_compares_with_where_the_camera_was() {
         let own = watched.file(name);
         std::fs::copy(Path::new(&state), Path::new(&own)).expect("copied");
         let lines = watched.lines(morning..morning + 60, 0x9e6, |_| degrees);
-        watched.watch(&lines, &["--state", &own])
+        let again = watched.watch(&lines, &["--state", &own]);
+        assert!(again.stdout.contains("hours that were not watched yet"), "{degrees}°: {}", again.stdout);
+        again
     };
     let stayed = again("stayed.state", 0.0);
     assert_eq!(stayed.code, 0, "{}", stayed.stdout);
@@ -189,7 +191,7 @@ fn a_restart_compares_with_where_the_camera_was() {
     );
 }
 
-/// The reference of a file, a few readings of another night: the words and the JSON say the same.
+/// The reference of a file, a few readings of another night: the words and the JSON say the same, where it is and what is promised from then on.
 #[test]
 fn a_nightly_check_says_where_the_camera_is() {
     let watched = Watched::new("watch-nightly");
@@ -212,6 +214,10 @@ fn a_nightly_check_says_where_the_camera_is() {
             "{compared} {}",
             words.stdout
         );
+        let promised: Vec<&Value> = events.iter().filter(|event| event["event"] == "promised").collect();
+        let [promised] = promised[..] else { panic!("{}", json.stdout) };
+        assert_eq!(promised["unpromised"][0]["kind"], "unwatched_hours", "{promised}");
+        assert!(words.stdout.contains(promised["message"].as_str().expect("words")), "{promised} {}", words.stdout);
         let verdict = events.last().expect("a verdict");
         assert_eq!(verdict["deviation"].is_object(), status == 1, "{verdict}");
     }

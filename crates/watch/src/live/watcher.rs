@@ -152,6 +152,7 @@ impl<'a> Watcher<'a> {
         }
         if let Some((t_s, _)) = self.last {
             self.compared(t_s, true);
+            self.promised(t_s);
             self.teller.at_the_end(t_s, self.look.states_at_the_end(t_s));
         }
         if self.is_new {

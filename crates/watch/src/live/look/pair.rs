@@ -183,10 +183,11 @@ impl Pair {
         let is_due = |readings: u32| readings == 0 || (is_end && readings < COMPARED_AFTER);
         let deviation = self.monitor()?.deviation().filter(|_| self.compares_in.is_some_and(is_due))?;
         self.compares_in = None;
+        self.promises.begin();
         Some(deviation)
     }
 
-    /// Returns the promise of what the monitor detects, where it has changed.
+    /// Returns the promise of what the monitor detects, after the deviation from the initial reference and where it has changed.
     pub fn promised(&mut self, t_s: f64) -> Option<Promise> {
         let Stage::Watching(_) = &self.stage else { return None };
         if !self.promises.is_due(t_s) {

@@ -1,4 +1,4 @@
-//! The report of a changed promise: noise that has changed is reported once.
+//! The report of a promise: at the start of a session that begins with a reference, and where it has changed.
 
 use crate::live::Promise;
 use resight_core::temporal::monitor::Unpromised;
@@ -22,6 +22,8 @@ pub(super) struct Promises {
     terms: Terms,
     /// All terms that were reported so far.
     told: Terms,
+    /// Whether the next promise is reported though it has not changed.
+    is_first: bool,
 }
 
 /// For what no rate of false alarms is promised.
@@ -45,6 +47,11 @@ impl Terms {
 }
 
 impl Promises {
+    /// Lets the next promise be reported: nothing was learned with which it would have been.
+    pub fn begin(&mut self) {
+        (self.is_first, self.looked_s) = (true, None);
+    }
+
     pub fn is_due(&mut self, t_s: f64) -> bool {
         let is_due = self.looked_s.is_none_or(|looked_s| looked_s + LOOKED_EVERY_S <= t_s);
         if is_due {
@@ -53,7 +60,7 @@ impl Promises {
         is_due
     }
 
-    /// Returns whether the promise differs from the last one: it is worse, or as good again as before it became worse, or it is for other
+    /// Returns whether the promise is the first one, or differs from the last: it is worse, or as good again as before it became worse, or it is for other
     /// errors, or begins or ceases to hold motions. An improvement with every reading is not reported.
     pub fn is_news(&mut self, promise: &Promise, t_s: f64) -> bool {
         let now = promise.detectable.rotation_rad.into_iter().fold(0.0, f64::max);
@@ -61,12 +68,13 @@ impl Promises {
         let is_worse = OTHER * before < now;
         let is_better = self.has_grown && OTHER * now < before;
         let terms = Terms::of(promise);
-        if !(is_worse || is_better || terms != self.terms) {
+        let is_first = std::mem::take(&mut self.is_first);
+        if !(is_first || is_worse || is_better || terms != self.terms) {
             self.rotation_rad = Some(if self.has_grown { before } else { before.min(now) });
             return false;
         }
         let is_soon = self.said_s.is_some_and(|said_s| t_s < said_s + SAID_EVERY_S);
-        if is_soon && !terms.has_more_than(&self.told) {
+        if is_soon && !is_first && !terms.has_more_than(&self.told) {
             return false;
         }
         (self.said_s, self.rotation_rad, self.has_grown) = (Some(t_s), Some(now), is_worse);

@@ -5,14 +5,14 @@ use crate::live::Promise;
 use resight::core::temporal::monitor::Unpromised;
 use resight::report::words::counted;
 
-/// Returns the words after "reference learned, ± …".
+/// Returns the promise in words.
 pub(super) fn words(promise: &Promise) -> String {
     let Promise { noise, detectable, held, .. } = promise;
     let largest = |of: &[f64; 3]| of.iter().copied().fold(0.0, f64::max);
     let (rotation, translation) =
         (largest(&detectable.rotation_rad).to_degrees(), 1e3 * largest(&detectable.translation_m));
     let mut words = format!(
-        "; a sudden rotation of {rotation:.3}° or translation of {translation:.1} mm about or along any axis is found within {:.0} s, nine times \
+        "a sudden rotation of {rotation:.3}° or translation of {translation:.1} mm about or along any axis is found within {:.0} s, nine times \
          in ten, whatever errors the readings do not exclude yet",
         detectable.within_s
     );
