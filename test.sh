@@ -79,6 +79,10 @@ cmake_program() { # for the examples in C and C++; without one that test says th
     ln -sf "$target/check-venv/bin/cmake" "$target/cmake/cmake"
 }
 
+build() {
+    cargo test --workspace --no-run
+}
+
 tests() { # all, or those that are not slow
     local slow=()
     [ "$mode" = everything ] || while read -r name; do slow+=(--skip "$name"); done <scripts/slow_tests.txt
@@ -148,6 +152,15 @@ frames() { # the recorded videos as images, once
     sh scripts/unpack_videos.sh "$RESIGHT_DATA/caliscope_4cam_charuco" "$RESIGHT_FRAMES"
 }
 
+# What a build reads comes before it: installed programs first, then those below target/.
+export PATH=$PATH:$target/ffmpeg:$target/cmake
+if [ -n "${RESIGHT_DATA:-}" ]; then
+    RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
+    export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
+fi
+# Drawn inputs are the same ones in each run; `PROPTEST_RNG_SEED=$RANDOM ./test.sh` draws others.
+export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-20041}
+[ "$mode" = release ] || aside build 0 # The environment of the tests is made meanwhile.
 step "python environment" python_environment
 if [ "$mode" = everything ]; then
     aside derivations
@@ -155,18 +168,12 @@ if [ "$mode" = everything ]; then
 fi
 step "ffmpeg" ffmpeg_program
 step "cmake" cmake_program
-export PATH=$PATH:$target/ffmpeg:$target/cmake # Installed ones come first.
-if [ -n "${RESIGHT_DATA:-}" ]; then
-    RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
-    export RESIGHT_DATA RESIGHT_FRAMES=$target/frames
-    step "recorded videos to frames" frames
-fi
-# Drawn inputs are the same ones in each run; `PROPTEST_RNG_SEED=$RANDOM ./test.sh` draws others.
-export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-20041}
+[ -z "${RESIGHT_DATA:-}" ] || step "recorded videos to frames" frames
 if [ "$mode" = release ]; then
     step "python wheel" wheel
     step "tests of the wheel" wheel_tests
 else
+    step "build" awaited build
     step "cargo test" tests
 fi
 if [ "$mode" = everything ]; then

@@ -217,7 +217,11 @@ fn a_nightly_check_says_where_the_camera_is() {
         let promised: Vec<&Value> = events.iter().filter(|event| event["event"] == "promised").collect();
         let [promised] = promised[..] else { panic!("{}", json.stdout) };
         assert_eq!(promised["unpromised"][0]["kind"], "unwatched_hours", "{promised}");
-        assert!(words.stdout.contains(promised["message"].as_str().expect("words")), "{promised} {}", words.stdout);
+        assert!(
+            words.stdout.contains(promised["message"].as_str().expect("words")),
+            "{promised} {}",
+            words.stdout
+        );
         let verdict = events.last().expect("a verdict");
         assert_eq!(verdict["deviation"].is_object(), status == 1, "{verdict}");
     }

@@ -11,6 +11,8 @@ use nalgebra::{Matrix3, Vector3};
 /// Bernoulli numbers over factorials, Bₙ/n! for n = 2, 4, 6, 8: the next term is below 2e-3 even at an angle of π, where the residual is
 /// hopeless anyway, and below rounding at 0.03 rad.
 const SERIES: [f64; 4] = [1.0 / 12.0, -1.0 / 720.0, 1.0 / 30_240.0, -1.0 / 1_209_600.0];
+/// |ξ|² below which the third term is below rounding, and two suffice.
+const SMALL: f64 = 1e-5;
 
 /// Largest entry of RᵀR − 1 accepted: a matrix written with six digits.
 const MAX_ROTATION_DEFECT: f64 = 1e-5;
@@ -31,7 +33,8 @@ fn inverse_right_jacobian(xi: &Vector6) -> Matrix6 {
     let square = times((turn, shift), (turn, shift));
     let mut power = (Matrix3::identity(), Matrix3::zeros());
     let mut sum = (Matrix3::identity() + turn * 0.5, shift * 0.5);
-    for coefficient in SERIES {
+    let terms = if xi.norm_squared() < SMALL { &SERIES[..2] } else { &SERIES[..] };
+    for &coefficient in terms {
         power = times(power, square);
         sum = (sum.0 + power.0 * coefficient, sum.1 + power.1 * coefficient);
     }

@@ -192,7 +192,10 @@ impl EventText {
                 let sigma = reference.noise.reference.diagonal().map(f64::sqrt);
                 let (turn, shift) = (sigma.fixed_rows::<3>(0).norm(), sigma.fixed_rows::<3>(3).norm());
                 let [turn, shift] = [turn.to_degrees(), 1e3 * shift];
-                let promised = promise.as_ref().map(|promise| format!("; {}", promised::words(promise))).unwrap_or_default();
+                let promised = promise
+                    .as_ref()
+                    .map(|promise| format!("; {}", promised::words(promise)))
+                    .unwrap_or_default();
                 format!(
                     "{}  reference learned, ± {turn:.4}°, ± {shift:.2} mm{promised}",
                     self.names.pair(*camera, *target)

@@ -1,7 +1,8 @@
 //! Mistakes that would explain why views disagree: other sizes, inverted gripper poses, another order of quaternions, another convention of
 //! rotations, shifted rows.
 //!
-//! They are tried only where the answer is inconsistent: each alternative is solved completely, and named where it reduces the noise.
+//! They are tried only where the answer is inconsistent: each alternative in which the rotations of camera and gripper agree is solved completely,
+//! and named where it reduces the noise.
 
 use super::causes::{HandEyeCause, large_noise};
 use super::settle::{Effect, Settled, settled};
@@ -51,8 +52,7 @@ fn of_known(views: &[HandEyeView], known: &[Known], config: &HandEyeConfig) -> O
     for by in [-1isize, 1] {
         all.push((HandEyeCause::ShiftedRows(by), shifted(&plain, by)));
     }
-    let solved =
-        all.into_iter().filter_map(|(cause, views)| Some((badness_of_alternative(&views, config)?, cause)));
+    let solved = solved(all, config);
     let sized = UNIT_STARTS.into_iter().find_map(|start| size_from(&plain, start, config));
     let rewritten = best_convention(&plain, config);
     let rewritten = rewritten.map(|(noise, convention)| (noise, HandEyeCause::Convention(convention)));
@@ -97,11 +97,42 @@ fn best_convention(
     let written: Vec<_> = plain.iter().map(|view| view.written).collect::<Option<_>>()?;
     let given = written.first()?.convention;
     let others = RotationConvention::all().filter(|other| *other != given);
-    let noise = |convention| {
-        let views = with_hands(plain, |i| written[i].base_from_gripper(convention));
-        Some((badness_of_alternative(&views, config)?, convention))
+    let views = |convention| with_hands(plain, |i| written[i].base_from_gripper(convention));
+    let all = others.map(|convention| (convention, views(convention))).collect();
+    solved(all, config).min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Differences of angles up to so many times the least, and by a tenth of the largest plausible noise more, may be due to chance.
+const ANGLES_BY_LEAST: f64 = 2.0;
+const ANGLES_BY_NOISE: f64 = 0.1;
+
+/// Solves the alternatives whose rotations agree best, and returns the noise of each.
+fn solved<T>(
+    mut all: Vec<(T, Vec<HandEyeView<'static>>)>,
+    config: &HandEyeConfig,
+) -> impl Iterator<Item = (f64, T)> {
+    let differences_rad: Vec<f64> = all.iter().map(|(_, views)| difference_of_angles_rad(views)).collect();
+    let least_rad = differences_rad.iter().copied().fold(f64::INFINITY, f64::min);
+    let most_rad = ANGLES_BY_LEAST * least_rad + ANGLES_BY_NOISE * MAX_GRIPPER_SIGMA_RAD;
+    let mut agree = differences_rad.iter().map(|difference_rad| *difference_rad <= most_rad);
+    all.retain(|_| agree.next() == Some(true));
+    all.into_iter().filter_map(|(what, views)| Some((badness_of_alternative(&views, config)?, what)))
+}
+
+/// Returns by how much the angles of rotation between neighbouring views differ between camera and gripper, eq. (35): the lower quartile, because
+/// both views of so many pairs are right where half of the views are.
+fn difference_of_angles_rad(views: &[HandEyeView]) -> f64 {
+    let difference = |pair: &[HandEyeView]| {
+        let [a, b] = [&pair[0], &pair[1]];
+        let gripper_rad = a.base_from_gripper.angle_to_rad(&b.base_from_gripper);
+        let cameras = a.candidates.iter().flat_map(|a| b.candidates.iter().map(move |b| (a, b)));
+        let camera_rad =
+            |(a, b): (&Candidate, &Candidate)| a.cam_from_target.angle_to_rad(&b.cam_from_target);
+        cameras.map(|of_two| (camera_rad(of_two) - gripper_rad).abs()).fold(f64::INFINITY, f64::min)
     };
-    others.filter_map(noise).min_by(|a, b| a.0.total_cmp(&b.0))
+    let mut all: Vec<f64> = views.windows(2).map(difference).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 4).copied().unwrap_or(0.0)
 }
 
 /// Returns the size with which the views agree; the proven error itself where none is found.
