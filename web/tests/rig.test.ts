@@ -46,7 +46,7 @@ test("an answer and a rig file that are dropped are shown with the numbers of th
   assert.equal(await page.locator("[data-table=pairs] tbody tr").count(), answer.pairs.length);
   assert.equal(await page.locator("[data-table=rejected] tbody tr").count(), answer.rejected.length);
   assert.match((await page.locator("[data-caption]").textContent())!, /95 %.*\d/);
-  // Shares: a whole 1 and less are told apart by class and by number.
+  // Shares: a whole 1 and less are distinguished by class and by number.
   const cells = await page.locator("[data-table=views] td[class^=share]").evaluateAll((all) => all.map((cell) => [cell.className, cell.textContent!] as const));
   assert(cells.length > 40 && cells.every(([name, words]) => (name === "share-10") === (words === "100")));
   assert(cells.some(([, words]) => words !== "100"));

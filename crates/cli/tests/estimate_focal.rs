@@ -47,7 +47,7 @@ fn points_in_space_give_it_and_a_frontal_wall_does_not() {
     let (wall, edges) = (&answers[0], &answers[1]);
     let message = wall["message"].as_str().unwrap();
     assert_eq!((&wall["status"], wall.get("estimated_focal")), (&"degenerate".into(), None));
-    assert!(message.contains("cannot be told apart") && message.contains("tilted by"), "{message}");
+    assert!(message.contains("cannot be distinguished") && message.contains("tilted by"), "{message}");
     let found = &edges["estimated_focal"];
     let number = |key: &str| found[key].as_f64().unwrap();
     assert_eq!(edges["status"], "ok", "{edges}");

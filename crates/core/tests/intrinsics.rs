@@ -415,7 +415,7 @@ fn a_wrong_target_is_noticed() {
     assert!(off.abs() < 4.0 && found.severity() == Severity::Remark, "{off}");
 }
 
-/// Images of two cameras in any order, a zoom half-way: the groups are told apart, and the status says that no answer may be relied on; five of
+/// Images of two cameras in any order, a zoom half-way: the groups are found, and the status says that no answer may be relied on; five of
 /// sixteen that hardly contradict are at least a remark.
 #[test]
 fn two_cameras_are_noticed() {
@@ -447,7 +447,7 @@ fn two_cameras_are_noticed() {
             continue;
         }
         assert_eq!(found.severity(), Severity::Inconsistent, "{by} {mixed}");
-        let groups = groups.unwrap_or_else(|| panic!("not told apart: {by} {mixed}"));
+        let groups = groups.unwrap_or_else(|| panic!("not found: {by} {mixed}"));
         let mut sides = [groups.first, groups.second];
         sides.sort_by_key(|side| side.contains(&(if mixed { 1 } else { 15 })));
         let wrong = sides[1].iter().filter(|i| !is_other(**i)).count()

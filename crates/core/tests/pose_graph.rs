@@ -409,7 +409,7 @@ fn what_cannot_be_is_refused_by_name() {
     assert!(matches!(solve_pose_graph(&graph, &config), Err(Error::InvalidSetting { .. })));
 }
 
-/// Pairs noisier than stated, one wrong pair that the others contradict, one of a loop that nothing tells apart: each is in the numbers.
+/// Pairs noisier than stated, one wrong pair that the others contradict, one of a loop whose pairs nothing distinguishes: each is in the numbers.
 #[test]
 fn what_is_said_against_a_graph_is_in_its_numbers() {
     let (mut rng, mut seen) = (Rng::new(212), Vec::new());

@@ -150,7 +150,7 @@ fn deg(x: [f64; 2]) -> [f64; 2] {
 }
 
 /// Of answers: the second moment of the seven numbers is 7, the 95 % interval of f holds, none is far off. What is refused says that focal
-/// length and distance cannot be told apart.
+/// length and distance cannot be distinguished.
 fn check(name: &str, t: &Tally, nees: [f64; 2], least_answered: f64) {
     println!("{name}: {t:?}");
     let (unique, n) = (t.unique as f64, t.views as f64);

@@ -45,7 +45,7 @@ impl core::fmt::Display for FocalSentence<'_> {
         let needed = 100.0 * self.needed;
         match self.remedy {
             FocalRemedy::Lines => write!(f, "the lines leave the focal length open: ")?,
-            _ => write!(f, "focal length and distance cannot be told apart: ")?,
+            _ => write!(f, "focal length and distance cannot be distinguished: ")?,
         }
         if self.relative_sigma.is_finite() {
             let seen = 100.0 * self.relative_sigma;

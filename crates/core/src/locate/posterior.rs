@@ -42,7 +42,7 @@ pub(crate) fn weights(minima: &Minima, noise_scale: f64) -> Weights {
 }
 
 /// Removes minima that are one with a lower minimum where the residuals exceed the stated noise: the valley is then flatter by as much, and two
-/// descents may end in it at places that the stated noise would tell apart.
+/// descents may end in it at places that the stated noise would distinguish.
 pub(crate) fn merge(minima: &mut Minima, bends: &mut Bends, noise_scale: f64) {
     if noise_scale <= 1.0 {
         return;

@@ -57,7 +57,7 @@ const MOST_FIELD_RAD: f64 = 2.268_928;
 /// Pose and focal length from known points of one view, the other intrinsics being those that `lens` states of lenses in general.
 ///
 /// # Errors
-/// `TooFewPoints` for fewer than four, `Collinear`, `Coincident`; `UndeterminedFocal` where focal length and distance cannot be told apart;
+/// `TooFewPoints` for fewer than four, `Collinear`, `Coincident`; `UndeterminedFocal` where focal length and distance cannot be distinguished;
 /// `ImpossibleFocal` where the points fit best with a focal length that no lens has; `NoSolution`.
 pub fn estimate_focal(seen: &[Correspondence], lens: &LensPrior) -> Result<FocalEstimate, Error> {
     estimate_focal_of(seen, lens, [0.0; 2])
