@@ -3,6 +3,7 @@
 use super::adjust::{Adjusted, keeps_minimum};
 use super::budget::Budgets;
 use super::classify::rms_px;
+use super::explain::Shown;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::scores;
@@ -16,6 +17,7 @@ use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
 use crate::budget::ErrorSource;
 use crate::covariance::is_covariance;
+use crate::explanation::LEAST_PROBABILITY;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::clustered::{Cluster, clustered};
 use crate::least_squares::rig::Eliminated;
@@ -103,8 +105,9 @@ pub(super) fn answer(
     budgets.add(ErrorSource::TimeOffsets, &by_times);
     let (mut of_shared, within) = (held.covariance, held.within);
     uncertain.add_to_shared(&mut of_shared);
-    of_shared += by_targets;
     of_shared += by_times;
+    let unexplained = of_shared.clone();
+    of_shared += by_targets;
     let mut with_lenses = of_shared.clone();
     doubts.add_to_shared(&mut with_lenses);
     let lens_sigma_m =
@@ -112,6 +115,16 @@ pub(super) fn answer(
     let shared = if config.lens_errors { with_lenses } else { of_shared };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
+    let shown = Shown {
+        layout,
+        adjusted: &adjusted,
+        eliminated: &eliminated,
+        lenses: &lenses,
+        scales: &scales,
+        noise: measured,
+        config,
+    };
+    let mut explanations = shown.explanations();
     let evidence = Evidence {
         layout,
         located_views,
@@ -124,8 +137,11 @@ pub(super) fn answer(
         noise_scale,
         measured_noise: measured,
         view_scale: within / widened,
+        explanations: &explanations,
+        unexplained: &unexplained,
     };
     let verdict = evidence.verdict();
+    explanations.retain(|one| LEAST_PROBABILITY <= one.probability);
     let mut solution = RigSolution {
         reference: layout.reference,
         weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),
@@ -147,6 +163,7 @@ pub(super) fn answer(
         view_scale: neighbours.of_poses * within / widened,
         lens_sigma_m,
         steps: adjusted.steps,
+        explanations,
         verdict,
     };
     // A measured distance between cameras determines the scale, whatever the size of the targets.
