@@ -25,6 +25,11 @@ impl<K> Weighed<K> {
         Weighed { what, log_odds, probability: 0.0, motions }
     }
 
+    /// Returns whether it is worth listing.
+    pub fn is_probable(&self) -> bool {
+        LEAST_PROBABILITY < self.probability
+    }
+
     /// Weighs explanations against each other, the most probable first.
     pub(crate) fn weigh(all: &mut [Self]) {
         let log_odds: Vec<f64> = all.iter().map(|one| one.log_odds).collect();
@@ -47,7 +52,7 @@ pub struct Tolerance {
 /// The 99 % quantiles of χ² with three and with six degrees of freedom: a smaller motion is within the stated covariance.
 const WITHIN_CHI2: [f64; 2] = [11.34, 16.81];
 /// Explanations that are less probable are not listed.
-pub(crate) const LEAST_PROBABILITY: f64 = 0.1;
+const LEAST_PROBABILITY: f64 = 0.1;
 
 impl Tolerance {
     /// Returns whether the user states one.

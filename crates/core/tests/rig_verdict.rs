@@ -380,7 +380,7 @@ fn few_views_hide_no_lens() {
 #[test]
 fn exchanged_files_of_like_cameras_are_named() {
     let focal_px = [1120.0, 1148.0, 1133.0, 1105.0];
-    let (mut rng, mut n_named) = (Rng::new(5), 0);
+    let (mut rng, mut n_named, mut n_best) = (Rng::new(5), 0, 0);
     for draw in 0..12 {
         let mut room = room(&mut rng);
         room.cameras = focal_px.map(rooms::pinhole).to_vec();
@@ -401,7 +401,8 @@ fn exchanged_files_of_like_cameras_are_named() {
         assert!(wrong.verdict.is_inconsistent, "draw {draw}: {:?}", wrong.verdict);
         n_named +=
             usize::from(wrong.verdict.cameras[1].cause == Some(Cause::ExchangedIntrinsics { with: 2 }));
+        n_best += usize::from(wrong.explanations[0].what == RigExplanation::Exchanged { a: 1, b: 2 });
     }
-    println!("exchanged files named in {n_named} of 12");
-    assert!(11 <= n_named);
+    println!("exchanged files named in {n_named} of 12, and the best explanation of {n_best}");
+    assert!(11 <= n_named && 11 <= n_best);
 }

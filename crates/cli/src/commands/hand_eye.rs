@@ -195,6 +195,7 @@ fn words(solved: &SolvedHandEye) -> String {
             line(&mut out, "budget", &text);
         }
     }
+    crate::text::explained(&mut out, &solved.explanations(), found.is_inconsistent);
     let [first, second, third] = found.rotations_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "rotations", &text);

@@ -25,7 +25,7 @@ mod verdict;
 mod budget;
 
 use crate::budget::{Budget, ErrorSource};
-use crate::explanation::Tolerance;
+use crate::explanation::{Tolerance, Weighed};
 use crate::locate::consistency::measured_scale;
 use crate::multiview::rig_pose::RigView;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose, Vector6};
@@ -33,11 +33,11 @@ use budget::budgets;
 use core::cmp::Ordering;
 use cost::{Fit, Level, fit};
 use nalgebra::{DMatrix, Vector3};
-use settle::{Settled, settled};
+use settle::{Effect, Settled, settled};
 use shared::SharedError;
 use verdict::{ByLens, CONFIRMED_GAIN, CONFIRMED_NOISE, Residuals, Verdict, judged, other_lens, pixels};
 
-pub use causes::{HandEyeCause, HandEyeWarning};
+pub use causes::{HandEyeCause, HandEyeExplanation, HandEyeWarning};
 pub use shared::LensError;
 pub use written::{AngleUnit, RotationConvention, RotationOrder, WrittenPose};
 
@@ -197,6 +197,9 @@ pub struct HandEye {
     /// By how far the camera's position on its carrier moves if the intrinsics are those that the pixels fit better; `None` where they fit. The
     /// covariances hold it.
     pub lens_shift_m: Option<f64>,
+    /// The explanations of the views that are probable enough, the most probable first, with the motions of camera and target: that of the camera in the
+    /// carrier about its centre, that of the target in the holder about its origin.
+    pub explanations: Vec<Weighed<HandEyeExplanation>>,
     /// Whether the answer is inconsistent.
     pub is_inconsistent: bool,
     /// The causes, the most likely first; empty where the answer is consistent.
@@ -352,8 +355,18 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
 /// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of errors that all views may share,
 /// widened where the poses disagree more than stated, and for what neighbouring views share.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict) -> DMatrix<f64> {
-    let added = verdict.shared.iter().map(|(probability, effect)| Verdict::added(*probability, effect));
+    let added = verdict.shared().map(|(probability, effect)| Verdict::added(probability, effect));
     settled.widened(added.fold(&best.covariance + &settled.widening, |sum, one| sum + one))
+}
+
+/// Names what an explanation supposes.
+fn explanation(one: &Weighed<Option<Effect>>) -> Weighed<HandEyeExplanation> {
+    let what = match one.what.as_ref().map(|effect| effect.error) {
+        None => HandEyeExplanation::AsStated,
+        Some(SharedError::Size) => HandEyeExplanation::Size,
+        Some(SharedError::Lens(error)) => HandEyeExplanation::Lens(error),
+    };
+    Weighed { what, log_odds: one.log_odds, probability: one.probability, motions: one.motions.clone() }
 }
 
 fn answer(
@@ -395,6 +408,7 @@ fn answer(
             SharedError::Lens(error) => Some((error, effect.part)),
             SharedError::Size => None,
         }),
+        explanations: verdict.explanations.iter().map(explanation).collect(),
         is_inconsistent: !verdict.causes.is_empty(),
         causes: verdict.causes.clone(),
         lens_shift_m: None,

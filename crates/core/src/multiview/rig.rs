@@ -23,11 +23,12 @@ mod explain;
 mod verdict;
 mod budget;
 mod answer;
+mod late;
 mod exchanged;
 mod free_lenses;
 
 use crate::budget::Budget;
-use crate::explanation::{Weighed, Tolerance};
+use crate::explanation::{Tolerance, Weighed};
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::DMatrix;
@@ -267,7 +268,7 @@ pub struct RigSolution {
     pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
     pub steps: usize,
-    /// The explanations of the observations that are probable enough, the most probable first, each with the motion of every camera.
+    /// The explanations of the observations that were tried, the most probable first, each with the motion of every camera.
     pub explanations: Vec<Weighed<RigExplanation>>,
     /// The verdict; no pose may be used where it is inconsistent.
     pub verdict: RigVerdict,
@@ -315,7 +316,9 @@ const CLEARLY_SIGMAS: f64 = 3.0;
 /// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,
 /// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
-    Ok(exchanged::examined(problem, config, solve_as_stated(problem, config)?, solve_as_stated))
+    let stated = solve_as_stated(problem, config)?;
+    let stated = late::examined(problem, config, stated, solve_as_stated);
+    Ok(exchanged::examined(problem, config, stated, solve_as_stated))
 }
 
 fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {

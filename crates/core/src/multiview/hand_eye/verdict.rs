@@ -8,12 +8,12 @@ use super::settle::{Effect, Settled};
 use super::shared::SharedError;
 use super::{HandEyeConfig, HandEyeView, TargetSize};
 use crate::camera::BrownConrady;
-use crate::explanation::{LEAST_PROBABILITY, probabilities};
+use crate::explanation::Weighed;
 use crate::locate::consistency::{is_inconsistent, loses_too_many, measured_scale};
 use crate::multiview::intrinsics_check::{Group, IntrinsicsCheck, check_intrinsics, focal_length};
 use crate::multiview::rig_pose::RigCost;
-use crate::{Camera, Correspondence, Lens, Matrix6, Pose};
-use nalgebra::{DMatrix, Matrix3, SVector, Vector3};
+use crate::{Camera, Correspondence, Lens, Matrix6, Pose, Vector6};
+use nalgebra::{DMatrix, Matrix3, SVector};
 
 /// Smaller errors of size do not make the answer wrong: their contribution enters the covariance.
 const MAX_SIZE_ERROR: f64 = 0.01;
@@ -38,8 +38,8 @@ pub(super) const CONFIRMED_NOISE: f64 = 0.5;
 pub(super) struct Verdict {
     pub causes: Vec<HandEyeCause>,
     pub size: Option<TargetSize>,
-    /// Errors that all views may share, each with its probability: the covariance holds them.
-    pub shared: Vec<(f64, Effect)>,
+    /// The explanations of the views that are probable enough, none for the input as stated: the covariance holds the others.
+    pub explanations: Vec<Weighed<Option<Effect>>>,
 }
 
 impl Verdict {
@@ -50,10 +50,14 @@ impl Verdict {
         DMatrix::from_fn(12, 12, |i, j| probability * (shift[(i, j)] + open[(i, j)]))
     }
 
-    /// Returns the most probable shared error, where it is more probable than none.
+    /// Returns the errors that all views may share, the most probable first, each with its probability.
+    pub fn shared(&self) -> impl Iterator<Item = (f64, &Effect)> {
+        shared(&self.explanations)
+    }
+
+    /// Returns the most probable shared error, where it is more probable than all else.
     pub fn likely(&self) -> Option<&Effect> {
-        let best = self.shared.iter().max_by(|a, b| a.0.total_cmp(&b.0));
-        best.filter(|(probability, _)| 0.5 < *probability).map(|(_, effect)| effect)
+        self.shared().find(|(probability, _)| 0.5 < *probability).map(|(_, effect)| effect)
     }
 }
 
@@ -82,15 +86,22 @@ pub(super) struct ByLens {
     pub is_confirmed: bool,
 }
 
-/// Returns whether a motion of X or that of Z matters: that of Z about the target's origin, whose position is wanted.
+/// Returns how a left motion of Z, about the base's or hand's origin, moves the target about its own, whose position is wanted.
+fn about_target(settled: &Settled) -> Matrix6 {
+    Pose::new(Matrix3::identity(), -settled.fit.poses.holder_from_target.translation).adjoint()
+}
+
+/// Returns the motions of X and Z, the latter about the target's origin.
+fn motions(shift: &SVector<f64, 12>, settled: &Settled) -> [Vector6; 2] {
+    [shift.fixed_rows::<6>(0).into_owned(), about_target(settled) * shift.fixed_rows::<6>(6)]
+}
+
+/// Returns whether a motion of X or that of Z matters.
 fn is_beyond(shift: &SVector<f64, 12>, (covariance, settled, config): Beside) -> bool {
-    let exceeds = |at: usize, about: &Vector3<f64>| {
-        let there = Pose::new(Matrix3::identity(), -about).adjoint();
-        let covariance: Matrix6 = covariance.fixed_view::<6, 6>(at, at).into_owned();
-        let motion = there * shift.fixed_rows::<6>(at);
-        config.tolerance.is_exceeded(&motion, &(there * covariance * there.transpose()))
-    };
-    exceeds(0, &Vector3::zeros()) || exceeds(6, &settled.fit.poses.holder_from_target.translation)
+    let block = |at: usize| -> Matrix6 { covariance.fixed_view::<6, 6>(at, at).into_owned() };
+    let ([of_x, of_z], there) = (motions(shift, settled), about_target(settled));
+    config.tolerance.is_exceeded(&of_x, &block(0))
+        || config.tolerance.is_exceeded(&of_z, &(there * block(6) * there.transpose()))
 }
 
 /// What a motion is judged beside: the covariance without shared errors, 12×12, and the answer.
@@ -120,7 +131,7 @@ pub(super) fn judged(
     let effects: Vec<Effect> = SharedError::ALL.into_iter().filter_map(effect).collect();
     let larger = effects.iter().find(|effect| effect.error == SharedError::Size);
     let size = larger.map(|larger| TargetSize { ratio: 1.0 + larger.part, sigma: larger.sigma });
-    let shared = shared(effects, settled, config);
+    let explanations = explanations(effects, settled, config);
     let mut causes: Vec<HandEyeCause> =
         of_lens.and_then(|(lens, by)| blamed(lens, by.as_ref(), beside)).into_iter().collect();
     // A wrong lens may come with a wrong mounting, which contradicts the gripper's motions far more than the lens does.
@@ -131,13 +142,13 @@ pub(super) fn judged(
         causes.extend(better_convention(views, settled, config));
     }
     if causes.is_empty() && large_noise(settled).is_none() {
-        causes.extend(wrong(views, &shared, beside));
+        causes.extend(wrong(views, &explanations, beside));
     }
     causes.append(&mut seen);
     if contradicts(residuals.pixels) && MAX_RAY_SHIFT < residuals.rays {
         causes.push(HandEyeCause::Pixels { ratio: ratio(residuals.pixels) });
     }
-    Verdict { causes, size, shared }
+    Verdict { causes, size, explanations }
 }
 
 /// More than this part of the views is not left out by chance, whatever they say.
@@ -170,48 +181,58 @@ fn blamed(lens: OtherLens, by_lens: Option<&ByLens>, beside: Beside) -> Option<H
     is_fault.then_some(lens.cause)
 }
 
-/// Returns the errors that all views may share with their probabilities, eq. (30).
-fn shared(mut effects: Vec<Effect>, settled: &Settled, config: &HandEyeConfig) -> Vec<(f64, Effect)> {
-    let Some(without) = settled.log_likelihood(config) else { return Vec::new() };
-    let scale = settled.scale();
-    let log_odds =
-        |effect: &Effect| (SHARED_ODDS / SHARED_SIGMA).ln() + (effect.log_likelihood - without) / scale;
-    effects.retain(|effect| {
-        let is_measured = effect.error != SharedError::Size || settled.measures_size();
-        is_measured && effect.sigma < SHARED_SIGMA && log_odds(effect).is_finite()
-    });
-    let as_stated = 0.0;
-    let all_odds: Vec<f64> = effects.iter().map(log_odds).chain([as_stated]).collect();
-    let all = probabilities(&all_odds).into_iter().zip(effects);
-    all.filter(|(probability, _)| LEAST_PROBABILITY < *probability).collect()
+fn shared(explanations: &[Weighed<Option<Effect>>]) -> impl Iterator<Item = (f64, &Effect)> {
+    explanations.iter().filter_map(|one| Some((one.probability, one.what.as_ref()?)))
+}
+
+/// Returns the explanations of the views that are probable enough, the most probable first, eq. (30): the input as stated, and errors that all views share.
+fn explanations(
+    mut effects: Vec<Effect>,
+    settled: &Settled,
+    config: &HandEyeConfig,
+) -> Vec<Weighed<Option<Effect>>> {
+    let mut all = vec![Weighed::new(None, 0.0, vec![Vector6::zeros(); 2])];
+    if let Some(without) = settled.log_likelihood(config) {
+        let scale = settled.scale();
+        let log_odds =
+            |effect: &Effect| (SHARED_ODDS / SHARED_SIGMA).ln() + (effect.log_likelihood - without) / scale;
+        effects.retain(|effect| {
+            let is_measured = effect.error != SharedError::Size || settled.measures_size();
+            is_measured && effect.sigma < SHARED_SIGMA && log_odds(effect).is_finite()
+        });
+        let of = |effect: Effect| {
+            let motions = motions(&effect.shift, settled).to_vec();
+            Weighed::new(Some(effect.clone()), log_odds(&effect), motions)
+        };
+        all.extend(effects.into_iter().map(of));
+    }
+    Weighed::weigh(&mut all);
+    all.retain(Weighed::is_probable);
+    all
 }
 
 /// Returns the shared errors that explain the views and move the answer beyond its covariance, the most probable first; none unless the most probable is
 /// proven and large.
-fn wrong(views: &[HandEyeView], shared: &[(f64, Effect)], beside: Beside) -> Vec<HandEyeCause> {
+fn wrong(
+    views: &[HandEyeView],
+    explanations: &[Weighed<Option<Effect>>],
+    beside: Beside,
+) -> Vec<HandEyeCause> {
     let (_, settled, config) = beside;
-    let mut fits: Vec<&(f64, Effect)> = shared.iter().collect();
-    fits.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let matters = |(probability, effect): &(f64, Effect)| {
+    let matters = |(probability, effect): (f64, &Effect)| {
         let most = if effect.error == SharedError::Size { MAX_SIZE_ERROR } else { MAX_FOCAL_ERROR };
         let is_large = is_proven(effect, settled) && most < effect.part.abs();
-        let is_best = 0.5 < *probability && config.tolerance.is_stated();
+        let is_best = 0.5 < probability && config.tolerance.is_stated();
         (is_large || is_best) && is_beyond(&effect.shift, beside)
     };
-    if !fits.first().is_some_and(|best| matters(best)) {
+    if !shared(explanations).next().is_some_and(matters) {
         return Vec::new();
     }
-    let cause = |(probability, effect): &&(f64, Effect)| match effect.error {
+    let cause = |(_, effect): (f64, &Effect)| match effect.error {
         SharedError::Size => resized(views, settled, effect, config),
-        SharedError::Lens(error) => HandEyeCause::Lens {
-            error,
-            part: effect.part,
-            sigma: effect.sigma,
-            probability: *probability,
-            shift_m: effect.shift.fixed_rows::<3>(3).norm(),
-        },
+        SharedError::Lens(error) => HandEyeCause::Lens { error, part: effect.part, sigma: effect.sigma },
     };
-    fits.iter().map(cause).collect()
+    shared(explanations).map(cause).collect()
 }
 
 /// Widens the uncertainty of an error as that of the answer.

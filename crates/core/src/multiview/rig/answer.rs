@@ -17,7 +17,6 @@ use super::views::{Groups, shared_views};
 use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, TargetOnBody, WeakestLink};
 use crate::budget::ErrorSource;
 use crate::covariance::is_covariance;
-use crate::explanation::LEAST_PROBABILITY;
 use crate::least_squares::PivotedPose;
 use crate::least_squares::clustered::{Cluster, clustered};
 use crate::least_squares::rig::Eliminated;
@@ -124,7 +123,7 @@ pub(super) fn answer(
         noise: measured,
         config,
     };
-    let mut explanations = shown.explanations();
+    let explanations = shown.explanations();
     let evidence = Evidence {
         layout,
         located_views,
@@ -141,7 +140,6 @@ pub(super) fn answer(
         unexplained: &unexplained,
     };
     let verdict = evidence.verdict();
-    explanations.retain(|one| LEAST_PROBABILITY <= one.probability);
     let mut solution = RigSolution {
         reference: layout.reference,
         weakest_link: weakest_link(layout, &cameras, &verdict.used_views, &shared),

@@ -15,7 +15,7 @@ use crate::least_squares::rig::{Common, Eliminated};
 use nalgebra::{DMatrix, DVector};
 
 /// What explains the observations of a rig.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum RigExplanation {
     /// Cameras and targets are as stated.
@@ -29,6 +29,20 @@ pub enum RigExplanation {
     Size {
         /// The target.
         target: usize,
+    },
+    /// The files, or the images, of two cameras are exchanged.
+    Exchanged {
+        /// One camera.
+        a: usize,
+        /// The other.
+        b: usize,
+    },
+    /// Cameras do not expose together.
+    Late {
+        /// The camera that is farthest from the reference camera's time.
+        camera: usize,
+        /// By how much it exposes later, in intervals between views.
+        views: f64,
     },
 }
 
