@@ -2,6 +2,7 @@
 
 use clap::Args;
 use resight::core::Target;
+use resight::core::explanation::Tolerance;
 use resight::detect::{CornerWindow, DetectError, Detector};
 use resight::formats::TagOptions;
 use resight::locate::{METHODS, Method};
@@ -75,6 +76,27 @@ impl TagArgs {
     /// As the library takes them.
     pub fn options(&self) -> TagOptions {
         TagOptions { family: self.tag_family.clone(), size_m: self.tag_size_m, sigma_m: self.tag_sigma_m }
+    }
+}
+
+/// Which differences between poses do not matter, for the commands that judge them.
+#[derive(Debug, Clone, Default, Args)]
+pub struct ToleranceArgs {
+    /// A rotation up to this does not matter [default: only the ± counts].
+    #[arg(long, hide_short_help = true, value_name = "DEGREES", allow_negative_numbers = true, value_parser = not_negative)]
+    pub tolerance_deg: Option<f64>,
+    /// A translation up to this does not matter [default: only the ± counts].
+    #[arg(long, hide_short_help = true, value_name = "MM", allow_negative_numbers = true, value_parser = not_negative)]
+    pub tolerance_mm: Option<f64>,
+}
+
+impl ToleranceArgs {
+    /// As the library takes them.
+    pub fn tolerance(&self) -> Tolerance {
+        Tolerance {
+            rotation_rad: self.tolerance_deg.map(f64::to_radians),
+            translation_m: self.tolerance_mm.map(|mm| 1e-3 * mm),
+        }
     }
 }
 

@@ -6,12 +6,20 @@ use resight::answer::{GeoreferencedPose, PoseAnswer};
 use resight::core::locate::PoseEstimate;
 use resight::core::locate::choose::{Hypothesis, Minimum};
 use resight::core::locate::warnings::PoseWarning;
+use resight::report::explanation::WeighedExplanation;
 use resight::report::verdict::{Status, figures};
 use resight::report::words::{
     budget, coordinate, counted, degrees, distance_sigma_m, length, percent, position_sigma_m, sigmas,
     weakest, with_sigma, yaw_pitch_roll_rad,
 };
 use std::fmt::Write;
+
+/// The explanations worth reading: all of an inconsistent answer, else the best one where it is not as stated.
+pub fn explained(out: &mut String, all: &[WeighedExplanation], is_inconsistent: bool) {
+    for (i, one) in WeighedExplanation::worth_reading(all, is_inconsistent).iter().enumerate() {
+        line(out, if i == 0 { "explained" } else { "or" }, &format!("by {}", one.message));
+    }
+}
 
 /// One paragraph per view: where, how uncertain, verdict and advice.
 pub fn describe(answer: &PoseAnswer) -> String {

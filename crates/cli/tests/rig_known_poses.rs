@@ -382,6 +382,7 @@ fn hand_eye_states_what_it_found_and_what_is_wrong() {
         "views",
         "rejected",
         "causes",
+        "explanations",
         "remarks",
         "message",
     ];

@@ -1,7 +1,7 @@
 //! Poses of cameras from a few known points, with their covariances and ambiguities.
 //!
 //! ```text
-//! error statistics covariance pose budget polynomial camera target correspondence line
+//! error statistics covariance pose budget explanation polynomial camera target correspondence line
 //! solve          closed forms; `solve.rs` is the table
 //! least_squares  one Levenberg–Marquardt over one trait
 //! locate         one camera: points, lines and priors to a pose with covariance and ambiguity
@@ -22,6 +22,8 @@ pub mod statistics;
 pub mod covariance;
 pub mod pose;
 pub mod budget;
+#[cfg(feature = "std")]
+pub mod explanation;
 pub(crate) mod polynomial;
 pub mod camera;
 #[cfg(feature = "std")]

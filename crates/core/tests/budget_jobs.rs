@@ -323,7 +323,7 @@ fn heights_and_residuals_have_their_part() {
     let direction_in_carrier = Vector3::z();
     let height_m = direction_in_carrier.dot(&world.cam_from_carrier.origin());
     let height = Height { direction_in_carrier, height_m, sigma_m: 5e-4 };
-    let config = HandEyeConfig { mounting: world.mounting, height: Some(height) };
+    let config = HandEyeConfig { mounting: world.mounting, height: Some(height), ..HandEyeConfig::default() };
     let found = solve_hand_eye(&views, &config).expect("a hand");
     assert!(2.0 < found.noise_scale, "{}", found.noise_scale);
     assert_adds_up(&found.carrier_budget, &found.carrier_covariance, "carrier");

@@ -198,7 +198,7 @@ fn solve_hand_eye_answers_in_numbers() {
                 }
             })
             .collect();
-        let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, height: None };
+        let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, ..HandEyeConfig::default() };
         let Ok(h) = solve_hand_eye(&views, &config) else { return false };
         assert!(is_whole(&h.cam_from_carrier) && h.chi2.is_finite(), "{h:?}");
         assert!(is_covariance(&h.carrier_covariance) && is_covariance(&h.holder_covariance), "{h:?}");

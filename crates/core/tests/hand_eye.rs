@@ -278,7 +278,7 @@ fn height(world: &World, sigma_m: f64) -> Height {
 fn motions_that_say_too_little_are_refused_by_name() {
     let mut rng = Rng::new(111);
     let refused = |world: &World, height: Option<Height>| {
-        let config = HandEyeConfig { mounting: world.mounting, height };
+        let config = HandEyeConfig { mounting: world.mounting, height, ..HandEyeConfig::default() };
         solve_hand_eye(&exact(world), &config).unwrap_err()
     };
     let planar = vehicle(&mut rng, 8);
@@ -318,7 +318,11 @@ fn a_wrong_view_is_no_second_axis() {
 fn a_known_height_completes_a_vehicle() {
     let mut rng = Rng::new(113);
     let world = vehicle(&mut rng, 8);
-    let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, height: Some(height(&world, 1e-3)) };
+    let config = HandEyeConfig {
+        mounting: Mounting::CameraOnGripper,
+        height: Some(height(&world, 1e-3)),
+        ..HandEyeConfig::default()
+    };
     let found = solve_hand_eye(&exact(&world), &config).unwrap();
     assert!(world.motion_error(&found).amax() < 1e-10, "{}", world.motion_error(&found));
     let stated = all_stated(&mut rng, 8, true);
@@ -329,7 +333,11 @@ fn a_known_height_completes_a_vehicle() {
         height.height_m += 1e-3 * rng.normal();
         let found = solve_hand_eye(
             &views,
-            &HandEyeConfig { mounting: Mounting::CameraOnGripper, height: Some(height) },
+            &HandEyeConfig {
+                mounting: Mounting::CameraOnGripper,
+                height: Some(height),
+                ..HandEyeConfig::default()
+            },
         );
         let found = found.unwrap();
         nees += squared(&part(&world.motion_error(&found), 0), &found.carrier_covariance) / f64::from(runs);
@@ -387,6 +395,10 @@ fn bad_numbers_are_refused() {
         assert!(matches!(error, Error::InvalidPose { item: "view", index: 3, .. }), "{i}: {error}");
     }
     let height = Height { direction_in_carrier: Vector3::zeros(), height_m: 0.0, sigma_m: 1.0 };
-    let config = HandEyeConfig { mounting: Mounting::CameraOnGripper, height: Some(height) };
+    let config = HandEyeConfig {
+        mounting: Mounting::CameraOnGripper,
+        height: Some(height),
+        ..HandEyeConfig::default()
+    };
     assert!(matches!(solve_hand_eye(&exact(&world), &config), Err(Error::InvalidSetting { .. })));
 }

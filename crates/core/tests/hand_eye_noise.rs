@@ -4,11 +4,12 @@ use crate::common::Rng;
 use crate::common::hands::{
     Stated, Vector12, World, best_linear, block, information, linearised, part, squared,
 };
-use crate::common::sessions::{Robot, Session, camera, solved};
+use crate::common::sessions::{Robot, Session, camera, solved, solved_as};
 use nalgebra::{Matrix6, Vector6};
 use resight_core::camera::BrownConrady;
+use resight_core::explanation::Tolerance;
 use resight_core::multiview::hand_eye::{
-    Candidate, HandEye, HandEyeCause, HandEyeView, Mounting, solve_hand_eye,
+    Candidate, HandEye, HandEyeCause, HandEyeConfig, HandEyeView, Mounting, solve_hand_eye,
 };
 use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Pose};
 
@@ -293,6 +294,32 @@ fn no_fault_is_called_right_and_each_is_named() {
                 }
             };
             assert!(good, "{run} {mounting:?} {fault}: {text}");
+        }
+    }
+}
+
+/// A target 2.4 % off is no fault of an answer of which more is tolerated than it moves the poses by, and one 0.8 % off is of an answer of which less is;
+/// poses and covariances are the same.
+#[test]
+fn a_tolerance_replaces_the_covariance() {
+    let mut rng = Rng::new(967);
+    for (run, mounting) in MOUNTS.into_iter().enumerate() {
+        let session = Session::new(&mut rng, mounting, 24, Robot::AtHand(2e-4, 5e-5), &distorted(), 0.1, 0.0);
+        for (size, is_ok) in [(1.0 / 1.024, false), (1.008, true)] {
+            let seen = session.believed(&distorted(), size);
+            let ask = |tolerance| {
+                let config = HandEyeConfig { mounting, tolerance, ..HandEyeConfig::default() };
+                solved_as((&session.reported, &seen), &distorted(), &config).unwrap()
+            };
+            let stated = ask(Tolerance::default());
+            assert_eq!(stated.is_inconsistent, !is_ok, "{run} × {size}: {:?}", stated.causes);
+            for (most, is_tolerated) in [(0.2, true), (1e-5, false)] {
+                let found = ask(Tolerance { rotation_rad: Some(most), translation_m: Some(most) });
+                assert_eq!(found.is_inconsistent, !is_tolerated, "{run} × {size}: {:?}", found.causes);
+                assert_eq!(found.cam_from_carrier, stated.cam_from_carrier);
+                assert_eq!(found.joint_covariance, stated.joint_covariance);
+                assert_eq!(found.small_size, found.target_size.filter(|_| is_tolerated), "{run} × {size}");
+            }
         }
     }
 }

@@ -7,7 +7,8 @@ use crate::recorded::recorded;
 use nalgebra::{Vector2, Vector3, Vector6};
 use resight_core::budget::ErrorSource;
 use resight_core::multiview::rig::{
-    FrameStamps, Observation, RigConfig, RigProblem, RigSolution, TimeOffsets, solve_rig, time_offsets,
+    FrameStamps, Observation, RigConfig, RigExplanation, RigProblem, RigSolution, TimeOffsets, solve_rig,
+    time_offsets,
 };
 use resight_core::{Correspondence, Error, Point, Pose};
 
@@ -174,6 +175,27 @@ fn offsets_are_found_and_poses_are_honest() {
         let least = if name == "arrival" { 1.5 } else { 4.5 };
         assert!((least..7.5).contains(&of_poses), "{name}: {of_poses}");
         assert!(1.5 < at_once, "{name}: {at_once}");
+    }
+}
+
+/// A camera that is 25 ms late makes a rig without stamps inconsistent, which that explains best: the motion leads to the true pose.
+#[test]
+fn a_late_camera_explains_a_rig_without_stamps() {
+    for seed in 0..3 {
+        let mut rng = Rng::new(8200 + seed);
+        let hand = Hand::new(&mut rng);
+        let clocks = Clocks { offsets_s: [0.0, 0.025, 0.0], ..CONSTANT };
+        let recording = Recording::new(&mut rng, &hand, &clocks);
+        let found = recording.room.solve(&recording.observations, &RigConfig::default()).unwrap();
+        assert!(found.verdict.is_inconsistent, "{seed}: {:?}", found.verdict);
+        let best = &found.explanations[0];
+        let RigExplanation::Late { camera: 1, views } = best.what else { panic!("{seed}: {best:?}") };
+        assert!((views - 0.25).abs() < 0.02 && 0.9 < best.probability, "{seed}: {best:?}");
+        let truth = recording.room.cam_from_rig[1];
+        let off = |pose: &Pose| (*pose * truth.inverse()).log().norm();
+        let stated = found.cameras[1].cam_from_rig;
+        let (before, after) = (off(&stated), off(&(Pose::exp(&best.motions[1]) * stated)));
+        assert!(after < 0.3 * before, "{seed}: {before} before, {after} after");
     }
 }
 

@@ -4,7 +4,8 @@
 
 use crate::common::rooms::{self, Room};
 use crate::common::{Rng, views};
-use resight_core::multiview::rig::{Cause, Observation, RigConfig, RigSolution};
+use resight_core::explanation::Tolerance;
+use resight_core::multiview::rig::{Cause, Observation, RigConfig, RigExplanation, RigSolution};
 use resight_core::{Camera, Correspondence, Error, Point, Pose, Vector6};
 
 const N_VIEWS: usize = 30;
@@ -276,6 +277,59 @@ fn overstated_sigmas_hide_no_lens() {
     }
 }
 
+/// A focal length 3 % off is no fault of an answer of which more is tolerated than it moves any camera by, and one 1 % off is of an answer of which less
+/// is; nothing else changes.
+#[test]
+fn a_tolerance_replaces_the_covariance() {
+    let mut rng = Rng::new(320);
+    let room = room(&mut rng);
+    let observations = room.disturbed(&mut rng);
+    for (of_focal, is_ok) in [(1.03, false), (1.01, true)] {
+        let mut cameras = room.cameras.clone();
+        cameras[2] = lens(820.0 * of_focal, 0.0);
+        let ask = |tolerance| {
+            let config = RigConfig { lens_errors: true, tolerance, ..RigConfig::default() };
+            solved_as(&room, &cameras, observations.clone(), &config).expect("a rig")
+        };
+        let stated = ask(Tolerance::default());
+        assert_eq!(stated.verdict.is_inconsistent, !is_ok, "f × {of_focal}: {:?}", stated.verdict);
+        let best = &stated.explanations[0];
+        assert_eq!(best.what, RigExplanation::Lens { camera: 2 }, "{:?}", stated.explanations);
+        let largest =
+            |at: usize| best.motions.iter().map(|m| m.fixed_rows::<3>(at).norm()).fold(0.0, f64::max);
+        let (rotation_rad, translation_m) = (largest(0), largest(3));
+        for (times, is_tolerated) in [(1.1, true), (0.9, false)] {
+            let of_rotation =
+                Tolerance { rotation_rad: Some(times * rotation_rad), translation_m: Some(1.0) };
+            let of_translation =
+                Tolerance { rotation_rad: Some(1.0), translation_m: Some(times * translation_m) };
+            for tolerance in [of_rotation, of_translation] {
+                let found = ask(tolerance);
+                assert_eq!(found.verdict.is_inconsistent, !is_tolerated, "f × {of_focal}, {tolerance:?}");
+                assert_eq!(found.verdict.cameras[2].is_ok(), is_tolerated, "f × {of_focal}, {tolerance:?}");
+                let verdict = stated.verdict.clone();
+                assert_eq!(RigSolution { verdict, ..found }, stated, "f × {of_focal}, {tolerance:?}");
+            }
+        }
+    }
+}
+
+/// What is no tolerance is refused.
+#[test]
+fn a_tolerance_is_a_number_from_0_on() {
+    let room = room(&mut Rng::new(320));
+    for bad in [-1.0, f64::NAN, f64::INFINITY] {
+        for tolerance in [
+            Tolerance { rotation_rad: Some(bad), translation_m: None },
+            Tolerance { rotation_rad: None, translation_m: Some(bad) },
+        ] {
+            let config = RigConfig { tolerance, ..RigConfig::default() };
+            let refused = room.solve(&room.observations, &config).unwrap_err();
+            assert!(matches!(refused, Error::InvalidSetting { .. }), "{refused}");
+        }
+    }
+}
+
 /// The lens of any one camera wrong by what points show: the answer is not called right, or its covariance holds what the lens moves it by, from
 /// ten views on and whether the sigmas are those of the noise or not.
 #[test]
@@ -326,7 +380,7 @@ fn few_views_hide_no_lens() {
 #[test]
 fn exchanged_files_of_like_cameras_are_named() {
     let focal_px = [1120.0, 1148.0, 1133.0, 1105.0];
-    let (mut rng, mut n_named) = (Rng::new(5), 0);
+    let (mut rng, mut n_named, mut n_best) = (Rng::new(5), 0, 0);
     for draw in 0..12 {
         let mut room = room(&mut rng);
         room.cameras = focal_px.map(rooms::pinhole).to_vec();
@@ -347,7 +401,8 @@ fn exchanged_files_of_like_cameras_are_named() {
         assert!(wrong.verdict.is_inconsistent, "draw {draw}: {:?}", wrong.verdict);
         n_named +=
             usize::from(wrong.verdict.cameras[1].cause == Some(Cause::ExchangedIntrinsics { with: 2 }));
+        n_best += usize::from(wrong.explanations[0].what == RigExplanation::Exchanged { a: 1, b: 2 });
     }
-    println!("exchanged files named in {n_named} of 12");
-    assert!(11 <= n_named);
+    println!("exchanged files named in {n_named} of 12, and the best explanation of {n_best}");
+    assert!(11 <= n_named && 11 <= n_best);
 }

@@ -227,6 +227,25 @@ fn off_sigmas(e: &PoseEstimate, cam_from_target: &Pose) -> f64 {
     (0..6).map(|i| off[i].abs() / e.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
 }
 
+/// The most probable explanation comes first, and its motion leads from the pose of the points as stated to the true one.
+#[test]
+fn an_explanation_states_its_probability_and_motion() {
+    for kind in [Kind::Half, Kind::Focal, Kind::Exchanged] {
+        let mut view = View::new(&mut SplitMix64::scattered(3), 30, false, false);
+        view.apply(kind);
+        let (found, named) = view.solved(SIGMA_PX);
+        let probabilities: Vec<f64> = named.iter().map(|e| e.probability).collect();
+        assert!(probabilities.is_sorted_by(|a, b| b <= a), "{kind:?}: {probabilities:?}");
+        assert!(0.5 < probabilities[0] && probabilities.iter().sum::<f64>() <= 1.0 + 1e-12, "{kind:?}");
+        assert_eq!(named[0].motion.is_some(), found.is_ok(), "{kind:?}");
+        let Some((stated, motion)) = found.ok().zip(named[0].motion) else { continue };
+        let off = |pose: &Pose| (*pose * view.cam_from_target.inverse()).log().norm();
+        let (before, after) =
+            (off(&stated.cam_from_target), off(&(Pose::exp(&motion) * stated.cam_from_target)));
+        assert!(0.1 < before && after < 0.03, "{kind:?}: {before} before, {after} after");
+    }
+}
+
 /// Pairs that can be in one input.
 fn pairs() -> Vec<[Kind; 2]> {
     let all = Kind::ALL;

@@ -46,7 +46,7 @@ fn solved(session: &Session) -> Result<HandEye, Box<dyn Error>> {
     };
     let views: Vec<HandEyeView> =
         session.base_from_gripper.iter().copied().zip(rigs.iter().map(|rig| &rig[..])).map(view).collect();
-    Ok(solve_hand_eye(&views, &HandEyeConfig { mounting: session.mounting, height: None })?)
+    Ok(solve_hand_eye(&views, &HandEyeConfig { mounting: session.mounting, ..HandEyeConfig::default() })?)
 }
 
 fn as_json(seconds: f64, found: &HandEye) -> String {

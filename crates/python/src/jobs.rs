@@ -13,6 +13,7 @@ use resight::answer::{
 use resight::compare::CompareOptions;
 use resight::core::Target as AnyTarget;
 use resight::core::camera::ImageSize;
+use resight::core::explanation::Tolerance;
 use resight::core::multiview::pose_graph::PairSigma;
 use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models, model_names};
 use resight::map::{MapImage, MapRequest, read_tag_rows};
@@ -95,6 +96,8 @@ pub struct Solving {
     fixed_together: Vec<Vec<String>>,
     known_distances_m: Vec<Distance>,
     sync_tolerance_s: Option<f64>,
+    tolerance_rad: Option<f64>,
+    tolerance_m: Option<f64>,
     joint_covariance: bool,
     adjust_lenses: bool,
     rolling_shutter: bool,
@@ -109,6 +112,7 @@ impl Solving {
             fixed_together: self.fixed_together,
             known_distances: self.known_distances_m.into_iter().map(distance).collect(),
             sync_tolerance_s: self.sync_tolerance_s,
+            tolerance: Tolerance { rotation_rad: self.tolerance_rad, translation_m: self.tolerance_m },
             joint_covariance: self.joint_covariance,
             adjust_lenses: self.adjust_lenses,
             rolling_shutter: self.rolling_shutter,

@@ -8,6 +8,7 @@ use crate::jobs::{JobResult, Named, Solving, Taken, answered, line, observed, re
 use crate::pose::{NOT_RIGID, rigid};
 use pyo3::prelude::*;
 use resight::answer::HandEyeAnswer;
+use resight::core::explanation::Tolerance;
 use resight::core::multiview::hand_eye::{GripperNoise, HandEyeConfig, Height, Mounting};
 use resight::core::{Matrix6, Point, Pose};
 use resight::formats::pose_list::{
@@ -31,6 +32,8 @@ pub struct Robot {
     height_m: Option<f64>,
     height_sigma_m: f64,
     height_axis: [f64; 3],
+    tolerance_rad: Option<f64>,
+    tolerance_m: Option<f64>,
     rotation: Option<String>,
     length: Option<String>,
     inverse: bool,
@@ -64,7 +67,8 @@ impl Robot {
         let mounting = if self.eye_to_hand { Mounting::TargetOnGripper } else { Mounting::CameraOnGripper };
         let direction_in_carrier = Point::from(self.height_axis);
         let height = |height_m| Height { direction_in_carrier, height_m, sigma_m: self.height_sigma_m };
-        HandEyeConfig { mounting, height: self.height_m.map(height) }
+        let tolerance = Tolerance { rotation_rad: self.tolerance_rad, translation_m: self.tolerance_m };
+        HandEyeConfig { mounting, height: self.height_m.map(height), tolerance }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Answers for people: verdicts, numbers in words, and self-contained pages.
 
+pub mod explanation;
 pub mod face;
 pub mod html;
 pub mod intrinsics;

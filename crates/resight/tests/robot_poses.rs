@@ -62,7 +62,7 @@ impl Robot {
         let observed = ObservedRig::from_detections(&Detections::files(&files), &request).unwrap();
         let poses = read_plain(&folder.join("motions.csv"));
         let solved = |mounting| {
-            let config = HandEyeConfig { mounting, height: None };
+            let config = HandEyeConfig { mounting, ..HandEyeConfig::default() };
             (config, solve(&observed, poses.clone(), &config))
         };
         let both = [Mounting::CameraOnGripper, Mounting::TargetOnGripper].map(solved);
@@ -285,7 +285,7 @@ fn samples_of_other_programs_are_solved_without_images() {
             std::fs::write(&path, text).unwrap();
             let read = read_robot_file(&path, &Default::default(), None).unwrap();
             assert_eq!(read.mounting, (name == "pairs.samples").then_some(mounting));
-            let config = HandEyeConfig { mounting, height: None };
+            let config = HandEyeConfig { mounting, ..HandEyeConfig::default() };
             let views = HandEyeViews::Poses(read.seen.unwrap());
             let answer = {
                 let (robot, remarks) = (read.robot, Vec::new());

@@ -1004,6 +1004,14 @@ export type MinimumObject = {
   within_gate: boolean;
 };
 
+/** A difference between two poses. */
+export type MotionObject = {
+  /** Angle, rad. */
+  rotation_rad: number;
+  /** Distance, metres. */
+  translation_m: number;
+};
+
 /** A motion, in the old frame of the camera. */
 export type MotionView = {
   rotation_rad: [number, number, number];
@@ -1310,6 +1318,10 @@ export type PointsCause = {
   chi2_per_degree_of_freedom: number;
   /** The correction that makes the points agree. */
   message: string;
+  /** By how much the pose moves once it is corrected; absent where the points as stated have no pose. */
+  motion?: MotionObject | null;
+  /** Its probability among all that were tried, the points as stated included. */
+  probability: number;
   /** A second one, where only both together explain the points. */
   second_cause?: string | null;
 };

@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
   resight hand-eye --motions motions.csv --camera cam=cam.yaml --target board.toml --images cam='*.jpg' --json
   resight hand-eye --motions motions.csv --poses poses.jsonl
   resight hand-eye --motions robot.csv --rotation kuka --poses poses.jsonl --eye-to-hand
-  resight hand-eye --motions robot.npy --poses target.npy
+  resight hand-eye --motions robot.npy --poses target.npy --tolerance-mm 1
   resight hand-eye --motions easy_handeye2_demo.samples")]
 pub struct HandEyeArgs {
     /// Poses of the gripper, or of the vehicle's body (CSV, .npy, JSON, YAML).
@@ -149,7 +149,10 @@ impl HandEyeArgs {
 
     fn config(&self) -> Result<HandEyeConfig> {
         let mounting = if self.eye_to_hand { Mounting::TargetOnGripper } else { Mounting::CameraOnGripper };
-        let Some(height_m) = self.known_height_m else { return Ok(HandEyeConfig { mounting, height: None }) };
+        let tolerance = self.solving.tolerance.tolerance();
+        let Some(height_m) = self.known_height_m else {
+            return Ok(HandEyeConfig { mounting, height: None, tolerance });
+        };
         let numbers: Vec<f64> = self.height_axis.split(',').filter_map(|x| x.trim().parse().ok()).collect();
         let [x, y, z] = numbers[..] else {
             bail!("--height-axis {}: three numbers separated by commas are needed", self.height_axis);
@@ -159,7 +162,7 @@ impl HandEyeArgs {
             height_m,
             sigma_m: 1e-3 * self.height_sigma_mm,
         };
-        Ok(HandEyeConfig { mounting, height: Some(height) })
+        Ok(HandEyeConfig { mounting, height: Some(height), tolerance })
     }
 }
 
@@ -192,6 +195,7 @@ fn words(solved: &SolvedHandEye) -> String {
             line(&mut out, "budget", &text);
         }
     }
+    crate::text::explained(&mut out, &solved.explanations(), found.is_inconsistent);
     let [first, second, third] = found.rotations_rad.map(degrees);
     let text = format!("{first} {second} {third} about three axes, root mean square between views");
     line(&mut out, "rotations", &text);

@@ -3,7 +3,7 @@
 pub(super) mod named;
 mod words;
 
-use crate::args::{CornerArgs, positive};
+use crate::args::{CornerArgs, ToleranceArgs, positive};
 use crate::output::{Outcome, error, print_answer, remark, with_progress};
 use anyhow::{Result, bail};
 use clap::Args;
@@ -30,6 +30,7 @@ use std::path::PathBuf;
   resight rig --camera cameras.toml --target board.toml --images cam0=cam0.mp4 --images cam1=cam1.mp4 \\
       --timestamps times.csv --sync-tolerance-s 0.02 -o rig.toml --report rig.html --scene rig.mcap
   resight rig --camera rig.toml --detections corners.csv --sigma-px 0.2 --json
+  resight rig --camera rig.toml --detections corners.csv --tolerance-mm 2 --tolerance-deg 0.1
 
 A rig from relative poses of pairs of cameras: resight pose-graph. A camera or rig on a robot or vehicle: resight hand-eye.")]
 pub struct Rig {
@@ -139,6 +140,8 @@ pub struct SolvingArgs {
     /// It joins the adjustment, and with it the target's size can be checked.
     #[arg(long, hide_short_help = true, help_heading = "Solving", value_name = "A,B,METRES,SIGMA")]
     known_distance_m: Vec<String>,
+    #[command(flatten, next_help_heading = "Solving")]
+    pub(super) tolerance: ToleranceArgs,
 }
 
 /// How an answer about cameras leaves the program.
@@ -186,6 +189,7 @@ pub(super) fn request(args: &ObservationArgs, solving: &SolvingArgs) -> Result<R
         reference: solving.reference.clone(),
         known_distances: distances.collect::<Result<_>>()?,
         sync_tolerance_s: args.sync_tolerance_s,
+        tolerance: solving.tolerance.tolerance(),
         command: Some(command_line()),
         ..named::request(&args.cameras, &args.targets)?
     })

@@ -9,10 +9,11 @@
 mod fault;
 mod free_lens;
 
+use crate::explanation::probabilities;
 use crate::locate::consistency::{Consistency, is_inconsistent, is_unlikely};
 use crate::locate::refine::whitened_residual;
 use crate::locate::{Config, PoseEstimate};
-use crate::{Camera, Correspondence, Error};
+use crate::{Camera, Correspondence, Error, Vector6};
 pub use fault::Fault;
 use fault::{Free, Trial};
 use free_lens::{Fit, located};
@@ -26,6 +27,10 @@ pub struct Explanation {
     pub chi2: f64,
     /// Degrees of freedom that then remain: those of the points less the estimated parameters.
     pub degrees_of_freedom: usize,
+    /// Its probability among all that were tried, the points as stated included.
+    pub probability: f64,
+    /// By how much the pose moves from that of the points as stated; none where these have no pose.
+    pub motion: Option<Vector6>,
 }
 
 /// Two faults, or a correction that estimates parameters, need so many degrees of freedom that remain: four redundant points.
@@ -64,7 +69,11 @@ pub fn explanations(
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let least = found.first().map_or(0.0, |(cost, _)| *cost);
-    found.into_iter().take_while(|(cost, _)| *cost < least + TIED_GAIN).map(|(_, e)| e).collect()
+    let costs = found.iter().map(|(cost, _)| *cost).chain([contradiction.as_stated()]);
+    let log_odds: Vec<f64> = costs.map(|cost| -0.5 * cost).collect();
+    let weighed = found.into_iter().zip(probabilities(&log_odds));
+    let named = weighed.take_while(|((cost, _), _)| *cost < least + TIED_GAIN);
+    named.map(|((_, e), probability)| Explanation { probability, ..e }).collect()
 }
 
 /// A view whose points contradict each other.
@@ -122,15 +131,20 @@ impl Contradiction<'_> {
     /// Returns the explanation by one or two faults, with B of it, where noise explains what remains.
     fn explained(&self, faults: &[Fault]) -> Option<(f64, Explanation)> {
         let trial = Trial::new(self.seen, self.camera, faults)?;
-        let Fit { camera, chi2, degrees_of_freedom, .. } = self.solved(&trial)?;
+        let Fit { camera, cam_from_target, chi2, degrees_of_freedom } = self.solved(&trial)?;
         let odds: f64 = faults.iter().map(|fault| fault.odds().ln()).sum();
         let n_residuals = 2.0 * self.seen.len() as f64;
         let paid = trial.free.n_parameters() as f64 * n_residuals.ln();
         let cost = deviance(chi2, degrees_of_freedom) + paid - 2.0 * odds;
-        let stated = self.pose.map_or(f64::INFINITY, |e| deviance(e.chi2, e.degrees_of_freedom));
         let faults = faults.iter().map(|fault| fault.estimated(&camera)).collect();
-        let explanation = Explanation { faults, chi2, degrees_of_freedom };
-        (cost + NEEDED_GAIN < stated).then_some((cost, explanation))
+        let motion = self.pose.map(|e| (cam_from_target * e.cam_from_target.inverse()).log());
+        let explanation = Explanation { faults, chi2, degrees_of_freedom, probability: 0.0, motion };
+        (cost + NEEDED_GAIN < self.as_stated()).then_some((cost, explanation))
+    }
+
+    /// Returns D of the points as stated.
+    fn as_stated(&self) -> f64 {
+        self.pose.map_or(f64::INFINITY, |e| deviance(e.chi2, e.degrees_of_freedom))
     }
 
     /// Solves a corrected view: at first few points, then all of them where noise explains those.

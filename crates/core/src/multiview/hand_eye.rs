@@ -25,18 +25,19 @@ mod verdict;
 mod budget;
 
 use crate::budget::{Budget, ErrorSource};
+use crate::explanation::{Tolerance, Weighed};
 use crate::locate::consistency::measured_scale;
 use crate::multiview::rig_pose::RigView;
 use crate::{Camera, Correspondence, Error, Matrix6, Pose, Vector6};
 use budget::budgets;
 use core::cmp::Ordering;
 use cost::{Fit, Level, fit};
-use nalgebra::{DMatrix, SVector, Vector3};
-use settle::{Settled, settled};
+use nalgebra::{DMatrix, Vector3};
+use settle::{Effect, Settled, settled};
 use shared::SharedError;
 use verdict::{ByLens, CONFIRMED_GAIN, CONFIRMED_NOISE, Residuals, Verdict, judged, other_lens, pixels};
 
-pub use causes::{HandEyeCause, HandEyeWarning};
+pub use causes::{HandEyeCause, HandEyeExplanation, HandEyeWarning};
 pub use shared::LensError;
 pub use written::{AngleUnit, RotationConvention, RotationOrder, WrittenPose};
 
@@ -102,6 +103,8 @@ pub struct HandEyeConfig {
     pub mounting: Mounting,
     /// A known coordinate of the camera's position.
     pub height: Option<Height>,
+    /// By how much camera and target may move under another explanation of the views before the answer is inconsistent.
+    pub tolerance: Tolerance,
 }
 
 /// The result of a view.
@@ -194,6 +197,9 @@ pub struct HandEye {
     /// By how far the camera's position on its carrier moves if the intrinsics are those that the pixels fit better; `None` where they fit. The
     /// covariances hold it.
     pub lens_shift_m: Option<f64>,
+    /// The explanations of the views that are probable enough, the most probable first, with the motions of camera and target: that of the camera in the
+    /// carrier about its centre, that of the target in the holder about its origin.
+    pub explanations: Vec<Weighed<HandEyeExplanation>>,
     /// Whether the answer is inconsistent.
     pub is_inconsistent: bool,
     /// The causes, the most likely first; empty where the answer is consistent.
@@ -220,11 +226,15 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
         (lens, by_lens)
     });
     let shift = lens.as_ref().and_then(|(_, by_lens)| Some(by_lens.as_ref()?.shift));
+    let share = shift.map(|shift| {
+        let share = DMatrix::from_fn(12, 12, |i, j| shift[i] * shift[j]);
+        views::centre(&settled.known).undone(&best.poses, &share).1
+    });
     let unshared = settled.widened(&best.covariance + &settled.widening);
     let verdict = judged(views, &settled, (&residuals, &unshared), lens, config);
     let mut found = answer(&settled, (&best, level), &verdict, config);
-    if let Some(shift) = shift {
-        found.add_lens(&shift);
+    if let Some(share) = share {
+        found.add_lens(&share);
     }
     Ok(found)
 }
@@ -265,10 +275,7 @@ fn by_lens(
         .collect();
     let other = settle::settled(&others, config).ok()?;
     let (other_best, _) = finest(&other, pixels(&other).0, config);
-    let poses =
-        |settled: &Settled, best: &Fit| views::centre(&settled.known).undone(&best.poses, &best.covariance).0;
-    let (given, moved) = (poses(settled, best), poses(&other, &other_best));
-    let shift = moved.motion_from(&given);
+    let shift = other_best.poses.motion_from(&best.poses);
     let gain = || Some(other.log_likelihood(config)? - settled.log_likelihood(config)?);
     // Of other views ℓ is not comparable, but the noise is.
     let noise = |settled: &Settled| settled.sigmas().map_or(f64::INFINITY, |[turn, shift]| turn * shift);
@@ -281,16 +288,15 @@ fn by_lens(
 }
 
 impl HandEye {
-    /// Adds the motion of both poses by another lens to their covariances.
-    fn add_lens(&mut self, shift: &SVector<f64, 12>) {
-        let share = shift * shift.transpose();
+    /// Adds the product of the motion of both poses by another lens with itself, 12×12, to their covariances.
+    fn add_lens(&mut self, share: &DMatrix<f64>) {
         let block = |at: usize| -> Matrix6 { share.fixed_view::<6, 6>(at, at).into_owned() };
-        self.lens_shift_m = Some(shift.fixed_rows::<3>(3).norm());
+        self.lens_shift_m = Some(share.diagonal().rows(3, 3).sum().sqrt());
         self.carrier_covariance += block(0);
         self.carrier_budget.add(ErrorSource::Lens, &block(0));
         self.holder_covariance += block(6);
         self.holder_budget.add(ErrorSource::Lens, &block(6));
-        self.joint_covariance += DMatrix::from_fn(12, 12, |i, j| share[(i, j)]);
+        self.joint_covariance += share;
     }
 }
 
@@ -349,8 +355,18 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
 /// Returns the covariance of X and Z: the inverse information, plus the contributions of the uncertain noise and of errors that all views may share,
 /// widened where the poses disagree more than stated, and for what neighbouring views share.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict) -> DMatrix<f64> {
-    let added = verdict.shared.iter().map(|(probability, effect)| Verdict::added(*probability, effect));
+    let added = verdict.shared().map(|(probability, effect)| Verdict::added(probability, effect));
     settled.widened(added.fold(&best.covariance + &settled.widening, |sum, one| sum + one))
+}
+
+/// Names what an explanation supposes.
+fn explanation(one: &Weighed<Option<Effect>>) -> Weighed<HandEyeExplanation> {
+    let what = match one.what.as_ref().map(|effect| effect.error) {
+        None => HandEyeExplanation::AsStated,
+        Some(SharedError::Size) => HandEyeExplanation::Size,
+        Some(SharedError::Lens(error)) => HandEyeExplanation::Lens(error),
+    };
+    Weighed { what, log_odds: one.log_odds, probability: one.probability, motions: one.motions.clone() }
 }
 
 fn answer(
@@ -392,6 +408,7 @@ fn answer(
             SharedError::Lens(error) => Some((error, effect.part)),
             SharedError::Size => None,
         }),
+        explanations: verdict.explanations.iter().map(explanation).collect(),
         is_inconsistent: !verdict.causes.is_empty(),
         causes: verdict.causes.clone(),
         lens_shift_m: None,

@@ -19,17 +19,21 @@ mod lens_doubt;
 mod neighbours;
 mod uncertain_lens;
 mod timing;
+mod explain;
 mod verdict;
 mod budget;
 mod answer;
+mod late;
 mod exchanged;
 mod free_lenses;
 
 use crate::budget::Budget;
+use crate::explanation::{Tolerance, Weighed};
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::DMatrix;
 
+pub use explain::RigExplanation;
 pub use free_lenses::{AdjustedLens, RigWithLenses, solve_rig_and_lenses};
 pub use lens::LensOffset;
 pub use timing::{FrameStamps, TimeOffsets, time_offsets};
@@ -94,6 +98,8 @@ pub struct RigConfig<'a> {
     pub displaced_tags: &'a [UncertainTags],
     /// Estimated times of exposure, by which the points of the observations were moved: their uncertainty widens every covariance.
     pub time_offsets: Option<&'a TimeOffsets>,
+    /// By how much a camera's pose may move under another explanation of the observations before the rig is inconsistent.
+    pub tolerance: Tolerance,
 }
 
 /// Tags whose poses on their target are uncertain together.
@@ -124,6 +130,7 @@ impl Default for RigConfig<'_> {
             scale_sigma: 0.0,
             displaced_tags: &[],
             time_offsets: None,
+            tolerance: Tolerance::default(),
         }
     }
 }
@@ -261,6 +268,8 @@ pub struct RigSolution {
     pub lens_sigma_m: Option<f64>,
     /// Steps of the joint adjustment.
     pub steps: usize,
+    /// The explanations of the observations that were tried, the most probable first, each with the motion of every camera.
+    pub explanations: Vec<Weighed<RigExplanation>>,
     /// The verdict; no pose may be used where it is inconsistent.
     pub verdict: RigVerdict,
 }
@@ -307,7 +316,9 @@ const CLEARLY_SIGMAS: f64 = 3.0;
 /// `NoSuchIndex`, `InvalidObservation`, `InvalidSetting`, `InvalidLoss` for bad input; `EmptyRig`; `CameraNotObserved`, `CamerasUnconnected`,
 /// `TargetUnconnected` name what is missing; `NotConverged`.
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
-    Ok(exchanged::examined(problem, config, solve_as_stated(problem, config)?, solve_as_stated))
+    let stated = solve_as_stated(problem, config)?;
+    let stated = late::examined(problem, config, stated, solve_as_stated);
+    Ok(exchanged::examined(problem, config, stated, solve_as_stated))
 }
 
 fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {

@@ -62,7 +62,7 @@ impl World {
     }
 
     pub fn config(&self) -> HandEyeConfig {
-        HandEyeConfig { mounting: self.mounting, height: None }
+        HandEyeConfig { mounting: self.mounting, ..HandEyeConfig::default() }
     }
 }
 

@@ -114,6 +114,15 @@ pub fn solved(
     camera: &Camera,
     mounting: Mounting,
 ) -> Result<HandEye, Error> {
+    solved_as((reported, seen), camera, &HandEyeConfig { mounting, ..HandEyeConfig::default() })
+}
+
+/// The same with other settings.
+pub fn solved_as(
+    (reported, seen): (&[Pose], &[Vec<Correspondence>]),
+    camera: &Camera,
+    config: &HandEyeConfig,
+) -> Result<HandEye, Error> {
     let identity = Pose::identity();
     let mut rigs: Vec<[RigView; 1]> = Vec::new();
     for seen in seen {
@@ -136,7 +145,7 @@ pub fn solved(
             seen,
         });
     }
-    let found = solve_hand_eye(&views, &HandEyeConfig { mounting, height: None })?;
+    let found = solve_hand_eye(&views, config)?;
     super::held::assert_hand_eye(&found, "a session");
     Ok(found)
 }

@@ -3,8 +3,10 @@
 use super::placed::UncertainObject;
 use super::{SchemaNumber, Status, Unsolved};
 use crate::core::multiview::hand_eye::{
-    HandEye, HandEyeCause, HandEyeViewResult, HandEyeWarning, Mounting, RejectedView as Rejection,
+    HandEye, HandEyeCause, HandEyeExplanation, HandEyeViewResult, HandEyeWarning, Mounting,
+    RejectedView as Rejection,
 };
+use crate::report::explanation::{Named, WeighedExplanation};
 use crate::report::verdict::{Verdict, figures};
 use crate::report::words::length;
 use crate::rig::relative::UncertainPose;
@@ -138,6 +140,23 @@ impl SolvedHandEye {
         of_rig.chain(self.solution.causes.iter().map(HandEyeCause::to_string)).collect()
     }
 
+    /// Returns the explanations of the views with the motions of both poses, the most probable first.
+    pub fn explanations(&self) -> Vec<WeighedExplanation> {
+        let (carrier, holder) = self.pose_names();
+        let poses = [carrier, holder.to_string()];
+        let named = |what: HandEyeExplanation| match what {
+            HandEyeExplanation::Size => {
+                Named { key: "target_size", of: None, words: "another size of the target".into() }
+            }
+            HandEyeExplanation::Lens(error) => {
+                Named { key: "lens", of: None, words: format!("another value of {error}") }
+            }
+            _ => Named::as_stated(),
+        };
+        let all = self.solution.explanations.iter();
+        all.map(|one| WeighedExplanation::of(one, named(one.what), &poses)).collect()
+    }
+
     /// Returns one line: how many views agree, or the likely cause why the answer cannot be trusted.
     pub fn message(&self) -> String {
         self.verdict().message
@@ -190,6 +209,7 @@ impl SolvedHandEye {
             views: self.agreements(),
             rejected: self.rejected(),
             causes: self.causes(),
+            explanations: self.explanations(),
             remarks: self.remarks.clone(),
             message,
         }
@@ -271,6 +291,8 @@ pub(super) struct HandEyeObject {
     rejected: Vec<RejectedView>,
     /// Why the answer is not to be believed, the likely cause first.
     causes: Vec<String>,
+    /// What explains the views, the most probable first.
+    explanations: Vec<WeighedExplanation>,
     /// What is unusual about files and observations.
     remarks: Vec<String>,
     message: String,

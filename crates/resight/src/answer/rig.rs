@@ -9,8 +9,10 @@ use super::{SchemaNumber, Status, TransformObject, Unsolved, rows};
 use crate::core::Pose;
 use crate::core::multiview::rig::{CameraInRig, Cause, RigSolution, TargetOnBody, TargetScale};
 use crate::formats::{JointCovariance, WriteError, own_rig_file, status_keys};
+use crate::report::explanation::WeighedExplanation;
 use crate::report::rig::{
-    camera_status, rig_camera_sentence, rig_status, rig_verdict, rig_verdict_sentence, scale_sentences,
+    camera_status, rig_camera_sentence, rig_explanations, rig_status, rig_verdict, rig_verdict_sentence,
+    scale_sentences,
 };
 use crate::report::verdict::Verdict;
 use crate::report::words::{distance_sigma_m, sigmas, translation_sigma_m};
@@ -119,6 +121,8 @@ pub(super) struct RigObject {
     status: Status,
     /// What contradicts, and the likely cause; null where nothing does.
     contradiction: Option<String>,
+    /// What explains the observations, the most probable first.
+    explanations: Vec<WeighedExplanation>,
     reference: String,
     rms_px: f64,
     chi2: f64,
@@ -304,6 +308,7 @@ fn object(solved: &SolvedRig) -> RigObject {
         schema: SchemaNumber,
         status,
         contradiction: rig_verdict_sentence(&solved.run),
+        explanations: rig_explanations(&solved.run),
         reference: camera_name(solved, s.reference),
         rms_px: s.rms_px,
         chi2: s.chi2,

@@ -1,5 +1,6 @@
 //! The usual faults of points and intrinsics in words: what makes points agree that contradict each other.
 
+use crate::report::explanation::MotionObject;
 use resight_core::camera::{CameraMatrix, ImageSize};
 use resight_core::locate::suspects::{Explanation, Fault, explanations};
 use resight_core::locate::{Config, PoseEstimate};
@@ -19,6 +20,11 @@ pub struct PointsCause {
     second_cause: Option<&'static str>,
     /// χ² per degree of freedom once the fault is corrected.
     chi2_per_degree_of_freedom: f64,
+    /// Its probability among all that were tried, the points as stated included.
+    probability: f64,
+    /// By how much the pose moves once it is corrected; absent where the points as stated have no pose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    motion: Option<MotionObject>,
     /// The correction that makes the points agree.
     message: String,
 }
@@ -68,6 +74,8 @@ impl<L: Fn(usize) -> String> Words<'_, L> {
             cause: name(first),
             second_cause: second.map(name),
             chi2_per_degree_of_freedom: found.chi2 / found.degrees_of_freedom as f64,
+            probability: found.probability,
+            motion: found.motion.as_ref().map(MotionObject::of),
             message,
         })
     }

@@ -21,7 +21,8 @@ use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
 pub use sentences::{
-    lens_sentences, rejection_sentence, scale_sentences, time_sentence, weakest_link_sentence,
+    lens_sentences, rejection_sentence, rig_explanations, scale_sentences, time_sentence,
+    weakest_link_sentence,
 };
 pub use verdict::{camera_status, rig_camera_sentence, rig_status, rig_verdict, rig_verdict_sentence};
 

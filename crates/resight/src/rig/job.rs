@@ -10,6 +10,7 @@ use super::relative::in_world;
 use super::request::RigRequest;
 use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
+use crate::core::explanation::Tolerance;
 use crate::core::multiview::rig::{
     FrameStamps, KnownDistance, RigConfig, SharedViews, UncertainTags, shared_views, solve_rig, time_offsets,
 };
@@ -91,6 +92,7 @@ pub struct ObservedRig {
     known_distances: Vec<KnownDistance>,
     inputs: Vec<InputFile>,
     command: Option<String>,
+    tolerance: Tolerance,
     joint_covariance: bool,
     adjust_lenses: bool,
     rolling_shutter: bool,
@@ -146,6 +148,7 @@ impl ObservedRig {
             remarks,
             inputs,
             command: request.command.clone(),
+            tolerance: request.tolerance,
             joint_covariance: request.joint_covariance,
             adjust_lenses: request.adjust_lenses,
             rolling_shutter: request.rolling_shutter,
@@ -197,6 +200,7 @@ impl ObservedRig {
             intrinsics: &intrinsics,
             scale_sigma: scale_sigma(&rig.targets),
             displaced_tags: &tags,
+            tolerance: self.tolerance,
             ..RigConfig::default()
         };
         let failed =

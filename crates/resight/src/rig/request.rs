@@ -2,6 +2,7 @@
 
 use super::NamedTarget;
 use crate::core::Target;
+use crate::core::explanation::Tolerance;
 use crate::core::multiview::rig::KnownDistance;
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
@@ -27,6 +28,8 @@ pub struct RigRequest {
     pub known_distances: Vec<CameraDistance>,
     /// Frames within this time of each other, seconds, are one view, whatever their names; by default frames of the same name are one view.
     pub sync_tolerance_s: Option<f64>,
+    /// By how much a camera's pose may move under another explanation of the observations before the rig is inconsistent.
+    pub tolerance: Tolerance,
     /// Whether the lenses are adjusted together with the rig. The covariance of a camera file is what is known of its lens; a file without one
     /// gives initial values and the lens model.
     pub adjust_lenses: bool,

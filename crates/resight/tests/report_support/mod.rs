@@ -168,6 +168,7 @@ pub fn simulated(n_cameras: usize, n_views: usize, seed: u64) -> RigRun {
         noise_scale: 1.0,
         view_scale: 1.0,
         lens_sigma_m: None,
+        explanations: Vec::new(),
         steps: 7,
         verdict: RigVerdict::default(),
     };

@@ -5,8 +5,8 @@ use resight::answer::SolvedRig;
 use resight::core::multiview::rig::shared_views as shared;
 use resight::formats::cells;
 use resight::report::rig::{
-    lens_sentences, rejection_sentence, rig_camera_sentence, rig_verdict, rig_verdict_sentence,
-    scale_sentences, time_sentence, weakest_link_sentence,
+    lens_sentences, rejection_sentence, rig_camera_sentence, rig_explanations, rig_verdict,
+    rig_verdict_sentence, scale_sentences, time_sentence, weakest_link_sentence,
 };
 use resight::report::verdict::{Verdict, figures};
 use resight::report::words::{
@@ -69,6 +69,11 @@ pub fn describe(solved: &SolvedRig) -> String {
             line(&mut out, "budget", &format!("{} {text}", name(solved, i)));
         }
     }
+    crate::text::explained(
+        &mut out,
+        &rig_explanations(&solved.run),
+        solved.run.solution.verdict.is_inconsistent,
+    );
     for sentence in lens_sentences(&solved.run) {
         line(&mut out, "lens", &sentence);
     }

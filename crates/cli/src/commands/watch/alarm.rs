@@ -1,5 +1,6 @@
 //! What counts as drift, and how often a false alarm is allowed.
 
+use crate::args::ToleranceArgs;
 use clap::Args;
 use nalgebra::{Matrix6, Vector6};
 use resight::core::temporal::monitor::MonitorConfig;
@@ -15,12 +16,8 @@ pub struct AlarmArgs {
     /// A camera without a usable reading for this long is stale.
     #[arg(long, alias = "unseen-after-s", hide_short_help = true, value_name = "SECONDS", default_value_t = 5.0, value_parser = crate::args::seconds)]
     stale_after_s: f64,
-    /// Rotations below this are no motion.
-    #[arg(long, hide_short_help = true, value_name = "DEGREES", default_value_t = 0.0)]
-    tolerance_deg: f64,
-    /// Translations below this are no motion.
-    #[arg(long, hide_short_help = true, value_name = "MM", default_value_t = 0.0)]
-    tolerance_mm: f64,
+    #[command(flatten)]
+    tolerance: ToleranceArgs,
     /// Standard deviation of the rotation error that is correlated from frame to frame, as far as it is known beforehand; it is measured
     /// otherwise [default: 0, with --moving-target 0.2]
     #[arg(long, hide_short_help = true, value_name = "DEGREES")]
@@ -46,11 +43,12 @@ const CARRIED_ABOUT: [f64; 2] = [0.2, 2.0];
 impl AlarmArgs {
     /// Shared among the pairs watched, so that the rate holds for all of them together.
     pub fn monitor(&self, pairs: usize) -> MonitorConfig {
+        let tolerance = self.tolerance.tolerance();
         MonitorConfig {
             false_alarms_per_day: self.false_alarms_per_day / pairs as f64,
             stale_after_s: self.stale_after_s,
-            tolerance_rotation_rad: self.tolerance_deg.to_radians(),
-            tolerance_translation_m: 1e-3 * self.tolerance_mm,
+            tolerance_rotation_rad: tolerance.rotation_rad.unwrap_or(0.0),
+            tolerance_translation_m: tolerance.translation_m.unwrap_or(0.0),
             ..MonitorConfig::default()
         }
     }

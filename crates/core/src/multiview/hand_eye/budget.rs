@@ -32,12 +32,12 @@ pub(super) fn budgets(
         // The parts are those of the minimum, its covariance has the weights of the round before.
         let mut budget = budget.adding_up_to(&block(&best.covariance))?;
         budget.add(ErrorSource::Robot, &block(&settled.widening));
-        for (probability, effect) in &verdict.shared {
+        for (probability, effect) in verdict.shared() {
             let source = match effect.error {
                 SharedError::Size => ErrorSource::Target,
                 SharedError::Lens(_) => ErrorSource::Lens,
             };
-            budget.add(source, &block(&Verdict::added(*probability, effect)));
+            budget.add(source, &block(&Verdict::added(probability, effect)));
         }
         let sum = budget.covariance() * settled.noise_scale;
         budget.add(ErrorSource::Residuals, &(sum * (1.0 - 1.0 / settled.noise_scale)));

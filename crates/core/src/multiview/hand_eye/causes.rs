@@ -28,10 +28,6 @@ pub enum HandEyeCause {
         part: f64,
         /// Its standard deviation.
         sigma: f64,
-        /// The probability of this explanation among those that were tried.
-        probability: f64,
-        /// By how far the camera moves with it, m.
-        shift_m: f64,
     },
     /// The pixels contradict the given intrinsics.
     Intrinsics {
@@ -76,6 +72,18 @@ pub enum HandEyeCause {
         /// Number of views with a pose.
         n_views: usize,
     },
+}
+
+/// What explains the views of a hand–eye answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum HandEyeExplanation {
+    /// Everything is as stated.
+    AsStated,
+    /// The target has another size, or the gripper's positions another unit.
+    Size,
+    /// The lens is another one.
+    Lens(LensError),
 }
 
 /// Something that is said against a hand–eye answer.
@@ -153,14 +161,12 @@ impl fmt::Display for HandEyeCause {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
             HandEyeCause::Size { ratio, sigma } => size(f, *ratio, *sigma),
-            HandEyeCause::Lens { error, part, sigma, probability, shift_m } => write!(
+            HandEyeCause::Lens { error, part, sigma } => write!(
                 f,
-                "by the gripper's motions {error} is {:.1} % ± {:.1} % {} than stated (probability {:.0} %): this moves the camera by {:.1} mm",
+                "by the gripper's motions {error} is {:.1} % ± {:.1} % {} than stated",
                 100.0 * part.abs(),
                 100.0 * sigma,
-                if 0.0 < *part { "larger" } else { "smaller" },
-                100.0 * probability,
-                1e3 * shift_m
+                if 0.0 < *part { "larger" } else { "smaller" }
             ),
             HandEyeCause::Intrinsics { groups, focal_ratio } => {
                 let names: Vec<&str> = groups.iter().map(|group| group.name()).collect();

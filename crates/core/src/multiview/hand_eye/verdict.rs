@@ -8,11 +8,12 @@ use super::settle::{Effect, Settled};
 use super::shared::SharedError;
 use super::{HandEyeConfig, HandEyeView, TargetSize};
 use crate::camera::BrownConrady;
+use crate::explanation::Weighed;
 use crate::locate::consistency::{is_inconsistent, loses_too_many, measured_scale};
 use crate::multiview::intrinsics_check::{Group, IntrinsicsCheck, check_intrinsics, focal_length};
 use crate::multiview::rig_pose::RigCost;
-use crate::{Camera, Correspondence, Lens, Matrix6};
-use nalgebra::{DMatrix, SVector};
+use crate::{Camera, Correspondence, Lens, Matrix6, Pose, Vector6};
+use nalgebra::{DMatrix, Matrix3, SVector};
 
 /// Smaller errors of size do not make the answer wrong: their contribution enters the covariance.
 const MAX_SIZE_ERROR: f64 = 0.01;
@@ -24,14 +25,10 @@ const PROVEN_CHI2: f64 = 20.25;
 const MAX_RAY_SHIFT: f64 = 1e-3;
 /// Probability of blaming correct intrinsics here: below that of the check itself, which only warns.
 const MAX_INTRINSICS_P: f64 = 1e-5;
-/// The 99 % quantile of χ² with six degrees of freedom: an explanation that moves the camera by less is within the stated covariance.
-const WITHIN_CHI2: f64 = 16.81;
 /// Standard deviation of an error of a size or of a lens where there is one.
 const SHARED_SIGMA: f64 = 0.05;
 /// Odds of each kind of shared error before the views are seen.
 const SHARED_ODDS: f64 = 0.1;
-/// Less probable errors add nothing to the covariance.
-const LEAST_PROBABILITY: f64 = 0.1;
 /// Least gain of the log-likelihood of the gripper's motions by another lens, unless they contradict it: a coarse robot tells little.
 pub(super) const CONFIRMED_GAIN: f64 = -3.0;
 /// … and to this part the product of its two standard deviations must fall where other views agree.
@@ -41,8 +38,8 @@ pub(super) const CONFIRMED_NOISE: f64 = 0.5;
 pub(super) struct Verdict {
     pub causes: Vec<HandEyeCause>,
     pub size: Option<TargetSize>,
-    /// Errors that all views may share, each with its probability: the covariance holds them.
-    pub shared: Vec<(f64, Effect)>,
+    /// The explanations of the views that are probable enough, none for the input as stated: the covariance holds the others.
+    pub explanations: Vec<Weighed<Option<Effect>>>,
 }
 
 impl Verdict {
@@ -53,10 +50,14 @@ impl Verdict {
         DMatrix::from_fn(12, 12, |i, j| probability * (shift[(i, j)] + open[(i, j)]))
     }
 
-    /// Returns the most probable shared error, where it is more probable than none.
+    /// Returns the errors that all views may share, the most probable first, each with its probability.
+    pub fn shared(&self) -> impl Iterator<Item = (f64, &Effect)> {
+        shared(&self.explanations)
+    }
+
+    /// Returns the most probable shared error, where it is more probable than all else.
     pub fn likely(&self) -> Option<&Effect> {
-        let best = self.shared.iter().max_by(|a, b| a.0.total_cmp(&b.0));
-        best.filter(|(probability, _)| 0.5 < *probability).map(|(_, effect)| effect)
+        self.shared().find(|(probability, _)| 0.5 < *probability).map(|(_, effect)| effect)
     }
 }
 
@@ -71,8 +72,10 @@ pub(super) struct Residuals {
 /// The camera that the pixels of all views fit better, where they contradict the given one.
 pub(super) struct OtherLens {
     pub camera: Camera,
-    /// The cause, where pixels alone are judged.
-    pub cause: Option<HandEyeCause>,
+    /// The cause, where it matters.
+    pub cause: HandEyeCause,
+    /// Whether it moves the rays by more than those of good files, or the pixels contradict the given one.
+    pub is_large: bool,
 }
 
 /// What another lens does to the answer.
@@ -83,15 +86,26 @@ pub(super) struct ByLens {
     pub is_confirmed: bool,
 }
 
-/// Returns whether a motion of X or that of Z is beyond its covariance.
-fn is_beyond(shift: &SVector<f64, 12>, covariance: &DMatrix<f64>) -> bool {
-    let is_beyond = |at: usize| {
-        let shift = shift.fixed_rows::<6>(at).into_owned();
-        let covariance: Matrix6 = covariance.fixed_view::<6, 6>(at, at).into_owned();
-        covariance.cholesky().is_none_or(|c| WITHIN_CHI2 < shift.dot(&c.solve(&shift)))
-    };
-    is_beyond(0) || is_beyond(6)
+/// Returns how a left motion of Z, about the base's or hand's origin, moves the target about its own, whose position is wanted.
+fn about_target(settled: &Settled) -> Matrix6 {
+    Pose::new(Matrix3::identity(), -settled.fit.poses.holder_from_target.translation).adjoint()
 }
+
+/// Returns the motions of X and Z, the latter about the target's origin.
+fn motions(shift: &SVector<f64, 12>, settled: &Settled) -> [Vector6; 2] {
+    [shift.fixed_rows::<6>(0).into_owned(), about_target(settled) * shift.fixed_rows::<6>(6)]
+}
+
+/// Returns whether a motion of X or that of Z matters.
+fn is_beyond(shift: &SVector<f64, 12>, (covariance, settled, config): Beside) -> bool {
+    let block = |at: usize| -> Matrix6 { covariance.fixed_view::<6, 6>(at, at).into_owned() };
+    let ([of_x, of_z], there) = (motions(shift, settled), about_target(settled));
+    config.tolerance.is_exceeded(&of_x, &block(0))
+        || config.tolerance.is_exceeded(&of_z, &(there * block(6) * there.transpose()))
+}
+
+/// What a motion is judged beside: the covariance without shared errors, 12×12, and the answer.
+type Beside<'a> = (&'a DMatrix<f64>, &'a Settled<'a>, &'a HandEyeConfig);
 
 /// Decides about an answer of which `covariance`, 12×12, is that without shared errors.
 pub(super) fn judged(
@@ -101,6 +115,7 @@ pub(super) fn judged(
     of_lens: Option<(OtherLens, Option<ByLens>)>,
     config: &HandEyeConfig,
 ) -> Verdict {
+    let beside = (covariance, settled, config);
     let ratio = |(chi2, degrees_of_freedom): (f64, usize)| (chi2 / degrees_of_freedom.max(1) as f64).sqrt();
     let contradicts = |(chi2, degrees_of_freedom): (f64, usize)| is_inconsistent(chi2, degrees_of_freedom);
     let mut seen = Vec::new();
@@ -109,16 +124,16 @@ pub(super) fn judged(
         seen.push(HandEyeCause::StatedNoise { ratio: ratio(residuals.poses) });
     }
     let (n_rejected, n_views) = (settled.known.len() - settled.used().len(), settled.known.len());
-    if loses_too_many(n_rejected, n_views) && rejected_matter(settled, covariance, config) {
+    if loses_too_many(n_rejected, n_views) && rejected_matter((covariance, settled, config)) {
         seen.push(HandEyeCause::ManyContradict { n_rejected, n_views });
     }
     let effect = |error: SharedError| Some(widened(settled.effect(error, config)?, settled));
     let effects: Vec<Effect> = SharedError::ALL.into_iter().filter_map(effect).collect();
     let larger = effects.iter().find(|effect| effect.error == SharedError::Size);
     let size = larger.map(|larger| TargetSize { ratio: 1.0 + larger.part, sigma: larger.sigma });
-    let shared = shared(effects, settled, config);
+    let explanations = explanations(effects, settled, config);
     let mut causes: Vec<HandEyeCause> =
-        of_lens.and_then(|(lens, by)| blamed(lens, by.as_ref(), covariance)).into_iter().collect();
+        of_lens.and_then(|(lens, by)| blamed(lens, by.as_ref(), beside)).into_iter().collect();
     // A wrong lens may come with a wrong mounting, which contradicts the gripper's motions far more than the lens does.
     if !seen.is_empty() {
         causes.extend(alternatives(views, settled, config));
@@ -127,20 +142,21 @@ pub(super) fn judged(
         causes.extend(better_convention(views, settled, config));
     }
     if causes.is_empty() && large_noise(settled).is_none() {
-        causes.extend(wrong(views, settled, (&shared, covariance), config));
+        causes.extend(wrong(views, &explanations, beside));
     }
     causes.append(&mut seen);
     if contradicts(residuals.pixels) && MAX_RAY_SHIFT < residuals.rays {
         causes.push(HandEyeCause::Pixels { ratio: ratio(residuals.pixels) });
     }
-    Verdict { causes, size, shared }
+    Verdict { causes, size, explanations }
 }
 
 /// More than this part of the views is not left out by chance, whatever they say.
 const MAX_REJECTED_PART: f64 = 0.25;
 
 /// Returns whether the views that were left out would move the answer beyond its covariance, where the gripper's noise explains them too.
-fn rejected_matter(settled: &Settled, covariance: &DMatrix<f64>, config: &HandEyeConfig) -> bool {
+fn rejected_matter(beside: Beside) -> bool {
+    let (_, settled, config) = beside;
     let mut known = settled.known.clone();
     let n_rejected = known.len() - settled.used().len();
     if MAX_REJECTED_PART * (known.len() as f64) < n_rejected as f64 {
@@ -150,60 +166,73 @@ fn rejected_matter(settled: &Settled, covariance: &DMatrix<f64>, config: &HandEy
     let all: Vec<(usize, usize)> =
         known.iter().enumerate().map(|(at, view)| (at, nearest(view, poses).0)).collect();
     let Ok((fit, _)) = fit_with_noise(poses, &mut known, &all, config) else { return true };
-    is_beyond(&fit.poses.motion_from(poses), covariance)
+    is_beyond(&fit.poses.motion_from(poses), beside)
 }
 
 /// Returns the cause that the pixels give, unless it moves the camera by no more than its covariance, or the gripper's motions do not confirm it.
-fn blamed(lens: OtherLens, by_lens: Option<&ByLens>, covariance: &DMatrix<f64>) -> Option<HandEyeCause> {
-    let matters = by_lens.is_none_or(|by| is_beyond(&by.shift, covariance) && by.is_confirmed);
-    lens.cause.filter(|_| matters)
+fn blamed(lens: OtherLens, by_lens: Option<&ByLens>, beside: Beside) -> Option<HandEyeCause> {
+    let is_fault = match by_lens {
+        Some(by) => {
+            let is_judged = lens.is_large || beside.2.tolerance.is_stated();
+            is_judged && by.is_confirmed && is_beyond(&by.shift, beside)
+        }
+        None => lens.is_large,
+    };
+    is_fault.then_some(lens.cause)
 }
 
-/// Returns the errors that all views may share with their probabilities, eq. (30).
-fn shared(mut effects: Vec<Effect>, settled: &Settled, config: &HandEyeConfig) -> Vec<(f64, Effect)> {
-    let Some(without) = settled.log_likelihood(config) else { return Vec::new() };
-    let scale = settled.scale();
-    let log_odds =
-        |effect: &Effect| (SHARED_ODDS / SHARED_SIGMA).ln() + (effect.log_likelihood - without) / scale;
-    effects.retain(|effect| {
-        let is_measured = effect.error != SharedError::Size || settled.measures_size();
-        is_measured && effect.sigma < SHARED_SIGMA && log_odds(effect).is_finite()
-    });
-    let most = effects.iter().map(log_odds).fold(0.0, f64::max);
-    let part = |effect: &Effect| (log_odds(effect) - most).exp();
-    let sum = (-most).exp() + effects.iter().map(part).sum::<f64>();
-    let all = effects.into_iter().map(|effect| (part(&effect) / sum, effect));
-    all.filter(|(probability, _)| LEAST_PROBABILITY < *probability).collect()
+fn shared(explanations: &[Weighed<Option<Effect>>]) -> impl Iterator<Item = (f64, &Effect)> {
+    explanations.iter().filter_map(|one| Some((one.probability, one.what.as_ref()?)))
+}
+
+/// Returns the explanations of the views that are probable enough, the most probable first, eq. (30): the input as stated, and errors that all views share.
+fn explanations(
+    mut effects: Vec<Effect>,
+    settled: &Settled,
+    config: &HandEyeConfig,
+) -> Vec<Weighed<Option<Effect>>> {
+    let mut all = vec![Weighed::new(None, 0.0, vec![Vector6::zeros(); 2])];
+    if let Some(without) = settled.log_likelihood(config) {
+        let scale = settled.scale();
+        let log_odds =
+            |effect: &Effect| (SHARED_ODDS / SHARED_SIGMA).ln() + (effect.log_likelihood - without) / scale;
+        effects.retain(|effect| {
+            let is_measured = effect.error != SharedError::Size || settled.measures_size();
+            is_measured && effect.sigma < SHARED_SIGMA && log_odds(effect).is_finite()
+        });
+        let of = |effect: Effect| {
+            let motions = motions(&effect.shift, settled).to_vec();
+            Weighed::new(Some(effect.clone()), log_odds(&effect), motions)
+        };
+        all.extend(effects.into_iter().map(of));
+    }
+    Weighed::weigh(&mut all);
+    all.retain(Weighed::is_probable);
+    all
 }
 
 /// Returns the shared errors that explain the views and move the answer beyond its covariance, the most probable first; none unless the most probable is
 /// proven and large.
 fn wrong(
     views: &[HandEyeView],
-    settled: &Settled,
-    (shared, covariance): (&[(f64, Effect)], &DMatrix<f64>),
-    config: &HandEyeConfig,
+    explanations: &[Weighed<Option<Effect>>],
+    beside: Beside,
 ) -> Vec<HandEyeCause> {
-    let mut fits: Vec<&(f64, Effect)> = shared.iter().collect();
-    fits.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let matters = |effect: &Effect| {
+    let (_, settled, config) = beside;
+    let matters = |(probability, effect): (f64, &Effect)| {
         let most = if effect.error == SharedError::Size { MAX_SIZE_ERROR } else { MAX_FOCAL_ERROR };
-        is_proven(effect, settled) && most < effect.part.abs() && is_beyond(&effect.shift, covariance)
+        let is_large = is_proven(effect, settled) && most < effect.part.abs();
+        let is_best = 0.5 < probability && config.tolerance.is_stated();
+        (is_large || is_best) && is_beyond(&effect.shift, beside)
     };
-    if !fits.first().is_some_and(|(_, best)| matters(best)) {
+    if !shared(explanations).next().is_some_and(matters) {
         return Vec::new();
     }
-    let cause = |(probability, effect): &&(f64, Effect)| match effect.error {
+    let cause = |(_, effect): (f64, &Effect)| match effect.error {
         SharedError::Size => resized(views, settled, effect, config),
-        SharedError::Lens(error) => HandEyeCause::Lens {
-            error,
-            part: effect.part,
-            sigma: effect.sigma,
-            probability: *probability,
-            shift_m: effect.shift.fixed_rows::<3>(3).norm(),
-        },
+        SharedError::Lens(error) => HandEyeCause::Lens { error, part: effect.part, sigma: effect.sigma },
     };
-    fits.iter().map(cause).collect()
+    shared(explanations).map(cause).collect()
 }
 
 /// Widens the uncertainty of an error as that of the answer.
@@ -265,14 +294,15 @@ pub(super) fn other_lens(settled: &Settled, pixels: (f64, usize)) -> Option<Othe
     let better = camera.with_parameters(&values).ok()?;
     let matters =
         check.p_value < MAX_INTRINSICS_P && MAX_RAY_SHIFT < offset_of_rays(settled, camera, &check, &frames);
-    if !matters && !is_certain {
-        return Some(OtherLens { camera: better, cause: None });
-    }
     let groups = check.blamed.iter().map(|blame| blame.group).collect();
     let blamed = check.blamed.iter().flat_map(|blame| &blame.parameters);
     let focal = blamed.filter(|doubt| ["f", "fx_px"].contains(&doubt.name));
     let focal_ratio = focal.map(|doubt| 1.0 + doubt.offset / doubt.given).next();
-    Some(OtherLens { camera: better, cause: Some(HandEyeCause::Intrinsics { groups, focal_ratio }) })
+    Some(OtherLens {
+        camera: better,
+        cause: HandEyeCause::Intrinsics { groups, focal_ratio },
+        is_large: matters || is_certain,
+    })
 }
 
 /// Returns what to add to each parameter, zero where it is not blamed.

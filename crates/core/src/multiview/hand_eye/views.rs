@@ -237,6 +237,7 @@ fn candidates(view: &HandEyeView) -> Result<Vec<Candidate>, Error> {
 
 /// Checks every number of every view.
 fn check(views: &[HandEyeView], config: &HandEyeConfig) -> Result<(), Error> {
+    config.tolerance.check()?;
     for (index, view) in views.iter().enumerate() {
         check_pose("view", index, &view.base_from_gripper)?;
         if let Some(covariance) = &view.gripper_covariance {

@@ -3,6 +3,7 @@
 use super::adjust::{Adjusted, keeps_minimum};
 use super::budget::Budgets;
 use super::classify::rms_px;
+use super::explain::Shown;
 use super::layout::Layout;
 use super::lens_doubt::LensDoubts;
 use super::lens_score::scores;
@@ -103,8 +104,9 @@ pub(super) fn answer(
     budgets.add(ErrorSource::TimeOffsets, &by_times);
     let (mut of_shared, within) = (held.covariance, held.within);
     uncertain.add_to_shared(&mut of_shared);
-    of_shared += by_targets;
     of_shared += by_times;
+    let unexplained = of_shared.clone();
+    of_shared += by_targets;
     let mut with_lenses = of_shared.clone();
     doubts.add_to_shared(&mut with_lenses);
     let lens_sigma_m =
@@ -112,6 +114,16 @@ pub(super) fn answer(
     let shared = if config.lens_errors { with_lenses } else { of_shared };
     let cameras = cameras(layout, &adjusted, &tallies, &shared);
     let shared_views = shared_views(layout.problem);
+    let shown = Shown {
+        layout,
+        adjusted: &adjusted,
+        eliminated: &eliminated,
+        lenses: &lenses,
+        scales: &scales,
+        noise: measured,
+        config,
+    };
+    let explanations = shown.explanations();
     let evidence = Evidence {
         layout,
         located_views,
@@ -124,6 +136,8 @@ pub(super) fn answer(
         noise_scale,
         measured_noise: measured,
         view_scale: within / widened,
+        explanations: &explanations,
+        unexplained: &unexplained,
     };
     let verdict = evidence.verdict();
     let mut solution = RigSolution {
@@ -147,6 +161,7 @@ pub(super) fn answer(
         view_scale: neighbours.of_poses * within / widened,
         lens_sigma_m,
         steps: adjusted.steps,
+        explanations,
         verdict,
     };
     // A measured distance between cameras determines the scale, whatever the size of the targets.

@@ -3,12 +3,16 @@
 //! A focal length 1 % off moves a camera by 1 % of its distance from the target, which residuals of a few views hardly show: each of two
 //! exchanged files passes the test alone. Together they are one hypothesis with nothing to estimate. docs/math/rig.md eqs. (22), (23).
 
-use super::{Cause, LensOffset, Losses, Observation, RigConfig, RigProblem, RigSolution};
+use super::lens_doubt::EXPECTED_DEGREES;
+use super::{Cause, LensOffset, Losses, Observation, RigConfig, RigExplanation, RigProblem, RigSolution};
+use crate::explanation::Weighed;
 use crate::locate::loss::Loss;
-use crate::{Camera, Correspondence, Error, Point};
+use crate::{Camera, Correspondence, Error, Point, Vector6};
 
 /// The number of pairs that are solved again.
 const MOST_PAIRS: usize = 3;
+/// Odds of an exchange before the observations are seen, as one of the explanations.
+const ODDS: f64 = 0.02;
 /// Smallest gain of χ² by the exchange, in units of the variance that the views show: 2 ln 10⁴, because files are right far more often than
 /// exchanged.
 const NEEDED_GAIN: f64 = 18.4;
@@ -32,14 +36,29 @@ pub(super) fn examined(
         let exchanged = solve(&problem, &RigConfig { intrinsics: &intrinsics, ..*config }).ok()?;
         let scale = exchanged.noise_scale * exchanged.view_scale;
         let gain = (misfit(&stated, config) - misfit(&exchanged, config)) / scale;
-        (!exchanged.verdict.is_inconsistent && NEEDED_GAIN < gain).then_some((gain, *pair))
+        let motions = stated.motions_to(&exchanged);
+        (!exchanged.verdict.is_inconsistent && NEEDED_GAIN < gain).then_some((gain, *pair, motions))
     };
     let found = suspected(problem, config, &stated);
     let best = found.iter().filter_map(fits_better).max_by(|a, b| a.0.total_cmp(&b.0));
     match best {
-        Some((_, pair)) => blaming(stated, pair),
+        Some((gain, (a, b), motions)) => {
+            let nu = EXPECTED_DEGREES + problem.n_views as f64;
+            let log_odds = ODDS.ln() + 0.5 * nu * (gain / nu).ln_1p();
+            let matters = matters(&stated, &motions, config);
+            let mut stated = if matters { blaming(stated, (a, b)) } else { stated };
+            stated.explain(Some(Weighed::new(RigExplanation::Exchanged { a, b }, log_odds, motions)));
+            stated
+        }
         None => stated,
     }
+}
+
+/// Returns whether the exchange matters: whatever it moves, unless a tolerance is stated.
+fn matters(stated: &RigSolution, motions: &[Vector6], config: &RigConfig) -> bool {
+    let tolerance = &config.tolerance;
+    let mut moved = stated.cameras.iter().zip(motions);
+    !tolerance.is_stated() || moved.any(|(camera, motion)| tolerance.is_exceeded(motion, &camera.covariance))
 }
 
 /// Returns the observation with the bearings of another lens; none where a pixel has no bearing there.

@@ -79,6 +79,7 @@ impl<'a> Layout<'a> {
 
 fn check(problem: &RigProblem, config: &RigConfig) -> Result<(), Error> {
     config.loss.check()?;
+    config.tolerance.check()?;
     let n_cameras = problem.cameras.len();
     if n_cameras == 0 || problem.observations.iter().all(|s| s.seen.is_empty()) {
         return Err(Error::EmptyRig);

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, SMatrix};
 /// One in ten thousand, as in the other tests. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
 /// Errors that points share within a view are expected to be no larger than the noise: this counts as so many views that say so.
-const EXPECTED_DEGREES: f64 = 8.0;
+pub(super) const EXPECTED_DEGREES: f64 = 8.0;
 /// Fewer views beyond the number of parameters do not show what they share.
 const LEAST_DEGREES: f64 = 4.0;
 
@@ -88,18 +88,27 @@ fn contradiction(lens: &LensScore, variance: f64) -> f64 {
 /// along the step, many how far in each direction.
 fn unlikely<const N: usize>(step: &LensStep<N>) -> f64 {
     let p = N as f64;
-    let Some(by_points) = step.by_points.try_inverse() else { return 0.0 };
-    let along = by_points * step.x;
-    let chi2 = step.x.dot(&along);
-    let degrees_of_views = step.n_views.saturating_sub(N) as f64;
+    let (Some(chi2), Some((excess, degrees))) =
+        (step.by_points.try_inverse().map(|c| step.x.dot(&(c * step.x))), excess(step))
+    else {
+        return 0.0;
+    };
+    let degrees_of_views = degrees - EXPECTED_DEGREES;
     if degrees_of_views < LEAST_DEGREES {
         return 0.0;
     }
-    let scatter = along.dot(&(step.of_views * along)) / chi2;
-    let degrees = EXPECTED_DEGREES + degrees_of_views;
-    let excess = f64::max(1.0, (EXPECTED_DEGREES + degrees_of_views * scatter) / degrees);
     let along_step = as_normal(chi2 / excess / p, p, degrees);
     let chi2_of_views = step.by_views.and_then(|c| Some(step.x.dot(&(c.try_inverse()? * step.x))));
     let by_views = chi2_of_views.filter(|c| 0.0 <= *c).map_or(0.0, |c| as_normal(c / p, p, degrees_of_views));
     along_step.max(by_views.min(as_normal(chi2 / p, p, f64::INFINITY)))
+}
+
+/// Returns by how much errors that views share widen the variance along a step, at least 1, and its degrees of freedom: docs/math/rig.md eq. (19).
+pub(super) fn excess<const N: usize>(step: &LensStep<N>) -> Option<(f64, f64)> {
+    let along = step.by_points.try_inverse()? * step.x;
+    let chi2 = step.x.dot(&along);
+    let degrees_of_views = step.n_views.saturating_sub(N) as f64;
+    let scatter = if 0.0 < chi2 { along.dot(&(step.of_views * along)) / chi2 } else { 1.0 };
+    let degrees = EXPECTED_DEGREES + degrees_of_views;
+    Some((f64::max(1.0, (EXPECTED_DEGREES + degrees_of_views * scatter) / degrees), degrees))
 }

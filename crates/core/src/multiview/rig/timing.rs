@@ -16,6 +16,7 @@ use super::sighted::{LocatedViews, poses_of_observations};
 use super::start::start;
 use super::uncertain_lens::{OfObservation, sums_of};
 use super::{Observation, RigConfig, RigProblem};
+use crate::explanation::Estimate;
 use crate::least_squares::rig::{Common, Eliminated, RigPoses};
 use crate::locate::loss::Loss;
 use crate::{Camera, Correspondence, Error, Point, Pose, Vector6};
@@ -59,6 +60,20 @@ struct Columns {
     of_camera: Vec<Option<usize>>,
     of_line_time: Option<usize>,
     n: usize,
+}
+
+impl TimeOffsets {
+    /// Returns the offsets of the cameras that are compared with another one, none where all are that of the line time.
+    pub(super) fn estimate(&self, degrees_of_freedom: f64) -> Option<Estimate> {
+        let known = self.columns.of_camera.iter().zip(&self.offset_s);
+        let known: Vec<(usize, f64)> = known.filter_map(|(k, offset)| Some(((*k)?, (*offset)?.0))).collect();
+        let covariance = |i: usize, j: usize| self.covariance[(known[i].0, known[j].0)];
+        (!known.is_empty()).then(|| Estimate {
+            value: DVector::from_iterator(known.len(), known.iter().map(|(_, offset_s)| *offset_s)),
+            covariance: DMatrix::from_fn(known.len(), known.len(), covariance),
+            degrees_of_freedom,
+        })
+    }
 }
 
 /// Two views of a body farther apart than this say nothing of its motion between them, s: a hand changes its motion within half a second.
@@ -253,7 +268,7 @@ impl<'a> State<'a> {
     }
 }
 
-struct Estimate {
+struct Estimated {
     offsets: TimeOffsets,
     chi2: f64,
     /// Variance of the noise in units of the stated one.
@@ -273,7 +288,7 @@ fn estimated(
     times: &FrameStamps,
     clock: &Clock,
     simultaneous: &State,
-) -> Result<Option<Estimate>, Error> {
+) -> Result<Option<Estimated>, Error> {
     let mut found = Times { offset_s: clock.mean_s.iter().map(|mean_s| -mean_s).collect(), line_time_s: 0.0 };
     let mut state = simultaneous.clone();
     for _ in 0..MAX_ROUNDS {
@@ -312,7 +327,7 @@ fn estimated(
         covariance: last.covariance,
         observations: state.observations,
     };
-    Ok(Some(Estimate { offsets, chi2, noise }))
+    Ok(Some(Estimated { offsets, chi2, noise }))
 }
 
 /// The motion of each observation's target.

@@ -4,6 +4,7 @@
 //! (`lens_score`), and sizes of targets against each other (`scale`). docs/math/rig.md section 10.
 
 use super::adjust::Adjusted;
+use super::explain::RigExplanation;
 use super::layout::Layout;
 use super::lens::LensOffset;
 use super::lens_score::LensScore;
@@ -12,9 +13,11 @@ use super::uncertain_lens::stated;
 use super::views::counts;
 use super::{Observation, RejectedObservation, RigConfig, RigSolution, TargetScale};
 use crate::budget::{Accounted, ErrorSource, Warning};
+use crate::explanation::Weighed;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
-use crate::{Camera, Point};
+use crate::{Camera, Point, Vector6};
+use nalgebra::DMatrix;
 
 /// The contradictions between the solution and the observations, and the camera or target that is the likely cause. The default has none.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -189,6 +192,10 @@ pub(super) struct Evidence<'a> {
     /// The same, below 1 where the residuals prove the stated sigmas too large: lenses are tested against it.
     pub(super) measured_noise: f64,
     pub(super) view_scale: f64,
+    /// All explanations, the most probable first.
+    pub(super) explanations: &'a [Weighed<RigExplanation>],
+    /// Covariance of the shared blocks without the share of what the explanations suppose.
+    pub(super) unexplained: &'a DMatrix<f64>,
 }
 
 /// A camera whose intrinsics explain less than this share of what the worst one's explain is affected by the worst one.
@@ -298,6 +305,22 @@ impl Evidence<'_> {
         covariance.map_or([0.0; 3], |c| stated(&self.layout.problem.cameras[camera], c, reach))
     }
 
+    /// Returns whether a lens or size is a fault of the answer: it is off by more than those of good files are, or a tolerance is stated and no
+    /// other explanation is more probable; and it moves a camera by more than its covariance or the tolerance. docs/math/explanations.md eq. (7).
+    fn is_fault(&self, is_off: bool, what: RigExplanation) -> bool {
+        let tolerance = &self.config.tolerance;
+        let is_best = self.explanations.first().is_some_and(|best| best.what == what);
+        let Some(found) = self.explanations.iter().find(|one| one.what == what) else { return is_off };
+        let exceeds = |(camera, motion): (usize, &Vector6)| {
+            let block = self.layout.graph.block_of_camera[camera];
+            block.is_some_and(|b| {
+                let covariance = self.unexplained.fixed_view::<6, 6>(6 * b, 6 * b).into_owned();
+                tolerance.is_exceeded(motion, &covariance)
+            })
+        };
+        (is_off || is_best && tolerance.is_stated()) && found.motions.iter().enumerate().any(exceeds)
+    }
+
     fn cameras(&self, lens_offsets: &[Option<LensOffset>], targets: &[Losses]) -> Vec<Losses> {
         let explained = |o: &Option<LensOffset>| o.map_or(0.0, |o| o.explained_chi2);
         let most = lens_offsets.iter().map(explained).fold(0.0, f64::max);
@@ -305,6 +328,7 @@ impl Evidence<'_> {
             let (mut losses, n_kept) = self.losses(self.of(|s| s.camera == c));
             let is_own = OWN_FAULT * most <= explained(offset);
             let is_off = is_own && offset.is_some_and(|o| o.is_off());
+            let is_off = self.is_fault(is_off, RigExplanation::Lens { camera: c });
             losses.cause = match (is_off, losses.is_too_much(n_kept)) {
                 (true, _) => Some(Cause::Intrinsics),
                 (false, true) => Some(self.cause_of_loss(c, targets)),
@@ -337,6 +361,7 @@ impl Evidence<'_> {
             let (mut losses, n_kept) = self.losses(self.of(|s| s.target == t));
             let scale = &self.scales[t];
             let is_wrong_size = SIZE_OFF < (scale.ratio - 1.0).abs() - 4.0 * scale.sigma;
+            let is_wrong_size = self.is_fault(is_wrong_size, RigExplanation::Size { target: t });
             losses.cause =
                 match ((is_noisy || losses.is_too_much(n_kept)) && self.fits_no_camera(t), is_wrong_size) {
                     (true, _) => Some(Cause::Target),

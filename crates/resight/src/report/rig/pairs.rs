@@ -131,6 +131,7 @@ mod tests {
             noise_scale: 1.0,
             view_scale: 1.0,
             lens_sigma_m: None,
+            explanations: vec![],
             steps: 0,
             verdict: RigVerdict::default(),
         };

@@ -1,8 +1,9 @@
 //! The weakest link of a rig, and the test of its scale, in sentences.
 
 use super::pieces::number;
-use crate::core::multiview::rig::{LensOffset, RejectedObservation, RigWarning, TargetScale};
+use crate::core::multiview::rig::{LensOffset, RejectedObservation, RigExplanation, RigWarning, TargetScale};
 use crate::formats::NamedCamera;
+use crate::report::explanation::{Named, WeighedExplanation};
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;
@@ -51,6 +52,37 @@ fn of_scale(name: &str, scale: &TargetScale) -> String {
         number(1e3 * off.abs() * scale.extent_m, 2),
         words::length(scale.extent_m),
     )
+}
+
+/// Returns the explanations of the observations with the motion of every camera, the most probable first.
+pub fn rig_explanations(run: &RigRun) -> Vec<WeighedExplanation> {
+    let cameras: Vec<String> = run.rig.cameras.iter().map(|camera| camera.name.clone()).collect();
+    let named = |what: RigExplanation| match what {
+        RigExplanation::Lens { camera } => {
+            let name = &cameras[camera];
+            Named { key: "lens", of: Some(name.clone()), words: format!("another lens of {name}") }
+        }
+        RigExplanation::Size { target } => {
+            let name = &run.rig.targets[target].name;
+            Named { key: "target_size", of: Some(name.clone()), words: format!("another size of {name}") }
+        }
+        RigExplanation::Exchanged { a, b } => {
+            let (a, b) = (&cameras[a], &cameras[b]);
+            Named {
+                key: "exchanged_lenses",
+                of: Some(a.clone()),
+                words: format!("each other's lens for {a} and {b}"),
+            }
+        }
+        RigExplanation::Late { camera, views } => {
+            let name = &cameras[camera];
+            let words = format!("cameras that do not expose together, {name} {views:+.2} views later");
+            Named { key: "time", of: Some(name.clone()), words }
+        }
+        _ => Named::as_stated(),
+    };
+    let all = run.solution.explanations.iter().filter(|one| one.is_probable());
+    all.map(|one| WeighedExplanation::of(one, named(one.what), &cameras)).collect()
 }
 
 /// Describes a warning for which every ± was widened; the others have sentences of their own.
@@ -190,8 +222,13 @@ fn decimals(sigma: f64) -> usize {
 }
 
 pub(super) fn section(run: &RigRun) -> String {
-    let sentences = weakest_link_sentence(run)
-        .into_iter()
+    let explanations = rig_explanations(run);
+    let is_inconsistent = run.solution.verdict.is_inconsistent;
+    let shown = WeighedExplanation::worth_reading(&explanations, is_inconsistent);
+    let sentences = shown
+        .iter()
+        .map(|one| format!("Explained by {}.", one.message))
+        .chain(weakest_link_sentence(run))
         .chain(scale_sentences(run))
         .chain(lens_sentences(run))
         .chain(time_sentence(run));
