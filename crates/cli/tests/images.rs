@@ -141,6 +141,7 @@ fn demo_tells_its_story_and_writes_a_page() {
     let statuses: Vec<serde_json::Value> =
         results.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
     assert_eq!(statuses.len(), 8);
+    assert_eq!(statuses[7]["causes"][0]["cause"], "distorted", "{}", statuses[7]["message"]);
 }
 
 /// The headings and statuses in order; the numbers are held against the truth by the demo itself (exit status 0).

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use resight_core::camera::{BrownConrady, ImageSize, Pinhole};
 use resight_core::locate::consistency::Consistency;
-use resight_core::locate::suspects::{Explanation, Fault, explanations};
+use resight_core::locate::suspects::{Explanation, Fault, Origin, explanations};
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::statistics::random::SplitMix64;
 use resight_core::{Camera, CameraMatrix, Correspondence, Error, Pixel, Point, Pose, Vector6};
@@ -76,7 +76,7 @@ impl View {
         let seen = self.correspondences(sigma_px);
         let outside = self.points.iter().find_map(|(_, pixel)| self.camera.bearing(pixel).err());
         let found = outside.map_or_else(|| locate(&seen, &self.camera, &Config::default()), Err);
-        let named = explanations(found.as_ref(), &seen, &self.camera, &Config::default());
+        let named = explanations(found.as_ref(), &seen, &self.camera, &Config::default(), Origin::Table);
         (found, named)
     }
 

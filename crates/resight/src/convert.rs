@@ -2,6 +2,8 @@
 
 use crate::answer::files::{CameraPosition, ConvertAnswer, Explanation};
 use crate::answer::{SchemaNumber, Status};
+use crate::core::Target;
+use crate::core::target::{MapTag, TagMap};
 use crate::formats::{self, CameraFile, Conversion, Field, Format, Scene, WriteError};
 use crate::{Error, FileError};
 use std::path::{Path, PathBuf};
@@ -152,12 +154,34 @@ fn field_layout(
         }
     };
     let field = Field { length_m, width_m, keys_of_2027 };
-    Ok(match formats::write_field_layout(&read.target, &field) {
+    let (target, lost) = match read.target {
+        Target::TagMap(map) => {
+            let one = of_one_tolerance(&map);
+            let is_same = one.joint_covariance == map.joint_covariance && one.tags == map.tags;
+            let lost = "the tolerances of single tags and what they have in common; every tag has the root mean square of all";
+            (Target::TagMap(one), (!is_same).then(|| lost.to_owned()).into_iter().collect())
+        }
+        other => (other, Vec::new()),
+    };
+    Ok(match formats::write_field_layout(&target, &field) {
         Ok(file) => ConvertAnswer {
             warnings: read.warnings,
             message: format!("WPILib field layout, {length_m} m by {width_m} m"),
-            ..converted(Conversion { files: vec![file], lost: Vec::new(), checked: false })
+            ..converted(Conversion { files: vec![file], lost, checked: false })
         },
         Err(reason) => refused(request.to, &reason),
     })
+}
+
+/// Returns a map as a WPILib field layout can hold it: every tag has the root mean square of all tolerances.
+pub(crate) fn of_one_tolerance(map: &TagMap) -> TagMap {
+    let first = map.tags.first().map(|tag| (tag.sigma_m, tag.sigma_rad));
+    let rms = |of: fn(&MapTag) -> f64| {
+        (map.tags.iter().map(|tag| of(tag).powi(2)).sum::<f64>() / map.tags.len().max(1) as f64).sqrt()
+    };
+    let is_one = map.tags.iter().all(|tag| Some((tag.sigma_m, tag.sigma_rad)) == first);
+    let of_all = (rms(|tag| tag.sigma_m), rms(|tag| tag.sigma_rad));
+    let (sigma_m, sigma_rad) = first.filter(|_| is_one).unwrap_or(of_all);
+    let tags = map.tags.iter().map(|tag| MapTag { sigma_m, sigma_rad, ..tag.clone() }).collect();
+    TagMap { family: map.family.clone(), tags, joint_covariance: None }
 }

@@ -16,14 +16,15 @@ use resight_core::correspondence::{Detection, Skipped, correspond};
 use resight_core::locate::consistency::Consistency;
 use resight_core::locate::observability::Observability;
 use resight_core::locate::prior::Prior;
+use resight_core::locate::suspects::Origin;
 use resight_core::locate::unknown_focal::LensPrior;
 use resight_core::locate::{Config, PoseEstimate, locate};
-use resight_core::multiview::tag_map::locate_target;
+use resight_core::multiview::tag_map::{TargetPose, locate_target};
 use resight_core::target::Feature;
 use resight_core::{Camera, Correspondence, Error as MathError, Target};
 
 pub use causes::PointsCause;
-pub(crate) use causes::outside_field;
+pub(crate) use causes::{of_table, outside_field};
 pub use intrinsics::{IntrinsicsCost, IntrinsicsCovariance, camera_file};
 pub use lines::{NamedLine, locate_lines_and_points};
 pub use method::{METHODS, method_name};
@@ -199,6 +200,10 @@ impl<'a> ImageLocator<'a> {
                  sensor mode"
             );
         }
+        let causes = self.causes(&found, camera, &config);
+        if let Some(sentence) = causes::sentence(&causes) {
+            verdict.message = format!("{sentence}; {}", verdict.message);
+        }
         let budget = found.budget(self.target, camera, &config).ok();
         let (points, estimate) = (found.seen, found.estimate.ok());
         let intrinsics_cost = intrinsics
@@ -220,8 +225,19 @@ impl<'a> ImageLocator<'a> {
             skipped: found.skipped.iter().map(|s| skipped_text(s, self.target)).collect(),
             left_out: found.left_out,
             contradicting: found.contradicting,
+            causes,
             ..PoseAnswer::without_pose(view.to_owned(), Status::Error, "")
         }
+    }
+
+    /// Returns the usual faults of a camera file that explain a contradiction; none where tags of a map contradict each other.
+    fn causes(&self, found: &TargetPose, camera: &Camera, config: &Config) -> Vec<PointsCause> {
+        if !found.contradicting.is_empty() {
+            return Vec::new();
+        }
+        let config = &Config { target_scale_sigma: self.scale_sigma(), ..*config };
+        let label = |i: usize| feature_name(found.features[i], self.target);
+        causes::causes(found.estimate.as_ref(), &found.seen, camera, config, Origin::Image, label)
     }
 }
 
@@ -314,7 +330,7 @@ pub fn locate_points(
     };
     let label = |i: usize| format!("point {}", points[i].label());
     let causes = match options.robust_threshold_px {
-        None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, label),
+        None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, Origin::Table, label),
         Some(_) => Vec::new(),
     };
     let budget = solved.as_ref().ok().and_then(|(e, agreement)| {

@@ -6,6 +6,7 @@
 pub mod scene;
 pub mod clicks;
 pub mod answers;
+mod causes;
 mod job;
 mod again;
 pub mod words;

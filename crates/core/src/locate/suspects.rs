@@ -33,6 +33,15 @@ pub struct Explanation {
     pub motion: Option<Vector6>,
 }
 
+/// Where the points of a view come from, which decides what faults they can have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// A table of points and pixels: all of them.
+    Table,
+    /// An image of a target, in which a detector finds pixels and labels itself: those of the lens, and that the image is mirrored.
+    Image,
+}
+
 /// Two faults, or a correction that estimates parameters, need so many degrees of freedom that remain: four redundant points.
 const HANDFUL: usize = 8;
 /// An explanation must be so many times more probable than a fault that is not in the list: 2 ln 100.
@@ -52,13 +61,14 @@ pub fn explanations(
     seen: &[Correspondence],
     camera: &Camera,
     config: &Config,
+    origin: Origin,
 ) -> Vec<Explanation> {
     let pose = match solved {
         Ok(e) if matches!(e.consistency, Consistency::Inconsistent { worst_prior: None, .. }) => Some(e),
         Err(Error::NoSolution { .. } | Error::NotConverged { .. } | Error::OutsideField { .. }) => None,
         _ => return Vec::new(),
     };
-    let contradiction = Contradiction { seen, camera, config, pose };
+    let contradiction = Contradiction { seen, camera, config, origin, pose };
     let mut found = contradiction.singles();
     // An explanation that noise as stated would hardly leave excludes no other one.
     let is_good = |e: &&Explanation| !is_unlikely(e.chi2, e.degrees_of_freedom);
@@ -81,13 +91,24 @@ struct Contradiction<'a> {
     seen: &'a [Correspondence],
     camera: &'a Camera,
     config: &'a Config<'a>,
+    origin: Origin,
     /// The pose that fits best; `None` where no pose was found.
     pose: Option<&'a PoseEstimate>,
 }
 
 impl Contradiction<'_> {
+    /// Returns the faults that concern all points, and those of the lens.
+    fn possible(&self) -> impl Iterator<Item = Fault> {
+        let origin = self.origin;
+        Fault::POINTS
+            .into_iter()
+            .filter(move |fault| fault.is_possible(origin))
+            .chain(Fault::of_lens(self.camera))
+    }
+
     fn singles(&self) -> Vec<(f64, Explanation)> {
-        let faults = Fault::POINTS.into_iter().chain(Fault::of_lens(self.camera)).chain(Fault::SHIFTS);
+        let faults =
+            self.possible().chain(Fault::SHIFTS.into_iter().filter(|_| self.origin == Origin::Table));
         let mut found: Vec<_> = faults.filter_map(|fault| self.explained(&[fault])).collect();
         if found.is_empty() {
             found = self.label_pairs().into_iter().filter_map(|fault| self.explained(&[fault])).collect();
@@ -98,8 +119,7 @@ impl Contradiction<'_> {
     /// Tries two faults at once, neither of which is in `alone`.
     fn pairs(&self, alone: &[Fault]) -> Vec<(f64, Explanation)> {
         let is_open = |fault: &Fault| !alone.iter().any(|explains| explains.kind() == fault.kind());
-        let faults: Vec<Fault> =
-            Fault::POINTS.into_iter().chain(Fault::of_lens(self.camera)).filter(is_open).collect();
+        let faults: Vec<Fault> = self.possible().filter(is_open).collect();
         let others = |(i, first): (usize, &Fault)| {
             let pair = |second: &Fault| Some((*first, *second)).filter(|_| first.goes_with(second));
             faults[i + 1..].iter().filter_map(pair).collect::<Vec<_>>()
@@ -110,7 +130,7 @@ impl Contradiction<'_> {
 
     /// Returns the pairs of the points with the largest residuals.
     fn label_pairs(&self) -> Vec<Fault> {
-        if MOST_POINTS_WITH_LABELS < self.seen.len() {
+        if MOST_POINTS_WITH_LABELS < self.seen.len() || self.origin != Origin::Table {
             return Vec::new();
         }
         let residual = |c: &Correspondence| {

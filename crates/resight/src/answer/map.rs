@@ -5,6 +5,7 @@ mod words;
 
 use super::placed::JointObject;
 use super::{SchemaNumber, Status, TransformObject, Unsolved, rows};
+use crate::convert::of_one_tolerance;
 use crate::core::multiview::map::{Gauge, MapSolution, TargetFault, TargetInMap};
 use crate::core::target::{MapTag, TagMap};
 use crate::core::{Matrix6, Target};
@@ -154,13 +155,7 @@ impl SolvedMap {
             return Err(WriteError("the map is not to be relied on; no field layout is written".into()));
         };
         let [length_m, width_m] = size_m.unwrap_or_else(|| extent_m(&map));
-        // A layout has one tolerance for all tags.
-        let rms = |of: fn(&MapTag) -> f64| {
-            (map.tags.iter().map(|tag| of(tag).powi(2)).sum::<f64>() / map.tags.len() as f64).sqrt()
-        };
-        let (sigma_m, sigma_rad) = (rms(|tag| tag.sigma_m), rms(|tag| tag.sigma_rad));
-        let tags = map.tags.iter().map(|tag| MapTag { sigma_m, sigma_rad, ..tag.clone() }).collect();
-        let target = Target::TagMap(TagMap { family: map.family, tags, joint_covariance: None });
+        let target = Target::TagMap(of_one_tolerance(&map));
         Ok(write_field_layout(&target, &Field { length_m, width_m, keys_of_2027: false })?.text)
     }
 

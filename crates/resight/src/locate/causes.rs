@@ -2,8 +2,8 @@
 
 use crate::report::explanation::MotionObject;
 use resight_core::camera::{CameraMatrix, ImageSize};
-use resight_core::locate::suspects::{Explanation, Fault, explanations};
-use resight_core::locate::{Config, PoseEstimate};
+use resight_core::locate::suspects::{Explanation, Fault, Origin, explanations};
+use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::solve::configuration::Configuration;
 use resight_core::{Camera, Correspondence, Error as MathError};
 use schemars::JsonSchema;
@@ -38,12 +38,13 @@ pub(super) fn causes(
     seen: &[Correspondence],
     camera: &Camera,
     config: &Config,
+    origin: Origin,
     label: impl Fn(usize) -> String,
 ) -> Vec<PointsCause> {
     let geometry = solved.ok().and_then(|e| e.geometry);
     let is_planar = geometry.is_some_and(|geometry| geometry.configuration == Configuration::Planar);
     let words = Words { camera, label, is_planar };
-    explanations(solved, seen, camera, config).iter().filter_map(|found| words.cause(found)).collect()
+    explanations(solved, seen, camera, config, origin).iter().filter_map(|found| words.cause(found)).collect()
 }
 
 /// Returns the sentence about the causes where a pixel is outside the field of the lens, so that nothing was solved. Bearings are not used.
@@ -53,7 +54,18 @@ pub(crate) fn outside_field(
     camera: &Camera,
     label: impl Fn(usize) -> String,
 ) -> Option<String> {
-    sentence(&causes(Err(reason), seen, camera, &Config::default(), label))
+    sentence(&causes(Err(reason), seen, camera, &Config::default(), Origin::Table, label))
+}
+
+/// Solves for the pose of points of a table and returns the sentence about the causes; none where they agree.
+pub(crate) fn of_table(
+    seen: &[Correspondence],
+    camera: &Camera,
+    config: &Config,
+    label: impl Fn(usize) -> String,
+) -> Option<String> {
+    let solved = locate(seen, camera, config);
+    sentence(&causes(solved.as_ref(), seen, camera, config, Origin::Table, label))
 }
 
 /// The names of points, and the numbers that were stated.
@@ -200,15 +212,18 @@ pub(super) fn sentence(causes: &[PointsCause]) -> Option<String> {
         [one] => one.to_string(),
         [first @ .., last] => format!("{}, or {last}, which fits as well", first.join(", ")),
     };
-    Some(format!("the points agree {which}: correct them and solve again"))
+    Some(format!("the points agree {which}: correct it and solve again"))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{NamedPoint, PointsOptions, locate_points};
+    use super::super::{LocateOptions, NamedPoint, PointsOptions, locate_image, locate_points};
+    use crate::GrayImage;
     use crate::answer::{PoseAnswer, Status};
+    use crate::formats::{read_camera, read_target};
     use resight_core::camera::{ImageSize, Pinhole};
     use resight_core::{Camera, CameraMatrix, Correspondence, Pixel, Point, Pose, Vector6};
+    use std::path::Path;
 
     /// A camera whose principal point is off the middle, so that a mirrored image differs from mirrored points.
     fn camera(f_px: f64) -> Camera {
@@ -326,6 +341,26 @@ mod tests {
             "{}",
             both.verdict.message
         );
+    }
+
+    /// The image of the demo before a camera file without distortion; with the right file nothing is named.
+    #[test]
+    fn forgotten_distortion_is_named_in_an_image() {
+        let demo = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/demo").join(name);
+        let image = GrayImage::read(demo("left.png")).expect("the image");
+        let target = read_target(demo("grid.toml")).expect("the grid").target;
+        let located = |name: &str| {
+            let camera = read_camera(demo(name)).expect("the camera").camera;
+            locate_image(&image, &camera, &target, &LocateOptions::default()).expect("an answer")
+        };
+        let right = located("left.toml");
+        assert_eq!((right.status(), right.causes.len()), (Status::Ok, 0), "{}", right.verdict.message);
+        let forgotten = located("left-distortion-forgotten.toml");
+        assert_eq!(forgotten.status(), Status::Inconsistent);
+        let names: Vec<&str> = forgotten.causes.iter().map(|cause| cause.cause).collect();
+        assert_eq!(names.first(), Some(&"distorted"), "{}", forgotten.verdict.message);
+        let start = "the points agree with the distortion k1 = -0.2";
+        assert!(forgotten.verdict.message.starts_with(start), "{}", forgotten.verdict.message);
     }
 
     /// Correct points have no cause, nor have other faults: a wrong point, a mirrored image with a wrong point.

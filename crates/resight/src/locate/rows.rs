@@ -1,8 +1,9 @@
 //! Points as rows of numbers, as in arrays. A row without a pixel is a point that was not observed.
 
-use super::{NamedPoint, PointsOptions, locate_points};
+use super::{NamedPoint, PointsOptions, locate_points, outside_field};
 use crate::answer::PoseAnswer;
 use crate::formats::plausible::{of_pixels, of_uncertain_points};
+use nalgebra::Vector3;
 use resight_core::locate::consistency::Consistency;
 use resight_core::{Camera, Correspondence, Error as MathError, Pixel, Point, Pose};
 
@@ -65,7 +66,28 @@ impl PointRows<'_> {
         let point = |row: &usize| {
             Ok(NamedPoint { name: names[*row].clone(), line: None, seen: self.correspondence(*row, camera)? })
         };
-        Ok(SeenRows { points: rows.iter().map(point).collect::<Result<_, _>>()?, rows, names })
+        let points = rows.iter().map(point).collect::<Result<_, _>>();
+        let points = points.map_err(|fault| self.with_causes(fault, &rows, &names, camera))?;
+        Ok(SeenRows { points, rows, names })
+    }
+
+    /// Adds what is likely wrong to the fault of a pixel outside the field of the lens.
+    fn with_causes(&self, fault: RowFault, rows: &[usize], names: &[String], camera: &Camera) -> RowFault {
+        let without_bearing = |row: &usize| Correspondence {
+            x_in_target: self.points_m[*row].into(),
+            pixel: self.pixels[*row].into(),
+            bearing: Vector3::z_axis(),
+            sigma_px: self.sigma_px[*row],
+            covariance_px2: None,
+            sigma_m: self.sigma_m[*row],
+        };
+        let seen: Vec<Correspondence> = rows.iter().map(without_bearing).collect();
+        let label = |i: usize| format!("point {}", names[rows[i]]);
+        let causes = fault.kind.as_ref().and_then(|reason| outside_field(reason, &seen, camera, label));
+        match causes {
+            Some(causes) => RowFault { message: format!("{causes}; {}", fault.message), ..fault },
+            None => fault,
+        }
     }
 
     fn correspondence(&self, row: usize, camera: &Camera) -> Result<Correspondence, RowFault> {
@@ -151,7 +173,8 @@ impl SeenRows {
 mod tests {
     use super::*;
     use crate::answer::Status;
-    use resight_core::{CameraMatrix, Lens, Vector6, camera::Pinhole};
+    use resight_core::camera::{BrownConrady, ImageSize, Pinhole};
+    use resight_core::{CameraMatrix, Lens, Vector6};
 
     const NAN: f64 = f64::NAN;
 
@@ -241,6 +264,30 @@ mod tests {
         points[1][2] = -1e300;
         let fault = seen(&points, &pixels).unwrap_err();
         assert!(fault.message.starts_with("point 1: one of its numbers is -1e300;"), "{}", fault.message);
+    }
+
+    /// A lens with strong distortion has no bearings for pixels of images twice as large, which is named.
+    #[test]
+    fn pixels_outside_the_field_have_their_cause() {
+        let matrix = CameraMatrix { fx_px: 300.0, fy_px: 300.0, cx_px: 319.5, cy_px: 239.5 };
+        let lens = BrownConrady::new(matrix, &[-0.28, 0.07, 0.0, 0.0]).expect("a lens");
+        let size = Some(ImageSize { width_px: 640, height_px: 480 });
+        let stated = Camera::new(lens, size).expect("a camera");
+        let true_one = stated.scaled_to(1280, 960).expect("a camera");
+        let pose = Pose::exp(&Vector6::new(0.2, -0.4, 0.1, -0.2, -0.1, 1.4));
+        let x = |i: u32| {
+            let angle = 2.399 * f64::from(i);
+            [0.9 * angle.cos(), 0.7 * angle.sin(), 0.3 * (1.7 * angle).sin()]
+        };
+        let points: Vec<[f64; 3]> = (0..14).map(x).collect();
+        let pixel = |x: &[f64; 3]| true_one.project(&(pose * Point::from(*x))).expect("in front").into();
+        let pixels: Vec<[f64; 2]> = points.iter().map(pixel).collect();
+        let (ones, zeros) = (vec![0.5; 14], vec![0.0; 14]);
+        let rows =
+            |pixels| PointRows { points_m: &points, pixels, sigma_px: &ones, sigma_m: &zeros, names: None };
+        let fault = rows(&pixels).seen(&stated).expect_err("a pixel outside the field");
+        assert!(fault.message.contains("with pixels of images of 1280 × 960 px"), "{}", fault.message);
+        assert!(rows(&pixels).seen(&true_one).is_ok());
     }
 
     #[test]

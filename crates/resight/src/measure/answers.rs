@@ -1,6 +1,7 @@
 //! Solves a scene: the answer to every query, or the reason why there is none, and a verdict on all of them.
 
 use super::again::Known;
+use super::causes::causes;
 use super::scene::{NamedQuery, NamedScene, QueryKind};
 use super::words;
 use crate::core::Error;
@@ -220,10 +221,13 @@ fn sentences(scene: &NamedScene, adjusted: &Adjusted) -> (Vec<String>, Vec<Strin
                 ));
             }
             NetworkWarning::Suspects => verdict.push(suspects(scene, adjusted)),
-            NetworkWarning::Contradiction => verdict.push(format!(
-                "inconsistent: χ² {:.1} for {} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong",
-                adjusted.chi2, adjusted.degrees_of_freedom
-            )),
+            NetworkWarning::Contradiction => {
+                verdict.push(format!(
+                    "inconsistent: χ² {:.1} for {} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong",
+                    adjusted.chi2, adjusted.degrees_of_freedom
+                ));
+                verdict.extend(causes(scene));
+            }
             NetworkWarning::Residuals(times) => {
                 verdict.push(format!("every interval was widened by {times:.2} for that"));
             }

@@ -1,5 +1,6 @@
 //! The faults, and how each is corrected.
 
+use super::Origin;
 use crate::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use crate::correspondence::PixelCovariance;
 use crate::{Camera, Correspondence, Lens as LensModel, Pixel};
@@ -88,6 +89,11 @@ impl Fault {
         unit(1, 1e-3),
         unit(2, 1e-3),
     ];
+    /// Returns whether points of that origin can have a fault that concerns all of them.
+    pub(super) fn is_possible(&self, origin: Origin) -> bool {
+        origin == Origin::Table || *self == Fault::ColumnsLeftwards
+    }
+
     /// Rows that slipped.
     pub(super) const SHIFTS: [Fault; 2] =
         [Fault::LabelsShifted { rows: 1 }, Fault::LabelsShifted { rows: -1 }];
