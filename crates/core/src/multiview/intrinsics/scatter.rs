@@ -26,6 +26,8 @@ pub(super) struct Spread {
     pub(super) noise: f64,
     /// Further factor on the variances, because views contradict each other; 1 where they do not.
     pub(super) contradiction: f64,
+    /// Further factor on the variances, because blocks of views in sequence contradict each other; 1 where they do not.
+    pub(super) blocks: f64,
 }
 
 /// With less redundancy the stated sigmas are used.
@@ -43,11 +45,12 @@ pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let noise = noise_factor(fit, stated);
     let by_view: Vec<Reduced> = scores(fit, &inverse);
+    let blocks = super::blocks::factor(&by_view, &inverse);
     let Some(scatter) = Scatter::of(&inverse, &by_view, noise) else {
-        return Some(Spread { covariance: inverse * noise, noise, contradiction: 1.0 });
+        return Some(Spread { covariance: inverse * (noise * blocks), noise, contradiction: 1.0, blocks });
     };
     let (covariance, contradiction) = scatter.covariance(&inverse, noise);
-    Some(Spread { covariance, noise, contradiction })
+    Some(Spread { covariance: covariance * blocks, noise, contradiction, blocks })
 }
 
 fn noise_factor(fit: &Fit, stated: Noise) -> f64 {

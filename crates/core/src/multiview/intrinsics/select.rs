@@ -248,6 +248,11 @@ fn aic_of(n_numbers: usize, chi2: f64, n_parameters: f64) -> f64 {
     n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_parameters
 }
 
+/// Returns Akaike's criterion of a fit with all of its parameters counted.
+pub(super) fn criterion(fit: &Fit) -> f64 {
+    aic_of(fit.n_numbers(), fit.chi2(), fit.shared.directions.len() as f64)
+}
+
 /// Returns the index of the best of all families, from which the evidence is counted.
 pub(super) fn best(families: &mut [Vec<Tried>]) -> Option<(usize, usize)> {
     let lowest = |tried: &[Tried]| -> Option<(usize, f64)> {

@@ -1,9 +1,10 @@
 //! The consistency of the graph: the rule of `consistency`, applied to the residuals and to the pairs that contradict the others.
 
 use super::noise::Noise;
-use super::{PairResult, PoseGraph};
+use super::snooping::as_normal;
+use super::{PairResult, PoseGraph, SUSPICIOUS};
 use crate::budget::{Accounted, ErrorSource, Warning};
-use crate::locate::consistency::{is_inconsistent, loses_too_many};
+use crate::locate::consistency::{FAR_ABOVE, is_inconsistent, loses_too_many};
 
 /// Why a graph contradicts itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +14,7 @@ pub enum GraphFault {
     Noise,
     /// More pairs contradict the others than a few bad calibrations explain.
     Pairs,
-    /// Most pairs of a camera contradict the others.
+    /// Pairs of a camera contradict the others, or so many of its pairs contradict the rest of them that it may have been moved in between.
     Camera,
     /// Loops of pairs do not close: the standard deviations estimated from them are no longer those of a calibration.
     Loops,
@@ -83,7 +84,10 @@ pub(super) fn verdict(
 ) -> GraphVerdict {
     let contradicted = |camera: usize| {
         let own = || checked(pairs).filter(|i| touches(graph, *i, camera));
-        loses_too_many(own().filter(|i| !pairs[*i].is_used).count(), own().count())
+        let n_lost = own().filter(|i| !pairs[*i].is_used).count();
+        loses_too_many(n_lost, own().count())
+            || may_have_moved(graph, pairs, (camera, n_lost))
+            || is_noisier(graph, (pairs, noise), (camera, chi2, degrees_of_freedom))
     };
     let is_contradicted: Vec<bool> = (0..graph.n_cameras).map(contradicted).collect();
     let n_suspicious = pairs.iter().filter(|pair| pair.is_suspicious).count();
@@ -108,6 +112,36 @@ pub(super) fn verdict(
         is_contradicted,
     }
 }
+
+/// Returns whether a camera keeps hardly more pairs than it loses: that those left out are right, and the camera was moved before the others, explains
+/// them as well.
+fn may_have_moved(graph: &PoseGraph, pairs: &[PairResult], (camera, n_lost): (usize, usize)) -> bool {
+    let kept = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera)).count();
+    0 < n_lost && kept <= n_lost + 1
+}
+
+/// Returns whether the pairs of a camera disagree by at least twice as much as all others, and beyond chance: docs/math/pose_graph.md eq. (13).
+fn is_noisier(
+    graph: &PoseGraph,
+    (pairs, noise): (&[PairResult], &Noise),
+    (camera, chi2, degrees_of_freedom): (usize, f64, usize),
+) -> bool {
+    let own = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera));
+    let (squares, redundancy) = own.fold((0.0, 0.0), |(squares, redundancy), i| {
+        let r = pairs[i].residual;
+        let squared = noise.information(i).map_or(0.0, |information| r.dot(&(information * r)));
+        (squares + squared, redundancy + pairs[i].redundancy)
+    });
+    let left = degrees_of_freedom as f64 - redundancy;
+    if !(1.0 < redundancy && 1.0 < left) {
+        return false;
+    }
+    let ratio = squares / redundancy / ((chi2 - squares).max(LEAST_CHI2) / left);
+    FAR_ABOVE <= ratio && SUSPICIOUS < as_normal(ratio, [redundancy, left])
+}
+
+/// Below this χ² others agree exactly, but for rounding.
+const LEAST_CHI2: f64 = 1e-3;
 
 fn touches(graph: &PoseGraph, pair: usize, camera: usize) -> bool {
     graph.pairs[pair].a == camera || graph.pairs[pair].b == camera
