@@ -5,9 +5,9 @@
 
 mod chain;
 mod equations;
-mod lengths;
 mod noise;
 mod snooping;
+mod lengths;
 mod verdict;
 
 pub use chain::{Chain, chain};

@@ -1,6 +1,5 @@
 //! Errors that neighbouring views share, as of a zoom that was touched: docs/math/intrinsics.md eq. (16), as docs/math/hand_eye.md section 7.
 
-use super::scatter::alone;
 use crate::least_squares::shared::Reduced;
 use crate::multiview::shared_blocks::mean_factor;
 use nalgebra::{DMatrix, DVector};
@@ -11,6 +10,9 @@ const SHOWING_VIEWS: usize = 8;
 const LEAST_VIEWS: usize = 4;
 /// Into so many blocks views are divided.
 const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
+/// Directions in which a view has less than this part of its share of the information are not compared: there the score is dominated by the
+/// noise of the view's own pose (a frontal view seems to determine the focal length, but does not), docs/math/frames.md section 3.
+const SEEN: f64 = 0.05;
 
 /// Returns by which factor the covariance of independent views is too small: 1 where blocks of views in sequence differ from each other by no more than
 /// single views do. `inverse` is the covariance for the stated noise.
@@ -49,4 +51,23 @@ fn blocks(by_view: &[Reduced], count: usize) -> Vec<Reduced> {
         })
     };
     (0..count).map(block).collect()
+}
+
+/// Returns sᵀ S⁻¹ s, the distance of a view's own answer from the common one, and the number of directions that S determines, in units of L, P =
+/// L Lᵀ.
+pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>, n_views: usize) -> (f64, usize) {
+    let information = factor.transpose() * &one.information * factor;
+    let score = factor.transpose() * &one.gradient;
+    if !information.iter().chain(score.iter()).all(|x| x.is_finite()) {
+        return (0.0, 0);
+    }
+    let eigen = information.symmetric_eigen();
+    let mut sum = (0.0, 0);
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if SEEN < *value * n_views as f64 {
+            sum.0 += vector.dot(&score).powi(2) / value;
+            sum.1 += 1;
+        }
+    }
+    sum
 }
