@@ -113,11 +113,11 @@ pub(super) fn verdict(
     }
 }
 
-/// Returns whether a camera keeps hardly more pairs than it loses: that those left out are right, and the camera was moved before the others, explains
-/// them as well.
+/// Returns whether a camera keeps no more pairs than it loses: that those left out are right, and the camera was moved before the others, explains them
+/// as well.
 fn may_have_moved(graph: &PoseGraph, pairs: &[PairResult], (camera, n_lost): (usize, usize)) -> bool {
     let kept = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera)).count();
-    0 < n_lost && kept <= n_lost + 1
+    0 < n_lost && kept <= n_lost
 }
 
 /// Returns whether the pairs of a camera disagree by at least twice as much as all others, and beyond chance: docs/math/pose_graph.md eq. (13).
