@@ -32,8 +32,8 @@ pub struct Robot {
     height_m: Option<f64>,
     height_sigma_m: f64,
     height_axis: [f64; 3],
-    tolerance_rad: Option<f64>,
-    tolerance_m: Option<f64>,
+    tolerance_rotation_rad: Option<f64>,
+    tolerance_translation_m: Option<f64>,
     rotation: Option<String>,
     length: Option<String>,
     inverse: bool,
@@ -67,7 +67,10 @@ impl Robot {
         let mounting = if self.eye_to_hand { Mounting::TargetOnGripper } else { Mounting::CameraOnGripper };
         let direction_in_carrier = Point::from(self.height_axis);
         let height = |height_m| Height { direction_in_carrier, height_m, sigma_m: self.height_sigma_m };
-        let tolerance = Tolerance { rotation_rad: self.tolerance_rad, translation_m: self.tolerance_m };
+        let tolerance = Tolerance {
+            rotation_rad: self.tolerance_rotation_rad,
+            translation_m: self.tolerance_translation_m,
+        };
         HandEyeConfig { mounting, height: self.height_m.map(height), tolerance }
     }
 }

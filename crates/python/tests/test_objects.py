@@ -209,6 +209,22 @@ def test_the_translation_has_the_scatter_that_its_repr_says(camera):
     assert np.all(np.abs(stated / scatter - 1) < 0.1)  # Four standard errors of 4,000 views are 4.5 %; the rest is that poses are not linear.
 
 
+def test_a_tolerance_larger_than_what_a_wrong_lens_moves_accepts_the_rig(tmp_path):
+    """The focal length of one camera stated 4 % too long."""
+    with open("testdata/rig/cameras.toml", encoding="utf-8") as file:
+        right = file.read()
+    wrong = tmp_path / "cameras.toml"
+    wrong.write_text(right.replace("fx_px = 812.0", "fx_px = 844.48").replace("fy_px = 811.0", "fy_px = 843.44"))
+    detections = "testdata/rig/detections.csv"
+    refused = resight.rig_from_detections(wrong, detections)
+    best = refused.to_dict()["explanations"][0]
+    assert refused.status == "inconsistent" and (best["explanation"], best["of"]) == ("lens", "right")
+    moved_m = best["motions"]["right"]["translation_m"]
+    for times, status in ((0.9, "inconsistent"), (1.1, "ok")):
+        found = resight.rig_from_detections(wrong, detections, tolerance_rotation_rad=0.02, tolerance_translation_m=times * moved_m)
+        assert found.status == status, times
+
+
 def test_points_that_are_hardly_metres_are_implausible_in_every_door(camera):
     """A yard in millimetres: the poses fit, and are a thousand times too far away."""
     for k in (3, 4, 5):

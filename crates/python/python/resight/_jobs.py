@@ -36,7 +36,7 @@ def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, re
                     known_distances_m: Sequence[tuple[str, str, float, float]] = (),
                     timestamps: Any = None, sync_tolerance_s: float | None = None,
                     joint_covariance: bool = False, adjust_lenses: bool = False, rolling_shutter: bool = False,
-                    tolerance_rad: float | None = None, tolerance_m: float | None = None,
+                    tolerance_rotation_rad: float | None = None, tolerance_translation_m: float | None = None,
                     corner_half_px: int | None = None, progress: Any = None) -> Answer:
     """The extrinsics of several cameras from images of targets that they see together.
 
@@ -46,12 +46,12 @@ def rig_from_images(cameras: Any, targets: Any, images: Mapping[str, Any], *, re
     `known_distances_m`: two cameras, the distance of their centres and its standard deviation, metres.
     `adjust_lenses`: the lenses are adjusted with the rig; the covariance of a camera is what is known of its lens.
     `rolling_shutter`: the time from row to row is estimated with the cameras' time offsets; both need time stamps and a target that moves.
-    `tolerance_rad`, `tolerance_m`: motions of a camera up to these under another explanation of the observations do not make the answer
-    inconsistent, larger ones do; where neither is given, what is within the ± does not.
+    `tolerance_rotation_rad`, `tolerance_translation_m`: motions of a camera up to these under another explanation of the observations do not
+    make the answer inconsistent, larger ones do; where neither is given, what is within the ± does not.
     `progress(done, total)` is called after each image, True is a bar by tqdm; Ctrl-C ends the work.
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s,
-                       adjust_lenses, rolling_shutter, tolerance_rad, tolerance_m)
+                       adjust_lenses, rolling_shutter, tolerance_rotation_rad, tolerance_translation_m)
     named, taken = (_named("cameras", cameras), _named("targets", targets)), _taken(images)
     times = None if timestamps is None else os.fspath(timestamps)
     return Answer(*_native.rig_from_images(*named, taken, solving, times, corner_half_px, progress))
@@ -63,14 +63,14 @@ def rig_from_detections(cameras: Any, detections: Any, targets: Any = (), *, sig
                         known_distances_m: Sequence[tuple[str, str, float, float]] = (),
                         sync_tolerance_s: float | None = None, joint_covariance: bool = False,
                         adjust_lenses: bool = False, rolling_shutter: bool = False,
-                        tolerance_rad: float | None = None, tolerance_m: float | None = None) -> Answer:
+                        tolerance_rotation_rad: float | None = None, tolerance_translation_m: float | None = None) -> Answer:
     """The same from points that were detected already.
 
     `detections`: CSV files, or a table (a dictionary of columns, pandas, Polars, Arrow) with the columns camera, view, id, u_px, v_px and
     optionally target, body, corner, x_m, y_m, z_m (where no target knows the id), sigma_px, sigma_m and t_s, which `sync_tolerance_s` needs.
     """
     solving = _solving(reference, world, fixed_together, known_distances_m, joint_covariance, sync_tolerance_s,
-                       adjust_lenses, rolling_shutter, tolerance_rad, tolerance_m)
+                       adjust_lenses, rolling_shutter, tolerance_rotation_rad, tolerance_translation_m)
     named = _named("cameras", cameras), _named("targets", targets)
     return Answer(*_native.rig_from_detections(*named, _detected(detections), sigma_px, solving))
 
@@ -108,7 +108,7 @@ def hand_eye(motions: Any, *, cameras: Any = (), targets: Any = (), images: Any 
              poses_covariance: Any = None, sigma_px: float | None = None, reference: str | None = None, eye_to_hand: bool = False,
              robot_sigma_rad: float | None = None, robot_sigma_m: float | None = None, height_m: float | None = None,
              height_sigma_m: float = 1e-3, height_axis: Sequence[float] = (0.0, 0.0, 1.0),
-             tolerance_rad: float | None = None, tolerance_m: float | None = None,
+             tolerance_rotation_rad: float | None = None, tolerance_translation_m: float | None = None,
              rotation: str | None = None, length: str | None = None, inverse: bool = False, progress: Any = None) -> Answer:
     """Where a camera or rig is mounted on a robot or vehicle.
 
@@ -118,13 +118,13 @@ def hand_eye(motions: Any, *, cameras: Any = (), targets: Any = (), images: Any 
     `locate` or `solve`, a file of poses cam_from_target, a list of `PoseAnswer`, or cam_from_target as of `motions` with `poses_covariance` (n, 6, 6) of the small motion `[rotation_rad; translation_m]`. Or
     `cameras` with `targets` and `images`, or with `detections` (CSV files or a table). Lists and arrays go together by place, all else by the
     name of the view. `robot_sigma_rad`, `robot_sigma_m`: the robot's own noise, estimated from the views where not given. `height_m`: a known
-    coordinate of the camera along `height_axis` in the gripper's frame, metres. `tolerance_rad`, `tolerance_m`: motions of camera and target up
+    coordinate of the camera along `height_axis` in the gripper's frame, metres. `tolerance_rotation_rad`, `tolerance_translation_m`: motions of camera and target up
     to these under another explanation of the views do not make the answer inconsistent, larger ones do; where neither is given, what is within
     the ± does not.
     """
     robot = {"eye_to_hand": eye_to_hand, "sigma_rad": robot_sigma_rad, "sigma_m": robot_sigma_m, "height_m": height_m,
-             "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis), "tolerance_rad": tolerance_rad,
-             "tolerance_m": tolerance_m, "rotation": rotation, "length": length, "inverse": inverse}
+             "height_sigma_m": height_sigma_m, "height_axis": tuple(height_axis), "tolerance_rotation_rad": tolerance_rotation_rad,
+             "tolerance_translation_m": tolerance_translation_m, "rotation": rotation, "length": length, "inverse": inverse}
     if 1 < sum(given is not None for given in (poses, images, detections)):
         raise Error("one of poses, images and detections is needed")
     if images is None and detections is None:
@@ -138,7 +138,7 @@ def hand_eye(motions: Any, *, cameras: Any = (), targets: Any = (), images: Any 
     taken = [] if images is None else _taken(images)
     found = None if detections is None else _detected(detections, only)
     named = _named("cameras", cameras), _named("targets", targets)
-    solving = _solving(reference, None, (), (), False, None, tolerance_rad=tolerance_rad, tolerance_m=tolerance_m)
+    solving = _solving(reference, None, (), (), False, None, tolerance_rotation_rad=tolerance_rotation_rad, tolerance_translation_m=tolerance_translation_m)
     gripper = motions_of(motions, _views(taken))
     return Answer(*_native.hand_eye(gripper, *named, taken, found, sigma_px, solving, robot, progress))
 
@@ -269,7 +269,7 @@ def _target(value: Any) -> _native.Target:
 def _solving(reference: str | None, world: str | None, fixed_together: Sequence[Sequence[str]],
              known_distances_m: Sequence[tuple[str, str, float, float]], joint_covariance: bool,
              sync_tolerance_s: float | None, adjust_lenses: bool = False, rolling_shutter: bool = False,
-             tolerance_rad: float | None = None, tolerance_m: float | None = None) -> dict[str, Any]:
+             tolerance_rotation_rad: float | None = None, tolerance_translation_m: float | None = None) -> dict[str, Any]:
     """Collects the options that all functions for rigs have."""
     return {
         "reference": reference,
@@ -280,8 +280,8 @@ def _solving(reference: str | None, world: str | None, fixed_together: Sequence[
         "joint_covariance": joint_covariance,
         "adjust_lenses": adjust_lenses,
         "rolling_shutter": rolling_shutter,
-        "tolerance_rad": tolerance_rad,
-        "tolerance_m": tolerance_m,
+        "tolerance_rotation_rad": tolerance_rotation_rad,
+        "tolerance_translation_m": tolerance_translation_m,
     }
 
 
