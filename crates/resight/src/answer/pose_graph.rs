@@ -100,9 +100,7 @@ impl SolvedPoseGraph {
                 (s.chi2 / s.degrees_of_freedom.max(1) as f64).sqrt()
             ),
             GraphFault::Pairs => format!("{n_suspicious} of {} pairs contradict the others", s.pairs.len()),
-            GraphFault::Camera => {
-                "pairs of a camera contradict the others, or each other as if it had been moved".to_string()
-            }
+            GraphFault::Camera => "pairs of a camera contradict the others".to_string(),
             _ => {
                 let sigma = s.median_sigma?;
                 format!(

@@ -220,7 +220,10 @@ fn sentences(scene: &NamedScene, adjusted: &Adjusted) -> (Vec<String>, Vec<Strin
                     if which.len() == 1 { "it" } else { "the first" }
                 ));
             }
-            NetworkWarning::Suspects => verdict.push(suspects(scene, adjusted)),
+            NetworkWarning::Suspects => {
+                verdict.push(suspects(scene, adjusted));
+                verdict.extend(causes(scene));
+            }
             NetworkWarning::Contradiction => {
                 verdict.push(format!(
                     "inconsistent: χ² {:.1} for {} degrees of freedom, and no single constraint explains it; the sigmas are too small, or the intrinsics wrong",

@@ -4,7 +4,7 @@
 //! against the prediction from the others. docs/math/hand_eye.md section 5.
 
 use super::closed_form::{Parallel, ViewCandidate, closed_forms};
-use super::cost::{Fit, Level, besides, fit, fit_in_rounds, nearest, spread};
+use super::cost::{Fit, Level, besides, fit, nearest, spread};
 use super::motions::are_parallel;
 use super::noise::{Variances, assume, from_middle, is_open, nominal, reml, rows};
 use super::views::{Known, Poses, centre};
@@ -208,12 +208,12 @@ pub(super) fn fit_with_noise(
         let is_settled = (0..now.len()).all(change);
         theta = now;
         assume(known, &theta);
+        best = fit(&best.poses, known, used, config, Level::Poses)?;
         if is_settled {
             break;
         }
-        best = fit_in_rounds(&best.poses, known, used, config, Level::Poses, 1)?;
     }
-    Ok((fit(&best.poses, known, used, config, Level::Poses)?, Some(theta)))
+    Ok((best, Some(theta)))
 }
 
 /// Returns the candidate of a view that agrees with the fit. A view that took no part is compared with the prediction from the others, whose

@@ -56,21 +56,9 @@ pub(super) fn fit(
     config: &HandEyeConfig,
     level: Level,
 ) -> Result<Fit, Error> {
-    fit_in_rounds(start, known, used, config, level, MAX_ROUNDS)
-}
-
-/// The same, with the weights of at most so many rounds: one is enough where the noise changes the weights again.
-pub(super) fn fit_in_rounds(
-    start: &Poses,
-    known: &[Known],
-    used: &[(usize, usize)],
-    config: &HandEyeConfig,
-    level: Level,
-    most_rounds: usize,
-) -> Result<Fit, Error> {
     let mut poses = *start;
     let mut before = f64::INFINITY;
-    for round in 1..=most_rounds {
+    for round in 1..=MAX_ROUNDS {
         let weights = weights(known, used, &poses)?;
         let evaluate = |poses: &Poses| equations(poses, known, used, &weights, config, level);
         let moved = |poses: &Poses, step: &DVector<f64>| {
@@ -83,7 +71,7 @@ pub(super) fn fit_in_rounds(
         let solution = solution.ok_or(Error::NotConverged { steps: round })?;
         poses = solution.state;
         let chi2 = solution.equations.chi2;
-        if (before - chi2).abs() < SETTLED_CHI2 * (1.0 + chi2) || round == most_rounds {
+        if (before - chi2).abs() < SETTLED_CHI2 * (1.0 + chi2) || round == MAX_ROUNDS {
             let information = solution.equations.information;
             let covariance = information.cholesky().ok_or(Error::NotConverged { steps: round })?.inverse();
             return Ok(Fit {
@@ -95,7 +83,7 @@ pub(super) fn fit_in_rounds(
         }
         before = chi2;
     }
-    Err(Error::NotConverged { steps: most_rounds })
+    Err(Error::NotConverged { steps: MAX_ROUNDS })
 }
 
 fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, level: Level) -> usize {

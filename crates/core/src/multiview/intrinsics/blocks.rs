@@ -15,8 +15,8 @@ const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
 const SEEN: f64 = 0.05;
 
 /// Returns by which factor the covariance of independent views is too small: 1 where blocks of views in sequence differ from each other by no more than
-/// single views do. `inverse` is the covariance for the stated noise.
-pub(super) fn factor(by_view: &[Reduced], inverse: &DMatrix<f64>) -> f64 {
+/// single views do, or by no more than the noise makes them. `inverse` is the covariance for the stated noise, `noise` the factor on its variances.
+pub(super) fn factor(by_view: &[Reduced], inverse: &DMatrix<f64>, noise: f64) -> f64 {
     let (n, k) = (by_view.len(), inverse.nrows());
     let Some(factor) = inverse.clone().cholesky().map(|c| c.l()).filter(|_| SHOWING_VIEWS <= n) else {
         return 1.0;
@@ -27,10 +27,10 @@ pub(super) fn factor(by_view: &[Reduced], inverse: &DMatrix<f64>) -> f64 {
         (chi2, rank.saturating_sub(k))
     };
     let (of_views, n_free) = disagreement(by_view);
-    if n_free == 0 || !(0.0 < of_views) {
+    let single = f64::max(of_views / n_free.max(1) as f64, noise);
+    if n_free == 0 || !(0.0 < single) {
         return 1.0;
     }
-    let single = of_views / n_free as f64;
     let counts: Vec<usize> = COUNTS.into_iter().filter(|count| count * LEAST_VIEWS <= n).collect();
     let of_blocks = counts.iter().map(|count| {
         let (chi2, n_free) = disagreement(&blocks(by_view, *count));

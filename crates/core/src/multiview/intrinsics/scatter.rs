@@ -43,7 +43,7 @@ pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let noise = noise_factor(fit, stated);
     let by_view: Vec<Reduced> = scores(fit, &inverse);
-    let blocks = blocks::factor(&by_view, &inverse);
+    let blocks = blocks::factor(&by_view, &inverse, noise);
     let Some(scatter) = Scatter::of(&inverse, &by_view, noise) else {
         return Some(Spread { covariance: inverse * (noise * blocks), noise, contradiction: 1.0, blocks });
     };

@@ -14,7 +14,7 @@ pub enum GraphFault {
     Noise,
     /// More pairs contradict the others than a few bad calibrations explain.
     Pairs,
-    /// Pairs of a camera contradict the others, or so many of its pairs contradict the rest of them that it may have been moved in between.
+    /// Most pairs of a camera contradict the others, or its pairs are at least twice as wrong as all others.
     Camera,
     /// Loops of pairs do not close: the standard deviations estimated from them are no longer those of a calibration.
     Loops,
@@ -84,9 +84,7 @@ pub(super) fn verdict(
 ) -> GraphVerdict {
     let contradicted = |camera: usize| {
         let own = || checked(pairs).filter(|i| touches(graph, *i, camera));
-        let n_lost = own().filter(|i| !pairs[*i].is_used).count();
-        loses_too_many(n_lost, own().count())
-            || may_have_moved(graph, pairs, (camera, n_lost))
+        loses_too_many(own().filter(|i| !pairs[*i].is_used).count(), own().count())
             || is_noisier(graph, (pairs, noise), (camera, chi2, degrees_of_freedom))
     };
     let is_contradicted: Vec<bool> = (0..graph.n_cameras).map(contradicted).collect();
@@ -111,13 +109,6 @@ pub(super) fn verdict(
         worst_pair: fault.and_then(|_| worst(pairs.len(), &of_pair)),
         is_contradicted,
     }
-}
-
-/// Returns whether a camera keeps no more pairs than it loses: that those left out are right, and the camera was moved before the others, explains them
-/// as well.
-fn may_have_moved(graph: &PoseGraph, pairs: &[PairResult], (camera, n_lost): (usize, usize)) -> bool {
-    let kept = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera)).count();
-    0 < n_lost && kept <= n_lost
 }
 
 /// Returns whether the pairs of a camera disagree by at least twice as much as all others, and beyond chance: docs/math/pose_graph.md eq. (13).

@@ -306,10 +306,15 @@ impl Evidence<'_> {
     }
 
     /// Returns whether a lens or size is a fault of the answer: it is off by more than those of good files are, or a tolerance is stated and no
-    /// other explanation is more probable; and it moves a camera by more than its covariance or the tolerance. docs/math/explanations.md eq. (7).
+    /// other explanation is more probable; and it moves a camera by more than its covariance or the tolerance. docs/math/explanations.md eq. (7). Where
+    /// targets have places of their own, as on a map, these are off too, and no motion of a camera is asked for.
     fn is_fault(&self, is_off: bool, what: RigExplanation) -> bool {
         let tolerance = &self.config.tolerance;
         let is_best = self.explanations.first().is_some_and(|best| best.what == what);
+        let has_places = self.layout.graph.block_of_target.iter().any(Option::is_some);
+        if is_off && has_places && !tolerance.is_stated() {
+            return true;
+        }
         let Some(found) = self.explanations.iter().find(|one| one.what == what) else { return is_off };
         let exceeds = |(camera, motion): (usize, &Vector6)| {
             let block = self.layout.graph.block_of_camera[camera];
