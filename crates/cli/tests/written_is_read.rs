@@ -63,8 +63,11 @@ const SAID: [(&str, &str); 31] = [
     ("zones", "watch"),
 ];
 
+/// A chain of commands, each of which reads what those before it wrote.
+type Commands = fn(&mut Chain);
+
 /// The chains; each is commands of which the later ones read what the earlier ones wrote.
-const CHAINS: [(&str, fn(&mut Chain)); 11] = [
+const CHAINS: [(&str, Commands); 11] = [
     ("rig", of_a_rig),
     ("pose_graph", of_pairs),
     ("camera", of_intrinsics),
