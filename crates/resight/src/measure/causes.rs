@@ -82,7 +82,7 @@ mod tests {
         scene += "[[query]]\nkind = \"distance\"\npoints = [\"p0\", \"p5\"]\n";
         std::fs::write(folder.join("points.csv"), rows).expect("written");
         std::fs::write(folder.join("scene.toml"), scene).expect("written");
-        let scene = read_scene(&folder.join("scene.toml")).expect("a scene");
+        let scene = read_scene(folder.join("scene.toml")).expect("a scene");
         let answer = measure(&scene).expect("an answer").solved.expect("a solution");
         let _ = std::fs::remove_dir_all(&folder);
         answer.verdict.join("; ")
