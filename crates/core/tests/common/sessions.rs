@@ -117,7 +117,7 @@ pub fn solved(
     solved_as((reported, seen), camera, &HandEyeConfig { mounting, ..HandEyeConfig::default() })
 }
 
-/// The same with other settings.
+/// Hand–eye on pixels, with the configuration given.
 pub fn solved_as(
     (reported, seen): (&[Pose], &[Vec<Correspondence>]),
     camera: &Camera,
