@@ -5,6 +5,8 @@ pub mod tag_map;
 #[cfg(feature = "std")]
 mod flat_target;
 #[cfg(feature = "std")]
+mod shared_blocks;
+#[cfg(feature = "std")]
 pub mod intrinsics_check;
 #[cfg(feature = "std")]
 pub mod intrinsics;

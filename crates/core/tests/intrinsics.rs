@@ -561,10 +561,11 @@ fn what_is_said_against_intrinsics_is_in_their_numbers() {
         |view: &Vec<Correspondence>| view.iter().all(|c| c.pixel.x < 0.6 * f64::from(SIZE.width_px));
     let left: Vec<_> = of_print(0.0, 0.0, 100).into_iter().filter(is_left).collect();
     take(&left, &config);
+    take(&of_print(0.0, 0.0, 12), &IntrinsicsConfig { models: Models::Named("pinhole"), ..config });
     seen.sort_unstable();
     seen.dedup();
     println!("{seen:?}");
-    for kind in [1, 2, 3, 6, 7, 8, 9] {
+    for kind in [1, 2, 3, 6, 7, 8, 9, 10] {
         assert!(seen.contains(&kind), "no scenario gives kind {kind}: {seen:?}");
     }
 }

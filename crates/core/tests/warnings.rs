@@ -168,6 +168,7 @@ pub fn of_finding(finding: &Finding) -> Option<usize> {
         Finding::Bent { .. } => Some(7),
         Finding::Noisy { .. } => Some(8),
         Finding::ViewsContradict { .. } => Some(9),
+        Finding::OtherLens { .. } => Some(10),
     }
 }
 

@@ -41,7 +41,7 @@ impl Consistency {
 /// One in ten thousand: the chance of calling a good answer inconsistent. Standard normal quantile.
 const QUANTILE: f64 = 3.719;
 /// "Far above": residuals twice as large as stated. Below it the covariance widens but nothing is called wrong.
-const FAR_ABOVE: f64 = 4.0;
+pub(crate) const FAR_ABOVE: f64 = 4.0;
 
 /// χ² that good data exceed once in ten thousand, docs/math/refine.md eq. (17).
 pub(crate) fn unlikely_above(degrees_of_freedom: usize) -> f64 {

@@ -16,6 +16,7 @@ mod adjust;
 mod start;
 mod robust;
 mod select;
+mod blocks;
 mod scatter;
 mod projection;
 mod budget;
@@ -274,9 +275,10 @@ fn attempt<V: AsRef<[Correspondence]>>(
         TargetShape::ByEvidence | TargetShape::Exact => None,
     };
     let families = cleaned_families(&usable, size, config.models, free_shape);
-    let Some(chosen) = choose(&families) else {
+    let Some(mut chosen) = choose(&families) else {
         return refused(judge::why_undetermined(&usable, families.first().map(|first| &first.clean.fit)));
     };
+    chosen.families.extend(not_asked_for(&chosen, config.models));
     let start: Vec<Seen> = everything(&usable, &chosen.fit);
     let Some(clean) = robust::cleaned_from(start, chosen.fit.shared.clone()) else {
         return refused(judge::why_undetermined(&usable, Some(&chosen.fit)));
@@ -439,6 +441,8 @@ struct Chosen {
 /// The camera of another family, and its criterion of Akaike less that of the choice.
 struct Alternative {
     aic: f64,
+    /// Root mean square of its residuals, px of one coordinate.
+    rms_px: f64,
     camera: Camera,
 }
 
@@ -496,10 +500,9 @@ fn choose(families: &[Cleaned]) -> Option<Chosen> {
     let others = others.filter(|(i, (weight, _))| *i != at && 0.0 < *weight);
     let others = others.filter_map(|(_, (weight, one))| Some((weight, one.local.clone()?))).collect();
     let alternative = |tried: &Vec<Tried>| {
-        let known =
-            tried.iter().filter_map(|one| Some((one.evidence.aic?, &one.fit.as_ref()?.shared.camera)));
-        let (aic, camera) = known.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Alternative { aic, camera: camera.clone() })
+        let known = tried.iter().filter_map(|one| Some((one.evidence.aic?, one.fit.as_ref()?)));
+        let (aic, fit) = known.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Alternative { aic, rms_px: rms_px(fit), camera: fit.shared.camera.clone() })
     };
     let others_than = tried.iter().enumerate().filter(|(i, _)| *i != family);
     let families = others_than.filter_map(|(_, tried)| alternative(tried)).collect();
@@ -511,6 +514,20 @@ fn choose(families: &[Cleaned]) -> Option<Chosen> {
         others,
         own,
     })
+}
+
+/// Returns the models that are tried by evidence where others were asked for, on the same corners.
+fn not_asked_for(chosen: &Chosen, models: Models) -> Vec<Alternative> {
+    let own = select::criterion(&chosen.fit);
+    let of = |choice: LensChoice| {
+        let found = from_another(&chosen.fit, &choice, chosen.fit.shared.shape)?;
+        undetermined(&found).is_none().then(|| Alternative {
+            aic: select::criterion(&found) - own,
+            rms_px: rms_px(&found),
+            camera: found.shared.camera.clone(),
+        })
+    };
+    models.not_asked_for().into_iter().filter_map(of).collect()
 }
 
 /// Returns whether two fits use the same corners of the same views.

@@ -7,6 +7,7 @@ mod chain;
 mod equations;
 mod noise;
 mod snooping;
+mod lengths;
 mod verdict;
 
 pub use chain::{Chain, chain};
@@ -184,7 +185,10 @@ fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled
     let noise_degrees_of_freedom = noise.is_estimated().then_some(degrees_of_freedom / 2);
     let noise_scale = if noise.is_estimated() { 1.0 } else { noise_scale(chi2, degrees_of_freedom) };
     let beyond = &covariance * (noise_scale - 1.0) + undecided;
-    let joint_covariance = &covariance + &beyond;
+    let n_rows = covariance.nrows();
+    let lengths = lengths::shared(graph, &poses, (&pairs, &noise))
+        .map_or_else(|| DMatrix::zeros(n_rows, n_rows), |shared| &shared * shared.transpose());
+    let joint_covariance = &covariance + &beyond + &lengths;
     let of_camera = |joint: &DMatrix<f64>, i: usize| -> Matrix6 {
         crate::pose::symmetric(&joint.fixed_view::<6, 6>(6 * i, 6 * i).into())
     };
@@ -192,6 +196,7 @@ fn answer(graph: &PoseGraph, reference_camera: usize, settled: snooping::Settled
         let mut budget = Budget::default();
         budget.add(ErrorSource::CameraPoses, &of_camera(&covariance, i));
         budget.add(ErrorSource::Residuals, &of_camera(&beyond, i));
+        budget.add(ErrorSource::Target, &of_camera(&lengths, i));
         budget
     };
     let budgets = (0..poses.len()).map(budget).collect();

@@ -1,10 +1,12 @@
 //! Real recordings of rigs: lenses as their files say, and the corners that came with them. Needs the folder named by RESIGHT_DATA.
 
+use nalgebra::{Matrix3, Vector3};
 use resight_core::camera::BrownConrady;
+use resight_core::multiview::pose_graph::{PairNoise, RelativePose};
 use resight_core::multiview::rig::{
     FrameStamps, Observation, RigConfig, RigProblem, RigSolution, TimeOffsets, solve_rig, time_offsets,
 };
-use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point};
+use resight_core::{Camera, CameraMatrix, Correspondence, Error, Lens, Pixel, Point, Pose};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -156,4 +158,31 @@ impl Recording {
         let lenses = cameras.iter().map(|c| self.cameras[*c].clone()).collect();
         Recording { cameras: lenses, seen: seen.collect(), ..self.clone() }
     }
+}
+
+/// The recorded room of eleven cameras: its pairs with the errors that its file states.
+pub fn room_of_pairs(root: &Path) -> (usize, Vec<RelativePose>) {
+    let file = root.join("caliscope_pose_graph/main_stereocal_all_results.json");
+    let text = std::fs::read_to_string(file).expect("the pairs");
+    let mut names: Vec<u32> = Vec::new();
+    let mut pairs = Vec::new();
+    for entry in text.split("\"stereo_").skip(1) {
+        let (name, rest) = entry.split_once('"').expect("a name");
+        let cameras: Vec<u32> = name.split('_').map(|camera| camera.parse().expect("a number")).collect();
+        let (rotation, translation) = (list(rest, "\"rotation\""), list(rest, "\"translation\""));
+        let error = numbers(rest.split_once("\"RMSE\":").expect("an error").1)[0];
+        let pose = Pose::new(Matrix3::from_row_slice(&rotation), Vector3::from_row_slice(&translation));
+        names.extend(&cameras);
+        pairs.push((cameras[0], cameras[1], pose, error));
+    }
+    names.sort_unstable();
+    names.dedup();
+    let index = |name: u32| names.binary_search(&name).expect("a camera");
+    let pair = |(a, b, b_from_a, error): (u32, u32, Pose, f64)| RelativePose {
+        a: index(a),
+        b: index(b),
+        b_from_a,
+        noise: PairNoise::Error(error),
+    };
+    (names.len(), pairs.into_iter().map(pair).collect())
 }

@@ -83,6 +83,8 @@ struct QueryReliabilityObject {
     /// The largest error that a single wrong measurement or lens puts into the answer without being noticed in four of five cases, in `unit`; null
     /// where nothing checks something that the answer depends on. Of a position the largest of the three.
     largest_unnoticed_error: Option<f64>,
+    /// The same, of all measurements and lenses that are checked, however little the answer depends on them and whatever nothing checks.
+    largest_error_of_checked: f64,
     /// `m`, `m2` or `rad`.
     unit: &'static str,
     /// The measurements and lenses that the answer depends on and that nothing checks.
@@ -166,6 +168,7 @@ fn reliability_object(
 ) -> QueryReliabilityObject {
     QueryReliabilityObject {
         largest_unnoticed_error: words::largest_unnoticed_error(&answer.reliability),
+        largest_error_of_checked: words::largest_error_of_checked(&answer.reliability),
         unit,
         unchecked: words::unchecked(scene, &answer.reliability),
         partly_checked: words::partly_checked(scene, &answer.reliability),

@@ -100,7 +100,7 @@ impl SolvedPoseGraph {
                 (s.chi2 / s.degrees_of_freedom.max(1) as f64).sqrt()
             ),
             GraphFault::Pairs => format!("{n_suspicious} of {} pairs contradict the others", s.pairs.len()),
-            GraphFault::Camera => "most pairs of a camera contradict the others".to_string(),
+            GraphFault::Camera => "pairs of a camera contradict the others".to_string(),
             _ => {
                 let sigma = s.median_sigma?;
                 format!(

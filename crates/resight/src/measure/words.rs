@@ -125,6 +125,11 @@ pub fn largest_unnoticed_error(reliability: &[QueryReliability]) -> Option<f64> 
     reliability.iter().map(|r| r.largest_unnoticed_error).reduce(|a, b| Some(a?.max(b?))).flatten()
 }
 
+/// Returns the largest error that a source that is checked puts into an answer unnoticed, in its own unit. For a position, the largest of the three.
+pub fn largest_error_of_checked(reliability: &[QueryReliability]) -> f64 {
+    reliability.iter().map(|r| r.largest_error_of_checked).fold(0.0, f64::max)
+}
+
 /// Largest number of names in the text of one answer.
 const MOST_NAMED: usize = 3;
 

@@ -2,6 +2,7 @@
 
 use super::noise::{At, Effects, Normal, Row};
 use crate::Pose;
+use crate::multiview::shared_blocks::{LEAST_PROBABILITY, MOST, ODDS, inflated};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Fewer views do not show what neighbours share.
@@ -9,14 +10,6 @@ const SHOWING_VIEWS: usize = 12;
 /// Into so many blocks views are divided, each of at least four.
 const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
 const LEAST_VIEWS: usize = 4;
-/// Odds of such errors before the views are seen.
-const ODDS: f64 = 0.1;
-/// Less probable errors add nothing.
-const LEAST_PROBABILITY: f64 = 0.1;
-/// The largest factor by which they may enlarge the covariance.
-const MOST: f64 = 10.0;
-/// Steps of the integral over the factor.
-const STEPS: usize = 60;
 /// Directions in which a block has less than this part of the information are not its own.
 const LEAST_PART: f64 = 1e-9;
 
@@ -125,29 +118,4 @@ fn disagreement(blocks: &[Block], phi: &SMatrix<f64, 12, 12>, onto: &DMatrix<f64
         }
     }
     Some((chi2, mean))
-}
-
-/// Returns the evidence of a factor of variances between 1 and `MOST` against none, and its mean, eq. (33).
-fn inflated(chi2: f64, degrees_of_freedom: f64) -> Option<(f64, f64)> {
-    let step = MOST.ln() / STEPS as f64;
-    let (mut evidence, mut sum) = (0.0, 0.0);
-    for i in 0..STEPS {
-        let factor = ((i as f64 + 0.5) * step).exp();
-        let gain = 0.5 * chi2 * (1.0 - factor.recip()) - 0.5 * degrees_of_freedom * factor.ln();
-        evidence += gain.exp() / STEPS as f64;
-        sum += factor * gain.exp() / STEPS as f64;
-    }
-    (0.0 < evidence).then_some((evidence, sum / evidence))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Values of the quadrature in docs/math/check/hand_eye.py.
-    #[test]
-    fn a_factor_has_the_evidence_and_the_mean_of_its_integral() {
-        let (evidence, mean) = inflated(40.0, 12.0).expect("a factor");
-        assert!((evidence / 388.498851939 - 1.0).abs() < 1e-4 && (mean / 3.853423850866 - 1.0).abs() < 1e-4);
-    }
 }

@@ -15,6 +15,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Relative singular values below this are directions of a lens that move no pixel of the grid.
 const LEAST_SINGULAR: f64 = 1e-6;
+/// Larger odds are no different.
+const MOST_LN_ODDS: f64 = 100.0;
 /// Positions along each side of the image where two lenses are compared.
 const GRID: [usize; 2] = [17, 13];
 
@@ -63,18 +65,21 @@ fn of_fit(fit: &Fit, spread: &Spread) -> Option<Budget<DMatrix<f64>>> {
     let known = block(&fit.equations.prior_information);
     let mut budget = of_noise(&exact_shape, &known, spread.noise);
     budget.add(ErrorSource::Target, &(of_shape * spread.noise));
+    let whole = block(&spread.covariance);
+    let of_views = &whole / spread.blocks;
     if spread.contradiction != 1.0 {
-        let shared = block(&spread.covariance) - block(&inverse) * spread.noise;
-        budget.add(ErrorSource::SharedInView, &shared);
+        budget.add(ErrorSource::SharedInView, &(&of_views - block(&inverse) * spread.noise));
     }
+    budget.add(ErrorSource::SharedInBlock, &(whole - of_views));
     Some(budget)
 }
 
 /// Returns the parts of another choice's covariance, whose views contradict each other as much.
 fn of_local(local: &Local, spread: &Spread) -> Budget<DMatrix<f64>> {
     let mut budget = of_noise(&local.covariance, &local.known, spread.noise);
-    let shared = &local.covariance * (spread.noise * (spread.contradiction - 1.0));
-    budget.add(ErrorSource::SharedInView, &shared);
+    let of_views = &local.covariance * (spread.noise * spread.contradiction);
+    budget.add(ErrorSource::SharedInView, &(&of_views - &local.covariance * spread.noise));
+    budget.add(ErrorSource::SharedInBlock, &(of_views * (spread.blocks - 1.0)));
     budget
 }
 
@@ -99,7 +104,7 @@ pub(super) fn of_families(
 ) -> DMatrix<f64> {
     let n = fit.shared.camera.parameters().len();
     let mut covariance = DMatrix::zeros(n, n);
-    let odds = |one: &Alternative| (-0.5 * one.aic / spread.contradiction.max(1.0)).exp();
+    let odds = |one: &Alternative| (-0.5 * one.aic / spread.contradiction.max(1.0)).min(MOST_LN_ODDS).exp();
     let sum: f64 = 1.0 + alternatives.iter().map(odds).sum::<f64>();
     for one in alternatives {
         let weight = odds(one) / sum;

@@ -120,6 +120,15 @@ pub enum Finding {
         /// As stated, px (root mean square).
         stated_px: f64,
     },
+    /// A lens model that was not asked for explains the corners far better.
+    OtherLens {
+        /// Its name.
+        model: &'static str,
+        /// Root mean square of its residuals, px of one coordinate.
+        rms_px: f64,
+        /// That of the model that was asked for.
+        own_rms_px: f64,
+    },
     /// Views contradict each other by more than their noise.
     ViewsContradict {
         /// Factor on variances.
@@ -139,6 +148,7 @@ impl Warning for Finding {
             | Finding::TwoCameras { .. }
             | Finding::Stretched { taken_in: false, .. }
             | Finding::Bent { taken_in: false, .. }
+            | Finding::OtherLens { .. }
             | Finding::Noisy { .. } => Accounted::Status,
             Finding::Stretched { taken_in: true, .. } | Finding::Bent { taken_in: true, .. } => {
                 Accounted::Parts(&[ErrorSource::Target])
@@ -169,6 +179,7 @@ impl Finding {
             | Finding::TwoCameras { .. }
             | Finding::Stretched { .. }
             | Finding::Bent { .. }
+            | Finding::OtherLens { .. }
             | Finding::Noisy { .. } => Severity::Inconsistent,
             Finding::RoughFocal { .. }
             | Finding::Copies { .. }
@@ -193,6 +204,7 @@ impl Finding {
             Finding::Stretched { .. } => "stretched_target",
             Finding::Bent { .. } => "bent_target",
             Finding::Noisy { .. } => "noisy",
+            Finding::OtherLens { .. } => "other_lens",
             Finding::ViewsContradict { .. } => "views_contradict",
         }
     }
@@ -258,6 +270,9 @@ impl Finding {
             ),
             Finding::Noisy { seen_px, stated_px } => format!(
                 "the residuals show a noise of {seen_px:.2} px, {stated_px:.2} px are stated; look for motion blur, a rolling shutter, a bent or stretched target, or choose another lens model"
+            ),
+            Finding::OtherLens { model, rms_px, own_rms_px } => format!(
+                "the lens model does not follow the corners: it leaves {own_rms_px:.2} px, {model} leaves {rms_px:.2} px; choose that model"
             ),
             Finding::ViewsContradict { times } => format!(
                 "views contradict each other: variances are {times:.1} times those of the corners' noise; a bent target or motion during the exposure are likely"

@@ -4,7 +4,8 @@
 //!   S, s  a view's information and score at the common answer   ·   gain  by how much χ² falls when a group has an answer of its own
 
 use super::adjust::Fit;
-use super::scatter::{alone, scores};
+use super::blocks::alone;
+use super::scatter::scores;
 use crate::least_squares::shared::Reduced;
 use crate::statistics::chi_square::{quantile, tail};
 use nalgebra::{DMatrix, DVector};

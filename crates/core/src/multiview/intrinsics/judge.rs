@@ -11,7 +11,7 @@ use super::projection::Projection;
 use super::robust::{BadView, Clean};
 use super::scatter::{Noise, Spread, spread};
 use super::select::{rms_px, undetermined};
-use super::{BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
+use super::{Alternative, BadCorner, Chosen, IntrinsicsConfig, IntrinsicsView, SolvedIntrinsics};
 use crate::budget::{Budget, ErrorSource};
 use crate::camera::ImageSize;
 use crate::locate::consistency::{is_inconsistent, loses_too_many};
@@ -219,6 +219,7 @@ fn findings(
     found.extend(many_bad(clean).filter(|_| found.is_empty()));
     found.extend(shape_findings(fit, context.shape, context.config.noise));
     found.extend(noisy(fit, spread));
+    found.extend(other_lens(fit, spread, context));
     let focal = fit.shared.camera.parameters()[0].1;
     let relative = covariance[(0, 0)].max(0.0).sqrt() / focal;
     if GOOD_FOCAL < relative {
@@ -259,6 +260,18 @@ fn noisy(fit: &Fit, spread: &Spread) -> Option<Finding> {
     let stated_px = (stated / n.max(1) as f64).sqrt();
     is_inconsistent(fit.chi2(), fit.degrees_of_freedom())
         .then(|| Finding::Noisy { seen_px: stated_px * spread.noise.sqrt(), stated_px })
+}
+
+/// Reports a model that was not asked for and that the corners prefer, beyond what contradicting views are worth, with a much smaller residual.
+fn other_lens(fit: &Fit, spread: &Spread, context: &Context) -> Option<Finding> {
+    let own_rms_px = rms_px(fit);
+    let is_better = |one: &&Alternative| {
+        one.aic / spread.contradiction.max(1.0) < -super::FAMILY_MARGIN
+            && super::LEAST_TIMES * one.rms_px.powi(2) < own_rms_px.powi(2)
+    };
+    let best =
+        context.chosen.families.iter().filter(is_better).min_by(|a, b| a.rms_px.total_cmp(&b.rms_px))?;
+    Some(Finding::OtherLens { model: best.camera.model_name(), rms_px: best.rms_px, own_rms_px })
 }
 
 /// Reports views of two cameras: either both are in the fit, or one of them is among the bad views.

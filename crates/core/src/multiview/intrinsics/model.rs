@@ -67,6 +67,20 @@ impl Models {
     }
 }
 
+impl Models {
+    /// Returns the largest choice of each family that is tried by evidence and was not asked for.
+    pub(super) fn not_asked_for(self) -> Vec<LensChoice> {
+        if self == Models::ByEvidence {
+            return Vec::new();
+        }
+        let families = Models::ByEvidence.families();
+        families
+            .iter()
+            .filter_map(|family| family.iter().rev().find(|choice| choice.coefficients.len() <= 5).copied())
+            .collect()
+    }
+}
+
 impl LensChoice {
     /// Returns the camera of this choice nearest to `from`: its camera matrix, and its coefficients where names and model agree.
     pub(super) fn camera(&self, from: &Camera) -> Result<Camera, Error> {

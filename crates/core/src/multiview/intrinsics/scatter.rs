@@ -2,6 +2,7 @@
 //! docs/math/intrinsics.md section 6; the scatter of views as docs/math/clustered.md, for one block of any size.
 
 use super::adjust::Fit;
+use super::blocks::{self, alone};
 use crate::least_squares::shared::Reduced;
 use crate::locate::consistency::noise_scale;
 use crate::statistics::chi_square::quantile;
@@ -26,15 +27,14 @@ pub(super) struct Spread {
     pub(super) noise: f64,
     /// Further factor on the variances, because views contradict each other; 1 where they do not.
     pub(super) contradiction: f64,
+    /// Further factor on the variances, because blocks of views in sequence contradict each other; 1 where they do not.
+    pub(super) blocks: f64,
 }
 
 /// With less redundancy the stated sigmas are used.
 const LEAST_REDUNDANCY: usize = 30;
 /// The leverage of a view is kept at least this far below one.
 const RIDGE: f64 = 1e-6;
-/// Directions in which a view has less than this part of its share of the information are not compared: there the score is dominated by the
-/// noise of the view's own pose (a frontal view seems to determine the focal length, but does not), docs/math/frames.md section 3.
-const SEEN: f64 = 0.05;
 /// Probability that views without a shared error seem to contradict each other.
 const CHANCE: f64 = 0.01;
 
@@ -43,11 +43,12 @@ pub(super) fn spread(fit: &Fit, stated: Noise) -> Option<Spread> {
     let inverse = fit.reduced()?.information.cholesky()?.inverse();
     let noise = noise_factor(fit, stated);
     let by_view: Vec<Reduced> = scores(fit, &inverse);
+    let blocks = blocks::factor(&by_view, &inverse, noise);
     let Some(scatter) = Scatter::of(&inverse, &by_view, noise) else {
-        return Some(Spread { covariance: inverse * noise, noise, contradiction: 1.0 });
+        return Some(Spread { covariance: inverse * (noise * blocks), noise, contradiction: 1.0, blocks });
     };
     let (covariance, contradiction) = scatter.covariance(&inverse, noise);
-    Some(Spread { covariance, noise, contradiction })
+    Some(Spread { covariance: covariance * blocks, noise, contradiction, blocks })
 }
 
 fn noise_factor(fit: &Fit, stated: Noise) -> f64 {
@@ -133,23 +134,4 @@ impl Scatter {
         let covariance = inverse * ((factor - share * factor) * widening) + &self.moved * (share * widening);
         (covariance, factor * widening / base)
     }
-}
-
-/// Returns sᵀ S⁻¹ s, the distance of a view's own answer from the common one, and the number of directions that S determines, in units of L, P =
-/// L Lᵀ.
-pub(super) fn alone(one: &Reduced, factor: &DMatrix<f64>, n_views: usize) -> (f64, usize) {
-    let information = factor.transpose() * &one.information * factor;
-    let score = factor.transpose() * &one.gradient;
-    if !information.iter().chain(score.iter()).all(|x| x.is_finite()) {
-        return (0.0, 0);
-    }
-    let eigen = information.symmetric_eigen();
-    let mut sum = (0.0, 0);
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-        if SEEN < *value * n_views as f64 {
-            sum.0 += vector.dot(&score).powi(2) / value;
-            sum.1 += 1;
-        }
-    }
-    sum
 }

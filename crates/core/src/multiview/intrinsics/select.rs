@@ -248,6 +248,15 @@ fn aic_of(n_numbers: usize, chi2: f64, n_parameters: f64) -> f64 {
     n * (chi2 / n).max(f64::MIN_POSITIVE).ln() + 2.0 * n_parameters
 }
 
+/// Residuals of less than a thousandth of the stated noise are those of rounding, and no evidence.
+const LEAST_VARIANCE: f64 = 1e-6;
+
+/// Returns Akaike's criterion of a fit with all of its parameters counted.
+pub(super) fn criterion(fit: &Fit) -> f64 {
+    let chi2 = fit.chi2().max(LEAST_VARIANCE * fit.n_numbers() as f64);
+    aic_of(fit.n_numbers(), chi2, fit.shared.directions.len() as f64)
+}
+
 /// Returns the index of the best of all families, from which the evidence is counted.
 pub(super) fn best(families: &mut [Vec<Tried>]) -> Option<(usize, usize)> {
     let lowest = |tried: &[Tried]| -> Option<(usize, f64)> {

@@ -16,6 +16,9 @@ use nalgebra::{DMatrix, DVector, Vector2};
 const POWER: f64 = 0.841_621;
 /// Smallest share of an answer's variance for which a constraint matters to the answer.
 const LEAST_SHARE: f64 = 0.01;
+/// The same of a constraint that nothing checks and that may be off by hundreds of its standard deviations: a thousand of them move the answer by one
+/// of its own.
+const LEAST_SHARE_UNCHECKED: f64 = 1e-6;
 /// Names of the parameters that scale an image.
 const FOCAL: [&str; 3] = ["f", "fx_px", "fy_px"];
 
@@ -34,6 +37,8 @@ pub struct QueryReliability {
     /// The largest error that a single wrong constraint or lens puts into the answer without being noticed in four of five cases, in the unit of
     /// the answer; none where the answer depends on something that nothing checks in some direction.
     pub largest_unnoticed_error: Option<f64>,
+    /// The same, of all constraints and lenses that are checked, however little the answer depends on them and whatever nothing checks.
+    pub largest_error_of_checked: f64,
     /// The constraint or lens that causes it.
     pub weakest: Option<ErrorSource>,
     /// Constraints and lenses that the answer depends on and that nothing checks.
@@ -176,18 +181,18 @@ impl NetworkReliability<'_> {
         let (_, gradient) = query.value(&self.adjusted.state, &self.adjusted.layout);
         let by = self.adjusted.covariance.times(&gradient) / self.adjusted.noise_scale;
         let variance = gradient.dot(&by);
-        let (mut largest, mut weakest, mut open) = (0.0, None, Vec::new());
+        let (mut largest, mut largest_error_of_checked, mut weakest, mut open) =
+            (0.0, 0.0f64, None, Vec::new());
         for error in &self.all {
             let influence: f64 = error.pull.iter().map(|(at, x)| x * by[*at]).sum();
-            if !(LEAST_SHARE * variance <= influence * influence) {
-                continue;
-            }
+            let matters = |share: f64| share * variance <= influence * influence;
             if !(LEAST_REDUNDANCY < error.redundancy) {
-                open.push(error.source);
+                open.extend(matters(LEAST_SHARE_UNCHECKED).then_some(error.source));
                 continue;
             }
             let unnoticed = self.kappa * influence.abs() / error.redundancy.sqrt();
-            if largest < unnoticed {
+            largest_error_of_checked = largest_error_of_checked.max(unnoticed);
+            if matters(LEAST_SHARE) && largest < unnoticed {
                 (largest, weakest) = (unnoticed, Some(error.source));
             }
         }
@@ -197,6 +202,7 @@ impl NetworkReliability<'_> {
             open.into_iter().partition(|source| self.is_checked_in_some_direction(*source));
         Ok(QueryReliability {
             largest_unnoticed_error: is_checked.then_some(largest),
+            largest_error_of_checked,
             weakest: weakest.filter(|_| is_checked),
             unchecked,
             partly_checked,

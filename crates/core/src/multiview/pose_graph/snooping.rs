@@ -230,9 +230,14 @@ fn disagreement(distance: f64, (chi2, degrees_of_freedom, own_share): (f64, f64,
         return None;
     }
     let rest = (chi2 - distance * own_share).max(LEAST_CHI2);
-    let root = ((distance / 6.0) / (rest / n)).cbrt();
-    let (own, others) = (2.0 / (9.0 * 6.0), 2.0 / (9.0 * n));
-    Some(((1.0 - others) * root - (1.0 - own)) / (others * root * root + own).sqrt())
+    Some(as_normal((distance / 6.0) / (rest / n), [6.0, n]))
+}
+
+/// Returns a ratio of two variances with so many degrees of freedom as a normal number, by Paulson's transformation, eq. (11).
+pub(super) fn as_normal(ratio: f64, [n_own, n_others]: [f64; 2]) -> f64 {
+    let root = ratio.cbrt();
+    let (own, others) = (2.0 / (9.0 * n_own), 2.0 / (9.0 * n_others));
+    ((1.0 - others) * root - (1.0 - own)) / (others * root * root + own).sqrt()
 }
 
 /// Returns the pair that disagrees most among some, if its disagreement is too large.

@@ -1,9 +1,10 @@
 //! The consistency of the graph: the rule of `consistency`, applied to the residuals and to the pairs that contradict the others.
 
 use super::noise::Noise;
-use super::{PairResult, PoseGraph};
+use super::snooping::as_normal;
+use super::{PairResult, PoseGraph, SUSPICIOUS};
 use crate::budget::{Accounted, ErrorSource, Warning};
-use crate::locate::consistency::{is_inconsistent, loses_too_many};
+use crate::locate::consistency::{FAR_ABOVE, is_inconsistent, loses_too_many};
 
 /// Why a graph contradicts itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +14,7 @@ pub enum GraphFault {
     Noise,
     /// More pairs contradict the others than a few bad calibrations explain.
     Pairs,
-    /// Most pairs of a camera contradict the others.
+    /// Most pairs of a camera contradict the others, or its pairs are at least twice as wrong as all others.
     Camera,
     /// Loops of pairs do not close: the standard deviations estimated from them are no longer those of a calibration.
     Loops,
@@ -84,6 +85,7 @@ pub(super) fn verdict(
     let contradicted = |camera: usize| {
         let own = || checked(pairs).filter(|i| touches(graph, *i, camera));
         loses_too_many(own().filter(|i| !pairs[*i].is_used).count(), own().count())
+            || is_noisier(graph, (pairs, noise), (camera, chi2, degrees_of_freedom))
     };
     let is_contradicted: Vec<bool> = (0..graph.n_cameras).map(contradicted).collect();
     let n_suspicious = pairs.iter().filter(|pair| pair.is_suspicious).count();
@@ -108,6 +110,29 @@ pub(super) fn verdict(
         is_contradicted,
     }
 }
+
+/// Returns whether the pairs of a camera disagree by at least twice as much as all others, and beyond chance: docs/math/pose_graph.md eq. (13).
+fn is_noisier(
+    graph: &PoseGraph,
+    (pairs, noise): (&[PairResult], &Noise),
+    (camera, chi2, degrees_of_freedom): (usize, f64, usize),
+) -> bool {
+    let own = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera));
+    let (squares, redundancy) = own.fold((0.0, 0.0), |(squares, redundancy), i| {
+        let r = pairs[i].residual;
+        let squared = noise.information(i).map_or(0.0, |information| r.dot(&(information * r)));
+        (squares + squared, redundancy + pairs[i].redundancy)
+    });
+    let left = degrees_of_freedom as f64 - redundancy;
+    if !(1.0 < redundancy && 1.0 < left) {
+        return false;
+    }
+    let ratio = squares / redundancy / ((chi2 - squares).max(LEAST_CHI2) / left);
+    FAR_ABOVE <= ratio && SUSPICIOUS < as_normal(ratio, [redundancy, left])
+}
+
+/// Below this χ² others agree exactly, but for rounding.
+const LEAST_CHI2: f64 = 1e-3;
 
 fn touches(graph: &PoseGraph, pair: usize, camera: usize) -> bool {
     graph.pairs[pair].a == camera || graph.pairs[pair].b == camera
