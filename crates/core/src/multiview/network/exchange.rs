@@ -1,7 +1,7 @@
 //! What was exchanged, where a network contradicts itself: two labels of a photograph, its columns and rows, its top and bottom, or the axes of the
 //! control points. An exchange is named where it makes everything agree.
 
-use super::{Adjusted, Constraint, NetworkProblem};
+use super::{Constraint, NetworkProblem};
 use crate::{Pixel, Point};
 use nalgebra::Vector3;
 
@@ -35,7 +35,7 @@ pub enum Exchange {
 const MOST_PHOTOS: usize = 12;
 /// More exchanges that make everything agree say nothing.
 const MOST_TIED: usize = 2;
-/// The number of pairs of labels that are tried: each is a whole adjustment.
+/// The number of pairs of labels that are tried: each is an adjustment.
 const MOST_PAIRS: usize = 30;
 /// Two exchanges whose χ² differ by less than this cannot be distinguished.
 const TIED_CHI2: f64 = 9.0;
@@ -48,25 +48,24 @@ struct Pair {
     n_suspected: usize,
 }
 
-/// Returns the network with that exchange that makes everything agree; none where no exchange or several of them do. `suspected` are constraints
-/// that may be wrong; `is_explained` says that one of them alone explains the contradiction, so that only exchanges of its label are tried.
-/// `agreed` solves a network and returns it where its constraints agree.
+/// Exchanges that explain a contradiction, and the constraints with the first of them.
+type Exchanged = (Vec<Exchange>, Vec<Constraint>);
+
+/// Returns the exchange that makes everything agree; none where no exchange or several of them do. `suspected` are constraints that may be wrong;
+/// `is_explained` says that one of them alone explains the contradiction, so that only exchanges of its label are tried. `chi2` returns that of a
+/// network whose constraints agree.
 pub(super) fn exchanged(
     network: &NetworkProblem,
     suspected: &[usize],
     is_explained: bool,
-    agreed: impl Fn(&NetworkProblem) -> Option<Adjusted>,
-) -> Option<Adjusted> {
-    let of_labels = labels(network, suspected, is_explained, &agreed);
-    of_labels.or_else(|| if is_explained { None } else { wholes(network, agreed) })
+    chi2: impl Fn(&NetworkProblem) -> Option<f64>,
+) -> Option<Exchanged> {
+    let of_labels = labels(network, suspected, is_explained, &chi2);
+    of_labels.or_else(|| if is_explained { None } else { wholes(network, chi2) })
 }
 
-/// Returns the network with a whole photograph, or the axes of all control points, exchanged. Of two photographs, each may be the one that is upside
-/// down: both are named.
-fn wholes(
-    network: &NetworkProblem,
-    agreed: impl Fn(&NetworkProblem) -> Option<Adjusted>,
-) -> Option<Adjusted> {
+/// Exchanges a whole photograph, or the axes of all control points. Of two photographs, each may be the one that is upside down: both are named.
+fn wholes(network: &NetworkProblem, chi2: impl Fn(&NetworkProblem) -> Option<f64>) -> Option<Exchanged> {
     let photos = 0..network.camera_of_photo.len().min(MOST_PHOTOS);
     let of_photo = |photo| [Exchange::Columns { photo }, Exchange::TopAndBottom { photo }];
     let tried = photos.flat_map(of_photo).chain([Exchange::ControlPoints]);
@@ -74,15 +73,16 @@ fn wholes(
         let constraints: Option<Vec<Constraint>> =
             network.constraints.iter().map(|constraint| exchange.applied(network, constraint)).collect();
         let constraints = constraints.filter(|changed| changed[..] != *network.constraints)?;
-        Some((exchange, agreed(&NetworkProblem { constraints: &constraints, ..*network })?))
+        let chi2 = chi2(&NetworkProblem { constraints: &constraints, ..*network })?;
+        Some((chi2, exchange, constraints))
     };
-    let mut found: Vec<(Exchange, Adjusted)> = tried.filter_map(attempt).collect();
-    found.sort_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2));
-    let least = found.first()?.1.chi2;
-    found.retain(|(_, with)| with.chi2 < least + TIED_CHI2);
-    let exchanged: Vec<Exchange> = found.iter().map(|(exchange, _)| *exchange).collect();
-    let first = found.into_iter().next().filter(|_| exchanged.len() <= MOST_TIED)?;
-    Some(Adjusted { exchanged, is_inconsistent: true, ..first.1 })
+    let mut found: Vec<(f64, Exchange, Vec<Constraint>)> = tried.filter_map(attempt).collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let least = found.first()?.0;
+    found.retain(|(chi2, ..)| *chi2 < least + TIED_CHI2);
+    let exchanged: Vec<Exchange> = found.iter().map(|(_, exchange, _)| *exchange).collect();
+    let (.., constraints) = found.into_iter().next().filter(|_| exchanged.len() <= MOST_TIED)?;
+    Some((exchanged, constraints))
 }
 
 impl Exchange {
@@ -113,13 +113,13 @@ impl Exchange {
     }
 }
 
-/// Returns the network with those two labels exchanged that make everything agree.
+/// Exchanges those two labels that make everything agree.
 fn labels(
     network: &NetworkProblem,
     suspected: &[usize],
     is_explained: bool,
-    agreed: &impl Fn(&NetworkProblem) -> Option<Adjusted>,
-) -> Option<Adjusted> {
+    chi2: &impl Fn(&NetworkProblem) -> Option<f64>,
+) -> Option<Exchanged> {
     let mut pairs = pairs(network, suspected);
     pairs.retain(|pair| !is_explained || 0 < pair.n_suspected);
     // Control points come first because they determine the pose of the photograph.
@@ -128,19 +128,18 @@ fn labels(
     let attempt = |pair: &Pair| {
         let mut constraints = network.constraints.to_vec();
         exchange(&mut constraints, pair.first.0, pair.second.0);
-        let found = agreed(&NetworkProblem { constraints: &constraints, ..*network })?;
+        let chi2 = chi2(&NetworkProblem { constraints: &constraints, ..*network })?;
         let (a, b) = (pair.first.2.min(pair.second.2), pair.first.2.max(pair.second.2));
-        let exchanged = vec![Exchange::Labels { photo: pair.first.1, a, b }];
-        Some(Adjusted { exchanged, is_inconsistent: true, ..found })
+        Some((chi2, (vec![Exchange::Labels { photo: pair.first.1, a, b }], constraints)))
     };
     let mut tiers = pairs.chunk_by(|a, b| a.n_control_points == b.n_control_points);
-    let mut found: Vec<Adjusted> = tiers.find_map(|tier| {
-        let found: Vec<Adjusted> = tier.iter().filter_map(attempt).collect();
+    let mut found: Vec<(f64, Exchanged)> = tiers.find_map(|tier| {
+        let found: Vec<_> = tier.iter().filter_map(attempt).collect();
         (!found.is_empty()).then_some(found)
     })?;
-    found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
-    let is_alone = found.get(1).is_none_or(|second| found[0].chi2 + TIED_CHI2 < second.chi2);
-    found.into_iter().next().filter(|_| is_alone)
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let is_alone = found.get(1).is_none_or(|second| found[0].0 + TIED_CHI2 < second.0);
+    found.into_iter().next().filter(|_| is_alone).map(|(_, exchanged)| exchanged)
 }
 
 fn pairs(network: &NetworkProblem, suspected: &[usize]) -> Vec<Pair> {
