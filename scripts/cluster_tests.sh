@@ -18,6 +18,8 @@ for engine in spark sail; do
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$wheel" # And what it needs.
 done
 [ -n "$wheel" ] || exit 0
+# Each of these virtual machines works for seconds: the second compiler and parallel collection cost more than they save.
+export JAVA_TOOL_OPTIONS="-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"
 export RESIGHT_SAIL_PYTHON=$PWD/$target/sail-test/bin/python
 case $target in /*) RESIGHT_SAIL_PYTHON=$target/sail-test/bin/python ;; esac
 "$target/spark-test/bin/python" -m pytest -q --no-header crates/python/cluster "$@"
