@@ -93,7 +93,7 @@ mod tests {
         assert_eq!(message("right", &lens(900.0, [0.0; 4])), "");
         for (name, camera, cause) in [
             ("distorted", lens(900.0, [-0.28, 0.09, 0.0, 0.0]), "with the distortion k1 = -0.2"),
-            ("focal", lens(1010.0, [0.0; 4]), "with a focal length of 1"),
+            ("focal", lens(820.0, [0.0; 4]), "with a focal length of 8"),
         ] {
             let message = message(name, &camera);
             for photo in ["east", "west"] {
