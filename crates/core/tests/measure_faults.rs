@@ -53,7 +53,8 @@ impl Case {
         let scene = drawn(seed, layout);
         let camera = scene.camera.clone();
         // Every other camera states 0.3 % and 0.2 % of its focal length.
-        let covariance = (seed % 2 == 0).then(|| crate::common::accident::intrinsics([4.5, 4.5, 3.0, 3.0]));
+        let covariance =
+            seed.is_multiple_of(2).then(|| crate::common::accident::intrinsics([4.5, 4.5, 3.0, 3.0]));
         Case { scene, camera, covariance }
     }
 

@@ -242,7 +242,7 @@ fn the_worst_constraint_is_named() {
 /// that nothing checks are clicked besides, and these have their positions: docs/math/survey.md eq. (28).
 #[test]
 fn points_that_nothing_checks_explain_nothing() {
-    let wrong: [&dyn Fn(&mut [Constraint]); 5] = [
+    let wrong: [&Fault; 5] = [
         &|constraints| moved_px(&mut constraints[14], 60.0),
         &|constraints| stretched(&mut constraints[23], 1.05),
         &|constraints| stretched(&mut constraints[20], 10.0),
@@ -283,6 +283,9 @@ fn points_that_nothing_checks_explain_nothing() {
         assert!((10..50).all(|p| b.point(p).is_some()), "{k}: {:?}", b.undetermined);
     }
 }
+
+/// What a fault does to the constraints.
+type Fault = dyn Fn(&mut [Constraint]);
 
 fn moved_px(constraint: &mut Constraint, by_px: f64) {
     let Constraint::ImagePoint { pixel, .. } = constraint else { panic!("no image point") };
