@@ -143,14 +143,7 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 pub fn parse_method(name: &str) -> Result<Method, String> {
     match METHODS.iter().find(|(known, _)| *known == name) {
         Some((_, method)) => Ok(*method),
-        None => {
-            let nearest = resight::input::nearest(name, METHODS.iter().map(|(known, _)| known.to_string()));
-            let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
-            Err(format!("no such method; {hint}There are {}", names()))
-        }
+        None => Err(resight::input::not_among(name, "method", &METHODS.map(|(known, _)| known.to_owned()))),
     }
 }
 
-fn names() -> String {
-    METHODS.map(|(name, _)| name).join(", ")
-}

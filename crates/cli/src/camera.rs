@@ -155,13 +155,9 @@ impl CameraArgs {
         let mut by_name = BTreeMap::new();
         for (name, sigma) in &self.intrinsics_sigma {
             if !known.contains(&name.as_str()) {
-                let nearest = input::nearest(name, known.iter().map(|n| n.to_string()));
-                let hint = nearest.map(|n| format!("did you mean `{n}`? ")).unwrap_or_default();
-                let model = camera.model_name();
-                bail!(
-                    "--intrinsics-sigma: this {model} camera has no `{name}`; {hint}It has {}",
-                    known.join(", ")
-                );
+                let known = known.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+                let kind = format!("{} parameter", camera.model_name());
+                bail!("--intrinsics-sigma: {}", input::not_among(name, &kind, &known));
             }
             if by_name.insert(name.clone(), *sigma).is_some() {
                 bail!("--intrinsics-sigma: `{name}` is given twice");

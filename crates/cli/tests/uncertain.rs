@@ -167,8 +167,8 @@ fn uncertain_points_add_what_solving_again_says() {
 fn a_wrong_name_is_reported_the_right_one() {
     let (points, camera) = (data("points.csv"), data("camera.toml"));
     for (given, wanted) in [
-        ("fxpx=1", "did you mean `fx_px`? It has fx_px, fy_px, cx_px, cy_px"),
-        ("k1=0.1", "this pinhole camera has no `k1`; It has fx_px"),
+        ("fxpx=1", "the pinhole parameters are fx_px, fy_px, cx_px, cy_px; did you mean `fx_px`?"),
+        ("k1=0.1", "there is no pinhole parameter `k1`; the pinhole parameters are fx_px"),
         ("fx_px", "NAME=S is needed"),
         ("fx_px=-1", "a number of 0 or more is needed"),
         ("fx_px=1,fx_px=2", "given twice"),

@@ -9,7 +9,7 @@ pub mod table;
 mod toml_reason;
 pub mod what_is_it;
 
-pub use nearest::nearest;
+pub use nearest::{nearest, not_among};
 pub use toml_reason::{in_metres, toml_reason};
 
 use crate::FileError;

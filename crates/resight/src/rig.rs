@@ -30,7 +30,7 @@ pub use job::{ObservedRig, rig_from_detections, rig_from_images};
 pub use lenses::LensChange;
 pub use observed::LeftOut;
 pub use pose_graph::{PoseGraphMethod, PoseGraphRequest, pose_graph};
-pub use request::{CameraDistance, RigRequest, not_among};
+pub use request::{CameraDistance, RigRequest};
 pub use robot_poses::{RobotFile, RobotPose, ViewPoses, read_robot_file, read_view_poses};
 
 use crate::core::multiview::rig::{Observation, RigProblem, RigSolution, TimeOffsets};

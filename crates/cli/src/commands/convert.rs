@@ -44,13 +44,10 @@ fn parse_format(word: &str) -> Result<ConvertTo, String> {
         return Ok(ConvertTo::FieldLayout { keys_of_2027: word == "wpilib-2027", field_size_m: None });
     }
     Format::to_write(word).map(ConvertTo::Cameras).ok_or_else(|| {
-        let words = || Format::writable().flat_map(|(_, words)| words.iter().map(|w| (*w).to_owned()));
-        let hint = resight::input::nearest(word, words())
-            .map(|w| format!("did you mean `{w}`? "))
-            .unwrap_or_default();
         let first = |(_, words): (_, &[&'static str])| words.first().copied();
-        let list: Vec<&str> = Format::writable().filter_map(first).collect();
-        format!("no such format; {hint}There are {}, and wpilib, wpilib-2027 for tag maps", list.join(", "))
+        let names = Format::writable().filter_map(first).chain(["wpilib", "wpilib-2027"]);
+        let names: Vec<String> = names.map(str::to_owned).collect();
+        format!("{} (wpilib and wpilib-2027 for tag maps)", resight::input::not_among(word, "format", &names))
     })
 }
 

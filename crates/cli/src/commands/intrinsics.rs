@@ -113,9 +113,9 @@ pub fn model(text: &str) -> Result<Models, String> {
     let names = model_names();
     let found = names.iter().find(|name| **name == text);
     found.map(|name| Models::Named(name)).ok_or_else(|| {
-        let nearest = resight::input::nearest(text, names.iter().map(|name| name.to_string()));
-        let hint = nearest.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
-        format!("no such lens model; {hint}There are auto, {}", names.join(", "))
+        let all: Vec<String> =
+            std::iter::once("auto").chain(names.iter().copied()).map(str::to_owned).collect();
+        resight::input::not_among(text, "lens model", &all)
     })
 }
 

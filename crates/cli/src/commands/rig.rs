@@ -9,9 +9,10 @@ use anyhow::{Result, bail};
 use clap::Args;
 use resight::answer::{RigAnswer, SolvedRig, Unsolved};
 use resight::formats::write_atomically;
+use resight::input::not_among;
 use resight::report::rig_page;
 use resight::rig::{
-    CameraDistance, CameraImage, Detections, FrameTimes, ImageOptions, ObservedRig, RigRequest, not_among,
+    CameraDistance, CameraImage, Detections, FrameTimes, ImageOptions, ObservedRig, RigRequest,
 };
 use resight::scene::rig_scene;
 use std::path::PathBuf;

@@ -12,6 +12,13 @@ pub fn nearest(name: &str, candidates: impl Iterator<Item = String>) -> Option<S
     scored.into_iter().next().filter(|(edits, _)| *edits <= limit).map(|(_, candidate)| candidate)
 }
 
+/// Returns the message about a name that is none of those there are.
+pub fn not_among(name: &str, kind: &str, names: &[String]) -> String {
+    let hint = nearest(name, names.iter().cloned());
+    let hint = hint.map(|nearest| format!("; did you mean `{nearest}`?")).unwrap_or_default();
+    format!("there is no {kind} `{name}`; the {kind}s are {}{hint}", names.join(", "))
+}
+
 /// Levenshtein distance with swaps of neighbours counted as one.
 fn edits(a: &str, b: &str) -> usize {
     let letters = |word: &str| word.chars().take(LONGEST).collect::<Vec<char>>();

@@ -26,7 +26,7 @@ pub fn check_intrinsics(request: &IntrinsicsRequest) -> Result<IntrinsicsCheckAn
         };
         let Some(given) = given else {
             let names: Vec<String> = request.checked.iter().map(|camera| camera.name.clone()).collect();
-            return Err(Error::request(crate::rig::not_among(&seen.name, "camera", &names)));
+            return Err(Error::request(crate::input::not_among(&seen.name, "camera", &names)));
         };
         cameras.push(checked(seen, &given.camera)?);
     }

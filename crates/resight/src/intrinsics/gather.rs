@@ -5,10 +5,11 @@ use crate::core::camera::{ImageSize, Pinhole};
 use crate::core::{Camera, CameraMatrix, Correspondence, Target};
 use crate::error::Error;
 use crate::formats::{NamedCamera, plausible};
+use crate::input::not_among;
 use crate::rig::names::natural;
 use crate::rig::{
     Collected, DetectionSource, LeftOut, OTHER_SIZE, RigRequest, camera_names, collect_detections,
-    collect_images, not_among,
+    collect_images,
 };
 
 /// One target in one image.

@@ -4,11 +4,12 @@ pub(crate) mod table;
 
 use super::NamedTarget;
 use super::observed::{Collected, Frame, LeftOut};
-use super::request::{join, not_among};
+use super::request::join;
 use crate::core::correspondence::Observations;
 use crate::core::target::{Feature, KnownPoint};
 use crate::core::{Correspondence, Pixel, Point, Target};
 use crate::error::Error;
+use crate::input::not_among;
 use crate::input::table::how_file_is_read;
 use crate::report::words;
 use std::collections::HashMap;

@@ -5,7 +5,6 @@ mod views;
 
 use super::names::natural;
 use super::observed::{Collected, Frame, LeftOut, NO_TARGET};
-use super::request::not_among;
 use crate::core::correspondence::{Detection, Skipped, correspond};
 use crate::core::target::Feature;
 use crate::core::{Camera, Correspondence, Target};
@@ -14,6 +13,7 @@ use crate::detect::{CornerWindow, Detector};
 use crate::error::Error;
 use crate::formats::check_image_size;
 use crate::image::{GrayImage, orientation_remark};
+use crate::input::not_among;
 use crate::parallel::{detect_in_order, report};
 use crate::report::words::counted;
 use crate::video::{Video, is_video};

@@ -248,10 +248,3 @@ fn target_number(targets: &[NamedTarget], name: &str, flag: &str) -> Result<usiz
         Error::request(format!("{flag} {name}: {}", not_among(name, "target", &names)))
     })
 }
-
-/// Returns the message about an unknown name.
-pub fn not_among(name: &str, kind: &str, names: &[String]) -> String {
-    let hint = crate::input::nearest(name, names.iter().cloned());
-    let hint = hint.map(|nearest| format!("; did you mean `{nearest}`?")).unwrap_or_default();
-    format!("there is no {kind} `{name}`; the {kind}s are {}{hint}", names.join(", "))
-}

@@ -3,8 +3,8 @@
 use super::KnownCamera;
 use crate::core::Point;
 use crate::error::Error;
+use crate::input::not_among;
 use crate::input::table::{Table, TableRow, how_read};
-use crate::rig::not_among;
 use std::collections::HashMap;
 use std::path::Path;
 

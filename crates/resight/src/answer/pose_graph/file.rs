@@ -5,7 +5,8 @@ use crate::answer::pose::rows;
 use crate::answer::rig::with_status;
 use crate::error::Error;
 use crate::formats::{JointCovariance, NamedCamera, Placement, WriteError, own_rig_file};
-use crate::rig::{RIG_FRAME, not_among};
+use crate::input::not_among;
+use crate::rig::RIG_FRAME;
 use serde::Serialize;
 
 impl SolvedPoseGraph {

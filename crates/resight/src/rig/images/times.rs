@@ -1,8 +1,8 @@
 //! The time of each frame of each camera.
 
 use super::super::observed::{Collected, LeftOut};
-use super::super::request::not_among;
 use crate::error::{Error, FileError};
+use crate::input::not_among;
 use crate::input::table::Table;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
