@@ -146,4 +146,3 @@ pub fn parse_method(name: &str) -> Result<Method, String> {
         None => Err(resight::input::not_among(name, "method", &METHODS.map(|(known, _)| known.to_owned()))),
     }
 }
-

@@ -318,7 +318,8 @@ fn an_answer_that_is_wrong_is_not_called_right() {
         silent.len(),
         alarms.len()
     );
-    // Nine of them are pairs of one camera that are 5 % larger, or a camera moved half-way: with its worst pair left out, the rest agree, or the sigmas that
-    // are estimated from them widen. A board 3 % larger in half of the pairs is one more, two pairs that are off in the same way the last.
-    assert!(silent.len() <= 11 && 20 * alarms.len() <= n_right, "{alarms:#?} {silent:#?}");
+    // Twelve of the seventeen in all rooms are pairs of one camera that are 5 % larger: with its worst pair left out the rest agrees, or the sigmas that are
+    // estimated from it widen. Three are a camera moved half-way, one is a board 3 % larger in half of the pairs, one two pairs off alike.
+    let most = if std::env::var_os("RESIGHT_RUNS").is_some() { 17 } else { 1 };
+    assert!(silent.len() <= most && 20 * alarms.len() <= n_right, "{alarms:#?} {silent:#?}");
 }

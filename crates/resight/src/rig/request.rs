@@ -6,6 +6,7 @@ use crate::core::explanation::Tolerance;
 use crate::core::multiview::rig::KnownDistance;
 use crate::error::Error;
 use crate::formats::{self, NamedCamera, TagOptions};
+use crate::input::not_among;
 use std::path::{Path, PathBuf};
 
 /// The cameras and targets of a rig, and all prior knowledge about them.

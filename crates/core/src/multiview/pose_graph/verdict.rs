@@ -85,7 +85,7 @@ pub(super) fn verdict(
     let contradicted = |camera: usize| {
         let own = || checked(pairs).filter(|i| touches(graph, *i, camera));
         loses_too_many(own().filter(|i| !pairs[*i].is_used).count(), own().count())
-            || is_noisier(graph, (pairs, noise), (camera, chi2, degrees_of_freedom))
+            || is_noisier(graph, (pairs, noise), camera)
     };
     let is_contradicted: Vec<bool> = (0..graph.n_cameras).map(contradicted).collect();
     let n_suspicious = pairs.iter().filter(|pair| pair.is_suspicious).count();
@@ -112,23 +112,23 @@ pub(super) fn verdict(
 }
 
 /// Returns whether the pairs of a camera disagree by at least twice as much as all others, and beyond chance: docs/math/pose_graph.md eq. (13).
-fn is_noisier(
-    graph: &PoseGraph,
-    (pairs, noise): (&[PairResult], &Noise),
-    (camera, chi2, degrees_of_freedom): (usize, f64, usize),
-) -> bool {
-    let own = (0..pairs.len()).filter(|i| pairs[*i].is_used && touches(graph, *i, camera));
-    let (squares, redundancy) = own.fold((0.0, 0.0), |(squares, redundancy), i| {
-        let r = pairs[i].residual;
-        let squared = noise.information(i).map_or(0.0, |information| r.dot(&(information * r)));
-        (squares + squared, redundancy + pairs[i].redundancy)
-    });
-    let left = degrees_of_freedom as f64 - redundancy;
-    if !(1.0 < redundancy && 1.0 < left) {
+/// Pairs of which one is wrong, but nothing shows which, do not count: the answer contains that doubt.
+fn is_noisier(graph: &PoseGraph, (pairs, noise): (&[PairResult], &Noise), camera: usize) -> bool {
+    let counted = (0..pairs.len()).filter(|i| pairs[*i].is_used && !pairs[*i].is_suspicious);
+    let (own, others): (Vec<usize>, Vec<usize>) = counted.partition(|i| touches(graph, *i, camera));
+    let sums = |of: &[usize]| {
+        of.iter().fold((0.0, 0.0), |(squares, redundancy), i| {
+            let r = pairs[*i].residual;
+            let squared = noise.information(*i).map_or(0.0, |information| r.dot(&(information * r)));
+            (squares + squared, redundancy + pairs[*i].redundancy)
+        })
+    };
+    let ((own, n_own), (others, n_others)) = (sums(&own), sums(&others));
+    if !(1.0 < n_own && 1.0 < n_others) {
         return false;
     }
-    let ratio = squares / redundancy / ((chi2 - squares).max(LEAST_CHI2) / left);
-    FAR_ABOVE <= ratio && SUSPICIOUS < as_normal(ratio, [redundancy, left])
+    let ratio = own / n_own / (others.max(LEAST_CHI2) / n_others);
+    FAR_ABOVE <= ratio && SUSPICIOUS < as_normal(ratio, [n_own, n_others])
 }
 
 /// Below this χ² others agree exactly, but for rounding.
