@@ -110,7 +110,7 @@ def test_a_session_says_what_the_program_says(tmp_path):
 def test_files_are_written_as_by_the_program(tmp_path):
     answer = resight.convert(["examples/photo/left.yml", "examples/photo/right.yml"], "opencv", tmp_path / "stereo/")
     assert answer.status == "ok" and answer["checked"] and all(Path(file).exists() for file in answer["files"])
-    with pytest.raises(resight.Error, match="no such format"):
+    with pytest.raises(resight.Error, match="there is no format"):
         resight.convert("examples/photo/left.yml", "kalibrr", tmp_path / "x.yaml")
     printed = resight.print_target({"kind": "tag", "family": "tag36h11", "id": 7, "size_m": 0.1}, tmp_path / "tag.pdf")
     assert Path(tmp_path / "tag.pdf").read_bytes().startswith(b"%PDF") and printed["n_pages"] == 1

@@ -47,7 +47,7 @@ fn parse_format(word: &str) -> Result<ConvertTo, String> {
         let first = |(_, words): (_, &[&'static str])| words.first().copied();
         let names = Format::writable().filter_map(first).chain(["wpilib", "wpilib-2027"]);
         let names: Vec<String> = names.map(str::to_owned).collect();
-        format!("{} (wpilib and wpilib-2027 for tag maps)", resight::input::not_among(word, "format", &names))
+        resight::input::not_among(word, "format", &names)
     })
 }
 
