@@ -73,7 +73,8 @@ function instrument() {
   Object.defineProperty(WebSocket.prototype, "onmessage", {
     set(handler) {
       set.call(this, (event) => {
-        const seq = typeof event.data === "string" ? Number(/^\{"seq":(\d+)/.exec(event.data)?.[1]) : NaN;
+        // First in a whole view, last in the changes of one.
+        const seq = typeof event.data === "string" ? Number(/(?<=^\{)"seq":(\d+)|"seq":(\d+)(?=\}$)/.exec(event.data)?.slice(1).find(Boolean)) : NaN;
         const move = sent.get(seq);
         if (move) undrawn.push(Object.assign(move, { answered_ms: performance.now() }));
         sent.delete(seq);
