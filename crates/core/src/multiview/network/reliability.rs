@@ -16,8 +16,8 @@ use nalgebra::{DMatrix, DVector, Vector2};
 const POWER: f64 = 0.841_621;
 /// Smallest share of an answer's variance for which a constraint matters to the answer.
 const LEAST_SHARE: f64 = 0.01;
-/// The same of a constraint that nothing checks and that may be off by hundreds of its standard deviations: a thousand of them move the answer by one
-/// of its own.
+/// Smallest share of an answer's variance for which a constraint that nothing checks matters, because it may be off by hundreds of its standard
+/// deviations. At this share a thousand of them move the answer by one standard deviation of the answer.
 const LEAST_SHARE_UNCHECKED: f64 = 1e-6;
 /// Names of the parameters that scale an image.
 const FOCAL: [&str; 3] = ["f", "fx_px", "fy_px"];
@@ -37,7 +37,8 @@ pub struct QueryReliability {
     /// The largest error that a single wrong constraint or lens puts into the answer without being noticed in four of five cases, in the unit of
     /// the answer; none where the answer depends on something that nothing checks in some direction.
     pub largest_unnoticed_error: Option<f64>,
-    /// The same, of all constraints and lenses that are checked, however little the answer depends on them and whatever nothing checks.
+    /// The largest unnoticed error of all constraints and lenses that are checked, however little the answer depends on them and whatever nothing
+    /// checks.
     pub largest_error_of_checked: f64,
     /// The constraint or lens that causes it.
     pub weakest: Option<ErrorSource>,
