@@ -16,5 +16,5 @@ pub mod map;
 pub mod birdseye;
 
 pub use answers::{Answers, QueryAnswer};
-pub use job::{measure, measure_after};
+pub use job::{measure, measure_after, measure_provisionally};
 pub use scene::{NamedQuery, NamedScene, QueryKind, ScenePhoto, read_scene, rig_scene};

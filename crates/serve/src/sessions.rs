@@ -8,10 +8,10 @@ use crate::aside::{aside, turn};
 use crate::error::Problem;
 use crate::memory::{Memory, Taken, full};
 use axum::http::StatusCode;
-use resight_session::{Measured, Session};
+use resight_session::{Measured, Measuring, Session};
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{Notify, Semaphore, watch};
@@ -34,7 +34,8 @@ pub struct Shared {
     /// Turns of measuring, which all sessions share.
     measuring: Arc<Semaphore>,
     is_measuring: AtomicBool,
-    /// Somebody waits for the measurements: they take no rest.
+    /// How many wait for the measurements, which then take no rest and are whole.
+    awaiting: AtomicUsize,
     awaited: Notify,
     /// Is notified of changes of the session, and closed when the session is no longer kept.
     news: watch::Sender<bool>,
@@ -51,6 +52,7 @@ impl Shared {
             cancelled: Notify::new(),
             measuring,
             is_measuring: AtomicBool::new(false),
+            awaiting: AtomicUsize::new(0),
             awaited: Notify::new(),
             news: watch::Sender::new(true),
         }))
@@ -133,14 +135,23 @@ impl Shared {
         self.memory.resize(&mut taken, session.weight_bytes())
     }
 
+    /// Returns what is to be measured next: provisionally while something is dragged and nobody waits for the whole.
+    fn unmeasured(&self) -> Option<Measuring> {
+        let now = self.now();
+        match now.is_dragging() && self.awaiting.load(Ordering::Acquire) == 0 {
+            true => now.measuring_provisionally(),
+            false => now.measuring(),
+        }
+    }
+
     /// Measures what is not measured yet, on a thread of its own, the newest state each time; at most one such thread works for a session.
     pub fn measure(self: &Arc<Self>) {
-        if self.now().measuring().is_none() || self.is_measuring.swap(true, Ordering::AcqRel) {
+        if self.unmeasured().is_none() || self.is_measuring.swap(true, Ordering::AcqRel) {
             return;
         }
         let shared = Arc::clone(self);
         tokio::spawn(async move {
-            while let Some(task) = shared.now().measuring() {
+            while let Some(task) = shared.unmeasured() {
                 let Ok(turn) = turn(&shared.measuring).await else { break };
                 let began = Instant::now();
                 let Ok(measured) = aside(turn, move || task.run()).await else { break };
@@ -155,7 +166,7 @@ impl Shared {
             }
             shared.is_measuring.store(false, Ordering::Release);
             // Something may have come in between.
-            if shared.now().measuring().is_some() {
+            if shared.unmeasured().is_some() {
                 shared.measure();
             }
         });
@@ -166,6 +177,7 @@ impl Shared {
     /// # Errors
     /// The session is no longer kept.
     pub async fn measured(self: &Arc<Self>) -> Result<Arc<Session>, Problem> {
+        let _awaits = Awaits::new(&self.awaiting);
         let mut news = self.news();
         loop {
             let now = self.now();
@@ -196,6 +208,22 @@ impl Shared {
         *self.now.lock().unwrap_or_else(PoisonError::into_inner) = Arc::default();
         *self.taken.lock().unwrap_or_else(PoisonError::into_inner) = Taken::default();
         self.news.send_replace(false);
+    }
+}
+
+/// Somebody who waits for the measurements, until this is dropped.
+struct Awaits<'a>(&'a AtomicUsize);
+
+impl<'a> Awaits<'a> {
+    fn new(awaiting: &'a AtomicUsize) -> Self {
+        awaiting.fetch_add(1, Ordering::AcqRel);
+        Awaits(awaiting)
+    }
+}
+
+impl Drop for Awaits<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 

@@ -17,6 +17,7 @@ pub(crate) struct Numbered {
 pub struct Measuring {
     pub(crate) scene: Numbered,
     pub(crate) before: Option<Arc<Measured>>,
+    pub(crate) is_provisional: bool,
 }
 
 /// A scene with what was measured in it; a sentence where that is impossible.
@@ -24,13 +25,20 @@ pub struct Measuring {
 pub struct Measured {
     pub(crate) scene: Numbered,
     pub(crate) found: Result<Answers, String>,
+    /// Whether it is to be measured again, with everything that belongs to an answer.
+    pub(crate) is_provisional: bool,
 }
 
 impl Measuring {
     /// Measures.
     pub fn run(self) -> Measured {
-        let before = self.before.as_deref().and_then(|m| Some((&*m.scene.scene, m.found.as_ref().ok()?)));
-        let found = network::measured_after(&self.scene.scene, before);
-        Measured { scene: self.scene, found }
+        let Measuring { scene, before, is_provisional } = self;
+        let before = before.as_deref().filter(|m| !m.is_provisional);
+        let before = before.and_then(|m| Some((&*m.scene.scene, m.found.as_ref().ok()?)));
+        let found = match is_provisional {
+            true => network::measured_provisionally(&scene.scene),
+            false => network::measured_after(&scene.scene, before),
+        };
+        Measured { scene, found, is_provisional }
     }
 }

@@ -209,6 +209,11 @@ pub fn measured(scene: &Scene) -> Result<Answers, String> {
     measured_after(scene, None)
 }
 
+/// Measures a scene while something in it is dragged.
+pub fn measured_provisionally(scene: &Scene) -> Result<Answers, String> {
+    resight::measure::measure_provisionally(scene).map_err(|reason| reason.to_string())
+}
+
 /// Measures a scene after an earlier one: only what differs is measured again.
 pub fn measured_after(scene: &Scene, before: Option<(&Scene, &Answers)>) -> Result<Answers, String> {
     resight::measure::measure_after(scene, before).map_err(|reason| reason.to_string())

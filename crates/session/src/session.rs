@@ -216,7 +216,9 @@ impl Session {
         if scene.is_none() && self.measured.take().is_some() {
             self.n_measured += 1;
         }
-        let is_known = |scene: &Scene| self.measured.as_ref().is_some_and(|m| *m.scene.scene == *scene);
+        let is_whole = |m: &&Measured| !m.is_provisional;
+        let known = self.measured.as_deref().filter(is_whole);
+        let is_known = |scene: &Scene| known.is_some_and(|m| *m.scene.scene == *scene);
         self.unmeasured = match scene.filter(|scene| !is_known(scene)) {
             Some(scene) => {
                 let same = self.unmeasured.take().filter(|known| *known.scene == scene);
@@ -237,13 +239,22 @@ impl Session {
 
     /// Returns what is to be measured again; `None` where the whole view is up to date.
     pub fn measuring(&self) -> Option<Measuring> {
-        Some(Measuring { scene: self.unmeasured.clone()?, before: self.measured.clone() })
+        let (scene, before) = (self.unmeasured.clone()?, self.measured.clone());
+        Some(Measuring { scene, before, is_provisional: false })
+    }
+
+    /// Returns what is to be measured while something is dragged, in a fraction of the time, until [`Session::measuring`] follows; `None` where that
+    /// is done.
+    pub fn measuring_provisionally(&self) -> Option<Measuring> {
+        let scene = self.unmeasured.clone()?;
+        let is_done = self.measured.as_ref().is_some_and(|m| m.scene.number == scene.number);
+        (!is_done).then_some(Measuring { scene, before: None, is_provisional: true })
     }
 
     /// Takes what was measured: of now, or of a state before, until that of now is there.
     pub fn take(&mut self, measured: Measured) {
         let Some(awaited) = &self.unmeasured else { return };
-        let is_current = awaited.number == measured.scene.number;
+        let is_current = awaited.number == measured.scene.number && !measured.is_provisional;
         self.measured = Some(Arc::new(measured));
         self.n_measured += 1;
         if is_current {
@@ -399,7 +410,8 @@ mod tests {
         let numbered = Numbered { number: 1, scene: Arc::new(scene) };
         let mut session = Session { unmeasured: Some(numbered), n_scenes: 1, ..Session::default() };
         let task = session.measuring().expect("something to measure");
-        session.take(Measured { scene: task.scene, found: Err("nothing to measure".to_owned()) });
+        let found = Err("nothing to measure".to_owned());
+        session.take(Measured { scene: task.scene, found, is_provisional: false });
         assert!(session.measuring().is_none() && !session.view(0).is_measuring);
     }
 }

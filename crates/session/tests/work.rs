@@ -102,6 +102,32 @@ fn the_pose_comes_first_and_measurements_follow() {
     assert!(!after.is_measuring && after.measurements[0].value != before.measurements[0].value);
 }
 
+/// While a mark is dragged lengths follow to first order; with the whole answer they hardly change. Marks that contradict the distances are said to.
+#[test]
+fn lengths_follow_a_dragged_mark() {
+    let mut session = posed(photograph("a.jpg", 4000, 3000));
+    lengths(&mut session, 50);
+    let [u, v] = at(-2.0, 9.0);
+    put(&mut session, "D", [u + 0.5, v], true);
+    session.take(session.measuring_provisionally().expect("something to measure").run());
+    let provisional = session.view(0);
+    assert!(provisional.is_measuring && session.measuring_provisionally().is_none());
+    session.take(session.measuring().expect("the whole answer").run());
+    let whole = session.view(0);
+    assert!(!whole.is_measuring && session.measuring_provisionally().is_none());
+    for (first, then) in provisional.measurements.iter().zip(&whole.measurements) {
+        assert_eq!((first.status, then.status), (Some("ok"), Some("ok")));
+        let off = (first.value.expect("a value") - then.value.expect("a value")).abs();
+        let [to_first_order, half] = [first, then].map(|m| m.half_width_95.expect("an interval"));
+        assert!(off < 1e-3 * half, "{}: {off}", then.name);
+        assert!((to_first_order / half - 1.0).abs() < 0.05, "{}: {to_first_order} {half}", then.name);
+    }
+    put(&mut session, "D", [u + 200.0, v], true);
+    session.take(session.measuring_provisionally().expect("something to measure").run());
+    let contradicts = session.view(0);
+    assert!(contradicts.measurements.iter().all(|m| m.status == Some("inconsistent") && m.value.is_some()));
+}
+
 /// A wavy line along the ground.
 fn kerb(session: &mut Session, name: &str, n: usize) {
     let along = |i: usize| at(-1.9 + 3.8 * i as f64 / n as f64, 7.0 + (0.2 * i as f64).sin());

@@ -247,6 +247,16 @@ pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
     Ok(adjusted)
 }
 
+/// Adjusts the network as its first arrangement has it: neither another one nor the cause of a contradiction is sought. For an answer that the next
+/// one replaces within a moment, such as while a point is dragged.
+///
+/// # Errors
+/// Those of [`adjust`].
+pub fn adjust_provisionally(network: &NetworkProblem) -> Result<Adjusted, Error> {
+    network.check()?;
+    blunder::attempt(network, Depth::First)
+}
+
 impl Adjusted {
     /// Returns a point's position; none where undetermined.
     pub fn point(&self, point: usize) -> Option<Point> {

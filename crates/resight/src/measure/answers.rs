@@ -8,7 +8,7 @@ use crate::core::Error;
 use crate::core::budget::Budget;
 use crate::core::multiview::network::{
     ALTERNATIVE_GATE_CHI2, Adjusted, Constraint, ErrorSource, Measured, NetworkReliability, NetworkStatus,
-    NetworkWarning, QueryReliability, adjust,
+    NetworkWarning, Query, QueryReliability, adjust, adjust_provisionally,
 };
 use crate::formats::plausible;
 use crate::report::verdict::Status;
@@ -80,7 +80,7 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
     let answered =
         |query: &NamedQuery| match known.as_ref().and_then(|(known, all)| all.get(known.question(query)?)) {
             Some(known) => QueryAnswer { query: query.clone(), ..known.clone() },
-            None => answer(scene, &adjusted, status, query),
+            None => answer(scene, &adjusted, status, query, Adjusted::measure),
         };
     let (reliability, budgets) = (adjusted.reliability(), adjusted.budgets());
     let checked = |query: &NamedQuery| {
@@ -101,6 +101,17 @@ pub(super) fn solve(scene: &NamedScene, before: Option<(&NamedScene, &Answers)>)
     let smallest_noticed_errors = sources.map(|of| (of, reliability.smallest_noticed_error(of))).collect();
     let sizes = units(scene);
     verdict.extend(sizes.iter().map(|text| format!("implausible: {text}")));
+    Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
+}
+
+/// Solves the first arrangement of a scene, with intervals to first order: see [`super::measure_provisionally`].
+pub(super) fn solve_provisionally(scene: &NamedScene) -> Result<Answers, Refusal> {
+    let cameras = scene.network_cameras();
+    let adjusted = adjust_provisionally(&scene.network(&cameras)).map_err(|e| refusal(scene, &e))?;
+    let status = adjusted.status();
+    let answered = |query| answer(scene, &adjusted, status, query, Adjusted::measure_to_first_order);
+    let answers = scene.queries.iter().map(answered).collect();
+    let (verdict, sizes, remarks, smallest_noticed_errors) = Default::default();
     Ok(Answers { status, answers, verdict, sizes, remarks, smallest_noticed_errors, adjusted })
 }
 
@@ -131,18 +142,28 @@ fn refusal(scene: &NamedScene, error: &Error) -> Refusal {
     Refusal { status, reason: words::error(scene, error) }
 }
 
-fn answer(scene: &NamedScene, adjusted: &Adjusted, status: NetworkStatus, query: &NamedQuery) -> QueryAnswer {
+/// How the value of a query is measured.
+type Measure = fn(&Adjusted, &Query) -> Result<Measured, Error>;
+
+fn answer(
+    scene: &NamedScene,
+    adjusted: &Adjusted,
+    status: NetworkStatus,
+    query: &NamedQuery,
+    measure: Measure,
+) -> QueryAnswer {
     let (result, reliability) = (Ok(Vec::new()), Vec::new());
     let base =
         QueryAnswer { query: query.clone(), status, result, other: None, reliability, budgets: Vec::new() };
     if let Some(line) = &adjusted.on_line {
         return QueryAnswer { result: Err(words::on_line(scene, line)), ..base };
     }
-    let values = match values(scene, adjusted, query) {
+    let values = match values(scene, adjusted, query, measure) {
         Ok(values) => values,
         Err(reason) => return QueryAnswer { status: NetworkStatus::Degenerate, result: Err(reason), ..base },
     };
-    let other = adjusted.second_solution().and_then(|second| self::values(scene, second, query).ok());
+    let other =
+        adjusted.second_solution().and_then(|second| self::values(scene, second, query, measure).ok());
     let other = other.filter(|other| differ(&values, other));
     let status = match status {
         // What was left out affects this answer only if the query includes it.
@@ -171,12 +192,17 @@ fn differ(values: &[Measured], others: &[Measured]) -> bool {
     values.iter().zip(others).any(|(a, b)| SAME_SIGMAS * a.sigma < (a.value - b.value).abs())
 }
 
-fn values(scene: &NamedScene, adjusted: &Adjusted, query: &NamedQuery) -> Result<Vec<Measured>, String> {
-    let value = |(axis, q): (usize, crate::core::multiview::network::Query)| {
+fn values(
+    scene: &NamedScene,
+    adjusted: &Adjusted,
+    query: &NamedQuery,
+    measure: Measure,
+) -> Result<Vec<Measured>, String> {
+    let value = |(axis, q): (usize, Query)| {
         let shift = if query.kind == QueryKind::Position { scene.origin_m[axis] } else { 0.0 };
         let moved =
             |m: Measured| Measured { value: m.value + shift, low: m.low + shift, high: m.high + shift, ..m };
-        adjusted.measure(&q).map(moved).map_err(|e| words::error(scene, &e))
+        measure(adjusted, &q).map(moved).map_err(|e| words::error(scene, &e))
     };
     scene.core_queries(query).into_iter().enumerate().map(value).collect()
 }

@@ -24,6 +24,8 @@ const FAR_CHI2: f64 = 100.0;
 /// The extent of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Depth {
+    /// Tries no other poses.
+    First,
     /// Tries other poses of one photograph at a time, and keeps only arrangements whose constraints may agree: used to test a hypothesis.
     Single,
     /// Also tries other poses of several photographs together where single ones fit badly.
@@ -62,7 +64,11 @@ pub(super) fn best_of(
         // solved.
         search.refusal = search.refusal.or(check_distances(network, control_points).err());
     }
-    let deepest = if depth == Depth::Single { 1 } else { network.camera_of_photo.len() };
+    let deepest = match depth {
+        Depth::First => 0,
+        Depth::Single => 1,
+        Depth::Together => network.camera_of_photo.len(),
+    };
     for level in 0..=deepest {
         if open.is_empty() || (1 < level && search.fits()) {
             break;

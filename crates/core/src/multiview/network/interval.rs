@@ -83,6 +83,31 @@ impl Adjusted {
     /// # Errors
     /// The reason why a point or plane is undetermined; `InvalidSetting` for too few points, or those not in the network.
     pub fn measure(&self, query: &Query) -> Result<Measured, Error> {
+        let (linear, by) = self.linear(query)?;
+        let Measured { value, sigma, .. } = linear;
+        let part = self.part(query);
+        let by = DVector::from_iterator(part.layout.n, part.unknowns.iter().map(|i| by[*i]));
+        let end = |side: f64| self.end(query, &part, [value, sigma], &by, side);
+        let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
+        let is_profile = low.is_some() && high.is_some();
+        Ok(Measured {
+            low: low.unwrap_or(linear.low),
+            high: high.unwrap_or(linear.high),
+            is_profile,
+            ..linear
+        })
+    }
+
+    /// Returns the value of a query with the interval value ± 1.96 σ.
+    ///
+    /// # Errors
+    /// Those of [`Adjusted::measure`].
+    pub fn measure_to_first_order(&self, query: &Query) -> Result<Measured, Error> {
+        Ok(self.linear(query)?.0)
+    }
+
+    /// Returns the value of a query to first order, and by how much a unit of its multiplier moves all unknowns.
+    fn linear(&self, query: &Query) -> Result<(Measured, DVector<f64>), Error> {
         self.check(query)?;
         let (value, gradient) = query.value(&self.state, &self.layout);
         let by = self.covariance.times(&gradient);
@@ -90,19 +115,8 @@ impl Adjusted {
         if !(value.is_finite() && sigma.is_finite()) {
             return Err(Error::NotFinite { what: "the value asked for", index: 0 });
         }
-        let part = self.part(query);
-        let by = DVector::from_iterator(part.layout.n, part.unknowns.iter().map(|i| by[*i]));
-        let end = |side: f64| self.end(query, &part, [value, sigma], &by, side);
-        let (low, high) = if 0.0 < sigma { (end(-1.0), end(1.0)) } else { (Some(value), Some(value)) };
-        let is_profile = low.is_some() && high.is_some();
-        let linear = |side: f64| value + side * NORMAL_95 * sigma;
-        Ok(Measured {
-            value,
-            sigma,
-            low: low.unwrap_or(linear(-1.0)),
-            high: high.unwrap_or(linear(1.0)),
-            is_profile,
-        })
+        let end = |side: f64| value + side * NORMAL_95 * sigma;
+        Ok((Measured { value, sigma, low: end(-1.0), high: end(1.0), is_profile: false }, by))
     }
 
     pub(super) fn check(&self, query: &Query) -> Result<(), Error> {
