@@ -1,6 +1,7 @@
-//! `watch --webhook`, `--mqtt`: the receivers of each event; a slow or absent receiver delays nothing.
+//! `watch --webhook`, `--mqtt`, `--nt4`: the receivers of each event; a slow or absent receiver delays nothing.
 
 use crate::receivers::broker::{Broker, Deed};
+use crate::receivers::networktables::{SERVER_US, Server};
 use crate::receivers::web::{Asked, Web, metrics_place, page};
 use crate::receivers::{Ended, Session, lines, times, wait_for};
 use crate::support::{demo, folder};
@@ -143,7 +144,8 @@ fn addresses_that_cannot_be_are_refused_before_the_session() {
     let private = folder.join("token");
     std::fs::write(&private, "short\n").expect("written");
     let file = private.to_str().expect("a path");
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 9] = [
+        (&["--nt4", "25600"], "the number of a team is 1 to 25599"),
         (&["--mqtt", "mqtt://gate:secret@host"], "--mqtt-password-file"),
         (&["--webhook", "ftp://host/secret"], "http:// or https://"),
         (&["--webhook", "http://h/", "--webhook-header", "secret"], "a colon is missing"),
@@ -315,4 +317,48 @@ fn four_pairs(broker: &str) -> Session {
     let [a, b] = ["a", "b"].map(|name| format!("--target={name}={target}"));
     let reported = ["--mqtt", broker, "--mqtt-frames", "--mqtt-discovery", "--metrics", "127.0.0.1:0"];
     Session::of(&[&[gate.as_str(), &yard, &a, &b], reported.as_slice()].concat())
+}
+
+/// A NetworkTables server has each pose with its standard deviations, in its own time, and the last states again after a connection was lost.
+#[test]
+fn a_networktables_server_has_poses_and_the_last_states() {
+    let server = Server::start(|n| if n == 0 { 60 } else { usize::MAX });
+    let mut session = Session::start(&["--nt4", &server.place, "--flush-s", "30"]);
+    session.reported("connected");
+    session.feed(&knocked());
+    let ended = session.end();
+    assert_eq!(ended.code, 3, "{}", ended.log);
+    server.see(|seen| {
+        assert_eq!((seen.connections, &seen.paths[0][..]), (2, "/nt/resight"), "{}", ended.log);
+        let kinds: Vec<&str> = ["target_from_cam", "sigma", "state", "moved"]
+            .map(|what| format!("/resight/cam0/target0/{what}"))
+            .map(|name| seen.topics.values().find(|topic| topic.0 == name).expect("announced").1.as_str())
+            .to_vec();
+        assert_eq!(kinds, ["struct:Pose3d", "double[]", "string", "boolean"]);
+        let [first, second] = &seen.came[..] else { panic!("two connections") };
+        let of = |came: &std::collections::BTreeMap<String, Vec<_>>, what: &str| {
+            came[&format!("/resight/cam0/target0/{what}")].clone()
+        };
+        assert_eq!(first["/resight/cam0/connected"][0].value, [0xc3]);
+        assert_eq!(of(first, "state")[0].value, b"\xa8learning");
+        assert_eq!(of(second, "state").last().expect("a state").value, b"\xa7drifted");
+        assert_eq!(of(second, "moved").last().expect("a state").value, [0xc3]);
+        for pose in of(first, "target_from_cam") {
+            assert!(SERVER_US <= pose.time_us && pose.value.len() == 58, "{pose:?}");
+            let member = |i: usize| {
+                f64::from_le_bytes(pose.value[2 + 8 * i..10 + 8 * i].try_into().expect("a double"))
+            };
+            let length = (3..7).map(|i| member(i).powi(2)).sum::<f64>().sqrt();
+            assert!((length - 1.0).abs() < 1e-12 && member(2) < -0.3, "{pose:?}");
+        }
+        for sigma in of(first, "sigma") {
+            assert!((sigma.kind, sigma.value[0], sigma.value.len()) == (17, 0x96, 55));
+        }
+    });
+    assert_eq!(
+        (times(&ended.log, "closed the connection") + times(&ended.log, "broke off")),
+        1,
+        "{}",
+        ended.log
+    );
 }

@@ -9,11 +9,13 @@ pub mod secret;
 mod trust;
 mod notice;
 mod courier;
+mod topics;
 pub mod history;
 pub mod tf;
 pub mod metrics;
 pub mod webhook;
 pub mod mqtt;
+pub mod nt4;
 pub mod tui;
 
 use anyhow::Result;
@@ -34,11 +36,13 @@ pub struct OutputsConfig {
     pub webhook: Option<webhook::WebhookConfig>,
     /// Keeps states at an MQTT broker.
     pub mqtt: Option<mqtt::MqttConfig>,
+    /// Publishes poses and states to a NetworkTables server.
+    pub nt4: Option<nt4::Nt4Config>,
     /// Draws the session in the terminal.
     pub tui: Option<tui::TuiConfig>,
     /// Certificates (PEM) to trust for https and mqtts; otherwise those of this machine.
     pub ca_file: Option<PathBuf>,
-    /// Longest time for webhook and MQTT each, at the end, to send what still waits, seconds.
+    /// Longest time for webhook, MQTT and NetworkTables each, at the end, to send what still waits, seconds.
     pub flush_s: f64,
 }
 
@@ -52,6 +56,7 @@ pub(crate) fn open(config: &OutputsConfig, session: &Session<'_>) -> Result<Vec<
     let mut common = Common { names, log, ca, flush_s: config.flush_s, counted: Vec::new() };
     let webhook = config.webhook.as_ref().map(|config| webhook::open(config, &mut common)).transpose()?;
     let mqtt = config.mqtt.as_ref().map(|config| mqtt::open(config, &mut common)).transpose()?;
+    let nt4 = config.nt4.as_ref().map(|config| nt4::open(config, &mut common)).transpose()?;
     let counted = common.counted; // let counted = common.counted; // After the outputs whose deliveries it counts.
     let metrics =
         config.metrics.as_ref().map(|config| metrics::open(config, session, counted)).transpose()?;
@@ -60,5 +65,5 @@ pub(crate) fn open(config: &OutputsConfig, session: &Session<'_>) -> Result<Vec<
     let history = config.history.clone().map(|config| history::open(config, names, log)).transpose()?;
     let tf = config.tf.as_ref().map(|config| tf::open(config, session)).transpose()?;
     // The view is last: the others end while it is still open.
-    Ok([history, tf, webhook, mqtt, metrics, tui].into_iter().flatten().collect())
+    Ok([history, tf, webhook, mqtt, nt4, metrics, tui].into_iter().flatten().collect())
 }

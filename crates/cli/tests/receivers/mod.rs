@@ -1,6 +1,7 @@
 //! Those who are reported: small servers on 127.0.0.1, and sessions that tell them.
 
 pub mod broker;
+pub mod networktables;
 pub mod web;
 
 use crate::support::demo;

@@ -3,11 +3,11 @@
 mod broker;
 mod discovery;
 mod link;
-mod topics;
 
 use super::courier::Courier;
 use super::notice::Notices;
 use super::outbox::Weight;
+use super::topics::Topics;
 use super::{Common, Output};
 use crate::live::Event;
 use anyhow::{Result, bail};
@@ -16,7 +16,6 @@ use link::{Link, Message};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use topics::Topics;
 
 /// Largest number of waiting messages; alarms are dropped last.
 const WAITING: usize = 1000;

@@ -9,6 +9,7 @@ use resight_watch::outputs::OutputsConfig;
 use resight_watch::outputs::history::{HistoryConfig, OnStored};
 use resight_watch::outputs::metrics::MetricsConfig;
 use resight_watch::outputs::mqtt::MqttConfig;
+use resight_watch::outputs::nt4::Nt4Config;
 use resight_watch::outputs::said::EventText;
 use resight_watch::outputs::tf::TfConfig;
 use resight_watch::outputs::tui::TuiConfig;
@@ -37,10 +38,14 @@ pub struct OutputArgs {
     webhook: WebhookArgs,
     #[command(flatten)]
     mqtt: MqttArgs,
+    /// Publishes poses with their standard deviations, states and whether each camera moved to a NetworkTables 4 server, such as the controller of an
+    /// FRC robot: HOST[:PORT], or the number of a team. Topics are below /resight/CAMERA/TARGET.
+    #[arg(long, hide_short_help = true, value_name = "HOST[:PORT]")]
+    nt4: Option<String>,
     /// Certificates (PEM) to believe for https and mqtts [default: those of this machine].
     #[arg(long, hide_short_help = true, value_name = "FILE")]
     ca_file: Option<PathBuf>,
-    /// At the end of a session, how long --webhook and --mqtt each may take for what still waits.
+    /// At the end of a session, how long --webhook, --mqtt and --nt4 each may take for what still waits.
     #[arg(long, hide_short_help = true, value_name = "SECONDS", default_value_t = 10.0, value_parser = crate::args::seconds)]
     flush_s: f64,
     #[command(flatten)]
@@ -80,6 +85,7 @@ impl OutputArgs {
             metrics: self.metrics.config(),
             webhook: self.webhook.config(),
             mqtt: self.mqtt.config(),
+            nt4: self.nt4.clone().map(|server| Nt4Config { server }),
             tui,
             ca_file: self.ca_file.clone(),
             flush_s: self.flush_s,

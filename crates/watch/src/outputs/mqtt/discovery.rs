@@ -1,9 +1,9 @@
 //! Announcements of each camera and target to Home Assistant: <https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery>.
 
 use super::link::Message;
-use super::topics::Topics;
 use crate::names::Names;
 use crate::outputs::said;
+use crate::outputs::topics::Topics;
 use serde_json::json;
 
 /// Returns a sensor of the state for each pair, all of one device.

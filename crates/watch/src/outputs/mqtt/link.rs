@@ -1,9 +1,9 @@
 //! The connection: it is made again after each loss, and each message is sent until the broker acknowledges it, in order.
 
 use super::broker::Broker;
-use super::topics::Topics;
 use crate::outputs::outbox::{Outbox, Weight};
 use crate::outputs::retry::{Backoff, Standing, random};
+use crate::outputs::topics::Topics;
 use crate::outputs::trust;
 use anyhow::Result;
 use rumqttc::{

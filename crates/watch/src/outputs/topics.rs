@@ -1,4 +1,4 @@
-//! The names of the topics.
+//! The names of topics, by camera and target.
 
 use crate::names::Names;
 
@@ -36,7 +36,7 @@ impl Topics {
 
     /// Returns the topic, retained, that states whether the source is lost or back.
     pub fn source(&self, camera: usize) -> String {
-        format!("{}/{}/source", self.prefix, of(&self.cameras, camera))
+        self.of_camera(camera, "source")
     }
 
     /// Returns the topic of what moved relative to the others.
@@ -52,7 +52,13 @@ impl Topics {
         twice(&self.cameras).or_else(|| twice(&self.targets)).map(|level| format!("{}/{level}", self.prefix))
     }
 
-    fn of_pair(&self, camera: usize, target: usize, what: &str) -> String {
+    /// Returns a topic of a camera.
+    pub fn of_camera(&self, camera: usize, what: &str) -> String {
+        format!("{}/{}/{what}", self.prefix, of(&self.cameras, camera))
+    }
+
+    /// Returns a topic of a camera against a target.
+    pub fn of_pair(&self, camera: usize, target: usize, what: &str) -> String {
         format!("{}/{}/{}/{what}", self.prefix, of(&self.cameras, camera), of(&self.targets, target))
     }
 }
