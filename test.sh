@@ -90,7 +90,8 @@ tests() { # all, or those that are not slow
     local slow=()
     [ "$mode" = everything ] || while read -r name; do slow+=(--skip "$name"); done <scripts/slow_tests.txt
     # Tests of streams wait for most of their time: two for each processor.
-    RUST_TEST_THREADS=${RUST_TEST_THREADS:-$((2 * $(nproc)))} cargo test --workspace --no-fail-fast -- "${slow[@]}"
+    # What the program keeps between runs stays below target/.
+    XDG_CACHE_HOME=$target/cache RUST_TEST_THREADS=${RUST_TEST_THREADS:-$((2 * $(nproc)))} cargo test --workspace --no-fail-fast -- "${slow[@]}"
 }
 
 wheel() { # the Python package from the crates that the tests built: only its own layer is left to build

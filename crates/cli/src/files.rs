@@ -2,6 +2,7 @@
 
 use crate::stdio;
 use anyhow::{Context, Result, bail};
+use resight::rig::KeptDetections;
 use std::path::{Path, PathBuf};
 
 /// The most frequent ending among the images of a folder; `png` where there is none.
@@ -120,4 +121,19 @@ fn folder_of(path: &Path) -> &Path {
 /// A camera argument is `FILE` or `FILE#NAME`.
 pub fn camera_must_exist(argument: &str) -> Result<()> {
     must_exist(resight::formats::split_spec(Path::new(argument)).0)
+}
+
+/// Where detections are kept between runs: below the user's folder for what can be made again. The size and the age of this program stand for the
+/// version of its detectors.
+pub fn kept_detections() -> Option<KeptDetections> {
+    let folder_in =
+        |variable: &str| std::env::var_os(variable).map(PathBuf::from).filter(|f| f.is_absolute());
+    let home = || {
+        folder_in("HOME")
+            .map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }))
+    };
+    let folder = folder_in("XDG_CACHE_HOME").or_else(|| folder_in("LOCALAPPDATA")).or_else(home)?;
+    let program = std::env::current_exe().and_then(std::fs::metadata).ok()?;
+    let detector = format!("{} {:?}", program.len(), program.modified().ok()?);
+    Some(KeptDetections::new(folder.join("resight").join("detections"), detector))
 }

@@ -165,7 +165,7 @@ pub fn rig_from_images(
     observed(py, progress, move || {
         let names: Vec<String> = request.cameras.iter().map(|camera| camera.name.clone()).collect();
         let times = timestamps.map(|file| FrameTimes::read(&file, &names)).transpose()?;
-        let options = ImageOptions { times, corner_window: corner_window(corner_half_px) };
+        let options = ImageOptions { times, corner_window: corner_window(corner_half_px), kept: None };
         rig_lines(&resight::rig_from_images(&images, &options, &request)?)
     })
 }

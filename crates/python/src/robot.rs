@@ -241,7 +241,7 @@ pub fn hand_eye(
         let observed = match found {
             Some(found) => found.with(sigma_px, |rows| ObservedRig::from_detections(&rows, &request))?,
             None => {
-                let options = ImageOptions { times: None, corner_window: corner_window(None) };
+                let options = ImageOptions { corner_window: corner_window(None), ..ImageOptions::default() };
                 ObservedRig::from_images(&images, &options, &request)?
             }
         };

@@ -25,7 +25,7 @@ pub(crate) use observed::Collected;
 
 pub use detections::{DetectionRow, DetectionSource, Detections};
 pub use hand_eye::{HandEyeRequest, HandEyeViews, hand_eye};
-pub use images::{CameraImage, FrameTimes, ImageOptions};
+pub use images::{CameraImage, FrameTimes, ImageOptions, KeptDetections};
 pub use job::{ObservedRig, rig_from_detections, rig_from_images};
 pub use lenses::LensChange;
 pub use observed::LeftOut;

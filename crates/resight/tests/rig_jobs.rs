@@ -11,7 +11,8 @@ use resight::intrinsics::{IntrinsicsRequest, IntrinsicsSource, Models};
 use resight::rig::pairs::PairFile;
 use resight::rig::{
     CameraDistance, CameraImage, DetectionRow, Detections, FrameTimes, HandEyeRequest, HandEyeViews,
-    ImageOptions, ObservedRig, PoseGraphRequest, RigRequest, RobotFile, RobotPose, read_robot_file,
+    ImageOptions, KeptDetections, ObservedRig, PoseGraphRequest, RigRequest, RobotFile, RobotPose,
+    read_robot_file,
 };
 use resight::rig_pose::{KnownCamera, RigPoseRequest, read_rig_points, rig_poses};
 use resight::{Error, GrayImage, HandEyeAnswer, RigAnswer, Status};
@@ -207,6 +208,46 @@ fn images_of_any_source_give_the_same_rig() {
     let stranger = [CameraImage::file("middle", image("left"))];
     let text = reason(resight::rig_from_images(&stranger, &ImageOptions::default(), &request));
     assert!(text.contains("no camera `middle`"), "{text}");
+}
+
+/// What is kept is what a search finds, to the last bit; another program, target or image is searched, and so is one whose entry is damaged.
+#[test]
+fn kept_detections_are_those_of_a_search() {
+    let folder = std::env::temp_dir().join(format!("resight_kept_{}", std::process::id()));
+    let entries = || {
+        let all = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        all.map(|entry| entry.path()).collect::<std::collections::BTreeSet<_>>()
+    };
+    let observed = |target: &str, program: Option<&str>| {
+        let mut request = RigRequest::default();
+        request.read_target(Some("grid"), data(target)).unwrap();
+        request.read_camera(Some("left"), data("demo/left.toml")).unwrap();
+        let kept = program.map(|program| KeptDetections::new(&folder, program));
+        let options = ImageOptions { kept, ..ImageOptions::default() };
+        let images = [
+            CameraImage::file("left", data("demo/left.png")),
+            CameraImage::file("left", data("demo/right.png")),
+        ];
+        format!("{:?}", ObservedRig::from_images(&images, &options, &request).unwrap())
+    };
+    let searched = observed("demo/grid.toml", None);
+    assert_eq!(observed("demo/grid.toml", Some("1")), searched);
+    let kept = entries();
+    assert_eq!(kept.len(), 2);
+    assert_eq!((observed("demo/grid.toml", Some("1")), entries()), (searched.clone(), kept.clone()));
+    observed("demo/grid.toml", Some("2"));
+    observed("demo/dots.toml", Some("1"));
+    assert_eq!(entries().len(), 6);
+
+    // An entry is what is read; one that is cut off is made again.
+    let entry = kept.iter().next().unwrap();
+    let whole = std::fs::read_to_string(entry).unwrap();
+    std::fs::write(entry, r#"{"width_px":640,"height_px":480,"targets":[{"Err":"kept"}]}"#).unwrap();
+    assert!(observed("demo/grid.toml", Some("1")).contains("kept"));
+    std::fs::write(entry, &whole[..whole.len() / 2]).unwrap();
+    assert_eq!(observed("demo/grid.toml", Some("1")), searched);
+    assert_eq!(std::fs::read_to_string(entry).unwrap(), whole);
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 fn shift(x_m: f64) -> Pose {

@@ -218,6 +218,10 @@ fn source<'a>(args: &'a Intrinsics, checked: &[NamedCamera]) -> Result<(Intrinsi
     if args.targets.is_empty() {
         bail!("images need --target FILE: what is to be found in them");
     }
-    let options = ImageOptions { times: None, corner_window: args.corners.window() };
+    let options = ImageOptions {
+        times: None,
+        corner_window: args.corners.window(),
+        kept: crate::files::kept_detections(),
+    };
     Ok((IntrinsicsSource::Images { images, options }, names))
 }

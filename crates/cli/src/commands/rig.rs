@@ -230,7 +230,11 @@ pub(super) fn observed(args: &ObservationArgs, request: &RigRequest) -> Result<O
             let named = args.images.iter().filter_map(|argument| named::split(argument).0);
             names.extend(named.map(str::to_string));
         }
-        let options = ImageOptions { times: times(args, &names)?, corner_window: args.corners.window() };
+        let options = ImageOptions {
+            times: times(args, &names)?,
+            corner_window: args.corners.window(),
+            kept: crate::files::kept_detections(),
+        };
         let images = images(&args.images, &names)?;
         with_progress(|| ObservedRig::from_images(&images, &options, request))?
     } else {

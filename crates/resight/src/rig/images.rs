@@ -1,5 +1,6 @@
 //! Detects targets in images and videos, and collects them into frames.
 
+mod kept;
 mod times;
 mod views;
 
@@ -10,10 +11,10 @@ use crate::core::target::Feature;
 use crate::core::{Camera, Correspondence, Target};
 use crate::detect::absent::not_found;
 use crate::detect::{CornerWindow, Detector};
-use crate::error::Error;
+use crate::error::{Error, FileError};
 use crate::formats::check_image_size;
-use crate::image::{GrayImage, orientation_remark};
-use crate::input::not_among;
+use crate::image::{GrayImage, exif, orientation_remark};
+use crate::input::{self, Kind, not_among};
 use crate::parallel::{detect_in_order, report};
 use crate::report::words::counted;
 use crate::video::{Video, is_video};
@@ -22,6 +23,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use views::ImageFile;
 
+pub use kept::KeptDetections;
 pub use times::FrameTimes;
 
 /// An image of a camera, or its video.
@@ -67,6 +69,8 @@ pub struct ImageOptions {
     pub times: Option<FrameTimes>,
     /// The window in which corners of chessboards and ChArUco boards are refined.
     pub corner_window: CornerWindow,
+    /// Where detections in image files are kept between runs; `None` to search every image again.
+    pub kept: Option<KeptDetections>,
 }
 
 /// The reason for leaving out a frame of another size.
@@ -172,6 +176,7 @@ pub(crate) fn collect(
         search.video(camera, &path)?;
     }
     search.explain();
+    options.kept.iter().for_each(KeptDetections::tidy);
     let Search { lenses, oriented, .. } = search;
     collected.remarks.extend(oriented.remarks(|camera| names[camera].clone()));
     for (camera, lens) in collected.cameras.iter_mut().zip(lenses) {
@@ -277,13 +282,20 @@ impl Search<'_> {
     fn frames(&mut self, jobs: &[Job]) -> Result<(), Error> {
         let targets: Vec<Target> = self.collected.targets.iter().filter_map(|t| t.target.clone()).collect();
         let cameras: Vec<Camera> = self.collected.cameras.iter().map(|c| c.camera.clone()).collect();
-        let (window, knows_lens) = (self.options.corner_window, self.collected.knows_lenses);
+        let ImageOptions { corner_window: window, kept, .. } = self.options;
+        let (window, knows_lens) = (*window, self.collected.knows_lenses);
         let detectors =
             || targets.iter().map(|target| Detector::with_corner_window(target, window)).collect();
-        let work = |detectors: &mut Vec<Detector>, job: &Job| FrameResult {
-            camera: job.camera,
-            name: job.name.clone(),
-            found: find(detectors, &targets, (&cameras[job.camera], knows_lens), &job.image),
+        let work = |detectors: &mut Vec<Detector>, job: &Job| {
+            let lens = (&cameras[job.camera], knows_lens);
+            let seen = match (&job.image, kept) {
+                (Pixels::File(path), Some(kept)) => {
+                    seen_before(detectors, &targets, lens, path, (kept, window))
+                }
+                _ => job.image.read().and_then(|(image, how)| Seen::new(detectors, lens, &image, how)),
+            };
+            let found = seen.and_then(|seen| FoundTargets::new(&targets, lens.0, seen));
+            FrameResult { camera: job.camera, name: job.name.clone(), found }
         };
         let mut n_done = 0;
         detect_in_order(jobs, detectors, work, |result| {
@@ -358,7 +370,8 @@ pub(crate) fn search_image(
     camera: &Camera,
     image: &GrayImage,
 ) -> Result<FoundTargets, String> {
-    find(detectors, targets, (camera, false), &Pixels::Given(image))
+    let seen = Seen::new(detectors, (camera, false), image, None)?;
+    FoundTargets::new(targets, camera, seen)
 }
 
 /// Returns the next block of frames; `None` at the end. A block in which nothing could be decoded is not the end.
@@ -367,34 +380,72 @@ fn block<T>(frames: &mut impl Iterator<Item = T>, size: usize) -> Option<Vec<T>>
     (!block.is_empty()).then_some(block)
 }
 
-fn find(
-    detectors: &mut [Detector],
-    targets: &[Target],
-    (camera, knows_lens): (&Camera, bool),
-    pixels: &Pixels,
-) -> Result<FoundTargets, String> {
-    let (image, orientation) = pixels.read()?;
-    let image = &*image;
-    let lens = check_image_size(camera, image.width_px, image.height_px)?;
-    let mut found =
-        FoundTargets { lens, orientation, targets: Vec::new(), skipped: Vec::new(), failed: Vec::new() };
-    for (number, (detector, target)) in detectors.iter_mut().zip(targets).enumerate() {
-        let detections = match knows_lens {
-            true => detector.detect_with_camera(image, &found.lens),
+/// What detectors find in an image.
+struct Seen {
+    size_px: [u32; 2],
+    /// How EXIF asks viewers to show the image.
+    orientation: Option<&'static str>,
+    /// For each target its detections, or why they are none.
+    targets: Vec<Result<Vec<Detection>, String>>,
+}
+
+impl Seen {
+    /// Searches an image of a camera, whose lens the detectors use where it is known.
+    fn new(
+        detectors: &mut [Detector],
+        (camera, knows_lens): (&Camera, bool),
+        image: &GrayImage,
+        orientation: Option<&'static str>,
+    ) -> Result<Self, String> {
+        let size_px = [image.width_px, image.height_px];
+        let lens = check_image_size(camera, image.width_px, image.height_px)?;
+        let find = |detector: &mut Detector| match knows_lens {
+            true => detector.detect_with_camera(image, &lens),
             false => detector.detect(image),
         };
-        match detections {
-            Ok(detections) => found.add(number, target, &detections),
-            Err(reason) => {
-                found.failed.push(reason.to_string());
-                found.skipped.push((target.kind().to_string(), reason.to_string()));
-            }
-        }
+        let targets = detectors.iter_mut().map(|d| find(d).map_err(|reason| reason.to_string())).collect();
+        Ok(Seen { size_px, orientation, targets })
     }
-    Ok(found)
+}
+
+/// Returns what is kept of an image file; otherwise searches it, and keeps what is found.
+fn seen_before(
+    detectors: &mut [Detector],
+    targets: &[Target],
+    lens: (&Camera, bool),
+    path: &Path,
+    (kept, window): (&KeptDetections, CornerWindow),
+) -> Result<Seen, String> {
+    let bytes = input::read(path, Kind::Image).map_err(|e| e.to_string())?;
+    let place = kept.place(&bytes, targets, lens.1.then_some(lens.0), window);
+    if let Some(seen) = kept::read(&place, &bytes, targets.len()) {
+        return Ok(seen);
+    }
+    let image = GrayImage::decode(&bytes).map_err(|reason| FileError::new(path, reason).to_string())?;
+    let seen = Seen::new(detectors, lens, &image, exif::orientation(&bytes))?;
+    kept::write(&place, &seen);
+    Ok(seen)
 }
 
 impl FoundTargets {
+    /// Relates what was seen to the points of the targets.
+    fn new(targets: &[Target], camera: &Camera, seen: Seen) -> Result<Self, String> {
+        let Seen { size_px: [width_px, height_px], orientation, targets: found_of } = seen;
+        let lens = check_image_size(camera, width_px, height_px)?;
+        let mut found =
+            FoundTargets { lens, orientation, targets: Vec::new(), skipped: Vec::new(), failed: Vec::new() };
+        for (number, (target, detections)) in targets.iter().zip(found_of).enumerate() {
+            match detections {
+                Ok(detections) => found.add(number, target, &detections),
+                Err(reason) => {
+                    found.skipped.push((target.kind().to_string(), reason.clone()));
+                    found.failed.push(reason);
+                }
+            }
+        }
+        Ok(found)
+    }
+
     fn add(&mut self, number: usize, target: &Target, detections: &[Detection]) {
         let (seen, skipped) = correspond(detections, target, &self.lens);
         let points: Vec<(String, Correspondence)> =
