@@ -4,4 +4,5 @@ pub mod compare;
 pub mod snapshot;
 pub mod relative_rotation;
 pub mod track;
+pub mod disagreement;
 pub mod monitor;

@@ -25,6 +25,7 @@ mod camera_models;
 mod compare;
 mod crates;
 mod warnings;
+mod disagreement;
 mod entry_points;
 mod entry_points_jobs;
 mod exact_four;

@@ -1,6 +1,5 @@
 //! Processes each frame of one camera, for every target that it watches.
 
-mod disagreement;
 mod expect;
 mod landmarks;
 mod learning;

@@ -1,6 +1,5 @@
 //! One camera and one target: detection, pose, tracking, decision.
 
-use super::disagreement::{Disagreement, Expected};
 use super::expect::Expectation;
 use super::learning::Learning;
 use super::promises::Promises;
@@ -18,6 +17,7 @@ use resight_core::correspondence::Detection;
 use resight_core::locate::consistency::{Consistency, is_inconsistent};
 use resight_core::locate::{Config, PoseEstimate};
 use resight_core::multiview::tag_map::locate_target;
+use resight_core::temporal::disagreement::{Disagreement, Expected};
 use resight_core::temporal::monitor::learn::{LEAST_READINGS, learn, unsettled};
 use resight_core::temporal::monitor::{Deviation, Monitor, Reading, Reference, Unsettled, Watch};
 use resight_core::temporal::track::{Motion, Tracker};
