@@ -33,7 +33,7 @@ fn says(seen: &[Correspondence]) -> bool {
     let estimate = resight_core::locate::locate(seen, &camera(), &Default::default()).expect("a pose");
     let known = Vector6::new(1e-8, 1e-8, 1e-8, 1e-9, 1e-9, 1e-9).map(|variance| 1.0 / variance);
     let information = Matrix6::from_diagonal(&known);
-    let expected = Expected { lens: &camera(), pose: home(), information, noise: 1.0 };
+    let expected = Expected { lens: &camera(), cam_from_target: home(), information, noise: 1.0 };
     Disagreement::default().is_in(seen, &expected, &estimate.cam_from_target)
 }
 
@@ -45,7 +45,7 @@ fn a_small_roll_after_a_gap_is_no_disagreement() {
     let information = Matrix6::from_diagonal(&sigma.map(|s| 1.0 / (s * s)));
     let says = |seen: &[Correspondence]| {
         let estimate = resight_core::locate::locate(seen, &camera(), &Default::default()).expect("a pose");
-        let expected = Expected { lens: &camera(), pose: home(), information, noise: 1.0 };
+        let expected = Expected { lens: &camera(), cam_from_target: home(), information, noise: 1.0 };
         Disagreement::default().is_in(seen, &expected, &estimate.cam_from_target)
     };
     let (mut false_ones, mut found, mut all) = (0, 0, 0);

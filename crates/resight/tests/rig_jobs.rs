@@ -242,7 +242,9 @@ fn kept_detections_are_those_of_a_search() {
     // An entry is what is read; one that is cut off is made again.
     let entry = kept.iter().next().unwrap();
     let whole = std::fs::read_to_string(entry).unwrap();
-    std::fs::write(entry, r#"{"width_px":640,"height_px":480,"targets":[{"Err":"kept"}]}"#).unwrap();
+    let mut other: Value = serde_json::from_str(&whole).unwrap();
+    other["targets"] = serde_json::json!([{ "Err": "kept" }]);
+    std::fs::write(entry, other.to_string()).unwrap();
     assert!(observed("demo/grid.toml", Some("1")).contains("kept"));
     std::fs::write(entry, &whole[..whole.len() / 2]).unwrap();
     assert_eq!(observed("demo/grid.toml", Some("1")), searched);

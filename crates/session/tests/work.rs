@@ -120,7 +120,7 @@ fn lengths_follow_a_dragged_mark() {
         let off = (first.value.expect("a value") - then.value.expect("a value")).abs();
         let [to_first_order, half] = [first, then].map(|m| m.half_width_95.expect("an interval"));
         assert!(off < 1e-3 * half, "{}: {off}", then.name);
-        assert!((to_first_order / half - 1.0).abs() < 0.05, "{}: {to_first_order} {half}", then.name);
+        assert!((to_first_order / half - 1.0).abs() < 0.1, "{}: {to_first_order} {half}", then.name);
     }
     put(&mut session, "D", [u + 200.0, v], true);
     session.take(session.measuring_provisionally().expect("something to measure").run());

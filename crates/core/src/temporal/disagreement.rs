@@ -50,7 +50,7 @@ pub struct Expected<'a> {
     /// The lens, at the size of the image.
     pub lens: &'a Camera,
     /// The expected `cam_from_target`.
-    pub pose: Pose,
+    pub cam_from_target: Pose,
     /// The inverse of the covariance of its small left motion `[rotation_rad; translation_m]`.
     pub information: Matrix6,
     /// Variance of the pixels over the stated one.
@@ -125,7 +125,7 @@ struct Row {
 
 impl Row {
     fn new(point: &Correspondence, expected: &Expected) -> Option<Self> {
-        let x = expected.pose * point.x_in_target;
+        let x = expected.cam_from_target * point.x_in_target;
         let (pixel, by_x) = expected.lens.project_with_jacobian(&x)?;
         // Left motion: dx = ω × x + ν.
         let mut by_motion = SMatrix::<f64, 3, 6>::zeros();

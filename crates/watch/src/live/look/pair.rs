@@ -533,7 +533,8 @@ fn is_fault(
         let motion = (pose * reading.a_from_b.inverse()).log();
         let factor = (covariance + reading.covariance).cholesky()?;
         let noise = measured_variance(monitor);
-        let expected = Expected { lens, pose, information: covariance.cholesky()?.inverse(), noise };
+        let expected =
+            Expected { lens, cam_from_target: pose, information: covariance.cholesky()?.inverse(), noise };
         Some((motion.dot(&factor.solve(&motion)), expected))
     };
     match weigh() {
