@@ -276,7 +276,7 @@ fn each_source_of_a_hand_eye_calibration_scatters_as_its_part() {
             assert_adds_up(budget, whole, "hand-eye");
         }
         for (source, drawn) in
-            [(ErrorSource::CameraPoses, only(1.0, tiny)), (ErrorSource::Robot, only(tiny, 1.0))]
+            [(ErrorSource::CameraPoses, only(1.0, tiny)), (ErrorSource::RobotAtGripper, only(tiny, 1.0))]
         {
             let errors: Vec<_> = (0..N)
                 .map(|_| {
@@ -303,11 +303,37 @@ fn the_parts_of_a_hand_eye_calibration_on_pixels_add_up() {
         let found = session.solved();
         assert_adds_up(&found.carrier_budget, &found.carrier_covariance, "carrier");
         assert_adds_up(&found.holder_budget, &found.holder_covariance, "holder");
-        for source in [ErrorSource::Pixels, ErrorSource::Robot] {
+        for source in [ErrorSource::Pixels, ErrorSource::RobotAtGripper] {
             assert!(0.0 < part(&found.carrier_budget, source).trace(), "{source:?}");
         }
         let residuals = part(&found.carrier_budget, ErrorSource::Residuals).trace();
         assert_eq!(0.0 < bent_m, 0.0 < residuals, "{residuals}");
+    }
+}
+
+/// Noise at the gripper, in the base and of the target's pose alone is in its own part, on pixels; chance leaves less than half as much in the others.
+#[test]
+fn each_kind_of_noise_is_a_part_of_the_budget() {
+    let mut rng = Rng::new(35);
+    let kinds = [
+        (Robot::AtHand(3e-3, 1e-3), ErrorSource::RobotAtGripper),
+        (Robot::AtBase(3e-3, 0.0), ErrorSource::RobotInBase),
+        (Robot::OfTarget(3e-3), ErrorSource::TargetPose),
+    ];
+    for (robot, own) in kinds {
+        for mounting in [Mounting::CameraOnGripper, Mounting::TargetOnGripper] {
+            let found = Session::new(&mut rng, mounting, 40, robot, &views::camera(), 0.1, 0.0).solved();
+            let wholes = [&found.carrier_covariance, &found.holder_covariance];
+            for (budget, whole) in [&found.carrier_budget, &found.holder_budget].into_iter().zip(wholes) {
+                assert_adds_up(budget, whole, "hand-eye");
+                let inverse = whole.try_inverse().expect("regular");
+                let share = |source| (part(budget, source) * inverse).trace() / 6.0;
+                let shares = kinds.map(|(_, source)| share(source));
+                println!("{mounting:?} {robot:?}: {shares:.3?}");
+                let others: f64 = shares.iter().sum::<f64>() - share(own);
+                assert!(2.0 * others < share(own), "{mounting:?} {robot:?}: {shares:?}");
+            }
+        }
     }
 }
 
@@ -327,8 +353,8 @@ fn heights_and_residuals_have_their_part() {
     let found = solve_hand_eye(&views, &config).expect("a hand");
     assert!(2.0 < found.noise_scale, "{}", found.noise_scale);
     assert_adds_up(&found.carrier_budget, &found.carrier_covariance, "carrier");
-    for source in [ErrorSource::Priors, ErrorSource::Residuals, ErrorSource::CameraPoses, ErrorSource::Robot]
-    {
+    use ErrorSource::{CameraPoses, Priors, Residuals, RobotAtGripper};
+    for source in [Priors, Residuals, CameraPoses, RobotAtGripper] {
         assert!(0.0 < part(&found.carrier_budget, source).trace(), "{source:?}");
     }
 }
