@@ -1,11 +1,13 @@
 //! Hand–eye calibration with a robot of unknown noise: the noise is estimated from the views, correctly, and distinguished from faults.
 
+use crate::budget::{self, assert_adds_up};
 use crate::common::Rng;
 use crate::common::hands::{
     Stated, Vector12, World, best_linear, block, information, linearised, part, squared,
 };
 use crate::common::sessions::{Robot, Session, camera, solved, solved_as};
 use nalgebra::{Matrix6, Vector6};
+use resight_core::budget::ErrorSource;
 use resight_core::camera::BrownConrady;
 use resight_core::explanation::Tolerance;
 use resight_core::multiview::hand_eye::{
@@ -129,6 +131,40 @@ fn counted(seed: u64, mounting: Mounting, robot: Robot, n: usize, runs: u32) -> 
         sum.sigmas[1] += noise.sigma_m / f64::from(runs);
     }
     sum
+}
+
+/// Noise at the gripper, in the base and of the target's pose alone is in its own part; chance leaves less than a third as much in the others.
+#[test]
+fn each_kind_of_noise_is_in_its_own_part() {
+    let (rad, m) = COARSE;
+    let kinds = [
+        (Robot::AtHand(rad, m), ErrorSource::RobotAtGripper),
+        (Robot::AtBase(rad, 0.0), ErrorSource::RobotInBase),
+        (Robot::OfTarget(rad), ErrorSource::TargetPose),
+    ];
+    let mut rng = Rng::new(920);
+    for (mounting, (robot, own)) in MOUNTS.into_iter().flat_map(|mounting| kinds.map(|kind| (mounting, kind)))
+    {
+        let mut shares = [0.0; 3];
+        for _ in 0..12 {
+            let world = World::cell(&mut rng, mounting, 45);
+            let found = solve_hand_eye(&noisy(&mut rng, &world, robot), &world.config()).unwrap();
+            for (budget, whole) in [
+                (&found.carrier_budget, &found.carrier_covariance),
+                (&found.holder_budget, &found.holder_covariance),
+            ] {
+                assert_adds_up(budget, whole, "hand-eye");
+                let inverse = whole.try_inverse().unwrap();
+                for (share, (_, source)) in shares.iter_mut().zip(kinds) {
+                    *share += (budget::part(budget, source) * inverse).trace() / 144.0;
+                }
+            }
+        }
+        println!("{mounting:?} {robot:?}: shares {shares:.3?}");
+        let of_own: f64 =
+            shares.iter().zip(kinds).filter(|(_, kind)| kind.1 == own).map(|(share, _)| share).sum();
+        assert!(3.0 * (shares.iter().sum::<f64>() - of_own) < of_own, "{mounting:?} {robot:?}: {shares:?}");
+    }
 }
 
 /// The table of docs/math/hand_eye.md section 8: `RESIGHT_RUNS=300 cargo test -p resight-core --test it hand_eye_noise few_views -- --nocapture`.
