@@ -35,8 +35,12 @@ pub enum ErrorSource {
     ControlPoints,
     /// Measured lengths, as uncertain as stated.
     Distances,
-    /// The robot's poses.
-    Robot,
+    /// The robot's poses at the gripper: orientation about the gripper's own origin, and position; all of a stated noise of the robot.
+    RobotAtGripper,
+    /// The robot's poses in the base: orientation about the base's origin, as of the first joints of an arm.
+    RobotInBase,
+    /// The target's pose, its orientation about its own origin: a target that is not rigid on its holder.
+    TargetPose,
     /// When each camera of a rig saw a moving target.
     TimeOffsets,
     /// What is stated about the answer besides the observations.
@@ -46,7 +50,7 @@ pub enum ErrorSource {
 }
 
 /// How many sources there are.
-const N_SOURCES: usize = 14;
+const N_SOURCES: usize = 16;
 
 impl ErrorSource {
     /// All sources, in the order in which a budget lists them.
@@ -61,7 +65,9 @@ impl ErrorSource {
         ErrorSource::Target,
         ErrorSource::ControlPoints,
         ErrorSource::Distances,
-        ErrorSource::Robot,
+        ErrorSource::RobotAtGripper,
+        ErrorSource::RobotInBase,
+        ErrorSource::TargetPose,
         ErrorSource::TimeOffsets,
         ErrorSource::Priors,
         ErrorSource::Residuals,
@@ -80,7 +86,9 @@ impl ErrorSource {
             ErrorSource::Target => "target",
             ErrorSource::ControlPoints => "control_points",
             ErrorSource::Distances => "distances",
-            ErrorSource::Robot => "robot",
+            ErrorSource::RobotAtGripper => "robot_at_gripper",
+            ErrorSource::RobotInBase => "robot_in_base",
+            ErrorSource::TargetPose => "target_pose",
             ErrorSource::TimeOffsets => "time_offsets",
             ErrorSource::Priors => "priors",
             ErrorSource::Residuals => "residuals",

@@ -276,7 +276,7 @@ fn each_source_of_a_hand_eye_calibration_scatters_as_its_part() {
             assert_adds_up(budget, whole, "hand-eye");
         }
         for (source, drawn) in
-            [(ErrorSource::CameraPoses, only(1.0, tiny)), (ErrorSource::Robot, only(tiny, 1.0))]
+            [(ErrorSource::CameraPoses, only(1.0, tiny)), (ErrorSource::RobotAtGripper, only(tiny, 1.0))]
         {
             let errors: Vec<_> = (0..N)
                 .map(|_| {
@@ -303,7 +303,7 @@ fn the_parts_of_a_hand_eye_calibration_on_pixels_add_up() {
         let found = session.solved();
         assert_adds_up(&found.carrier_budget, &found.carrier_covariance, "carrier");
         assert_adds_up(&found.holder_budget, &found.holder_covariance, "holder");
-        for source in [ErrorSource::Pixels, ErrorSource::Robot] {
+        for source in [ErrorSource::Pixels, ErrorSource::RobotAtGripper] {
             assert!(0.0 < part(&found.carrier_budget, source).trace(), "{source:?}");
         }
         let residuals = part(&found.carrier_budget, ErrorSource::Residuals).trace();
@@ -327,8 +327,8 @@ fn heights_and_residuals_have_their_part() {
     let found = solve_hand_eye(&views, &config).expect("a hand");
     assert!(2.0 < found.noise_scale, "{}", found.noise_scale);
     assert_adds_up(&found.carrier_budget, &found.carrier_covariance, "carrier");
-    for source in [ErrorSource::Priors, ErrorSource::Residuals, ErrorSource::CameraPoses, ErrorSource::Robot]
-    {
+    use ErrorSource::{CameraPoses, Priors, Residuals, RobotAtGripper};
+    for source in [Priors, Residuals, CameraPoses, RobotAtGripper] {
         assert!(0.0 < part(&found.carrier_budget, source).trace(), "{source:?}");
     }
 }

@@ -1,4 +1,4 @@
-"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25), (27), (32), (33) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
+"""Checks docs/math/hand_eye.md: eqs. (1)-(9), (13), (14), (16), (18)-(22), (25), (27), (32), (33), (36) at 40 digits, and crates/core/tests/hand_eye_tables/opencv.txt: noisy problems
 with the answers of OpenCV's calibrateHandEye and calibrateRobotWorldHandEye.
 
 OpenCV 5.0 has no Python binding of the two. python hand_eye.py --table prints the table with OpenCV 4; without it the committed problems
@@ -142,6 +142,10 @@ def variances():
     p, w = matrix(3, 1), matrix(3, 1)
     turned = hat(w) * p + hat(p) * w
     assert mp.norm(turned) < 1e-30
+    pose, tiny = exp(matrix(6, 1)), w * mp.mpf("1e-18")
+    left = pose[:3, :3] * tiny
+    by_target = exp(mp.matrix([*left, *(hat(pose[:3, 3]) * left)]))
+    assert mp.norm(pose * exp(mp.matrix([*tiny, 0, 0, 0])) * pose**-1 - by_target) < 1e-33
     rows, columns = 9, 3
     parts = [definite(rows) for _ in range(2)]
     own, d, r = definite(rows), matrix(rows, columns), matrix(rows, 1)
@@ -170,6 +174,11 @@ def variances():
             q = d.T * weight * parts[k] * weight * parts[l] * weight * d
             shorter = trace(weight * parts[k] * weight * parts[l]) / 2 - trace(phi * q) + trace(phi * m[k] * phi * m[l]) / 2
             assert abs(trace(big * parts[k] * big * parts[l]) / 2 - shorter) < 1e-26
+        # (36): what (24) has of one kind alone is positive.
+        q = d.T * weight * parts[k] * weight * parts[k] * weight * d
+        mp.cholesky(2 * q - m[k] * phi * m[k])
+    camera = phi * d.T * weight * own * weight * d * phi
+    assert mp.norm(camera + phi * (m[0] * theta[0] + m[1] * theta[1]) * phi - phi) < 1e-26
     # (27): what the weights of an exact hand have of covariance when the noise is theta.
     weight = own**-1
     phi = (d.T * weight * d) ** -1

@@ -130,7 +130,7 @@ pub enum RejectedView {
     Contradicts,
 }
 
-/// The noise of the gripper's poses as estimated from the views.
+/// The noise of the gripper's poses as estimated from the views; that of the target's pose is in it, as if the gripper moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GripperNoise {
     /// Standard deviation of the orientation, rad per axis.
@@ -230,7 +230,7 @@ pub fn solve_hand_eye(views: &[HandEyeView], config: &HandEyeConfig) -> Result<H
         let share = DMatrix::from_fn(12, 12, |i, j| shift[i] * shift[j]);
         views::centre(&settled.known).undone(&best.poses, &share).1
     });
-    let unshared = settled.widened(&best.covariance + &settled.widening);
+    let unshared = settled.widened(settled.with_noise(&best.covariance));
     let verdict = judged(views, &settled, (&residuals, &unshared), lens, config);
     let mut found = answer(&settled, (&best, level), &verdict, config);
     if let Some(share) = share {
@@ -356,7 +356,7 @@ fn described(settled: &Settled, best: &Fit) -> Vec<HandEyeViewResult> {
 /// widened where the poses disagree more than stated, and for what neighbouring views share.
 fn covariance(settled: &Settled, best: &Fit, verdict: &Verdict) -> DMatrix<f64> {
     let added = verdict.shared().map(|(probability, effect)| Verdict::added(probability, effect));
-    settled.widened(added.fold(&best.covariance + &settled.widening, |sum, one| sum + one))
+    settled.widened(added.fold(settled.with_noise(&best.covariance), |sum, one| sum + one))
 }
 
 /// Names what an explanation supposes.

@@ -1,7 +1,7 @@
 //! The error budgets of both poses: docs/math/budget.md section 4.
 
 use super::HandEyeConfig;
-use super::cost::{Fit, Level, parts};
+use super::cost::{Fit, Level, SOURCES, parts};
 use super::settle::Settled;
 use super::shared::SharedError;
 use super::verdict::Verdict;
@@ -31,7 +31,9 @@ pub(super) fn budgets(
         of_fit.iter().for_each(|(source, part)| budget.add(*source, &block(part)));
         // The parts are those of the minimum, its covariance has the weights of the round before.
         let mut budget = budget.adding_up_to(&block(&best.covariance))?;
-        budget.add(ErrorSource::Robot, &block(&settled.widening));
+        for (source, widening) in SOURCES.into_iter().zip(&settled.widenings) {
+            budget.add(source, &block(widening));
+        }
         for (probability, effect) in verdict.shared() {
             let source = match effect.error {
                 SharedError::Size => ErrorSource::Target,

@@ -2,11 +2,11 @@
 //!
 //! ```text
 //!   T = X H Z,  X ← Exp(ξ) X, Z ← Exp(ζ) Z:  T ← Exp(ξ + Ad(X H) ζ) T
-//!   S = Ad(X) Σ_H Ad(X)ᵀ, the motion of T that the hand's noise makes
+//!   S = Ad(X) Σ_H Ad(X)ᵀ + θ₄ V₄, the motion of T that the noise of the hand and of the target makes
 //! ```
 
 use super::noise::{Besides, Effects, Normal};
-use super::views::{Known, Poses, centre};
+use super::views::{KINDS, Known, OF_TARGET, Poses, centre, rotation_about};
 use super::{HandEyeConfig, Height};
 use crate::budget::ErrorSource;
 use crate::least_squares::PivotedPose;
@@ -100,7 +100,28 @@ fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, 
 /// Returns S.
 fn gripper_noise(view: &Known, poses: &Poses) -> Option<Matrix6> {
     let ad = poses.cam_from_carrier.adjoint();
-    view.covariance.map(|covariance| ad * covariance * ad.transpose())
+    let of_robot = view.covariance.map(|covariance| ad * covariance * ad.transpose())?;
+    Some(match view.variances[OF_TARGET] {
+        0.0 => of_robot,
+        of_target => of_robot + rotation_about(&poses.cam_from_target(view).translation) * of_target,
+    })
+}
+
+/// The source of each kind of noise.
+pub(super) const SOURCES: [ErrorSource; KINDS] = [
+    ErrorSource::RobotAtGripper,
+    ErrorSource::RobotInBase,
+    ErrorSource::RobotAtGripper,
+    ErrorSource::TargetPose,
+];
+
+/// Returns what each kind of noise contributes to left S leftᵀ. A stated noise is the gripper's.
+fn pulls_of_robot(view: &Known, poses: &Poses, left: &Matrix6) -> [(ErrorSource, Matrix6); KINDS] {
+    let stated = || [gripper_noise(view, poses).unwrap_or_default(); KINDS];
+    let parts = view.parts_in_camera(poses);
+    let factors = if parts.is_some() { view.variances } else { [1.0, 0.0, 0.0, 0.0] };
+    let parts = parts.unwrap_or_else(stated);
+    core::array::from_fn(|k| (SOURCES[k], left * parts[k] * left.transpose() * factors[k]))
 }
 
 /// Returns the covariance of Log(A T⁻¹): that of the measured pose plus that of the gripper.
@@ -266,8 +287,14 @@ pub(super) fn parts(
             Level::Points { pixel_scale } if !view.seen.is_empty() => {
                 let at = at_pixels(view, candidate, &fit.poses, pixel_scale)?;
                 pulls.add(&by_holder, at.pulls(pixel_scale));
+                let left = at.share * at.information;
+                pulls.add(&by_holder, pulls_of_robot(view, &fit.poses, &left));
             }
-            _ => pulls.add(&by_holder, pulls_of_pose(view, candidate, weight, &fit.poses)),
+            _ => {
+                let (own, gain) = pull_of_pose(view, candidate, weight, &fit.poses);
+                pulls.add(&by_holder, [own]);
+                pulls.add(&by_holder, pulls_of_robot(view, &fit.poses, &gain));
+            }
         }
     }
     if let Some(height) = &config.height {
@@ -280,33 +307,25 @@ pub(super) fn parts(
 }
 
 impl AtPixels {
-    fn pulls(&self, pixel_scale: f64) -> [(ErrorSource, Matrix6); 3] {
-        let left = self.share * self.information;
-        let of_pixels = left * self.share.transpose();
+    fn pulls(&self, pixel_scale: f64) -> [(ErrorSource, Matrix6); 2] {
+        let of_pixels = self.share * self.information * self.share.transpose();
         let stated = f64::min(1.0, 1.0 / pixel_scale);
-        [
-            (ErrorSource::Pixels, of_pixels * stated),
-            (ErrorSource::Residuals, of_pixels * (1.0 - stated)),
-            (ErrorSource::Robot, left * self.hand * left.transpose()),
-        ]
+        [(ErrorSource::Pixels, of_pixels * stated), (ErrorSource::Residuals, of_pixels * (1.0 - stated))]
     }
 }
 
-fn pulls_of_pose(
+/// Returns the pull of the measured pose, and the gain of its residual.
+fn pull_of_pose(
     view: &Known,
     candidate: usize,
     weight: &Matrix6,
     poses: &Poses,
-) -> [(ErrorSource, Matrix6); 2] {
+) -> ((ErrorSource, Matrix6), Matrix6) {
     let measured = &view.candidates[candidate];
     let (_, jacobian) = residual(&measured.cam_from_target, &poses.cam_from_target(view));
     let gain = jacobian.transpose() * weight;
-    let hand = gripper_noise(view, poses).unwrap_or_default();
     let own = if view.seen.is_empty() { ErrorSource::CameraPoses } else { ErrorSource::Pixels };
-    [
-        (own, gain * measured.covariance * gain.transpose()),
-        (ErrorSource::Robot, gain * hand * gain.transpose()),
-    ]
+    ((own, gain * measured.covariance * gain.transpose()), gain)
 }
 
 /// Returns the information of the height about the effects.

@@ -10,10 +10,10 @@
 //! ```
 
 use super::motions::half_rotation;
-use super::views::{KINDS, Known, Poses};
+use super::views::{IN_BASE, KINDS, Known, OF_TARGET, Poses};
 use crate::multiview::relative::residual;
 use crate::{Matrix6, Pose, Vector6};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 /// X, Z and one more effect.
 pub(super) const EFFECTS: usize = 13;
@@ -52,8 +52,8 @@ pub(super) struct Reml {
     pub effects: Effects,
     /// Φ.
     pub phi: Normal,
-    /// The contribution of the uncertain θ to Φ, eq. (24).
-    pub widening: Normal,
+    /// The contribution of each uncertain θₖ to Φ, eqs. (24), (27), (36).
+    pub widenings: [Normal; KINDS],
     /// ℓ.
     pub log_likelihood: f64,
 }
@@ -78,28 +78,57 @@ pub(super) struct At {
 
 /// Its derivatives.
 struct Slope {
-    score: Vector3<f64>,
+    score: Vector4<f64>,
     /// F.
-    information: Matrix3<f64>,
+    information: Matrix4<f64>,
     m: [Normal; KINDS],
+}
+
+/// A maximum over some kinds.
+struct Maximum {
+    variances: Variances,
+    at: At,
+    slope: Slope,
+    kinds: Vec<usize>,
 }
 
 /// Maximises the restricted likelihood over θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). `None` where V or M is singular.
 ///
-/// Rotations about the base take part only where they increase the likelihood; elsewhere they would widen the answer.
+/// Rotations about the base, and of the target, take part only where they increase the likelihood; elsewhere they would widen the answer.
 pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
-    let without = maximum(rows, besides, &[start[0], 0.0, start[2]], &[0, 2])?;
-    let start = if 0.0 < start[1] { *start } else { without.variances };
-    let with = maximum(rows, besides, &start, &[0, 1, 2]);
-    let is_needed = |with: &Reml| without.log_likelihood + NEEDED_GAIN < with.log_likelihood;
-    let best = with.filter(is_needed).unwrap_or(without);
-    let none = maximum(rows, besides, &[0.0; KINDS], &[])?;
-    let gain = best.log_likelihood - none.log_likelihood;
+    let mut best = maximum(rows, besides, &[start[0], 0.0, start[2], 0.0], vec![0, 2])?;
+    while let Some(with) = with_one_more(rows, besides, start, &best) {
+        best = with;
+    }
+    let none = maximum(rows, besides, &[0.0; KINDS], Vec::new())?;
+    let gain = best.at.log_likelihood - none.at.log_likelihood;
     Some(match () {
-        () if gain <= NEEDED_GAIN_OF_ANY => none,
-        () if gain <= NEEDED_GAIN_OF_WEIGHTS => exact_but_doubted(rows, besides, none, &best)?,
-        () => best,
+        () if gain <= NEEDED_GAIN_OF_ANY => none.concluded([Normal::zeros(); KINDS]),
+        () if gain <= NEEDED_GAIN_OF_WEIGHTS => {
+            let widenings = doubted(&none, &best.variances);
+            none.concluded(widenings)
+        }
+        () => {
+            let widenings = widenings(rows, &best);
+            best.concluded(widenings)
+        }
     })
+}
+
+/// Returns the maximum with the kind of noise that increases the likelihood most, where it does so enough.
+fn with_one_more(rows: &[Row], besides: &Besides, start: &Variances, best: &Maximum) -> Option<Maximum> {
+    let with = |kind: usize| {
+        let kinds = [&best.kinds[..], &[kind]].concat();
+        let masked = core::array::from_fn(|k| if kinds.contains(&k) { start[k] } else { 0.0 });
+        let start = if 0.0 < start[kind] { masked } else { best.variances };
+        maximum(rows, besides, &start, kinds)
+    };
+    [OF_TARGET, IN_BASE]
+        .into_iter()
+        .filter(|kind| !best.kinds.contains(kind))
+        .filter_map(with)
+        .max_by(|a, b| a.at.log_likelihood.total_cmp(&b.at.log_likelihood))
+        .filter(|with| best.at.log_likelihood + NEEDED_GAIN < with.at.log_likelihood)
 }
 
 /// … for any noise at all in the covariance: half of all exact robots would otherwise seem noisy.
@@ -107,25 +136,26 @@ const NEEDED_GAIN_OF_ANY: f64 = 1.0;
 /// … and in the weights: weighting an exact gripper by random residuals costs a twentieth of the efficiency with eight views.
 const NEEDED_GAIN_OF_WEIGHTS: f64 = 3.0;
 
-/// Returns the weights of an exact gripper with the covariance for the noise that it seems to have, eq. (27).
-fn exact_but_doubted(rows: &[Row], besides: &Besides, exact: Reml, seeming: &Reml) -> Option<Reml> {
-    let at = evaluate(rows, besides, &exact.variances)?;
-    let m = slope(rows, &at).m;
-    let sum: Normal = m.iter().zip(&seeming.variances).map(|(m, variance)| m * *variance).sum();
-    let widening = at.phi * sum * at.phi;
-    Some(Reml { widening: (widening + widening.transpose()) * 0.5, ..exact })
+/// Returns what the noise that an exact gripper seems to have adds to the covariance of its weights, eq. (27).
+fn doubted(exact: &Maximum, seeming: &Variances) -> [Normal; KINDS] {
+    let phi = exact.at.phi;
+    core::array::from_fn(|k| symmetric(&(phi * exact.slope.m[k] * phi * seeming[k])))
+}
+
+fn symmetric(matrix: &Normal) -> Normal {
+    (matrix + matrix.transpose()) * 0.5
 }
 
 /// The gain in the log-likelihood that one more kind of noise must give: by chance this happens once in forty.
 const NEEDED_GAIN: f64 = 2.0;
 
 /// Maximises over some kinds, with the others fixed at the start.
-fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) -> Option<Reml> {
+fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: Vec<usize>) -> Option<Maximum> {
     let mut variances = *start;
     let mut at = evaluate(rows, besides, &variances)?;
     let mut slope = slope(rows, &at);
     for _ in 0..MAX_STEPS {
-        let (step, promised) = scoring_step(&slope, &variances, kinds);
+        let (step, promised) = scoring_step(&slope, &variances, &kinds);
         if promised < TOLERANCE {
             break;
         }
@@ -144,7 +174,7 @@ fn maximum(rows: &[Row], besides: &Besides, start: &Variances, kinds: &[usize]) 
             break;
         }
     }
-    Some(concluded(rows, &at, &slope, &variances, kinds))
+    Some(Maximum { variances, at, slope, kinds })
 }
 
 /// Returns the variances that may change: those above zero, and those for which the likelihood increases away from it.
@@ -155,24 +185,24 @@ fn free(slope: &Slope, variances: &Variances, kinds: &[usize]) -> Vec<usize> {
 }
 
 /// Returns the inverse of F for some variances, zero elsewhere; scaled, because rad² and m² differ by orders of magnitude.
-fn inverse_of(information: &Matrix3<f64>, free: &[usize]) -> Matrix3<f64> {
+fn inverse_of(information: &Matrix4<f64>, free: &[usize]) -> Matrix4<f64> {
     let scale = |k: usize| information[(k, k)].sqrt().recip();
-    let mut scaled = Matrix3::identity();
+    let mut scaled = Matrix4::identity();
     for i in free {
         for j in free {
             scaled[(*i, *j)] = information[(*i, *j)] * scale(*i) * scale(*j);
         }
     }
-    let inverse = scaled.cholesky().map_or_else(Matrix3::identity, |c| c.inverse());
+    let inverse = scaled.cholesky().map_or_else(Matrix4::identity, |c| c.inverse());
     let entry = |i: usize, j: usize| match free.contains(&i) && free.contains(&j) {
         true => inverse[(i, j)] * scale(i) * scale(j),
         false => 0.0,
     };
-    Matrix3::from_fn(entry)
+    Matrix4::from_fn(entry)
 }
 
 /// Returns F⁻¹ times the score, and its promise. A variance that the step would make negative is set to zero, and the others are solved again.
-fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector3<f64>, f64) {
+fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector4<f64>, f64) {
     let mut free = free(slope, variances, kinds);
     loop {
         let step = inverse_of(&slope.information, &free) * slope.score;
@@ -183,36 +213,52 @@ fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vecto
     }
 }
 
-/// Computes the contribution of the uncertain θ to Φ, eq. (24): Qₖₗ needs the rows once more.
-fn concluded(rows: &[Row], at: &At, slope: &Slope, variances: &Variances, kinds: &[usize]) -> Reml {
-    let is_inside = |k: &usize| 0.0 < variances[*k] && 0.0 < slope.information[(*k, *k)];
-    let inside: Vec<usize> = kinds.iter().copied().filter(is_inside).collect();
-    let all = inverse_of(&slope.information, &inside);
+impl Maximum {
+    fn concluded(self, widenings: [Normal; KINDS]) -> Reml {
+        let Maximum { variances, at: At { effects, phi, log_likelihood, .. }, .. } = self;
+        Reml { variances, effects, phi, widenings, log_likelihood }
+    }
+}
+
+/// Returns the contribution of each uncertain θₖ to Φ: that of all, eq. (24), in proportion to those of single ones, eq. (36).
+fn widenings(rows: &[Row], best: &Maximum) -> [Normal; KINDS] {
+    let (variances, phi) = (&best.variances, best.at.phi);
+    let information = &best.slope.information;
+    let is_inside = |k: &usize| 0.0 < variances[*k] && 0.0 < information[(*k, *k)];
+    let inside: Vec<usize> = best.kinds.iter().copied().filter(is_inside).collect();
+    let all = inverse_of(information, &inside);
     // Within its own standard deviation of zero, the expansion about a variance is meaningless.
     let free: Vec<usize> =
         inside.into_iter().filter(|k| all[(*k, *k)] < variances[*k] * variances[*k]).collect();
-    let covariance = inverse_of(&slope.information, &free);
+    let covariance = inverse_of(information, &free);
+    let whole = symmetric(&(phi * uncertain(rows, best, &covariance) * phi));
+    let alone = |k: usize| {
+        let mut own = Matrix4::zeros();
+        own[(k, k)] = covariance[(k, k)];
+        phi.tr_dot(&uncertain(rows, best, &own))
+    };
+    let alone: Variances = core::array::from_fn(alone);
+    let sum = alone.iter().sum::<f64>();
+    alone.map(|alone| if 0.0 < alone { whole * (alone / sum) } else { Normal::zeros() })
+}
+
+/// Returns what stands between Φ and Φ in eq. (24) for a covariance of θ: Qₖₗ needs the rows once more.
+fn uncertain(rows: &[Row], Maximum { at, slope, .. }: &Maximum, covariance: &Matrix4<f64>) -> Normal {
+    let pairs =
+        || (0..KINDS).flat_map(|k| (0..KINDS).map(move |l| (k, l))).filter(|kl| covariance[*kl] != 0.0);
     let mut sum = Normal::zeros();
     for (row, w) in rows.iter().zip(&at.weights) {
         let (Some(parts), wd) = (&row.parts, w * row.design) else { continue };
         let mut between = Matrix6::zeros();
-        for (k, l) in free.iter().flat_map(|k| free.iter().map(move |l| (*k, *l))) {
+        for (k, l) in pairs() {
             between += parts[k] * w * parts[l] * (2.0 * covariance[(k, l)]);
         }
         sum += wd.tr_mul(&(between * wd));
     }
-    for (k, l) in free.iter().flat_map(|k| free.iter().map(move |l| (*k, *l))) {
+    for (k, l) in pairs() {
         sum -= slope.m[k] * at.phi * slope.m[l] * covariance[(k, l)];
     }
-    let widening = at.phi * sum * at.phi;
-    let widening = (widening + widening.transpose()) * 0.5;
-    Reml {
-        variances: *variances,
-        effects: at.effects,
-        phi: at.phi,
-        widening,
-        log_likelihood: at.log_likelihood,
-    }
+    sum
 }
 
 /// Evaluates eqs. (19), (20).
@@ -242,7 +288,7 @@ pub(super) fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -
 /// Evaluates eqs. (21), (22).
 fn slope(rows: &[Row], at: &At) -> Slope {
     let mut slope =
-        Slope { score: Vector3::zeros(), information: Matrix3::zeros(), m: [Normal::zeros(); KINDS] };
+        Slope { score: Vector4::zeros(), information: Matrix4::zeros(), m: [Normal::zeros(); KINDS] };
     for (row, w) in rows.iter().zip(&at.weights) {
         let Some(parts) = &row.parts else { continue };
         let we = w * (row.residual - row.design * at.effects);
@@ -281,6 +327,7 @@ pub(super) fn assume(known: &mut [Known], variances: &Variances) {
         if let Some(parts) = &view.parts {
             view.covariance =
                 Some(parts.iter().zip(variances).fold(Matrix6::zeros(), |sum, (part, x)| sum + part * *x));
+            view.variances = *variances;
         }
     }
 }
@@ -301,7 +348,7 @@ pub(super) fn nominal(known: &[Known]) -> Variances {
     let sum = |f: &dyn Fn(&Known) -> f64| known.iter().map(f).sum::<f64>() / known.len().max(1) as f64;
     let reach2 = f64::max(sum(&distance2), sum(&|view| view.gripper_in_base().norm_squared()));
     let turn = NOMINAL_RAD * NOMINAL_RAD;
-    [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE)]
+    [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE), 0.0]
 }
 
 /// Median of χ² with three degrees of freedom.
@@ -326,7 +373,7 @@ pub(super) fn from_middle(
         let at = all.len().min(place + 1).saturating_sub(1);
         all.get(at).map_or(0.0, |x| f64::max(0.0, *x))
     };
-    [middle(turns), 0.0, middle(shifts)]
+    [middle(turns), 0.0, middle(shifts), 0.0]
 }
 
 /// Returns the variances of orientation and position for one view as the median, less what the camera's noise explains.
@@ -373,7 +420,7 @@ pub(super) fn rows(
             residual: r,
             design,
             known: stated.map_or(candidate.covariance, |stated| candidate.covariance + stated),
-            parts: view.parts.as_ref().map(|parts| parts.map(|part| carried(&part))),
+            parts: view.parts_in_camera(poses),
         }
     };
     used.iter().enumerate().map(row).collect()

@@ -3,9 +3,9 @@
 use super::blocks;
 use super::consensus::{Consensus, consensus, fit_with_noise};
 use super::cost::{Fit, besides};
-use super::noise::{self, EFFECTS, Reml, Variances};
+use super::noise::{self, EFFECTS, Normal, Reml, Variances};
 use super::shared::SharedError;
-use super::views::{Known, located};
+use super::views::{KINDS, Known, located};
 use super::{HandEyeConfig, HandEyeView, HandEyeViewResult, motions};
 use crate::locate::consistency::noise_scale;
 use crate::{Camera, Error, Pose, Vector6};
@@ -22,8 +22,8 @@ pub(super) struct Settled<'a> {
     pub fit: Fit,
     /// The estimated noise of the gripper; `None` where every view states its own.
     pub variances: Option<Variances>,
-    /// The contribution of the uncertain noise to the covariance, 12×12.
-    pub widening: DMatrix<f64>,
+    /// The contribution of each kind of the uncertain noise to the covariance, 12×12.
+    pub widenings: [DMatrix<f64>; KINDS],
     /// The factor of all variances where the poses contradict the stated noise, and that of errors which neighbouring views share.
     pub noise_scale: f64,
     pub block_scale: [f64; 2],
@@ -65,20 +65,21 @@ pub(super) fn settled<'a>(
     let kept: Vec<Known> = used.iter().map(|(view, _)| known[*view].clone()).collect();
     let rotations_rad = motions::check(&kept, config)?;
     let noise_scale = noise_scale(fit.chi2, fit.degrees_of_freedom);
-    let widening = DMatrix::zeros(12, 12);
     let mut settled = Settled {
         known,
         results,
         agreed,
         fit,
         variances,
-        widening,
+        widenings: [(); KINDS].map(|()| DMatrix::zeros(12, 12)),
         noise_scale,
         block_scale: [1.0; 2],
         rotations_rad,
     };
     if let Some(found) = settled.reml(config, None) {
-        settled.widening.copy_from(&found.widening.fixed_view::<12, 12>(0, 0));
+        for (widening, found) in settled.widenings.iter_mut().zip(&found.widenings) {
+            widening.copy_from(&found.fixed_view::<12, 12>(0, 0));
+        }
     }
     settled.block_scale = settled.blocks(config);
     Ok(settled)
@@ -123,6 +124,11 @@ impl Settled<'_> {
         self.noise_scale * self.block_scale[0].max(self.block_scale[1])
     }
 
+    /// Returns the covariance of X and Z of a minimum with the contribution of the uncertain noise, 12×12.
+    pub fn with_noise(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        self.widenings.iter().fold(covariance.clone(), |sum, widening| sum + widening)
+    }
+
     /// Widens a covariance of X and Z, 12×12, where the poses contradict the stated noise, and for errors that neighbouring views share.
     pub fn widened(&self, covariance: DMatrix<f64>) -> DMatrix<f64> {
         let root = |i: usize| (self.noise_scale * self.block_scale[i / 6]).sqrt();
@@ -143,7 +149,7 @@ impl Settled<'_> {
         let motions: Vec<Vector6> = self.used().iter().map(motion).collect::<Option<_>>()?;
         let found = self.reml(config, Some(&motions))?;
         let last = EFFECTS - 1;
-        let whole = found.phi + found.widening;
+        let whole = found.phi + found.widenings.iter().sum::<Normal>();
         let variance = whole[(last, last)];
         let by_part = whole.fixed_view::<12, 1>(0, last) / variance;
         (0.0 < variance && variance < 1e6).then(|| Effect {
@@ -157,13 +163,16 @@ impl Settled<'_> {
     }
 
     /// Returns the standard deviations of the gripper's orientation (rad) and position (m), per axis, over the views used; noise about the base
-    /// is in both.
+    /// and that of the target's pose are in both.
     pub fn sigmas(&self) -> Option<[f64; 2]> {
-        let [turn, base, position] = self.variances?;
+        let [turn, base, position, target] = self.variances?;
         let used = self.used();
-        let lever2 = |(view, _): &(usize, usize)| self.known[*view].base_lever2();
-        let lever2 = used.iter().map(lever2).sum::<f64>() / used.len().max(1) as f64;
-        Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
+        let by_levers = |(view, _): &(usize, usize)| {
+            let view = &self.known[*view];
+            base * view.base_lever2() + target * view.target_lever2(&self.fit.poses)
+        };
+        let by_levers = used.iter().map(by_levers).sum::<f64>() / used.len().max(1) as f64;
+        Some([(turn + base + target).sqrt(), (position + by_levers).sqrt()])
     }
 
     /// Returns whether the gripper's travel stands out of its noise: one that only rotates about its own origin says nothing about the target's size.
