@@ -15,10 +15,12 @@ use resight_core::{Camera, CameraMatrix, Correspondence, Lens, Point, Pose};
 const BOUND: f64 = 16.81;
 /// Beyond this nothing but another pose explains the error.
 const FAR: f64 = 100.0;
-/// Largest share of `ok` poses beyond `BOUND`.
+/// Share of errors beyond `BOUND` that `ok` promises: near a line 0.7 % are.
+const PROMISED_BEYOND: f64 = 0.01;
+/// Largest share of `ok` poses beyond `BOUND` anywhere.
 const MOST_BEYOND: f64 = 0.012;
-/// Near a line at most one view in so many is `ok` and beyond `FAR`: the gate of four standard deviations leaves them.
-const VIEWS_OF_ONE_FAR: usize = 14_000;
+/// Near a line at most one view in so many is `ok` and beyond `FAR`: the second of two poses, or a ridge that the walk along it leaves.
+const VIEWS_OF_ONE_FAR: usize = 50_000;
 
 #[derive(Debug, Clone, Copy)]
 enum Layout {
@@ -159,11 +161,11 @@ fn near_a_line_ok_means_ok() {
         let least_ok = if sigma_px < 1.0 { 0.9 } else { 0.6 };
         assert!(least_ok * row.scenes as f64 <= row.ok as f64, "{row}");
     });
-    assert!(all.beyond as f64 <= MOST_BEYOND * all.ok as f64, "{all}");
+    assert!(all.beyond as f64 <= PROMISED_BEYOND * all.ok as f64, "{all}");
     assert!(all.far * VIEWS_OF_ONE_FAR <= all.scenes, "{all}");
 }
 
-/// The share of `ok` poses beyond the bound is 1.26 % in 200,000 views: what a sample has is within three standard deviations of that. The far
+/// The share of `ok` poses beyond the bound is 1.17 % in 200,000 views: what a sample has is within three standard deviations of that. The far
 /// ones of a plane are the gate's: at most Φ(−3) = 0.135 % of views of two poses are taken for the wrong one.
 #[test]
 fn few_points_anywhere_ok_means_ok() {

@@ -1,5 +1,6 @@
 """Checks docs/math/refine.md: Jacobian, step, covariance, moments of the bent ridge, gate, limit. Needs SymPy."""
 
+import itertools
 import random
 
 import sympy as sp
@@ -148,6 +149,32 @@ for _ in range(5):
     allowed = squared / 3
     widened = cov + xi * xi.T * (1 / allowed - 1 / squared)
     assert abs((xi.T * inverse(widened) * xi)[0] - allowed) < TINY * 10**5
+
+# (14e): the error Exp carries the true pivot c - h*v to the answer's c and turns by h*w; its logarithm to second order.
+K = skew(h * w)
+shift = c - (sp.eye(3) + K + K**2 / 2) * (c - h * v)
+logarithm = (sp.eye(3) - K / 2 + K**2 / 12) * shift
+stated = h * v + c.cross(h * w) + h**2 * w.cross(v) / 2
+for order in (1, 2):
+    assert sp.expand((logarithm - stated).diff(h, order).subs(h, 0)) == sp.zeros(3, 1)
+
+# (14f): the fourth moments of a normal vector, component by component, against the sum over the columns of a root.
+root = mp.cholesky((lambda A: A * A.T)(rand(6, 6)))
+joint = root * root.T
+times = lambda a, b: matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+pair = lambda k, l: times(root[0:3, k], root[3:6, l]) / 2
+mean_pair = pair(0, 0) + pair(1, 1) + pair(2, 2)
+by_columns = mean_pair * mean_pair.T
+for k, l in itertools.combinations_with_replacement(range(6), 2):
+    both = pair(k, l) + pair(l, k)
+    by_columns += both * both.T / (2 if k == l else 1)
+by_components = matrix(3, 3)
+for i, a, b, n, e, d in itertools.product(range(3), repeat=6):
+    sign = sp.LeviCivita(i, a, b) * sp.LeviCivita(n, e, d)
+    if sign:
+        w_w, w_d, d_d = joint[a, e] * joint[3 + b, 3 + d], joint[a, 3 + b] * joint[e, 3 + d], joint[a, 3 + d] * joint[e, 3 + b]
+        by_components[i, n] += int(sign) * (w_w + w_d + d_d) / 4
+assert norm(by_columns - by_components) < TINY
 
 # (16): the chance that the wrong pose wins by more than the gate is largest at D = sqrt(gate), Phi(-sqrt(gate)).
 D_, gate = sp.symbols("D g", positive=True)

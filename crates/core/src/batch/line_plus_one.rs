@@ -14,6 +14,7 @@ use crate::locate::choose::{
     AMBIGUITY_GATE_CHI2, Ambiguity, DUPLICATE_SIGMAS, Hypothesis, Minima, Others, ROUNDING_PX,
 };
 use crate::locate::consistency::Consistency;
+use crate::locate::curvature::range_share;
 use crate::locate::multi_start::HOPELESS_CHI2;
 use crate::locate::posterior::weights;
 use crate::locate::{Method, PoseEstimate};
@@ -53,7 +54,9 @@ impl<T: FnMut(usize, Answer)> WithSimd for Run<'_, T> {
                     (first + lane, sights.geometry[lane].filter(|_| sights.is_pinhole[lane]));
                 match geometry.filter(|_| found.paired[lane] != 0.0) {
                     Some(given) if found.sure[lane] != 0.0 && !given.is_between_layouts() => {
-                        (self.take)(view, Ok(found.estimate(lane, geometry)));
+                        let centre =
+                            sights.points[lane].map_or(Point::zeros(), |x| x.iter().sum::<Point>() / 4.0);
+                        (self.take)(view, Ok(found.estimate(lane, geometry, &centre)));
                     }
                     Some(geometry) => self.doubtful.push(found.doubtful(lane, view, geometry)),
                     None => {
@@ -244,12 +247,12 @@ impl Found {
     }
 
     #[inline(always)]
-    fn estimate(&self, lane: usize, geometry: Option<Geometry>) -> PoseEstimate {
+    fn estimate(&self, lane: usize, geometry: Option<Geometry>, centre: &Point) -> PoseEstimate {
         let best = self.best.minimum(lane);
         let (probability, others) = self.others(lane);
         PoseEstimate {
             cam_from_target: best.cam_from_target,
-            covariance: best.covariance,
+            covariance: best.covariance + range_share(&best, centre),
             rms_px: best.rms_px,
             chi2: best.chi2,
             shared_error_px: 0.0,

@@ -128,27 +128,63 @@ fn polished(m: &Minimum, cost: &impl Cost) -> Option<Minimum> {
     (chi2 <= m.chi2 + 1e-6).then_some(Minimum { cam_from_target, chi2, ..*m })
 }
 
-/// The covariance of a minimum, with the share of the bend added.
+/// The covariance of a minimum, with the shares of the bend and of the range added.
 pub(crate) fn with_curvature(m: &Minimum, cost: &impl Cost) -> Matrix6 {
-    Ridge::of(m, cost).with_share()
+    Ridge::of(m, cost).with_share() + range_share(m, &cost.pivot())
 }
 
-/// The covariances of a minimum that is bent: with the share of the bend added, and widened besides where the ridge leaves it.
+/// A smaller part of the variance across the line of sight is left out.
+const LEAST_RANGE_SHARE: f64 = 0.01;
+
+/// What the rotation and the range of a target, both uncertain, add across the line of sight because they do not commute: docs/math/refine.md
+/// eqs. (14e), (14f). Zero where the target is large enough or near enough.
+#[inline]
+pub(crate) fn range_share(m: &Minimum, pivot: &Point) -> Matrix6 {
+    let c = m.cam_from_target * *pivot;
+    let block = |i: usize, j: usize| m.covariance.fixed_view::<3, 3>(i, j).into_owned();
+    let (rotations, shifts, cross, distance_squared) =
+        (block(0, 0), block(3, 3), c.cross_matrix(), c.norm_squared());
+    let range = c.dot(&(shifts * c)) / distance_squared;
+    let rotated = distance_squared * rotations.trace() - c.dot(&(rotations * c));
+    let across = shifts.trace() - 2.0 * cross.dot(&block(3, 0)) + rotated - range;
+    let is_small = range * rotated < 4.0 * LEAST_RANGE_SHARE * across * distance_squared;
+    if is_small { Matrix6::zeros() } else { commutator(&m.covariance, &cross).unwrap_or_default() }
+}
+
+/// ¼ E (ω × δ)(ω × δ)ᵀ, in the place of the translation: docs/math/refine.md eq. (14f).
+#[cold]
+fn commutator(covariance: &Matrix6, cross: &Matrix3<f64>) -> Option<Matrix6> {
+    let root = covariance.cholesky()?.l();
+    let rotation = |k: usize| root.fixed_view::<3, 1>(0, k).into_owned();
+    let shift = |k: usize| root.fixed_view::<3, 1>(3, k) - cross * rotation(k);
+    let pair = |k: usize, l: usize| rotation(k).cross(&shift(l)) * 0.5;
+    let mean: Vector3<f64> = (0..3).map(|k| pair(k, k)).sum();
+    let mut share = mean * mean.transpose();
+    for (k, l) in (0..6).flat_map(|l| (0..=l).map(move |k| (k, l))) {
+        let both = pair(k, l) + pair(l, k);
+        share += both * both.transpose() * if k == l { 0.5 } else { 1.0 };
+    }
+    let mut whole = Matrix6::zeros();
+    whole.fixed_view_mut::<3, 3>(3, 3).copy_from(&share);
+    Some(whole)
+}
+
+/// The covariances of a minimum that is bent: with the share of the bend added, and widened besides where the ridge leaves it and by the range.
 pub(crate) fn along_the_ridge(m: &Minimum, cost: &impl Cost) -> [Matrix6; 2] {
     // Where points are uncertain the minimum is not one of χ² alone.
     let steps = if m.log_determinant == 0.0 { POLISH } else { 0 };
     let m = &(0..steps).try_fold(*m, |m, _| polished(&m, cost)).unwrap_or(*m);
     let ridge = Ridge::of(m, cost);
-    let with_share = ridge.with_share();
+    let (with_share, range) = (ridge.with_share(), range_share(m, &ridge.pivot));
     if is_surely_straight(&rotation_block(&m.covariance)) {
-        return [with_share; 2];
+        return [with_share, with_share + range];
     }
     let mut covariance = with_share;
     for k in 0..DIRECTIONS {
         ridge.walk(direction(k), &mut covariance);
     }
     // Where lengths differ by many orders of magnitude the sum may be rounding alone.
-    [with_share, if is_covariance(&covariance) { covariance } else { with_share }]
+    [with_share, range + if is_covariance(&covariance) { covariance } else { with_share }]
 }
 
 fn rotation_block(covariance: &Matrix6) -> Matrix3<f64> {

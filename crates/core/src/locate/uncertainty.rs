@@ -4,10 +4,10 @@ use crate::budget::{Budget, ErrorSource, excess};
 use crate::least_squares::ALTERNATIVE_MARGIN_CHI2;
 use crate::locate::choose::{Hypothesis, Minima, Minimum, Others, insert, is_within_gate, sort};
 use crate::locate::common::{Common, Dependence};
-use crate::locate::curvature::{self, Bends, along_the_ridge};
+use crate::locate::curvature::{self, Bends, along_the_ridge, range_share};
 use crate::locate::parts::of_observations;
 use crate::locate::problem::Problem;
-use crate::locate::refine::{refine_against, residual_sums};
+use crate::locate::refine::{centroid, refine_against, residual_sums};
 use crate::locate::shared_error::SharedError;
 use crate::pose::symmetric;
 use crate::{Error, Matrix6, Pose};
@@ -135,7 +135,8 @@ impl Doubts<'_> {
         let cost = &self.problem.held_at(&m.cam_from_target);
         let is_bent = is_bent.unwrap_or_else(|| curvature::is_bent(&m, cost));
         // What the pose answers to a common parameter is that of the neighbourhood, not of what the ridge reaches.
-        let covariances = if is_bent { along_the_ridge(&m, cost) } else { [m.covariance; 2] };
+        let straight = || [m.covariance, m.covariance + range_share(&m, &centroid(self.problem.seen))];
+        let covariances = if is_bent { along_the_ridge(&m, cost) } else { straight() };
         (m, covariances)
     }
 

@@ -16,7 +16,7 @@ mod consensus;
 use crate::covariance::is_covariance;
 use crate::locate::choose::{AMBIGUITY_GATE_CHI2, Choice, Minima, Minimum, choose, insert};
 use crate::locate::consistency::{is_inconsistent, is_unlikely, noise_scale};
-use crate::locate::curvature::{Cost, along_the_ridge, is_bent};
+use crate::locate::curvature::{Cost, along_the_ridge, is_bent, range_share};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, whitened_residual};
 use crate::locate::uncertainty::check_known;
@@ -246,7 +246,8 @@ fn refine_each(starts: &Starts, cost: &RigCost, minima: &mut Minima) -> Option<E
 /// Returns the minimum with its covariance widened for the curvature of the likelihood and for the residuals.
 fn widened(m: &Minimum, noise_scale: f64, cost: &RigCost) -> Result<RigMinimum, Error> {
     let cost = &cost.held_at(&m.cam_from_target);
-    let covariance = if is_bent(m, cost) { along_the_ridge(m, cost)[1] } else { m.covariance };
+    let straight = || m.covariance + range_share(m, &cost.pivot());
+    let covariance = if is_bent(m, cost) { along_the_ridge(m, cost)[1] } else { straight() };
     let widened = Minimum { covariance: covariance * noise_scale, ..*m };
     if widened.is_finite() { Ok(rig_minimum(&widened)) } else { Err(OVERFLOW) }
 }

@@ -11,7 +11,7 @@ use super::{RigCost, RigPoseEstimate, RigView, minima_scale};
 use crate::budget::{Budget, ErrorSource, excess};
 use crate::least_squares::PivotedPose;
 use crate::locate::choose::Minimum;
-use crate::locate::curvature::{Cost, along_the_ridge, is_bent};
+use crate::locate::curvature::{Cost, along_the_ridge, is_bent, range_share};
 use crate::locate::refine::{OVERFLOW, UNDETERMINED, information};
 use crate::locate::{Config, locate};
 use crate::pose::symmetric;
@@ -63,10 +63,9 @@ impl RigPoseEstimate {
             log_determinant: 0.0,
         };
         let held = &cost.held_at(&self.rig_from_target);
-        if is_bent(&minimum, held) {
-            let bent = along_the_ridge(&minimum, held)[1];
-            budget.add(ErrorSource::Bend, &excess(&bent, &near).unwrap_or(bent - near));
-        }
+        let straight = || near + range_share(&minimum, &pivot);
+        let bent = if is_bent(&minimum, held) { along_the_ridge(&minimum, held)[1] } else { straight() };
+        budget.add(ErrorSource::Bend, &excess(&bent, &near).unwrap_or(bent - near));
         let sum = budget.covariance();
         budget.add(ErrorSource::Residuals, &(sum * (minima_scale(self) - 1.0)));
         Ok(budget)
