@@ -158,23 +158,26 @@ stated = h * v + c.cross(h * w) + h**2 * w.cross(v) / 2
 for order in (1, 2):
     assert sp.expand((logarithm - stated).diff(h, order).subs(h, 0)) == sp.zeros(3, 1)
 
-# (14f): the fourth moments of a normal vector, component by component, against the sum over the columns of a root.
-root = mp.cholesky((lambda A: A * A.T)(rand(6, 6)))
-joint = root * root.T
-times = lambda a, b: matrix([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-pair = lambda k, l: times(root[0:3, k], root[3:6, l]) / 2
-mean_pair = pair(0, 0) + pair(1, 1) + pair(2, 2)
-by_columns = mean_pair * mean_pair.T
-for k, l in itertools.combinations_with_replacement(range(6), 2):
-    both = pair(k, l) + pair(l, k)
-    by_columns += both * both.T / (2 if k == l else 1)
+# (14f): the fourth moments of a normal vector, component by component, against the products of the blocks.
+near = (lambda A: A * A.T)(rand(6, 6))
+C = cross([mpf(random.uniform(-5, 5)) for _ in range(3)])
+at_pivot = mp.eye(6)
+at_pivot[3:6, 0:3] = -C
+joint = at_pivot * near * at_pivot.T
+turn, both = near[0:3, 0:3], near[0:3, 3:6] + near[0:3, 0:3] * C
+shift = near[3:6, 3:6] + near[3:6, 0:3] * C - C * both
+assert norm(both - joint[0:3, 3:6]) + norm(shift - joint[3:6, 3:6]) < TINY
+trace = lambda A: A[0, 0] + A[1, 1] + A[2, 2]
+mixed = lambda A, B: (trace(A) * trace(B) - trace(A * B)) * mp.eye(3) + (A * B + B * A - B * trace(A) - A * trace(B)).T
+mean = matrix([both[1, 2] - both[2, 1], both[2, 0] - both[0, 2], both[0, 1] - both[1, 0]])
+by_blocks = (mixed(turn, shift) - mixed(both, both.T) + mean * mean.T) / 4
 by_components = matrix(3, 3)
 for i, a, b, n, e, d in itertools.product(range(3), repeat=6):
     sign = sp.LeviCivita(i, a, b) * sp.LeviCivita(n, e, d)
     if sign:
         w_w, w_d, d_d = joint[a, e] * joint[3 + b, 3 + d], joint[a, 3 + b] * joint[e, 3 + d], joint[a, 3 + d] * joint[e, 3 + b]
         by_components[i, n] += int(sign) * (w_w + w_d + d_d) / 4
-assert norm(by_columns - by_components) < TINY
+assert norm(by_blocks - by_components) < TINY
 
 # (16): the chance that the wrong pose wins by more than the gate is largest at D = sqrt(gate), Phi(-sqrt(gate)).
 D_, gate = sp.symbols("D g", positive=True)

@@ -148,25 +148,26 @@ pub(crate) fn range_share(m: &Minimum, pivot: &Point) -> Matrix6 {
     let rotated = distance_squared * rotations.trace() - c.dot(&(rotations * c));
     let across = shifts.trace() - 2.0 * cross.dot(&block(3, 0)) + rotated - range;
     let is_small = range * rotated < 4.0 * LEAST_RANGE_SHARE * across * distance_squared;
-    if is_small { Matrix6::zeros() } else { commutator(&m.covariance, &cross).unwrap_or_default() }
+    let mut share = Matrix6::zeros();
+    if !is_small {
+        let of_both = block(0, 3) + rotations * cross;
+        let of_shift = shifts + block(3, 0) * cross - cross * of_both;
+        share.fixed_view_mut::<3, 3>(3, 3).copy_from(&commutator(&rotations, &of_both, &of_shift));
+    }
+    share
 }
 
-/// ¼ E (ω × δ)(ω × δ)ᵀ, in the place of the translation: docs/math/refine.md eq. (14f).
+/// ¼ E (ω × δ)(ω × δ)ᵀ from the covariances of ω, of ω with δ, and of δ: docs/math/refine.md eq. (14f).
 #[cold]
-fn commutator(covariance: &Matrix6, cross: &Matrix3<f64>) -> Option<Matrix6> {
-    let root = covariance.cholesky()?.l();
-    let rotation = |k: usize| root.fixed_view::<3, 1>(0, k).into_owned();
-    let shift = |k: usize| root.fixed_view::<3, 1>(3, k) - cross * rotation(k);
-    let pair = |k: usize, l: usize| rotation(k).cross(&shift(l)) * 0.5;
-    let mean: Vector3<f64> = (0..3).map(|k| pair(k, k)).sum();
-    let mut share = mean * mean.transpose();
-    for (k, l) in (0..6).flat_map(|l| (0..=l).map(move |k| (k, l))) {
-        let both = pair(k, l) + pair(l, k);
-        share += both * both.transpose() * if k == l { 0.5 } else { 1.0 };
-    }
-    let mut whole = Matrix6::zeros();
-    whole.fixed_view_mut::<3, 3>(3, 3).copy_from(&share);
-    Some(whole)
+fn commutator(rotation: &Matrix3<f64>, both: &Matrix3<f64>, shift: &Matrix3<f64>) -> Matrix3<f64> {
+    let mixed = |a: &Matrix3<f64>, b: &Matrix3<f64>| {
+        let (ab, a_trace, b_trace) = (a * b, a.trace(), b.trace());
+        let diagonal = Matrix3::from_diagonal_element(a_trace * b_trace - ab.trace());
+        diagonal + (ab + b * a - a * b_trace - b * a_trace).transpose()
+    };
+    let mean =
+        Vector3::new(both[(1, 2)] - both[(2, 1)], both[(2, 0)] - both[(0, 2)], both[(0, 1)] - both[(1, 0)]);
+    (mixed(rotation, shift) - mixed(both, &both.transpose()) + mean * mean.transpose()) * 0.25
 }
 
 /// The covariances of a minimum that is bent: with the share of the bend added, and widened besides where the ridge leaves it and by the range.
