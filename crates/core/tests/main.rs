@@ -114,4 +114,5 @@ mod turn;
 mod unknown_focal;
 mod uncertain;
 mod upright;
+mod usual_faults;
 mod weak_views;

@@ -169,6 +169,7 @@ pub fn of_finding(finding: &Finding) -> Option<usize> {
         Finding::Noisy { .. } => Some(8),
         Finding::ViewsContradict { .. } => Some(9),
         Finding::OtherLens { .. } => Some(10),
+        Finding::UsualFault { .. } => Some(11),
     }
 }
 

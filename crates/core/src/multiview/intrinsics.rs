@@ -26,6 +26,7 @@ mod findings;
 mod next_view;
 mod held_out;
 mod judge;
+mod faults;
 
 pub use findings::{Finding, Severity};
 pub use geometry::{COVERAGE_GRID, Copies, Coverage, Tilts};
@@ -222,6 +223,15 @@ pub fn solve_intrinsics<V: AsRef<[Correspondence]>>(
         let needed = "a relative standard deviation is at least 0 and less than 1";
         return Err(Error::InvalidSetting { setting: "scale_sigma", seen, needed });
     }
+    let outcome = solve_as_stated(views, size, config)?;
+    Ok(faults::examined(views, size, config, outcome, solve_as_stated))
+}
+
+fn solve_as_stated<V: AsRef<[Correspondence]>>(
+    views: &[V],
+    size: ImageSize,
+    config: &IntrinsicsConfig,
+) -> Result<IntrinsicsOutcome, Error> {
     let free = TargetShape::Free;
     let first = attempt(views, size, config)?;
     let IntrinsicsOutcome::Solved(mut solved) = first else { return Ok(first) };

@@ -25,6 +25,7 @@ mod budget;
 mod answer;
 mod late;
 mod exchanged;
+mod faults;
 mod free_lenses;
 
 use crate::budget::Budget;
@@ -318,7 +319,8 @@ const CLEARLY_SIGMAS: f64 = 3.0;
 pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
     let stated = solve_as_stated(problem, config)?;
     let stated = late::examined(problem, config, stated, solve_as_stated);
-    Ok(exchanged::examined(problem, config, stated, solve_as_stated))
+    let stated = exchanged::examined(problem, config, stated, solve_as_stated);
+    Ok(faults::examined(problem, config, stated, solve_as_stated))
 }
 
 fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {

@@ -72,7 +72,7 @@ pub(super) fn described(
             let findings: Vec<FindingObject> = refusal.findings.iter().map(object).collect();
             let message = findings.first().map_or_else(String::new, |finding| finding.message.clone());
             let status = match refusal.findings.first() {
-                Some(Finding::NoCamera { .. }) => Status::Inconsistent,
+                Some(Finding::NoCamera { .. } | Finding::UsualFault { .. }) => Status::Inconsistent,
                 _ => Status::Degenerate,
             };
             unsolved(camera, status, message, findings, &refusal.skipped)

@@ -1,8 +1,8 @@
 //! The usual faults of points and intrinsics in words: what makes points agree that contradict each other.
 
 use crate::report::explanation::MotionObject;
-use resight_core::camera::{CameraMatrix, ImageSize};
-use resight_core::locate::suspects::{Explanation, Fault, Origin, explanations};
+use resight_core::camera::ImageSize;
+use resight_core::locate::suspects::{Explanation, Fault, Origin, correction, explanations};
 use resight_core::locate::{Config, PoseEstimate, locate};
 use resight_core::solve::configuration::Configuration;
 use resight_core::{Camera, Correspondence, Error as MathError};
@@ -13,7 +13,7 @@ use serde::Serialize;
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PointsCause {
     /// `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `axis_unit`, `labels_shifted`, `labels_exchanged`,
-    /// `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`.
+    /// `rows_columns_exchanged`, `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`.
     cause: &'static str,
     /// A second one, where only both together explain the points.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -78,107 +78,14 @@ struct Words<'a, L> {
 impl<L: Fn(usize) -> String> Words<'_, L> {
     fn cause(&self, found: &Explanation) -> Option<PointsCause> {
         let (first, second) = (found.faults.first()?, found.faults.get(1));
-        let message = match second {
-            None => self.correction(first),
-            Some(second) => format!("{} and {}", self.correction(first), self.correction(second)),
-        };
         Some(PointsCause {
-            cause: name(first),
-            second_cause: second.map(name),
+            cause: first.name(),
+            second_cause: second.map(Fault::name),
             chi2_per_degree_of_freedom: found.chi2 / found.degrees_of_freedom as f64,
             probability: found.probability,
             motion: found.motion.as_ref().map(MotionObject::of),
-            message,
+            message: correction(&found.faults, Some(self.camera), self.is_planar, &self.label),
         })
-    }
-
-    fn correction(&self, fault: &Fault) -> String {
-        match fault {
-            Fault::PixelsExchanged => {
-                "with u and v exchanged (u_px counts columns from the left, v_px rows from the top)".to_owned()
-            }
-            Fault::RowsUpwards => {
-                "with v counted from the bottom of the image (v_px counts rows from the top: height − 1 − v)".to_owned()
-            }
-            Fault::ColumnsLeftwards => {
-                "with u counted from the right, as in a mirrored image (u_px counts columns from the left: width − 1 − u)"
-                    .to_owned()
-            }
-            Fault::AxesExchanged => "with two axes exchanged (northing and easting? y and z?)".to_owned(),
-            Fault::AxisReversed => {
-                "with the sign of one axis changed (left-handed coordinates, as of Unity and Unreal?)".to_owned()
-            }
-            Fault::AxisUnit { axis, factor } => in_other_unit(*axis, *factor),
-            Fault::LabelsShifted { rows } => {
-                format!("with each pixel moved to the row {} it", if 0 < *rows { "above" } else { "below" })
-            }
-            Fault::LabelsExchanged { a, b } => {
-                format!("with the pixels of {} and {} exchanged", (self.label)(*a), (self.label)(*b))
-            }
-            of_lens => self.lens_correction(of_lens),
-        }
-    }
-
-    fn lens_correction(&self, fault: &Fault) -> String {
-        match (fault, self.camera.size, self.camera.matrix()) {
-            (Fault::OtherResolution { size }, Some(ImageSize { width_px, height_px }), _) => {
-                let ImageSize { width_px: w, height_px: h } = size;
-                format!(
-                    "with pixels of images of {w} × {h} px, for which the intrinsics, stated for {width_px} × {height_px} px, are scaled"
-                )
-            }
-            (Fault::OtherFocalLength { focal_px }, _, Some(CameraMatrix { fx_px, .. })) => format!(
-                "with a focal length of {focal_px:.0} px instead of {fx_px:.0} px (another lens or zoom, or images of another size?)"
-            ),
-            (Fault::OtherCrop { principal_point_px: at }, _, Some(CameraMatrix { cx_px, cy_px, .. })) => {
-                let (u, v) = (at.x, at.y);
-                let plane = match self.is_planar {
-                    true => "; points in one plane do not show which of the intrinsics are wrong",
-                    false => "",
-                };
-                format!(
-                    "with the principal point at ({u:.0}, {v:.0}) px instead of ({cx_px:.0}, {cy_px:.0}) px (intrinsics of another crop of the image?{plane})"
-                )
-            }
-            (Fault::CoefficientOrder, ..) => {
-                "with the coefficients in the order k1, k2, p1, p2 (they are stated as p1, p2, k1, k2)"
-                    .to_owned()
-            }
-            (Fault::UndistortedAlready, ..) => {
-                "without the distortion of the lens (pixels that were undistorted already?)".to_owned()
-            }
-            (Fault::Distorted { k1, k2 }, ..) => format!(
-                "with the distortion k1 = {k1:.3}, k2 = {k2:.3} (of a lens that is stated to have none)"
-            ),
-            _ => "with other intrinsics".to_owned(),
-        }
-    }
-}
-
-fn in_other_unit(axis: usize, factor: f64) -> String {
-    let axis = ["x", "y", "z"].get(axis).copied().unwrap_or("one axis");
-    match 1.0 < factor {
-        true => format!("with {axis} multiplied by 1000 (the other axes in millimetres?)"),
-        false => format!("with {axis} divided by 1000 ({axis} in millimetres?)"),
-    }
-}
-
-fn name(fault: &Fault) -> &'static str {
-    match fault {
-        Fault::PixelsExchanged => "uv_exchanged",
-        Fault::RowsUpwards => "v_upwards",
-        Fault::ColumnsLeftwards => "u_leftwards",
-        Fault::AxesExchanged => "xy_exchanged",
-        Fault::AxisReversed => "axis_reversed",
-        Fault::AxisUnit { .. } => "axis_unit",
-        Fault::LabelsShifted { .. } => "labels_shifted",
-        Fault::LabelsExchanged { .. } => "labels_exchanged",
-        Fault::OtherResolution { .. } => "other_resolution",
-        Fault::CoefficientOrder => "coefficient_order",
-        Fault::UndistortedAlready => "undistorted_already",
-        Fault::OtherFocalLength { .. } => "other_focal_length",
-        Fault::OtherCrop { .. } => "other_crop",
-        Fault::Distorted { .. } => "distorted",
     }
 }
 

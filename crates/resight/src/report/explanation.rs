@@ -11,7 +11,8 @@ use std::collections::BTreeMap;
 /// An explanation of the observations, weighed against the others.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct WeighedExplanation {
-    /// `as_stated`, or what is another one: `lens`, `target_size`, `exchanged_lenses`, `time`.
+    /// `as_stated`, or what is another one: `lens`, `target_size`, `exchanged_lenses`, `time`; for a rig also the first usual fault of a camera, by its name in
+    /// the causes of a pose.
     pub explanation: &'static str,
     /// The camera or target concerned, where there are several.
     #[serde(skip_serializing_if = "Option::is_none")]

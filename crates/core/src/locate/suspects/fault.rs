@@ -3,7 +3,7 @@
 use super::Origin;
 use crate::camera::{BrownConrady, CameraMatrix, ImageSize, Pinhole};
 use crate::correspondence::PixelCovariance;
-use crate::{Camera, Correspondence, Lens as LensModel, Pixel};
+use crate::{Camera, Correspondence, Lens as LensModel, Pixel, Point};
 use core::mem::discriminant;
 
 /// A likely fault of points or intrinsics.
@@ -30,6 +30,11 @@ pub enum Fault {
     LabelsShifted {
         /// Number of rows.
         rows: isize,
+    },
+    /// The rows and columns of a grid are exchanged.
+    GridExchanged {
+        /// The points are numbered along the columns; else along the rows, of a grid with as many columns as this one has rows.
+        along_columns: bool,
     },
     /// The pixels of two points are exchanged.
     LabelsExchanged {
@@ -76,7 +81,7 @@ const fn unit(axis: usize, factor: f64) -> Fault {
 
 impl Fault {
     /// The faults of points that concern all of them.
-    pub(super) const POINTS: [Fault; 11] = [
+    pub(super) const POINTS: [Fault; 13] = [
         Fault::PixelsExchanged,
         Fault::RowsUpwards,
         Fault::ColumnsLeftwards,
@@ -88,6 +93,8 @@ impl Fault {
         unit(0, 1e-3),
         unit(1, 1e-3),
         unit(2, 1e-3),
+        Fault::GridExchanged { along_columns: false },
+        Fault::GridExchanged { along_columns: true },
     ];
     /// Returns whether points of that origin can have a fault that concerns all of them.
     pub(super) fn is_possible(&self, origin: Origin) -> bool {
@@ -126,7 +133,10 @@ impl Fault {
             | Fault::AxisReversed
             | Fault::UndistortedAlready
             | Fault::Distorted { .. } => 0.1,
-            Fault::PixelsExchanged | Fault::AxesExchanged | Fault::OtherResolution { .. } => 0.05,
+            Fault::PixelsExchanged
+            | Fault::AxesExchanged
+            | Fault::GridExchanged { .. }
+            | Fault::OtherResolution { .. } => 0.05,
             Fault::OtherFocalLength { .. } | Fault::ColumnsLeftwards | Fault::CoefficientOrder => 0.03,
             Fault::OtherCrop { .. } | Fault::LabelsShifted { .. } => 0.02,
             Fault::AxisUnit { .. } => 0.005,
@@ -193,7 +203,7 @@ fn is_distorted(camera: &Camera) -> bool {
 
 /// What is estimated of the lens with the pose; nothing by default.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Free {
+pub(crate) struct Free {
     pub(super) focal: bool,
     pub(super) centre: bool,
     /// None, or k1 and k2.
@@ -201,16 +211,22 @@ pub(super) struct Free {
 }
 
 impl Free {
+    /// A lens of which nothing is known.
+    pub(crate) const LENS: Free = Free { focal: true, centre: true, n_coefficients: 2 };
+
     pub(super) fn n_parameters(&self) -> usize {
         usize::from(self.focal) + 2 * usize::from(self.centre) + self.n_coefficients
     }
 }
 
-/// A view with corrections.
+/// The points of a view.
+pub(super) type View = Vec<Correspondence>;
+
+/// Views of one camera with corrections.
 #[derive(Debug, Clone)]
 pub(super) struct Trial {
     /// Their bearings are those of the camera as stated.
-    pub(super) seen: Vec<Correspondence>,
+    pub(super) views: Vec<View>,
     pub(super) camera: Camera,
     pub(super) free: Free,
     /// How many are corrected at once.
@@ -219,9 +235,14 @@ pub(super) struct Trial {
 
 impl Trial {
     /// Corrects the faults; `None` where one of them cannot be.
-    pub(super) fn new(seen: &[Correspondence], camera: &Camera, faults: &[Fault]) -> Option<Self> {
-        let (seen, camera) = (seen.to_vec(), camera.clone());
-        let mut trial = Trial { seen, camera, free: Free::default(), n_faults: faults.len() };
+    pub(super) fn new(
+        views: &[&[Correspondence]],
+        camera: &Camera,
+        free: Free,
+        faults: &[Fault],
+    ) -> Option<Self> {
+        let views = views.iter().map(|seen| seen.to_vec()).collect();
+        let mut trial = Trial { views, camera: camera.clone(), free, n_faults: faults.len() };
         // Pixels follow, because the last row is that of an image of the corrected size.
         faults.iter().try_for_each(|fault| trial.correct_lens(fault))?;
         faults.iter().try_for_each(|fault| trial.correct_points(fault))?;
@@ -269,11 +290,15 @@ impl Trial {
             Fault::AxesExchanged => self.each(|c| c.x_in_target.swap_rows(0, 1)),
             Fault::AxisReversed => self.each(|c| c.x_in_target.y = -c.x_in_target.y),
             Fault::AxisUnit { axis, factor } => self.each(|c| c.x_in_target[axis] *= factor),
-            Fault::LabelsShifted { rows } => self.shift(rows)?,
+            Fault::LabelsShifted { rows } => self.views.iter_mut().try_for_each(|seen| shift(seen, rows))?,
+            Fault::GridExchanged { along_columns } => {
+                let grid = Grid::of(self.views.iter().flatten())?;
+                self.each(|c| c.x_in_target = grid.exchanged(&c.x_in_target, along_columns));
+            }
             Fault::LabelsExchanged { a, b } => {
-                let x_in_target = self.seen.get(a)?.x_in_target;
-                self.seen[a].x_in_target =
-                    core::mem::replace(&mut self.seen.get_mut(b)?.x_in_target, x_in_target);
+                let seen = self.views.first_mut()?;
+                let x_in_target = seen.get(a)?.x_in_target;
+                seen[a].x_in_target = core::mem::replace(&mut seen.get_mut(b)?.x_in_target, x_in_target);
             }
             _ => {}
         }
@@ -281,18 +306,59 @@ impl Trial {
     }
 
     fn each(&mut self, change: impl Fn(&mut Correspondence)) {
-        self.seen.iter_mut().for_each(change);
+        self.views.iter_mut().flatten().for_each(change);
+    }
+}
+
+/// Moves each pixel to the row above, or below; the row at the end has none, and is left out.
+fn shift(seen: &mut View, rows: isize) -> Option<()> {
+    let points: Vec<_> = seen.iter().map(|c| c.x_in_target).collect();
+    let of = |(i, c): (usize, &Correspondence)| {
+        let x_in_target = *points.get(i.checked_add_signed(-rows)?)?;
+        Some(Correspondence { x_in_target, ..*c })
+    };
+    *seen = seen.iter().enumerate().filter_map(of).collect();
+    (!seen.is_empty()).then_some(())
+}
+
+/// A grid of points in the plane of x and y: the first one, the pitch along both axes, and the numbers of columns and rows, which differ.
+struct Grid {
+    first: Point,
+    pitch: [f64; 2],
+    n: [usize; 2],
+}
+
+/// Points are on a grid within this part of its pitch.
+const ON_GRID: f64 = 0.01;
+
+impl Grid {
+    fn of<'a>(points: impl Iterator<Item = &'a Correspondence> + Clone) -> Option<Self> {
+        let (mut first, mut pitch, mut n) = (points.clone().next()?.x_in_target, [0.0; 2], [0; 2]);
+        for axis in 0..2 {
+            let mut at: Vec<f64> = points.clone().map(|c| c.x_in_target[axis]).collect();
+            at.sort_by(f64::total_cmp);
+            let gaps = || at.windows(2).map(|pair| pair[1] - pair[0]);
+            let largest = gaps().fold(0.0, f64::max);
+            let is_pitch = |gap: f64| gap < ON_GRID * largest || (1.0 - ON_GRID) * largest < gap;
+            if largest <= 0.0 || !gaps().all(is_pitch) {
+                return None;
+            }
+            (first[axis], pitch[axis]) = (at[0], largest);
+            n[axis] = 1 + gaps().filter(|gap| ON_GRID * largest <= *gap).count();
+        }
+        (n[0] != n[1]).then_some(Grid { first, pitch, n })
     }
 
-    /// Moves each pixel to the row above, or below; the row at the end has none, and is left out.
-    fn shift(&mut self, rows: isize) -> Option<()> {
-        let points: Vec<_> = self.seen.iter().map(|c| c.x_in_target).collect();
-        let of = |(i, c): (usize, &Correspondence)| {
-            let x_in_target = *points.get(i.checked_add_signed(-rows)?)?;
-            Some(Correspondence { x_in_target, ..*c })
+    fn exchanged(&self, x: &Point, along_columns: bool) -> Point {
+        let [column, row] =
+            [0, 1].map(|axis| ((x[axis] - self.first[axis]) / self.pitch[axis]).round() as usize);
+        let [n_columns, n_rows] = self.n;
+        let (number, of_row) = match along_columns {
+            true => (column * n_rows + row, n_columns),
+            false => (row * n_columns + column, n_rows),
         };
-        self.seen = self.seen.iter().enumerate().filter_map(of).collect();
-        (!self.seen.is_empty()).then_some(())
+        let at = |axis: usize, i: usize| self.first[axis] + i as f64 * self.pitch[axis];
+        Point::new(at(0, number % of_row), at(1, number / of_row), x.z)
     }
 }
 

@@ -1,22 +1,24 @@
-//! Pose and a few parameters of the lens together, from the points of a view: docs/math/suspects.md eq. (3).
+//! Poses and a few parameters of the lens together, from the points of views of one camera: docs/math/suspects.md eq. (3).
 //!
-//!   ξ  motion about the points' centroid  ·  θ = [log f, c_u, c_v, k1, k2], those of them that are free
+//!   ξ  motion of a view about its points' centroid  ·  θ = [log f, c_u, c_v, k1, k2], those of them that are free
 
-use super::fault::{Free, Trial};
+use super::fault::{Free, Trial, View};
 use crate::least_squares::PivotedPose;
 use crate::least_squares::dense::{DenseEquations, minimize_dense_within};
 use crate::locate::choose::Hypothesis;
+use crate::locate::consistency::is_inconsistent;
 use crate::locate::refine::{centroid, whitening};
 use crate::locate::{Config, locate};
 use crate::{Camera, Correspondence, Point, Pose, Vector6};
 use core::array;
 use nalgebra::{DVector, Unit, Vector2, Vector3};
 
-/// A view solved with a lens.
+/// Views solved with a lens.
 #[derive(Debug, Clone)]
 pub(super) struct Fit {
     pub(super) camera: Camera,
-    pub(super) cam_from_target: Pose,
+    /// One for each view.
+    pub(super) poses: Vec<Pose>,
     pub(super) chi2: f64,
     /// Less the parameters of the lens that were estimated.
     pub(super) degrees_of_freedom: usize,
@@ -31,7 +33,7 @@ const FIRST_STEPS: usize = 8;
 const HOPELESS: f64 = 1e3;
 /// … and evaluations that follow elsewhere.
 const MOST_STEPS: usize = 20;
-/// Two poses that a plane allows are starts.
+/// Two poses that a plane allows are starts of each view.
 const MOST_POSES: usize = 2;
 /// … of which the second is not a start where its χ² is so many times larger.
 const MUCH_WORSE: f64 = 4.0;
@@ -40,12 +42,12 @@ const MOST_PARAMETERS: usize = 5;
 const UNKNOWNS: usize = 6 + MOST_PARAMETERS;
 
 /// Solves with the free parameters of the trial's lens, from several starts; χ² is that of the points alone where some are free.
-pub(super) fn fit(seen: &[Correspondence], trial: &Trial, config: &Config) -> Option<Fit> {
+pub(super) fn fit(views: &[View], trial: &Trial, config: &Config) -> Option<Fit> {
     if trial.free == Free::default() {
-        return located(seen, &trial.camera, trial, config);
+        return located(views, &trial.camera, trial, config);
     }
     let starts = if trial.free.focal { &FOCAL_STARTS[..] } else { &FOCAL_STARTS[..1] };
-    let fits = starts.iter().flat_map(|factor| descents(seen, trial, *factor));
+    let fits = starts.iter().flat_map(|factor| descents(views, trial, *factor));
     fits.filter(|fit| is_plausible(fit, trial)).min_by(|a, b| a.chi2.total_cmp(&b.chi2))
 }
 
@@ -60,45 +62,52 @@ fn is_plausible(fit: &Fit, trial: &Trial) -> bool {
 }
 
 /// Continues a fit with more points.
-pub(super) fn refined(seen: &[Correspondence], trial: &Trial, fit: Fit) -> Option<Fit> {
+pub(super) fn refined(views: &[View], trial: &Trial, fit: Fit) -> Option<Fit> {
     if trial.free == Free::default() {
         return Some(fit);
     }
-    Descent::new(seen, trial).run(&fit.cam_from_target, &fit.camera).filter(|fit| is_plausible(fit, trial))
+    Descent::new(views, trial).run(&fit.poses, &fit.camera).filter(|fit| is_plausible(fit, trial))
 }
 
-/// Solves for the pose alone, with all that is known of it; the parameters of the lens that the trial estimated count.
-pub(super) fn located(
-    seen: &[Correspondence],
-    camera: &Camera,
-    trial: &Trial,
-    config: &Config,
-) -> Option<Fit> {
+/// Solves for the poses alone, with all that is known of them; the parameters of the lens that the trial estimated count. It gives up among the
+/// views where the first of them are beyond what noise explains in all.
+pub(super) fn located(views: &[View], camera: &Camera, trial: &Trial, config: &Config) -> Option<Fit> {
     let through = |c: &Correspondence| Some(Correspondence { bearing: camera.bearing(&c.pixel).ok()?, ..*c });
-    let seen: Vec<Correspondence> = seen.iter().map(through).collect::<Option<_>>()?;
     let n = camera.parameters().len();
     let intrinsics_covariance = config.intrinsics_covariance.filter(|covariance| covariance.len() == n * n);
-    let e = locate(&seen, camera, &Config { intrinsics_covariance, shared_errors: false, ..*config }).ok()?;
-    let degrees_of_freedom = e.degrees_of_freedom.saturating_sub(trial.free.n_parameters());
-    Some(Fit { camera: camera.clone(), cam_from_target: e.cam_from_target, chi2: e.chi2, degrees_of_freedom })
+    let config = Config { intrinsics_covariance, shared_errors: false, ..*config };
+    let n_residuals = 2 * views.iter().map(Vec::len).sum::<usize>();
+    let mut fit = Fit { camera: camera.clone(), poses: Vec::new(), chi2: 0.0, degrees_of_freedom: 0 };
+    for seen in views {
+        let seen: View = seen.iter().map(through).collect::<Option<_>>()?;
+        let e = locate(&seen, camera, &config).ok().filter(|_| !is_inconsistent(fit.chi2, n_residuals))?;
+        fit.poses.push(e.cam_from_target);
+        fit.chi2 += e.chi2;
+        fit.degrees_of_freedom += e.degrees_of_freedom;
+    }
+    fit.degrees_of_freedom = fit.degrees_of_freedom.saturating_sub(trial.free.n_parameters());
+    Some(fit)
 }
 
-fn descents(seen: &[Correspondence], trial: &Trial, factor: f64) -> Vec<Fit> {
-    let descent = Descent::new(seen, trial);
+fn descents(views: &[View], trial: &Trial, factor: f64) -> Vec<Fit> {
+    let descent = Descent::new(views, trial);
     let Some(camera) = changed(&trial.camera, |values| values[..2].iter_mut().for_each(|f| *f *= factor))
     else {
         return Vec::new();
     };
     // Distortion that begins before the principal point is found leads astray.
-    let matrix = Descent { free: Free { n_coefficients: 0, ..trial.free }, ..descent };
-    let staged = |pose: &Pose| match matrix.free == Free::default() || matrix.free == trial.free {
-        true => descent.run(pose, &camera),
+    let matrix = Descent { free: Free { n_coefficients: 0, ..trial.free }, ..descent.clone() };
+    let staged = |start: Vec<Pose>| match matrix.free == Free::default() || matrix.free == trial.free {
+        true => descent.run(&start, &camera),
         false => {
-            let first = matrix.run(pose, &camera)?;
-            descent.run(&first.cam_from_target, &first.camera)
+            let first = matrix.run(&start, &camera)?;
+            descent.run(&first.poses, &first.camera)
         }
     };
-    poses(seen, &camera).iter().filter_map(staged).collect()
+    let of_views: Vec<Vec<Pose>> = views.iter().map(|seen| poses(seen, &camera)).collect();
+    let nth = |n: usize| of_views.iter().map(|poses| poses.get(n).or(poses.last()).copied()).collect();
+    let n_starts = of_views.iter().map(Vec::len).max().unwrap_or(0);
+    (0..n_starts).filter_map(nth).filter_map(staged).collect()
 }
 
 /// Returns poses from which to begin. The lens is not known yet, so that a pixel outside its field begins without distortion.
@@ -127,30 +136,36 @@ fn changed(camera: &Camera, change: impl FnOnce(&mut [f64])) -> Option<Camera> {
 }
 
 /// What is minimised.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Descent<'a> {
-    seen: &'a [Correspondence],
+    views: &'a [View],
     free: Free,
     degrees_of_freedom: usize,
-    pivot: Point,
+    /// One for each view.
+    pivots: Vec<Point>,
 }
 
-type LensState = (PivotedPose, Camera);
+type LensState = (Vec<PivotedPose>, Camera);
+type Weights = Vec<Vec<(f64, f64, f64)>>;
 
 impl<'a> Descent<'a> {
-    fn new(seen: &'a [Correspondence], trial: &Trial) -> Self {
-        let degrees_of_freedom = (2 * seen.len()).saturating_sub(6 + trial.free.n_parameters());
-        Descent { seen, free: trial.free, degrees_of_freedom, pivot: centroid(seen) }
+    fn new(views: &'a [View], trial: &Trial) -> Self {
+        let n_residuals: usize = views.iter().map(|seen| 2 * seen.len()).sum();
+        let degrees_of_freedom = n_residuals.saturating_sub(6 * views.len() + trial.free.n_parameters());
+        let pivots = views.iter().map(|seen| centroid(seen)).collect();
+        Descent { views, free: trial.free, degrees_of_freedom, pivots }
     }
 
-    fn run(&self, cam_from_target: &Pose, camera: &Camera) -> Option<Fit> {
-        // Weights of uncertain points remain those of the start; the pose alone is solved for again with its own.
-        let weight = |c: &Correspondence| {
-            let at = camera.project_with_jacobian(&(*cam_from_target * c.x_in_target));
+    fn run(&self, poses: &[Pose], camera: &Camera) -> Option<Fit> {
+        // Weights of uncertain points remain those of the start; the poses alone are solved for again with their own.
+        let weight = |pose: &Pose, c: &Correspondence| {
+            let at = camera.project_with_jacobian(&(*pose * c.x_in_target));
             at.map(|(_, jacobian)| whitening(c, &jacobian))
         };
-        let weights: Vec<_> = self.seen.iter().map(weight).collect::<Option<_>>()?;
-        let start = (PivotedPose::new(cam_from_target, &self.pivot), camera.clone());
+        let of_view = |(pose, seen): (&Pose, &View)| seen.iter().map(|c| weight(pose, c)).collect();
+        let weights: Weights = poses.iter().zip(self.views).map(of_view).collect::<Option<_>>()?;
+        let pivoted = poses.iter().zip(&self.pivots).map(|(pose, pivot)| PivotedPose::new(pose, pivot));
+        let start = (pivoted.collect(), camera.clone());
         let descend = |steps: usize, start: LensState| {
             let evaluate = |state: &LensState| self.equations(state, &weights);
             minimize_dense_within(steps, start, evaluate, |state, step| self.moved(state, step))
@@ -160,27 +175,31 @@ impl<'a> Descent<'a> {
         if !found.is_minimum() && found.equations.chi2 < HOPELESS * degrees_of_freedom as f64 {
             found = descend(MOST_STEPS, found.state)?;
         }
-        let ((pose, camera), chi2) = (found.state, found.equations.chi2);
-        Some(Fit { camera, cam_from_target: pose.pose(&self.pivot), chi2, degrees_of_freedom })
+        let ((poses, camera), chi2) = (found.state, found.equations.chi2);
+        let poses = poses.iter().zip(&self.pivots).map(|(pose, pivot)| pose.pose(pivot)).collect();
+        Some(Fit { camera, poses, chi2, degrees_of_freedom })
     }
 
-    fn equations(&self, (pose, camera): &LensState, weights: &[(f64, f64, f64)]) -> Option<DenseEquations> {
-        let mut equations = DenseEquations::new(6 + self.free.n_parameters());
-        for (c, (a, b, d)) in self.seen.iter().zip(weights) {
-            let y = pose.rotation * (c.x_in_target - self.pivot);
-            let x = y + pose.pivot_in_cam;
-            let (pixel, jacobian) = camera.project_with_jacobian(&x)?;
-            let by_lens = self.by_lens(camera, &x)?;
-            let e = c.pixel - pixel;
-            for (residual, wu, wv) in [(a * e.x + b * e.y, *a, *b), (d * e.y, 0.0, *d)] {
-                let j = (jacobian.row(0) * wu + jacobian.row(1) * wv).transpose();
-                let by_rotation = y.cross(&j);
-                let by: [(usize, f64); UNKNOWNS] = array::from_fn(|i| match i {
-                    0..3 => (i, by_rotation[i]),
-                    3..6 => (i, j[i - 3]),
-                    _ => (i, by_lens[i - 6].x * wu + by_lens[i - 6].y * wv),
-                });
-                equations.add(residual, &by[..6 + self.free.n_parameters()]);
+    fn equations(&self, (poses, camera): &LensState, weights: &Weights) -> Option<DenseEquations> {
+        let (n_of_poses, n_of_lens) = (6 * poses.len(), self.free.n_parameters());
+        let mut equations = DenseEquations::new(n_of_poses + n_of_lens);
+        for (view, (pose, pivot)) in poses.iter().zip(&self.pivots).enumerate() {
+            for (c, (a, b, d)) in self.views[view].iter().zip(&weights[view]) {
+                let y = pose.rotation * (c.x_in_target - pivot);
+                let x = y + pose.pivot_in_cam;
+                let (pixel, jacobian) = camera.project_with_jacobian(&x)?;
+                let by_lens = self.by_lens(camera, &x)?;
+                let e = c.pixel - pixel;
+                for (residual, wu, wv) in [(a * e.x + b * e.y, *a, *b), (d * e.y, 0.0, *d)] {
+                    let j = (jacobian.row(0) * wu + jacobian.row(1) * wv).transpose();
+                    let by_rotation = y.cross(&j);
+                    let by: [(usize, f64); UNKNOWNS] = array::from_fn(|i| match i {
+                        0..3 => (6 * view + i, by_rotation[i]),
+                        3..6 => (6 * view + i, j[i - 3]),
+                        _ => (n_of_poses + i - 6, by_lens[i - 6].x * wu + by_lens[i - 6].y * wv),
+                    });
+                    equations.add(residual, &by[..6 + n_of_lens]);
+                }
             }
         }
         equations.chi2.is_finite().then_some(equations)
@@ -199,10 +218,11 @@ impl<'a> Descent<'a> {
         Some(array::from_fn(|_| all.next().unwrap_or_default()))
     }
 
-    fn moved(&self, (pose, camera): &LensState, step: &DVector<f64>) -> Option<LensState> {
-        let step = step.as_slice();
-        let pose = pose.moved(&Vector6::from_column_slice(step.get(..6)?));
-        let mut by = step.get(6..)?.iter();
+    fn moved(&self, (poses, camera): &LensState, step: &DVector<f64>) -> Option<LensState> {
+        let (of_poses, of_lens) = step.as_slice().split_at_checked(6 * poses.len())?;
+        let moved = |(pose, step): (&PivotedPose, &[f64])| pose.moved(&Vector6::from_column_slice(step));
+        let poses = poses.iter().zip(of_poses.chunks_exact(6)).map(moved).collect();
+        let mut by = of_lens.iter();
         let mut next = || by.next().copied().unwrap_or_default();
         let camera = changed(camera, |values| {
             let factor = if self.free.focal { next().exp() } else { 1.0 };
@@ -211,6 +231,6 @@ impl<'a> Descent<'a> {
             values[2..2 + n_centre].iter_mut().for_each(|c| *c += next());
             values[4..4 + self.free.n_coefficients].iter_mut().for_each(|k| *k += next());
         })?;
-        Some((pose, camera))
+        Some((poses, camera))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::groups::TwoGroups;
 use crate::budget::{Accounted, ErrorSource, Warning};
+use crate::locate::suspects::{Fault, correction};
 
 /// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,6 +56,11 @@ pub enum Finding {
         n_views: usize,
         /// Views with a pose under the best camera.
         n_posed: usize,
+    },
+    /// A usual fault of points, pixels or labels, or two at once, without which the views agree.
+    UsualFault {
+        /// The faults.
+        faults: Vec<Fault>,
     },
     /// The focal length is known only roughly.
     RoughFocal {
@@ -144,6 +150,7 @@ impl Warning for Finding {
             | Finding::OneOrientation { .. }
             | Finding::NoCamera { .. }
             | Finding::Undetermined { .. }
+            | Finding::UsualFault { .. }
             | Finding::ManyBadViews { .. }
             | Finding::TwoCameras { .. }
             | Finding::Stretched { taken_in: false, .. }
@@ -175,7 +182,8 @@ impl Finding {
             Finding::Stretched { taken_in: true, .. } | Finding::Bent { taken_in: true, .. } => {
                 Severity::Remark
             }
-            Finding::ManyBadViews { .. }
+            Finding::UsualFault { .. }
+            | Finding::ManyBadViews { .. }
             | Finding::TwoCameras { .. }
             | Finding::Stretched { .. }
             | Finding::Bent { .. }
@@ -196,6 +204,7 @@ impl Finding {
             Finding::OneOrientation { .. } => "one_orientation",
             Finding::Undetermined { .. } => "undetermined",
             Finding::NoCamera { .. } => "no_camera",
+            Finding::UsualFault { .. } => "usual_fault",
             Finding::RoughFocal { .. } => "rough_focal_length",
             Finding::Copies { .. } => "copies",
             Finding::SmallCoverage { .. } => "small_coverage",
@@ -235,6 +244,10 @@ impl Finding {
             ),
             Finding::NoCamera { n_views, n_posed } => format!(
                 "no camera explains the corners ({n_posed} of {n_views} views have a pose); check the target's rows, columns and ids, and that all images are of one size"
+            ),
+            Finding::UsualFault { faults } => format!(
+                "the views agree {}: correct it and run again",
+                correction(faults, None, false, |point| format!("point {point}"))
             ),
             Finding::RoughFocal { relative, needed } => format!(
                 "the focal length is known to {:.1} % only, a good calibration reaches {:.1} %; add views tilted by 30° to 45° in several directions, and near ones",

@@ -13,9 +13,9 @@ use crate::{Camera, Correspondence, Error, Point, Vector6};
 const MOST_PAIRS: usize = 3;
 /// Odds of an exchange before the observations are seen, as one of the explanations.
 const ODDS: f64 = 0.02;
-/// Smallest gain of χ² by the exchange, in units of the variance that the views show: 2 ln 10⁴, because files are right far more often than
+/// Smallest gain of χ² by an exchange or another fault, in units of the variance that the views show: 2 ln 10⁴, because files are right far more often than
 /// exchanged.
-const NEEDED_GAIN: f64 = 18.4;
+pub(super) const NEEDED_GAIN: f64 = 18.4;
 
 /// Returns the solution as stated; inconsistent where the files of two cameras appear to be exchanged.
 pub(super) fn examined(
@@ -69,7 +69,7 @@ pub(super) fn seen_through(observation: &Observation, camera: &Camera) -> Option
 }
 
 /// Returns χ², with points left out counted at the gate.
-fn misfit(solution: &RigSolution, config: &RigConfig) -> f64 {
+pub(super) fn misfit(solution: &RigSolution, config: &RigConfig) -> f64 {
     let gate = match config.loss {
         Loss::Truncated { sigmas } => sigmas,
         _ => 0.0,

@@ -12,6 +12,7 @@ use super::{RigConfig, TargetScale};
 use crate::Vector6;
 use crate::explanation::{Estimate, Weighed};
 use crate::least_squares::rig::{Common, Eliminated};
+use crate::locate::suspects::Fault;
 use nalgebra::{DMatrix, DVector};
 
 /// What explains the observations of a rig.
@@ -36,6 +37,15 @@ pub enum RigExplanation {
         a: usize,
         /// The other.
         b: usize,
+    },
+    /// A usual fault of a camera's file, pixels or labels.
+    Fault {
+        /// The camera; none where all cameras have it.
+        camera: Option<usize>,
+        /// The fault.
+        fault: Fault,
+        /// A second one, where only both together explain the observations.
+        second: Option<Fault>,
     },
     /// Cameras do not expose together.
     Late {

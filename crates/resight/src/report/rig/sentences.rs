@@ -1,6 +1,7 @@
 //! The weakest link of a rig, and the test of its scale, in sentences.
 
 use super::pieces::number;
+use crate::core::locate::suspects::{Fault, correction};
 use crate::core::multiview::rig::{LensOffset, RejectedObservation, RigExplanation, RigWarning, TargetScale};
 use crate::formats::NamedCamera;
 use crate::report::explanation::{Named, WeighedExplanation};
@@ -73,6 +74,15 @@ pub fn rig_explanations(run: &RigRun) -> Vec<WeighedExplanation> {
                 of: Some(a.clone()),
                 words: format!("each other's lens for {a} and {b}"),
             }
+        }
+        RigExplanation::Fault { camera, fault, second } => {
+            let faults: Vec<Fault> = [Some(fault), second].into_iter().flatten().collect();
+            let stated = camera.map(|camera| &run.rig.cameras[camera]);
+            let label = |point| format!("point {point}");
+            let correction = correction(&faults, stated.map(|stated| &stated.camera), false, label);
+            let of = stated.map(|stated| stated.name.clone());
+            let words = format!("{} {correction}", of.as_deref().unwrap_or("every camera"));
+            Named { key: fault.name(), of, words }
         }
         RigExplanation::Late { camera, views } => {
             let name = &cameras[camera];
