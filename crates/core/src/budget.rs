@@ -39,8 +39,6 @@ pub enum ErrorSource {
     RobotAtGripper,
     /// The robot's poses in the base: orientation about the base's origin, as of the first joints of an arm.
     RobotInBase,
-    /// The target's pose, its orientation about its own origin: a target that is not rigid on its holder.
-    TargetPose,
     /// When each camera of a rig saw a moving target.
     TimeOffsets,
     /// What is stated about the answer besides the observations.
@@ -50,7 +48,7 @@ pub enum ErrorSource {
 }
 
 /// How many sources there are.
-const N_SOURCES: usize = 16;
+const N_SOURCES: usize = 15;
 
 impl ErrorSource {
     /// All sources, in the order in which a budget lists them.
@@ -67,7 +65,6 @@ impl ErrorSource {
         ErrorSource::Distances,
         ErrorSource::RobotAtGripper,
         ErrorSource::RobotInBase,
-        ErrorSource::TargetPose,
         ErrorSource::TimeOffsets,
         ErrorSource::Priors,
         ErrorSource::Residuals,
@@ -88,7 +85,6 @@ impl ErrorSource {
             ErrorSource::Distances => "distances",
             ErrorSource::RobotAtGripper => "robot_at_gripper",
             ErrorSource::RobotInBase => "robot_in_base",
-            ErrorSource::TargetPose => "target_pose",
             ErrorSource::TimeOffsets => "time_offsets",
             ErrorSource::Priors => "priors",
             ErrorSource::Residuals => "residuals",

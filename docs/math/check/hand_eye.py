@@ -142,10 +142,6 @@ def variances():
     p, w = matrix(3, 1), matrix(3, 1)
     turned = hat(w) * p + hat(p) * w
     assert mp.norm(turned) < 1e-30
-    pose, tiny = exp(matrix(6, 1)), w * mp.mpf("1e-18")
-    left = pose[:3, :3] * tiny
-    by_target = exp(mp.matrix([*left, *(hat(pose[:3, 3]) * left)]))
-    assert mp.norm(pose * exp(mp.matrix([*tiny, 0, 0, 0])) * pose**-1 - by_target) < 1e-33
     rows, columns = 9, 3
     parts = [definite(rows) for _ in range(2)]
     own, d, r = definite(rows), matrix(rows, columns), matrix(rows, 1)

@@ -119,7 +119,7 @@ export type BirdseyeView = {
   version: number;
 };
 
-export type BudgetPartName = "pixels" | "camera_poses" | "bend" | "shared_in_view" | "shared_in_block" | "lens" | "lens_model" | "target" | "control_points" | "distances" | "robot_at_gripper" | "robot_in_base" | "target_pose" | "time_offsets" | "priors" | "residuals";
+export type BudgetPartName = "pixels" | "camera_poses" | "bend" | "shared_in_view" | "shared_in_block" | "lens" | "lens_model" | "target" | "control_points" | "distances" | "robot_at_gripper" | "robot_in_base" | "time_offsets" | "priors" | "residuals";
 
 /** A part of a covariance. */
 export type BudgetPartObject = {

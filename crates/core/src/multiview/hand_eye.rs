@@ -130,7 +130,7 @@ pub enum RejectedView {
     Contradicts,
 }
 
-/// The noise of the gripper's poses as estimated from the views; that of the target's pose is in it, as if the gripper moved.
+/// The noise of the gripper's poses as estimated from the views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GripperNoise {
     /// Standard deviation of the orientation, rad per axis.

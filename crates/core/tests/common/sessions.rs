@@ -6,34 +6,26 @@ use resight_core::multiview::hand_eye::{HandEye, HandEyeConfig, HandEyeView, Mou
 use resight_core::multiview::rig_pose::RigView;
 use resight_core::{Camera, Correspondence, Error, Point, Pose};
 
-/// How the robot's poses, or the target's, are wrong.
+/// How the robot's poses are wrong.
 #[derive(Debug, Clone, Copy)]
 pub enum Robot {
     /// Orientation and position of the gripper, independently: rad, m.
     AtHand(f64, f64),
     /// A left motion in the base: its turns are about the base's origin.
     AtBase(f64, f64),
-    /// The target turns about its own origin, rad: it is not rigid on its holder.
-    OfTarget(f64),
 }
 
 impl Robot {
     /// What the robot reports.
     pub fn reported(self, rng: &mut Rng, truth: &Pose) -> Pose {
-        let (Robot::AtHand(rad, m) | Robot::AtBase(rad, m)) = self else { return *truth };
+        let (Robot::AtHand(rad, m) | Robot::AtBase(rad, m)) = self;
         let w = Vector3::from_fn(|_, _| rad * rng.normal());
         let v = Vector3::from_fn(|_, _| m * rng.normal());
         let by = Pose::exp(&Vector6::new(w.x, w.y, w.z, v.x, v.y, v.z));
         match self {
             Robot::AtHand(..) => Pose::new(by.rotation * truth.rotation, truth.translation + v),
-            _ => by * *truth,
+            Robot::AtBase(..) => by * *truth,
         }
-    }
-
-    /// The target as it stands against how it is mounted.
-    pub fn target_rotated(self, rng: &mut Rng) -> Pose {
-        let Robot::OfTarget(rad) = self else { return Pose::identity() };
-        Pose::exp(&Vector6::from_fn(|row, _| if row < 3 { rad * rng.normal() } else { 0.0 }))
     }
 }
 
@@ -68,7 +60,7 @@ impl Session {
         let points = board();
         let bent = |p: &Point| Point::new(p.x, p.y, bent_m * (p.x / 0.105).powi(2));
         let look = |rng: &mut Rng, view: usize| -> Vec<Correspondence> {
-            let pose = world.cam_from_target(view) * robot.target_rotated(rng);
+            let pose = world.cam_from_target(view);
             let one = |p: &Point| {
                 let pixel =
                     camera.project(&(pose * bent(p)))? + Vector2::new(rng.normal(), rng.normal()) * sigma_px;

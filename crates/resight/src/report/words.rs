@@ -100,7 +100,6 @@ fn source_words(source: ErrorSource) -> &'static str {
         ErrorSource::Distances => "distances",
         ErrorSource::RobotAtGripper => "robot at the gripper",
         ErrorSource::RobotInBase => "robot in the base",
-        ErrorSource::TargetPose => "target's pose",
         ErrorSource::TimeOffsets => "times of exposure",
         ErrorSource::Priors => "priors",
         other => other.name(),

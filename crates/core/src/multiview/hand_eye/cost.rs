@@ -2,11 +2,11 @@
 //!
 //! ```text
 //!   T = X H Z,  X ← Exp(ξ) X, Z ← Exp(ζ) Z:  T ← Exp(ξ + Ad(X H) ζ) T
-//!   S = Ad(X) Σ_H Ad(X)ᵀ + θ₄ V₄, the motion of T that the noise of the hand and of the target makes
+//!   S = Ad(X) Σ_H Ad(X)ᵀ, the motion of T that the hand's noise makes
 //! ```
 
 use super::noise::{Besides, Effects, Normal};
-use super::views::{KINDS, Known, OF_TARGET, Poses, centre, rotation_about};
+use super::views::{KINDS, Known, Poses, centre};
 use super::{HandEyeConfig, Height};
 use crate::budget::ErrorSource;
 use crate::least_squares::PivotedPose;
@@ -100,26 +100,18 @@ fn redundancy(known: &[Known], used: &[(usize, usize)], config: &HandEyeConfig, 
 /// Returns S.
 fn gripper_noise(view: &Known, poses: &Poses) -> Option<Matrix6> {
     let ad = poses.cam_from_carrier.adjoint();
-    let of_robot = view.covariance.map(|covariance| ad * covariance * ad.transpose())?;
-    Some(match view.variances[OF_TARGET] {
-        0.0 => of_robot,
-        of_target => of_robot + rotation_about(&poses.cam_from_target(view).translation) * of_target,
-    })
+    view.covariance.map(|covariance| ad * covariance * ad.transpose())
 }
 
 /// The source of each kind of noise.
-pub(super) const SOURCES: [ErrorSource; KINDS] = [
-    ErrorSource::RobotAtGripper,
-    ErrorSource::RobotInBase,
-    ErrorSource::RobotAtGripper,
-    ErrorSource::TargetPose,
-];
+pub(super) const SOURCES: [ErrorSource; KINDS] =
+    [ErrorSource::RobotAtGripper, ErrorSource::RobotInBase, ErrorSource::RobotAtGripper];
 
 /// Returns what each kind of noise contributes to left S leftᵀ. A stated noise is the gripper's.
 fn pulls_of_robot(view: &Known, poses: &Poses, left: &Matrix6) -> [(ErrorSource, Matrix6); KINDS] {
     let stated = || [gripper_noise(view, poses).unwrap_or_default(); KINDS];
     let parts = view.parts_in_camera(poses);
-    let factors = if parts.is_some() { view.variances } else { [1.0, 0.0, 0.0, 0.0] };
+    let factors = if parts.is_some() { view.variances } else { [1.0, 0.0, 0.0] };
     let parts = parts.unwrap_or_else(stated);
     core::array::from_fn(|k| (SOURCES[k], left * parts[k] * left.transpose() * factors[k]))
 }

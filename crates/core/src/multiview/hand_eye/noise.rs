@@ -10,10 +10,10 @@
 //! ```
 
 use super::motions::half_rotation;
-use super::views::{IN_BASE, KINDS, Known, OF_TARGET, Poses};
+use super::views::{IN_BASE, KINDS, Known, Poses};
 use crate::multiview::relative::residual;
 use crate::{Matrix6, Pose, Vector6};
-use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// X, Z and one more effect.
 pub(super) const EFFECTS: usize = 13;
@@ -78,9 +78,9 @@ pub(super) struct At {
 
 /// Its derivatives.
 struct Slope {
-    score: Vector4<f64>,
+    score: Vector3<f64>,
     /// F.
-    information: Matrix4<f64>,
+    information: Matrix3<f64>,
     m: [Normal; KINDS],
 }
 
@@ -94,12 +94,13 @@ struct Maximum {
 
 /// Maximises the restricted likelihood over θ ≥ 0 by Fisher scoring from `start`, eqs. (19)–(23). `None` where V or M is singular.
 ///
-/// Rotations about the base, and of the target, take part only where they increase the likelihood; elsewhere they would widen the answer.
+/// Rotations about the base take part only where they increase the likelihood; elsewhere they would widen the answer.
 pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option<Reml> {
-    let mut best = maximum(rows, besides, &[start[0], 0.0, start[2], 0.0], vec![0, 2])?;
-    while let Some(with) = with_one_more(rows, besides, start, &best) {
-        best = with;
-    }
+    let without = maximum(rows, besides, &[start[0], 0.0, start[2]], vec![0, 2])?;
+    let start = if 0.0 < start[IN_BASE] { *start } else { without.variances };
+    let with = maximum(rows, besides, &start, vec![0, IN_BASE, 2]);
+    let is_needed = |with: &Maximum| without.at.log_likelihood + NEEDED_GAIN < with.at.log_likelihood;
+    let best = with.filter(is_needed).unwrap_or(without);
     let none = maximum(rows, besides, &[0.0; KINDS], Vec::new())?;
     let gain = best.at.log_likelihood - none.at.log_likelihood;
     Some(match () {
@@ -113,22 +114,6 @@ pub(super) fn reml(rows: &[Row], besides: &Besides, start: &Variances) -> Option
             best.concluded(widenings)
         }
     })
-}
-
-/// Returns the maximum with the kind of noise that increases the likelihood most, where it does so enough.
-fn with_one_more(rows: &[Row], besides: &Besides, start: &Variances, best: &Maximum) -> Option<Maximum> {
-    let with = |kind: usize| {
-        let kinds = [&best.kinds[..], &[kind]].concat();
-        let masked = core::array::from_fn(|k| if kinds.contains(&k) { start[k] } else { 0.0 });
-        let start = if 0.0 < start[kind] { masked } else { best.variances };
-        maximum(rows, besides, &start, kinds)
-    };
-    [OF_TARGET, IN_BASE]
-        .into_iter()
-        .filter(|kind| !best.kinds.contains(kind))
-        .filter_map(with)
-        .max_by(|a, b| a.at.log_likelihood.total_cmp(&b.at.log_likelihood))
-        .filter(|with| best.at.log_likelihood + NEEDED_GAIN < with.at.log_likelihood)
 }
 
 /// … for any noise at all in the covariance: half of all exact robots would otherwise seem noisy.
@@ -185,24 +170,24 @@ fn free(slope: &Slope, variances: &Variances, kinds: &[usize]) -> Vec<usize> {
 }
 
 /// Returns the inverse of F for some variances, zero elsewhere; scaled, because rad² and m² differ by orders of magnitude.
-fn inverse_of(information: &Matrix4<f64>, free: &[usize]) -> Matrix4<f64> {
+fn inverse_of(information: &Matrix3<f64>, free: &[usize]) -> Matrix3<f64> {
     let scale = |k: usize| information[(k, k)].sqrt().recip();
-    let mut scaled = Matrix4::identity();
+    let mut scaled = Matrix3::identity();
     for i in free {
         for j in free {
             scaled[(*i, *j)] = information[(*i, *j)] * scale(*i) * scale(*j);
         }
     }
-    let inverse = scaled.cholesky().map_or_else(Matrix4::identity, |c| c.inverse());
+    let inverse = scaled.cholesky().map_or_else(Matrix3::identity, |c| c.inverse());
     let entry = |i: usize, j: usize| match free.contains(&i) && free.contains(&j) {
         true => inverse[(i, j)] * scale(i) * scale(j),
         false => 0.0,
     };
-    Matrix4::from_fn(entry)
+    Matrix3::from_fn(entry)
 }
 
 /// Returns F⁻¹ times the score, and its promise. A variance that the step would make negative is set to zero, and the others are solved again.
-fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector4<f64>, f64) {
+fn scoring_step(slope: &Slope, variances: &Variances, kinds: &[usize]) -> (Vector3<f64>, f64) {
     let mut free = free(slope, variances, kinds);
     loop {
         let step = inverse_of(&slope.information, &free) * slope.score;
@@ -233,7 +218,7 @@ fn widenings(rows: &[Row], best: &Maximum) -> [Normal; KINDS] {
     let covariance = inverse_of(information, &free);
     let whole = symmetric(&(phi * uncertain(rows, best, &covariance) * phi));
     let alone = |k: usize| {
-        let mut own = Matrix4::zeros();
+        let mut own = Matrix3::zeros();
         own[(k, k)] = covariance[(k, k)];
         phi.tr_dot(&uncertain(rows, best, &own))
     };
@@ -243,7 +228,7 @@ fn widenings(rows: &[Row], best: &Maximum) -> [Normal; KINDS] {
 }
 
 /// Returns what stands between Φ and Φ in eq. (24) for a covariance of θ: Qₖₗ needs the rows once more.
-fn uncertain(rows: &[Row], Maximum { at, slope, .. }: &Maximum, covariance: &Matrix4<f64>) -> Normal {
+fn uncertain(rows: &[Row], Maximum { at, slope, .. }: &Maximum, covariance: &Matrix3<f64>) -> Normal {
     let pairs =
         || (0..KINDS).flat_map(|k| (0..KINDS).map(move |l| (k, l))).filter(|kl| covariance[*kl] != 0.0);
     let mut sum = Normal::zeros();
@@ -288,7 +273,7 @@ pub(super) fn evaluate(rows: &[Row], besides: &Besides, variances: &Variances) -
 /// Evaluates eqs. (21), (22).
 fn slope(rows: &[Row], at: &At) -> Slope {
     let mut slope =
-        Slope { score: Vector4::zeros(), information: Matrix4::zeros(), m: [Normal::zeros(); KINDS] };
+        Slope { score: Vector3::zeros(), information: Matrix3::zeros(), m: [Normal::zeros(); KINDS] };
     for (row, w) in rows.iter().zip(&at.weights) {
         let Some(parts) = &row.parts else { continue };
         let we = w * (row.residual - row.design * at.effects);
@@ -348,7 +333,7 @@ pub(super) fn nominal(known: &[Known]) -> Variances {
     let sum = |f: &dyn Fn(&Known) -> f64| known.iter().map(f).sum::<f64>() / known.len().max(1) as f64;
     let reach2 = f64::max(sum(&distance2), sum(&|view| view.gripper_in_base().norm_squared()));
     let turn = NOMINAL_RAD * NOMINAL_RAD;
-    [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE), 0.0]
+    [turn, 0.0, turn * f64::max(reach2, f64::MIN_POSITIVE)]
 }
 
 /// Median of χ² with three degrees of freedom.
@@ -373,7 +358,7 @@ pub(super) fn from_middle(
         let at = all.len().min(place + 1).saturating_sub(1);
         all.get(at).map_or(0.0, |x| f64::max(0.0, *x))
     };
-    [middle(turns), 0.0, middle(shifts), 0.0]
+    [middle(turns), 0.0, middle(shifts)]
 }
 
 /// Returns the variances of orientation and position for one view as the median, less what the camera's noise explains.

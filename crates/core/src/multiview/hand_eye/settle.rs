@@ -163,16 +163,13 @@ impl Settled<'_> {
     }
 
     /// Returns the standard deviations of the gripper's orientation (rad) and position (m), per axis, over the views used; noise about the base
-    /// and that of the target's pose are in both.
+    /// is in both.
     pub fn sigmas(&self) -> Option<[f64; 2]> {
-        let [turn, base, position, target] = self.variances?;
+        let [turn, base, position] = self.variances?;
         let used = self.used();
-        let by_levers = |(view, _): &(usize, usize)| {
-            let view = &self.known[*view];
-            base * view.base_lever2() + target * view.target_lever2(&self.fit.poses)
-        };
-        let by_levers = used.iter().map(by_levers).sum::<f64>() / used.len().max(1) as f64;
-        Some([(turn + base + target).sqrt(), (position + by_levers).sqrt()])
+        let lever2 = |(view, _): &(usize, usize)| self.known[*view].base_lever2();
+        let lever2 = used.iter().map(lever2).sum::<f64>() / used.len().max(1) as f64;
+        Some([(turn + base).sqrt(), (position + base * lever2).sqrt()])
     }
 
     /// Returns whether the gripper's travel stands out of its noise: one that only rotates about its own origin says nothing about the target's size.

@@ -12,13 +12,10 @@ use crate::{Error, Matrix6, Pose, Vector6};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Kinds of noise: the gripper's orientation about its own origin (rad²), its orientation about the base's origin (rad²), as of the first joints
-/// of an arm, its position (m²), and the target's orientation about its own origin (rad²), each the variance per axis.
-pub(super) const KINDS: usize = 4;
-/// The kinds that take part only where the views need them.
+/// of an arm, and its position (m²), each the variance per axis.
+pub(super) const KINDS: usize = 3;
+/// The kind that takes part only where the views need it.
 pub(super) const IN_BASE: usize = 1;
-pub(super) const OF_TARGET: usize = 3;
-/// The kinds before that of the target are the robot's.
-const ROBOT_KINDS: usize = OF_TARGET;
 
 /// A view with at least one candidate.
 #[derive(Clone)]
@@ -29,8 +26,8 @@ pub(super) struct Known<'a> {
     pub carrier_from_holder: Pose,
     /// Covariance of its left motion, carrier frame, shifted: the stated one, or the current estimate.
     pub covariance: Option<Matrix6>,
-    /// For views without stated noise: the covariance of each kind of the robot's noise for unit variance.
-    pub parts: Option<[Matrix6; ROBOT_KINDS]>,
+    /// For views without stated noise: the covariance of each kind of noise for unit variance.
+    pub parts: Option<[Matrix6; KINDS]>,
     /// Their current estimate.
     pub variances: [f64; KINDS],
     pub candidates: Vec<Candidate>,
@@ -69,21 +66,10 @@ impl Known<'_> {
         2.0 / 3.0 * (self.gripper_in_base() + self.centre.centre_in_base).norm_squared()
     }
 
-    /// The same for rotations of the target about its own origin, as if the gripper moved and not the target.
-    pub fn target_lever2(&self, poses: &Poses) -> f64 {
-        let gripper_from_target = match self.centre.mounting {
-            Mounting::TargetOnGripper => poses.holder_from_target,
-            Mounting::CameraOnGripper => self.carrier_from_holder * poses.holder_from_target,
-        };
-        2.0 / 3.0 * gripper_from_target.translation.norm_squared()
-    }
-
     /// Returns the covariance of T for unit variance of each kind of noise; `None` where the noise is stated.
     pub fn parts_in_camera(&self, poses: &Poses) -> Option<[Matrix6; KINDS]> {
         let ad = poses.cam_from_carrier.adjoint();
-        let [gripper, base, position] =
-            self.parts.map(|parts| parts.map(|part| ad * part * ad.transpose()))?;
-        Some([gripper, base, position, rotation_about(&poses.cam_from_target(self).translation)])
+        self.parts.map(|parts| parts.map(|part| ad * part * ad.transpose()))
     }
 
     /// Returns the gripper's pose in the shifted base.
@@ -150,8 +136,8 @@ impl Centre {
         }
     }
 
-    /// Returns the contribution of each kind of the robot's noise to the covariance of a gripper pose without a stated one.
-    fn parts(&self, base_from_gripper: &Pose, spread_m: f64) -> [Matrix6; ROBOT_KINDS] {
+    /// Returns the contribution of each kind of noise to the covariance of a gripper pose without a stated one.
+    fn parts(&self, base_from_gripper: &Pose, spread_m: f64) -> [Matrix6; KINDS] {
         let hand = base_from_gripper.translation - self.centre_in_base;
         parts_in_base(&hand, &-self.centre_in_base, spread_m)
             .map(|part| self.carried_from_shifted(base_from_gripper, &part))
@@ -327,7 +313,7 @@ fn check_gripper_covariance(index: usize, covariance: &Matrix6) -> Result<(), Er
 const MAX_BASE_DISTANCE: f64 = 30.0;
 
 /// Returns Vₖ for left motions of `base_from_gripper`, for a gripper at `hand` and a base whose own origin is at `origin`, eq. (18).
-fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; ROBOT_KINDS] {
+fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [Matrix6; KINDS] {
     let is_near = origin.norm() <= MAX_BASE_DISTANCE * spread_m;
     let position = Matrix6::from_diagonal(&Vector6::new(0.0, 0.0, 0.0, 1.0, 1.0, 1.0));
     let about_base = if is_near { rotation_about(origin) } else { Matrix6::zeros() };
@@ -335,7 +321,7 @@ fn parts_in_base(hand: &Vector3<f64>, origin: &Vector3<f64>, spread_m: f64) -> [
 }
 
 /// Returns G Gᵀ, the covariance of a left motion for unit variance of rotations about a point.
-pub(super) fn rotation_about(p: &Vector3<f64>) -> Matrix6 {
+fn rotation_about(p: &Vector3<f64>) -> Matrix6 {
     let mut g = SMatrix::<f64, 6, 3>::zeros();
     g.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
     g.fixed_view_mut::<3, 3>(3, 0).copy_from(&p.cross_matrix());
