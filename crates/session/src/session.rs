@@ -38,8 +38,9 @@ pub struct Session {
     measured: Option<Arc<Measured>>,
     /// The present scene, where it differs from that one.
     unmeasured: Option<Numbered>,
-    /// Number of the last scene.
+    /// Number of the last scene, and of the last one that was measured provisionally.
     n_scenes: u64,
+    n_tried: u64,
     version: u64,
     /// Counts the changes of measurements and of their values.
     n_measured: u64,
@@ -247,7 +248,7 @@ impl Session {
     /// is done.
     pub fn measuring_provisionally(&self) -> Option<Measuring> {
         let scene = self.unmeasured.clone()?;
-        let is_done = self.measured.as_ref().is_some_and(|m| m.scene.number == scene.number);
+        let is_done = self.n_tried == scene.number;
         (!is_done).then_some(Measuring { scene, before: None, is_provisional: true })
     }
 
@@ -255,6 +256,13 @@ impl Session {
     pub fn take(&mut self, measured: Measured) {
         let Some(awaited) = &self.unmeasured else { return };
         let is_current = awaited.number == measured.scene.number && !measured.is_provisional;
+        if measured.is_provisional {
+            self.n_tried = measured.scene.number;
+            // The values before stay until the whole answer is there.
+            if measured.found.is_err() {
+                return;
+            }
+        }
         self.measured = Some(Arc::new(measured));
         self.n_measured += 1;
         if is_current {

@@ -251,7 +251,7 @@ pub fn adjust(network: &NetworkProblem) -> Result<Adjusted, Error> {
 /// one replaces within a moment, such as while a point is dragged.
 ///
 /// # Errors
-/// Those of [`adjust`].
+/// Those of [`adjust`], and `NotConverged` for constraints that contradict each other so much that the adjustment would take long.
 pub fn adjust_provisionally(network: &NetworkProblem) -> Result<Adjusted, Error> {
     network.check()?;
     blunder::attempt(network, Depth::First)

@@ -56,7 +56,7 @@ pub(super) fn best_of(
     depth: Depth,
 ) -> Result<Adjusted, Error> {
     let n_rows = network.constraints.iter().map(Constraint::n_rows).sum();
-    let useless_above = (depth == Depth::Single).then(|| unlikely_above(n_rows));
+    let useless_above = (depth != Depth::Together).then(|| unlikely_above(n_rows));
     let mut search = Search { network, found: Vec::new(), refusal: None, drafts: 0, useless_above };
     let mut open: Vec<(usize, Forced)> = (0..arrangements.len()).map(|k| (k, Vec::new())).collect();
     for control_points in arrangements {
