@@ -1,4 +1,5 @@
-//! The usual faults of one camera of a rig, of all its cameras, and of the views of intrinsics: the answer is not called right, and names the fault.
+//! The usual faults of one camera of a rig, of all its cameras, and of the views of intrinsics: the answer names the fault, and is not called right
+//! where it is wrong.
 //!
 //! What it leaves out: two faults at once, faults of two cameras of three, and what the views of a plane do not show of unknown intrinsics.
 
@@ -160,7 +161,7 @@ fn solved(kind: Option<Kind>, rng: &mut Rng, stated_sigma: f64) -> (Room, Result
         n_views: room.n_views,
         observations: &observations,
     };
-    let found = solve_rig(&problem, &RigConfig::default());
+    let found = solve_rig(&problem, &RigConfig { lens_errors: true, ..RigConfig::default() });
     (room, found)
 }
 
@@ -237,9 +238,9 @@ fn intrinsics_of_right_views_have_no_fault() {
     }
 }
 
-/// Inputs of one kind: fifty for the figures of docs/math/suspects.md (RESIGHT_RUNS=50).
+/// Inputs of one kind: four for the figures of docs/math/suspects.md (RESIGHT_RUNS=4).
 fn n_draws() -> u64 {
-    std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(4)
+    std::env::var("RESIGHT_RUNS").ok().and_then(|n| n.parse().ok()).unwrap_or(2)
 }
 
 /// Whether an explanation is the fault of that camera.
@@ -299,6 +300,7 @@ fn rig_with_a_fault_names_it_first() {
             if !is_right(kind, &s.explanations[0].what) {
                 println!("{kind:?} {draw}: off by {off:.1} σ {}", described(&found));
             }
+            assert!(s.verdict.is_inconsistent || off < 3.0, "{kind:?} {draw}: ok, and off by {off:.1} σ");
             ok += usize::from(!s.verdict.is_inconsistent);
             first += usize::from(is_right(kind, &s.explanations[0].what));
             let is_judged = s.verdict.is_inconsistent && !matches!(kind, Kind::Focal | Kind::Crop);
@@ -315,7 +317,7 @@ fn rig_with_a_fault_names_it_first() {
 #[test]
 fn rig_with_right_files_has_no_fault() {
     let is_fault = |e: &Weighed<RigExplanation>| matches!(e.what, RigExplanation::Fault { .. });
-    for (draw, factor) in (0..60).flat_map(|draw| [(draw, 1.0), (draw, 0.5)]) {
+    for (draw, factor) in (0..30).flat_map(|draw| [(draw, 1.0), (draw, 0.5)]) {
         let (_, found) = solved(None, &mut Rng::new(3000 + draw), factor);
         let s = found.as_ref().expect("a rig");
         assert!(!s.explanations.iter().any(is_fault), "{draw}, sigma × {factor}: {}", described(&found));
