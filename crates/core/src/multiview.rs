@@ -22,6 +22,8 @@ pub mod map;
 #[cfg(feature = "std")]
 pub(crate) mod relative;
 #[cfg(feature = "std")]
+pub mod two_view;
+#[cfg(feature = "std")]
 pub mod pose_graph;
 #[cfg(feature = "std")]
 pub mod hand_eye;

@@ -5,3 +5,4 @@ pub mod snapshot;
 pub mod relative_rotation;
 pub mod track;
 pub mod monitor;
+pub mod vehicle;

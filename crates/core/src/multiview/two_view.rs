@@ -1,0 +1,176 @@
+//! Relative pose of two views of a camera with known intrinsics: rotation and direction of translation, with their covariance.
+//!
+//! five pairs → essential matrices → consensus of all pairs → which of the four poses → refinement (3 + 2 numbers) → covariance, or what is not
+//! determined. Derivation: docs/math/two_view.md.
+//!
+//! ```text
+//!   λ₂ b = λ₁ R a + t    a, b bearings of a point in the first and second view   ·   R, t  second_from_first, |t| = 1
+//! ```
+
+mod epipolar;
+mod five_point;
+mod fit;
+mod agreement;
+
+use crate::{Bearing, Error, Pose};
+use agreement::{Agreement, agreement};
+pub(crate) use epipolar::axes_across;
+use epipolar::{RelativePose, squared_residual};
+use fit::Fit;
+use nalgebra::{Matrix3, Matrix3x2, Matrix5, Vector3};
+
+/// A point seen in both views.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BearingPair {
+    /// In the first camera frame.
+    pub first: Bearing,
+    /// In the second camera frame.
+    pub second: Bearing,
+    /// Standard deviation of `first` about each of two axes across it, radians.
+    pub sigma_first_rad: f64,
+    /// … of `second`.
+    pub sigma_second_rad: f64,
+}
+
+/// What counts as agreeing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TwoViewConfig {
+    /// A pair agrees whose residual is less than this, in its own stated standard deviations.
+    pub threshold_sigmas: f64,
+    /// Pairs that must agree, eight at least.
+    pub least: usize,
+    /// Samples drawn at most.
+    pub max_samples: usize,
+    /// Seed of the sampling. The same input and seed give the same answer, bit for bit.
+    pub seed: u64,
+}
+
+impl Default for TwoViewConfig {
+    fn default() -> Self {
+        TwoViewConfig { threshold_sigmas: 4.0, least: 20, max_samples: 500, seed: 0 }
+    }
+}
+
+/// A relative pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TwoView {
+    /// x_second = second_from_first · x_first, the translation at unit length.
+    pub second_from_first: Pose,
+    /// Covariance of (ω, δ): rotation ← Exp(ω) rotation, rad, second camera frame; translation ← translation + `across` δ, rad.
+    /// docs/math/two_view.md eq. (12).
+    pub covariance: Matrix5<f64>,
+    /// The two axes across the translation, second camera frame.
+    pub across: Matrix3x2<f64>,
+    /// Pairs that agree, ascending, by number in the input.
+    pub used: Vec<usize>,
+    /// s²: variances over those stated, as the residuals show them.
+    pub noise_factor: f64,
+    /// Of a different pose that explains the pairs too, as every view of a single plane has one: by how much its truncated χ² is larger, in units of
+    /// s². `None` where no other was found.
+    pub second_solution: Option<f64>,
+}
+
+/// Difference of χ² below which a second solution is possible: chance exceeds it once in 20,000 times.
+const AMBIGUOUS: f64 = 20.0;
+
+impl TwoView {
+    /// Returns whether a second pose explains the pairs as well, as where all points lie in one plane.
+    pub fn is_ambiguous(&self) -> bool {
+        self.second_solution.is_some_and(|difference| difference < AMBIGUOUS)
+    }
+
+    /// Returns both depths of a pair's point in units of the baseline; `None` where the rays are parallel.
+    pub fn depths(&self, pair: &BearingPair) -> Option<[f64; 2]> {
+        let (y, b) = (self.second_from_first.rotation * pair.first.into_inner(), pair.second.into_inner());
+        let square = y.cross(&b).norm_squared();
+        let depths = self.relative().scaled_depths(pair).map(|scaled| scaled / square);
+        (0.0 < square && (depths[0] + depths[1]).is_finite()).then_some(depths)
+    }
+
+    fn relative(&self) -> RelativePose {
+        RelativePose { r: self.second_from_first.rotation, t: self.second_from_first.translation }
+    }
+}
+
+/// The relative pose that the most pairs agree with, refined over them. `near`, of which the rotation and the direction of translation are used, is
+/// tried first.
+///
+/// # Errors
+/// `InvalidSetting`, `NotFinite` and `NotPositive` for input that cannot be; `TooFewPoints` for fewer pairs than must agree; `NoConsensus` where
+/// fewer agree, or no more than by chance; `DegenerateView` where the pairs show no parallax (the camera only rotated, or stood still), or lie too
+/// close together.
+pub fn two_view(
+    pairs: &[BearingPair],
+    near: Option<&Pose>,
+    config: &TwoViewConfig,
+) -> Result<TwoView, Error> {
+    let least = check(pairs, config)?;
+    let near = near.and_then(|pose| {
+        let t = pose.translation.try_normalize(f64::MIN_POSITIVE)?;
+        Some(RelativePose { r: pose.rotation, t }.essential())
+    });
+    let found = agreement(pairs, near, least, config)?;
+    let fit = Fit::of(pairs, &found.best, config)?;
+    let refused = |best: usize| Error::NoConsensus {
+        best,
+        n: pairs.len(),
+        needed: found.needed,
+        what: "pairs",
+        samples: found.samples,
+    };
+    if fit.used.len() < found.needed {
+        return Err(refused(fit.used.len()));
+    }
+    let second_solution = second_solution(pairs, &found, &fit, config);
+    let noise_factor = fit.noise_factor();
+    let covariance = fit.covariance(pairs)?;
+    let across = axes_across(&fit.at.t);
+    let second_from_first = Pose::new(fit.at.r, fit.at.t);
+    Ok(TwoView { second_from_first, covariance, across, used: fit.used, noise_factor, second_solution })
+}
+
+/// χ² of another pose beyond that of the best one, both truncated at the threshold.
+fn second_solution(
+    pairs: &[BearingPair],
+    found: &Agreement,
+    fit: &Fit,
+    config: &TwoViewConfig,
+) -> Option<f64> {
+    let other = Fit::of(pairs, found.other.as_ref()?, config).ok()?;
+    let differs = agreement::DIFFERENT < other.at.t.cross(&fit.at.t).norm()
+        || agreement::DIFFERENT < (other.at.r - fit.at.r).norm();
+    let limit = config.threshold_sigmas.powi(2);
+    let cost = |at: &RelativePose| truncated(pairs, &at.essential(), limit);
+    differs.then(|| (cost(&other.at) - cost(&fit.at)) / fit.noise_factor())
+}
+
+fn truncated(pairs: &[BearingPair], e: &Matrix3<f64>, limit: f64) -> f64 {
+    pairs.iter().map(|pair| squared_residual(e, pair).min(limit)).sum()
+}
+
+fn check(pairs: &[BearingPair], config: &TwoViewConfig) -> Result<usize, Error> {
+    let seen = config.threshold_sigmas;
+    if !(0.0 < seen && seen.is_finite()) {
+        return Err(Error::InvalidSetting {
+            setting: "threshold_sigmas",
+            seen,
+            needed: "it must be positive",
+        });
+    }
+    for (index, pair) in pairs.iter().enumerate() {
+        let sum: Vector3<f64> = pair.first.into_inner() + pair.second.into_inner();
+        if !sum.sum().is_finite() {
+            return Err(Error::NotFinite { what: "a bearing", index });
+        }
+        for seen in [pair.sigma_first_rad, pair.sigma_second_rad] {
+            if !(0.0 < seen && seen.is_finite()) {
+                return Err(Error::NotPositive { index, seen });
+            }
+        }
+    }
+    let needed = config.least.max(8);
+    if pairs.len() < needed {
+        return Err(Error::TooFewPoints { seen: pairs.len(), needed });
+    }
+    Ok(needed)
+}

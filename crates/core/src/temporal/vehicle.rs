@@ -1,0 +1,201 @@
+//! The rotation of a camera against the vehicle that carries it, from the camera's own motion while the vehicle drives.
+//!
+//! pairs of frames → `two_view` → [`FrameMotion`] → which stretches are straight → direction of travel (yaw, pitch) · curves and the ground → roll ·
+//! speed and ground → height · and the direction of travel over time → the change detector. Derivation: docs/math/vehicle.md.
+//!
+//! The vehicle frame is that of ISO 8855: x forward, along the mean direction of travel; y left; z up, the axis of its curves.
+//!
+//! ```text
+//!   d  direction of travel, camera frame   ·   ψ, θ, φ  yaw, pitch, roll of the camera: ψ positive to the left, θ down, φ to the right side
+//!   d = (sin ψ cos θ, −sin θ, cos ψ cos θ)   ·   u₀ = (−sin ψ sin θ, −cos θ, −cos ψ sin θ)   ·   l₀ = u₀ × d   ·   up = cos φ u₀ + sin φ l₀
+//! ```
+
+mod ground;
+mod motion;
+mod stretches;
+mod blocks;
+mod travel;
+mod roll;
+mod height;
+mod alarm;
+
+pub use alarm::{VehicleAlarm, VehicleAlarmConfig, vehicle_alarm};
+pub use ground::{GroundPlane, ground_plane};
+pub use height::Height;
+pub use motion::{FrameMotion, TravelDirection};
+pub use roll::{Roll, RollSource};
+pub use travel::{Halves, Travel};
+
+use crate::Error;
+use nalgebra::{Matrix3, Vector3};
+use stretches::Stretches;
+
+/// What is stated about the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehicleConfig {
+    /// Standard deviation of the scale of the speeds, as a share of them.
+    pub speed_relative_sigma: f64,
+}
+
+impl Default for VehicleConfig {
+    fn default() -> Self {
+        VehicleConfig { speed_relative_sigma: 0.02 }
+    }
+}
+
+/// Why a number is not determined.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Undetermined {
+    /// The camera hardly moves: most pairs of frames show no parallax.
+    Standing {
+        /// Seconds of motion.
+        moving_s: f64,
+        /// Seconds needed.
+        needed_s: f64,
+    },
+    /// The vehicle moves, but hardly ever straight ahead.
+    TooLittleStraight {
+        /// Seconds of straight motion.
+        straight_s: f64,
+        /// Seconds needed.
+        needed_s: f64,
+    },
+    /// Both directions of travel occur, and no signed speed tells which one is forward.
+    ForwardSign {
+        /// Share of the pairs that move in the less frequent direction.
+        share: f64,
+    },
+    /// Neither curves nor the ground were seen.
+    NoCurve {
+        /// The largest change of heading in one curve, radians.
+        heading_rad: f64,
+        /// The least needed.
+        needed_rad: f64,
+    },
+    /// No ground was seen below the camera.
+    NoGround,
+    /// No speed was given.
+    NoSpeed,
+    /// The direction of travel, on which it is based, is not determined.
+    NoDirection,
+    /// The standard deviation is larger than is of use.
+    Uncertain {
+        /// The standard deviation, radians.
+        sigma_rad: f64,
+        /// The largest accepted.
+        most_rad: f64,
+    },
+    /// The camera lies on its side or upside down as far as the curves tell, and left and right cannot be distinguished.
+    NotUpright {
+        /// The angle, radians.
+        roll_rad: f64,
+        /// The largest accepted.
+        most_rad: f64,
+    },
+}
+
+/// What contradicts the estimate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Contradiction {
+    /// The first and the second half of the drive give other directions.
+    Halves(Halves),
+    /// The residuals of the points are several times larger than stated: another lens, or a rolling shutter.
+    Residuals {
+        /// Median ratio of standard deviations.
+        ratio: f64,
+        /// The largest accepted.
+        most: f64,
+    },
+    /// Curves and ground give other rolls.
+    RollSources {
+        /// Roll by the curves less roll by the ground, radians.
+        difference_rad: f64,
+        /// Its standard deviation.
+        sigma_rad: f64,
+    },
+}
+
+/// A camera on a vehicle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VehicleEstimate {
+    /// Yaw and pitch.
+    pub travel: Result<Travel, Undetermined>,
+    /// Roll.
+    pub roll: Result<Roll, Undetermined>,
+    /// Height above the ground.
+    pub height: Result<Height, Undetermined>,
+    /// What contradicts it; nothing of an answer that may be relied on.
+    pub contradictions: Vec<Contradiction>,
+    /// Seconds of motion, of straight motion, and of curves.
+    pub moving_s: f64,
+    /// Of straight motion.
+    pub straight_s: f64,
+    /// Of curves.
+    pub curve_s: f64,
+}
+
+impl VehicleEstimate {
+    /// Returns the rotation x_cam = cam_from_vehicle · x_vehicle; `None` unless yaw, pitch and roll are determined.
+    pub fn cam_from_vehicle_rotation(&self) -> Option<Matrix3<f64>> {
+        let (travel, roll) = (self.travel.as_ref().ok()?, self.roll.as_ref().ok()?);
+        let axes = VehicleAxes::new(&travel.in_cam);
+        let up = axes.up * roll.roll_rad.cos() + axes.left * roll.roll_rad.sin();
+        Some(Matrix3::from_columns(&[axes.forward, up.cross(&axes.forward), up]))
+    }
+}
+
+/// Axes of a vehicle whose camera has no roll, camera frame: eqs. (1) and (2).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VehicleAxes {
+    pub forward: Vector3<f64>,
+    pub left: Vector3<f64>,
+    pub up: Vector3<f64>,
+    pub yaw_rad: f64,
+    pub pitch_rad: f64,
+}
+
+impl VehicleAxes {
+    pub fn new(forward: &Vector3<f64>) -> Self {
+        let (yaw_rad, pitch_rad) =
+            (forward.x.atan2(forward.z), -(forward.y / forward.norm()).clamp(-1.0, 1.0).asin());
+        let ((sin_yaw, cos_yaw), (sin, cos)) = (yaw_rad.sin_cos(), pitch_rad.sin_cos());
+        let forward = Vector3::new(sin_yaw * cos, -sin, cos_yaw * cos);
+        let up = Vector3::new(-sin_yaw * sin, -cos, -cos_yaw * sin);
+        VehicleAxes { forward, left: up.cross(&forward), up, yaw_rad, pitch_rad }
+    }
+}
+
+/// Residuals larger than this many stated standard deviations, in the median pair, are no noise of corners.
+const MOST_NOISE_RATIO: f64 = 4.0;
+
+/// Estimates the camera's rotation against the vehicle, and its height, from motions in order of time.
+///
+/// # Errors
+/// `InvalidSetting`, `NotFinite` for numbers that cannot be. What the motions do not determine is named in the estimate.
+pub fn vehicle(motions: &[FrameMotion], config: &VehicleConfig) -> Result<VehicleEstimate, Error> {
+    motion::check(motions, config)?;
+    let stretches = Stretches::new(motions);
+    let mut contradictions = Vec::new();
+    let travel = travel::travel(&stretches);
+    contradictions
+        .extend(travel.as_ref().ok().and_then(|travel| travel.contradiction).map(Contradiction::Halves));
+    contradictions.extend(residuals(motions));
+    let (roll, conflict) = match &travel {
+        Ok(travel) => roll::roll(&stretches, travel),
+        Err(_) => (Err(Undetermined::NoDirection), None),
+    };
+    contradictions.extend(conflict);
+    let height = height::height(&stretches, config);
+    let [moving_s, straight_s, curve_s] = [stretches.moving_s, stretches.straight_s(), stretches.curve_s()];
+    Ok(VehicleEstimate { travel, roll, height, contradictions, moving_s, straight_s, curve_s })
+}
+
+fn residuals(motions: &[FrameMotion]) -> Option<Contradiction> {
+    let mut factors: Vec<f64> =
+        motions.iter().filter(|m| m.direction.is_some()).map(|m| m.noise_factor).collect();
+    factors.sort_by(f64::total_cmp);
+    let ratio = factors.get(factors.len() / 2)?.sqrt();
+    (MOST_NOISE_RATIO < ratio).then_some(Contradiction::Residuals { ratio, most: MOST_NOISE_RATIO })
+}
