@@ -1,4 +1,4 @@
-//! Several views or cameras at once: rigs, pose graphs, hand–eye, networks of photographs and lengths, points from many views.
+//! Several views or cameras at once: rigs, pose graphs, hand–eye, networks of photographs and lengths, points from many views, relative poses of two.
 
 #[cfg(feature = "std")]
 pub mod tag_map;

@@ -1,4 +1,5 @@
-//! What changes over time: a pose followed, a change detected, two calibrations compared, a rotation since a reference image.
+//! What changes over time: a pose followed, a change detected, two calibrations compared, a rotation since a reference image, a camera on
+//! a vehicle that drives.
 
 pub mod compare;
 pub mod snapshot;

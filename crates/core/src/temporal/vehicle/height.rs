@@ -25,8 +25,7 @@ const ROAD_SHARE: f64 = 0.01;
 /// # Errors
 /// `NoSpeed`, `NoGround`.
 pub(super) fn height(stretches: &Stretches, config: &VehicleConfig) -> Result<Height, Undetermined> {
-    let ground: Vec<&Driven> =
-        stretches.straight().filter(|driven| driven.motion.ground.is_some()).collect();
+    let ground: Vec<&Driven> = stretches.straight().filter(|driven| driven.motion.ground.is_some()).collect();
     if ground.is_empty() {
         return Err(Undetermined::NoGround);
     }
