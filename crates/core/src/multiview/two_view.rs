@@ -47,7 +47,7 @@ pub struct TwoViewConfig {
 
 impl Default for TwoViewConfig {
     fn default() -> Self {
-        TwoViewConfig { threshold_sigmas: 4.0, least: 20, max_samples: 500, seed: 0 }
+        TwoViewConfig { threshold_sigmas: 8.0, least: 20, max_samples: 500, seed: 0 }
     }
 }
 
@@ -65,18 +65,29 @@ pub struct TwoView {
     pub used: Vec<usize>,
     /// s²: variances over those stated, as the residuals show them.
     pub noise_factor: f64,
-    /// Of a different pose that explains the pairs too, as every view of a single plane has one: by how much its truncated χ² is larger, in units of
-    /// s². `None` where no other was found.
-    pub second_solution: Option<f64>,
+    /// A different pose that explains the pairs nearly as well, as every view of a single plane has one; `None` where no other was found.
+    pub second_solution: Option<SecondSolution>,
 }
 
-/// Difference of χ² below which a second solution is possible: chance exceeds it once in 20,000 times.
+/// How much worse a different pose explains the pairs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SecondSolution {
+    /// Its truncated χ² less that of the best pose, in units of s².
+    pub difference: f64,
+    /// Standard deviation of that difference by chance, if both poses were right: from the pairs that agree with both.
+    pub sigma: f64,
+}
+
+/// Difference of χ² below which a second solution is possible: chance exceeds it once in 20,000 times where both poses have equal residuals …
 const AMBIGUOUS: f64 = 20.0;
+/// … and in standard deviations, where they have different ones.
+const AMBIGUOUS_SIGMAS: f64 = 4.0;
 
 impl TwoView {
     /// Returns whether a second pose explains the pairs as well, as where all points lie in one plane.
     pub fn is_ambiguous(&self) -> bool {
-        self.second_solution.is_some_and(|difference| difference < AMBIGUOUS)
+        self.second_solution
+            .is_some_and(|second| second.difference < AMBIGUOUS.max(AMBIGUOUS_SIGMAS * second.sigma))
     }
 
     /// Returns both depths of a pair's point in units of the baseline; `None` where the rays are parallel.
@@ -129,19 +140,52 @@ pub fn two_view(
     Ok(TwoView { second_from_first, covariance, across, used: fit.used, noise_factor, second_solution })
 }
 
-/// χ² of another pose beyond that of the best one, both truncated at the threshold.
+/// The best of the other poses found.
 fn second_solution(
     pairs: &[BearingPair],
     found: &Agreement,
     fit: &Fit,
     config: &TwoViewConfig,
-) -> Option<f64> {
-    let other = Fit::of(pairs, found.other.as_ref()?, config).ok()?;
-    let differs = agreement::DIFFERENT < other.at.t.cross(&fit.at.t).norm()
-        || agreement::DIFFERENT < (other.at.r - fit.at.r).norm();
-    let limit = config.threshold_sigmas.powi(2);
-    let cost = |at: &RelativePose| truncated(pairs, &at.essential(), limit);
-    differs.then(|| (cost(&other.at) - cost(&fit.at)) / fit.noise_factor())
+) -> Option<SecondSolution> {
+    let (limit, best) = (config.threshold_sigmas.powi(2), fit.at.essential());
+    let starts = [found.other, exchanged(pairs, fit)].into_iter().flatten();
+    let others = starts.filter_map(|start| Fit::of(pairs, &start, config).ok()).filter(|other| {
+        agreement::DIFFERENT < other.at.t.cross(&fit.at.t).norm()
+            || agreement::DIFFERENT < (other.at.r - fit.at.r).norm()
+    });
+    let compared = |other: Fit| {
+        let (other, s2) = (other.at.essential(), fit.noise_factor());
+        let (mut difference, mut square) = (0.0, 0.0);
+        for pair in pairs {
+            let [a, b] = [best, other].map(|e| squared_residual(&e, pair).min(limit) / s2);
+            difference += b - a;
+            square += if a.max(b) < fit::GATE.powi(2) { (b - a).powi(2) } else { 0.0 };
+        }
+        SecondSolution { difference, sigma: square.sqrt() }
+    };
+    others.map(compared).min_by(|a, b| a.difference.total_cmp(&b.difference))
+}
+
+/// A start near the second pose of a plane: its normal, by least squares of the inverse depths, takes the place of the translation.
+fn exchanged(pairs: &[BearingPair], fit: &Fit) -> Option<RelativePose> {
+    let (mut information, mut sum) = (Matrix3::zeros(), Vector3::zeros());
+    for pair in fit.used.iter().map(|i| &pairs[*i]) {
+        let (y, b) = (fit.at.r * pair.first.into_inner(), pair.second.into_inner());
+        let [scaled, _] = fit.at.scaled_depths(pair);
+        // Inverse depth is c²/scaled; weighted by its own precision, |t × b|.
+        let (c2, weight) = (y.cross(&b).norm_squared(), fit.at.t.cross(&b).norm_squared());
+        if scaled.abs() <= f64::MIN_POSITIVE {
+            continue;
+        }
+        information += y * y.transpose() * weight;
+        sum += y * (weight * c2 / scaled);
+    }
+    let normal = information.try_inverse()? * sum;
+    // From behind the plane it moves towards it: −n of n · x = h.
+    let t = normal.try_normalize(f64::MIN_POSITIVE)?;
+    let poses = [t, -t].map(|t| RelativePose { r: fit.at.r, t });
+    let behind = |at: &RelativePose| fit.used.iter().filter(|i| fit::is_behind(&pairs[**i], at)).count();
+    poses.into_iter().min_by_key(behind)
 }
 
 fn truncated(pairs: &[BearingPair], e: &Matrix3<f64>, limit: f64) -> f64 {

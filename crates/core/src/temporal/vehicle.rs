@@ -26,7 +26,7 @@ pub use motion::{FrameMotion, TravelDirection};
 pub use roll::{Roll, RollSource};
 pub use travel::{Halves, Travel};
 
-use crate::Error;
+use crate::{Error, Pose};
 use nalgebra::{Matrix3, Vector3};
 use stretches::Stretches;
 
@@ -165,6 +165,11 @@ impl VehicleAxes {
         let up = Vector3::new(-sin_yaw * sin, -cos, -cos_yaw * sin);
         VehicleAxes { forward, left: up.cross(&forward), up, yaw_rad, pitch_rad }
     }
+}
+
+/// Accurate for small angles, and a number for the identity with rounding.
+fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
+    Pose::new(*r, Vector3::zeros()).log().fixed_rows::<3>(0).into()
 }
 
 /// Residuals larger than this many stated standard deviations, in the median pair, are no noise of corners.

@@ -91,7 +91,8 @@ pub struct UndeterminedObject {
 pub struct AlarmObject {
     /// `too_short`, `steady`, `checking` or `moved`.
     pub state: &'static str,
-    /// Rotation vector of the camera in its own old frame; null unless it moved. What the direction of travel does not show, the rotation about it, is left out.
+    /// Rotation vector of the camera in its old frame, in the axes right, down, forward of the direction of travel; null unless it moved. The rotation
+    /// about the last is not seen.
     pub rotation_rad: Option<[f64; 3]>,
     /// When the motion began, seconds from the first frame.
     pub began_s: Option<f64>,

@@ -4,7 +4,7 @@ use super::VehicleAnswer;
 use crate::answer::vehicle::{AlarmObject, RollObject, UndeterminedObject};
 use crate::answer::{SchemaNumber, Status};
 use crate::core::Pose;
-use crate::core::temporal::monitor::Watch;
+use crate::core::temporal::monitor::{Drift, Watch};
 use crate::core::temporal::vehicle::{
     Contradiction, RollSource, Undetermined, VehicleAlarm, VehicleEstimate,
 };
@@ -196,38 +196,36 @@ fn alarm_object(alarm: &VehicleAlarm) -> AlarmObject {
         VehicleAlarm::TooFew { seen, needed } => state(
             "too_short",
             format!(
-                "{seen} s of straight driving, {needed} s are needed to compare a part of the drive with its beginning"
+                "{seen} readings of straight driving, {needed} are needed to compare a part of the drive with its beginning"
             ),
         ),
         VehicleAlarm::Steady { watch: Watch::Steady, compared } => state(
             "steady",
-            format!("the camera stayed where it was, compared over {compared} s of straight driving"),
+            format!("the camera stayed where it was, compared in {compared} readings of straight driving"),
         ),
         VehicleAlarm::Steady { .. } => state(
             "checking",
             "the end of the drive differs from its beginning, not yet by enough for an alarm".to_string(),
         ),
-        VehicleAlarm::Unsettled(found) => {
-            moved(&found.drift.old_from_new.fixed_rows::<3>(0).into(), found.drift.began_s, None)
-        }
-        VehicleAlarm::Moved { drift, alarm_s } => {
-            moved(&drift.old_from_new.fixed_rows::<3>(0).into(), drift.began_s, Some(*alarm_s))
-        }
+        VehicleAlarm::Unsettled(found) => moved(&found.drift, None),
+        VehicleAlarm::Moved { drift, alarm_s } => moved(drift, Some(*alarm_s)),
     }
 }
 
-fn moved(rotation: &Vector3<f64>, began_s: f64, alarm_s: Option<f64>) -> AlarmObject {
+/// Of a motion in the axes right, down, forward of the direction of travel; the rotation about the last is not seen.
+fn moved(drift: &Drift, alarm_s: Option<f64>) -> AlarmObject {
+    let (right, down) = (drift.old_from_new[0], drift.old_from_new[1]);
     let message = format!(
         "the camera rotated on the vehicle by {} at {} s: {} to the left and {} down",
-        degrees(rotation.norm()),
-        figures(began_s),
-        degrees(-rotation.y),
-        degrees(-rotation.x)
+        degrees(right.hypot(down)),
+        figures(drift.began_s),
+        degrees(-down),
+        degrees(-right)
     );
     AlarmObject {
         state: "moved",
-        rotation_rad: Some((*rotation).into()),
-        began_s: Some(began_s),
+        rotation_rad: Some([right, down, 0.0]),
+        began_s: Some(drift.began_s),
         alarm_s,
         message,
     }

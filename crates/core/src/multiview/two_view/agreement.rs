@@ -14,11 +14,11 @@ const CONFIDENCE: f64 = 0.999;
 /// Probability that five good pairs lead to their pose: their own noise is in it.
 const USABLE: f64 = 0.5;
 /// Samples drawn at least: a second solution of a plane is found among them.
-const LEAST_SAMPLES: usize = 20;
+const LEAST_SAMPLES: usize = 40;
 /// Samples give other poses than this, norm of the difference, or sine of the angle between directions: two solutions.
 pub(super) const DIFFERENT: f64 = 0.1;
 /// Five pairs with noise of their own predict the others worse than the final pose does: the search looks this many thresholds wide.
-const WIDE: f64 = 3.0;
+const WIDE: f64 = 1.5;
 /// Largest expected number of essential matrices that as many random pairs would agree with.
 const MAX_FALSE_ALARMS: f64 = 1e-3;
 /// Ten essential matrices a sample at most.

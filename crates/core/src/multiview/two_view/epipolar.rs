@@ -62,6 +62,8 @@ pub(super) fn squared_residual(e: &Matrix3<f64>, pair: &BearingPair) -> f64 {
 pub(super) struct EpipolarRow {
     pub residual: f64,
     pub by_step: Vector5<f64>,
+    /// Square of the parallax along the epipolar line, over its stated variance.
+    pub parallax: f64,
     /// Part of J Jᵀ that is the noise of the bearings along the epipolar line, δ alone: eq. (11).
     pub noise: nalgebra::Matrix2<f64>,
 }
@@ -86,10 +88,12 @@ impl EpipolarRow {
         let root = variance.sqrt();
         let by_turn = (e_by_turn - v_by_turn * (e / (2.0 * variance))) / root;
         let by_t = (e_by_t - v_by_t * (e / (2.0 * variance))) / root;
-        let w = basis.tr_mul(&t.cross(&b).normalize());
+        let across = t.cross(&b).normalize();
+        let w = basis.tr_mul(&across);
         Some(EpipolarRow {
             residual: e / root,
             by_step: Vector5::new(by_turn.x, by_turn.y, by_turn.z, by_t.x, by_t.y),
+            parallax: y.cross(&b).dot(&across).powi(2) / (s1 + s2),
             noise: w * w.transpose() * ((s1 + s2) / variance),
         })
     }

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Matrix5, Vector5};
 /// Rounds of selection and minimisation; the selection settles within three.
 const ROUNDS: usize = 3;
 /// Residual, in units of the robust scatter, that one good pair in a thousand exceeds.
-const GATE: f64 = 3.290_527;
+pub(super) const GATE: f64 = 3.290_527;
 /// Share of χ² that the gate leaves: docs/math/two_view.md eq. (10).
 const KEPT: f64 = 0.988_293;
 /// Median of χ² with one degree of freedom.
@@ -20,6 +20,8 @@ const LEAST_NOISE_FACTOR: f64 = 0.25;
 const NEAR_EPIPOLE: f64 = 10.0;
 /// Share of the information that must be more than the noise along epipolar lines, in the worst direction: docs/math/two_view.md eq. (13).
 const LEAST_PARALLAX: f64 = 0.5;
+/// Mean square of the parallax, in variances, below which it may be noise: eq. (18). Noise alone has one, give or take √(2/n).
+const LEAST_PARALLAX_SQUARE: f64 = 4.0;
 /// Standard deviation of the direction of translation beyond which a covariance does not describe it, radians.
 const MAX_DIRECTION_SIGMA_RAD: f64 = 0.3;
 
@@ -74,9 +76,10 @@ impl Fit {
     /// `DegenerateView` without parallax, or where the pairs lie too close together.
     pub fn covariance(&self, pairs: &[BearingPair]) -> Result<Matrix5<f64>, Error> {
         let s2 = self.noise_factor();
-        let (mut h, mut noise) = (Matrix5::zeros(), Matrix5::zeros());
+        let (mut h, mut noise, mut parallax) = (Matrix5::zeros(), Matrix5::zeros(), 0.0);
         for row in self.used.iter().filter_map(|i| EpipolarRow::new(&self.at, &pairs[*i])) {
             h += row.by_step * row.by_step.transpose();
+            parallax += row.parallax / (s2 * self.used.len() as f64);
             let mut of_row = noise.fixed_view_mut::<2, 2>(3, 3);
             of_row += row.noise * s2;
         }
@@ -84,7 +87,7 @@ impl Fit {
         let root = h.cholesky().ok_or_else(|| no_parallax(0.0))?;
         let inverse_root = root.l().try_inverse().ok_or_else(|| no_parallax(0.0))?;
         let share = (inverse_root * signal * inverse_root.transpose()).symmetric_eigenvalues().min();
-        if !(LEAST_PARALLAX <= share) {
+        if !(LEAST_PARALLAX <= share && LEAST_PARALLAX_SQUARE <= parallax) {
             return Err(no_parallax(share));
         }
         let curvature = signal.cholesky().ok_or_else(|| no_parallax(share))?.inverse();

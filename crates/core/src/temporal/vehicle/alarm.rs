@@ -1,12 +1,12 @@
 //! The direction of travel over time as readings of the change detector: docs/math/vehicle.md section 8.
 
-use super::stretches::{Driven, Stretches};
+use super::stretches::{Driven, Stretches, tangent};
 use super::travel::{Travel, median};
 use super::{FrameMotion, VehicleAxes};
 use crate::temporal::monitor::learn::{LEAST_READINGS, LearnConfig, learn, unsettled};
 use crate::temporal::monitor::{Drift, Monitor, MonitorConfig, Reading, Unsettled, Watch};
-use crate::{Error, Matrix6, Pose};
-use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
+use crate::{Error, Matrix6, Pose, Vector6};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// Settings of the alarm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +25,8 @@ impl Default for VehicleAlarmConfig {
     fn default() -> Self {
         VehicleAlarmConfig {
             false_alarms_per_day: 1.0 / 30.0,
-            period_s: 1.0,
-            n_learn: 40,
+            period_s: 2.0,
+            n_learn: 20,
             tolerance_rad: 0.0,
         }
     }
@@ -53,16 +53,23 @@ pub enum VehicleAlarm {
     },
     /// The camera moved.
     Moved {
-        /// How it moved, as known at the end; the camera in its own old frame.
+        /// How it moved, as known at the end: its new frame in its old one, in the axes right, down, forward of the direction of travel. The
+        /// rotation about the last, and the translation, are not seen.
         drift: Box<Drift>,
         /// When the alarm was raised, seconds.
         alarm_s: f64,
     },
 }
 
-/// Variance of what a direction does not determine (the rotation about it, and the translation), rad² or m²: it is read as zero, and has no
-/// information.
+/// Variance of what a direction does not determine (the rotation about it, and the translation) over that of what it does: it is read as zero, and has
+/// no information.
 const UNKNOWN: f64 = 1e4;
+/// A drive has gaps without straight stretches, after which the state is not stale, seconds.
+const NEVER_S: f64 = 1e9;
+/// Standard deviations of slow changes of the body's attitude, by braking, speed and wind, and the time over which they are correlated.
+const SLOW_PITCH_RAD: f64 = 0.0015;
+const SLOW_YAW_RAD: f64 = 0.0005;
+const SLOW_S: f64 = 10.0;
 /// Pairs in a reading at least.
 const LEAST_PAIRS: usize = 2;
 
@@ -78,11 +85,10 @@ pub fn vehicle_alarm(
     let settings = MonitorConfig {
         false_alarms_per_day: config.false_alarms_per_day,
         decision_period_s: config.period_s,
-        stale_after_s: f64::MAX,
+        stale_after_s: NEVER_S,
         tolerance_rotation_rad: config.tolerance_rad,
         ..MonitorConfig::default()
     };
-    let settings = MonitorConfig { stale_after_s: 1e9, ..settings };
     settings.check()?;
     let readings = readings(&Stretches::new(motions), travel, config.period_s);
     let needed = config.n_learn.max(LEAST_READINGS);
@@ -90,14 +96,12 @@ pub fn vehicle_alarm(
         return Ok(VehicleAlarm::TooFew { seen: readings.len(), needed: needed + 1 });
     }
     let (first, rest) = readings.split_at(needed);
-    let learned =
-        LearnConfig { bias: Matrix6::zeros(), bias_time_s: 2.0 * config.period_s, diurnal: Matrix6::zeros() };
+    let learned = presumed(config);
     if let Some(found) = unsettled(first, &learned) {
         return Ok(VehicleAlarm::Unsettled(Box::new(found)));
     }
     let reference = learn(first, &learned)?;
     let mut monitor = Monitor::new(&reference, &settings, first[needed - 1].t_s)?;
-    monitor.measure_noise(first);
     let (mut watch, mut alarm_s) = (Watch::Checking, None);
     for reading in rest {
         watch = monitor.push(reading);
@@ -109,6 +113,13 @@ pub fn vehicle_alarm(
         (Some(drift), Some(alarm_s)) => VehicleAlarm::Moved { drift: Box::new(drift), alarm_s },
         _ => VehicleAlarm::Steady { watch, compared: rest.len() },
     })
+}
+
+/// What a body does for longer than a reading, at least, besides what the first readings show: about the axes to the right and down.
+fn presumed(config: &VehicleAlarmConfig) -> LearnConfig {
+    let [pitch, yaw] = [SLOW_PITCH_RAD, SLOW_YAW_RAD].map(|sigma| sigma * sigma);
+    let bias = Matrix6::from_diagonal(&Vector6::new(pitch, yaw, 0.0, 0.0, 0.0, 0.0));
+    LearnConfig { bias, bias_time_s: SLOW_S.max(2.0 * config.period_s), diurnal: Matrix6::zeros() }
 }
 
 /// The mean of each period of straight motion.
@@ -125,29 +136,25 @@ fn readings(stretches: &Stretches, travel: &Travel, period_s: f64) -> Vec<Readin
     readings
 }
 
+/// In the axes right, down, forward of the direction of travel, in which what is not determined is one coordinate.
 fn reading(chunk: &[&Driven], axes: &VehicleAxes, travel: &Travel) -> Reading {
     let n = chunk.len() as f64;
-    let at = |k: usize| {
-        median(chunk.iter().map(|driven| super::stretches::tangent(axes, &driven.direction.in_cam)[k]))
-    };
-    let x = Vector2::new(at(0), at(1));
-    let now = axes.forward + axes.left * x.x + axes.up * x.y;
-    let cam_from_travel =
+    let at =
+        |k: usize| chunk.iter().map(|driven| tangent(axes, &driven.direction.in_cam)[k]).sum::<f64>() / n;
+    let now = Vector3::new(-at(0), -at(1), 1.0);
+    let level_from_travel =
         Rotation3::rotation_between(&Vector3::z(), &now).unwrap_or_else(Rotation3::identity);
     let own = chunk.iter().map(|driven| driven.direction.covariance).sum::<Matrix3<f64>>() / (n * n);
-    // A rotation ω moves the direction by ω × d.
+    // A rotation about the axis to the right moves the direction up, one about the axis down moves it to the right.
     let scatter = travel.scatter_rad.map(|s| s * s / n);
-    let (about_up, about_left) =
-        (axes.left.dot(&(own * axes.left)) + scatter.x, axes.up.dot(&(own * axes.up)) + scatter.y);
-    let mut covariance = Matrix6::from_diagonal_element(UNKNOWN);
-    let rotation = axes.up * axes.up.transpose() * about_up
-        + axes.left * axes.left.transpose() * about_left
-        + axes.forward * axes.forward.transpose() * UNKNOWN;
-    covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
+    let about_right = axes.up.dot(&(own * axes.up)) + scatter.y;
+    let about_down = axes.left.dot(&(own * axes.left)) + scatter.x;
+    let unknown = UNKNOWN * about_right.max(about_down);
+    let variances = Vector6::new(about_right, about_down, unknown, unknown, unknown, unknown);
     Reading {
         t_s: chunk.iter().map(|driven| driven.motion.t_s).sum::<f64>() / n,
-        a_from_b: Pose::new(cam_from_travel.into_inner(), Vector3::zeros()),
-        covariance,
+        a_from_b: Pose::new(level_from_travel.into_inner(), Vector3::zeros()),
+        covariance: Matrix6::from_diagonal(&variances),
         is_consistent: true,
     }
 }
@@ -161,9 +168,6 @@ fn widen(readings: &mut [Reading]) {
     };
     // Median of χ² with two degrees of freedom.
     let scale = median(readings.windows(2).filter_map(ratio)) / (2.0 * core::f64::consts::LN_2);
-    for reading in readings {
-        let known = scale.clamp(0.1, 1e4);
-        let rotation = reading.covariance.fixed_view::<3, 3>(0, 0).into_owned() * known;
-        reading.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&rotation);
-    }
+    let scale = if scale.is_finite() { scale.clamp(0.1, 1e4) } else { 1.0 };
+    readings.iter_mut().for_each(|reading| reading.covariance *= scale);
 }

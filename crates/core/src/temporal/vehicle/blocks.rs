@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   x  values, X regressors, w weights   ·   A = Σ w X Xᵀ + P   ·   g_b = Σ w X r over block b   ·   S = Σ g_b g_bᵀ + Σ (g_b g_{b+1}ᵀ + its transpose)⁺
-//!   covariance = A⁻¹ (S n/(n − p) + P) A⁻¹ ν/(ν − 2)
+//!   covariance = A⁻¹ (S n/(n − 2) · ν/(ν − 2) + P) A⁻¹, ν = n − 3
 //! ```
 
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
@@ -115,11 +115,10 @@ fn products<const K: usize>(scores: &[(i64, SVector<f64, K>)]) -> [SMatrix<f64, 
     [own, lagged + lagged.transpose()]
 }
 
-/// Whether any component of neighbouring blocks is correlated by more than one standard deviation of chance.
+/// Whether neighbouring blocks of any component are positively correlated: a slow error beneath a fast one is a small correlation.
 fn are_correlated<const K: usize>(scores: &[(i64, SVector<f64, K>)]) -> bool {
-    let [own, lagged] = products(scores);
-    let by_chance = (scores.len() as f64).sqrt().recip();
-    (0..K).any(|k| by_chance < 0.5 * lagged[(k, k)] / own[(k, k)])
+    let [_, lagged] = products(scores);
+    (0..K).any(|k| 0.0 < lagged[(k, k)])
 }
 
 fn covariance<const K: usize>(
@@ -129,8 +128,9 @@ fn covariance<const K: usize>(
     let n = scores.len() as f64;
     let [own, lagged] = products(scores);
     let of_blocks = own + positive_part(lagged, &own);
-    let freedom = n - 2.0;
-    let widened = of_blocks * (n / freedom * freedom / (freedom - 2.0));
+    // Constant and slope take two blocks, the correlation of neighbours a third.
+    let freedom = n - 3.0;
+    let widened = of_blocks * (n / (n - 2.0) * freedom / (freedom - 2.0));
     let prior = SVector::<f64, K>::from_fn(|k, _| fits[k].inverse[1].powi(2) * fits[k].prior);
     let covariance = widened + SMatrix::from_diagonal(&prior);
     (covariance.sum().is_finite() && (0..K).all(|k| 0.0 < covariance[(k, k)])).then_some(covariance)

@@ -5,7 +5,7 @@
 //!   m ⟂ the translation: m = −(α up + β left)   ·   roll about the direction of travel = atan2(β, α), height = 1/√(α² + β²) baselines
 //! ```
 
-use super::VehicleAxes;
+use super::{VehicleAxes, rotation_vector};
 use crate::multiview::two_view::{BearingPair, TwoView};
 use crate::statistics::SplitMix64;
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
@@ -59,7 +59,6 @@ impl Row {
 /// The plane below the camera that the most points lie on, and that none lies beyond; `forward` is whether the camera moves along its direction
 /// of travel (else in reverse). `None` where the pair shows none.
 pub fn ground_plane(pairs: &[BearingPair], view: &TwoView, is_forward: bool) -> Option<GroundPlane> {
-    let r = &view.second_from_first.rotation;
     let sign = if is_forward { -1.0 } else { 1.0 };
     let axes = VehicleAxes::new(&(view.second_from_first.translation * sign));
     let rows: Vec<Row> = view.used.iter().filter_map(|i| row(pairs.get(*i)?, view, &axes)).collect();
@@ -86,7 +85,7 @@ pub fn ground_plane(pairs: &[BearingPair], view: &TwoView, is_forward: bool) -> 
     let (across, along) = (Vector2::new(-m.y, m.x) / length, m / length);
     let relative = |v: Vector2<f64>| v.dot(&(covariance * v)).max(0.0).sqrt() / length;
     let up = axes.up * angle.cos() + axes.left * angle.sin();
-    let middle_from_second = Rotation3::new(-0.5 * Rotation3::from_matrix_unchecked(*r).scaled_axis());
+    let middle_from_second = Rotation3::new(-0.5 * rotation_vector(&view.second_from_first.rotation));
     Some(GroundPlane {
         up_in_cam: middle_from_second * up,
         roll_sigma_rad: relative(across),

@@ -1,7 +1,7 @@
 //! The camera's motion between two frames, as the estimate needs it.
 
-use super::VehicleConfig;
 use super::ground::GroundPlane;
+use super::{VehicleConfig, rotation_vector};
 use crate::Error;
 use crate::multiview::two_view::TwoView;
 use nalgebra::{Matrix3, Matrix3x5, Rotation3, Vector3};
@@ -38,7 +38,7 @@ impl FrameMotion {
     /// Converts a relative pose of two frames: docs/math/vehicle.md eqs. (3) and (4).
     pub fn new(t_s: f64, duration_s: f64, view: &TwoView) -> Self {
         let r = &view.second_from_first.rotation;
-        let second_by_first = Rotation3::from_matrix_unchecked(*r).scaled_axis();
+        let second_by_first = rotation_vector(r);
         let middle_from_second = Rotation3::new(-0.5 * second_by_first).into_inner();
         let in_cam = -(middle_from_second * view.second_from_first.translation);
         // A small left rotation ω of R turns the middle by half of it the other way.
