@@ -25,8 +25,8 @@ impl Default for VehicleAlarmConfig {
     fn default() -> Self {
         VehicleAlarmConfig {
             false_alarms_per_day: 1.0 / 30.0,
-            period_s: 2.0,
-            n_learn: 20,
+            period_s: 1.0,
+            n_learn: 40,
             tolerance_rad: 0.0,
         }
     }
@@ -67,7 +67,7 @@ const UNKNOWN: f64 = 1e4;
 /// A drive has gaps without straight stretches, after which the state is not stale, seconds.
 const NEVER_S: f64 = 1e9;
 /// Standard deviations of slow changes of the body's attitude, by braking, speed and wind, and the time over which they are correlated.
-const SLOW_PITCH_RAD: f64 = 0.0015;
+const SLOW_PITCH_RAD: f64 = 0.001;
 const SLOW_YAW_RAD: f64 = 0.0005;
 const SLOW_S: f64 = 10.0;
 /// Pairs in a reading at least.
