@@ -1312,7 +1312,7 @@ export type PointView = {
 
 /** A likely fault of the points of a view, or of the intrinsics. */
 export type PointsCause = {
-  /** `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `axis_unit`, `labels_shifted`, `labels_exchanged`, `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`. */
+  /** `uv_exchanged`, `v_upwards`, `u_leftwards`, `xy_exchanged`, `axis_reversed`, `axis_unit`, `labels_shifted`, `labels_exchanged`, `rows_columns_exchanged`, `other_resolution`, `other_focal_length`, `other_crop`, `coefficient_order`, `undistorted_already` or `distorted`. */
   cause: string;
   /** χ² per degree of freedom once the fault is corrected. */
   chi2_per_degree_of_freedom: number;
