@@ -218,7 +218,7 @@ def test_a_tolerance_larger_than_what_a_wrong_lens_moves_accepts_the_rig(tmp_pat
     detections = "testdata/rig/detections.csv"
     refused = resight.rig_from_detections(wrong, detections)
     best = refused.to_dict()["explanations"][0]
-    assert refused.status == "inconsistent" and (best["explanation"], best["of"]) == ("lens", "right")
+    assert refused.status == "inconsistent" and (best["explanation"], best["of"]) == ("other_focal_length", "right")
     moved_m = best["motions"]["right"]["translation_m"]
     for times, status in ((0.9, "inconsistent"), (1.1, "ok")):
         found = resight.rig_from_detections(wrong, detections, tolerance_rotation_rad=0.02, tolerance_translation_m=times * moved_m)
