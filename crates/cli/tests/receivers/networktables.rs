@@ -1,5 +1,5 @@
-//! A small NetworkTables 4 server: it takes connections one after the other, keeps what is announced and published, tells its time, and breaks off
-//! where it is told to.
+//! A small NetworkTables 4 server: it takes connections one after the other, keeps what is announced and published, answers with its time, and closes a
+//! connection after a given number of samples.
 
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -49,7 +49,8 @@ impl Notices {
     }
 }
 
-fn weight(event: &Event) -> Option<Weight> {
+/// Returns what an event weighs where some must be dropped; none for events that others do not receive.
+pub(super) fn weight(event: &Event) -> Option<Weight> {
     match event {
         Event::StateChanged { state, .. } => Some(match state {
             State::Drifted(_) | State::Inconsistent | State::Stale { .. } => Weight::Alarm,

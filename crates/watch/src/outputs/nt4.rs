@@ -5,6 +5,7 @@ mod wire;
 
 use super::courier::Courier;
 use super::measured::measured;
+use super::notice::weight;
 use super::outbox::Weight;
 use super::said::word;
 use super::topics::Topics;
@@ -157,7 +158,7 @@ impl Output for Nt4 {
         match event {
             Event::Observed { camera, target, observation } => {
                 if self.is_reported.get(*camera) == Some(&false) {
-                    self.source(*camera, true);
+                    self.take(&Event::Source { camera: *camera, connected: true, reason: None })?;
                 }
                 if self.is_up.load(Ordering::Relaxed) {
                     self.frame(*camera, *target, observation);
@@ -165,14 +166,18 @@ impl Output for Nt4 {
             }
             Event::StateChanged { camera, target, state, .. } => {
                 let is_moved = matches!(state, State::Drifted(_));
-                let weight = if is_moved { Weight::Alarm } else { Weight::Routine };
                 let values = vec![
                     (self.numbers.of_pair(*camera, *target, STATE), Value::Text(word(state))),
                     (self.numbers.of_pair(*camera, *target, MOVED), Value::Boolean(is_moved)),
                 ];
-                self.publish(weight, values);
+                self.publish(event, values);
             }
-            Event::Source { camera, connected, .. } => self.source(*camera, *connected),
+            Event::Source { camera, connected, .. } => {
+                if let Some(is_reported) = self.is_reported.get_mut(*camera) {
+                    *is_reported = true;
+                }
+                self.publish(event, vec![(self.numbers.of_camera(*camera), Value::Boolean(*connected))]);
+            }
             _ => {}
         }
         Ok(())
@@ -185,14 +190,8 @@ impl Output for Nt4 {
 }
 
 impl Nt4 {
-    fn source(&mut self, camera: usize, is_connected: bool) {
-        if let Some(is_reported) = self.is_reported.get_mut(camera) {
-            *is_reported = true;
-        }
-        self.publish(Weight::Routine, vec![(self.numbers.of_camera(camera), Value::Boolean(is_connected))]);
-    }
-
-    fn publish(&self, weight: Weight, values: Vec<(usize, Value)>) {
+    fn publish(&self, event: &Event, values: Vec<(usize, Value)>) {
+        let weight = weight(event).unwrap_or(Weight::Routine);
         let time_us = self.began.elapsed().as_micros() as i64;
         self.courier.tell(weight, Sample { time_us, values, is_kept: true });
     }
