@@ -12,7 +12,7 @@ import tempfile
 
 import ntcore
 import numpy as np
-from watch_told import Session, free_port, lines, program, wait_for
+from watch_told import Session, answers, free_port, lines, program, wait_for
 from wpimath.geometry import Pose3d
 
 # The camera of WPILib looks along x, with y to the left and z up: its axes in those of the image.
@@ -25,6 +25,7 @@ def main():
         server = ntcore.NetworkTableInstance.create()
         port = free_port()
         server.startServer(str(folder / "persistent.json"), "127.0.0.1", free_port(), port)
+        wait_for("the server", lambda: answers(port))
         table = server.getTable("resight").getSubTable("gate")
         pair = table.getSubTable("dots")
         poses = pair.getStructTopic("target_from_cam", Pose3d).subscribe(Pose3d(), ntcore.PubSubOptions(sendAll=True, pollStorage=1000))

@@ -113,7 +113,10 @@ class Session:
         self.process.stdin.flush()
 
     def told(self, text):
-        return wait_for(text, lambda: next((line for line in list(self.log) if text in line), None))
+        try:
+            return wait_for(text, lambda: next((line for line in list(self.log) if text in line), None))
+        except TimeoutError as reason:
+            raise TimeoutError(f"{reason}; the session said: {self.log}") from None
 
     def end(self):
         self.process.stdin.close()
