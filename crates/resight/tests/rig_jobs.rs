@@ -148,6 +148,18 @@ fn refusals_and_wrong_requests_stay_apart() {
     assert!(ask(twice).contains("two cameras are called `left`"));
 }
 
+/// Intrinsics of an image of another resolution leave no rig, and the message names them.
+#[test]
+fn a_rig_without_a_solution_names_the_usual_fault() {
+    let mut request = two_cameras();
+    request.cameras[1].camera = request.cameras[1].camera.scaled_to(320, 240).unwrap();
+    let cells = cells();
+    let answer = resight::rig_from_detections(&Detections::rows(&rows(&cells)), &request).unwrap();
+    assert_eq!(answer.status(), Status::Error);
+    let message = json(&answer)["message"].to_string();
+    assert!(message.contains("the points agree for right with the intrinsics of"), "{message}");
+}
+
 /// A row is named by its number, a point that comes twice by its name: nothing bad gets as far as the solver.
 #[test]
 fn wrong_rows_are_named() {

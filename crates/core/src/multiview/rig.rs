@@ -323,6 +323,12 @@ pub fn solve_rig(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution
     Ok(faults::examined(problem, config, stated, solve_as_stated))
 }
 
+/// Returns the usual faults of a rig that [`solve_rig`] refuses: those with one of which it is solved and consistent, the most probable first.
+/// docs/math/suspects.md section 5.
+pub fn faults_of_unsolved(problem: &RigProblem, config: &RigConfig) -> Vec<RigExplanation> {
+    faults::of_unsolved(problem, config, solve_as_stated)
+}
+
 fn solve_as_stated(problem: &RigProblem, config: &RigConfig) -> Result<RigSolution, Error> {
     uncertain_lens::check(config.intrinsics, problem.cameras)?;
     let layout = layout::Layout::new(problem, config)?;

@@ -20,6 +20,7 @@ use crate::report::verdict::Status;
 use crate::rig::RigRun;
 use crate::scene::geometry::{self, Extent, TargetInView};
 
+pub(crate) use sentences::corrections_of_unsolved;
 pub use sentences::{
     lens_sentences, rejection_sentence, rig_explanations, scale_sentences, time_sentence,
     weakest_link_sentence,

@@ -12,11 +12,13 @@ use super::{InputFile, NamedRig, NamedTarget, RigRun, digest};
 use crate::answer::{RigAnswer, SolvedRig, Status, Unsolved};
 use crate::core::explanation::Tolerance;
 use crate::core::multiview::rig::{
-    FrameStamps, KnownDistance, RigConfig, SharedViews, UncertainTags, shared_views, solve_rig, time_offsets,
+    FrameStamps, KnownDistance, RigConfig, SharedViews, UncertainTags, faults_of_unsolved, shared_views,
+    solve_rig, time_offsets,
 };
 use crate::core::target::Feature;
 use crate::core::{Error as MathError, Target};
 use crate::error::Error;
+use crate::report::rig::corrections_of_unsolved;
 use crate::report::words::found_nowhere;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -219,7 +221,11 @@ impl ObservedRig {
             true => lenses::solve(&mut rig, &config),
             false => solve_rig(&rig.problem(), &config).map(|solution| (solution, Vec::new())),
         }
-        .map_err(|reason| failed(reason, &rig))?;
+        .map_err(|reason| {
+            let faults = faults_of_unsolved(&rig.problem(), &config);
+            let Unsolved { message, .. } = failed(reason, &rig);
+            Unsolved::new(Status::Error, message + &corrections_of_unsolved(&rig, &faults))
+        })?;
         let in_world = world_view
             .map(|view| in_world(&rig.problem(), &config, &solution, view))
             .transpose()

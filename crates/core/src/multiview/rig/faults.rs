@@ -1,5 +1,5 @@
-//! The usual faults of camera files, pixels and labels, where a rig contradicts itself: what explains all views of a camera together is corrected,
-//! and the rig is solved again. docs/math/suspects.md section 5.
+//! The usual faults of camera files, pixels and labels, where a rig contradicts itself or has no solution: what explains all views of a camera
+//! together is corrected, and the rig is solved again. docs/math/suspects.md section 5.
 
 use super::exchanged::{NEEDED_GAIN, misfit};
 use super::lens_doubt::EXPECTED_DEGREES;
@@ -24,8 +24,7 @@ pub(super) fn examined(
     if !stated.verdict.is_inconsistent || stated.explanations.iter().any(|one| is_solved(one.what)) {
         return stated;
     }
-    let contradiction = Contradiction { problem, config, stated: &stated, solve };
-    let found = contradiction.explanations();
+    let found = Contradiction { problem, config, stated: Some(&stated), solve }.explanations();
     for explanation in found {
         // Another lens of a camera is what its fault makes of it.
         if let RigExplanation::Fault { camera: Some(camera), .. } = explanation.what {
@@ -36,11 +35,22 @@ pub(super) fn examined(
     stated
 }
 
-/// A rig that is inconsistent as stated.
+/// Returns the faults with which a rig that has no solution as stated is solved and consistent, the most probable first.
+pub(super) fn of_unsolved(
+    problem: &RigProblem,
+    config: &RigConfig,
+    solve: impl Fn(&RigProblem, &RigConfig) -> Result<RigSolution, Error>,
+) -> Vec<RigExplanation> {
+    let mut found = Contradiction { problem, config, stated: None, solve }.explanations();
+    found.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    found.into_iter().map(|one| one.what).collect()
+}
+
+/// A rig that is inconsistent as stated, or has no solution.
 struct Contradiction<'a, S> {
     problem: &'a RigProblem<'a>,
     config: &'a RigConfig<'a>,
-    stated: &'a RigSolution,
+    stated: Option<&'a RigSolution>,
     solve: S,
 }
 
@@ -61,7 +71,9 @@ impl<S: Fn(&RigProblem, &RigConfig) -> Result<RigSolution, Error>> Contradiction
 
     /// Returns the cameras that are at fault by the verdict, the worst one first; all of them where none is, and of two, which blame each other.
     fn suspected(&self) -> Vec<usize> {
-        let RigSolution { verdict, .. } = self.stated;
+        let Some(RigSolution { verdict, .. }) = self.stated else {
+            return (0..self.problem.cameras.len()).collect();
+        };
         let is_own = |camera: &usize| {
             !matches!(verdict.cameras[*camera].cause, None | Some(Cause::Reference | Cause::Target))
         };
@@ -112,22 +124,25 @@ impl<S: Fn(&RigProblem, &RigConfig) -> Result<RigSolution, Error>> Contradiction
             first = first.moved(offset.focal, offset.centre)?;
             found = self.solved(&[(at, first.clone())])?;
         }
-        let gain = (misfit(self.stated, self.config) - misfit(&found, self.config))
-            / (found.noise_scale * found.view_scale);
-        if found.verdict.is_inconsistent || gain <= NEEDED_GAIN {
+        if found.verdict.is_inconsistent {
             return None;
         }
-        let nu = EXPECTED_DEGREES + self.problem.n_views as f64;
-        let n_seen: usize = corrections.iter().map(|(camera, _)| self.stated.cameras[*camera].n_seen).sum();
+        let n_seen: usize = corrections.iter().map(|(camera, _)| found.cameras[*camera].n_seen).sum();
         let paid = 0.5 * first.n_parameters() as f64 * (2.0 * n_seen as f64).ln();
-        let odds = first.log_odds() - (self.problem.cameras.len() as f64).ln();
+        let odds = first.log_odds() - (self.problem.cameras.len() as f64).ln() - paid;
         let what = RigExplanation::Fault {
             camera,
             fault: *first.faults.first()?,
             second: first.faults.get(1).copied(),
         };
-        let log_odds = odds - paid + 0.5 * nu * (gain / nu).ln_1p();
-        Some(Weighed::new(what, log_odds, self.stated.motions_to(&found)))
+        let Some(stated) = self.stated else {
+            return Some(Weighed::new(what, odds, Vec::new()));
+        };
+        let gain = (misfit(stated, self.config) - misfit(&found, self.config))
+            / (found.noise_scale * found.view_scale);
+        let nu = EXPECTED_DEGREES + self.problem.n_views as f64;
+        let log_odds = odds + 0.5 * nu * (gain / nu).ln_1p();
+        (NEEDED_GAIN < gain).then(|| Weighed::new(what, log_odds, stated.motions_to(&found)))
     }
 
     /// Solves the rig with cameras corrected.

@@ -8,10 +8,12 @@ use crate::report::explanation::{Named, WeighedExplanation};
 use crate::report::html::escaped;
 use crate::report::verdict::figures;
 use crate::report::words;
-use crate::rig::{LensChange, RigRun};
+use crate::rig::{LensChange, NamedRig, RigRun};
 
 /// A relative uncertainty from which a size counts as unknown.
 const WORTHLESS_SIGMA: f64 = 0.5;
+/// So many corrections of a rig without a solution are named.
+const MOST_CORRECTIONS: usize = 3;
 
 /// Names the weakest connection of the rig and what would strengthen it; `None` for a single camera.
 pub fn weakest_link_sentence(run: &RigRun) -> Option<String> {
@@ -75,15 +77,7 @@ pub fn rig_explanations(run: &RigRun) -> Vec<WeighedExplanation> {
                 words: format!("each other's lens for {a} and {b}"),
             }
         }
-        RigExplanation::Fault { camera, fault, second } => {
-            let faults: Vec<Fault> = [Some(fault), second].into_iter().flatten().collect();
-            let stated = camera.map(|camera| &run.rig.cameras[camera]);
-            let label = |point| format!("point {point}");
-            let correction = correction(&faults, stated.map(|stated| &stated.camera), false, label);
-            let of = stated.map(|stated| stated.name.clone());
-            let words = format!("{} {correction}", of.as_deref().unwrap_or("every camera"));
-            Named { key: fault.name(), of, words }
-        }
+        RigExplanation::Fault { camera, fault, second } => named_fault(&run.rig, camera, fault, second),
         RigExplanation::Late { camera, views } => {
             let name = &cameras[camera];
             let words = format!("cameras that do not expose together, {name} {views:+.2} views later");
@@ -93,6 +87,32 @@ pub fn rig_explanations(run: &RigRun) -> Vec<WeighedExplanation> {
     };
     let all = run.solution.explanations.iter().filter(|one| one.is_probable());
     all.map(|one| WeighedExplanation::of(one, named(one.what), &cameras)).collect()
+}
+
+/// Returns the correction of the faults of one camera, or of those that all cameras have.
+fn named_fault(rig: &NamedRig, camera: Option<usize>, fault: Fault, second: Option<Fault>) -> Named {
+    let faults: Vec<Fault> = [Some(fault), second].into_iter().flatten().collect();
+    let stated = camera.map(|camera| &rig.cameras[camera]);
+    let label = |point| format!("point {point}");
+    let correction = correction(&faults, stated.map(|stated| &stated.camera), false, label);
+    let of = stated.map(|stated| stated.name.clone());
+    let words = format!("{} {correction}", of.as_deref().unwrap_or("every camera"));
+    Named { key: fault.name(), of, words }
+}
+
+/// Names the corrections with one of which a rig without a solution is consistent; empty without one.
+pub fn corrections_of_unsolved(rig: &NamedRig, faults: &[RigExplanation]) -> String {
+    let named = |what: &RigExplanation| match *what {
+        RigExplanation::Fault { camera, fault, second } => {
+            Some(named_fault(rig, camera, fault, second).words)
+        }
+        _ => None,
+    };
+    let all: Vec<String> = faults.iter().filter_map(named).take(MOST_CORRECTIONS).collect();
+    if all.is_empty() {
+        return String::new();
+    }
+    format!("; the points agree for {}", all.join(", or for "))
 }
 
 /// Describes a warning for which every ± was widened; the others have sentences of their own.
