@@ -287,6 +287,8 @@ pub struct PointsOptions {
     pub estimate_focal: Option<LensPrior>,
     /// Unit of image coordinates in the answer: `px`, `normalized` or `unit of f`.
     pub image_unit: &'static str,
+    /// Whether points are still being moved: a contradiction is then answered without its causes, whose search takes tens of milliseconds.
+    pub is_provisional: bool,
 }
 
 impl Default for PointsOptions {
@@ -298,6 +300,7 @@ impl Default for PointsOptions {
             robust_threshold_px: None,
             estimate_focal: None,
             image_unit: "px",
+            is_provisional: false,
         }
     }
 }
@@ -330,8 +333,10 @@ pub fn locate_points(
     };
     let label = |i: usize| format!("point {}", points[i].label());
     let causes = match options.robust_threshold_px {
-        None => causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, Origin::Table, label),
-        Some(_) => Vec::new(),
+        None if !options.is_provisional => {
+            causes::causes(solved.as_ref().map(|(e, _)| e), &seen, camera, &config, Origin::Table, label)
+        }
+        _ => Vec::new(),
     };
     let budget = solved.as_ref().ok().and_then(|(e, agreement)| {
         let agreeing = agreement.as_ref().map(|a| a.inliers.iter().map(|i| seen[*i]).collect::<Vec<_>>());

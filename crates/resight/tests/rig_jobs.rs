@@ -157,7 +157,10 @@ fn a_rig_without_a_solution_names_the_usual_fault() {
     let answer = resight::rig_from_detections(&Detections::rows(&rows(&cells)), &request).unwrap();
     assert_eq!(answer.status(), Status::Error);
     let message = json(&answer)["message"].to_string();
-    assert!(message.contains("the points agree for right with pixels of images of 640 × 480 px"), "{message}");
+    assert!(
+        message.contains("the points agree for right with pixels of images of 640 × 480 px"),
+        "{message}"
+    );
 }
 
 /// A row is named by its number, a point that comes twice by its name: nothing bad gets as far as the solver.

@@ -4,12 +4,11 @@ use crate::lens::{self, KnownLens};
 use crate::places::Places;
 use crate::state::{PhotoState, State};
 use nalgebra::DMatrix;
-use resight::PoseAnswer;
 use resight::core::advise::ground::Plane;
-use resight::core::locate::Method;
 use resight::core::{Camera, Correspondence, Matrix6, Pixel, Point, Pose};
 use resight::locate::{NamedPoint, PointsOptions, locate_points};
 use resight::nominal::NominalLens;
+use resight::{PoseAnswer, Status};
 use std::sync::Arc;
 
 /// A photograph whose camera has a pose.
@@ -54,15 +53,26 @@ pub enum Attempt {
     Solved(Arc<Solved>),
 }
 
-/// Solves the points that have places.
-pub fn solve(Given { name, points, lens, chosen }: &Given) -> Attempt {
+impl Attempt {
+    /// Returns whether the answer says all that can be said: it is right, or the causes of the contradiction were sought.
+    pub fn is_whole(&self, is_dragged: bool) -> bool {
+        match self {
+            Attempt::Incomplete => true,
+            Attempt::Refused(_) => !is_dragged,
+            Attempt::Solved(solved) => !is_dragged || solved.answer.verdict.status == Status::Ok,
+        }
+    }
+}
+
+/// Solves the points that have places; the causes of a contradiction are not sought while a point is dragged.
+pub fn solve(Given { name, points, lens, chosen }: &Given, is_dragged: bool) -> Attempt {
     let lens = &**lens;
     let camera = camera_of(lens);
     let needed = if matches!(lens, KnownLens::Unknown(_)) { 4 } else { 3 };
     if points.len() < needed {
         return Attempt::Incomplete;
     }
-    let mut options = PointsOptions { method: Method::Auto, ..PointsOptions::default() };
+    let mut options = PointsOptions { is_provisional: is_dragged, ..PointsOptions::default() };
     match lens {
         KnownLens::Camera { intrinsics, .. } => options.intrinsics = intrinsics.clone(),
         KnownLens::Unknown(prior) => options.estimate_focal = Some(*prior),

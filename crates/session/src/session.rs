@@ -212,7 +212,7 @@ impl Session {
     /// Poses again what a change touched, and finds out whether anything is to be measured again.
     fn solve(&mut self) {
         self.places = Arc::new(places(&self.state));
-        self.solving.solve(&self.state, &self.places);
+        self.solving.solve(&self.state, &self.places, self.is_dragging());
         let scene = self.scene();
         if scene.is_none() && self.measured.take().is_some() {
             self.n_measured += 1;

@@ -21,7 +21,16 @@ pub struct StatedLens {
 #[derive(Debug, Clone, Default)]
 struct OnePhoto {
     lens: Option<StatedLens>,
-    tried: Option<(Given, Arc<Attempt>)>,
+    tried: Option<Tried>,
+}
+
+/// What was solved last of a photograph.
+#[derive(Debug, Clone)]
+struct Tried {
+    given: Given,
+    attempt: Arc<Attempt>,
+    /// Whether nothing of the answer waits for the end of a drag.
+    is_whole: bool,
 }
 
 /// The results of all photographs.
@@ -35,8 +44,9 @@ pub struct Solving {
 }
 
 impl Solving {
-    /// Solves what is not solved yet as it is now; the last good answers are kept.
-    pub fn solve(&mut self, state: &State, places: &Places) {
+    /// Solves what is not solved yet as it is now; the last good answers are kept. While something is dragged the causes of a
+    /// contradiction are not sought.
+    pub fn solve(&mut self, state: &State, places: &Places, is_dragged: bool) {
         self.photos.resize_with(state.photos.len(), OnePhoto::default);
         self.good.resize(state.photos.len(), None);
         // Photographs that take their lens from another one come after it.
@@ -56,18 +66,19 @@ impl Solving {
                 chosen: photo.chosen,
             });
             let is_known = match (&one.tried, &given) {
-                (Some((tried, _)), Some(given)) => tried == given,
+                (Some(tried), Some(given)) => tried.given == *given && (tried.is_whole || is_dragged),
                 (None, None) => true,
                 _ => false,
             };
             if !is_known {
                 self.n_solved += u64::from(given.is_some());
                 one.tried = given.map(|given| {
-                    let attempt = Arc::new(solve(&given));
-                    (given, attempt)
+                    let attempt = Arc::new(solve(&given, is_dragged));
+                    let is_whole = attempt.is_whole(is_dragged);
+                    Tried { given, attempt, is_whole }
                 });
             }
-            if let Some((_, attempt)) = &one.tried
+            if let Some(Tried { attempt, .. }) = &one.tried
                 && let Attempt::Solved(solved) = &**attempt
             {
                 self.good[i] = Some(Arc::clone(solved));
@@ -90,7 +101,7 @@ impl Solving {
 
     /// Returns the result for a photograph's points; `None` where no lens is known.
     pub fn attempt(&self, photo: usize) -> Option<&Attempt> {
-        self.photos.get(photo)?.tried.as_ref().map(|(_, attempt)| &**attempt)
+        self.photos.get(photo)?.tried.as_ref().map(|tried| &*tried.attempt)
     }
 
     /// Returns whether a photograph has a pose.

@@ -224,6 +224,22 @@ fn a_drag_is_one_step_back() {
     assert!((d.u_px - pixel(0.8, 1.6, 0.0).x).abs() < 1e-9);
 }
 
+/// Two marks that are exchanged contradict the distances while the second is still dragged; that they are exchanged is said when it is let go.
+#[test]
+fn the_cause_of_a_contradiction_is_named_when_the_mark_is_let_go() {
+    let (mut session, _) = four_clicks();
+    put(&mut session, "B", pixel(3.0, 0.0, 0.0), false);
+    let onto = pixel(1.5, 0.0, 0.0);
+    let message = |view: &View| match &view.refusal {
+        Some(refusal) => refusal.text.clone(),
+        None => serde_json::to_value(&view.answer).expect("an answer")["message"].to_string(),
+    };
+    let dragged = message(&put(&mut session, "C", onto, true));
+    let let_go = message(&put(&mut session, "C", onto, false));
+    assert!(let_go.contains("the points agree with"), "{let_go}");
+    assert!(!dragged.contains("the points agree with") && dragged.len() < let_go.len(), "{dragged}");
+}
+
 /// A refused command changes nothing; the last good answer stays, marked old.
 #[test]
 fn what_is_wrong_is_said_and_nothing_is_lost() {
