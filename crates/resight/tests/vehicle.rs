@@ -124,7 +124,7 @@ fn vehicle_names_what_frames_do_not_show() {
     undecided(vec![first.clone()], &["0 s of motion", "1 frame in 0 s", "longer video"]);
     undecided(vec![first.clone(), second], &["2 frames in 0.3 s", "longer video"]);
     // A frame that is equal to the one before has another time than its image.
-    let parked = undecided(vec![first.clone(); 40], &["no two frames are 0.3 s apart"]);
+    let parked = undecided(vec![first.clone(); 40], &["39 of 40 frames are equal to the one before"]);
     assert!(parked.remarks[0].contains("39 frames of 40"), "{:?}", parked.remarks);
     let flat = |i: usize| GrayImage { data: vec![100 + i as u8; first.data.len()], ..first.clone() };
     undecided((0..40).map(flat).collect(), &["39 of 39", "dark, covered, blurred or empty"]);
@@ -137,7 +137,7 @@ fn vehicle_names_what_frames_do_not_show() {
 #[test]
 fn vehicle_speeds_that_cannot_be_are_refused() {
     let path = std::env::temp_dir().join(format!("resight_vehicle_speed_{}.csv", std::process::id()));
-    for (rows, named) in [("0,3.5\n1,400\n", "400"), ("0,NaN\n", "NaN"), ("", "no speed")] {
+    for (rows, named) in [("0,3.5\n1,400\n", "400"), ("0,NaN\n", "NaN"), ("", "no rows")] {
         std::fs::write(&path, format!("t_s,speed_m_s\n{rows}")).expect("a file");
         let reason = read_speeds(&path).expect_err("no speeds").to_string();
         assert!(reason.contains(named), "{reason}");

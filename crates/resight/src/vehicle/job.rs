@@ -3,7 +3,7 @@
 use super::lens::OtherLenses;
 use super::pair::PairTimes;
 use super::speed::{LARGEST_GAP_S, speed_at};
-use super::words::{Contents, answer};
+use super::words::{Contents, answer, seconds};
 use super::{VehicleAnswer, VehicleRequest};
 use crate::core::Pose;
 use crate::core::temporal::vehicle::{
@@ -12,7 +12,6 @@ use crate::core::temporal::vehicle::{
 use crate::error::Error;
 use crate::formats::check_image_size;
 use crate::landmarks::{Landmarks, LandmarksError, NoParallax, Parallax};
-use crate::report::verdict::figures;
 use crate::video::{self, Video, ffmpeg::Decoded};
 use crate::{FileError, GrayImage};
 use std::path::{Path, PathBuf};
@@ -235,9 +234,9 @@ impl<'a> Motions<'a> {
         {
             return Err(Error::request(format!(
                 "the frames are from 0 s to {} s, the speeds from {} s to {} s; t_s must count seconds from the first frame, with a speed every {LARGEST_GAP_S} s at least",
-                figures(self.end_s),
-                figures(first.t_s),
-                figures(last.t_s)
+                seconds(self.end_s),
+                seconds(first.t_s),
+                seconds(last.t_s)
             )));
         }
         let config = VehicleConfig { speed_relative_sigma: self.request.speed_relative_sigma };

@@ -15,6 +15,12 @@ use crate::report::words::{all_share_words, counted, decimals, degrees, shares};
 use nalgebra::Vector3;
 use std::fmt::Write;
 
+/// Writes a time in seconds, to a tenth: `12`, `0.3`.
+pub(super) fn seconds(s: f64) -> String {
+    let text = format!("{s:.1}");
+    text.strip_suffix(".0").map_or(text.clone(), str::to_string)
+}
+
 /// What an answer is made of.
 pub(super) struct Contents<'a> {
     pub name: &'a str,
@@ -99,7 +105,7 @@ fn message(answer: &VehicleAnswer, contents: &Contents) -> String {
         (_, Some(contradiction), _) => contradiction.clone(),
         (_, _, Some(first)) if answer.status == Status::Undecided => first.reason.clone(),
         _ => {
-            format!("yaw and pitch are determined from {} s of straight driving", figures(answer.straight_s))
+            format!("yaw and pitch are determined from {} s of straight driving", seconds(answer.straight_s))
         }
     };
     if let (n, Some(reason)) = contents.failed
@@ -126,14 +132,20 @@ fn mostly_failed(contents: &Contents) -> bool {
 
 /// Of what the camera's motion is too little for, in terms of what was seen.
 fn too_little_motion(contents: &Contents, moving_s: f64, needed_s: f64) -> String {
-    let (moving, needed, end) = (figures(moving_s), figures(needed_s), figures(contents.end_s));
+    let (moving, needed, end) = (seconds(moving_s), seconds(needed_s), seconds(contents.end_s));
     let seen = format!("the frames show {moving} s of motion, {needed} s are needed");
     if contents.end_s < needed_s {
         let n = counted(contents.n_frames, "frame");
         return format!("{seen}: {n} in {end} s; give a longer video of driving straight ahead");
     }
+    if contents.n_frames < 2 * contents.n_repeated {
+        let (repeated, n) = (contents.n_repeated, contents.n_frames);
+        return format!(
+            "{seen}: {repeated} of {n} frames are equal to the one before; the vehicle stands still, or the video does"
+        );
+    }
     if contents.n_pairs == 0 {
-        let every = figures(contents.every_s);
+        let every = seconds(contents.every_s);
         return format!(
             "{seen}: no two frames are {every} s apart; give the frames in order of time, without gaps"
         );
@@ -203,20 +215,20 @@ fn why(contents: &Contents, reason: &Undetermined) -> String {
         Undetermined::Standing { moving_s, needed_s } => too_little_motion(contents, *moving_s, *needed_s),
         Undetermined::TooLittleStraight { straight_s, needed_s } => format!(
             "the vehicle drives straight ahead for {} s, {} s are needed: in curves the direction of travel depends on where the camera is mounted; drive a straight road",
-            figures(*straight_s),
-            figures(*needed_s)
+            seconds(*straight_s),
+            seconds(*needed_s)
         ),
         Undetermined::ForwardSign { share } => format!(
             "{} % of the pairs move against the others, so that forward and reverse cannot be distinguished; state speeds, negative in reverse",
             figures(100.0 * share)
         ),
         Undetermined::NoCurve { heading_rad, needed_rad } => format!(
-            "no ground was seen, and the largest change of heading in one curve is {}, {} is needed; drive curves to both sides",
+            "the ground was not seen, or too seldom, and the largest change of heading in one curve is {}, {} is needed; drive curves to both sides",
             degrees(*heading_rad),
             degrees(*needed_rad)
         ),
         Undetermined::NoGround => {
-            "no ground was seen below the camera, or too seldom; a camera that looks at the road is needed"
+            "no ground was seen below the camera, or too seldom; a camera that looks at the road is needed, and frames close enough for the road to be found again (--every)"
                 .to_string()
         }
         Undetermined::NoSpeed => "no speed is stated, which the scale follows from; give --speed".to_string(),
@@ -306,7 +318,7 @@ fn moved(drift: &Drift, alarm_s: Option<f64>) -> AlarmObject {
     let message = format!(
         "the camera rotated on the vehicle by {} at {} s: {} to the left and {} down",
         degrees(right.hypot(down)),
-        figures(drift.began_s),
+        seconds(drift.began_s),
         degrees(-down),
         degrees(-right)
     );
@@ -366,7 +378,7 @@ pub fn describe(answer: &VehicleAnswer) -> String {
         line("alarm", &alarm.message);
     }
     let (moving, straight, curves) =
-        (figures(answer.moving_s), figures(answer.straight_s), figures(answer.curve_s));
+        (seconds(answer.moving_s), seconds(answer.straight_s), seconds(answer.curve_s));
     line("drive", &format!("{moving} s of motion, {straight} s straight ahead, {curves} s in curves"));
     answer.remarks.iter().for_each(|remark| line("remark", remark));
     out

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 const SIZE: [u32; 2] = [480, 320];
 pub const FRAME_S: f64 = 0.3;
-pub const SPEED_M_S: f64 = 8.0;
+pub const SPEED_M_S: f64 = 3.0;
 /// Yaw to the left, pitch down, roll to the right side, radians.
 pub const MOUNTED: [f64; 3] = [0.035, 0.052, 0.017];
 pub const HEIGHT_M: f64 = 1.4;
