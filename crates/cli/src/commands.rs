@@ -21,6 +21,7 @@ pub mod hand_eye;
 pub mod landmarks;
 pub mod measure;
 pub mod solve;
+pub mod vehicle;
 pub mod whisker;
 pub mod zones;
 pub mod watch;

@@ -3,7 +3,7 @@
 use crate::commands::{
     advise, batch, capture, compare, completions, convert, demo, detect, explain, fleet_report, georeference,
     hand_eye, history, intrinsics, landmarks, locate, map, measure, pose_graph, print, rig, rig_pose, schema,
-    serve, solve, watch, whisker, zones,
+    serve, solve, vehicle, watch, whisker, zones,
 };
 use crate::meant;
 use crate::output::Outcome;
@@ -101,6 +101,8 @@ pub enum Command {
     PoseGraph(pose_graph::PoseGraphArgs),
     /// Computes how a camera or rig is mounted on a robot or vehicle (hand–eye calibration).
     HandEye(hand_eye::HandEyeArgs),
+    /// Computes the rotation of a camera against its vehicle, from a video of driving.
+    Vehicle(vehicle::Vehicle),
     /// Tests what moved between two rigs or poses, by how much, and with which uncertainty.
     Compare(compare::Compare),
     /// Writes camera files in another program's format, with the poses of other files merged in.
@@ -156,6 +158,7 @@ pub fn run(command: Command) -> Result<Outcome> {
         Command::Map(args) => map::run(&args),
         Command::PoseGraph(args) => pose_graph::run(&args),
         Command::HandEye(args) => hand_eye::run(&args),
+        Command::Vehicle(args) => vehicle::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Measure(args) => measure::run(&args),

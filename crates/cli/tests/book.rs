@@ -108,7 +108,7 @@ const FOLLOWED: [Followed; 22] = [
 ];
 
 /// Pages with commands that other tests run.
-const FOLLOWED_ELSEWHERE: [&str; 8] = [
+const FOLLOWED_ELSEWHERE: [&str; 9] = [
     "c.md",
     "compare.md",
     "first-pose.md",
@@ -117,6 +117,7 @@ const FOLLOWED_ELSEWHERE: [&str; 8] = [
     "touch-meets-sight.md",
     "whisker.md",
     "python.md",
+    "vehicle.md",
 ];
 
 #[cfg(unix)]

@@ -17,6 +17,8 @@ mod receivers;
 mod recorded;
 mod rig_support;
 mod support;
+#[path = "../../resight/tests/vehicle_support/mod.rs"]
+mod vehicle_support;
 mod watch_support;
 
 mod advise;
@@ -60,6 +62,7 @@ mod tag_maps;
 mod touch_meets_sight;
 mod uncertain;
 mod upright;
+mod vehicle;
 mod watch;
 mod watch_gap;
 mod watch_landmarks;

@@ -6,8 +6,8 @@
 //! least_squares  one Levenberg–Marquardt over one trait
 //! locate         one camera: points, lines and priors to a pose with covariance and ambiguity
 //! robust         consensus where correspondences may be wrong
-//! multiview      rigs, pose graphs, hand–eye, networks of photographs, points from several views
-//! temporal       tracks, change detection, comparison of calibrations
+//! multiview      rigs, pose graphs, hand–eye, networks of photographs, points and motions from several views
+//! temporal       tracks, change detection, comparison of calibrations, cameras on vehicles
 //! batch          many views at once, in SIMD
 //! advise         what the next observation is worth
 //! ```

@@ -1,4 +1,4 @@
-//! Several views or cameras at once: rigs, pose graphs, hand–eye, networks of photographs and lengths, points from many views.
+//! Several views or cameras at once: rigs, pose graphs, hand–eye, networks of photographs and lengths, points from many views, relative poses of two.
 
 #[cfg(feature = "std")]
 pub mod tag_map;
@@ -21,6 +21,8 @@ pub mod rig;
 pub mod map;
 #[cfg(feature = "std")]
 pub(crate) mod relative;
+#[cfg(feature = "std")]
+pub mod two_view;
 #[cfg(feature = "std")]
 pub mod pose_graph;
 #[cfg(feature = "std")]

@@ -111,6 +111,8 @@ mod words;
 mod track;
 mod triangulate;
 mod turn;
+mod two_view;
+mod vehicle;
 mod unknown_focal;
 mod uncertain;
 mod upright;

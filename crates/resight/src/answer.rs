@@ -23,6 +23,7 @@ pub mod rig_view;
 pub mod scene_view;
 pub mod schema;
 pub mod zones;
+pub mod vehicle;
 pub mod focal;
 mod every;
 mod unsolved;
@@ -50,6 +51,7 @@ pub use rig_view::{RigView, rig_view};
 pub use scene_view::SceneViewAnswer;
 pub use schema::{SCHEMA, SchemaNumber};
 pub use unsolved::Unsolved;
+pub use vehicle::VehicleAnswer;
 pub use zones::ZoneAnswer;
 
 pub(crate) use pose::rows;

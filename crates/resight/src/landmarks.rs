@@ -12,12 +12,14 @@ mod patch;
 mod lens_error;
 mod pyramid;
 mod select;
+mod parallax;
 
 use crate::GrayImage;
 use crate::locate::IntrinsicsCovariance;
 pub use draw::draw;
 use features::{Features, Pattern};
 use nalgebra::{Matrix2, Matrix3, Vector2};
+pub use parallax::{NoParallax, Parallax};
 use patch::Aligned;
 use pyramid::Reduced;
 use resight_core::temporal::relative_rotation::{

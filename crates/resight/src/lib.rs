@@ -34,6 +34,7 @@
 //! | lengths, positions and areas in photographs | [`measure()`] |
 //! | what moved between two calibrations | [`compare()`] |
 //! | zones of a reference image after the camera has rotated | [`zones::move_zones`] |
+//! | a video of driving to the rotation of the camera against its vehicle | [`vehicle::vehicle_from_video`] |
 //! | where to put the next point, target or board | [`advise_points`], [`advise_target`], [`advise_boards`] |
 //! | points in latitude and longitude, poses on a map, pixels of an orthophoto | [`georeference`] |
 //! | cameras and targets in other formats, and in sentences | [`convert()`], [`explain`] |
@@ -78,6 +79,7 @@ pub mod convert;
 pub mod print;
 pub mod landmarks;
 pub mod zones;
+pub mod vehicle;
 pub mod map;
 
 pub use self::image::GrayImage;

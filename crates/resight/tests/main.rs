@@ -9,6 +9,7 @@ mod real_support;
 #[path = "../../core/tests/recorded.rs"]
 mod recorded;
 mod report_support;
+mod vehicle_support;
 
 mod board_parts;
 mod capture;
@@ -49,4 +50,5 @@ mod sharp_tags;
 mod tag_tolerance;
 mod target_table;
 mod mirrored;
+mod vehicle;
 mod zones;

@@ -17,6 +17,7 @@ pub mod conditions;
 pub mod carried;
 pub mod delay;
 pub mod wild;
+pub mod drives;
 pub mod verdicts;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};

@@ -2,7 +2,7 @@
 
 use super::{
     advise, capture, compare, detection, files, georeference, hand_eye, intrinsics, landmarks, map, measure,
-    pose, pose_graph, print, rig, rig_pose, scene_view, zones,
+    pose, pose_graph, print, rig, rig_pose, scene_view, vehicle, zones,
 };
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -40,7 +40,7 @@ serialised_as! {
 pub type Generate = fn(&mut SchemaGenerator) -> Schema;
 
 /// Every answer, with the name of its job.
-const ANSWERS: [(&str, Generate); 28] = [
+const ANSWERS: [(&str, Generate); 29] = [
     ("pose", SchemaGenerator::subschema_for::<pose::PoseAnswer>),
     ("rig", SchemaGenerator::subschema_for::<rig::RigAnswer>),
     ("map", SchemaGenerator::subschema_for::<map::MapAnswer>),
@@ -66,6 +66,7 @@ const ANSWERS: [(&str, Generate); 28] = [
     ("advise_rig", SchemaGenerator::subschema_for::<advise::RigNow>),
     ("advise_board", SchemaGenerator::subschema_for::<advise::BoardSuggestion>),
     ("zone", SchemaGenerator::subschema_for::<zones::ZoneAnswer>),
+    ("vehicle", SchemaGenerator::subschema_for::<vehicle::VehicleAnswer>),
     ("landmarks", SchemaGenerator::subschema_for::<landmarks::LandmarksAnswer>),
     ("measure_query", SchemaGenerator::subschema_for::<measure::QueryObject>),
     ("measure_network", SchemaGenerator::subschema_for::<measure::NetworkAnswer>),
