@@ -245,10 +245,10 @@ impl Session {
     }
 
     /// Returns what is to be measured while something is dragged, in a fraction of the time, until [`Session::measuring`] follows; `None` where that
-    /// is done.
+    /// is done, and where a photograph contradicts its points, from which nothing can be measured.
     pub fn measuring_provisionally(&self) -> Option<Measuring> {
         let scene = self.unmeasured.clone()?;
-        let is_done = self.n_tried == scene.number;
+        let is_done = self.n_tried == scene.number || !self.solving.is_consistent();
         (!is_done).then_some(Measuring { scene, before: None, is_provisional: true })
     }
 

@@ -7,6 +7,7 @@ use crate::photograph::Photograph;
 use crate::places::Places;
 use crate::pose::{Attempt, Given, Solved, named_points, solve};
 use crate::state::{PhotoState, State};
+use resight::Status;
 use std::sync::Arc;
 
 /// The statement about a lens, and the resulting camera for a photograph: camera files are parsed once.
@@ -102,6 +103,16 @@ impl Solving {
     /// Returns the result for a photograph's points; `None` where no lens is known.
     pub fn attempt(&self, photo: usize) -> Option<&Attempt> {
         self.photos.get(photo)?.tried.as_ref().map(|tried| &*tried.attempt)
+    }
+
+    /// Returns whether no photograph contradicts its points.
+    pub fn is_consistent(&self) -> bool {
+        let attempts = self.photos.iter().filter_map(|photo| photo.tried.as_ref());
+        attempts.map(|tried| &*tried.attempt).all(|attempt| match attempt {
+            Attempt::Incomplete => true,
+            Attempt::Refused(_) => false,
+            Attempt::Solved(solved) => solved.answer.verdict.status != Status::Inconsistent,
+        })
     }
 
     /// Returns whether a photograph has a pose.
