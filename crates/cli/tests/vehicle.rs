@@ -1,9 +1,11 @@
-//! `vehicle`: the commands of its page on a rendered street, and what it refuses.
+//! `vehicle`: the commands of its page on a rendered street, as images and as a film, and what it refuses.
 
 use crate::book_support::root;
+use crate::film_support::{H264, has_ffmpeg};
 use crate::support::{folder, json_lines, resight, same};
 use crate::vehicle_support::{FRAME_S, MOUNTED, SPEED_M_S, drive};
 use std::fmt::Write;
+use std::process::Command;
 
 const CAMERA: &str = "model = \"pinhole\"\nwidth_px = 480\nheight_px = 320\nfx_px = 320.0\nfy_px = 320.0\ncx_px = 239.5\ncy_px = 159.5\nintrinsics_sigma = { fx_px = 0.5, fy_px = 0.5, cx_px = 0.4, cy_px = 0.4 }\n";
 
@@ -31,11 +33,20 @@ fn vehicle_page_shows_what_the_program_says() {
     let shown = page.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
     assert!(same(&said, shown), "said\n{said}\nshown\n{shown}");
 
-    let run = resight(&[&words[..], &["--json"]].concat());
-    let answer = &json_lines(&run)[0];
-    assert_eq!(answer["status"], "ok");
-    let yaw_rad = answer["yaw_rad"].as_f64().unwrap();
-    assert!((yaw_rad - MOUNTED[0]).abs() < 1e-3, "{yaw_rad}");
+    if has_ffmpeg() {
+        let film = file("drive.mp4");
+        let made = Command::new("ffmpeg")
+            .args(["-v", "error", "-framerate", "10/3", "-i", &file("drive/%03d.png")])
+            .args(H264)
+            .arg(&film)
+            .status();
+        assert!(made.unwrap().success());
+        let run = resight(&["vehicle", &film, "--camera", &camera, "--speed", &speed, "--json"]);
+        let answer = &json_lines(&run)[0];
+        assert_eq!(answer["status"], "ok", "{answer}");
+        let yaw_rad = answer["yaw_rad"].as_f64().unwrap();
+        assert!((yaw_rad - MOUNTED[0]).abs() < 1e-3, "{yaw_rad}");
+    }
 
     // Without the time between images, with a few images only, and with a camera of another image size.
     let refused = resight(&["vehicle", &images, "--camera", &camera]);
