@@ -50,6 +50,7 @@ impl PixelCovariance {
     }
 
     /// Returns the covariance of (v, u).
+    #[cfg(feature = "std")]
     pub(crate) const fn with_axes_exchanged(&self) -> Self {
         PixelCovariance { uu_px2: self.vv_px2, uv_px2: self.uv_px2, vv_px2: self.uu_px2 }
     }

@@ -129,6 +129,7 @@ fn polished(m: &Minimum, cost: &impl Cost) -> Option<Minimum> {
 }
 
 /// The covariance of a minimum, with the shares of the bend and of the range added.
+#[cfg(feature = "std")]
 pub(crate) fn with_curvature(m: &Minimum, cost: &impl Cost) -> Matrix6 {
     Ridge::of(m, cost).with_share() + range_share(m, &cost.pivot())
 }
