@@ -51,6 +51,23 @@ fn distance(session: &mut Session, a: &str, b: &str, distance_m: f64) -> View {
     session.apply(0, Command::SetDistance { a: a.into(), b: b.into(), distance_m, sigma_m: Some(0.001) })
 }
 
+/// Six points at known places that are not in one plane.
+fn spread_points(session: &mut Session) {
+    let places = [
+        (0.0, 0.0, 0.0),
+        (3.0, 0.0, 0.0),
+        (3.0, 2.0, 0.0),
+        (0.0, 2.0, 0.0),
+        (1.0, 1.0, 1.2),
+        (2.2, 0.4, 1.5),
+    ];
+    for (i, (x_m, y_m, z_m)) in places.into_iter().enumerate() {
+        let name = format!("P{i}");
+        session.apply(0, Command::SetPosition { name: name.clone(), x_m, y_m, z_m, sigma_m: 0.0 });
+        put(session, &name, pixel(x_m, y_m, z_m), false);
+    }
+}
+
 /// Four clicks: three on a line and one off it.
 fn four_clicks() -> (Session, View) {
     four_clicks_on(demo())
@@ -224,18 +241,22 @@ fn a_drag_is_one_step_back() {
     assert!((d.u_px - pixel(0.8, 1.6, 0.0).x).abs() < 1e-9);
 }
 
-/// Two marks that are exchanged contradict the distances while the second is still dragged; that they are exchanged is said when it is let go.
+/// Two marks that are exchanged contradict each other while the second is still dragged; that they are exchanged is said when it is let go.
 #[test]
 fn the_cause_of_a_contradiction_is_named_when_the_mark_is_let_go() {
-    let (mut session, _) = four_clicks();
-    put(&mut session, "B", pixel(3.0, 0.0, 0.0), false);
-    let onto = pixel(1.5, 0.0, 0.0);
+    let mut session = demo();
+    session.apply(0, lens());
+    session.apply(0, Command::SetTemplate { template: Template::Own });
+    session.apply(0, Command::SetSigma { sigma_px: 0.2 });
+    spread_points(&mut session);
+    put(&mut session, "P1", pixel(3.0, 2.0, 0.0), false);
+    let onto = pixel(3.0, 0.0, 0.0);
     let message = |view: &View| match &view.refusal {
         Some(refusal) => refusal.text.clone(),
         None => serde_json::to_value(&view.answer).expect("an answer")["message"].to_string(),
     };
-    let dragged = message(&put(&mut session, "C", onto, true));
-    let let_go = message(&put(&mut session, "C", onto, false));
+    let dragged = message(&put(&mut session, "P2", onto, true));
+    let let_go = message(&put(&mut session, "P2", onto, false));
     assert!(let_go.contains("the points agree with"), "{let_go}");
     assert!(!dragged.contains("the points agree with") && dragged.len() < let_go.len(), "{dragged}");
 }
@@ -306,19 +327,7 @@ fn the_lens_is_estimated() {
     session.apply(0, Command::SetLens { lens: GivenLens::Unknown });
     session.apply(0, Command::SetTemplate { template: Template::Own });
     session.apply(0, Command::SetSigma { sigma_px: 0.2 });
-    let places = [
-        (0.0, 0.0, 0.0),
-        (3.0, 0.0, 0.0),
-        (3.0, 2.0, 0.0),
-        (0.0, 2.0, 0.0),
-        (1.0, 1.0, 1.2),
-        (2.2, 0.4, 1.5),
-    ];
-    for (i, (x_m, y_m, z_m)) in places.into_iter().enumerate() {
-        let name = format!("P{i}");
-        session.apply(0, Command::SetPosition { name: name.clone(), x_m, y_m, z_m, sigma_m: 0.0 });
-        put(&mut session, &name, pixel(x_m, y_m, z_m), false);
-    }
+    spread_points(&mut session);
     let view = session.view(0);
     let lens = view.lens.as_ref().expect("a lens");
     assert_eq!(lens.state, "estimated");
