@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# rustc with Clippy's lints, for `RUSTC_WRAPPER=scripts/rustc_checked.sh cargo test`. Unit tests of a library run for less time than its optimisation
-# takes: they are optimised little, and benches, which are only built here, not at all.
+# rustc with Clippy's lints, warnings denied, for `RUSTC_WRAPPER=scripts/rustc_checked.sh cargo test`. Unit tests of a library run for less time than
+# its optimisation takes: they are optimised little, and benches, which are only built here, not at all.
 set -euo pipefail
 is_test=
 is_library=
@@ -13,4 +13,4 @@ for word in "$@"; do
     esac
 done
 [ "$is_test$is_library" != yesyes ] || level=(-C opt-level=1)
-exec clippy-driver "$@" "${level[@]}"
+exec clippy-driver "$@" -D warnings "${level[@]}"
