@@ -161,6 +161,26 @@ fn a_rig_without_a_solution_names_the_usual_fault() {
     assert!(message.contains("the points agree for right with y divided by 1000"), "{message}");
 }
 
+/// Two cameras lose the views in which they disagree in turn, so that neither loses many: what tears them apart is a contradiction, however few
+/// views they share.
+#[test]
+fn cameras_that_agree_in_one_view_alone_are_inconsistent() {
+    for views in 2..=5 {
+        for (fault, change) in [
+            ("y reversed", (|row| row[4] = format!("-{}", row[4])) as fn(&mut Vec<String>)),
+            ("x reversed", |row| row[3] = format!("-{}", row[3])),
+            ("x and y exchanged", |row| row.swap(3, 4)),
+        ] {
+            let mut cells = cells();
+            cells.retain(|row| row[1].parse::<usize>().unwrap() <= views);
+            cells.iter_mut().filter(|row| row[0] == "right").for_each(change);
+            let answer =
+                resight::rig_from_detections(&Detections::rows(&rows(&cells)), &two_cameras()).unwrap();
+            assert_ne!(answer.status(), Status::Ok, "{fault} in {views} views: {}", json(&answer)["message"]);
+        }
+    }
+}
+
 /// A row is named by its number, a point that comes twice by its name: nothing bad gets as far as the solver.
 #[test]
 fn wrong_rows_are_named() {

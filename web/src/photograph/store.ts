@@ -188,7 +188,7 @@ export function inHand() {
 }
 
 /** While a point is dragged the panels follow so much later at most, ms: what lies over the photograph is drawn at once. */
-const PANELS_MS = 50;
+const PANELS_MS = 100;
 options.debounceRendering = (render) => void (moved.peek() && isHeld ? setTimeout(render, PANELS_MS) : queueMicrotask(render));
 
 /** Applies a command; answers the view, or null where it was overtaken or failed. */

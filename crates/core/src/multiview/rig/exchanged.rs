@@ -54,11 +54,12 @@ pub(super) fn examined(
     }
 }
 
-/// Returns whether the exchange matters: whatever it moves, unless a tolerance is stated.
+/// Returns whether the exchange explains a contradiction or moves a camera by more than its covariance; with a stated tolerance, by more than that.
 fn matters(stated: &RigSolution, motions: &[Vector6], config: &RigConfig) -> bool {
     let tolerance = &config.tolerance;
     let mut moved = stated.cameras.iter().zip(motions);
-    !tolerance.is_stated() || moved.any(|(camera, motion)| tolerance.is_exceeded(motion, &camera.covariance))
+    (stated.verdict.is_inconsistent && !tolerance.is_stated())
+        || moved.any(|(camera, motion)| tolerance.is_exceeded(motion, &camera.covariance))
 }
 
 /// Returns the observation with the bearings of another lens; none where a pixel has no bearing there.

@@ -229,9 +229,12 @@ impl Evidence<'_> {
             .iter_mut()
             .filter(|t| blames_cameras && t.cause == Some(Cause::Target))
             .for_each(|t| t.cause = None);
-        let (contradicting_views, n_views) = self.views();
+        let torn_views = self.torn_views();
+        let is_torn = !torn_views.is_empty();
+        let (contradicting_views, n_views) = self.views(torn_views);
         let is_inconsistent = is_noisy
             || cameras.iter().chain(&targets).any(|l| !l.is_ok())
+            || is_torn
             || loses_too_many(contradicting_views.len(), n_views);
         RigVerdict {
             is_inconsistent,
@@ -417,9 +420,9 @@ impl Evidence<'_> {
         (losses, n_points_kept)
     }
 
-    /// Returns the views that lose too many of their observations, and the number of views.
-    fn views(&self) -> (Vec<usize>, usize) {
-        let (mut contradicting, mut n_views) = (Vec::new(), 0);
+    /// Returns the contradicting views with those that lose too many of their observations, and the number of views.
+    fn views(&self, mut contradicting: Vec<usize>) -> (Vec<usize>, usize) {
+        let mut n_views = 0;
         let mut at = 0;
         for together in self.layout.observations.chunk_by(|a, b| a.view == b.view) {
             let (losses, _) = self.losses(at..at + together.len());
@@ -429,7 +432,41 @@ impl Evidence<'_> {
                 contradicting.push(together[0].view);
             }
         }
+        contradicting.sort_unstable();
+        contradicting.dedup();
         (contradicting, n_views)
+    }
+
+    /// Returns the views whose body several cameras see and at most one keeps, where for one of these cameras they are more than half of the views
+    /// that it shares, or all but one. Two cameras that disagree may lose such views in turn, so that neither of them loses many.
+    fn torn_views(&self) -> Vec<usize> {
+        let n_cameras = self.layout.problem.cameras.len();
+        let (mut torn, mut n_shared) = (vec![Vec::new(); n_cameras], vec![0; n_cameras]);
+        let mut at = 0;
+        for of_body in self.layout.graph.links.chunk_by(|a, b| a.body == b.body) {
+            let mut cameras = Vec::new(); // In order, each with whether it keeps an observation.
+            for of_camera in of_body.chunk_by(|a, b| a.camera == b.camera) {
+                let (losses, _) = self.losses(at..at + of_camera.len());
+                at += of_camera.len();
+                if 0 < losses.n_observations {
+                    cameras.push((of_camera[0].camera, losses.n_lost < losses.n_observations));
+                }
+            }
+            if cameras.len() < 2 {
+                continue;
+            }
+            let is_torn = cameras.iter().filter(|(_, keeps)| *keeps).count() < 2;
+            for (camera, _) in cameras {
+                n_shared[camera] += 1;
+                torn[camera].extend(is_torn.then_some(self.layout.observations[at - 1].view));
+            }
+        }
+        let is_too_much =
+            |n_torn: usize, n_shared: usize| 0 < n_torn && (n_shared < 2 * n_torn || n_shared < n_torn + 2);
+        let tears_off = |(torn, n_shared): (Vec<usize>, usize)| {
+            if is_too_much(torn.len(), n_shared) { torn } else { Vec::new() }
+        };
+        torn.into_iter().zip(n_shared).flat_map(tears_off).collect()
     }
 
     /// Returns the blamed camera whose intrinsics explain most, else the one that lost most; where only noise is at fault, the one with the

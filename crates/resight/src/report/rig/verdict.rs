@@ -101,9 +101,10 @@ fn views_sentence(run: &RigRun) -> String {
     let named: Vec<&str> = views.iter().take(4).map(|view| run.rig.views[*view].as_str()).collect();
     let more = if named.len() < views.len() { ", …" } else { "" };
     format!(
-        "{} of {} views contradict themselves ({}{more}); labels of views, synchronisation or a target that moved are the likely cause",
+        "{} of {} views {} ({}{more}); labels of views, synchronisation or a target that moved are the likely cause",
         views.len(),
         run.rig.views.len(),
+        if views.len() == 1 { "contradicts itself" } else { "contradict themselves" },
         named.join(", ")
     )
 }
