@@ -173,6 +173,15 @@ fn log_rotation(rotation: &Matrix3<f64>) -> Vector3<f64> {
     v * scale
 }
 
+/// Largest entry of R Rᵀ − I of a rotation given in decimals.
+pub(crate) const ROTATION_TOLERANCE: f64 = 1e-6;
+
+/// Returns the largest entry of R Rᵀ − I; for a matrix that mirrors or is no number, at least 2.
+pub(crate) fn off_rotation(r: &Matrix3<f64>) -> f64 {
+    let off = (r * r.transpose() - Matrix3::identity()).amax();
+    if 0.0 < r.determinant() { off } else { off.max(2.0) }
+}
+
 /// Unit quaternion `[w, x, y, z]` of a rotation matrix, by Shepperd's choice of the largest component.
 fn quaternion_of(r: &Matrix3<f64>) -> Vector4<f64> {
     let trace = r.trace();

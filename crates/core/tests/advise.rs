@@ -39,6 +39,26 @@ fn with(points: &[KnownPoint], x: f64, y: f64) -> Vec<KnownPoint> {
 const FOURTH: [[f64; 2]; 5] = [[3.0, 17.0], [0.0, 8.5], [-3.0, 18.0], [2.5, 13.0], [0.5, 12.0]];
 
 #[test]
+fn view_without_a_rotation_is_refused() {
+    let (camera, points) = (camera(), control_points());
+    let right = above_the_road();
+    for (off, rotation) in
+        [(3.0, 2.0 * right.rotation), (2.0, -right.rotation), (2.0, f64::NAN * right.rotation)]
+    {
+        let wrong = Pose { rotation, ..right };
+        let view = view(&camera, wrong, &points);
+        for refused in [expect(&view).err(), NextPoint::new(view).err()] {
+            match refused {
+                Some(Error::InvalidSetting { setting: "cam_from_target", seen, .. }) => {
+                    assert!((seen - off).abs() < 1e-9, "{seen}");
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+}
+
+#[test]
 fn fourth_point_is_worth_what_is_foretold() {
     let (camera, points) = (camera(), control_points());
     let next = NextPoint::new(view(&camera, above_the_road(), &points)).unwrap();

@@ -6,7 +6,7 @@ use crate::locate::curvature::{along_the_ridge, is_bent, with_curvature};
 use crate::locate::problem::Problem;
 use crate::locate::refine::{OVERFLOW, refine};
 use crate::locate::{Config, locate};
-use crate::pose::symmetric;
+use crate::pose::{ROTATION_TOLERANCE, off_rotation, symmetric};
 use crate::solve::line_plus_one::Weakness;
 use crate::statistics::normal::upper_tail;
 use crate::target::KnownPoint;
@@ -155,12 +155,24 @@ pub(crate) fn correspondence_of(view: &View, p: &KnownPoint) -> Option<Correspon
     is_inside.then_some(Correspondence { sigma_m: p.sigma_m, ..c })
 }
 
+impl View<'_> {
+    /// Returns the exact pixels of the points.
+    pub(super) fn correspondences(&self) -> Result<Vec<Correspondence>, Error> {
+        let off = off_rotation(&self.cam_from_target.rotation);
+        if !(off <= ROTATION_TOLERANCE) {
+            let needed = "R Rᵀ must be the identity and det R positive";
+            return Err(Error::InvalidSetting { setting: "cam_from_target", seen: off, needed });
+        }
+        correspondences_in_view(self).ok_or_else(|| out_of_view(self))
+    }
+}
+
 /// Computes the expected accuracy of a view in which all points are visible.
 ///
 /// # Errors
-/// `InvalidSetting` for a sigma that is not positive or a point that is not visible, and those of `locate`: too few points, points on a line, …
+/// `InvalidSetting` for a pose without a rotation, a sigma that is not positive or a point that is not visible, and those of `locate`: too few points, points on a line, …
 pub fn expect(view: &View) -> Result<Expectation, Error> {
-    let seen = correspondences_in_view(view).ok_or_else(|| out_of_view(view))?;
+    let seen = view.correspondences()?;
     let estimate = locate(&seen, view.camera, &view.config())?;
     let minimum = refine(&view.cam_from_target, &seen, view.camera)?;
     let turns: f64 = (0..3).map(|i| minimum.covariance[(i, i)]).sum();
@@ -174,7 +186,8 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
         false => [with_curvature(&minimum, &problem); 2],
     };
     let bend_ratio = greatest_ratio(&by_pixels, &minimum.covariance);
-    if !bend_ratio.is_finite() {
+    let is_lost = |i: usize| by_pixels[(i, i)] < 0.0;
+    if !bend_ratio.is_finite() || (0..6).any(is_lost) {
         return Err(OVERFLOW);
     }
     let common = Common { intrinsics: view.intrinsics_covariance, scale_sigma: [0.0; 2] };
@@ -194,7 +207,7 @@ pub fn expect(view: &View) -> Result<Expectation, Error> {
 }
 
 /// Returns the error for the first point that is not visible.
-pub(crate) fn out_of_view(view: &View) -> Error {
+fn out_of_view(view: &View) -> Error {
     let hidden = view.points.iter().position(|p| correspondence_of(view, p).is_none()).unwrap_or(0);
     Error::InvalidSetting {
         setting: "the place of a point",

@@ -1,8 +1,6 @@
 //! The position of the next point, given those already measured: docs/math/advise.md eqs. (1), (2), (7).
 
-use super::expect::{
-    NEEDED_SEPARATION_SIGMA, View, correspondence_of, correspondences_in_view, worst_sigmas,
-};
+use super::expect::{NEEDED_SEPARATION_SIGMA, View, correspondence_of, worst_sigmas};
 use super::ground::GroundLength;
 use crate::least_squares::PivotedPose;
 use crate::locate::choose::{DUPLICATE_SIGMAS, Minimum};
@@ -64,9 +62,9 @@ impl<'a> NextPoint<'a> {
     /// Prepares a view of three points or more.
     ///
     /// # Errors
-    /// Errors of `locate`: too few points, points on a line, …; `InvalidSetting` where one of them is not visible.
+    /// Errors of `locate`: too few points, points on a line, …; `InvalidSetting` for a pose without a rotation, and where one of the points is not visible.
     pub fn new(view: View<'a>) -> Result<Self, Error> {
-        let seen = correspondences_in_view(&view).ok_or_else(|| super::expect::out_of_view(&view))?;
+        let seen = view.correspondences()?;
         let estimate = locate(&seen, view.camera, &view.config())?;
         let pivot = centroid(&seen);
         let place = PivotedPose::new(&view.cam_from_target, &pivot);

@@ -54,12 +54,12 @@ impl Shape {
         direction_rad: f64,
         roll_rad: f64,
     ) -> Pose {
-        let correspondences_in_view = centre_in_cam.try_normalize(0.0).unwrap_or(Vector3::z());
+        let line_of_sight = centre_in_cam.try_normalize(0.0).unwrap_or(Vector3::z());
         let around = Vector3::new(direction_rad.cos(), direction_rad.sin(), 0.0);
         let to_camera = self.front_in_target * tilt_rad.cos() + around * tilt_rad.sin();
-        let w = correspondences_in_view * roll_rad;
+        let w = line_of_sight * roll_rad;
         let roll = Pose::exp(&Vector6::new(w.x, w.y, w.z, 0.0, 0.0, 0.0)).rotation;
-        let turned = roll * turn_between(&to_camera, &-correspondences_in_view);
+        let turned = roll * turn_between(&to_camera, &-line_of_sight);
         Pose::new(turned, centre_in_cam - turned * self.centre())
     }
 }

@@ -8,6 +8,7 @@
 
 use crate::line::LineCorrespondence;
 use crate::locate::refine::{information, whitened_residual};
+use crate::pose::{ROTATION_TOLERANCE, off_rotation};
 use crate::{Camera, Correspondence, Error, Matrix6, Point, Pose};
 use nalgebra::{Matrix3, Unit, Vector3};
 #[cfg(not(feature = "std"))]
@@ -165,8 +166,8 @@ struct Inputs<'a> {
 
 impl Inputs<'_> {
     fn check(&self, rotation: &KnownRotation) -> Result<(), Error> {
-        let off = (self.r * self.r.transpose() - Matrix3::identity()).amax();
-        if !(off < 1e-6 && 0.0 < self.r.determinant() && rotation.covariance.sum().is_finite()) {
+        let off = off_rotation(&self.r);
+        if !(off <= ROTATION_TOLERANCE && rotation.covariance.sum().is_finite()) {
             let needed = "R Rᵀ must be the identity, det R positive and its covariance finite";
             return Err(Error::InvalidPrior { prior: 0, parameter: "cam_from_target", seen: off, needed });
         }

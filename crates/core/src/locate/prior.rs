@@ -3,6 +3,7 @@
 //! Each prior is a few residuals, observed − predicted over its own standard deviations, that join the points' in one cost. So
 //! χ², covariance, ambiguity and consistency speak of points and priors alike.
 
+use crate::pose::{ROTATION_TOLERANCE, off_rotation};
 use crate::{Error, Matrix6, Pose};
 use nalgebra::Vector3;
 
@@ -130,9 +131,8 @@ fn check_unit(index: usize, parameter: &'static str, direction: &Vector3<f64>) -
 fn check_pose(index: usize, cam_from_target: &Pose, covariance: &Matrix6) -> Result<(), Error> {
     let (r, t) = (&cam_from_target.rotation, &cam_from_target.translation);
     check_finite(index, "cam_from_target", r.sum() + t.sum())?;
-    let off = (r * r.transpose() - nalgebra::Matrix3::identity()).amax();
-    let is_rotation = off <= UNIT_TOLERANCE && 0.0 < r.determinant();
-    if !is_rotation {
+    let off = off_rotation(r);
+    if !(off <= ROTATION_TOLERANCE) {
         return refuse(index, "cam_from_target", off, "R Rᵀ must be the identity and det R positive");
     }
     check_finite(index, "covariance", covariance.sum())?;

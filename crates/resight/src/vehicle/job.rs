@@ -30,6 +30,8 @@ pub struct VehicleFrame {
 const EARLY: f64 = 0.02;
 /// Pairs farther apart than this many times `every_s` are no pairs: frames are missing.
 const LATE: f64 = 3.0;
+/// Pairs of a drive at most: the motions of these, through all lenses within uncertain intrinsics, take half a gigabyte.
+const MOST_PAIRS: usize = 100_000;
 /// Time to wait for a frame before checking again.
 const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -186,6 +188,13 @@ impl<'a> Motions<'a> {
         if let Some((last_s, landmarks)) = self.last.take()
             && frame.t_s - last_s <= LATE * self.every_s
         {
+            if self.n_pairs == MOST_PAIRS {
+                return Err(Error::request(format!(
+                    "the drive has more than {MOST_PAIRS} pairs of frames {} s apart, up to {} s; cut it, or take frames farther apart",
+                    self.every_s,
+                    seconds(last_s)
+                )));
+            }
             self.pair(last_s, &landmarks, frame);
         }
         self.last = Some((frame.t_s, Landmarks::new(&frame.image, &camera)));
@@ -268,5 +277,26 @@ impl<'a> Motions<'a> {
             size_px: self.size_px,
         };
         Ok(answer(&contents))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::Camera;
+
+    #[test]
+    fn a_drive_has_an_end() {
+        let request = VehicleRequest::new(Camera::normalized());
+        let mut motions = Motions::new(&request, 0.0).unwrap();
+        motions.n_pairs = MOST_PAIRS - 1;
+        let frame = |i: u8| VehicleFrame {
+            t_s: 0.25 * f64::from(i),
+            image: GrayImage { width_px: 32, height_px: 32, data: vec![i; 32 * 32] },
+        };
+        motions.push(frame(0)).unwrap();
+        motions.push(frame(1)).unwrap();
+        let error = motions.push(frame(2)).unwrap_err().to_string();
+        assert!(error.contains("more than 100000 pairs of frames 0.25 s apart"), "{error}");
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{Constraint, NetworkCamera, NetworkProblem, Plane};
 use crate::locate::prior::Prior;
+use crate::pose::{ROTATION_TOLERANCE, off_rotation};
 use crate::{Error, Pose};
-use nalgebra::Matrix3;
 
 /// Returns whether a number is a standard deviation: its variance and the inverse of the variance must be finite too.
 fn is_sigma(s: f64) -> bool {
@@ -17,10 +17,9 @@ const LEAST_VARIANCE_PX2: f64 = 1e-24;
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 fn check_pose(index: usize, cam_from_world: &Pose) -> Result<(), Error> {
-    let r = cam_from_world.rotation;
-    let off = (r * r.transpose() - Matrix3::identity()).amax();
-    let is_right = off <= UNIT_TOLERANCE && cam_from_world.translation.sum().is_finite();
-    let (what, needed) = ("cam_from_world", "R Rᵀ must be the identity, t finite");
+    let off = off_rotation(&cam_from_world.rotation);
+    let is_right = off <= ROTATION_TOLERANCE && cam_from_world.translation.sum().is_finite();
+    let (what, needed) = ("cam_from_world", "R Rᵀ must be the identity, det R positive, t finite");
     if is_right {
         Ok(())
     } else {
