@@ -161,3 +161,29 @@ fn a_ramp_that_goes_on_is_no_news_and_a_step_amid_it_is() {
     let chi2 = chi2(&drift.last(), 0.3);
     assert!(chi2 < 27.9, "χ² {chi2}: {drift:?}");
 }
+
+/// Whenever it is put back, also right after the last motion was told: its level then holds readings of two places.
+#[test]
+fn a_camera_put_back_right_after_an_alarm_is_steady_soon() {
+    for (degrees, wait_s) in
+        [0.4, 4.0].into_iter().flat_map(|degrees| (0..6).map(move |wait_s| (degrees, wait_s)))
+    {
+        for seed in 0..4 {
+            let mut watched = Watched::new(0x5ea7 + 16 * wait_s + seed);
+            watched.until(100.0, |_| 0.0);
+            watched.until(120.0, |_| degrees);
+            assert_eq!(watched.told.len(), 1, "{:?}", watched.told);
+            while watched.told.len() < 2 {
+                let next_s = watched.scene.t_s + 0.5;
+                watched.until(next_s, |_| 0.5 * degrees);
+                assert!(next_s < 140.0, "{:?}", watched.told);
+            }
+            let back_s = watched.scene.t_s + wait_s as f64;
+            watched.until(back_s, |_| 0.5 * degrees);
+            watched.until(back_s + 60.0, |_| 0.0);
+            let name = format!("{degrees}° and half of it for {wait_s} s: {:?}", watched.told);
+            let Some((t_s, None)) = watched.told.last() else { panic!("{name}") };
+            assert!(t_s - back_s <= 10.0 && watched.told.len() == 3, "{name}");
+        }
+    }
+}
