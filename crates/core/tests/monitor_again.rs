@@ -162,6 +162,32 @@ fn a_ramp_that_goes_on_is_no_news_and_a_step_amid_it_is() {
     assert!(chi2 < 27.9, "χ² {chi2}: {drift:?}");
 }
 
+/// Whenever the next motion comes, also right after the last one was told, when the level is hardly known: in any direction it is measured as it is.
+#[test]
+fn a_motion_right_after_an_alarm_is_measured() {
+    for (degrees, wait_s) in [(0.4, 0), (0.4, 1), (0.4, 2), (4.0, 0), (4.0, 1), (4.0, 2)] {
+        for (then, seed) in [Vector6::x(), Vector6::z(), -3.0 * Vector6::y()].into_iter().zip(0..) {
+            let mut watched = Watched::new(0x5ea7 + 16 * wait_s + seed);
+            watched.until(100.0, |_| 0.0);
+            while watched.told.is_empty() {
+                let next_s = watched.scene.t_s + 0.5;
+                watched.until(next_s, |_| degrees);
+                assert!(next_s < 120.0);
+            }
+            let then_s = watched.scene.t_s + wait_s as f64;
+            watched.until(then_s, |_| degrees);
+            let motion = pan(degrees) + then * f64::to_radians(degrees);
+            while watched.scene.t_s < then_s + 60.0 {
+                watched.monitor.push(&watched.scene.next(&motion));
+            }
+            let Watch::Drifted(now) = watched.monitor.watch(watched.scene.t_s) else { panic!("{motion}") };
+            let error = now.old_from_new - motion;
+            let chi2 = error.dot(&now.covariance.cholesky().expect("a covariance").solve(&error));
+            assert!(chi2 < 27.9, "{degrees}°, after {wait_s} s {then:?}: χ² {chi2}");
+        }
+    }
+}
+
 /// Whenever it is put back, also right after the last motion was told: its level then holds readings of two places.
 #[test]
 fn a_camera_put_back_right_after_an_alarm_is_steady_soon() {

@@ -170,7 +170,8 @@ impl View<'_> {
 /// Computes the expected accuracy of a view in which all points are visible.
 ///
 /// # Errors
-/// `InvalidSetting` for a pose without a rotation, a sigma that is not positive or a point that is not visible, and those of `locate`: too few points, points on a line, …
+/// `InvalidSetting` for a pose without a rotation, a sigma that is not positive or a point that is not visible, and those of `locate`: too few
+/// points, points on a line, …
 pub fn expect(view: &View) -> Result<Expectation, Error> {
     let seen = view.correspondences()?;
     let estimate = locate(&seen, view.camera, &view.config())?;

@@ -62,7 +62,7 @@ impl<'a> NextPoint<'a> {
     /// Prepares a view of three points or more.
     ///
     /// # Errors
-    /// Errors of `locate`: too few points, points on a line, …; `InvalidSetting` for a pose without a rotation, and where one of the points is not visible.
+    /// Errors of `locate`: too few points, points on a line, …; `InvalidSetting` for a pose without a rotation or a point that is not visible.
     pub fn new(view: View<'a>) -> Result<Self, Error> {
         let seen = view.correspondences()?;
         let estimate = locate(&seen, view.camera, &view.config())?;

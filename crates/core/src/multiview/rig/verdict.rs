@@ -437,14 +437,13 @@ impl Evidence<'_> {
         (contradicting, n_views)
     }
 
-    /// Returns the views whose body several cameras see and at most one keeps, where for one of these cameras they are more than half of the views
-    /// that it shares, or all but one. Two cameras that disagree may lose such views in turn, so that neither of them loses many.
+    /// Returns the views whose body several cameras see and at most one keeps, where one of these cameras shares fewer other views than such ones,
+    /// or fewer than two. Two cameras that disagree may lose such views in turn, so that neither of them loses many.
     fn torn_views(&self) -> Vec<usize> {
-        let n_cameras = self.layout.problem.cameras.len();
-        let (mut torn, mut n_shared) = (vec![Vec::new(); n_cameras], vec![0; n_cameras]);
+        let mut of_cameras = vec![(Vec::new(), 0); self.layout.problem.cameras.len()]; // Torn views, and the number of others.
         let mut at = 0;
         for of_body in self.layout.graph.links.chunk_by(|a, b| a.body == b.body) {
-            let mut cameras = Vec::new(); // In order, each with whether it keeps an observation.
+            let mut cameras = Vec::new(); // Each with whether it keeps an observation.
             for of_camera in of_body.chunk_by(|a, b| a.camera == b.camera) {
                 let (losses, _) = self.losses(at..at + of_camera.len());
                 at += of_camera.len();
@@ -452,21 +451,16 @@ impl Evidence<'_> {
                     cameras.push((of_camera[0].camera, losses.n_lost < losses.n_observations));
                 }
             }
-            if cameras.len() < 2 {
-                continue;
-            }
             let is_torn = cameras.iter().filter(|(_, keeps)| *keeps).count() < 2;
-            for (camera, _) in cameras {
-                n_shared[camera] += 1;
-                torn[camera].extend(is_torn.then_some(self.layout.observations[at - 1].view));
+            for (camera, _) in cameras.iter().filter(|_| 1 < cameras.len()) {
+                match is_torn {
+                    true => of_cameras[*camera].0.push(self.layout.observations[at - 1].view),
+                    false => of_cameras[*camera].1 += 1,
+                }
             }
         }
-        let is_too_much =
-            |n_torn: usize, n_shared: usize| 0 < n_torn && (n_shared < 2 * n_torn || n_shared < n_torn + 2);
-        let tears_off = |(torn, n_shared): (Vec<usize>, usize)| {
-            if is_too_much(torn.len(), n_shared) { torn } else { Vec::new() }
-        };
-        torn.into_iter().zip(n_shared).flat_map(tears_off).collect()
+        of_cameras.retain(|(torn, n_others)| *n_others < torn.len().max(2));
+        of_cameras.into_iter().flat_map(|(torn, _)| torn).collect()
     }
 
     /// Returns the blamed camera whose intrinsics explain most, else the one that lost most; where only noise is at fault, the one with the

@@ -270,13 +270,13 @@ impl Monitor {
         self.whereabouts.forget();
     }
 
-    /// Starts the next stage from the estimate of the alarm; the present level is learned anew. It may have moved back already: readings outweigh
-    /// what is expected along the way home, so that no share of the motion stays in the level.
+    /// Starts the next stage from the estimate of the alarm; the present level is learned anew. It may have moved by as much again already, in any
+    /// direction: readings then outweigh what is expected, so that no share of the motion stays in the level.
     fn begin_around(&mut self, now: &Milestone, onset_s: f64) -> Milestone {
         let own = self.reference.noise;
         let covariance = now.covariance + own.reading + own.bias + own.reference;
-        let away = between(&self.aftermath.base.motion, &now.motion);
-        self.test_from(&now.motion, covariance + away * away.transpose(), onset_s, false);
+        let chi2 = transients::size(&between(&self.aftermath.base.motion, &now.motion), &own.reading);
+        self.test_from(&now.motion, covariance + own.reading * chi2, onset_s, false);
         self.aftermath.since_s = onset_s;
         Milestone { covariance, ..*now }
     }
