@@ -43,8 +43,11 @@ function pixel(x, y) {
   return [(f * x) / z + WIDTH / 2 - 0.5, (f * v) / z + HEIGHT / 2 - 0.5];
 }
 
+/** What moves with a point in the hand: over the picture and the outlines of what is measured, under the values. */
+const OVERLAY = ".views > .viewport > canvas:nth-of-type(3)";
+
 /** Notes for each move that is sent when it happened, reached the page, was sent and answered, and when the overlay was drawn with the answer. */
-function instrument() {
+function instrument(overlay) {
   window.moves = [];
   let last = null;
   const sent = new Map();
@@ -89,7 +92,7 @@ function instrument() {
     // The mark is drawn by itself, where the hand has it, within the handler.
     const move = last;
     if (this.canvas.className === "hand" && move) queueMicrotask(() => (move.marked_ms ??= performance.now()));
-    const isOverlay = this.canvas.parentElement?.matches(".views > .viewport") && this.canvas.nextElementSibling?.className === "over";
+    const isOverlay = this.canvas.matches(overlay);
     if (!isOverlay || !undrawn.length) return;
     const moves = undrawn.splice(0);
     const after = (then) => {
@@ -154,7 +157,7 @@ async function emptyPage(chromium, server) {
 const [chromium, server] = await Promise.all([browser(), serve()]);
 try {
   const page = await open(chromium, server);
-  await page.addInitScript(instrument);
+  await page.addInitScript(instrument, OVERLAY);
   const photograph = await page.evaluate(async ([width, height]) => {
     const canvas = new OffscreenCanvas(width, height);
     const context = canvas.getContext("2d");

@@ -71,7 +71,7 @@ test("the grid is drawn over the real lines to 1 px", async () => {
     }
   }
   const off = await page.evaluate((samples) => {
-    const canvas = document.querySelectorAll<HTMLCanvasElement>(".views > .viewport canvas")[1]!;
+    const canvas = document.querySelector<HTMLCanvasElement>(".views > .viewport > canvas:nth-of-type(3)")!;
     const { data } = canvas.getContext("2d")!.getImageData(0, 0, canvas.width, canvas.height);
     // How much of the grid's colour is at a place: bright and rather blue.
     const grid = (x: number, y: number) => {

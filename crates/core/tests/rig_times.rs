@@ -1,5 +1,6 @@
 //! Rigs whose cameras expose at different times while the target moves: the offsets are found, and the poses hold them.
 
+use crate::budget::part;
 use crate::common::recordings::{self, webcams};
 use crate::common::rooms::{self, Room, pinhole};
 use crate::common::{Rng, views};
@@ -196,6 +197,40 @@ fn a_late_camera_explains_a_rig_without_stamps() {
         let stated = found.cameras[1].cam_from_rig;
         let (before, after) = (off(&stated), off(&(Pose::exp(&best.motions[1]) * stated)));
         assert!(after < 0.3 * before, "{seed}: {before} before, {after} after");
+    }
+}
+
+/// Cameras that are late by a millisecond or two, without stamps: neighbouring views share the error. Synchronised ones show none.
+#[test]
+fn neighbouring_views_share_the_error_of_late_cameras() {
+    const TRIALS: u64 = 40;
+    for (late_s, bar) in [(0.0, 4.5..7.5), (1e-3, 4.5..11.0), (2e-3, 4.5..11.0)] {
+        let (mut stated, mut of_independent_views, mut n_shared) = (0.0, 0.0, 0);
+        for seed in 0..TRIALS {
+            let mut rng = Rng::new(9200 + seed);
+            let hand = Hand::new(&mut rng);
+            let clocks = Clocks { offsets_s: [0.0, late_s, -0.7 * late_s], ..CONSTANT };
+            let recording = Recording::new(&mut rng, &hand, &clocks);
+            let config = RigConfig { lens_errors: true, ..RigConfig::default() };
+            let found = recording.room.solve(&recording.observations, &config).unwrap();
+            assert!(!found.verdict.is_inconsistent, "{late_s} {seed}: {:?}", found.verdict);
+            for camera in 1..3 {
+                let (error, squared) = recording.room.error(&found, camera);
+                stated += squared / (2 * TRIALS) as f64;
+                let shared = part(&found.budgets[camera], ErrorSource::SharedInBlock);
+                n_shared += usize::from(0.0 < shared.trace());
+                let independent = found.cameras[camera].covariance - shared;
+                of_independent_views += rooms::nees(&error, &independent) / (2 * TRIALS) as f64;
+            }
+        }
+        println!(
+            "{late_s} s: NEES {stated:.1}, of independent views {of_independent_views:.1}, {n_shared} shared"
+        );
+        assert!(bar.contains(&stated), "{late_s}: {stated}");
+        match late_s {
+            0.0 => assert!(n_shared <= 8, "{n_shared} of {} by chance", 2 * TRIALS),
+            _ => assert!(1.5 * stated < of_independent_views, "{late_s}: {stated} {of_independent_views}"),
+        }
     }
 }
 

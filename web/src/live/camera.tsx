@@ -69,7 +69,7 @@ function Large({ camera, store, isLive }: { camera: CameraView; store: LiveStore
   const times = magnification(shot.value);
   return (
     <div class="large">
-      <Viewport state={state} picture={picture} label={texts.picture(name)} draw={(pen, at) => drawn(pen, at, shot.value, times)}>
+      <Viewport state={state} picture={picture} label={texts.picture(name)} layers={[(pen, at) => drawn(pen, at, shot.value, times)]}>
         {!shot.value && <span class="no-picture">{texts.noPictureLive}</span>}
         {!isLive && <NotLive camera={camera} />}
       </Viewport>

@@ -51,7 +51,7 @@ function Large({ store, view }: { store: CaptureStore; view: CaptureView }) {
   const { found, covered, next } = texts.legend;
   return (
     <div class="large">
-      <Viewport state={viewport} picture={picture} label={texts.picture} draw={(pen, at) => drawn(pen, at, store)}>
+      <Viewport state={viewport} picture={picture} label={texts.picture} layers={[(pen, at) => drawn(pen, at, store)]}>
         {!store.shot.value && <span class="no-picture">{texts.noPicture}</span>}
       </Viewport>
       <ul class="legend small" aria-hidden="true">

@@ -1,4 +1,4 @@
-// Two canvases, one over the other: the picture is drawn once per zoom, what lies over it whenever a signal read by `draw` changes.
+// Canvases one over the other: the picture is drawn once per zoom, and each layer over it whenever a signal that it reads changes.
 // The wheel and pinching zoom; two fingers, the middle button, or a drag with the space bar held pan; everything else is the caller's.
 import { effect, signal, type ReadonlySignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -24,11 +24,13 @@ export interface PointerHandler {
   hover?(pointer: ViewportPointer | null): void;
 }
 
+export type DrawLayer = (context: CanvasRenderingContext2D, state: ViewportState) => void;
+
 export interface ViewportProps {
   state: ViewportState;
   picture: ReadonlySignal<Picture | null>;
-  /** Draws over the picture, in pixels of the viewport. */
-  draw: (context: CanvasRenderingContext2D, state: ViewportState) => void;
+  /** The layers over the picture, from below, each of which draws in pixels of the viewport. */
+  layers: readonly DrawLayer[];
   handler?: PointerHandler;
   onKeyDown?: (event: KeyboardEvent) => void;
   /** What a screen reader says of it. */
@@ -43,7 +45,7 @@ const CLICK_PX = 4;
 export function Viewport(props: ViewportProps) {
   const box = useRef<HTMLDivElement>(null);
   const below = useRef<HTMLCanvasElement>(null);
-  const above = useRef<HTMLCanvasElement>(null);
+  const above = useRef<(HTMLCanvasElement | null)[]>([]);
   const latest = useRef(props);
   latest.current = props;
 
@@ -62,10 +64,10 @@ export function Viewport(props: ViewportProps) {
         const context = cleared(below.current!, state, ratio.value);
         if (context && picture.value) drawPicture(context, picture.value, state.transform.value, ratio.value);
       }),
-      effect(() => {
-        const context = cleared(above.current!, state, ratio.value);
-        if (context) latest.current.draw(context, state);
-      }),
+      ...latest.current.layers.map((_, i) => effect(() => {
+        const context = cleared(above.current[i]!, state, ratio.value);
+        if (context) latest.current.layers[i]!(context, state);
+      })),
       presses(element, () => latest.current),
     ];
     return () => {
@@ -77,7 +79,7 @@ export function Viewport(props: ViewportProps) {
   return (
     <div class="viewport" ref={box} tabIndex={0} role="application" aria-label={props.label} onKeyDown={(event) => latest.current.onKeyDown?.(event)}>
       <canvas ref={below} />
-      <canvas ref={above} />
+      {props.layers.map((_, i) => <canvas key={i} ref={(canvas) => void (above.current[i] = canvas)} />)}
       <div class="over">{props.children}</div>
     </div>
   );

@@ -47,7 +47,7 @@ export function Birdseye() {
   const isOld = !view.value?.birdseye;
   return (
     <section class="birdseye" aria-label={texts.birdseye.label} data-old={isOld} data-ready={!!image.value}>
-      <Viewport state={state} picture={image} draw={() => {}} label={texts.birdseye.label} />
+      <Viewport state={state} picture={image} layers={[]} label={texts.birdseye.label} />
       {(reason.value || !image.value) && <p class="over-note">{reason.value ?? (isOld ? texts.birdseye.none : common.loading)}</p>}
       <p class="legend small">{texts.birdseye.legend}</p>
       <button class="close" aria-label={texts.birdseye.close} onClick={() => (showsBirdseye.value = false)}>✕</button>

@@ -2,16 +2,17 @@
 // (`drawHand`): nothing else has to be drawn again for it.
 import { computed } from "@preact/signals";
 import { type Curve, trace } from "../parts/curve";
-import { Layer } from "../parts/layer";
 import { colours } from "../parts/theme";
 import { drawLoupe } from "../parts/loupe";
 import { type Point, type Transform, type ViewportState, toScreen } from "../parts/transform";
+import type { DrawLayer } from "../parts/viewport";
 import {
-  aim, held, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view, type Handle,
+  aim, held, isAlike, lensLines, lineOf, marks, measured, moved, nextMark, pending, picture, placeOf, sameHandle, selected, snapped, tool, view, type Handle,
 } from "./store";
 import { placed } from "./chips";
 import { FONT, labels, type Label } from "./labels";
 
+type Measured = (typeof measured.value)[number];
 type Context = CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D;
 
 // On photographs, of any theme: bright lines with a dark rim.
@@ -26,13 +27,19 @@ const AXES: Record<string, string> = { x: "#ff5c5c", y: "#52dd6f", z: "#6fa8ff" 
 /** Lines of a pixel are drawn several times as fast as wider ones. */
 const THIN = 1;
 
-/** Draws everything; every signal that it reads draws it again. */
-export function draw(context: CanvasRenderingContext2D, state: ViewportState) {
-  const t = state.transform.value;
-  const now = view.value;
-  if (!now?.photo || !picture.value) return;
+/** Whether there is something to draw over. */
+const isShown = computed(() => !!view.value?.photo && !!picture.value);
+
+/** From below: outlines of what is measured, what moves with a point in the hand, values. Only the middle one is drawn again with each move. */
+export const layers: readonly DrawLayer[] = [outlines, draw, values].map((layer) => (context, state) => {
   context.lineJoin = "round";
   context.lineCap = "round";
+  if (isShown.value) layer(context, state);
+});
+
+function draw(context: CanvasRenderingContext2D, state: ViewportState) {
+  const t = state.transform.value;
+  const now = view.value!;
   context.globalAlpha = now.is_old ? 0.45 : 1;
   const overlay = now.overlay;
   if (overlay) {
@@ -48,10 +55,10 @@ export function draw(context: CanvasRenderingContext2D, state: ViewportState) {
   }
   context.globalAlpha = 1;
   if (now.advice && tool.value === "marks" && !held.value) advice(context, toScreen(t, [now.advice.u_px, now.advice.v_px]));
-  measurements(context, t);
+  measured.value.filter(({ name }) => name === heldName.value).forEach((m) => outline(context, t, m, chosen.value));
   distances(context, t);
   allMarks(context, t);
-  values(context);
+  written(context, labels.value.filter(({ name }) => name === heldName.value));
   marked(context, t);
   underway(context, t);
   proposal(context, t);
@@ -231,20 +238,24 @@ function distances(context: Context, t: Transform) {
   }
 }
 
-const outlines = new Layer();
-const plates = new Layer();
-/** The measurement whose point is being moved: it is drawn by itself, over the others. */
+/** The measurement whose point is being moved: it is drawn with what moves. */
 const heldName = computed(() => (held.value?.kind === "measurement" ? held.value.name : null));
+const chosen = computed(() => (selected.value?.kind === "measurement" ? selected.value : null));
 
-function measurements(context: CanvasRenderingContext2D, t: Transform) {
-  const chosen = selected.value?.kind === "measurement" ? selected.value : null;
-  const others = measured.value.filter(({ name }) => name !== heldName.value);
-  // What is measured may have another value; its outline is that of its points.
-  if (others.length) outlines.draw(context, [t, chosen, ...others.map(({ points }) => points)], (pen) => others.forEach((m) => outline(pen, t, m, chosen)));
-  measured.value.filter(({ name }) => name === heldName.value).forEach((m) => outline(context, t, m, chosen));
+/** What stays while a point is in the hand. What is measured may have another value; its outline is that of its points. */
+let staying: Measured[] = [];
+const stays = computed(() => {
+  const now = measured.value.filter(({ name }) => name !== heldName.value);
+  if (!isAlike(now.map(({ points }) => points), staying.map(({ points }) => points))) staying = now;
+  return staying;
+});
+
+function outlines(context: Context, state: ViewportState) {
+  const t = state.transform.value;
+  stays.value.forEach((m) => outline(context, t, m, chosen.value));
 }
 
-function outline(context: Context, t: Transform, m: (typeof measured.value)[number], chosen: Handle | null) {
+function outline(context: Context, t: Transform, m: Measured, chosen: Handle | null) {
   const closed = m.what === "area" ? [...m.points, m.points[0]!] : m.points;
   if (m.what === "area") {
     context.beginPath();
@@ -259,16 +270,16 @@ function outline(context: Context, t: Transform, m: (typeof measured.value)[numb
   });
 }
 
-/** What was measured, with its interval, over everything else; paler where it is of before, and newer values are on their way. */
-function values(context: CanvasRenderingContext2D) {
-  const isPale = view.value!.is_measuring && !held.value;
-  const others = labels.value.filter(({ name }) => name !== heldName.value);
-  if (others.length) plates.draw(context, [isPale, ...others], (pen) => written(pen, others, isPale));
-  written(context, labels.value.filter(({ name }) => name === heldName.value), isPale);
+/** Whether newer values than those shown are on their way. */
+const isOfBefore = computed(() => !!view.value?.is_measuring && !held.value);
+
+/** What was measured, with its interval, over everything else. */
+function values(context: Context) {
+  written(context, labels.value.filter(({ name }) => name !== heldName.value));
 }
 
-function written(context: Context, all: Label[], isPale: boolean) {
-  context.globalAlpha = isPale ? 0.7 : 1;
+function written(context: Context, all: Label[]) {
+  context.globalAlpha = isOfBefore.value ? 0.7 : 1;
   context.strokeStyle = MEASURE;
   context.lineWidth = THIN;
   for (const { at, leads } of all) {

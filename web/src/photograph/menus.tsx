@@ -11,7 +11,7 @@ import { common } from "../texts/common";
 import { photographTexts as texts } from "../texts/photograph";
 import { Actions } from "../tabs";
 import { transport } from "../transport";
-import { draw } from "./draw";
+import { layers } from "./draw";
 import { failed, open, photo, picture, selected, session, takeFiles, view } from "./store";
 
 const t = texts.exports;
@@ -110,7 +110,7 @@ async function savePng() {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   const before = selected.value;
   selected.value = null;
-  draw(context, state);
+  layers.forEach((layer) => layer(context, state));
   selected.value = before;
   canvas.toBlob((blob) => blob && download("photograph.png", blob), "image/png");
 }

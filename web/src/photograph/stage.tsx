@@ -4,7 +4,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Viewport, type PointerHandler, type ViewportPointer } from "../parts/viewport";
 import { type Point, motionInPicture, toScreen } from "../parts/transform";
 import { photographTexts as texts } from "../texts/photograph";
-import { HAND_PX, draw, drawHand, pointed } from "./draw";
+import { HAND_PX, drawHand, layers, pointed } from "./draw";
 import { Chips } from "./chips";
 import {
   acceptSnap, addMeasured, addsMark, aim, apply, byKeys, hovered, inHand, marks, measured, move, nextMark, pending, picture, placeOf, proposeSnap,
@@ -227,7 +227,7 @@ export function Stage() {
   }, []);
   const shown = view.value?.photo;
   return (
-    <Viewport state={viewport} picture={picture} draw={draw} handler={handler} onKeyDown={key} label={shown ? texts.stage(shown.name) : texts.noStage}>
+    <Viewport state={viewport} picture={picture} layers={layers} handler={handler} onKeyDown={key} label={shown ? texts.stage(shown.name) : texts.noStage}>
       <Hand />
       <Chips />
     </Viewport>

@@ -108,23 +108,35 @@ function freeName(taken: string[]): string {
 
 export const needsMarks = computed(() => (view.value ? NEEDED[view.value.template] : 4));
 
-/** Measurements of a view; those that are as they were stay the very same, so that what hangs on them is not found anew. */
-function keptAlike(last: View | null, next: View): View["measurements"] {
+/**
+ * Measurements of a view; those that are as they were stay the very same, so that what hangs on them is not found anew. With `keepsValues` those
+ * do whose points are as they were.
+ */
+function keptAlike(last: View | null, next: View, keepsValues = false): View["measurements"] {
   if (!last) return next.measurements;
   if (last.n_measured === next.n_measured) return last.measurements;
   const known = new Map(last.measurements.map((m) => [m.name, m] as const));
-  return next.measurements.map((m) => {
+  const kept = next.measurements.map((m) => {
     const before = known.get(m.name);
     if (!before || before.photo !== m.photo || before.what !== m.what || String(before.points) !== String(m.points)) return m;
-    return JSON.stringify(before) === JSON.stringify(m) ? before : { ...m, points: before.points };
+    return keepsValues || JSON.stringify(before) === JSON.stringify(m) ? before : { ...m, points: before.points };
   });
+  return isAlike(kept, last.measurements) ? last.measurements : kept;
+}
+
+/** Whether two lists hold the very same. */
+export function isAlike(a: readonly unknown[], b: readonly unknown[]): boolean {
+  return a.length === b.length && a.every((one, i) => one === b[i]);
 }
 
 function took(next: View) {
   // Its photograph was taken back.
   if (!next.photo && next.photos.length) return void showPhoto(next.photos.length - 1);
   seen = Math.max(seen, next.version);
-  next = { ...next, measurements: keptAlike(view.value, next) };
+  const last = view.value;
+  const isDragged = !!last && isHeld && !!moved.peek();
+  if (isDragged) follow(next);
+  next = { ...next, measurements: keptAlike(last, next, isDragged), n_measured: isDragged ? last.n_measured : next.n_measured };
   batch(() => {
     view.value = next;
     photo.value = next.photo_index;
@@ -155,11 +167,7 @@ function news(next: View) {
   if (next.version < seen || (0 < uploads && seen < next.version)) return;
   const isOthers = seen < next.version;
   // While something is under the hand, what it has drawn stays: measurements alone are taken over.
-  if (moved.peek() && view.value && !isOthers) {
-    const { is_measuring, n_measured } = next;
-    view.value = { ...view.value, measurements: keptAlike(view.value, next), is_measuring, n_measured };
-    return;
-  }
+  if (moved.peek() && view.value && !isOthers) return follow(next);
   if (isOthers) {
     changedElsewhere.value = true;
     clearTimeout(elsewhereTimer);
@@ -168,6 +176,24 @@ function news(next: View) {
   const shown = next.photo_index === photo.value;
   if (shown) took({ ...next, error: error.value ?? null, snap: null });
   else void showPhoto(photo.value);
+}
+
+/** The newest measurements with a point that is in the hand, where they are not shown yet. */
+let following: View | null = null;
+
+/** While a point is in the hand, what was measured follows when the panels do: nobody reads numbers that change with each frame. */
+function follow(next: View) {
+  if (!following) setTimeout(takeFollowing, PANELS_MS);
+  following = next;
+}
+
+function takeFollowing() {
+  const [now, next] = [view.value, following];
+  following = null;
+  // A point that was put down has been answered with all that is measured.
+  if (!now || !next || !moved.peek() || next.n_measured === now.n_measured) return;
+  const is_measuring = next.version < seen ? now.is_measuring : next.is_measuring;
+  view.value = { ...now, measurements: keptAlike(now, next), n_measured: next.n_measured, is_measuring };
 }
 
 function failed(step: string, problem: unknown) {
@@ -189,7 +215,13 @@ export function inHand() {
 
 /** While a point is dragged the panels follow so much later at most, ms: what lies over the photograph is drawn at once. */
 const PANELS_MS = 100;
-options.debounceRendering = (render) => void (moved.peek() && isHeld ? setTimeout(render, PANELS_MS) : queueMicrotask(render));
+options.debounceRendering = (render) => {
+  if (!moved.peek() || !isHeld) return queueMicrotask(render);
+  setTimeout(() => {
+    takeFollowing();
+    render();
+  }, PANELS_MS);
+};
 
 /** Applies a command; answers the view, or null where it was overtaken or failed. */
 export async function apply(command: Command, step = "marks"): Promise<View | null> {

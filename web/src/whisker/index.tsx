@@ -63,10 +63,10 @@ function Shown({ replay }: { replay: Replay }) {
             picture={NO_PICTURE}
             label={texts.stage}
             onKeyDown={keys}
-            draw={(pen, now) => {
+            layers={[(pen, now) => {
               colours.value; // The theme.
               drawSweep(pen, now, framed.value, replay, readings.value, reading.value, choice.value);
-            }}
+            }]}
           />
           <div class="caption" tabIndex={0} role="group" aria-label={texts.legendLabel}><Legend replay={replay} /></div>
           <Player />

@@ -16,6 +16,7 @@ mod common_scale;
 mod lens;
 mod lens_score;
 mod lens_doubt;
+mod blocks;
 mod neighbours;
 mod uncertain_lens;
 mod timing;
@@ -261,8 +262,8 @@ pub struct RigSolution {
     /// Factor by which every covariance was widened because the residuals are larger than the stated sigmas; 1 where they agree.
     pub noise_scale: f64,
     /// Factor by which the variances were widened beyond `noise_scale`, in the mean over cameras and targets, because views contradict each
-    /// other by more than their points do: errors that a whole observation shares. In a single view, because neighbouring points of a sequence
-    /// are displaced together. 1 where no such error shows.
+    /// other by more than their points do: errors that a whole observation shares, or neighbouring views. In a single view, because neighbouring
+    /// points of a sequence are displaced together. 1 where no such error shows.
     pub view_scale: f64,
     /// The largest standard deviation of a camera's position along an axis, m, for intrinsics as uncertain as the errors on which views agree;
     /// none where nothing contradicts the intrinsics. The covariances contain it with `RigConfig::lens_errors`.

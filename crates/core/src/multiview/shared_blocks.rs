@@ -6,8 +6,16 @@ pub(super) const ODDS: f64 = 0.1;
 pub(super) const LEAST_PROBABILITY: f64 = 0.1;
 /// The largest factor by which they may enlarge the covariance.
 pub(super) const MOST: f64 = 10.0;
+/// Into so many blocks views are divided, each of at least four.
+const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
+const LEAST_VIEWS: usize = 4;
 /// Steps of the integral over the factor.
 const STEPS: usize = 60;
+
+/// Returns into how many blocks views in sequence are divided.
+pub(super) fn numbers_of_blocks(n_views: usize) -> impl Iterator<Item = usize> {
+    COUNTS.into_iter().filter(move |count| count * LEAST_VIEWS <= n_views)
+}
 
 /// Returns the mean of the factor over divisions into blocks, each with χ² and degrees of freedom of its blocks' disagreement; 1 where shared errors
 /// are improbable.

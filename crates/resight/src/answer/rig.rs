@@ -128,7 +128,7 @@ pub(super) struct RigObject {
     chi2: f64,
     degrees_of_freedom: usize,
     noise_scale: f64,
-    /// Variances beyond that, for errors that whole observations share.
+    /// Variances beyond that, for errors that whole observations or neighbouring views share.
     view_scale: f64,
     /// The largest standard deviation of a place with intrinsics as uncertain as views agree that they are off.
     lens_sigma_m: Option<f64>,

@@ -2,14 +2,11 @@
 
 use super::noise::{At, Effects, Normal, Row};
 use crate::Pose;
-use crate::multiview::shared_blocks::{LEAST_PROBABILITY, MOST, ODDS, inflated};
+use crate::multiview::shared_blocks::{LEAST_PROBABILITY, MOST, ODDS, inflated, numbers_of_blocks};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Fewer views do not show what neighbours share.
 const SHOWING_VIEWS: usize = 12;
-/// Into so many blocks views are divided, each of at least four.
-const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
-const LEAST_VIEWS: usize = 4;
 /// Directions in which a block has less than this part of the information are not its own.
 const LEAST_PART: f64 = 1e-9;
 
@@ -20,8 +17,7 @@ pub(super) fn factors(rows: &[Row], at: &At, hands: &[Pose], noise_scale: f64) -
     if rows.len() < SHOWING_VIEWS {
         return [1.0; 2];
     }
-    let most = rows.len() / LEAST_VIEWS;
-    let counts: Vec<usize> = COUNTS.into_iter().filter(|count| *count <= most).collect();
+    let counts: Vec<usize> = numbers_of_blocks(rows.len()).collect();
     let orders = [(0..rows.len()).collect(), along(&rotations(hands)), along(&positions(hands))];
     let odds = ODDS / (counts.len() * orders.len()) as f64;
     let phi = at.phi.fixed_view::<12, 12>(0, 0).into_owned();

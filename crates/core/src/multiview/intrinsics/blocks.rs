@@ -1,15 +1,11 @@
 //! Errors that neighbouring views share, as of a zoom that was touched: docs/math/intrinsics.md eq. (16), as docs/math/hand_eye.md section 7.
 
 use crate::least_squares::shared::Reduced;
-use crate::multiview::shared_blocks::mean_factor;
+use crate::multiview::shared_blocks::{mean_factor, numbers_of_blocks};
 use nalgebra::{DMatrix, DVector};
 
 /// Fewer views do not show what neighbours share.
 const SHOWING_VIEWS: usize = 8;
-/// Each block has at least so many views.
-const LEAST_VIEWS: usize = 4;
-/// Into so many blocks views are divided.
-const COUNTS: [usize; 7] = [2, 3, 4, 6, 8, 12, 16];
 /// Directions in which a view has less than this part of its share of the information are not compared: there the score is dominated by the
 /// noise of the view's own pose (a frontal view seems to determine the focal length, but does not), docs/math/frames.md section 3.
 const SEEN: f64 = 0.05;
@@ -31,9 +27,8 @@ pub(super) fn factor(by_view: &[Reduced], inverse: &DMatrix<f64>, noise: f64) ->
     if n_free == 0 || !(0.0 < single) {
         return 1.0;
     }
-    let counts: Vec<usize> = COUNTS.into_iter().filter(|count| count * LEAST_VIEWS <= n).collect();
-    let of_blocks = counts.iter().map(|count| {
-        let (chi2, n_free) = disagreement(&blocks(by_view, *count));
+    let of_blocks = numbers_of_blocks(n).map(|count| {
+        let (chi2, n_free) = disagreement(&blocks(by_view, count));
         (chi2 / single, n_free as f64)
     });
     mean_factor(&of_blocks.collect::<Vec<_>>())

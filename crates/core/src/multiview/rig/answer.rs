@@ -1,6 +1,7 @@
 //! From the minimum to the solution: covariances, counts, the weakest link.
 
 use super::adjust::{Adjusted, keeps_minimum};
+use super::blocks;
 use super::budget::Budgets;
 use super::classify::rms_px;
 use super::explain::Shown;
@@ -18,7 +19,7 @@ use super::{BodyInView, CameraInRig, ObservationResult, RigConfig, RigSolution, 
 use crate::budget::ErrorSource;
 use crate::covariance::is_covariance;
 use crate::least_squares::PivotedPose;
-use crate::least_squares::clustered::{Cluster, clustered};
+use crate::least_squares::clustered::{Cluster, Clustered, clustered};
 use crate::least_squares::rig::Eliminated;
 use crate::locate::consistency::{measured_scale, noise_scale};
 use crate::locate::loss::Loss;
@@ -57,7 +58,10 @@ pub(super) fn answer(
     let widened = of_noise * neighbours.of_poses;
     let inverse = eliminated.reduced.inverse();
     let clusters = if config.shared_errors { clusters(layout, &adjusted, &eliminated) } else { Vec::new() };
-    let held = clustered(&inverse, &clusters, widened);
+    let of_views = clustered(&inverse, &clusters, widened);
+    let of_blocks = blocks::factor(&clusters);
+    let held =
+        Clustered { covariance: &of_views.covariance * of_blocks, within: of_views.within * of_blocks };
     let lenses = scores(layout, &adjusted, &eliminated, config.lens_errors);
     let doubts = match keeps_minimum(config.loss) {
         true => LensDoubts::new(&lenses, measured),
@@ -89,7 +93,8 @@ pub(super) fn answer(
     budgets.add_observations(&adjusted, &eliminated, &inverse, config);
     budgets.scale(of_loss);
     budgets.add(ErrorSource::Residuals, &(&inverse * (of_noise - of_loss)));
-    budgets.add_excess(ErrorSource::SharedInView, &held.covariance, &(&inverse * of_noise));
+    budgets.add_excess(ErrorSource::SharedInView, &of_views.covariance, &(&inverse * of_noise));
+    budgets.add(ErrorSource::SharedInBlock, &(&of_views.covariance * (of_blocks - 1.0)));
     let mut of_lenses = DMatrix::zeros(inverse.nrows(), inverse.ncols());
     uncertain.add_to_shared(&mut of_lenses);
     if config.lens_errors {
@@ -135,7 +140,7 @@ pub(super) fn answer(
         degrees_of_freedom,
         noise_scale,
         measured_noise: measured,
-        view_scale: within / widened,
+        view_scale: of_views.within / widened,
         explanations: &explanations,
         unexplained: &unexplained,
     };

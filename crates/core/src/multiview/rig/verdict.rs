@@ -117,8 +117,9 @@ impl Warning for RigWarning {
             },
             RigWarning::Views => Accounted::Status,
             RigWarning::Residuals(_) => Accounted::Parts(&[ErrorSource::Residuals]),
-            RigWarning::Neighbours(_) | RigWarning::ViewsApart(_) => {
-                Accounted::Parts(&[ErrorSource::SharedInView])
+            RigWarning::Neighbours(_) => Accounted::Parts(&[ErrorSource::SharedInView]),
+            RigWarning::ViewsApart(_) => {
+                Accounted::Parts(&[ErrorSource::SharedInView, ErrorSource::SharedInBlock])
             }
             RigWarning::Lenses(_) => Accounted::Parts(&[ErrorSource::Lens]),
             RigWarning::Size(_) => Accounted::Parts(&[ErrorSource::Target]),
