@@ -81,6 +81,7 @@ mod rig_lenses;
 mod rig_neighbours;
 mod rig_consensus;
 mod rig_pose;
+mod rig_pose_faults;
 mod rig_real_faults;
 mod rig_real_parts;
 mod rig_robust;

@@ -291,6 +291,28 @@ fn covariance_of_a_place_runs_from_exact_to_useless() {
     }
 }
 
+/// A camera that moved by far more than its place is uncertain hides from χ² among many points; its own pose differs from that of the others.
+#[test]
+fn a_camera_that_moved_beyond_its_covariance_is_named() {
+    let (mut rng, camera) = (Rng::new(950), views::camera());
+    let (mut hidden, mut named) = (0, 0);
+    for _ in 0..500 {
+        let scene = head(&mut rng, 4, 160);
+        let mut cameras = scene.disturbed(&mut rng);
+        let moved = rng.index(4);
+        let motion = Vector6::from_fn(|_, _| 0.0136 * rng.normal().signum());
+        cameras[moved].cam_from_rig = Pose::exp(&motion) * cameras[moved].cam_from_rig;
+        let stated = Some(position_covariance());
+        let e = locate_rig(&views_of(&cameras, &camera, stated)).expect("a pose");
+        hidden += usize::from(e.chi2 < 4.0 * e.degrees_of_freedom as f64);
+        named += usize::from(
+            matches!(e.consistency, RigConsistency::CameraApart { camera, .. } if camera == moved),
+        );
+    }
+    println!("χ² is small in {hidden}, named in {named} of 500");
+    assert!(490 <= hidden && 490 <= named, "{hidden} {named}");
+}
+
 /// A camera that was pushed by 20 mrad, or one wrong label, is named.
 #[test]
 fn the_camera_and_the_point_that_do_not_fit_are_named() {

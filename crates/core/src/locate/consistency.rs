@@ -53,6 +53,9 @@ pub fn is_unlikely(chi2: f64, degrees_of_freedom: usize) -> bool {
     0 < degrees_of_freedom && unlikely_above(degrees_of_freedom) < chi2
 }
 
+/// Residuals of corners and lenses that are as good as calibrations leave them are smaller than this over the focal length.
+pub(crate) const NOISY_FOCAL: f64 = 0.002;
+
 /// The rule by which the residual of any job (a pose, a rig, a pose graph, a hand–eye calibration, a network, a touch) is inconsistent: data as
 /// good as stated would hardly give it, and it is at least twice as large as stated.
 pub fn is_inconsistent(chi2: f64, degrees_of_freedom: usize) -> bool {

@@ -8,6 +8,7 @@ mod uncertain_lens;
 mod cost;
 mod starts;
 mod check;
+mod apart;
 #[cfg(feature = "std")]
 mod budget;
 #[cfg(feature = "std")]
@@ -27,6 +28,7 @@ pub(crate) use check::check_views;
 pub use consensus::{RigConsensus, RigPoint, rig_consensus};
 pub(crate) use cost::RigCost;
 
+use apart::Apart;
 use check::check_points;
 use starts::{Extents, Starts, push_single_cameras, push_triples};
 
@@ -104,6 +106,14 @@ pub enum RigConsistency {
         /// Its residual, px.
         worst_px: f64,
     },
+    /// The pose that the points of one camera give differs from that of all others by more than the covariances explain: the camera moved, or its
+    /// file or the target is wrong. The covariance is widened for it.
+    CameraApart {
+        /// Index of the view whose pose differs most.
+        camera: usize,
+        /// Squared difference in units of its covariance, 6 expected.
+        chi2: f64,
+    },
 }
 
 /// The pose of a rig with its uncertainty and a possible second solution.
@@ -153,6 +163,9 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
     let minima = minima(cost, &extents)?;
     let degrees_of_freedom = 2 * cost.n_points() - 6;
     let noise_scale = minima.first().map_or(1.0, |m| noise_scale(m.chi2, degrees_of_freedom));
+    let apart =
+        minima.first().map_or_else(Apart::none, |m| Apart::new(cost, &m.cam_from_target, noise_scale));
+    let noise_scale = noise_scale * apart.scale();
     let Choice { best, ratio, alternative } =
         choose(&minima, cost.n_points(), noise_scale, AMBIGUITY_GATE_CHI2)?;
     let ambiguity = match (alternative, ratio) {
@@ -162,7 +175,10 @@ pub fn locate_rig(views: &[RigView]) -> Result<RigPoseEstimate, Error> {
         (_, ratio) => RigAmbiguity::Unique { ratio },
     };
     let RigMinimum { rig_from_target, covariance, chi2, rms_px } = widened(best, noise_scale, cost)?;
-    let consistency = consistency(&rig_from_target, chi2, degrees_of_freedom, cost);
+    let consistency = match consistency(&rig_from_target, chi2, degrees_of_freedom, cost) {
+        RigConsistency::Consistent => apart.consistency(),
+        inconsistent => inconsistent,
+    };
     if let (RigAmbiguity::Unique { .. }, RigConsistency::Consistent) = (ambiguity, consistency) {
         for view in views {
             let problem = Problem::new(view.seen, view.camera);

@@ -239,6 +239,13 @@ fn judged(
         );
         return (Status::Inconsistent, message);
     }
+    if let RigConsistency::CameraApart { camera, chi2 } = e.consistency {
+        let message = format!(
+            "camera {} alone puts the target elsewhere than the other cameras do (χ² {chi2:.0}, 6 expected); check its file, whether it moved, whether all saw the target at one time, and the unit of the points",
+            rig[camera].named.name
+        );
+        return (Status::Inconsistent, message);
+    }
     if let Some(agreement) = &answer.agreement {
         let n = view.rows.len();
         if 2 * agreement.n_inliers < n {

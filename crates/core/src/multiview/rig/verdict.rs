@@ -14,7 +14,7 @@ use super::views::counts;
 use super::{Observation, RejectedObservation, RigConfig, RigSolution, TargetScale};
 use crate::budget::{Accounted, ErrorSource, Warning};
 use crate::explanation::Weighed;
-use crate::locate::consistency::{is_inconsistent, loses_too_many};
+use crate::locate::consistency::{NOISY_FOCAL, is_inconsistent, loses_too_many};
 use crate::locate::loss::Loss;
 use crate::{Camera, Point, Vector6};
 use nalgebra::DMatrix;
@@ -208,8 +208,6 @@ const SIZE_OFF: f64 = 0.005;
 /// largest are 5.9 times and 0.0018 (31 times with sigmas of 0.16 px, which show that the webcams were not synchronised); with the images of one
 /// webcam under the names of the next view 14 to 42 times and 0.0022 to 0.0053.
 const APART: [(f64, f64); 2] = [(16.0, 0.002), (4.0, 0.003)];
-/// Residuals of corners and lenses that are as good as calibrations leave them are smaller than this over the focal length.
-const NOISY_FOCAL: f64 = 0.002;
 
 impl Evidence<'_> {
     pub(super) fn verdict(&self) -> RigVerdict {

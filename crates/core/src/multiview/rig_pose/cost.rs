@@ -157,6 +157,17 @@ impl Cost for RigCost<'_> {
     }
 }
 
+/// Returns the equations of one camera alone at a pose of the rig.
+pub(super) fn equations_of(
+    cost: &RigCost,
+    view: &RigView,
+    rig_from_target: &Pose,
+) -> Option<NormalEquations> {
+    let pivot = cost.pivot();
+    let place = PivotedPose::new(rig_from_target, &pivot);
+    view_equations(view, cost.weights_of(view), &place, &pivot)
+}
+
 /// Returns the equations of one camera alone, with its unknown motion and its unknown intrinsics eliminated where its pose or its lens is
 /// uncertain.
 fn view_equations(
