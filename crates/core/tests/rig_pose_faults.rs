@@ -62,7 +62,7 @@ fn faults(sight: &Sight, c: usize, later: Option<&Vec<(Point, Pixel)>>) -> Vec<(
             "half the size",
             with_lens(sight, c, |name, x| if is_focal(name) || is_centre(name) { 0.5 * x } else { x }),
         ),
-        ("camera turned by 5°", changed(&|s| s.cam_from_rig[c] = turned * s.cam_from_rig[c])),
+        ("camera rotated by 5°", changed(&|s| s.cam_from_rig[c] = turned * s.cam_from_rig[c])),
         ("camera moved by 50 mm", changed(&|s| s.cam_from_rig[c] = shifted * s.cam_from_rig[c])),
         ("pose inverted", changed(&|s| s.cam_from_rig[c] = s.cam_from_rig[c].inverse())),
         ("files swapped", changed(&|s| s.cameras.swap(c, other))),
