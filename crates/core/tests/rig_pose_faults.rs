@@ -1,7 +1,7 @@
 //! Faults × views of real rigs: a board's pose in a rig that the other half of the views gave, with sigmas stated from 0.2 to 2 px. The truth is the
 //! board's pose in the adjustment of all views. Needs the folder named by RESIGHT_DATA.
 
-use crate::common::recordings::{Recording, chessboard, webcams};
+use crate::common::recordings::{Recording, chessboard, webcams, with_parameters};
 use crate::common::rooms::nees;
 use crate::recorded::recorded;
 use nalgebra::{Matrix3, Vector3};
@@ -35,10 +35,8 @@ impl Sight {
 }
 
 fn with_lens(sight: &Sight, c: usize, change: impl Fn(&str, f64) -> f64) -> Sight {
-    let lens = &sight.cameras[c];
-    let values: Vec<f64> = lens.parameters().iter().map(|(name, value)| change(name, *value)).collect();
     let mut changed = sight.clone();
-    changed.cameras[c] = lens.with_parameters(&values).expect("a lens");
+    changed.cameras[c] = with_parameters(&sight.cameras[c], change);
     changed
 }
 

@@ -5,7 +5,7 @@
 //!
 //! What it leaves out: errors that the right files have themselves, and the size of the only target.
 
-use crate::common::recordings::{Recording, chessboard, webcams};
+use crate::common::recordings::{Recording, chessboard, webcams, with_parameters};
 use crate::recorded::recorded;
 use resight_core::multiview::rig::{CameraInRig, LensOffset, RigConfig, RigSolution};
 use resight_core::{Error, Vector6};
@@ -28,10 +28,8 @@ fn subsets(recording: &Recording) -> Vec<(String, Recording)> {
 }
 
 fn with_lens(r: &Recording, camera: usize, change: impl Fn(&str, f64) -> f64) -> Recording {
-    let lens = &r.cameras[camera];
-    let values: Vec<f64> = lens.parameters().iter().map(|(name, value)| change(name, *value)).collect();
     let mut changed = r.clone();
-    changed.cameras[camera] = lens.with_parameters(&values).expect("a lens");
+    changed.cameras[camera] = with_parameters(&r.cameras[camera], change);
     changed
 }
 

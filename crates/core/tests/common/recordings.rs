@@ -75,6 +75,12 @@ fn recording(
     Recording { name, cameras, n_views: views.len(), seen, sigma_px, stamps_s: BTreeMap::new() }
 }
 
+/// A camera whose parameters are changed by their names.
+pub fn with_parameters(camera: &Camera, change: impl Fn(&str, f64) -> f64) -> Camera {
+    let values: Vec<f64> = camera.parameters().iter().map(|(name, value)| change(name, *value)).collect();
+    camera.with_parameters(&values).expect("a lens")
+}
+
 /// Two cameras before a chessboard.
 pub fn chessboard(root: &Path, sigma_px: f64) -> Recording {
     let folder = root.join("opencv_stereo_chessboard");

@@ -6,6 +6,7 @@
 //!   E = D (1 + S D)⁻¹   ·   gain of a point (Jᵀ − JᵀWU E Uᵀ) W,   of motion and intrinsics JᵀWU (1 − E S)
 //! ```
 
+use super::apart::Apart;
 use super::cost::as_pivoted_motion;
 use super::{RigCost, RigPoseEstimate, RigView, minima_scale};
 use crate::budget::{Budget, ErrorSource, excess};
@@ -67,7 +68,10 @@ impl RigPoseEstimate {
         let bent = if is_bent(&minimum, held) { along_the_ridge(&minimum, held)[1] } else { straight() };
         budget.add(ErrorSource::Bend, &excess(&bent, &near).unwrap_or(bent - near));
         let sum = budget.covariance();
-        budget.add(ErrorSource::Residuals, &(sum * (minima_scale(self) - 1.0)));
+        let noise_scale = minima_scale(self);
+        budget.add(ErrorSource::Residuals, &(sum * (noise_scale - 1.0)));
+        let apart = Apart::new(cost, &self.rig_from_target, noise_scale).scale();
+        budget.add(ErrorSource::SharedInView, &(sum * noise_scale * (apart - 1.0)));
         Ok(budget)
     }
 }
